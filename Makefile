@@ -7,7 +7,7 @@ export OMP_WAIT_POLICY = PASSIVE
 export GOMP_SPINCOUNT = 0
 export NO_MKDOCS_2_WARNING = 1
 
-.PHONY: install demo test check docs format lint types contracts bench checkpoints clean
+.PHONY: install demo test test-deep test-changed check docs format lint types contracts bench checkpoints clean
 
 install: $(VENV)/.installed
 
@@ -21,8 +21,17 @@ $(VENV)/.installed: pyproject.toml constraints.txt
 demo: install
 	$(BIN)/s2r demo --out "$(OUT)" $(if $(DATA),--data "$(DATA)") $(DEMO)
 
+# Three processes on two cores, because some tests wait for other programs.
 test: install
-	$(BIN)/python -m pytest -n 2 --dist loadgroup
+	$(BIN)/python -m pytest -n 3 --dist loadgroup
+
+# The slow and exhaustive tests, and property tests with more examples.
+test-deep: install
+	$(BIN)/python -m pytest -n 3 --dist loadgroup --deep
+
+# The tests that executed changed code at their last run; at first, all of them.
+test-changed: install
+	$(BIN)/python -m pytest -n 3 --dist loadgroup --testmon
 
 check: install format-check lint types contracts test
 

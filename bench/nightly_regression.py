@@ -105,7 +105,7 @@ def accept(folder: Path) -> None:
     """Freeze the reference on a day with all factors and the golden run on a day without any."""
     record(folder, -1, parse_factors("all"))
     _command("gap", folder / "lab.s2r", "--run", "today", "--drives", folder / "drives",
-             "--freeze", folder / "reference.json")  # fmt: skip
+             "--anchor-run", "today", "--freeze", folder / "reference.json")  # fmt: skip
     record(folder, 0, {})
     _command("gap", folder / "lab.s2r", "--run", "today", "--axis", "task", "--freeze-golden",
              folder / "golden.json")  # fmt: skip

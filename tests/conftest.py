@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import os
+import shutil
+import sys
 import tomllib
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from filelock import FileLock
+from hypothesis import is_hypothesis_test, settings
 from textual import _wait
 
-from tests.support import pairs, tiny
+from tests.support import linear_umap, tiny
 from tests.support.copies import copy_store
 
-settings.register_profile("any load", deadline=None)  # how long an example takes says nothing
-settings.load_profile("any load")
+settings.register_profile("suite", deadline=None, max_examples=30, derandomize=True)
+settings.register_profile("deep", deadline=None, max_examples=400, print_blob=True)
+settings.load_profile("suite")
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")
 os.environ["S2R_BACKEND"] = "torch"
-"""The default measures which backend is the fastest, so that values would depend on the machine."""
+"""The default takes the fastest backend that a machine has, so that values would depend on it."""
 _CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 os.environ.setdefault("NUMBA_CACHE_DIR", str(_CACHE / "numba"))
 
@@ -28,16 +33,73 @@ PYPROJECT = Path(__file__).parents[1] / "pyproject.toml"
 _wait.SLEEP_GRANULARITY, _wait.SLEEP_IDLE = 0.002, 0.0002
 """Seconds; Textual's defaults wait 20 ms of idle time after each key and slow the tests down."""
 
-FOLDERS_WITH_SHARED_FIXTURES = ("gap", "terminal", "nightly", "sysid", "training")
-"""Folders whose fixtures are expensive: one xdist worker runs all tests of such a folder."""
+FOLDERS_WITH_SHARED_FIXTURES = (
+    "lane_detection",
+    "nightly",
+    "prediction_import",
+    "scoring",
+    "sysid",
+)
+"""Folders with expensive fixtures in their own conftest.py."""
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--deep", action="store_true",
+        help="run the slow and exhaustive tests, and property tests with more examples",
+    )  # fmt: skip
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if config.getoption("--deep"):
+        settings.load_profile("deep")
+
+
+@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    _group(items)
+    wanted = _is_deep if config.getoption("--deep") else _is_in_suite
+    items[:] = filter(wanted, items)
+
+
+def _is_deep(item: pytest.Item) -> bool:
+    return not _is_in_suite(item) or is_hypothesis_test(getattr(item, "obj", None))
+
+
+def _is_in_suite(item: pytest.Item) -> bool:
+    return item.get_closest_marker("deep") is None
+
+
+def _group(items: list[pytest.Item]) -> None:
+    """One process runs all tests of a file, or of a folder with expensive fixtures of its own."""
     tests_folder = Path(__file__).parent
     for item in items:
-        folder = item.path.relative_to(tests_folder).parts[0]
-        if folder in FOLDERS_WITH_SHARED_FIXTURES and not item.get_closest_marker("xdist_group"):
-            item.add_marker(pytest.mark.xdist_group(folder))
+        if item.get_closest_marker("xdist_group") is None:
+            path = item.path.relative_to(tests_folder)
+            folder = path.parts[0]
+            name = folder if folder in FOLDERS_WITH_SHARED_FIXTURES else str(path)
+            item.add_marker(pytest.mark.xdist_group(name))
+
+
+@pytest.fixture(autouse=True, scope="session")
+def fast_replacements(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Replace what only takes time: the compilation of umap-learn, and waiting for the disk.
+
+    Processes that tests start find the replacement of umap-learn by PYTHONPATH.
+    """
+    folder = tmp_path_factory.mktemp("modules")
+    shutil.copy(linear_umap.__file__, folder / "umap.py")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", str(folder), prepend=os.pathsep)
+        patch.setitem(sys.modules, "umap", linear_umap)
+        patch.setattr(os, "fsync", lambda descriptor: None)
+        yield
+
+
+@pytest.fixture
+def real_umap(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Use umap-learn, which compiles its functions at the first import on a machine."""
+    monkeypatch.delitem(sys.modules, "umap")
 
 
 @pytest.fixture(autouse=True)
@@ -62,10 +124,38 @@ def declared_entry_points(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.syspath_prepend(folder.parent)
 
 
+Build = Callable[[Path], object]
+"""Writes a file or folder at the given path, which does not exist."""
+
+
 @pytest.fixture(scope="session")
-def tiny_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def build_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Build], Path]:
+    """Call `build_once(name, build)` to build something once for all processes of the session.
+
+    The first caller builds it, the others wait. No test modifies what is built.
+    """
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "built"
+    folder.mkdir(exist_ok=True)
+
+    def get(name: str, build: Build) -> Path:
+        path, is_built = folder / name, folder / f"{name}.built"
+        with FileLock(folder / f"{name}.lock"):
+            if not is_built.exists():
+                build(path)
+                is_built.touch()
+        return path
+
+    return get
+
+
+BuildOnce = Callable[[str, Build], Path]
+
+
+@pytest.fixture(scope="session")
+def tiny_store(build_once: BuildOnce) -> Path:
     """A synthetic store that no test modifies."""
-    return tiny.build(tmp_path_factory.mktemp("tiny") / "tiny.s2r")
+    return build_once("tiny.s2r", tiny.build)
 
 
 @pytest.fixture
@@ -84,38 +174,72 @@ def real_data() -> Path:
 
 
 @pytest.fixture(scope="session")
-def trained_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def trained_store(build_once: BuildOnce) -> Path:
     """A store of 40 pairs in two shards with a briefly trained model and no computed run."""
-    root = tmp_path_factory.mktemp("trained")
-    os.environ["XDG_CACHE_HOME"] = str(root / "cache")
-    from s2rtools.datasets import IMPORTERS
-    from s2rtools.datasets.scan import ScanOptions
-    from s2rtools.datasets.writing.build import build
-    from s2rtools.training.train_into_store import TrainingRequest, train_into_store
+    return build_once("trained.s2r", _train)
 
-    header = pairs.sim2realviz(root / "data", n=40)
-    options = ScanOptions(header=header, frame=(64, 64))
-    scan = IMPORTERS["sim2realviz"](root / "data", options)
-    build(scan, root / "s.s2r", "s2r ingest", False, lambda steps: None)
-    request = TrainingRequest("vanilla", steps=3)
-    train_into_store(root / "s.s2r", request, lambda *progress: None, "s2r train")
-    return root / "s.s2r"
+
+def _train(path: Path, pairs_count: int = 40) -> None:
+    from tests.support.small_stores import build_small
+
+    build_small(path, pairs_count, size=64, steps=3)
 
 
 @pytest.fixture(scope="session")
-def moved_camera_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A small default world with runs of one model whose cameras are moved; no test modifies it.
+def computed_store(trained_store: Path, build_once: BuildOnce) -> Path:
+    """The trained store with all heatmaps of `vanilla`, and runs of it without heatmaps.
+
+    The real images of `black` are black, those of `bright` are brightened.
+    """
+    return build_once("computed.s2r", lambda path: _compute(trained_store, path))
+
+
+def _compute(trained: Path, path: Path) -> None:
+    from s2rtools.adjustments import parse_adjustment
+    from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
+    from s2rtools.precompute.run_registration import add_run
+    from tests.support.silent_reporter import SilentReporter
+
+    copy_store(trained, path)
+    add_run(path, "black", "vanilla", None, None, parse_adjustment("real:black"))
+    add_run(path, "bright", "vanilla", None, None, parse_adjustment("real:brightness=1.15"))
+    assert precompute(path, SilentReporter(), ["vanilla"]) == ["vanilla"]
+    runs = ["black", "bright"]
+    assert precompute(path, SilentReporter(), runs, PrecomputeOptions(())) == runs
+
+
+@pytest.fixture(scope="session")
+def few_pairs_store(build_once: BuildOnce) -> Path:
+    """A store of 8 pairs whose run `vanilla` of a briefly trained model has one kind of heatmap."""
+    return build_once("few.s2r", _compute_few)
+
+
+def _compute_few(path: Path) -> None:
+    from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
+    from tests.support.silent_reporter import SilentReporter
+
+    _train(path, 8)
+    precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(("feature_distance",)))
+
+
+@pytest.fixture(scope="session")
+def moved_camera_store(build_once: BuildOnce) -> Path:
+    """A small default world with runs of one model whose cameras are moved.
 
     Run `zero` sets all adjustments to 0, `up` raises the sim camera and brightens its images,
     `low` lowers the real camera; all runs are computed.
     """
+    return build_once("moved.s2r", _move_cameras)
+
+
+def _move_cameras(path: Path) -> None:
     from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
     from s2rtools.training import pretrained
     from s2rtui.cli import main
     from tests.support.silent_reporter import SilentReporter
 
-    path = tmp_path_factory.mktemp("moved") / "world.s2r"
-    assert main(["ingest", "world", "--instances", "4", "--store", str(path)]) == 0
+    store = ["--store", str(path)]
+    assert main(["ingest", "world", "--instances", "4", *store]) == 0
     pretrained.add_pretrained_models(path)
     moves = {
         "zero": "sim:camera_height=0,camera_pitch=0,camera_fov=0",
@@ -123,19 +247,6 @@ def moved_camera_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "low": "real:camera_height=-0.1,camera_fov=-4",
     }
     for name, chain in moves.items():
-        arguments = [
-            "run",
-            "add",
-            name,
-            "--model",
-            "vanilla",
-            "--adjust",
-            chain,
-            "--store",
-            str(path),
-        ]
-        assert main(arguments) == 0
+        assert main(["run", "add", name, "--model", "vanilla", "--adjust", chain, *store]) == 0
     kinds = ("feature_distance", "pixel_difference", "harmonised_distance")
-    precompute(path, SilentReporter(), ["vanilla", "zero", "low"], PrecomputeOptions(kinds))
-    precompute(path, SilentReporter(), ["up"], PrecomputeOptions(kinds, workers=2))
-    return path
+    precompute(path, SilentReporter(), ["vanilla", *moves], PrecomputeOptions(kinds))

@@ -28,7 +28,8 @@ _RANGE = re.compile(r"bytes=(\d*)-(\d*)\Z")
 class StoreServer:
     """The server's address, what it was asked, and the faults of paths, which may be changed.
 
-    `faults` maps a pattern of paths to a fault and to how often it occurs.
+    `faults` maps a pattern of paths to a fault and to how often it occurs, `moved` the begin of
+    paths to the URL that they are redirected to.
     """
 
     url: str
@@ -36,6 +37,7 @@ class StoreServer:
     requests: list[tuple[str, str]] = field(default_factory=list)
     faults: dict[str, tuple[Fault, float]] = field(default_factory=dict)
     released: threading.Event = field(default_factory=threading.Event)
+    moved: dict[str, str] = field(default_factory=dict)
 
     def fail(self, pattern: str, fault: Fault, times: float = float("inf")) -> None:
         """Fail requests for the paths that a regular expression finds."""
@@ -63,6 +65,7 @@ def store_server(folder: Path) -> Iterator[StoreServer]:
 
     class Handler(BaseHTTPRequestHandler):
         protocol_version = "HTTP/1.1"
+        disable_nagle_algorithm = True  # else a body waits 40 ms for the receipt of its header
 
         def do_GET(self) -> None:
             self._answer(with_body=True)
@@ -91,6 +94,13 @@ def store_server(folder: Path) -> Iterator[StoreServer]:
                 self.wfile.write(b"hello\r\n\r\n" if fault == "garbled" else b"")
                 self.close_connection = True
                 return
+            for begin, target in server.moved.items():
+                if path.startswith(begin):
+                    self.send_response(302)
+                    self.send_header("Location", target + path.removeprefix(begin))
+                    self.send_header("Content-Length", "0")
+                    self.end_headers()
+                    return
             codes = {"missing": 404, "denied": 403, "login": 401, "failing": 503}
             file = folder / path
             if fault in codes or ".." in path or not file.is_file():

@@ -56,4 +56,6 @@ class GuardedApp(QuietApp):
             if reason:
                 self.show_error(reason)
                 return True
-        return await super().run_action(action, default_namespace, namespaces)
+        with self.surviving_errors():
+            return await super().run_action(action, default_namespace, namespaces)
+        return True

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import ClassVar
@@ -184,6 +184,19 @@ class S2RApp(GuardedApp):
         """Show an error in the message line."""
         self.session.show_message(text, is_error=True)
         self.renderer.refresh()
+
+    @contextlib.contextmanager
+    def surviving_errors(self) -> Iterator[None]:
+        """Show an unexpected error and return to the state before it; the application runs on."""
+        store, state = self.session.store, self.session.state
+        try:
+            yield
+        except Exception as error:
+            if self.session.store is store:
+                self.session.set_state(state)
+            known = isinstance(error, S2RError)
+            text = str(error) if known else f"internal error: {type(error).__name__}: {error}"
+            self.show_error(text)
 
     def post(self, message: Message) -> None:
         """Post a message from any thread; ignored once the application has ended."""

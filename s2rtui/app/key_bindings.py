@@ -275,6 +275,8 @@ ACTIONS: tuple[Action, ...] = (
     Action("group", "O", "review",
            "rooms view: errors by room, heading, curvature, trajectory; counts",
            _do(error_groups.change_grouping)),
+    Action("select_row", "enter", "select", "rooms view: select the row of this instance",
+           None, "select", when="rooms", command=lambda app: app.navigation.select_row()),
     Action("next_finding", "down", "move", "next finding", _do(findings.move, 1),
            when="findings"),
     Action("previous_finding", "up", "move", "previous finding", _do(findings.move, -1),

@@ -7,15 +7,18 @@ from typing import TYPE_CHECKING
 
 from textual.geometry import Region, Size
 
+from s2rstore.reader import Store
 from s2rtui.app import layout
 from s2rtui.app.key_bindings import footer
 from s2rtui.app.layout import MIN_SIZE, SizeClass
-from s2rtui.app.status_line import Bar, Piece, StatusLine, message_text, status_line
+from s2rtui.app.status_line import Bar, Piece, message_text, part_columns, status_line
 from s2rtui.app.titled_view import TitledView
 from s2rtui.app.widgets.panes import Panes
 from s2rtui.app.widgets.plot import PlotView
+from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.charts.scene import Scene
+from s2rtui.session.state import State
 
 if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
@@ -66,7 +69,7 @@ class Renderer:
                 app.resources = app.resources.with_requested(restarted, cleared)
         panes = app.query_one(Panes)
         panes.place(self.pane_rectangles(*panes.available_size))
-        before, expression, after = self._status
+        before, expression, after = status_line(*self._status)
         bars["status"].show(before, (expression, "bold"), after)
         self.refresh_message()
         bars["keys"].show(*self._key_pieces())
@@ -136,12 +139,18 @@ class Renderer:
 
     def status_text(self) -> str:
         """The status line in plain text."""
-        return "".join(self._status)
+        return "".join(status_line(*self._status))
+
+    def status_columns(self) -> dict[str, int]:
+        """The columns of the screen where the parts of the status line begin."""
+        padding = self._app.query_one("#status", Bar).styles.padding.left
+        return {part: padding + at for part, at in part_columns(*self._status).items()}
 
     @property
-    def _status(self) -> StatusLine:
+    def _status(self) -> tuple[Store, State, int, RenderOptions]:
+        """What the status line is made from."""
         app, session = self._app, self._app.session
-        return status_line(session.store, session.state, app.size.width, app.render_options)
+        return session.store, session.state, app.size.width, app.render_options
 
     def _key_pieces(self) -> list[Piece]:
         app = self._app

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rich.cells import cell_len
 from textual.content import Content
 from textual.widgets import Static
 
@@ -32,21 +33,42 @@ def status_line(store: Store, state: State, width: int, options: RenderOptions) 
 
     If the width is too small, the least important parts are left out, then the expression is cut.
     """
+    before, text, after = _fitting_parts(store, state, width, options)
+    return "".join(before.values()), text, "".join(after.values())
+
+
+def part_columns(store: Store, state: State, width: int, options: RenderOptions) -> dict[str, int]:
+    """The columns where the parts up to the expression begin, by the keys of `_parts`.
+
+    The expression's key is `expression`.
+    """
+    before, _, _ = _fitting_parts(store, state, width, options)
+    columns, column = {}, 0
+    for part, text in (*before.items(), ("expression", "")):
+        columns[part] = column
+        column += cell_len(text)
+    return columns
+
+
+def _fitting_parts(
+    store: Store, state: State, width: int, options: RenderOptions
+) -> tuple[dict[str, str], str, dict[str, str]]:
+    """The parts before the expression, the expression, and the parts after it, in `width`."""
     separator = " | " if options.ascii else " │ "
     text = state.expression
     if state.operator != "replace":
         text += f" {SIGNS[state.operator]} _"
-    before, after = _parts(store, state)
-    head, tail, room = "", "", 0
+    parts = _parts(store, state)
+    before = {part: value + separator for part, value in parts[0].items()}
+    after = {part: separator + value for part, value in parts[1].items()}
+    room = 0
     for part, readable in (("", 0), *_PRIORITIES.items()):
-        if part and room >= min(len(text), readable):
+        if part and room >= min(cell_len(text), readable):
             break
         before.pop(part, None)
         after.pop(part, None)
-        head = "".join(value + separator for value in before.values())
-        tail = "".join(separator + value for value in after.values())
-        room = width - 2 - len(head) - len(tail)
-    return head, truncated(text, max(8, room), options), tail
+        room = width - 2 - sum(map(cell_len, (*before.values(), *after.values())))
+    return before, truncated(text, max(8, room), options), after
 
 
 def _parts(store: Store, state: State) -> tuple[dict[str, str], dict[str, str]]:
@@ -80,7 +102,7 @@ def _pending_text(state: State) -> str:
 
 
 def message_text(state: State, resources: Resources, hovered: str = "", cursor: str = "") -> str:
-    """The message line: the instance under the mouse, the last message, or a newer generation.
+    """The message line: an error, the instance under the mouse, a message, or a newer generation.
 
     `hovered` and `cursor` describe the instances under the mouse and at the cursor; the cursor's is
     shown where there is no message. Background progress follows.

@@ -5,8 +5,11 @@ from __future__ import annotations
 import textwrap
 from dataclasses import dataclass
 
+from rich.cells import cell_len, set_cell_size
+
 from s2rtui.app.key_bindings import BY_NAME as ACTIONS
 from s2rtui.canvas import Canvas, RenderOptions
+from s2rtui.canvas.fit_text import fit_text
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import View
 
@@ -17,8 +20,8 @@ _LEAST_ROWS = 8
 
 
 def truncated(text: str, width: int, options: RenderOptions) -> str:
-    """At most `width` characters; an ellipsis marks a cut."""
-    return text if len(text) <= width else text[: width - 1] + ("~" if options.ascii else "…")
+    """The start of a text in at most `width` cells; an ellipsis marks a cut."""
+    return fit_text(text, width, "~" if options.ascii else "…")
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +62,7 @@ class TitledView:
         if not loading:
             return [*first, last]
         note = truncated(f"(loading {loading})", size[0] // 2, options)
-        return [*first, f"{truncated(last, size[0] - len(note) - 1, options)} {note}"]
+        return [*first, f"{truncated(last, size[0] - cell_len(note) - 1, options)} {note}"]
 
     def _title_lines(self, size: tuple[int, int], options: RenderOptions) -> list[str]:
         width, height = size
@@ -70,8 +73,8 @@ class TitledView:
             label = f"{options.glyphs.pointer if self._is_active else ' '} {label}"
         subtitle = "" if self._unavailable else self._subtitle
         most = MOST_TITLE_ROWS if height >= _LEAST_ROWS else 1
-        start = len(label) + 2
-        if len(subtitle) <= width - start or most == 1 or width < 2 * _LEAST_ROWS:
+        start = cell_len(label) + 2
+        if cell_len(subtitle) <= width - start or most == 1 or width < 2 * _LEAST_ROWS:
             return [f"{label}  {truncated(subtitle, max(1, width - start), options)}".rstrip()]
         first, rest = _divided(subtitle, width - start)
         return [f"{label}  {first}".rstrip(), truncated(rest, width, options)]
@@ -109,5 +112,5 @@ class TitledView:
 
 def _divided(text: str, width: int) -> tuple[str, str]:
     """The words that fit into `width` columns, and the rest."""
-    end = text.rfind(" ", 0, max(1, width) + 1)
+    end = set_cell_size(text, max(1, width) + 1).rfind(" ")
     return (text[:end], text[end + 1 :]) if end > 0 else ("", text)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rich.cells import cell_len, get_character_cell_size
 
 from s2rtui.canvas.colour import Pixels, Rgb
+from s2rtui.canvas.fit_text import without_cut_numbers
 from s2rtui.canvas.render_options import DEFAULT_OPTIONS, RenderOptions
 
 Size = tuple[int, int]
@@ -81,7 +82,12 @@ class Canvas:
     ) -> None:
         """Put one glyph of width one; colours that are None stay unchanged."""
         if 0 <= x < self.width and 0 <= y < self.height:
-            self.char[y, x] = glyph
+            char = self.char
+            if not char.item(y, x):  # the second half of a wide character
+                char[y, x - 1] = " "
+            if x + 1 < self.width and not char.item(y, x + 1):
+                char[y, x + 1] = " "
+            char[y, x] = glyph
             self.bold[y, x] = bold
             if fg is not None:
                 self.fg[y, x] = fg
@@ -100,12 +106,15 @@ class Canvas:
     ) -> int:
         """Write text from column `x`, up to it (align "right") or around it ("center").
 
-        Control characters become spaces. Returns the column after the text.
+        Control characters become spaces. Numbers that the canvas would show in part are left out.
+        Returns the column after the text.
         """
         text = "".join(letter if letter.isprintable() else " " for letter in text)
+        length = cell_len(text)
         if align != "left":
-            length = cell_len(text)
             x -= length if align == "right" else length // 2
+        if x < 0 or x + length > self.width:
+            text = without_cut_numbers(text, -x, self.width)
         for letter in text:
             size = get_character_cell_size(letter)
             if size == 0:
@@ -113,7 +122,7 @@ class Canvas:
             if x + size <= self.width:
                 self.put(x, y, letter, fg, bg, bold)
                 if size == 2:
-                    self.put(x + 1, y, "", fg, bg, bold)
+                    self.put(x + 1, y, "" if x >= 0 else " ", fg, bg, bold)
             x += size
         return x
 
@@ -121,6 +130,7 @@ class Canvas:
         """Draw a horizontal line from column `x0` to `x1`, both included."""
         start, stop = max(0, min(x0, x1)), min(self.width, max(x0, x1) + 1)
         if 0 <= y < self.height and start < stop:
+            self._blank_halves(slice(y, y + 1), start, stop)
             self.char[y, start:stop] = glyph
             if fg is not None:
                 self.fg[y, start:stop] = fg
@@ -129,6 +139,7 @@ class Canvas:
         """Draw a vertical line from row `y0` to `y1`, both included."""
         start, stop = max(0, min(y0, y1)), min(self.height, max(y0, y1) + 1)
         if 0 <= x < self.width and start < stop:
+            self._blank_halves(slice(start, stop), x, x + 1)
             self.char[start:stop, x] = glyph
             if fg is not None:
                 self.fg[start:stop, x] = fg
@@ -156,19 +167,38 @@ class Canvas:
         self.bg[rows, columns] = bg
 
     def paste(self, other: Canvas, x: int, y: int) -> None:
-        """Copy `other` with its top left corner to (x, y), clipped."""
+        """Copy `other` with its top left corner to (x, y), clipped.
+
+        Wide characters of which only one half would be seen become blanks.
+        """
         left, top = max(0, x), max(0, y)
         right, bottom = min(self.width, x + other.width), min(self.height, y + other.height)
         if left >= right or top >= bottom:
             return
         into = (slice(top, bottom), slice(left, right))
         source = (slice(top - y, bottom - y), slice(left - x, right - x))
+        self._blank_halves(into[0], left, right)
         self.char[into] = other.char[source]
+        if left > x:
+            halves = self.char[into[0], left] == ""
+            self.char[into[0], left][halves] = " "
+        if right < x + other.width:
+            halves = other.char[source[0], right - x] == ""
+            self.char[into[0], right - 1][halves] = " "
         self.bold[into] = other.bold[source]
         self.fg[into] = other.fg[source]
         self.bg[into] = other.bg[source]
         moved = (replace(image, x=image.x + x, y=image.y + y) for image in other.images)
         self.images += [image for image in moved if self._contains(image)]
+
+    def _blank_halves(self, rows: slice, start: int, stop: int) -> None:
+        """Blank the wide characters that lie partly in the columns from `start` to `stop`."""
+        if start > 0:
+            before = self.char[rows, start - 1]
+            before[self.char[rows, start] == ""] = " "
+        if stop < self.width:
+            after = self.char[rows, stop]
+            after[after == ""] = " "
 
     def show_text(self, cells: BoolGrid) -> None:
         """Let `cells` (height, width) of images show their characters in place of the image."""

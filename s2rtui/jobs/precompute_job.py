@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import IO, Any, Literal
 
 import s2rstore
+from s2rstore.errors import StoreBusyError
 from s2rstore.files import locks
 from s2rstore.geometry.camera_offset import UNCHANGED
 from s2rstore.records import SIDES, Side
@@ -69,7 +70,8 @@ def save_run(root: Path, name: str, from_run: str, chains: Chains) -> Precompute
     try:
         return PrecomputeJob(root, name, _STAGES + moves_camera)
     except OSError:
-        drop_run(root, name)
+        with contextlib.suppress(StoreBusyError):
+            drop_run(root, name)
         raise
 
 
@@ -133,7 +135,10 @@ class PrecomputeJob:
             self._publish(self._outcome(code))
 
     def _outcome(self, code: int) -> JobProgress:
-        """The final progress; a failed run is removed from the store, so that its name is free."""
+        """The final progress; a failed run is removed from the store, so that its name is free.
+
+        It stays where another process computes, which may compute this run.
+        """
         if code == 0:
             return JobProgress(1.0, "done", "done")
         failed = replace(self.progress, outcome="failed", error=self._last_error(code))
@@ -143,6 +148,9 @@ class PrecomputeJob:
             from s2rtools.precompute.run_registration import drop_run
 
             drop_run(self.root, self.run)
+        except StoreBusyError:
+            kept = f"run {self.run} stays, because another process computes in this store"
+            return replace(failed, error=f"{failed.error}; {kept}")
         except Exception as error:  # the outcome must always be reported
             return replace(failed, error=f"{failed.error}; {error}")
         return failed

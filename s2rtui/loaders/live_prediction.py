@@ -102,7 +102,8 @@ def live_key(store: Store, state: State) -> tuple[Any, ...] | None:
     adjust = state.adjust if state.adjusting else None
     if adjust is None or adjust.missing or state.cursor is None or adjust.run != state.run:
         return None
-    return (state.generation, state.run, state.cursor, adjust.values, state.heat)
+    steps = adjust.values, adjust.run_steps
+    return (state.generation, state.run, state.cursor, *steps, state.heat)
 
 
 def read_live(store: Store, state: State, context: LoadContext) -> Fields:

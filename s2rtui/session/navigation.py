@@ -26,11 +26,16 @@ def computed_runs(store: Store) -> tuple[str, ...]:
 
 
 def move_cursor(context: SessionContext, state: State, steps: int) -> State:
-    """Move to the next instance of the selection, of the base population if it is empty."""
+    """Move by instances of the selection, or of the base population if nothing is selected.
+
+    From an instance outside of it, the first step leads to the nearest one in that direction.
+    """
     members = np.flatnonzero(state.selected if state.selected.any() else state.base)
     if not members.size:
         return state.with_message("no instance in view")
     at = int(np.searchsorted(members, -1 if state.cursor is None else state.cursor))
+    if steps > 0 and (at == members.size or members[at] != state.cursor):
+        at -= 1  # `at` is the next instance already
     return set_cursor(context, state, int(members[(at + steps) % members.size]))
 
 

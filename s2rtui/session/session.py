@@ -124,11 +124,12 @@ class Session:
         If the reducer raises, state and store stay as they are.
         """
         opened = store or self.store
-        if self.notebook and opened is not self.store:
-            self.notebook.use_parts(opened.parts)
-        context = SessionContext(opened, self.notes, self._base_populations, self.defers_loading)
+        notes = self.notebook.notes_for(opened.parts) if self.notebook else self.notes
+        context = SessionContext(opened, notes, self._base_populations, self.defers_loading)
         state = reducer(context, self._state, *arguments, **options)
         if opened is not self.store:
+            if self.notebook:
+                self.notebook.use_parts(opened.parts)
             self._base_populations.drop_generation(self.store.generation)
             self._retired.append(self.store)
             self.store = opened

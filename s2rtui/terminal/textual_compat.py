@@ -10,7 +10,7 @@ import shutil
 from codecs import IncrementalDecoder, getincrementaldecoder
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from functools import partial
 from types import ModuleType
 from typing import Any
@@ -44,6 +44,19 @@ class QuietApp(App[None]):
     def fault(self) -> Exception | None:
         """The exception that ended the application; Textual stores it in `_exception` alone."""
         return self._exception
+
+    def surviving_errors(self) -> AbstractContextManager[None]:
+        """A context whose errors are shown and do not end the application."""
+        raise NotImplementedError
+
+    async def _on_message(self, message: Message) -> None:
+        """Textual calls the handlers here, and ends the application if one of them fails.
+
+        Errors in handlers of events, such as mounting and resizing, still end it.
+        """
+        is_event = isinstance(message, events.Event)
+        with nullcontext() if is_event else self.surviving_errors():
+            await super()._on_message(message)
 
     def _fatal_error(self) -> None:
         """Textual prints a traceback here; `run_app` reports `fault` in one line instead."""

@@ -95,7 +95,7 @@ class Notebook:
         """Read the notebook of a store from `folder` (default: the user data folder).
 
         `store_identity` is `Store.identity`, which stays the same when instances are appended.
-        `parts` are those of the store, see `use_parts`.
+        `parts` are those of the store, see `notes_for`.
 
         Raises RequestError for an invalid identity, and for a damaged file unless `tolerant`: then
         the notebook is empty, `error` has the message, and changes fail until the file is repaired.
@@ -105,24 +105,28 @@ class Notebook:
         self.notes, self.error = Notes(), ""
         self._parts = tuple(parts)
         try:
-            self.notes = self._read()
+            self.notes = self._read(self._parts)
         except RequestError as error:
             if not tolerant:
                 raise
             self.error = f"{error}; nothing can be saved until then"
 
-    def use_parts(self, parts: Sequence[Part]) -> None:
-        """Set the parts of the store. Copies of a store that were appended to differently share
-        the notebook: what concerns instances of a part that this copy does not have is left out.
+    def notes_for(self, parts: Sequence[Part]) -> Notes:
+        """Return the notes on a store of these parts. Copies of a store that were appended to
+        differently share the notebook: what concerns instances of a part that this copy does not
+        have is left out. Raises RequestError for a damaged file.
         """
-        if tuple(parts) != self._parts:
-            self._parts = tuple(parts)
-            if not self.error:
-                self.refresh()
+        unchanged = tuple(parts) == self._parts or self.error
+        return self.notes if unchanged else self._read(parts)
+
+    def use_parts(self, parts: Sequence[Part]) -> None:
+        """Set the parts of the store; see `notes_for`."""
+        self.notes = self.notes_for(parts)
+        self._parts = tuple(parts)
 
     def refresh(self) -> None:
         """Read the changes of other sessions. Raises RequestError for a damaged file."""
-        self.notes = self._read()
+        self.notes = self._read(self._parts)
 
     def save(self, name: str, saved: SavedSelection) -> None:
         """Save a selection under a name; an earlier one of that name is replaced."""
@@ -225,7 +229,7 @@ class Notebook:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
             with file_lock(self.path, _LOCK_SECONDS) as lease:
-                notes = change(self._read())
+                notes = change(self._read(self._parts))
                 content = notes.selections, notes.remarks, notes.history, notes.unread
                 write_file(
                     self.path,
@@ -239,7 +243,7 @@ class Notebook:
             raise RequestError(message) from error
         self.notes = notes
 
-    def _read(self) -> Notes:
+    def _read(self, parts: Sequence[Part]) -> Notes:
         try:
             content = json.loads(self._content())
         except FileNotFoundError:
@@ -252,7 +256,7 @@ class Notebook:
             raise RequestError(message) from error
         if not notebook_schema.is_notebook(content, self._identity):
             raise RequestError(f"{self.path}: is not a notebook of this data set; move it away")
-        return Notes(*notebook_schema.decode(content, self._parts))
+        return Notes(*notebook_schema.decode(content, parts))
 
     def _content(self) -> str:
         """Return the text of the file. Raises OSError, ValueError, RequestError."""

@@ -145,6 +145,7 @@ class DatasetReader(IndexCatalog):
 
     def frame(self, iid: int, domain: str) -> Frame:
         """Raises RequestError for an unknown instance or domain."""
+        _check_order("frame(iid, domain)", domain, iid)
         self.check_instance(iid)
         images = self.frames(domain, iid, iid + 1)
         return Frame.of(images["rgb"][0], images["depth"][0], self.domain(domain))
@@ -163,6 +164,7 @@ class DatasetReader(IndexCatalog):
         Without depth it is 0, which is not valid. Raises RequestError where the domain does not
         image a trajectory of these instances.
         """
+        _check_order("frames(domain, start, stop)", domain, start, stop)
         has_depth = self.domain(domain).has_depth
         parts: dict[str, list[NDArray[Any]]] = {image: [] for image in images}
         for part, low, high in self._parts_of(start, stop):
@@ -189,6 +191,7 @@ class DatasetReader(IndexCatalog):
         Where a store holds none of that size, the images are those of `frames`. Without depth it
         is 0, in images of the size of RGB.
         """
+        _check_order("source_frames(domain, start, stop)", domain, start, stop)
         self.domain(domain)
         for part, low, high in self._parts_of(start, stop):
             if not self.has_source_frames(domain, part):
@@ -348,3 +351,11 @@ def check_metadata(
         )
     if sha256 is not None and array.metadata_sha256 != sha256:
         raise DamagedStoreError(f"{array.path}: metadata is not as published; run `s2r verify`")
+
+
+def _check_order(usage: str, domain: Any, *numbers: Any) -> None:
+    """Raise RequestError where a domain's name and numbers of instances are exchanged."""
+    if not isinstance(domain, str) or not all(hasattr(each, "__index__") for each in numbers):
+        raise RequestError(
+            f"{usage}: domain is a name and the others are numbers; check their order"
+        )

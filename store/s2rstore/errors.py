@@ -88,3 +88,8 @@ def shortened(text: str, limit: int = _MAX_NAME) -> str:
 def counted(count: int, noun: str) -> str:
     """A number with its noun for a message, such as `1 issue` or `3 issues`."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def sentence(text: str) -> str:
+    """Return the text with its first letter in upper case and all others unchanged."""
+    return text[:1].upper() + text[1:]

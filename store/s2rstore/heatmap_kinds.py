@@ -24,7 +24,8 @@ class HeatmapFacts:
     hardly better than chance. `harm_auroc` is how well it finds the objects that cost the
     prediction more than 0.25 m, pooled over the shipped models in the demo's building; known of the
     kinds that are made for it. `planes` names the maps along the first axis of its arrays, which
-    are its modes, with their units. `is_slow`: it is not computed while images are adjusted.
+    are its modes, with their units. `sums_up`: the heat of a region sums to what the region costs,
+    in the unit of the mode. `is_slow`: it is not computed while images are adjusted.
     """
 
     name: str
@@ -34,6 +35,7 @@ class HeatmapFacts:
     default_mode: str | None = None
     planes: Mapping[str, str] = field(default_factory=dict)
     is_signed: bool = False
+    sums_up: bool = False
     needs_network: bool = False
     is_slow: bool = False
 
@@ -80,17 +82,17 @@ HEATMAPS: dict[str, HeatmapFacts] = {
         ),
         HeatmapFacts(
             "harm",
-            "what each changed segment costs this prediction; sums to metres",
+            "what each changed segment costs this prediction",
             harm_auroc=0.95,
             default_mode="position", planes=_HARM_PLANES,
-            is_signed=True, needs_network=True, is_slow=True,
+            is_signed=True, sums_up=True, needs_network=True, is_slow=True,
         ),
         HeatmapFacts(
             "harm_fine",
             "what each pixel that differs costs this prediction, noise included",
             harm_auroc=0.92,
             default_mode="position", planes=_HARM_PLANES,
-            is_signed=True, needs_network=True, is_slow=True,
+            is_signed=True, sums_up=True, needs_network=True, is_slow=True,
         ),
         HeatmapFacts(NO_HEAT, "plain images"),
     )

@@ -26,14 +26,21 @@ from s2rtools.translator_evaluation.fit_into_store import (
     stored_split,
 )
 from s2rtui.session import Session, adjusting
+from tests.conftest import BuildOnce
+from tests.support.copies import copy_store
 
 
 @pytest.fixture
-def fitted(store_copy: Path) -> Path:
+def fitted(tiny_store: Path, build_once: BuildOnce, tmp_path: Path) -> Path:
     """A store with the translator `to_sim` of its real images."""
+    return copy_store(
+        build_once("translator.s2r", lambda path: _fit(tiny_store, path)), tmp_path / "own.s2r"
+    )
+
+
+def _fit(tiny_store: Path, path: Path) -> None:
     request = FitRequest("mkl", "to_sim", "real2sim", depth_noise=True)
-    fit_into_store(store_copy, request, "s2r translate fit mkl")
-    return store_copy
+    fit_into_store(copy_store(tiny_store, path), request, "s2r translate fit mkl")
 
 
 def chain_of(root: Path, text: str):

@@ -3,55 +3,27 @@
 from __future__ import annotations
 
 import asyncio
-import shutil
 import sys
 import threading
 from pathlib import Path
 
 import pytest
-from textual.pilot import Pilot
 
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rtools.adjustments import ADJUSTMENTS, ImageAdjustment, make_chain
 from s2rtools.interactive import LiveModel
-from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import add_run
 from s2rtui.app.app import S2RApp
 from s2rtui.app.controllers import run_save
 from s2rtui.app.pilot import settle, take_screenshot
-from s2rtui.canvas import RenderOptions
-from s2rtui.security import Permissions
-from s2rtui.session import Session
-from tests.support.silent_reporter import SilentReporter
+from tests.support.application import make_app, press
+from tests.support.copies import copy_store
 from tests.support.unloaded_modules import unload_modules
 
-pytestmark = pytest.mark.xdist_group("world")
 
-
-@pytest.fixture(scope="module")
-def computed(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A data set with one computed run."""
-    path = tmp_path_factory.mktemp("adjusting") / "s.s2r"
-    shutil.copytree(trained_store, path)
-    precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(("feature_distance",)))
-    return path
-
-
-def make_app(store: Path, access: Permissions | None = None) -> S2RApp:
-    app = S2RApp(Session(store), RenderOptions(), access=access)
-    app.load_scheduler.debounce_seconds = 0.001
-    return app
-
-
-async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
-    for key in keys:
-        await pilot.press(key)
-        await settle(app, pilot)
-
-
-async def test_moving_a_slider_shows_the_live_prediction(computed: Path) -> None:
-    app = make_app(computed)
+async def test_moving_a_slider_shows_the_live_prediction(few_pairs_store: Path) -> None:
+    app = make_app(few_pairs_store, with_trained=True)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", *["right"] * 3)
         adjust, shown = app.session.state.adjust, app.resources.live
@@ -63,7 +35,7 @@ async def test_moving_a_slider_shows_the_live_prediction(computed: Path) -> None
         brightness = adjust.value(("real", "brightness"))
         assert brightness == pytest.approx(1 + 3 * ADJUSTMENTS["brightness"].step)
         assert f"{brightness:g} factor" in take_screenshot(app).text
-        with s2rstore.open(computed) as store:
+        with s2rstore.open(few_pairs_store) as store:
             model = LiveModel(store, "vanilla")
             chains = {"real": make_chain("real", {"brightness": brightness})}
             expected = model.compute(shown.iid, chains)
@@ -82,8 +54,8 @@ def _map_input(app: S2RApp):
     return BY_NAME["map"].input(app.renderer.scene)
 
 
-async def test_neutral_sliders_show_the_stored_prediction(computed: Path) -> None:
-    app = make_app(computed)
+async def test_neutral_sliders_show_the_stored_prediction(few_pairs_store: Path) -> None:
+    app = make_app(few_pairs_store, with_trained=True)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right", "down", "left", "backspace")
         shown = app.resources.live
@@ -96,8 +68,8 @@ async def test_neutral_sliders_show_the_stored_prediction(computed: Path) -> Non
         assert all(adjust.value(slider.key) == slider.neutral for slider in adjust.sliders)
 
 
-async def test_only_the_newest_slider_value_is_shown(computed: Path) -> None:
-    app = make_app(computed)
+async def test_only_the_newest_slider_value_is_shown(few_pairs_store: Path) -> None:
+    app = make_app(few_pairs_store, with_trained=True)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a")
         await pilot.press(*["right"] * 12, "n", "left", "left")
@@ -107,7 +79,7 @@ async def test_only_the_newest_slider_value_is_shown(computed: Path) -> None:
         assert shown is not None
         assert shown.iid == app.session.state.cursor
         value = adjust.value(("real", "brightness"))
-        with s2rstore.open(computed) as store:
+        with s2rstore.open(few_pairs_store) as store:
             model = LiveModel(store, "vanilla")
             expected = model.compute(shown.iid, {"real": make_chain("real", {"brightness": value})})
             model.close()
@@ -116,7 +88,7 @@ async def test_only_the_newest_slider_value_is_shown(computed: Path) -> None:
 
 
 async def test_a_synthetic_world_renders_moved_sim_cameras(moved_camera_store: Path) -> None:
-    app = make_app(moved_camera_store)
+    app = make_app(moved_camera_store, with_trained=True)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a")
         before = app.resources.live
@@ -131,27 +103,23 @@ async def test_a_synthetic_world_renders_moved_sim_cameras(moved_camera_store: P
         assert (before.real.rgb == after.real.rgb).all()
 
 
-async def test_adjustments_are_saved_as_a_run(computed: Path, tmp_path: Path) -> None:
-    path = tmp_path / "own.s2r"
-    shutil.copytree(computed, path)
-    app = make_app(path)
+async def test_adjustments_are_saved_as_a_run(few_pairs_store: Path, tmp_path: Path) -> None:
+    path = copy_store(few_pairs_store, tmp_path / "own.s2r")
+    app = make_app(path, with_trained=True)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right", "right", "S")
         await pilot.press(*"brighter", "enter")
-        for _ in range(2400):
-            await pilot.pause()
-            if "brighter" in app.session.state.runs or app.session.state.is_error:
-                break
-            await asyncio.sleep(0.05)
-        assert "brighter" in app.session.state.runs, app.session.state.message
+        while "brighter" not in app.session.state.runs:
+            await pilot.pause(0.05)
+            assert not app.session.state.is_error, app.session.state.message
         run = app.session.store.run("brighter")
         assert run.real_adjustments == make_chain("real", {"brightness": 1.1})
         await settle(app, pilot)
         assert "brighter" in take_screenshot(app).text
 
 
-async def test_an_existing_run_name_is_rejected(computed: Path) -> None:
-    app = make_app(computed)
+async def test_an_existing_run_name_is_rejected(few_pairs_store: Path) -> None:
+    app = make_app(few_pairs_store, with_trained=True)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right", "S", "enter")
         assert "type a name for the run" in app.session.state.message
@@ -162,7 +130,7 @@ async def test_an_existing_run_name_is_rejected(computed: Path) -> None:
 
 
 async def test_one_run_is_saved_at_a_time(
-    computed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    few_pairs_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     started: list[str] = []
     release = threading.Event()
@@ -173,7 +141,7 @@ async def test_one_run_is_saved_at_a_time(
         raise RequestError("nothing is saved here")
 
     monkeypatch.setattr(run_save, "save_run", blocking_save)
-    app = make_app(computed)
+    app = make_app(few_pairs_store, with_trained=True)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right")
         await pilot.press("S", *"one", "enter")
@@ -184,7 +152,7 @@ async def test_one_run_is_saved_at_a_time(
         assert not app.prompt.is_open
         assert "run one is still being saved" in take_screenshot(app).text
         with pytest.raises(RequestError, match="run one is still being saved"):
-            app.run_save.save("two", lambda: blocking_save(computed, "two"))
+            app.run_save.save("two", lambda: blocking_save(few_pairs_store, "two"))
         release.set()
         await settle(app, pilot)
         assert started == ["one"]
@@ -195,13 +163,13 @@ async def test_one_run_is_saved_at_a_time(
 
 
 async def test_a_failed_save_shows_an_error(
-    computed: Path, monkeypatch: pytest.MonkeyPatch
+    few_pairs_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def failing_save(*_: object) -> None:
         raise ModuleNotFoundError("No module named 'torch'", name="torch")
 
     monkeypatch.setattr(run_save, "save_run", failing_save)
-    app = make_app(computed)
+    app = make_app(few_pairs_store, with_trained=True)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right", "S", *"one", "enter")
         assert app.session.state.is_error
@@ -229,9 +197,9 @@ async def test_the_panel_explains_how_to_install_torch(
 
 
 async def test_a_failed_model_is_not_shown_as_loading(
-    computed: Path, monkeypatch: pytest.MonkeyPatch
+    few_pairs_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app = make_app(computed)
+    app = make_app(few_pairs_store, with_trained=True)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a")
         monkeypatch.setattr(LiveModel, "steps", lambda *_: iter([1 / 0]))
@@ -247,9 +215,9 @@ async def test_a_failed_model_is_not_shown_as_loading(
 
 
 async def test_a_running_prediction_is_shown_while_newer_values_wait(
-    computed: Path, monkeypatch: pytest.MonkeyPatch
+    few_pairs_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app = make_app(computed)
+    app = make_app(few_pairs_store, with_trained=True)
     started, release = threading.Semaphore(0), threading.Semaphore(0)
     steps = LiveModel.steps
     values: list[float] = []
@@ -280,9 +248,10 @@ async def test_a_running_prediction_is_shown_while_newer_values_wait(
         assert values == pytest.approx([1 + step, 1 + 10 * step])
 
 
-def test_the_live_model_uses_the_generation_of_the_session(computed: Path, tmp_path: Path) -> None:
-    path = tmp_path / "own.s2r"
-    shutil.copytree(computed, path)
+def test_the_live_model_uses_the_generation_of_the_session(
+    few_pairs_store: Path, tmp_path: Path
+) -> None:
+    path = copy_store(few_pairs_store, tmp_path / "own.s2r")
     with s2rstore.open(path) as store:
         add_run(path, "later", "vanilla", None, None, {"sim": [], "real": []})
         model = LiveModel(store, "vanilla")
@@ -306,7 +275,7 @@ async def test_the_panel_explains_how_to_install_the_tools(
 
 
 async def test_a_restricted_session_loads_no_model(tiny_store: Path) -> None:
-    app = make_app(tiny_store, Permissions.for_store(tiny_store, restricted=True))
+    app = make_app(tiny_store, restricted=True)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a")
         assert app.session.state.view != "adjust"
@@ -314,8 +283,10 @@ async def test_a_restricted_session_loads_no_model(tiny_store: Path) -> None:
         assert "not in a restricted session" in app.session.state.message
 
 
-async def test_clicking_other_views_keeps_the_panel_and_the_live_marks(computed: Path) -> None:
-    app = make_app(computed)
+async def test_clicking_other_views_keeps_the_panel_and_the_live_marks(
+    few_pairs_store: Path,
+) -> None:
+    app = make_app(few_pairs_store, with_trained=True)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "a", "right")
         live = _map_input(app).live

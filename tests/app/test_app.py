@@ -19,17 +19,7 @@ from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.canvas.marks import Mark
 from s2rtui.session import Brush, Session
-
-SIZES = [(80, 24), (120, 40), (200, 60)]
-
-
-def make_app(
-    store: Path, options: RenderOptions | None = None, output_folder: Path | None = None
-) -> S2RApp:
-    app = S2RApp(Session(store), options or RenderOptions(), output_folder)
-    app.load_scheduler.debounce_seconds = 0.001
-    return app
-
+from tests.support.application import make_app, press
 
 EXPECTED_ERRORS = ("missing; add the model again",)
 """Errors that are expected, because the models of the test store were never trained."""
@@ -46,11 +36,11 @@ async def check_running(app: S2RApp, pilot: Pilot[None], key: str) -> None:
         assert any(expected in error for expected in EXPECTED_ERRORS), (key, error)
 
 
-@pytest.mark.parametrize("size", [SIZES[0], SIZES[-1]])
+@pytest.mark.parametrize("size", [(80, 24), pytest.param((200, 60), marks=pytest.mark.deep)])
 async def test_pressing_every_key_twice_causes_no_error(
     tiny_store: Path, tmp_path: Path, size: tuple[int, int]
 ) -> None:
-    app = make_app(tiny_store, output_folder=tmp_path)
+    app = make_app(tiny_store, folder=tmp_path)
     async with app.run_test(size=size) as pilot:
         for action in ACTIONS:
             if action.name == "quit":
@@ -64,10 +54,9 @@ async def test_pressing_every_key_twice_causes_no_error(
         assert len(list(tmp_path.glob("s2r-*.png"))) == 2
 
 
-@pytest.mark.parametrize("size", SIZES)
-async def test_keys_are_accepted_while_data_loads(tiny_store: Path, size: tuple[int, int]) -> None:
+async def test_keys_are_accepted_while_data_loads(tiny_store: Path) -> None:
     app = make_app(tiny_store)
-    async with app.run_test(size=size) as pilot:
+    async with app.run_test(size=(120, 40)) as pilot:
         await pilot.press("right", "r", "h", "right", "o", "w", "v", "left", "R", "3", "right")
         await settle(app, pilot)
         state = app.session.state
@@ -75,59 +64,35 @@ async def test_keys_are_accepted_while_data_loads(tiny_store: Path, size: tuple[
         assert app.resources.pictures.iid == state.cursor
 
 
-@pytest.mark.parametrize(
-    ("size", "views"),
-    [
-        ((80, 24), {"map"}),
-        ((120, 40), {"overview", "map", "instance"}),
-        (
-            (200, 60),
-            {"overview", "umap", "orientation", "rooms", "errors", "map", "findings", "instance"},
-        ),
-    ],
-)
-async def test_each_size_shows_its_views(
-    tiny_store: Path, size: tuple[int, int], views: set[str]
-) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=size) as pilot:
-        await settle(app, pilot)
-        visible = {view.id for view in app.query(PlotView) if view.region.area and view.size.height}
-        assert visible == views
-        for view in app.query(PlotView):
-            if view.id in visible:
-                assert view.region.right <= size[0]
-                assert view.region.bottom <= size[1]
-
-
-async def test_number_keys_switch_views_on_a_small_screen(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
-        for key, view in (("1", "overview"), ("3", "instance"), ("2", "map")):
-            await pilot.press(key)
-            await settle(app, pilot)
-            shown = {plot.id for plot in app.query(PlotView) if plot.region.area}
-            assert shown == {view}
-
-
-@pytest.mark.parametrize("size", [(60, 20), (30, 8), (10, 3)])
-async def test_small_terminals_do_not_break(tiny_store: Path, size: tuple[int, int]) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=size) as pilot:
-        await pilot.press("w", "right", "3", "1")
-        await settle(app, pilot)
-        text = take_screenshot(app).text
-        assert text.strip()
-
-
-async def test_resizing_changes_the_layout(tiny_store: Path) -> None:
+async def test_each_size_shows_its_views(tiny_store: Path) -> None:
+    wide = {"overview", "umap", "orientation", "rooms", "errors", "map", "findings", "instance"}
+    views = {
+        (200, 60): wide,
+        (80, 24): {"map"},
+        (120, 40): {"overview", "map", "instance"},
+    }
     app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
-        await settle(app, pilot)
-        for size in ((80, 24), (120, 40), (20, 5), (200, 60)):
+        for size, expected in (*views.items(), ((200, 60), wide)):
             await pilot.resize_terminal(*size)
             await settle(app, pilot)
-        assert "errors" in take_screenshot(app).text
+            shown = [view for view in app.query(PlotView) if view.placed and view.region.area]
+            assert {view.id for view in shown} == expected, size
+            assert max(view.region.right for view in shown) <= size[0]
+            assert max(view.region.bottom for view in shown) <= size[1]
+
+
+async def test_number_keys_switch_views_on_small_screens(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
+    async with app.run_test(size=(80, 24)) as pilot:
+        for size in ((80, 24), (60, 20), (30, 8), (10, 3)):
+            await pilot.resize_terminal(*size)
+            await pilot.press("w", "right")
+            for key, view in (("1", "overview"), ("3", "instance"), ("2", "map")):
+                await press(app, pilot, key)
+                assert take_screenshot(app).text.strip()
+                shown = {plot.id for plot in app.query(PlotView) if plot.region.area}
+                assert shown == {view} or size[1] < 20, size
 
 
 async def test_an_invalid_expression_can_be_corrected_in_the_query_line(tiny_store: Path) -> None:
@@ -164,29 +129,16 @@ async def test_an_open_query_line_receives_letter_keys(tiny_store: Path) -> None
         assert app.session.state.count == "0 of 40"
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("keys", ["", "m,o", "3,v,o,o", "question_mark", "1,slash"])
-def test_ascii_mode_shows_only_ascii_characters(
-    tiny_store: Path, size: tuple[int, int], keys: str
-) -> None:
-    pressed = [key for key in keys.split(",") if key]
-    screenshot = snapshot(tiny_store, size, pressed, RenderOptions(ascii=True))
-    non_ascii = {c for c in screenshot.text if ord(c) > 126}
-    assert non_ascii == set()
-
-
-@pytest.mark.parametrize("mode", list(ColourMode))
-def test_every_colour_mode_shows_the_same_text(tiny_store: Path, mode: ColourMode) -> None:
-    text = snapshot(tiny_store, (120, 40), ["w"], RenderOptions(mode=mode)).text
-    assert "worst15" in text
-    assert "vanilla" in text
-    assert "6 of 40" in text
+def test_every_colour_mode_shows_the_same_text(tiny_store: Path) -> None:
+    for mode in ColourMode:
+        text = snapshot(tiny_store, (120, 40), ["w"], RenderOptions(mode=mode)).text
+        assert "worst15" in text, mode
+        assert "vanilla" in text, mode
+        assert "6 of 40" in text, mode
 
 
 def test_screenshots_are_deterministic(tiny_store: Path) -> None:
-    images = [
-        snapshot(tiny_store, (80, 24), ["w", "right", "3"]).png(RenderOptions()) for _ in range(2)
-    ]
+    images = [snapshot(tiny_store, (80, 24), ["w", "3"]).png(RenderOptions()) for _ in range(2)]
     assert images[0] == images[1]
     assert images[0].startswith(b"\x89PNG")
 
@@ -247,19 +199,3 @@ def test_key_labels_match_the_keyboard() -> None:
             assert label.isascii()
             assert "_" not in label
             assert len(label) == 1 or label.split("+")[-1].replace(" ", "") == key.split("+")[-1]
-
-
-async def test_the_footer_offers_escape_during_a_brush_or_operator(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
-        assert "escape cancel" not in take_screenshot(app).text
-        for start_key in ("x", "vertical_line"):
-            await pilot.press(start_key)
-            await settle(app, pilot)
-            assert "escape cancel" in take_screenshot(app).text
-            await pilot.press("escape")
-            await settle(app, pilot)
-            assert "escape cancel" not in take_screenshot(app).text
-        await pilot.press("slash", "escape")
-        assert not app.prompt.is_open

@@ -23,7 +23,7 @@ class BlockingJob:
 
     def wait(self) -> None:
         self.entered.set()
-        assert self.open.wait(10)
+        assert self.open.wait(60)
         self.note("first")
 
     def note(self, name: str) -> None:
@@ -34,11 +34,11 @@ class BlockingJob:
 def test_only_the_newest_waiting_job_runs() -> None:
     blocking, worker = BlockingJob(), LatestOnlyWorker("lane")
     worker.put(blocking.wait)
-    assert blocking.entered.wait(10)
+    assert blocking.entered.wait(60)
     for name in "abcd":
         worker.put(lambda name=name: blocking.note(name))
     blocking.open.set()
-    assert background_thread.wait_until_idle(10)
+    assert background_thread.wait_until_idle(60)
     assert blocking.done == ["first", "d"]
     assert blocking.threads == {"lane"}
     worker.end()
@@ -47,14 +47,13 @@ def test_only_the_newest_waiting_job_runs() -> None:
 def test_ending_a_worker_drops_waiting_jobs_and_runs_its_last_job() -> None:
     blocking, worker = BlockingJob(), LatestOnlyWorker("lane")
     worker.put(blocking.wait)
-    assert blocking.entered.wait(10)
+    assert blocking.entered.wait(60)
     worker.put(lambda: blocking.note("waiting"))
-    start = time.monotonic()
     worker.end(lambda: blocking.note("last"))
-    assert time.monotonic() - start < 0.5
+    assert blocking.done == []  # the end waits for no job
     worker.put(lambda: blocking.note("late"))
     blocking.open.set()
-    assert background_thread.wait_until_idle(10)
+    assert background_thread.wait_until_idle(60)
     assert blocking.done == ["first", "last"]
 
 
@@ -72,25 +71,23 @@ def test_workers_run_independently() -> None:
     )
     finished = threading.Event()
     busy_worker.put(blocking.wait)
-    assert blocking.entered.wait(10)
+    assert blocking.entered.wait(60)
     other_worker.put(finished.set)
-    assert finished.wait(10)
+    assert finished.wait(60)
     blocking.open.set()
-    assert background_thread.wait_until_idle(10)
+    assert background_thread.wait_until_idle(60)
 
 
 def test_the_process_exits_while_a_job_runs() -> None:
     code = (
         "import sys, time; from s2rtui.jobs import background_thread\n"
-        "background_thread.run_in_thread('endless', lambda: time.sleep(60)); print('told')\n"
+        "background_thread.run_in_thread('endless', lambda: time.sleep(999)); print('told')\n"
         "sys.exit(background_thread.end_process(70))"
     )
-    start = time.monotonic()
     completed = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=30
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120
     )
     assert (completed.returncode, completed.stdout, completed.stderr) == (70, "told\n", "")
-    assert time.monotonic() - start < 10
 
 
 class JobOwner:
@@ -105,7 +102,7 @@ def test_an_idle_worker_keeps_no_reference_to_its_jobs() -> None:
     owner_reference = weakref.ref(owner)
     worker.put(owner.work)
     del owner
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 60
     while not worker.idle:
         assert time.monotonic() < deadline
         time.sleep(0.001)
@@ -124,11 +121,11 @@ def test_a_worker_survives_a_failing_job() -> None:
         raise error
 
     worker.put(failing_job)
-    assert blocking.entered.wait(10)
+    assert blocking.entered.wait(60)
     worker.put(lambda: blocking.note("after"))
     assert not worker.idle
     blocking.open.set()
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 60
     while not worker.idle:
         assert time.monotonic() < deadline
         time.sleep(0.001)

@@ -22,22 +22,10 @@ from s2rtui.cli import main
 from s2rtui.export.exclusive_files import create_exclusive, numbered_paths
 from s2rtui.export.rows import formats, selected_instances
 from s2rtui.jobs.background_thread import wait_until_idle
-from s2rtui.security import Permissions
 from s2rtui.session import Session
-from s2rtui.user_data.notebook import Notebook, SavedSelection
-
-
-def make_app(store: Path, folder: Path, restricted: bool = False) -> S2RApp:
-    access = Permissions.for_store(store, restricted)
-    app = S2RApp(Session(store, notebooks=Notebook), RenderOptions(), folder, access)
-    app.load_scheduler.debounce_seconds = 0.001
-    return app
-
-
-async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
-    for key in keys:
-        await pilot.press(key)
-        await settle(app, pilot)
+from s2rtui.user_data.notebook import SavedSelection
+from tests.support.application import make_app, press
+from tests.support.small_figures import draw_small_figures
 
 
 async def answer(app: S2RApp, pilot: Pilot[None], text: str) -> str:
@@ -46,36 +34,34 @@ async def answer(app: S2RApp, pilot: Pilot[None], text: str) -> str:
     return app.session.state.message
 
 
-async def test_the_report_contains_saved_selections(tiny_store: Path, tmp_path: Path) -> None:
-    notebook = Notebook("0" * 64)
-    notebook.save("mine", SavedSelection("worst15", 1, "dataaug", 6))
-    app = make_app(tiny_store, tmp_path)
-    async with app.run_test(size=(100, 30)) as pilot:
-        await settle(app, pilot)
-        await pilot.press("E")
-        await pilot.press("E")
-        await settle(app, pilot)
+async def test_reports_contain_saved_selections_or_the_current_one(
+    tiny_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failing_report(*_: object) -> None:
+        raise ZeroDivisionError("oh")
+
+    draw_small_figures(monkeypatch)
+    app = make_app(tiny_store, folder=tmp_path)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await press(app, pilot, "b", "r")
+        with monkeypatch.context() as patch:
+            patch.setattr("s2rtui.export.report.build_report.session_report", failing_report)
+            await press(app, pilot, "E")
+        assert "ZeroDivisionError: oh" in app.session.state.message
+        await press(app, pilot, "E")
         assert app.session.state.message == f"wrote {tmp_path / 's2r-report-001.html'}"
         assert len(list(tmp_path.glob("*.html"))) == 1
+        saved = SavedSelection("worst15", 1, "vanilla", 6)
+        app.session.writable_notebook.save("mine", saved)
         await press(app, pilot, "E")
-    text = (tmp_path / "s2r-report-001.html").read_text(encoding="utf-8")
-    assert "<h2>@mine</h2>" in text
-    assert "<h3>Run dataaug</h3>" in text
-    assert (tmp_path / "s2r-report-002.html").read_text(encoding="utf-8") == text
-
-
-async def test_the_report_contains_the_current_selection(tiny_store: Path, tmp_path: Path) -> None:
-    app = make_app(tiny_store, tmp_path)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(app, pilot)
-        await press(app, pilot, "b", "r", "E")
-    text = (tmp_path / "s2r-report-001.html").read_text(encoding="utf-8")
-    assert "<h2><code>best15</code></h2>" in text
-    assert "<h3>Run dataaug</h3>" in text
+    for number, heading, run in ((1, "<code>best15</code>", "dataaug"), (2, "@mine", "vanilla")):
+        text = (tmp_path / f"s2r-report-00{number}.html").read_text(encoding="utf-8")
+        assert f"<h2>{heading}</h2>" in text
+        assert f"<h3>Run {run}</h3>" in text
 
 
 async def test_the_exported_rows_equal_those_of_s2r_query(tiny_store: Path, tmp_path: Path) -> None:
-    app = make_app(tiny_store, tmp_path)
+    app = make_app(tiny_store, folder=tmp_path)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await press(app, pilot, "w", "F", "enter")
@@ -84,29 +70,23 @@ async def test_the_exported_rows_equal_those_of_s2r_query(tiny_store: Path, tmp_
         shown = await answer(app, pilot, "mine.json")
         assert shown.endswith("mine.json: 6 of 40 instances")
     out = tmp_path / "by command.json"
-    arguments = [
-        "query",
-        str(tiny_store),
-        "worst15",
-        "--with-expression",
-        "--json",
-        "--out",
-        str(out),
-    ]
-    assert main(arguments) == 0
+    arguments = ["query", str(tiny_store), "worst15", "--with-expression", "--json"]
+    assert main([*arguments, "--out", str(out)]) == 0
     assert json.loads((tmp_path / "mine.json").read_text()) == json.loads(out.read_text())
 
 
-@pytest.mark.parametrize("expression", ["worst15", "all", "none", "room:right | ids(3, 7)"])
 def test_rows_of_a_selection_equal_rows_of_its_expression(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch, expression: str
+    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(selected_instances, "_BLOCK_IIDS", 7)
+    rows = selected_instances.selected_rows
     with s2rstore.open(tiny_store) as store:
-        expected = selected_instances.selected_rows(store, expression)
-        selected = evaluation.select(store, expression)
-        monkeypatch.setattr(evaluation, "sql", lambda *_: 1 / 0)
-        assert selected_instances.selected_rows(store, expression, selected=selected) == expected
+        for expression in ("worst15", "all", "none", "room:right | ids(3, 7)"):
+            expected = rows(store, expression)
+            selected = evaluation.select(store, expression)
+            with monkeypatch.context() as patch:
+                patch.setattr(evaluation, "sql", lambda *_: 1 / 0)
+                assert rows(store, expression, selected=selected) == expected
 
 
 def test_an_unexpected_error_is_shown_in_one_line(tiny_store: Path) -> None:
@@ -124,28 +104,22 @@ def test_an_unexpected_error_is_shown_in_one_line(tiny_store: Path) -> None:
     ]
 
 
-@pytest.mark.parametrize("name", ["mine.txt", "there.csv", "no/where.json", "no/where.parquet", ""])
-async def test_an_unusable_file_name_is_rejected(
-    tiny_store: Path, tmp_path: Path, name: str
-) -> None:
+async def test_unusable_file_names_are_rejected(tiny_store: Path, tmp_path: Path) -> None:
     (tmp_path / "there.csv").write_text("kept")
-    app = make_app(tiny_store, tmp_path)
-    async with app.run_test(size=(120, 40)) as pilot:
+    app = make_app(tiny_store, folder=tmp_path)
+    async with app.run_test(size=(80, 24)) as pilot:
         await settle(app, pilot)
-        await press(app, pilot, "F")
-        await answer(app, pilot, name)
-        assert app.session.state.is_error
+        for name in ("mine.txt", "there.csv", "no/where.json", "no/where.parquet", ""):
+            await press(app, pilot, "F")
+            await answer(app, pilot, name)
+            assert app.session.state.is_error, name
+            if app.prompt.is_open:
+                await press(app, pilot, "escape")
+        for name in ("~nosuchuser/a.csv", "nul\0.csv", "half\ud800.csv"):
+            with pytest.raises(RequestError, match="is not a path"):
+                app.export.write_selection(name)
     assert [path.name for path in tmp_path.iterdir() if path.is_file()] == ["there.csv"]
     assert (tmp_path / "there.csv").read_text() == "kept"
-
-
-@pytest.mark.parametrize("name", ["~nosuchuser/a.csv", "nul\0.csv", "half\ud800.csv"])
-async def test_an_invalid_path_is_rejected(tiny_store: Path, tmp_path: Path, name: str) -> None:
-    app = make_app(tiny_store, tmp_path)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
-        with pytest.raises(RequestError, match="is not a path"):
-            app.export.write_selection(name)
 
 
 async def test_two_simultaneous_exports_write_two_files(
@@ -159,7 +133,7 @@ async def test_two_simultaneous_exports_write_two_files(
         write_rows(*arguments)
 
     monkeypatch.setattr(formats, "write_rows", blocking_write)
-    app = make_app(tiny_store, tmp_path)
+    app = make_app(tiny_store, folder=tmp_path)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press("w", "F", "enter", "b", "F")
@@ -188,30 +162,13 @@ async def test_a_file_created_during_the_export_is_not_overwritten(
         write_rows(*arguments)
 
     monkeypatch.setattr(formats, "write_rows", write_after_other_process)
-    app = make_app(tiny_store, tmp_path)
+    app = make_app(tiny_store, folder=tmp_path)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await press(app, pilot, "w", "F", "enter")
         assert app.session.state.message == f"{target}: exists already; choose another name"
     assert target.read_text() == "another's"
     assert not list(tmp_path.glob(".*csv"))
-
-
-async def test_a_report_can_be_repeated_after_an_error(
-    tiny_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def failing_report(*_: object) -> None:
-        raise ZeroDivisionError("oh")
-
-    app = make_app(tiny_store, tmp_path)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
-        with monkeypatch.context() as patch:
-            patch.setattr("s2rtui.export.report.build_report.session_report", failing_report)
-            await press(app, pilot, "E")
-        assert "ZeroDivisionError: oh" in app.session.state.message
-        await press(app, pilot, "E")
-        assert app.session.state.message == f"wrote {tmp_path / 's2r-report-001.html'}"
 
 
 def test_an_existing_numbered_file_is_skipped(tmp_path: Path) -> None:
@@ -230,7 +187,7 @@ def test_an_existing_numbered_file_is_skipped(tmp_path: Path) -> None:
 async def test_a_restricted_session_writes_only_to_the_user_data_folder(
     tiny_store: Path, tmp_path: Path, user_data_folder: Path
 ) -> None:
-    app = make_app(tiny_store, tmp_path, restricted=True)
+    app = make_app(tiny_store, folder=tmp_path, restricted=True)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await press(app, pilot, "w")

@@ -6,40 +6,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from textual.pilot import Pilot
 
-from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, take_screenshot
-from s2rtui.canvas import RenderOptions
 from s2rtui.session import Session
 from s2rtui.session.error_groups import COLUMN_NAMES, GROUPINGS
-from s2rtui.user_data.notebook import Notebook
+from tests.support.application import make_app, press
 
 
-def make_app(store: Path) -> S2RApp:
-    app = S2RApp(Session(store, notebooks=Notebook), RenderOptions())
-    app.load_scheduler.debounce_seconds = 0.001
-    return app
-
-
-async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
-    for key in keys:
-        await pilot.press(key)
-        await settle(app, pilot)
-
-
-@pytest.mark.parametrize("key", ["I", "f1"])
-@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60)])
-async def test_each_finding_is_one_key_away_from_its_instances(
-    tiny_store: Path, size: tuple[int, int], key: str
-) -> None:
+async def test_each_finding_is_one_key_away_from_its_instances(tiny_store: Path) -> None:
     app = make_app(tiny_store)
-    async with app.run_test(size=size) as pilot:
+    async with app.run_test(size=(80, 24)) as pilot:
         await settle(app, pilot)
         report = app.resources.findings
         assert report is not None
         for number, finding in enumerate(report.findings):
-            await press(app, pilot, key, *["down"] * (number > 0), "enter")
+            await press(app, pilot, "I", *["down"] * (number > 0), "enter")
             state = app.session.state
             assert not state.is_error
             assert state.run == finding.run
@@ -58,26 +39,25 @@ async def test_the_first_wide_screen_shows_the_findings(tiny_store: Path) -> Non
     async with app.run_test(size=(200, 60)) as pilot:
         await settle(app, pilot)
         text = " ".join(take_screenshot(app).text.split())
-        assert app.resources.findings is not None
-        for finding in app.resources.findings.findings:
-            assert finding.kind in text
+        report = app.resources.findings
+        assert report is not None
+        assert all(finding.kind in text for finding in report.findings)
         assert "I findings" in text
+        await press(app, pilot, "f1", "enter")
+        assert report.findings[0].text in app.session.state.message
 
 
-async def test_the_chosen_finding_wraps_around(tiny_store: Path) -> None:
+async def test_the_chosen_finding_wraps_around_and_is_about_all_trajectories(
+    tiny_store: Path,
+) -> None:
     app = make_app(tiny_store)
     async with app.run_test(size=(80, 24)) as pilot:
-        await press(app, pilot, "I", "up")
+        await press(app, pilot, "t", "I", "up")
+        assert app.session.state.trajectories is not None
         assert app.resources.findings is not None
         last = app.resources.findings.findings[-1]
         await press(app, pilot, "enter")
         assert last.text in app.session.state.message
-
-
-async def test_a_finding_is_about_all_trajectories(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await press(app, pilot, "t", "I", "enter")
         assert app.session.state.trajectories is None
 
 
@@ -101,16 +81,19 @@ async def test_the_rooms_view_groups_and_sorts_by_keys(tiny_store: Path) -> None
         assert app.session.state.sort != sort
 
 
-@pytest.mark.parametrize("grouping", range(1, len(GROUPINGS)))
-async def test_every_grouping_can_be_brushed(tiny_store: Path, grouping: int) -> None:
-    app = make_app(tiny_store)
+async def test_every_grouping_can_be_brushed(tiny_store: Path) -> None:
+    app, other = make_app(tiny_store), Session(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
-        await press(app, pilot, "c", "6", *["O"] * grouping, "x", "enter")
-        state = app.session.state
-        assert not state.is_error
-        assert state.expression != "all"
-        other = Session(tiny_store).select(state.expression).selected
-        assert np.array_equal(other, state.selected)
+        await press(app, pilot, "6")
+        for grouping in GROUPINGS[1:]:
+            await press(app, pilot, "c", "O", "x", "enter")
+            state = app.session.state
+            assert state.grouping == grouping
+            assert not state.is_error, grouping
+            assert state.expression != "all", grouping
+            selected = other.select(state.expression).selected
+            assert np.array_equal(selected, state.selected), grouping
+    other.close()
 
 
 async def test_trained_instances_are_ranked_only_if_they_are_included(trained_split: Path) -> None:

@@ -6,30 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from textual.pilot import Pilot
 
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
 from s2rtui.app.status_line import Bar
 from s2rtui.app.widgets.plot import PlotView
-from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import BY_NAME
-from s2rtui.session import Session, instance_list
+from s2rtui.session import instance_list
 from s2rtui.session.instance_text import instance_text
+from tests.support.application import make_app, press
 
 SIZE = (120, 40)
-
-
-def make_app(store: Path) -> S2RApp:
-    app = S2RApp(Session(store), RenderOptions())
-    app.load_scheduler.debounce_seconds = 0.001
-    return app
-
-
-async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
-    for key in keys:
-        await pilot.press(key)
-        await settle(app, pilot)
 
 
 def message(app: S2RApp) -> str:
@@ -77,14 +64,6 @@ async def test_zooming_shows_fewer_points_of_the_umap(tiny_store: Path) -> None:
         assert inside[1] < inside[0]
 
 
-async def test_a_view_without_zoom_says_which_views_have_one(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=SIZE) as pilot:
-        await press(app, pilot, "7", "z")
-        assert "errors cannot be zoomed (2 map, 4 umap" in message(app)
-        assert app.session.state.viewports == ()
-
-
 async def test_a_view_fills_the_screen_and_the_layout_comes_back(tiny_store: Path) -> None:
     app = make_app(tiny_store)
     async with app.run_test(size=SIZE) as pilot:
@@ -99,40 +78,39 @@ async def test_a_view_fills_the_screen_and_the_layout_comes_back(tiny_store: Pat
         assert shown(app) == before
 
 
-async def test_a_small_screen_says_that_one_view_fills_it(tiny_store: Path) -> None:
+async def test_keys_that_change_nothing_say_why(tiny_store: Path) -> None:
     app = make_app(tiny_store)
     async with app.run_test(size=(80, 24)) as pilot:
+        await press(app, pilot, "7", "z")
+        assert "errors cannot be zoomed (2 map, 4 umap" in message(app)
+        assert app.session.state.viewports == ()
         await press(app, pilot, "V")
         assert "room for one view" in message(app)
         assert not app.session.state.fills_screen
 
 
-@pytest.mark.parametrize("name", ["map", "umap", "compare", "list", "overview"])
-async def test_the_mouse_describes_the_instance_under_it(tiny_store: Path, name: str) -> None:
+async def test_the_mouse_describes_the_instance_under_it(tiny_store: Path) -> None:
     app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
-        await press(app, pilot, "c", BY_NAME[name].key)
-        scene, plot = app.renderer.scene, app.query_one(f"#{name}", PlotView)
-        view = BY_NAME[name]
-        panel = app.brush.panels(view)[0]
-        cells = [
-            (column, row)
-            for row in range(panel.y, panel.y + panel.height)
-            for column in range(panel.x, panel.x + panel.width)
-        ]
-        found = {
-            cell: iid
-            for cell in cells
-            if (iid := view.instance_at(scene, panel, (cell[0] + 0.5, cell[1] + 0.5))) is not None
-        }
-        cell, iid = next((c, i) for c, i in found.items() if i != app.session.state.cursor)
-        await pilot.hover(plot, offset=(cell[0], cell[1] + app.renderer.title_rows(name)))
-        await settle(app, pilot)
-        assert message(app) == instance_text(app.session.store, app.session.state, iid)
-        assert message(app).startswith(f"#{iid} ")
-        await pilot.hover("#keys")
-        await settle(app, pilot)
-        assert not message(app).startswith(f"#{iid} ")
+        for name in ("map", "umap", "compare", "list", "overview"):
+            await press(app, pilot, "c", BY_NAME[name].key)
+            scene, plot = app.renderer.scene, app.query_one(f"#{name}", PlotView)
+            view = BY_NAME[name]
+            panel = app.brush.panels(view)[0]
+            found = {
+                (column, row): iid
+                for row in range(panel.y, panel.y + panel.height)
+                for column in range(panel.x, panel.x + panel.width)
+                if (iid := view.instance_at(scene, panel, (column + 0.5, row + 0.5))) is not None
+            }
+            cell, iid = next((c, i) for c, i in found.items() if i != app.session.state.cursor)
+            await pilot.hover(plot, offset=(cell[0], cell[1] + app.renderer.title_rows(name)))
+            await settle(app, pilot)
+            assert message(app) == instance_text(app.session.store, app.session.state, iid), name
+            assert message(app).startswith(f"#{iid} "), name
+            await pilot.hover("#keys")
+            await settle(app, pilot)
+            assert not message(app).startswith(f"#{iid} "), name
 
 
 async def test_the_instance_under_the_mouse_is_drawn_there(tiny_store: Path) -> None:
@@ -150,24 +128,16 @@ async def test_the_instance_under_the_mouse_is_drawn_there(tiny_store: Path) -> 
             assert distance == pytest.approx(0, abs=1e-9)
 
 
-async def test_moving_the_cursor_shows_its_errors(tiny_store: Path) -> None:
+async def test_home_and_end_go_to_the_ends_of_the_list_and_show_errors(tiny_store: Path) -> None:
     app = make_app(tiny_store)
-    async with app.run_test(size=SIZE) as pilot:
-        await press(app, pilot, "c", "n")
-        state = app.session.state
-        assert state.cursor is not None
-        real = app.session.store.run_columns(state.run).real.error[state.cursor]
-        assert message(app).startswith(f"#{state.cursor} ")
-        assert f"real {real:.2f} m, gap " in message(app)
-
-
-async def test_home_and_end_go_to_the_ends_of_the_list(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=SIZE) as pilot:
+    async with app.run_test(size=(80, 24)) as pilot:
         await press(app, pilot, "w", "8", "end")
         session = app.session
         rows = instance_list.order(session.store, session.state, session.notes)
         assert session.state.cursor == rows[-1]
+        real = session.store.run_columns(session.state.run).real.error[rows[-1]]
+        assert message(app).startswith(f"#{rows[-1]} ")
+        assert f"real {real:.2f} m, gap " in message(app)
         await press(app, pilot, "home")
         assert session.state.cursor == rows[0]
         await press(app, pilot, "2", "end")
@@ -217,3 +187,28 @@ async def test_a_drawn_brush_becomes_a_lasso_and_a_box_again(tiny_store: Path) -
         by_box = app.session.select(f"box({min(x)}, {min(y)}, {max(x)}, {max(y)})").selected
         assert np.count_nonzero(by_lasso != by_box) <= 1  # an instance on the border
         assert by_lasso.any()
+
+
+async def test_a_message_shows_while_the_mouse_rests_on_an_instance(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
+    async with app.run_test(size=SIZE) as pilot:
+        await press(app, pilot, "c", BY_NAME["map"].key)
+        view, plot = BY_NAME["map"], app.query_one("#map", PlotView)
+        panel, top = app.brush.panels(view)[0], app.renderer.title_rows("map")
+        cells = {
+            iid: (column, row + top)
+            for row in range(panel.y, panel.y + panel.height)
+            for column in range(panel.x, panel.x + panel.width)
+            if (iid := view.instance_at(app.renderer.scene, panel, (column + 0.5, row + 0.5)))
+        }
+        first, second = list(cells)[:2]
+        await pilot.hover(plot, offset=cells[first])
+        await settle(app, pilot)
+        assert message(app).startswith(f"#{first} ")
+        for iid in (second, first):  # the second message has the same text
+            app.session.select("none")
+            app.renderer.refresh()
+            assert message(app).startswith("nothing is selected")
+            await pilot.hover(plot, offset=cells[iid])
+            await settle(app, pilot)
+            assert message(app).startswith(f"#{iid} ")

@@ -2,32 +2,32 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from s2rstore.gap_history import reader
-from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, snapshot, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.scene import Resources, Scene
 from s2rtui.cli import main
 from s2rtui.session import Session
-from tests.app.test_screen_snapshots import SIZES, check
+from tests.app.test_screen_snapshots import check
 from tests.support import gaps, nights
+from tests.support.application import make_app, press
+from tests.support.copies import copy_store
 
 VIEW = BY_NAME["history"]
 
 
-def store_with_nights(folder: Path, store: Path, days: int = 7) -> nights.Week:
-    """A copy of the store with nights; the task gap grows on day 5."""
-    shutil.copytree(store, folder / "tiny.s2r")
-    config = nights.write_config(folder, folder / "tiny.s2r")
-    week = nights.Week(config, {"task": 20.0}, from_day=5)
+def store_with_nights(folder: Path, store: Path, days: int, good_days: int) -> nights.Week:
+    """A copy of the store with nights; the task gap grows after some good days."""
+    config = nights.write_config(folder, copy_store(store, folder / "tiny.s2r"))
+    week = nights.Week(config, {"task": 20.0}, from_day=good_days + 1)
     for number in range(1, days + 1):
         week.night(number)
     return week
@@ -36,12 +36,17 @@ def store_with_nights(folder: Path, store: Path, days: int = 7) -> nights.Week:
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory, tiny_store: Path) -> Path:
     """A store with a week of nights that no test modifies."""
-    return store_with_nights(tmp_path_factory.mktemp("nights"), tiny_store).config.store
+    return store_with_nights(tmp_path_factory.mktemp("nights"), tiny_store, 7, 4).config.store
 
 
-@pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
-def test_screen(store: Path, size: tuple[int, int]) -> None:
-    check(f"history-week-{size[0]}x{size[1]}", snapshot(store, size, ["G"], RenderOptions()).text)
+async def test_screens(store: Path) -> None:
+    app = make_app(store)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await press(app, pilot, "G")
+        for size in ((80, 24), (120, 40), (200, 60)):
+            await pilot.resize_terminal(*size)
+            await settle(app, pilot)
+            check(f"history-week-{size[0]}x{size[1]}", take_screenshot(app).text)
 
 
 def test_ascii_screen(store: Path) -> None:
@@ -50,38 +55,30 @@ def test_ascii_screen(store: Path) -> None:
     check("history-week-ascii", text)
 
 
-def test_an_added_night_appears_in_the_view(tmp_path: Path, tiny_store: Path) -> None:
-    import asyncio
-
-    week = store_with_nights(tmp_path, tiny_store, days=4)
-
-    async def screens_before_and_after() -> tuple[str, str]:
-        app = S2RApp(Session(week.config.store), RenderOptions())
-        app.load_scheduler.debounce_seconds = 0.001
-        async with app.run_test(size=(120, 40)) as pilot:
-            await pilot.press("G")
-            await settle(app, pilot)
-            before = take_screenshot(app).text
-            await asyncio.to_thread(week.night, 5)
-            app.store_updates.check_store()
-            await settle(app, pilot)
-            return before, take_screenshot(app).text
-
-    before, after = asyncio.run(screens_before_and_after())
-    assert "4 nights of lab" in before
+async def test_an_added_night_appears_in_the_view(tmp_path: Path, tiny_store: Path) -> None:
+    week = store_with_nights(tmp_path, tiny_store, 2, 2)
+    app = make_app(week.config.store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "G")
+        before = take_screenshot(app).text
+        await asyncio.to_thread(week.night, 3)
+        app.store_updates.check_store()
+        await settle(app, pilot)
+        after = take_screenshot(app).text
+    assert "2 nights of lab" in before
     assert "● pass" in before.splitlines()[2]
-    assert "5 nights of lab" in after
+    assert "3 nights of lab" in after
     assert "▲ fail" in after.splitlines()[2]
 
 
 def test_a_damaged_history_is_reported_and_other_views_work(
     tmp_path: Path, tiny_store: Path
 ) -> None:
-    shutil.copytree(tiny_store, tmp_path / "s.s2r")
+    copy_store(tiny_store, tmp_path / "s.s2r")
     path = reader.history_path(tmp_path / "s.s2r")
     path.parent.mkdir()
     path.write_bytes(b"no database")
-    text = snapshot(tmp_path / "s.s2r", (250, 40)).text
+    text = snapshot(tmp_path / "s.s2r", (200, 24)).text
     assert "gap.duckdb: no history that this version reads" in text
     shown = snapshot(tmp_path / "s.s2r", (80, 24), ["G"]).text.splitlines()[2:8]
     assert shown[0].strip() == "the history cannot be read"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 
 import pytest
@@ -10,14 +9,12 @@ import pytest
 from s2rstore.index.catalog import NO_POSES
 from s2rstore.records import Side
 from s2rtools.datasets.writing.image_instances import ImageInstance, build_from_images
-from s2rtui.app.app import S2RApp
 from s2rtui.app.key_bindings import ACTIONS
-from s2rtui.app.pilot import settle, snapshot
+from s2rtui.app.pilot import settle, snapshot, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import VIEWS
-from s2rtui.session import Session
-from s2rtui.user_data.notebook import ReadNotebook
 from tests.support import image_folders
+from tests.support.application import make_app, press
 
 
 @pytest.fixture(scope="module")
@@ -29,9 +26,8 @@ def lines(images: Path, size: tuple[int, int], *keys: str) -> list[str]:
     return snapshot(images, size, keys, RenderOptions()).text.splitlines()
 
 
-@pytest.mark.parametrize("size", [(80, 24), (120, 40), (40, 12)])
-def test_the_first_screen_shows_an_image(images: Path, size: tuple[int, int]) -> None:
-    screen = lines(images, size)
+def test_the_first_screen_shows_an_image(images: Path) -> None:
+    screen = lines(images, (40, 12))
     assert "14 of 14" in screen[0]
     assert any("3 instance  0" in line for line in screen)
     assert sum("▀" in line for line in screen) >= 4
@@ -47,15 +43,17 @@ def test_the_wide_screen_shows_the_list_beside_the_image(images: Path) -> None:
     assert any("where real_day 1" in line for line in screen)
 
 
-@pytest.mark.parametrize("view", [view for view in VIEWS if view.needs_poses and view.from_store])
-def test_a_view_that_needs_poses_says_so_in_one_line(images: Path, view) -> None:
-    screen = lines(images, (80, 24), view.key)
-    assert screen[1].startswith(f"{view.key} {view.name}")
-    assert [line.strip() for line in screen[2:-2] if line.strip()] == [NO_POSES]
-
-
-def test_a_selection_that_needs_errors_says_why_it_is_empty(images: Path) -> None:
-    assert f"nothing is selected: {NO_POSES}" in lines(images, (80, 24), "w")[-2]
+async def test_views_and_selections_that_need_poses_say_so(images: Path) -> None:
+    app = make_app(images)
+    async with app.run_test(size=(80, 24)) as pilot:
+        for view in (view for view in VIEWS if view.needs_poses and view.from_store):
+            await press(app, pilot, view.key)
+            screen = take_screenshot(app).text.splitlines()
+            assert screen[1].startswith(f"{view.key} {view.name}")
+            assert [line.strip() for line in screen[2:-2] if line.strip()] == [NO_POSES], view.name
+        await press(app, pilot, "w")
+        message = take_screenshot(app).text.splitlines()[-2]
+        assert f"nothing is selected: {NO_POSES}" in message
 
 
 def test_two_domains_of_one_moment_stand_side_by_side(tmp_path: Path) -> None:
@@ -82,30 +80,23 @@ def test_the_selection_moves_between_images_of_a_trajectory(images: Path) -> Non
     assert any("where real_night 2" in line for line in screen)
 
 
-def test_no_key_ends_the_application(images: Path) -> None:
-    messages = asyncio.run(press_all(images))
-    assert {messages[a.name] for a in ACTIONS if a.needs_poses and a.name in messages} == {NO_POSES}
-    assert "no runs" in messages["next_run"]
-
-
-async def press_all(images: Path) -> dict[str, str]:
-    """The message after the first key of every action that leads to no other screen."""
-    app = S2RApp(Session(images, None, ReadNotebook), RenderOptions())
-    app.load_scheduler.debounce_seconds = 0.001
+async def test_no_key_ends_the_application(images: Path) -> None:
+    """The first key of every action that leads to no other screen."""
+    app = make_app(images)
     left_out = {"quit", "snapshot", "report", "doctor", "tour", "help", "copy"}
     messages = {}
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with app.run_test(size=(80, 24)) as pilot:
         await settle(app, pilot)
         for action in ACTIONS:
             if action.name in left_out or action.when in ("brushing", "adjust", "list"):
                 continue
             await pilot.press("c", "3")
-            await pilot.press(action.keys[0])
-            await settle(app, pilot)
+            await press(app, pilot, action.keys[0])
             messages[action.name] = app.session.state.message
             await pilot.press("escape", "escape")
         await settle(app, pilot)
         assert app.fault is None
         assert not app.renderer.scene.resources.failed
         assert app.is_running
-    return messages
+    assert {messages[a.name] for a in ACTIONS if a.needs_poses and a.name in messages} == {NO_POSES}
+    assert "no runs" in messages["next_run"]

@@ -11,6 +11,7 @@ from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import VIEWS
 from s2rtui.cli import main
 from s2rtui.session import Session
+from tests.support.application import press
 from tests.support.predictions import Made, make, write_csv
 
 N, MISSING = 40, 7
@@ -21,64 +22,50 @@ def import_predictions(store: Path, folder: Path, made: Made) -> None:
     assert main(["run", "import", "theirs", "--predictions", file, "--store", str(store)]) == 0
 
 
-def test_every_view_draws_and_sliders_say_that_they_need_a_network(
+async def test_every_view_draws_and_sliders_say_that_they_need_a_network(
     store_copy: Path, tmp_path: Path
 ) -> None:
     made = make(store_copy)
     made.real[:MISSING, 0] = float("nan")
     import_predictions(store_copy, tmp_path, made)
-
-    async def run() -> None:
-        app = S2RApp(Session(store_copy, "theirs"), RenderOptions())
-        async with app.run_test(size=(160, 50)) as pilot:
-            await settle(app, pilot)
-            assert app.session.state.run == "theirs"
-            assert f"imported for {N - MISSING} of {N} instances" in app.renderer.status_text()
-            for view in VIEWS:
-                if view.name in ("adjust", "history"):
-                    continue
-                await pilot.press(view.key)
-                await settle(app, pilot)
-                assert not app.session.state.is_error, (view.name, app.session.state.message)
-            await pilot.press("h")
-            await settle(app, pilot)
-            assert app.session.state.message.startswith("run theirs has no heatmaps")
-            await pilot.press("l")
-            await settle(app, pilot)
-            assert "`s2r run import --embeddings` makes them" in app.session.state.message
-            app.session.set_cursor(0)
-            app.renderer.refresh()
-            await settle(app, pilot)
-            assert dict(app.resources.pictures.notes)["gap"] == "unknown: no real prediction"
-            await pilot.press("a")
-            await settle(app, pilot)
-            assert app.session.state.message == (
-                "run 'theirs': its predictions were imported; live prediction needs a network"
-            )
-
-    asyncio.run(run())
+    app = S2RApp(Session(store_copy, "theirs"), RenderOptions())
+    async with app.run_test(size=(80, 24)) as pilot:
+        await settle(app, pilot)
+        assert app.session.state.run == "theirs"
+        assert f"imported for {N - MISSING} of {N} instances" in app.renderer.status_text()
+        for view in VIEWS:
+            if view.name in ("adjust", "history"):
+                continue
+            await press(app, pilot, view.key)
+            assert not app.session.state.is_error, (view.name, app.session.state.message)
+        await press(app, pilot, "h")
+        assert app.session.state.message.startswith("run theirs has no heatmaps")
+        await press(app, pilot, "l")
+        assert "`s2r run import --embeddings` makes them" in app.session.state.message
+        app.session.set_cursor(0)
+        app.renderer.refresh()
+        await settle(app, pilot)
+        assert dict(app.resources.pictures.notes)["gap"] == "unknown: no real prediction"
+        await press(app, pilot, "a")
+        assert app.session.state.message == (
+            "run 'theirs': its predictions were imported; live prediction needs a network"
+        )
 
 
-def test_a_session_moves_on_to_predictions_that_were_imported_again(
+async def test_a_session_moves_on_to_predictions_that_were_imported_again(
     store_copy: Path, tmp_path: Path
 ) -> None:
     import_predictions(store_copy, tmp_path, make(store_copy))
-
-    async def run() -> None:
-        app = S2RApp(Session(store_copy, "theirs"), RenderOptions())
-        async with app.run_test(size=(120, 40)) as pilot:
-            await settle(app, pilot)
-            before = app.session.store.run_columns("theirs").real.x.copy()
-            await asyncio.to_thread(
-                import_predictions, store_copy, tmp_path, make(store_copy, seed=1)
-            )
-            app.store_updates.check_store()
-            await settle(app, pilot)
-            assert (app.session.store.run_columns("theirs").real.x == before).all()
-            await pilot.press("g")
-            await settle(app, pilot)
-            assert app.session.state.run == "theirs"
-            assert (app.session.store.run_columns("theirs").real.x != before).any()
-            assert "imported" in app.renderer.status_text()
-
-    asyncio.run(run())
+    app = S2RApp(Session(store_copy, "theirs"), RenderOptions())
+    async with app.run_test(size=(80, 24)) as pilot:
+        await settle(app, pilot)
+        before = app.session.store.run_columns("theirs").real.x.copy()
+        again = make(store_copy, seed=1)
+        await asyncio.to_thread(import_predictions, store_copy, tmp_path, again)
+        app.store_updates.check_store()
+        await settle(app, pilot)
+        assert (app.session.store.run_columns("theirs").real.x == before).all()
+        await press(app, pilot, "g")
+        assert app.session.state.run == "theirs"
+        assert (app.session.store.run_columns("theirs").real.x != before).any()
+        assert "imported" in app.renderer.status_text()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from s2rtui.app.pilot import settle
 from s2rtui.canvas import RenderOptions
 from s2rtui.loaders import live_prediction
 from s2rtui.session import Session, view_settings
+from s2rtui.session.state import Adjust
 
 
 class RecordingPredictor:
@@ -53,3 +55,16 @@ async def test_a_hidden_panel_releases_the_model(
         await pilot.press("a")
         await settle(app, pilot)
         assert predictor.calls == ["read", "leave", "read"]
+
+
+def test_another_order_of_the_steps_is_predicted_again(tiny_store: Path) -> None:
+    session = Session(tiny_store)
+    steps = (("real", "brightness"), ("real", "contrast"))
+    keys = {
+        live_prediction.live_key(
+            session.store,
+            replace(session.state, tab="adjust", adjust=Adjust(session.state.run, run_steps=order)),
+        )
+        for order in (steps, steps[::-1])
+    }
+    assert len(keys) == 2

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Callable
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,28 +14,15 @@ from s2rtui.app import load_scheduler
 from s2rtui.app.app import S2RApp
 from s2rtui.app.messages import LoadProgressed
 from s2rtui.app.pilot import settle, take_screenshot
-from s2rtui.canvas import RenderOptions
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.loaders import LOADERS, store_data
-from s2rtui.session import Session
 from s2rtui.session.loaded_data_origin import instance_provenance
 from s2rtui.session.state import Adjust, Slider
+from tests.support.application import make_app, press
 
 LONG_DELAY_SECONDS = 60.0
 SLIDER = Slider("real", "brightness", 0.5, 1.5, 1.0, 0.05, "")
-
-
-def make_app(store: Path) -> S2RApp:
-    app = S2RApp(Session(store), RenderOptions())
-    app.load_scheduler.debounce_seconds = 0.001
-    return app
-
-
-async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
-    for key in keys:
-        await pilot.press(key)
-        await settle(app, pilot)
 
 
 async def press_without_loading(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
@@ -55,46 +41,33 @@ def loading(app: S2RApp, view: str) -> str:
     return BY_NAME[view].loading(app.renderer.scene)
 
 
-@pytest.mark.parametrize(
-    ("key", "other"),
-    [
-        ("right", lambda s: f"{s.cursor}"), ("h", lambda s: s.heat.label),
-        ("r", lambda s: f"run {s.run}"),
-    ],
-)  # fmt: skip
-async def test_images_keep_their_label_until_new_ones_arrive(
-    tiny_store: Path, key: str, other: Callable[..., str]
-) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await press(app, pilot, "c")
-        before, state = subtitle(app, "instance"), app.session.state
-        assert before == f"{state.cursor}, {state.heat.label}"
-        await press_without_loading(app, pilot, key)
-        after = app.session.state
-        assert subtitle(app, "instance") == before + (", run vanilla" if key == "r" else "")
-        assert loading(app, "instance") == other(after)
-        screen = take_screenshot(app).text
-        assert f"3 instance  {before}"[:20] in screen
-        assert f"(loading {other(after)})"[:20] in screen
-        app.load_scheduler.debounce_seconds = 0.001
-        await press(app, pilot, key)
-        assert loading(app, "instance") == ""
-
-
-@pytest.mark.parametrize("key", ["right", "h", "r"])
-async def test_loading_does_not_move_the_images(tiny_store: Path, key: str) -> None:
+async def test_images_keep_label_and_place_until_new_ones_arrive(tiny_store: Path) -> None:
     def first_image_row() -> int:
         rows = take_screenshot(app).text.splitlines()
         return next(n for n, row in enumerate(rows) if "◆ sim" in row and "◇ real" in row)
 
     app = make_app(tiny_store)
-    async with app.run_test(size=(100, 40)) as pilot:
-        await press(app, pilot, "c")
-        before = first_image_row()
-        await press_without_loading(app, pilot, key)
-        assert loading(app, "instance")
-        assert first_image_row() == before
+    async with app.run_test(size=(120, 40)) as pilot:
+        for key, other in (
+            ("right", lambda s: f"{s.cursor}"),
+            ("h", lambda s: s.heat.label),
+            ("r", lambda s: f"run {s.run}"),
+        ):
+            app.load_scheduler.debounce_seconds = 0.001
+            await press(app, pilot, "c")
+            before, state, row = subtitle(app, "instance"), app.session.state, first_image_row()
+            assert before == f"{state.cursor}, {state.heat.label}"
+            await press_without_loading(app, pilot, key)
+            after = app.session.state
+            assert subtitle(app, "instance") == before + (", run vanilla" if key == "r" else "")
+            assert loading(app, "instance") == other(after)
+            screen = take_screenshot(app).text
+            assert f"3 instance  {before}"[:20] in screen
+            assert f"(loading {other(after)})"[:20] in screen
+            assert first_image_row() == row
+            app.load_scheduler.debounce_seconds = 0.001
+            await press(app, pilot, key)
+            assert loading(app, "instance") == ""
 
 
 async def test_unreadable_images_are_not_shown_as_loading(
@@ -115,7 +88,7 @@ async def test_unreadable_images_are_not_shown_as_loading(
 
 async def test_the_heatmap_of_another_instance_is_labelled(tiny_store: Path) -> None:
     app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with app.run_test(size=(80, 24)) as pilot:
         await press(app, pilot, "c", "o")
         before = app.session.state.cursor
         label = BY_NAME["map"].input(app.renderer.scene).heat_label
@@ -127,7 +100,7 @@ async def test_the_heatmap_of_another_instance_is_labelled(tiny_store: Path) -> 
 
 async def test_the_heatmap_of_an_earlier_selection_is_labelled(tiny_store: Path) -> None:
     app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with app.run_test(size=(80, 24)) as pilot:
         await press(app, pilot, "c", "o", "o")
         await press_without_loading(app, pilot, "w")
         assert "of an earlier selection" in BY_NAME["map"].input(app.renderer.scene).heat_label
@@ -138,7 +111,7 @@ async def test_the_seen_floor_of_an_earlier_selection_is_not_used(
     tiny_store: Path, key: str
 ) -> None:
     app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with app.run_test(size=(80, 24)) as pilot:
         await press(app, pilot, "c", "C")
         assert BY_NAME["map"].input(app.renderer.scene).clip is not None
         await press_without_loading(app, pilot, key)
@@ -217,14 +190,12 @@ def _completed(app: S2RApp, loader: str):
 async def test_a_slow_loader_does_not_block_the_others(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import threading
-
     release = threading.Event()
     started: list[int] = []
 
     def blocking_read(*_: object) -> dict[str, object]:
         started.append(1)
-        release.wait(20)
+        release.wait(60)
         return {}
 
     changed = tuple(
@@ -234,15 +205,12 @@ async def test_a_slow_loader_does_not_block_the_others(
     )  # fmt: skip
     monkeypatch.setattr(load_scheduler, "LOADERS", changed)
     app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
-        for _ in range(60):
-            await pilot.press("n")
-        for _ in range(500):
-            source = app.resources.pictures_source
-            if source is not None and source.iid == app.session.state.cursor:
-                break
-            await asyncio.sleep(0.01)
-        assert app.resources.pictures_source.iid == app.session.state.cursor
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("3", *["n"] * 20)
+        while (source := app.resources.pictures_source) is None or (
+            source.iid != app.session.state.cursor
+        ):
+            await pilot.pause(0.01)
         assert sum(started) == 1
         release.set()
         await settle(app, pilot)

@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import s2rstore
 from s2rstore.maintenance.verify import verify
 from s2rtui.cli import main
@@ -44,6 +46,7 @@ end_process(0)
 """
 
 
+@pytest.mark.deep
 def test_readers_while_a_precompute_publishes(trained_store: Path, tmp_path: Path) -> None:
     path, stop = copy_store(trained_store, tmp_path / "s.s2r"), tmp_path / "stop"
     precompute = ["precompute", str(path), "--kinds", "feature_distance"]

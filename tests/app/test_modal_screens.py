@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
 from textual import events
 from textual.widgets import OptionList, Static
 
-from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
-from s2rtui.canvas import RenderOptions
-from s2rtui.session import Session
 from s2rtui.user_data.notebook import Notebook, SavedSelection
+from tests.support.application import make_app, press
 
 CLOSING_KEYS = {
     "space": ("a", "n"),
@@ -24,24 +21,16 @@ CLOSING_KEYS = {
 """Per key that opens a screen, keys that close it and are harmless in the views below."""
 
 
-def make_app(store: Path) -> S2RApp:
-    app = S2RApp(Session(store, notebooks=Notebook), RenderOptions())
-    app.load_scheduler.debounce_seconds = 0.001
-    return app
-
-
-@pytest.mark.parametrize("opening", CLOSING_KEYS)
-async def test_several_closing_keys_close_a_screen_once(tiny_store: Path, opening: str) -> None:
+async def test_several_closing_keys_close_a_screen_once(tiny_store: Path) -> None:
     app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
-        await pilot.press(opening)
-        await settle(app, pilot)
-        assert app.screen is not app.default_screen
-        for key in CLOSING_KEYS[opening]:
-            app.post_message(events.Key(key, key if len(key) == 1 else None))
-        await settle(app, pilot)
-        assert app.screen_stack == [app.default_screen]
+    async with app.run_test(size=(80, 24)) as pilot:
+        for opening, closing_keys in CLOSING_KEYS.items():
+            await press(app, pilot, opening)
+            assert app.screen is not app.default_screen, opening
+            for key in closing_keys:
+                app.post_message(events.Key(key, key if len(key) == 1 else None))
+            await settle(app, pilot)
+            assert app.screen_stack == [app.default_screen], opening
     assert app.fault is None
 
 
@@ -55,7 +44,7 @@ def save_selections(*names: str) -> Notebook:
 async def test_deleting_a_selection_keeps_the_highlighted_row(tiny_store: Path) -> None:
     notebook = save_selections("a", "b", "c", "d")
     app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("f", "down", "down", "d")
         await settle(app, pilot)
         assert app.screen.query_one(OptionList).highlighted == 2
@@ -69,7 +58,7 @@ async def test_an_error_is_cleared_by_the_next_deletion(tiny_store: Path) -> Non
     notebook = save_selections("a", "c")
     notebook.save("b", SavedSelection("@a", 1, "dataaug", 6))
     app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("f", "d")
         await settle(app, pilot)
         title = app.screen.query_one("#selections-title", Static)
@@ -82,7 +71,7 @@ async def test_an_error_is_cleared_by_the_next_deletion(tiny_store: Path) -> Non
 async def test_deleting_a_selection_in_use_shows_an_error(tiny_store: Path) -> None:
     save_selections("a")
     app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with app.run_test(size=(80, 24)) as pilot:
         await settle(app, pilot)
         app.session.select("@a & all")
         await pilot.press("f", "d", "escape")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
 from textual import events
 
 from s2rtui.app.app import S2RApp
@@ -12,44 +11,32 @@ from s2rtui.app.pilot import settle
 from s2rtui.app.widgets.query_input import QueryInput
 from s2rtui.canvas import RenderOptions
 from s2rtui.session import Session
-from s2rtui.user_data.notebook import Notebook
+from tests.support.application import make_app, press
 
 
-def make_app(store: Path) -> S2RApp:
-    app = S2RApp(Session(store, notebooks=Notebook), RenderOptions())
-    app.load_scheduler.debounce_seconds = 0.001
-    return app
-
-
-@pytest.mark.parametrize(
-    ("typed", "completed"),
-    [
-        ("wor^", "worst15^"),
-        ("room:le^ & curved", 'room:"left hall"^ & curved'),
-        ("cur^ved & all", "curved^ & all"),
-        ("!str^aight | worst15", "!straight^ | worst15"),
-        ("real.error > ^ & all", "real.error > ^ & all"),
-        ('curved & room:"left h^', 'curved & room:"left hall"^'),
-    ],
-)
-async def test_completion_at_the_cursor(tiny_store: Path, typed: str, completed: str) -> None:
+async def test_completion_at_the_cursor(tiny_store: Path) -> None:
     app = make_app(tiny_store)
-    position, expected_position = typed.index("^"), completed.index("^")
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
-        await pilot.press("slash")
+    async with app.run_test(size=(80, 24)) as pilot:
+        await press(app, pilot, "slash")
         line = app.query_one(QueryInput)
-        line.value = typed[:position] + typed[position + 1 :]
-        line.cursor_position = position
-        await pilot.press("tab")
-        await pilot.pause()
-        assert line.value == completed[:expected_position] + completed[expected_position + 1 :]
-        assert line.cursor_position == expected_position
+        for typed, completed in (
+            ("wor^", "worst15^"),
+            ("room:le^ & curved", 'room:"left hall"^ & curved'),
+            ("cur^ved & all", "curved^ & all"),
+            ("!str^aight | worst15", "!straight^ | worst15"),
+            ("real.error > ^ & all", "real.error > ^ & all"),
+            ('curved & room:"left h^', 'curved & room:"left hall"^'),
+        ):
+            line.value, line.cursor_position = typed.replace("^", ""), typed.index("^")
+            await pilot.press("tab")
+            await pilot.pause()
+            assert line.value == completed.replace("^", "")
+            assert line.cursor_position == completed.index("^")
 
 
 async def test_repeated_tab_cycles_through_the_candidates(tiny_store: Path) -> None:
     app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with app.run_test(size=(80, 24)) as pilot:
         await settle(app, pilot)
         await pilot.press("slash")
         line = app.query_one(QueryInput)
@@ -63,30 +50,29 @@ async def test_repeated_tab_cycles_through_the_candidates(tiny_store: Path) -> N
         assert 'room:"left hall" (room)  room:right (room)' in app.session.state.message
 
 
-@pytest.mark.parametrize("change", ["paste", "click"])
-async def test_edits_between_two_completions_are_kept(tiny_store: Path, change: str) -> None:
+async def test_edits_between_two_completions_are_kept(tiny_store: Path) -> None:
     app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
-        await pilot.press("slash")
+    async with app.run_test(size=(80, 24)) as pilot:
+        await press(app, pilot, "slash")
         line = app.query_one(QueryInput)
-        line.value, line.cursor_position = "room:", 5
-        await pilot.press("tab")
-        if change == "paste":
-            line.post_message(events.Paste(" & wor"))
+        for change in ("paste", "click"):
+            line.value, line.cursor_position = "room:", 5
+            await pilot.press("tab")
+            if change == "paste":
+                line.post_message(events.Paste(" & wor"))
+                await pilot.pause()
+                expected = 'room:"left hall" & worst15'
+            else:
+                line.value, line.cursor_position = 'wor & room:"left hall"', 3
+                expected = 'worst15 & room:"left hall"'
+            await pilot.press("tab")
             await pilot.pause()
-            expected = 'room:"left hall" & worst15'
-        else:
-            line.value, line.cursor_position = 'wor & room:"left hall"', 3
-            expected = 'worst15 & room:"left hall"'
-        await pilot.press("tab")
-        await pilot.pause()
-        assert line.value == expected
+            assert line.value == expected
 
 
 async def test_a_saved_name_is_shown_quoted(tiny_store: Path) -> None:
     app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with app.run_test(size=(80, 24)) as pilot:
         await settle(app, pilot)
         await pilot.press("at", *"two", "space", *"words", "enter")
         await settle(app, pilot)

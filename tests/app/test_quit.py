@@ -16,7 +16,6 @@ import pytest
 import s2rstore
 from bench.support.processes import commands_below, wait_until
 from bench.support.screen import RIGHT, Screen
-from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtui.app import load_scheduler
 from s2rtui.app.app import S2RApp
 from s2rtui.canvas import RenderOptions
@@ -24,9 +23,6 @@ from s2rtui.cli import main
 from s2rtui.loaders import LOADERS
 from s2rtui.session import Session
 from tests.support.copies import copy_store
-from tests.support.silent_reporter import SilentReporter
-
-pytestmark = pytest.mark.xdist_group("world")
 
 MAX_QUIT_SECONDS = 5.0
 """Upper limit on a busy machine; usually less than one second."""
@@ -52,15 +48,8 @@ def open_screen(tmp_path: Path) -> Iterator[OpenScreen]:
         screen.close()
 
 
-@pytest.fixture(scope="module")
-def computed(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = copy_store(trained_store, tmp_path_factory.mktemp("leaving") / "s.s2r")
-    precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(("feature_distance",)))
-    return path
-
-
 def open_application(open_screen: OpenScreen, store: Path) -> Screen:
-    screen = open_screen("tui", str(store))
+    screen = open_screen("tui", str(store), "--with-trained")
     return skip_tour(screen)
 
 
@@ -88,8 +77,10 @@ def output_after_exit(screen: Screen) -> str:
     return re.sub(r"\x1b\[[?<>=0-9;]*[a-zA-Z]", "", text).strip()
 
 
-def test_quit_while_a_run_is_saved(computed: Path, tmp_path: Path, open_screen: OpenScreen) -> None:
-    path = copy_store(computed, tmp_path / "own.s2r")
+def test_quit_while_a_run_is_saved(
+    few_pairs_store: Path, tmp_path: Path, open_screen: OpenScreen
+) -> None:
+    path = copy_store(few_pairs_store, tmp_path / "own.s2r")
     screen = open_application(open_screen, path)
     screen.press("a")
     screen.wait_for("brightness")
@@ -110,14 +101,14 @@ def test_quit_while_a_run_is_saved(computed: Path, tmp_path: Path, open_screen: 
     assert main(["precompute", str(path), "--run", "brighter", "--kinds", "activation"]) == 0
 
 
-def test_quit_while_a_model_loads(computed: Path, open_screen: OpenScreen) -> None:
-    screen = open_application(open_screen, computed)
+def test_quit_while_a_model_loads(few_pairs_store: Path, open_screen: OpenScreen) -> None:
+    screen = open_application(open_screen, few_pairs_store)
     screen.press("a")
     screen.wait_for("loading the model")
     assert quit_application(screen) == ""
 
 
-@pytest.mark.parametrize("loader", ["pictures", "heat on the map", "live"])
+@pytest.mark.parametrize("loader", ["pictures", "live"])
 async def test_quit_while_a_loader_reads(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch, loader: str
 ) -> None:
@@ -139,7 +130,7 @@ async def test_quit_while_a_loader_reads(
     start = 0.0
     try:
         async with app.run_test(size=(120, 40)) as pilot:
-            assert await asyncio.to_thread(reading.wait, 5)
+            assert await asyncio.to_thread(reading.wait, 60)
             start = time.monotonic()
             await pilot.press("q")
         assert time.monotonic() - start < MAX_QUIT_SECONDS
@@ -148,23 +139,22 @@ async def test_quit_while_a_loader_reads(
         release.set()
 
 
-def test_an_unexpected_error_is_printed_in_one_line(
+def test_an_unexpected_error_while_starting_is_printed_in_one_line(
     tiny_store: Path, tmp_path: Path, open_screen: OpenScreen
 ) -> None:
     folder = tmp_path / "broken"
     folder.mkdir()
     (folder / "sitecustomize.py").write_text(
-        "import s2rtui.session.view_settings as showing\n"
+        "from s2rtui.app.app import S2RApp\n"
         "def broken(*arguments):\n"
         "    raise KeyError('no such thing')\n"
-        "showing.change_map_mode = broken\n"
+        "S2RApp.on_mount = broken\n"
     )
     sys.path.insert(0, str(folder))
     try:
         screen = open_screen("tui", str(tiny_store))
     finally:
         sys.path.remove(str(folder))
-    skip_tour(screen).press("m")
     assert screen.wait_for_end(20) == 70
     assert output_after_exit(screen) == (
         "s2r: internal error: KeyError: 'no such thing' (--debug shows the traceback)"

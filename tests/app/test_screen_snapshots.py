@@ -14,17 +14,20 @@ from types import SimpleNamespace
 import pytest
 
 from s2rstore.reader import Store
-from s2rtui.app.pilot import snapshot
+from s2rtui.app.app import S2RApp
+from s2rtui.app.pilot import settle, snapshot, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.registry import VIEWS
 from s2rtui.loaders.live_prediction import LivePredictor
+from s2rtui.session import Session
 from s2rtui.terminal import diagnostics
 from s2rtui.terminal.diagnostics import PARTS
+from s2rtui.user_data.notebook import ReadNotebook
 from tests.support import tiny
+from tests.support.application import press
 
 SCREENS = Path(__file__).parent / "screens"
-SIZES = ((80, 24), (120, 40), (200, 60))
 KEYS = {view.name: (view.key,) for view in VIEWS if view.name != "adjust"}
 KEYS |= {
     "map-full": ("m", "m"),
@@ -42,20 +45,6 @@ KEYS |= {
     "selections": ("b", "f"),
     "query": ("slash",),
 }
-
-
-@pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
-@pytest.mark.parametrize("name", KEYS)
-def test_screen(tiny_store: Path, name: str, size: tuple[int, int]) -> None:
-    screenshot = snapshot(tiny_store, size, ["w", *KEYS[name]], RenderOptions())
-    check(f"{name}-{size[0]}x{size[1]}", screenshot.text)
-
-
-@pytest.mark.parametrize("name", KEYS)
-def test_ascii_screen(tiny_store: Path, name: str) -> None:
-    screenshot = snapshot(tiny_store, (80, 24), ["w", *KEYS[name]], RenderOptions(ascii=True))
-    assert screenshot.text.isascii()
-    check(f"{name}-ascii", screenshot.text)
 
 
 @pytest.mark.parametrize("keys", ["c", "c,M", "c,M,9"])
@@ -86,8 +75,8 @@ class StoredPredictor:
         yield SimpleNamespace(iid=iid, side=sides.__getitem__)
 
 
-ENVIRONMENT_KEYS = {"adjust": ("a", "right", "right", "down"), "doctor": ("D",)}
-"""Keys that open views of more than the store: the model, the terminal, installed packages."""
+KEYS |= {"adjust": ("a", "right", "right", "down"), "doctor": ("D",)}
+"""Keys that open a view or screen from the selection `worst15`."""
 
 
 @pytest.fixture
@@ -102,21 +91,27 @@ def fixed_environment(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("fixed_environment")
-@pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
-@pytest.mark.parametrize("name", ENVIRONMENT_KEYS)
-def test_screen_of_the_environment(tiny_store: Path, name: str, size: tuple[int, int]) -> None:
-    screenshot = snapshot(tiny_store, size, ["w", *ENVIRONMENT_KEYS[name]], RenderOptions())
-    check(f"{name}-{size[0]}x{size[1]}", screenshot.text)
-
-
-@pytest.mark.usefixtures("fixed_environment")
-@pytest.mark.parametrize("name", ENVIRONMENT_KEYS)
-def test_ascii_screen_of_the_environment(tiny_store: Path, name: str) -> None:
-    screenshot = snapshot(
-        tiny_store, (80, 24), ["w", *ENVIRONMENT_KEYS[name]], RenderOptions(ascii=True)
-    )
-    assert screenshot.text.isascii()
-    check(f"{name}-ascii", screenshot.text)
+@pytest.mark.parametrize("shown", ["80x24", "120x40", "200x60", "ascii"])
+async def test_screens(tiny_store: Path, shown: str) -> None:
+    """One application opens every view from the same state."""
+    columns, rows = (80, 24) if shown == "ascii" else map(int, shown.split("x"))
+    session = Session(tiny_store, notebooks=ReadNotebook)
+    app = S2RApp(session, RenderOptions(ascii=shown == "ascii"))
+    app.load_scheduler.debounce_seconds = 0.001
+    async with app.run_test(size=(columns, rows)) as pilot:
+        await press(app, pilot, "w")
+        state, resources = session.state, app.resources
+        for name, keys in KEYS.items():
+            await press(app, pilot, *keys)
+            text = take_screenshot(app).text
+            assert text.isascii() or shown != "ascii"
+            check(f"{name}-{shown}", text)
+            if app.screen is not app.default_screen or app.prompt.is_open:
+                await press(app, pilot, "escape")
+            session.set_state(state)
+            app.resources = resources
+            app.renderer.refresh()
+            await settle(app, pilot)
 
 
 def check(name: str, text: str) -> None:

@@ -8,15 +8,15 @@ import pytest
 
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
-from s2rtui.app.app import S2RApp
 from s2rtui.app.key_bindings import ACTIONS
-from s2rtui.app.pilot import settle, snapshot
+from s2rtui.app.pilot import settle, snapshot, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.export.load_scene import SceneOptions, open_scene
 from s2rtui.export.report.build_report import render_report
 from s2rtui.export.report.report_request import ReportRequest
 from s2rtui.session import Session
+from tests.support.application import make_app, press
 from tests.support.copies import copy_store
 
 
@@ -34,9 +34,8 @@ def lines(store: Path, size: tuple[int, int], *keys: str) -> list[str]:
     return snapshot(store, size, keys, RenderOptions()).text.splitlines()
 
 
-@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60)])
-def test_the_first_screen_shows_images_and_the_command(store: Path, size: tuple[int, int]) -> None:
-    screen = lines(store, size)
+def test_the_first_screen_shows_images_and_the_command(store: Path) -> None:
+    screen = lines(store, (80, 24))
     assert "no runs" in screen[0]
     assert "40 of 40" in screen[0]
     assert any("3 instance  0" in line for line in screen)
@@ -57,25 +56,29 @@ def test_the_list_sorts_by_columns_of_the_truth(store: Path) -> None:
     assert any("▶" in line and " 39 " in line for line in screen)
 
 
-@pytest.mark.parametrize("view", [v for v in VIEWS if v.needs_run and v.from_store])
-def test_a_view_of_predictions_names_the_command(store: Path, view) -> None:
-    screen = " ".join(lines(store, (80, 24), view.key)[2:-2])
-    assert "s2r run add NAME --model" in " ".join(screen.split())
-    with pytest.raises(RequestError, match="s2r run add"), open_scene(store, SceneOptions(), view):
-        pass
+async def test_views_of_predictions_name_the_command(store: Path) -> None:
+    app = make_app(store)
+    async with app.run_test(size=(80, 24)) as pilot:
+        for view in (view for view in VIEWS if view.needs_run and view.from_store):
+            await press(app, pilot, view.key)
+            screen = " ".join(take_screenshot(app).text.splitlines()[2:-2])
+            assert "s2r run add NAME --model" in " ".join(screen.split()), view.name
+            with (
+                pytest.raises(RequestError, match="s2r run add"),
+                open_scene(store, SceneOptions(), view),
+            ):
+                pass
 
 
 async def test_no_key_fails(store: Path) -> None:
-    app = S2RApp(Session(store), RenderOptions())
-    app.load_scheduler.debounce_seconds = 0.001
+    app = make_app(store)
     left_out = {"quit", "snapshot", "write_selection", "report", "tour", "help", "doctor", "jump"}
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with app.run_test(size=(80, 24)) as pilot:
         await settle(app, pilot)
         for action in ACTIONS:
             if action.name in left_out or action.when == "brushing":
                 continue
-            await pilot.press(action.keys[0])
-            await settle(app, pilot)
+            await press(app, pilot, action.keys[0])
             await pilot.press("escape", "escape")
         assert not app.resources.failed
     assert app.fault is None

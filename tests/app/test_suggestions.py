@@ -6,17 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from textual.pilot import Pilot
 
 from s2rstore.index.transaction import edit
-from s2rtui.app.app import S2RApp
-from s2rtui.app.pilot import settle, take_screenshot
-from s2rtui.canvas import RenderOptions
+from s2rtui.app.pilot import take_screenshot
 from s2rtui.loaders.live_prediction import LivePredictor
-from s2rtui.security import Permissions
 from s2rtui.session import Session
 from s2rtui.session.adjusting import adjustment_chains
 from tests.app.test_screen_snapshots import StoredPredictor
+from tests.support.application import make_app, press
 from tests.support.copies import copy_store
 from tests.support.suggestions import store_reports, suggest_report
 
@@ -31,17 +28,6 @@ def store(tiny_store: Path, tmp_path: Path) -> Path:
 @pytest.fixture(autouse=True)
 def stored_predictions(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(LivePredictor, "model", lambda _, store, run: StoredPredictor(store, run))
-
-
-def make_app(store: Path, restricted: bool = False) -> S2RApp:
-    access = Permissions.for_store(store, restricted)
-    return S2RApp(Session(store), RenderOptions(), access=access)
-
-
-async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
-    for key in keys:
-        await pilot.press(key)
-        await settle(app, pilot)
 
 
 async def test_enter_shows_an_answer_for_real_images_as_live_adjustment(store: Path) -> None:

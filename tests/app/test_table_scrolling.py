@@ -13,9 +13,10 @@ from s2rtui.app.pilot import take_screenshot
 from s2rtui.app.screens.help_content import help_text
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.compare.terminal import comparison_text
-from tests.app.test_focused_view import make_app, message, press
+from tests.app.test_focused_view import message
 from tests.charts.examples import N, compare_input
 from tests.support import tiny
+from tests.support.application import make_app, press
 
 ROOMS = tuple(f"room {letter}" for letter in "abcdefghijkl")
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
+from rich.cells import cell_len
 
-from s2rtui.canvas import DARK, LIGHT, Canvas
+from s2rtui.canvas import DARK, LIGHT, Canvas, RenderOptions
 from s2rtui.canvas.colour import ANSI_16, diverging, legible, luma, to_16, to_256, turbo
+from s2rtui.canvas.fit_text import fit_text
 
 
 def test_text_is_clipped_at_every_edge() -> None:
@@ -74,3 +77,57 @@ def test_glyph_colours_contrast_with_both_themes() -> None:
     colours = turbo(np.linspace(0, 1, 50))
     assert luma(legible(colours, DARK)).min() > 0.2
     assert luma(legible(colours, LIGHT)).max() < 0.8
+
+
+def cells_of(canvas: Canvas) -> list[int]:
+    return [cell_len(line) for line in canvas.lines()]
+
+
+@pytest.mark.parametrize("x", range(-2, 8))
+def test_no_half_of_a_wide_character_remains(x: int) -> None:
+    options = RenderOptions()
+    for draw in (
+        lambda canvas: canvas.put(x, 0, "#"),
+        lambda canvas: canvas.text(x, 0, "界"),
+        lambda canvas: canvas.text(x, 0, "ab"),
+        lambda canvas: canvas.hline(x, x + 1, 0),
+        lambda canvas: canvas.vline(x, 0, 0),
+        lambda canvas: canvas.paste(Canvas(1, 1, options), x, 0),
+        lambda canvas: canvas.paste(wide_text(3), x, 0),
+        lambda canvas: canvas.paste(wide_text(3, 1), x, 0),
+    ):
+        for start in (0, 1):
+            canvas = wide_text(7, start)
+            draw(canvas)
+            assert cells_of(canvas) == [7]
+
+
+def wide_text(width: int, start: int = 0) -> Canvas:
+    canvas = Canvas(width, 1)
+    canvas.text(start, 0, "所有世界")
+    return canvas
+
+
+def test_the_canvas_shows_no_part_of_a_number() -> None:
+    for width in range(1, 12):
+        for align, x in (("left", 0), ("right", width), ("left", width - 3), ("right", 3)):
+            canvas = Canvas(width, 1)
+            canvas.text(x, 0, "m -10.5 km", align=align)
+            assert ("-10.5" in canvas.lines()[0]) or not set("-105.") & set(canvas.lines()[0])
+
+
+@pytest.mark.parametrize(
+    ("text", "width", "fitted"),
+    [
+        ("median 0.018", 12, "median 0.018"),
+        ("median 0.018", 11, "median"),
+        ("-10.5", 4, ""),
+        ("peak 12k more", 7, "peak"),
+        ("peak 12k more", 9, "peak 12k"),
+        ("所有世界", 5, "所有"),
+        ("所有 12", 6, "所有"),
+    ],
+)
+def test_fitted_text_has_no_part_of_a_number(text: str, width: int, fitted: str) -> None:
+    assert fit_text(text, width) == fitted
+    assert cell_len(fit_text(text, width, "…")) <= width

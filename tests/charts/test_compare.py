@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
@@ -129,7 +129,6 @@ def test_empty_selections_and_missing_values_can_be_drawn() -> None:
     assert "no instance" in compare_input(first=missing).sentences
 
 
-@settings(deadline=None)
 @given(errors, errors, masks, arrays.arrays(np.int64, N, elements=st.integers(-1, 2)))
 def test_changes_by_room_equal_direct_computation(
     first: np.ndarray, second: np.ndarray, members: np.ndarray, room: np.ndarray

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,6 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 from scipy import ndimage
 
+import s2rstore
+from s2rstore.metrics.heatmap_scores import trust_line
 from s2rtui.analysis.connected_regions import connected_regions, place_in_image
 from s2rtui.charts.instance.model import _harm_note
 from s2rtui.session.state import HeatChoice
@@ -59,3 +63,16 @@ def test_fine_heat_is_summed_and_other_kinds_have_no_metres() -> None:
 @pytest.mark.parametrize("mode", ["heading", "loss"])
 def test_heat_in_radians_and_loss_has_no_metres(mode: str) -> None:
     assert _harm_note(HeatChoice("harm", mode), np.ones((12, 12), dtype=np.float32)) == []
+
+
+def test_only_heat_in_metres_is_said_to_sum_to_metres(tiny_store: Path) -> None:
+    with s2rstore.open(tiny_store) as store:
+        for mode, expected in (
+            ("position", True),
+            (None, True),
+            ("heading", False),
+            ("loss", False),
+        ):
+            line = trust_line(store, "vanilla", "harm", mode)
+            assert line.startswith("what each changed segment costs")
+            assert ("sums to metres" in line) == expected

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
@@ -31,7 +31,6 @@ def drawn(parts: list, width: int, most: int | None = None) -> list[str]:
     return canvas.lines()
 
 
-@settings(deadline=None)
 @given(st.lists(labels, min_size=1, max_size=6), labels, st.integers(40, 160))
 def test_every_word_appears(texts: list[str], label: str, width: int) -> None:
     parts = [text_part(((text, DARK.muted),)) for text in texts]
@@ -42,7 +41,6 @@ def test_every_word_appears(texts: list[str], label: str, width: int) -> None:
     assert [word for word in shown if word in wanted] == wanted
 
 
-@settings(deadline=None)
 @given(st.lists(labels, min_size=1, max_size=9), st.integers(40, 90), st.integers(1, 4))
 def test_an_ellipsis_marks_what_is_left_out(texts: list[str], width: int, most: int) -> None:
     parts = [text_part(((text, DARK.muted),)) for text in texts]

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from s2rstore.reader import Store
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.list.model import ListColumn, ListInput
 from s2rtui.charts.list.terminal import draw_list, list_layout, list_panels
+from s2rtui.charts.list.view import VIEW
+from s2rtui.charts.scene import Resources, Scene
+from s2rtui.session import Session, State, instance_list
 
 ROWS = np.random.default_rng(5).permutation(60)
 COLUMNS = (
@@ -19,7 +25,6 @@ COLUMNS = (
 )
 
 
-@settings(deadline=None, max_examples=60)
 @given(st.integers(16, 60), st.integers(2, 80), st.none() | st.sampled_from(ROWS.tolist()))
 def test_each_line_shows_the_row_of_its_position(
     width: int, height: int, cursor: int | None
@@ -44,7 +49,6 @@ def test_each_line_shows_the_row_of_its_position(
         assert [int(ROWS[layout.row_at(int(y)) or 0]) for y in np.flatnonzero(marked)] == [cursor]
 
 
-@settings(deadline=None, max_examples=40)
 @given(st.integers(16, 60), st.integers(2, 80), st.sampled_from(ROWS.tolist()))
 def test_cells_convert_to_rows_and_back(width: int, height: int, cursor: int) -> None:
     view = ListInput(ROWS, COLUMNS, cursor)
@@ -71,3 +75,24 @@ def test_an_empty_list_shows_a_message() -> None:
     view = ListInput(ROWS[:0], COLUMNS)
     assert draw_list(view, (40, 5)).lines()[0].strip() == "nothing is selected"
     assert list_panels(view, (40, 5)) == ()
+
+
+def test_each_column_is_converted_once(tiny_store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    session = Session(tiny_store)
+    session.select("all")
+    scene = Scene(session.store, session.state, Resources())
+    converted: list[str] = []
+    column = instance_list.column
+
+    def counted(store: Store, state: State, name: str) -> np.ndarray:
+        converted.append(name)
+        return column(store, state, name)
+
+    monkeypatch.setattr(instance_list, "column", counted)
+    _, rows = VIEW.numbers(scene)
+    assert len(rows) == 40
+    assert len(set(converted)) > 5
+    assert max(map(converted.count, converted)) <= 2  # once for the order of the rows
+    converted.clear()
+    VIEW.draw(scene, (200, 30), RenderOptions())
+    assert max(map(converted.count, converted)) <= 2  # once for the order of the rows

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rtui.canvas import DARK, ColourMode, InlineImage, Pixels, RenderOptions
@@ -101,7 +101,6 @@ places = st.lists(
 )
 
 
-@settings(deadline=None)
 @given(places, st.sampled_from([disc(3), diamond(2), hollow(disc(4)), disc(0.5)]))
 def test_stamps_show_the_highest_level(marks: list[tuple[int, int, int]], shape: Any) -> None:
     points = np.array([mark[:2] for mark in marks], dtype=np.float64).reshape(-1, 2)

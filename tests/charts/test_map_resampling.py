@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from s2rstore.records import Bounds
@@ -25,7 +25,6 @@ def exact_mean(image: np.ndarray, bounds: Bounds, box: Bounds) -> float:
     return float((weight * np.nan_to_num(image)).sum() / weight.sum()) if weight.sum() else np.nan
 
 
-@settings(deadline=None, max_examples=40)
 @given(st.integers(1, 40), st.integers(1, 40), st.floats(0.05, 0.9), st.booleans(), st.booleans())
 @example(31, 29, 0.625, False, False)
 def test_each_pixel_is_the_mean_of_its_area(

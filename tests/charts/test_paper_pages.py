@@ -23,7 +23,9 @@ from tests.support import nights, tiny
 from tests.support.copies import copy_store
 from tests.support.suggestions import store_reports
 
-WIDTHS = (80.0, 160.0)
+NARROW = 80.0
+WIDE = ("map with heat", "many: overview", "rooms")
+"""Figures that are usually drawn on wide pages, too; the others by the deep tests."""
 MANY = ("overview", "map", "umap", "orientation", "rooms", "errors", "compare", "scatter")
 """Views that are drawn of many instances, too."""
 DPI = 100
@@ -58,12 +60,12 @@ def stores(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
 
 @pytest.fixture(scope="module")
 def with_nights(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of the small store with a gap history of three nights."""
+    """A copy of the small store with a gap history of two nights."""
     folder = tmp_path_factory.mktemp("nights")
     own = copy_store(tiny_store, folder / "own.s2r")
     (folder / "drives").mkdir()
     week = nights.Week(nights.write_config(folder, own), {}, from_day=9)
-    for night in (1, 2, 3):
+    for night in (1, 2):
         week.night(night)
     return own
 
@@ -77,11 +79,19 @@ def with_suggestions(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory)
     return own
 
 
-@pytest.fixture(scope="module", params=itertools.product(FIGURES, WIDTHS),
-                ids=lambda at: f"{at[0]}-{at[1]:g}")  # fmt: skip
-def figure(request: pytest.FixtureRequest, stores: tuple[Path, Path]) -> Figure:
-    """Each figure at each width, as it was before it was encoded."""
-    name, width = request.param
+PAGES = [
+    pytest.param(name, width, id=f"{name}-{width:g}",
+                 marks=() if width == NARROW or name in WIDE else pytest.mark.deep)
+    for name, width in itertools.product(FIGURES, (NARROW, 160.0))
+]  # fmt: skip
+
+
+@pytest.fixture
+def figure(
+    name: str, width: float, stores: tuple[Path, Path], request: pytest.FixtureRequest,
+    monkeypatch: pytest.MonkeyPatch,
+) -> Figure:  # fmt: skip
+    """The figure as it was before it was encoded; its page has the requested width."""
     figures: list[Figure] = []
     encoded = paper.Page.encoded
 
@@ -92,9 +102,9 @@ def figure(request: pytest.FixtureRequest, stores: tuple[Path, Path]) -> Figure:
     store = stores[name.startswith("many")]
     if of_view := OWN_STORES.get(FIGURES[name][0]):
         store = request.getfixturevalue(of_view)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(paper.Page, "encoded", keep)
-        draw(store, name, width)
+    monkeypatch.setattr(paper.Page, "encoded", keep)
+    pixels = int.from_bytes(draw(store, name, width)[16:20], "big")
+    assert pixels == round(width / 25.4 * DPI)
     (drawn,) = figures
     return drawn
 
@@ -127,7 +137,8 @@ def texts(figure: Figure) -> Iterator[tuple[str, Bbox]]:
                 yield text.get_text(), box
 
 
-def test_texts_are_whole_and_apart(figure: Figure) -> None:
+@pytest.mark.parametrize(("name", "width"), PAGES)
+def test_texts_are_whole_and_apart_and_axes_with_numbers_have_units(figure: Figure) -> None:
     wide, high = figure.bbox.size
     found = list(texts(figure))
     assert found
@@ -144,6 +155,11 @@ def test_texts_are_whole_and_apart(figure: Figure) -> None:
     ]
     assert not overlapping
     assert not [text for text, _ in found if text.endswith("…")]
+    for axes in figure.axes:
+        for which in ("x", "y"):
+            if _has_numbers(axes, which):
+                label = _label(figure, axes, which)
+                assert UNITS.search(label), (which, label)
 
 
 def _shared(one: Bbox, two: Bbox) -> bool:
@@ -151,17 +167,6 @@ def _shared(one: Bbox, two: Bbox) -> bool:
     wide = min(one.x1, two.x1) - max(one.x0, two.x0)
     high = min(one.y1, two.y1) - max(one.y0, two.y0)
     return bool(wide > 1.5 and high > 1.5)
-
-
-def test_axes_with_numbers_have_labels_with_units(figure: Figure) -> None:
-    figure.draw_without_rendering()
-    for axes in figure.axes:
-        for which in ("x", "y"):
-            if _has_numbers(axes, which):
-                assert UNITS.search(_label(figure, axes, which)), (
-                    which,
-                    _label(figure, axes, which),
-                )
 
 
 def _has_numbers(axes: Axes, which: str) -> bool:
@@ -184,10 +189,3 @@ def _label(figure: Figure, axes: Axes, which: str) -> str:
         names.append(axes.get_title(loc="left"))
         names += [text.get_text() for text in figure.texts if text.get_rotation() == 90]
     return " ".join(" ".join(names).split())
-
-
-@pytest.mark.parametrize("width", WIDTHS)
-def test_pages_have_their_size_on_paper(tiny_store: Path, width: float) -> None:
-    data = draw(tiny_store, "map", width)
-    (pixels,) = np.frombuffer(data[16:20], dtype=">u4")
-    assert int(pixels) == round(width / 25.4 * DPI)

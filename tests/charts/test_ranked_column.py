@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
@@ -17,7 +17,6 @@ groupings = arrays.arrays(np.int64, N, elements=st.integers(0, 2))
 masks = arrays.arrays(np.bool_, N)
 
 
-@settings(deadline=None)
 @given(columns, groupings, masks, st.sampled_from([3, 7, 2048]))
 def test_medians_and_ranks_are_those_of_the_sorted_members(
     values: np.ndarray, groups: np.ndarray, members: np.ndarray, bins: int

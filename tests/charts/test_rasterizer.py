@@ -5,7 +5,6 @@ from __future__ import annotations
 from io import BytesIO
 
 import numpy as np
-import pytest
 from PIL import Image
 from rich.segment import Segment
 from rich.style import Style
@@ -41,14 +40,14 @@ def test_box_lines_are_continuous_across_cells() -> None:
     assert ink[10:50, left].all()
 
 
-@pytest.mark.parametrize("code", [*range(0x2500, 0x25A0), *range(0x2801, 0x2900)])
-def test_every_geometric_character_has_ink_within_its_cell(code: int) -> None:
-    mask = glyph_mask(chr(code), 20, 10)
-    assert mask is not None
-    assert mask.shape == (20, 10)
-    assert 0 < mask.sum() <= 200
-    assert mask.min() >= 0
-    assert mask.max() <= 1
+def test_every_geometric_character_has_ink_within_its_cell() -> None:
+    for code in (*range(0x2500, 0x25A0), *range(0x2801, 0x2900)):
+        mask = glyph_mask(chr(code), 20, 10)
+        assert mask is not None, hex(code)
+        assert mask.shape == (20, 10)
+        assert 0 < mask.sum() <= 200, hex(code)
+        assert mask.min() >= 0
+        assert mask.max() <= 1
 
 
 def test_mirrored_blocks_have_mirrored_pixels() -> None:

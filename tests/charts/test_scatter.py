@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from matplotlib.path import Path as Polygon
@@ -67,7 +67,6 @@ def test_quadrants_and_sides_equal_a_count_by_hand(
     assert (summary.total, summary.selected) == (valid.sum(), len(inside))
 
 
-@settings(deadline=None)
 @given(errors, errors, masks, masks)
 def test_quadrants_are_what_their_expressions_select(
     sim: np.ndarray, real: np.ndarray, selected: np.ndarray, valid: np.ndarray
@@ -133,7 +132,6 @@ def boxes(draw: st.DrawFn) -> tuple[int, int, int, int]:
     return x[0], y[0], x[1], y[1]
 
 
-@settings(max_examples=200, deadline=None)
 @given(errors, errors, boxes())
 def test_a_box_selects_exactly_the_dots_inside(
     sim: np.ndarray, real: np.ndarray, box: tuple[int, int, int, int]
@@ -165,7 +163,6 @@ def test_a_box_over_the_whole_plot_selects_all() -> None:
     assert box_expression(data.axis, data.sim, data.real, mark, (0.02, 0.05)) == "all"
 
 
-@settings(max_examples=100, deadline=None)
 @given(
     errors, errors,
     st.lists(st.tuples(st.floats(0.02, 0.98), st.floats(0.02, 0.98)), min_size=3, max_size=3),
@@ -275,7 +272,6 @@ def test_diagonal_and_sides_have_glyphs_of_their_own(
     assert f"{diagonal} sim = real" in legend
 
 
-@settings(deadline=None)
 @given(errors, errors, st.floats(0, 0.7), st.floats(0, 0.7), st.floats(0.1, 0.4))
 def test_a_zoomed_plot_shows_the_instances_in_view(
     sim: np.ndarray, real: np.ndarray, left: float, low: float, size: float
@@ -313,3 +309,19 @@ def test_a_box_over_a_zoomed_plot_selects_the_instances_in_view() -> None:
     assert 0 < chosen.sum() < 60
     assert (chosen & data.valid).sum() == model.count.sum()
     assert len(scatter_figure(data, (600, 480))) > 1000
+
+
+@pytest.mark.parametrize("place", [0, 1])
+@pytest.mark.parametrize("start", [0.0, 0.01])
+@pytest.mark.parametrize("end", [0.018, 0.015, 0.02])
+def test_a_box_that_ends_at_the_smallest_error_is_an_expression(
+    place: int, start: float, end: float
+) -> None:
+    columns = [np.linspace(0.018, 3, N), np.linspace(0.018, 3, N)]
+    data = view(*columns)
+    corners = [[-1.0, -1.0], [9.0, 9.0]]
+    corners[0][place], corners[1][place] = start, end
+    mark = Mark("errors", (tuple(corners[0]), tuple(corners[1])))
+    expression = box_expression(data.axis, *columns, mark, (0.02, 0.05))
+    chosen = mask(parse(expression), mask_context(N, sim_error=columns[0], real_error=columns[1]))
+    assert np.flatnonzero(chosen).tolist() == ([0] if end > 0.018 else [])

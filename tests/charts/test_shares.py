@@ -8,12 +8,17 @@ import numpy as np
 import pytest
 
 import s2rstore
+from s2rstore.index.schema import GAP_SHARES
+from s2rstore.index.transaction import edit
 from s2rstore.metrics.bootstrap import Interval
 from s2rstore.metrics.gap_shares import FactorShare, GapShares, mean_shares
 from s2rstore.records import GAP_FACTORS
 from s2rtui.canvas import RenderOptions
+from s2rtui.charts.scene import Resources, Scene
 from s2rtui.charts.shares.model import SharesInput, shares_model
 from s2rtui.charts.shares.terminal import draw_shares
+from s2rtui.charts.shares.view import VIEW
+from s2rtui.session import Session
 
 
 def shares(*means: float, n: int = 30) -> GapShares:
@@ -85,3 +90,19 @@ def test_pairs_far_apart_are_left_out_and_counted(tiny_store: Path) -> None:
         assert found.gap == pytest.approx(store.run_columns("vanilla").gap[15:].mean(), abs=1e-5)
     text = " ".join(text_of(SharesInput(found, found), (100, 20)))
     assert f"n {found.n}; 15 pairs too far apart left out" in text
+
+
+def test_the_reason_follows_a_change_of_the_run(store_copy: Path) -> None:
+    with edit(store_copy) as draft:
+        draft.delete("zarr_array", run="dataaug", kind="gap_shares")
+        for run in ("vanilla", "dataaug"):
+            draft.update("prediction", {"run": run}, dict.fromkeys(GAP_SHARES))
+    session = Session(store_copy)
+    keys, texts = [], []
+    for run in ("vanilla", "dataaug"):
+        session.set_run(run)
+        scene = Scene(session.store, session.state, Resources())
+        keys.append(VIEW.cache_key(scene))
+        texts.append(VIEW.draw(scene, (80, 10), RenderOptions()).lines())
+    assert texts[0] != texts[1]
+    assert keys[0] != keys[1]

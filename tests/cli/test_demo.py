@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.findings import store_summary
 from s2rstore.index.transaction import edit
 from s2rtools.scoring import factor_effects
 from s2rtools.synthetic_world.dataset import WorldData
@@ -15,74 +17,97 @@ from s2rtools.synthetic_world.factors import FACTORS
 from s2rtools.training import pretrained
 from s2rtui.cli import main
 from s2rtui.cli.commands import demo
+from tests.support.copies import copy_store
 
-pytestmark = pytest.mark.xdist_group("world")
 DEMO_ARGUMENTS = ["demo", "--no-open", "--instances", "4", "--out"]
 
 
-@pytest.fixture(scope="module")
-def demo_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A demo that was interrupted after registering its models and then resumed."""
-    out = tmp_path_factory.mktemp("demo")
-    arguments = ["ingest", "world", "--instances", "4", "--store", str(out / "world.s2r")]
-    assert main(arguments) == 0
-    pretrained.add_pretrained_models(out / "world.s2r")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(factor_effects, "MAX_VIEWS", factor_effects.MIN_VIEWS)
-        assert main([*DEMO_ARGUMENTS, str(out)]) == 0
-    return out
+@pytest.fixture
+def demo_folder(tmp_path: Path, tiny_store: Path) -> Path:
+    """A folder with the small store as if it was a generated world."""
+    path = copy_store(tiny_store, tmp_path / "demo" / "world.s2r")
+    recipe = {"seed": 1, "count": 4, "factors": dict.fromkeys(FACTORS, 1.0)}
+    with edit(path) as draft:
+        draft.set_provenance("world", {"recipe": json.dumps(recipe)})
+    return path.parent
 
 
-def test_the_demo_prints_findings_and_writes_images(demo_folder: Path, capsys) -> None:
+def test_stages_are_run_until_the_store_is_complete(
+    demo_folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    commands: list[str] = []
+    path = demo_folder / "world.s2r"
+    hidden = path.rename(demo_folder / "hidden")
+
+    def record(words: list[str]) -> int:
+        if words[0] in ("export", "snapshot"):
+            return main(words)
+        commands.append(words[0])
+        if words[0] == "ingest":
+            hidden.rename(path)
+        return 0
+
+    monkeypatch.setattr("s2rtui.cli.main", record)
     assert main([*DEMO_ARGUMENTS, str(demo_folder)]) == 0
+    assert commands == ["ingest", "precompute", "score"]
+    output = capsys.readouterr()
+    assert "2 runs" in output.out
+    assert f"open it with: s2r {path}" in output.out
+    for name in ("overview", "geomap", "instance", "screen"):
+        assert (demo_folder / f"{name}.png").stat().st_size > 10_000
+    with s2rstore.open(path) as store:
+        keys = {name: run.key for name, run in store.runs.items()}
+    with edit(path) as draft:
+        draft.set_provenance("score", {"report": json.dumps({"runs": keys})})
+        draft.delete("run", run="vanilla")
+    del commands[:]
+    assert main([*DEMO_ARGUMENTS, str(demo_folder)]) == 0
+    assert commands == ["model"]
+
+
+@pytest.mark.deep
+def test_an_interrupted_demo_is_resumed_and_prints_findings(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arguments = ["ingest", "world", "--instances", "4", "--store", str(tmp_path / "world.s2r")]
+    assert main(arguments) == 0
+    pretrained.add_pretrained_models(tmp_path / "world.s2r")
+    monkeypatch.setattr(factor_effects, "MAX_VIEWS", factor_effects.MIN_VIEWS)
+    assert main([*DEMO_ARGUMENTS, str(tmp_path)]) == 0
+    capsys.readouterr()
+    assert main([*DEMO_ARGUMENTS, str(tmp_path)]) == 0
     output = capsys.readouterr()
     for expected in ("4 runs", "best run: ", "costliest factor of vanilla",
                  "best heatmap of vanilla: harmonised"):  # fmt: skip
         assert expected in output.out
     assert "s2r precompute" not in output.err
-    for name in ("overview", "geomap", "instance", "screen"):
-        assert (demo_folder / f"{name}.png").stat().st_size > 10_000
 
 
-@pytest.mark.parametrize(
-    "arguments", [["--seed", "2"], ["--factors", "none"], ["--instances", "5"]]
-)
-def test_different_world_options_need_another_folder(
-    demo_folder: Path, arguments: list[str], capsys
-) -> None:
-    assert main(["demo", "--no-open", *arguments, "--out", str(demo_folder)]) == 2
-    assert arguments[0] in capsys.readouterr().err
+def test_different_world_options_need_another_folder(demo_folder: Path, capsys) -> None:
+    for option, value in (("--seed", "2"), ("--factors", "none"), ("--instances", "5")):
+        assert main(["demo", "--no-open", option, value, "--out", str(demo_folder)]) == 2
+        assert option in capsys.readouterr().err
 
 
 def test_the_demo_lists_every_factor() -> None:
     assert tuple(FACTORS) == demo._FACTORS
 
 
-@pytest.mark.parametrize("recipe", ["[]", "{", "null", '{"seed": "x"}', '{"moon": 1}',
-                                    '{"frame": 64}', '{"factors": {"lights": 9}}'])  # fmt: skip
-def test_a_damaged_recipe_is_reported(tiny_store: Path, tmp_path: Path, recipe: str) -> None:
-    from s2rstore.errors import RequestError
-    from tests.support.copies import copy_store
-
-    path = copy_store(tiny_store, tmp_path / "x.s2r")
-    with edit(path) as draft:
-        draft.set_provenance("world", {"recipe": recipe})
-    with (
-        s2rstore.open(path) as store,
-        pytest.raises(RequestError, match="recipe of the world is invalid"),
-    ):
-        WorldData.of_store(store)
+def test_a_damaged_recipe_is_reported(store_copy: Path) -> None:
+    for recipe in ("[]", "{", "null", '{"seed": "x"}', '{"moon": 1}', '{"frame": 64}',
+                   '{"factors": {"lights": 9}}'):  # fmt: skip
+        with edit(store_copy) as draft:
+            draft.set_provenance("world", {"recipe": recipe})
+        with (
+            s2rstore.open(store_copy) as store,
+            pytest.raises(RequestError, match="recipe of the world is invalid"),
+        ):
+            WorldData.of_store(store)
 
 
-@pytest.mark.parametrize("report", ["{", "[]", "null", json.dumps({"runs": {}, "factors": 3})])
-def test_a_damaged_score_does_not_prevent_the_summary(
-    tiny_store: Path, tmp_path: Path, report: str
-) -> None:
-    from s2rstore.findings import store_summary
-    from tests.support.copies import copy_store
-
-    path = copy_store(tiny_store, tmp_path / "x.s2r")
-    with edit(path) as draft:
-        draft.set_provenance("score", {"report": report})
-    with s2rstore.open(path) as store:
-        assert store_summary.summary_lines(store)
+def test_a_damaged_score_does_not_prevent_the_summary(store_copy: Path) -> None:
+    for report in ("{", "[]", "null", json.dumps({"runs": {}, "factors": 3})):
+        with edit(store_copy) as draft:
+            draft.set_provenance("score", {"report": report})
+        with s2rstore.open(store_copy) as store:
+            assert store_summary.summary_lines(store), report

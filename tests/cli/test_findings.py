@@ -110,3 +110,14 @@ def test_a_named_file_that_is_no_history_is_rejected(store: Path, tmp_path: Path
     path.write_text("no history")
     assert main(["findings", str(store), "--history", str(path)]) == 2
     assert "no history that this version reads" in capsys.readouterr().err
+
+
+def test_sentences_keep_the_names_of_runs(tmp_path: Path, capsys) -> None:
+    runs = ("NetA", "NetB")
+    path = tiny.build(tmp_path / "s.s2r", 12, runs, trained=runs)
+    for view in ("findings", "map"):
+        assert main(["show", str(path), view, "--run", "NetA", "--words"]) == 0
+        printed = capsys.readouterr().out
+        assert printed[0].isupper() or printed[0].isdigit()
+        assert "neta" not in printed
+        assert view != "findings" or "NetA" in printed

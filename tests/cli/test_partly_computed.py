@@ -18,9 +18,9 @@ COMMANDS = (
     ("query", "{store}", "all", "--json"),
     ("show", "{store}", "rooms"),
     ("show", "{store}", "map", "--words"),
-    ("export", "{store}", "--view", "errors", "--out", "{out}.svg"),
-    ("export", "{store}", "--view", "workbench", "--out", "{out}.png", "--size", "1000x500"),
-    ("report", "{store}", "--run", "vanilla", "--select", "worst15", "--out", "{out}.html"),
+    ("export", "{store}", "--view", "errors", "--out", "{out}.svg", "--size", "300x200"),
+    ("export", "{store}", "--view", "workbench", "--out", "{out}.png", "--size", "400x300"),
+    ("report", "{store}", "--run", "vanilla", "--select", "none", "--out", "{out}.html"),
     ("gap", "{store}", "--axis", "task"),
 )
 
@@ -31,13 +31,13 @@ def appended(store_copy: Path) -> Path:
     return store_copy
 
 
-@pytest.mark.parametrize("words", COMMANDS, ids=lambda words: " ".join(words[:1] + words[2:]))
 def test_one_line_on_standard_error(
-    words: tuple[str, ...], appended: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    appended: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = tmp_path / "out"
-    assert main([word.format(store=appended, out=out) for word in words]) in (0, 3)
-    assert capsys.readouterr().err.splitlines().count(NOTE) == 1
+    for words in COMMANDS:
+        filled = [word.format(store=appended, out=tmp_path / "out") for word in words]
+        assert main(filled) in (0, 3), words
+        assert capsys.readouterr().err.splitlines().count(NOTE) == 1, words
 
 
 def test_nothing_is_said_of_a_run_that_is_computed_for_all(
@@ -58,7 +58,7 @@ def test_json_objects_and_reports_hold_the_note(
     assert main(["runs", str(appended), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)[0]["note"] in NOTE
     page = tmp_path / "report.html"
-    assert main(["report", str(appended), "--select", "all", "--out", str(page)]) == 0
+    assert main(["report", str(appended), "--select", "none", "--out", str(page)]) == 0
     assert page.read_text().count("computed for 40 of 45 instances") == 2  # once for either run
 
 

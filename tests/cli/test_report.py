@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
@@ -19,6 +20,7 @@ from s2rtui.export.report.build_report import render_report
 from s2rtui.export.report.report_request import ReportRequest, RequestedSelection
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import tiny
+from tests.support.small_figures import draw_small_figures
 
 WORST = ReportRequest((RequestedSelection("worst15"),), runs=("dataaug",), theme="light")
 VOID_TAGS = ("img", "meta", "source", "br", "hr", "input", "link")
@@ -69,19 +71,27 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def page(tiny_store: Path) -> Page:
-    return Page(render_report(tiny_store, WORST).decode())
+def html(tiny_store: Path) -> str:
+    return render_report(tiny_store, WORST).decode()
 
 
-def test_a_report_is_self_contained(tiny_store: Path) -> None:
-    text = render_report(tiny_store, WORST).decode()
-    page = Page(text)
+@pytest.fixture(scope="module")
+def page(html: str) -> Page:
+    return Page(html)
+
+
+@pytest.fixture
+def small_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    draw_small_figures(monkeypatch)
+
+
+def test_a_report_is_self_contained(html: str, page: Page) -> None:
     assert not page.elements("script")
     assert not page.elements("link")
     addresses = [a.get("src") or a.get("href") or a.get("srcset") for _, a in page.tags]
     assert all(a.startswith(("data:image/", "#")) for a in addresses if a)
-    assert not re.search(r"url\(|@import|https?://|onload|onclick", text)
-    assert "default-src 'none'" in text
+    assert not re.search(r"url\(|@import|https?://|onload|onclick", html)
+    assert "default-src 'none'" in html
 
 
 def test_a_report_is_accessible_without_images(page: Page) -> None:
@@ -139,12 +149,14 @@ def test_all_runs_are_compared_on_the_same_instances(tiny_store: Path, page: Pag
     assert [row[0] for row in rows[1:]] == list(tiny.RUNS)
 
 
-def test_a_report_is_deterministic_and_has_a_date_only_on_request(tiny_store: Path) -> None:
-    first = render_report(tiny_store, WORST)
-    assert render_report(tiny_store, WORST) == first
-    assert not re.search(rb"20\d\d-\d\d", re.sub(rb"base64,[^\"]+", b"", first))
+def test_a_report_is_deterministic_and_has_a_date_only_on_request(
+    tiny_store: Path, html: str
+) -> None:
+    assert render_report(tiny_store, WORST).decode() == html
+    assert not re.search(r"20\d\d-\d\d", re.sub(r"base64,[^\"]+", "", html))
 
 
+@pytest.mark.usefixtures("small_figures")
 def test_dark_figures_are_used_on_dark_screens(tiny_store: Path) -> None:
     request = ReportRequest((RequestedSelection("ids(3)"),))
     page = Page(render_report(tiny_store, request).decode())
@@ -155,6 +167,7 @@ def test_dark_figures_are_used_on_dark_screens(tiny_store: Path) -> None:
     )
 
 
+@pytest.mark.usefixtures("small_figures")
 def test_a_report_contains_saved_selections_tags_and_notes(
     tiny_store: Path, tmp_path: Path
 ) -> None:
@@ -188,6 +201,7 @@ def test_a_report_contains_saved_selections_tags_and_notes(
     assert len(empty_selection_texts) == 2
 
 
+@pytest.mark.usefixtures("small_figures")
 def test_expressions_runs_and_saved_selections_can_be_requested(
     tiny_store: Path, tmp_path: Path
 ) -> None:
@@ -203,6 +217,7 @@ def test_expressions_runs_and_saved_selections_can_be_requested(
     assert page.texts_in("h3") == ["Run vanilla", "Run vanilla"]
 
 
+@pytest.mark.usefixtures("small_figures")
 def test_a_store_with_one_run_has_no_comparison(tmp_path: Path) -> None:
     path = tiny.build(tmp_path / "one.s2r", runs=("only",))
     page = Page(
@@ -215,43 +230,36 @@ def test_a_store_with_one_run_has_no_comparison(tmp_path: Path) -> None:
     assert "No instance is selected." in page.texts_in("p")
 
 
+@pytest.mark.usefixtures("small_figures")
 def test_a_requested_heatmap_is_drawn_on_the_images(tiny_store: Path) -> None:
-    request = ReportRequest((RequestedSelection("ids(3)"),), heat="occlusion:rgb", theme="light")
-    page = Page(render_report(tiny_store, request).decode())
-    assert any("occlusion rgb" in text for text in page.texts_in("figcaption"))
-    without_heatmap = Page(
-        render_report(
-            tiny_store, ReportRequest((RequestedSelection("ids(3)"),), theme="light")
-        ).decode()
-    )
-    assert [i["src"] for i in without_heatmap.elements("img")] != [
-        i["src"] for i in page.elements("img")
-    ]
-    assert not any("occlusion" in text for text in without_heatmap.texts_in("figcaption"))
+    plain = ReportRequest((RequestedSelection("ids(3)"),), theme="light")
+    requests = replace(plain, heat="occlusion:rgb"), plain
+    with_heat, without = (Page(render_report(tiny_store, r).decode()) for r in requests)
+    assert any("occlusion rgb" in text for text in with_heat.texts_in("figcaption"))
+    assert not any("occlusion" in text for text in without.texts_in("figcaption"))
+    sources = [[image["src"] for image in page.elements("img")] for page in (with_heat, without)]
+    assert sources[0] != sources[1]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "expected"),
-    [
-        (["--out", "a.html"], "--select"),
-        (["--out", "a.pdf", "--select", "all"], ".html"),
-        (["--out", "a.html", "--select", "rubbish"], "rubbish"),
-        (["--out", "a.html", "--select", "all", "--run", "nobody"], "nobody"),
-        (["--out", "a.html", "--select", "all", "--heat", "nothing"], "--heat"),
-        (["--out", "a.html", "--select", "all", "--trajectory", "c"], "--trajectory"),
-        (["--out", "a.html", "--select", "all", "--with", "nobody"], "--with"),
-        (["--out", "no/a.html", "--select", "none"], "cannot be written"),
-    ],
-)
 def test_an_invalid_request_prints_one_line(
-    tiny_store: Path, tmp_path: Path, arguments: list[str], expected: str, capsys, monkeypatch
+    tiny_store: Path, tmp_path: Path, capsys, monkeypatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["report", str(tiny_store), *arguments]) == 2
-    error_lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("s2r:")]
-    assert len(error_lines) == 1
-    assert expected in error_lines[0]
-    assert not list(tmp_path.glob("a.*"))
+    for words, expected in (
+        ("--out a.html", "--select"),
+        ("--out a.pdf --select all", ".html"),
+        ("--out a.html --select rubbish", "rubbish"),
+        ("--out a.html --select all --run nobody", "nobody"),
+        ("--out a.html --select all --heat nothing", "--heat"),
+        ("--out a.html --select all --trajectory c", "--trajectory"),
+        ("--out a.html --select all --with nobody", "--with"),
+        ("--out no/a.html --select none", "cannot be written"),
+    ):
+        assert main(["report", str(tiny_store), *words.split()]) == 2, words
+        lines = capsys.readouterr().err.splitlines()
+        (error,) = (line for line in lines if line.startswith("s2r:"))
+        assert expected in error
+        assert not list(tmp_path.glob("a.*")), words
 
 
 def test_an_unknown_name_is_rejected_before_drawing(tiny_store: Path) -> None:
@@ -267,3 +275,19 @@ def test_an_unknown_name_is_rejected_before_drawing(tiny_store: Path) -> None:
 def _generation(path: Path) -> int:
     with s2rstore.open(path) as store:
         return store.generation
+
+
+def test_findings_lead_with_the_run_and_selection_that_were_asked_for(tmp_path: Path) -> None:
+    """Findings of the first run, if it was not asked for, come last and say so."""
+    path = tiny.build(tmp_path / "s.s2r", 40)
+    request = ReportRequest((RequestedSelection("seq >= 10"),), runs=("dataaug",))
+    found = Page(render_report(path, request).decode()).texts_in("li")
+    found = [line for line in found if re.match("(not asked for: )?(worst|best|largest)", line)]
+    assert found[0].startswith("worst room of dataaug in seq >= 10: ")
+    marked = [line.startswith("not asked for: ") for line in found]
+    assert marked == sorted(marked)
+    assert any(marked)
+    assert all((" of vanilla: " in line) == mark for line, mark in zip(found, marked, strict=True)
+               if "best run" not in line)  # fmt: skip
+    first = ReportRequest((RequestedSelection("all"),))
+    assert "not asked for" not in render_report(path, first).decode()

@@ -6,6 +6,7 @@ import argparse
 import errno
 import json
 import os
+import shlex
 from decimal import Decimal
 from pathlib import Path
 
@@ -57,27 +58,21 @@ INVALID_REQUESTS = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("command_line", "expected"),
-    INVALID_REQUESTS,
-    ids=[str(n) for n in range(len(INVALID_REQUESTS))],
-)
 def test_an_invalid_request_prints_one_line(
-    command_line: str, expected: str, tiny_store: Path, tmp_path: Path, capsys, monkeypatch
+    tiny_store: Path, tmp_path: Path, capsys, monkeypatch
 ) -> None:
-    import shlex
-
     monkeypatch.chdir(tmp_path)
-    arguments = [str(tiny_store) if word == "STORE" else word for word in shlex.split(command_line)]
-    try:
-        code = main(arguments)
-    except SystemExit as stop:
-        code = int(stop.code or 0)
-    err = capsys.readouterr().err
-    assert code == 2, err
-    assert err.count("\n") == 1, err
-    assert expected in err
-    assert not list(tmp_path.iterdir())
+    for command_line, expected in INVALID_REQUESTS:
+        words = shlex.split(command_line)
+        try:
+            code = main([str(tiny_store) if word == "STORE" else word for word in words])
+        except SystemExit as stop:
+            code = int(stop.code or 0)
+        err = capsys.readouterr().err
+        assert code == 2, err
+        assert err.count("\n") == 1, err
+        assert expected in err
+        assert not list(tmp_path.iterdir()), command_line
 
 
 def _write_and_read(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import shutil
 from pathlib import Path
 
 import pytest
@@ -12,17 +11,8 @@ import s2rstore
 from s2rstore.maintenance.verify import verify
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtui.cli import main
+from tests.support.copies import copy_store
 from tests.support.silent_reporter import SilentReporter
-
-pytestmark = pytest.mark.xdist_group("computed")
-
-
-@pytest.fixture(scope="module")
-def computed_rooms(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("rooms") / "s.s2r"
-    shutil.copytree(trained_store, path)
-    precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(()))
-    return path
 
 
 def names(path: Path, capsys: pytest.CaptureFixture[str]) -> dict[str, int]:
@@ -32,10 +22,9 @@ def names(path: Path, capsys: pytest.CaptureFixture[str]) -> dict[str, int]:
 
 
 def test_renaming_a_room_computes_nothing_again(
-    computed_rooms: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    few_pairs_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = tmp_path / "s.s2r"
-    shutil.copytree(computed_rooms, path)
+    path = copy_store(few_pairs_store, tmp_path / "s.s2r")
     before = names(path, capsys)
     old = max(before, key=lambda name: before[name])
     assert before[old] > 0
@@ -54,30 +43,19 @@ def test_renaming_a_room_computes_nothing_again(
     assert verify(path) == []
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("nowhere", "x", "room 'nowhere': not in"),
-        (None, None, "exists already"),
-        (None, "", "printable"),
-        (None, " x ", "blanks"),
-        (None, "no room", "outside all rooms"),
-        (None, "a\x1b[2J", "printable"),
-        (None, "n" * 1001, "1 to 1000"),
-    ],
-)
 def test_names_that_cannot_be_given_are_refused(
-    computed_rooms: Path,
-    capsys: pytest.CaptureFixture[str],
-    old: str | None,
-    new: str | None,
-    message: str,
+    few_pairs_store: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    known = list(names(computed_rooms, capsys))
-    chosen = known[0] if old is None else old
-    assert (
-        main(["rooms", str(computed_rooms), "--rename", chosen, known[-1] if new is None else new])
-        == 2
-    )
-    assert message in capsys.readouterr().err
-    assert list(names(computed_rooms, capsys)) == known
+    known = list(names(few_pairs_store, capsys))
+    for old, new, message in (
+        ("nowhere", "x", "room 'nowhere': not in"),
+        (known[0], known[-1], "exists already"),
+        (known[0], "", "printable"),
+        (known[0], " x ", "blanks"),
+        (known[0], "no room", "outside all rooms"),
+        (known[0], "a\x1b[2J", "printable"),
+        (known[0], "n" * 1001, "1 to 1000"),
+    ):
+        assert main(["rooms", str(few_pairs_store), "--rename", old, new]) == 2, new
+        assert message in capsys.readouterr().err
+    assert list(names(few_pairs_store, capsys)) == known

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from s2rstore.index.transaction import edit
 from s2rtui.cli import main
 from s2rtui.user_data.notebook import Notebook
 from tests.support import tiny
@@ -207,3 +208,26 @@ def _approximately(rows: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
         for row in _values(rows)
         if not any(isinstance(v, float) and math.isnan(v) for v in row)
     ]
+
+
+def test_bounds_that_few_blocks_do_not_bound_are_marked(tmp_path: Path, capsys) -> None:
+    """All changes lie below 0, in too few blocks: the interval must not look evident."""
+    path = tiny.build(tmp_path / "few.s2r", 12)
+    with edit(path) as draft:
+        for run, error in (("vanilla", "3"), ("dataaug", "[2.9, 2.7, 2.1][1 + iid // 4]")):
+            where = f"WHERE run = '{run}' AND side = 'real'"
+            draft.rows(f"UPDATE prediction SET error = {error} {where}")
+    command = ["show", str(path), "compare", "--run", "vanilla", "--with", "dataaug"]
+    assert main(command) == 0
+    *_, total = capsys.readouterr().out.splitlines()
+    assert " no " in total
+    assert "  <-0.9  " in total
+    assert "  >-0.1  " in total
+    assert main([*command, "--json"]) == 0
+    row = json.loads(capsys.readouterr().out)[-1]
+    assert (row["low_m"], row["high_m"]) == (pytest.approx(-0.9), pytest.approx(-0.1))
+    assert row["bounds"] == "<-0.90 to >-0.10"
+    page = tmp_path / "page.html"
+    options = ["--run", "vanilla", "--with", "dataaug", "--select", "all", "--out", str(page)]
+    assert main(["report", str(path), *options]) == 0
+    assert "&lt;−0.90" in page.read_text()

@@ -32,6 +32,7 @@ from s2rtui.export.report.report_request import ReportRequest, RequestedSelectio
 from s2rtui.session import Session, navigation, shared_selection, undo_history
 from s2rtui.user_data.notebook import Notebook
 from tests.support import tiny
+from tests.support.small_figures import draw_small_figures
 
 N = 40
 TRAINED = {"vanilla": "iid % 2 = 0", "dataaug": "iid % 4 = 1"}
@@ -40,6 +41,7 @@ COUNTING = [view for view in VIEWS if view.from_store and view.counts_instances]
 EXPRESSIONS = (
     "all", "worst15", "best15", "worst(20%, sim.error)", "!worst15", "!room:right", "gap > 0",
     "real.error < 100", "new", "!trained", 'run("dataaug").worst15', "real.error > 50",
+    "real.rank <= 5", 'run("dataaug").sim.rank < 4',
 )  # fmt: skip
 
 
@@ -88,7 +90,7 @@ def test_numbers_words_cells_and_figures_of_a_view_ignore_trained_instances(
             canvas = TitledView(view, scene).draw((110, 40), RenderOptions(DARK))
             cells = [getattr(canvas, part).tolist() for part in ("char", "fg", "bg")]
             rows = repr(view.numbers(scene))
-            shown.append((rows, view.summary(scene), cells, view.figure(scene, (800, 600), LIGHT)))
+            shown.append((rows, view.summary(scene), cells, view.figure(scene, (320, 240), LIGHT)))
             assert scene.state.count == "20 of 40 (20 trained on)"
             assert "20 of 40 (20 trained on) instances" in scene.caption
     for ordinary, absurd in zip(*shown, strict=True):
@@ -121,37 +123,35 @@ def test_a_summary_moves_only_where_trained_instances_are_included(stores: Store
     assert "at most 12" in included
 
 
-@pytest.mark.parametrize("expression", EXPRESSIONS)
 def test_queries_select_new_instances_only(
-    stores: Stores, expression: str, capsys: pytest.CaptureFixture[str]
+    stores: Stores, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    outputs = []
-    for path in (stores.ordinary, stores.absurd):
-        for more in (["--count"], ["--format", "csv"], []):
-            assert main(["query", str(path), expression, *more]) == 0
-        outputs.append(capsys.readouterr())
-    assert outputs[0].out == outputs[1].out
-    assert outputs[0].err.count("20 trained on) instances of run vanilla") == 3
-    last = [output.err.splitlines()[-1] for output in outputs]
-    assert last[0] == last[1]
-    assert last[0].endswith("of 40 (20 trained on) instances of run vanilla")
+    for expression in EXPRESSIONS:
+        outputs = []
+        for path in (stores.ordinary, stores.absurd):
+            for more in (["--count"], ["--format", "csv"]):
+                assert main(["query", str(path), expression, *more]) == 0
+            outputs.append(capsys.readouterr())
+        assert outputs[0].out == outputs[1].out, expression
+        assert outputs[0].err.count("20 trained on) instances of run vanilla") == 2, expression
+        last = [output.err.splitlines()[-1] for output in outputs]
+        assert last[0] == last[1], expression
+        assert last[0].endswith("of 40 (20 trained on) instances of run vanilla")
 
 
-def test_a_report_ignores_trained_instances_and_says_so(stores: Stores) -> None:
-    request = ReportRequest(
+def test_reports_say_whether_they_hold_trained_instances(
+    stores: Stores, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    worst = ReportRequest(
         (RequestedSelection("worst(30%, real.error)"),), ("vanilla",), theme="light"
     )
-    pages = [render_report(path, request).decode() for path in (stores.ordinary, stores.absurd)]
+    pages = [render_report(path, worst).decode() for path in (stores.ordinary, stores.absurd)]
     assert pages[0] == pages[1]
     assert "6 of 40 (20 trained on) instances" in pages[0]
     assert "new to the run: its model was not trained on them" in pages[0]
-
-
-def test_a_report_that_includes_trained_instances_says_so(stores: Stores) -> None:
-    request = ReportRequest(
-        (RequestedSelection("all"),), ("vanilla",), with_trained=True, theme="light"
-    )
-    page = render_report(stores.absurd, request).decode()
+    draw_small_figures(monkeypatch)
+    whole = replace(worst, selections=(RequestedSelection("all"),), with_trained=True)
+    page = render_report(stores.absurd, whole).decode()
     assert "40 of 40 (20 trained on, included) instances" in page
     assert "The model was trained on 20 of them" in page
     sides = re.search(r"Run vanilla on the selection.*?</table>", page, re.DOTALL)
@@ -317,3 +317,23 @@ def test_a_saved_selection_says_where_its_population_differs(
     session.writable_notebook.refresh()
     assert session.notes.selections["mine"] == saved  # earlier releases included trained instances
     session.close()
+
+
+def test_ranks_of_expressions_and_rows_count_the_instances_of_the_query(
+    stores: Stores, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As on the screen: among the new instances, or among all where trained ones are included."""
+
+    def rows(*options: str) -> list[dict[str, Any]]:
+        command = ["query", str(stores.ordinary), "real.rank <= 5", "--run", "vanilla", "--json"]
+        assert main([*command, "--columns", "iid,real.rank,real.error", *options]) == 0
+        return json.loads(capsys.readouterr().out)
+
+    for options in ((), ("--with-trained",)):
+        found = sorted(rows(*options), key=lambda row: row["real.error"])
+        assert [row["real.rank"] for row in found] == [1, 2, 3, 4, 5]
+        with s2rstore.open(stores.ordinary) as store:
+            best = evaluation.select(
+                store, "best(5, real.error)", "vanilla", with_trained=bool(options)
+            )
+        assert {row["iid"] for row in found} == set(np.flatnonzero(best).tolist())

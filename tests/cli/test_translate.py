@@ -45,40 +45,38 @@ def test_the_same_seed_gives_the_same_file(folders: tuple[Path, Path], tmp_path:
     assert read_translator(files[0]).source == "camera"
 
 
-@pytest.mark.parametrize(
-    ("request_text", "message"),
-    [
-        ("fit vangogh --store STORE", "vangogh"),
-        ("fit mkl", "name --store S, or --source"),
-        ("fit mkl --source a --out b", "--target"),
-        ("fit mkl --store STORE --domains sim", "SIM,REAL"),
-        ("fit mkl --store STORE --domains sim,sim", "two different domains"),
-        ("fit mkl --store STORE --domains sim,moon", "moon"),
-        ("fit mkl --store STORE --domains real,sim", "real is a real domain"),
-        ("fit mkl --store STORE --paired", "mkl does not use pairs"),
-        ("fit all --store STORE --paired", "does not use pairs; methods that do: mkl+residual"),
-        ("fit mkl --store STORE --option beta=1", "mkl takes statistics=VALUE"),
-        ("fit mkl --store STORE --option statistics=frame", "statistics=frame"),
-        ("fit mkl --store STORE --minutes 0", "--minutes"),
-        ("fit mkl --store STORE --steps 0", "--steps"),
-        ("fit mkl --store STORE --seed -1", "--seed"),
-        ("fit mkl --store STORE --size 3", "--size"),
-        ("fit mkl --store STORE --name ../x", "../x"),
-        ("fit all --store STORE --name x", "--name"),
-        ("fit mkl --source /nowhere --target /nowhere --out x.safetensors", "/nowhere"),
-        ("apply nothing in out", "--store"),
-        ("apply nothing in out --store STORE", "translators: none"),
-        ("apply missing.safetensors in out", "missing.safetensors"),
-        ("apply missing.safetensors in out --strength 2", "--strength"),
-    ],
+WRONG_REQUESTS = (
+    ("fit vangogh --store STORE", "vangogh"),
+    ("fit mkl", "name --store S, or --source"),
+    ("fit mkl --source a --out b", "--target"),
+    ("fit mkl --store STORE --domains sim", "SIM,REAL"),
+    ("fit mkl --store STORE --domains sim,sim", "two different domains"),
+    ("fit mkl --store STORE --domains sim,moon", "moon"),
+    ("fit mkl --store STORE --domains real,sim", "real is a real domain"),
+    ("fit mkl --store STORE --paired", "mkl does not use pairs"),
+    ("fit all --store STORE --paired", "does not use pairs; methods that do: mkl+residual"),
+    ("fit mkl --store STORE --option beta=1", "mkl takes statistics=VALUE"),
+    ("fit mkl --store STORE --option statistics=frame", "statistics=frame"),
+    ("fit mkl --store STORE --minutes 0", "--minutes"),
+    ("fit mkl --store STORE --steps 0", "--steps"),
+    ("fit mkl --store STORE --seed -1", "--seed"),
+    ("fit mkl --store STORE --size 3", "--size"),
+    ("fit mkl --store STORE --name ../x", "../x"),
+    ("fit all --store STORE --name x", "--name"),
+    ("fit mkl --source /nowhere --target /nowhere --out x.safetensors", "/nowhere"),
+    ("apply nothing in out", "--store"),
+    ("apply nothing in out --store STORE", "translators: none"),
+    ("apply missing.safetensors in out", "missing.safetensors"),
+    ("apply missing.safetensors in out --strength 2", "--strength"),
 )
-def test_wrong_requests_end_in_one_line(
-    tiny_store: Path, tmp_path: Path, monkeypatch, capsys, request_text: str, message: str
-):
+
+
+def test_wrong_requests_end_in_one_line(tiny_store: Path, tmp_path: Path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    words = request_text.replace("STORE", str(tiny_store)).split()
-    assert main(["translate", *words]) == 2
-    captured = capsys.readouterr().err
-    assert message in captured
-    assert captured.count("\n") == 1
+    for request_text, message in WRONG_REQUESTS:
+        words = request_text.replace("STORE", str(tiny_store)).split()
+        assert main(["translate", *words]) == 2, request_text
+        captured = capsys.readouterr().err
+        assert message in captured, request_text
+        assert captured.count("\n") == 1, request_text
     assert not list(tmp_path.glob("*.safetensors"))

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -34,7 +33,7 @@ log_folder = "{folder}/logs"
 store = "{mount}/{store}"
 prologue = [
     "export DASK_DISTRIBUTED__WORKER__PRELOAD='[\\"tests.cluster.worker_preload\\"]'",
-    "export S2R_TEST_UNIT_SECONDS={seconds} S2R_TEST_FATAL_UNIT={fatal}",
+    "export S2R_TEST_UNIT_SECONDS={seconds} S2R_TEST_GATE={gate}",
 ]
 """
 _SECONDS = 240
@@ -75,22 +74,16 @@ class Precompute:
         self.path, self._folder, self._slurm = store, stores, slurm
         self.log = stores / f"{store.stem}.log"
 
-    def start(self, seconds: float = 0.0, fatal: int = -1) -> subprocess.Popen[bytes]:
+    def start(self, seconds: float = 0.0, gate: str = "") -> subprocess.Popen[bytes]:
         settings = self._folder / f"{self.path.stem}.toml"
         text = _SETTINGS.format(
             folder=self._folder, mount=self._folder / "mount", store=self.path.name,
-            seconds=seconds, fatal=fatal,
+            seconds=seconds, gate=gate,
         )  # fmt: skip
         settings.write_text(text)
-        return self.start_with(["--cluster", str(settings)], self._slurm.environment)
-
-    def start_with(
-        self, arguments: list[str], environment: Mapping[str, str]
-    ) -> subprocess.Popen[bytes]:
+        command = _command(self.path, "--cluster", str(settings))
         with self.log.open("wb") as log:
-            return subprocess.Popen(
-                _command(self.path, *arguments), env=environment, stdout=log, stderr=log
-            )
+            return subprocess.Popen(command, env=self._slurm.environment, stdout=log, stderr=log)
 
     def finish(self, process: subprocess.Popen[bytes]) -> tuple[int, str]:
         return process.wait(_SECONDS), self.log.read_text()
@@ -131,12 +124,17 @@ def _shards(path: Path) -> dict[str, str]:
     }  # fmt: skip
 
 
-def test_a_cancelled_job(precompute: Precompute, slurm: SlurmMachine, serial: Path) -> None:
-    process = precompute.start(seconds=0.3)
-    precompute.wait_for_units(2, process)
+def test_a_cancelled_job(
+    precompute: Precompute, slurm: SlurmMachine, serial: Path, stores: Path
+) -> None:
+    gate = stores / "gate"
+    gate.mkdir()
+    process = precompute.start(gate=str(gate))
+    assert wait_until(lambda: len(list(gate.iterdir())) == 2, _SECONDS), precompute.log.read_text()
     jobs = slurm.jobs()
     assert sorted(jobs.values()) in (["n1", "n1"], ["n1", "n2"], ["n2", "n2"])
     slurm.call("scancel", "--signal=KILL", "--full", next(iter(jobs)))
+    (gate / "open").touch()
     code, log = precompute.finish(process)
     assert code == 0, log
     assert "was lost; " in log
@@ -145,6 +143,7 @@ def test_a_cancelled_job(precompute: Precompute, slurm: SlurmMachine, serial: Pa
     assert wait_until(lambda: not slurm.jobs(), 30)
 
 
+@pytest.mark.deep
 def test_a_killed_driver(precompute: Precompute, slurm: SlurmMachine, serial: Path) -> None:
     process = precompute.start(seconds=0.3)
     precompute.wait_for_units(3, process)
@@ -157,56 +156,4 @@ def test_a_killed_driver(precompute: Precompute, slurm: SlurmMachine, serial: Pa
     assert code == 0, log
     left = 40 - 4 * len(received)
     assert f"vanilla: forward: {left}/{left}, " in log
-    _assert_complete(precompute.path, serial)
-
-
-def test_a_fatal_unit(precompute: Precompute, serial: Path) -> None:
-    code, log = precompute.finish(precompute.start(fatal=3))
-    assert code == 2, log
-    last = log.splitlines()[-1]
-    assert "4 workers were lost while they computed vanilla: forward, instances 12 to 15" in last
-    assert len(precompute.received()) == 9
-    assert verify(precompute.path) == []
-    code, log = precompute.finish(precompute.start())
-    assert code == 0, log
-    _assert_complete(precompute.path, serial)
-
-
-def test_a_lost_scheduler(precompute: Precompute, slurm: SlurmMachine, serial: Path) -> None:
-    """Its workers are jobs that the user has submitted."""
-    address = precompute.path.with_suffix(".json")
-    preload = {
-        **slurm.environment,
-        "DASK_DISTRIBUTED__WORKER__PRELOAD": '["tests.cluster.worker_preload"]',
-        "S2R_TEST_UNIT_SECONDS": "0.3",
-        "S2R_TEST_FATAL_UNIT": "-1",
-    }
-    python = f"{sys.executable} -m distributed.cli"
-    scheduler = subprocess.Popen(
-        [*f"{python}.dask_scheduler --host 127.0.0.1 --port 0 --no-dashboard".split(),
-         "--dashboard-address", "127.0.0.1:0", "--scheduler-file", str(address)],
-        env=preload, stderr=subprocess.DEVNULL,
-    )  # fmt: skip
-    try:
-        worker = f"{python}.dask_worker --scheduler-file {address} --nthreads 1 --no-dashboard"
-        worker += " --death-timeout 60 --dashboard-address 127.0.0.1:0"
-        for _ in range(2):
-            subprocess.run(
-                ["sbatch", "--mem=2G", "--output=/dev/null", f"--wrap={worker}"],
-                env=preload, check=True, stdout=subprocess.DEVNULL,
-            )  # fmt: skip
-        assert wait_until(address.exists, _SECONDS)
-        arguments = ["--scheduler", json.loads(address.read_text())["address"]]
-        process = precompute.start_with(arguments, preload)
-        precompute.wait_for_units(2, process)
-        scheduler.kill()
-        code, log = precompute.finish(process)
-    finally:
-        scheduler.kill()
-        scheduler.wait()
-    assert code == 2, log
-    assert "the connection to the scheduler was lost; " in log.splitlines()[-1]
-    assert verify(precompute.path) == []
-    code, log = precompute.finish(precompute.start())
-    assert code == 0, log
     _assert_complete(precompute.path, serial)

@@ -1,17 +1,21 @@
-"""Loaded by Dask workers of tests: units take longer, and one of them ends its worker."""
+"""Loaded by Dask workers of tests: units take longer, or wait for a file.
+
+`S2R_TEST_UNIT_SECONDS` is the time that a unit takes in addition. In the folder `S2R_TEST_GATE`,
+where it is set, each job leaves a file when it begins a unit, and units wait for the file `open`.
+"""
 
 from __future__ import annotations
 
 import os
-import signal
 import time
+from pathlib import Path
 from typing import Any
 
 from s2rtools.precompute.unit_computer import UnitComputer
 from s2rtools.precompute.work_units import FORWARD, WorkUnit
 
 _SECONDS = float(os.environ.get("S2R_TEST_UNIT_SECONDS", "0"))
-_FATAL = int(os.environ.get("S2R_TEST_FATAL_UNIT", "-1"))
+_GATE = os.environ.get("S2R_TEST_GATE")
 
 
 def dask_setup(worker: Any) -> None:
@@ -21,8 +25,10 @@ def dask_setup(worker: Any) -> None:
     def slow_compute(self: UnitComputer, unit: WorkUnit) -> Any:
         if unit.stage.name == FORWARD:
             time.sleep(_SECONDS)
-            if unit.number == _FATAL:
-                os.kill(os.getpid(), signal.SIGKILL)
+            if _GATE:
+                (Path(_GATE) / f"begun-{os.environ['SLURM_JOB_ID']}").touch()
+                while not (Path(_GATE) / "open").exists():
+                    time.sleep(0.02)
         return compute(self, unit)
 
     UnitComputer._compute = slow_compute  # type: ignore[method-assign]

@@ -18,7 +18,7 @@ def source(number: int = 1) -> tuple[np.ndarray, np.ndarray]:
     return image[0].astype(np.float32), metres(image)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.floats(0.6, 1.1), st.floats(-15, 15), st.integers(0, 11))
 def test_a_global_change_of_light_is_found(slope: float, offset: float, number: int) -> None:
     image, depth = source(number)

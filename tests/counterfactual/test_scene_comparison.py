@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rtools.counterfactual.depth_tolerance import DepthTolerance
@@ -96,7 +96,6 @@ def test_composites_begin_with_the_sim_and_end_with_the_real_image() -> None:
     assert np.abs(lit - dimmed(image)[0])[2:-2, 2:-2].mean() < 4
 
 
-@settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 0.6))
 def test_segments_are_numbered_without_gaps(seed: int, share: float) -> None:
     rng = np.random.default_rng(seed)

@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
@@ -20,7 +20,6 @@ _NUMBERS = st.floats(-1e6, 1e6, allow_nan=False)
 _TEXT = st.text(st.characters(codec="utf-8", categories=("L", "N", "P", "Zs")), max_size=20)
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.lists(st.builds(PlannedPose, _NUMBERS, _NUMBERS, _NUMBERS, _TEXT, _NUMBERS, _TEXT)))
 def test_csv_round_trip(tmp_path_factory: pytest.TempPathFactory, poses: list[PlannedPose]) -> None:
     path = tmp_path_factory.mktemp("poses") / "poses.csv"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import s2rstore
@@ -56,18 +56,8 @@ def chosen(candidates: CandidatePoses, evidence: Evidence, **request: object) ->
     return choose_poses(candidates, evidence, values, wanted).cells
 
 
-@pytest.fixture(scope="module")
-def world_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A synthetic world without a run."""
-    from s2rtui.cli import main
-
-    path = tmp_path_factory.mktemp("world") / "world.s2r"
-    assert main(["ingest", "world", "--instances", "2", "--size", "32", "--store", str(path)]) == 0
-    return path
-
-
-def test_candidates_of_a_world_lie_on_free_floor(world_store: Path) -> None:
-    with s2rstore.open(world_store) as store:
+def test_candidates_of_a_world_lie_on_free_floor(moved_camera_store: Path) -> None:
+    with s2rstore.open(moved_camera_store) as store:
         found = find_candidates(store)
         from s2rtools.synthetic_world.dataset import WorldData
 
@@ -203,7 +193,6 @@ def test_a_run_without_new_instances_is_refused(tmp_path: Path) -> None:
             read_evidence(store, "vanilla")
 
 
-@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10_000), st.integers(2, 8))
 def test_gains_never_grow_and_equal_what_is_covered(seed: int, budget: int) -> None:
     candidates, rng = grid(8, 4), np.random.default_rng(seed)

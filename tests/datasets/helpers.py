@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from pathlib import Path
 
 import s2rstore
@@ -13,6 +14,28 @@ from s2rtools.datasets.scan import Scan, ScanOptions
 from s2rtools.datasets.writing.build import build
 
 SIZE = (32, 32)
+
+
+class Killed(BaseException):
+    """Stands for the end of the process at this point."""
+
+
+def kill_after(function: Callable[..., object], calls: int) -> Callable[..., object]:
+    """The function, whose call number `calls`, from 0, ends the process instead."""
+    done = 0
+
+    def counted(*arguments: object, **options: object) -> object:
+        nonlocal done
+        if done == calls:
+            raise Killed
+        done += 1
+        return function(*arguments, **options)
+
+    return counted
+
+
+def kill(*arguments: object, **options: object) -> None:
+    raise Killed
 
 
 def ingest(importer: str, path: Path, store: Path, strict: bool = False, **options) -> Scan:

@@ -18,15 +18,11 @@ from s2rstore.maintenance.verify import check, verify
 from s2rtools.datasets.appending import append
 from s2rtools.datasets.files.image_decoding import ImageFiles
 from s2rtools.datasets.scan import Scan
-from s2rtools.datasets.writing import build
-from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
 from tests.datasets.conftest import N
 from tests.datasets.helpers import (
-    SIZE,
     add,
     files,
     ingest,
-    kinds,
     rows_by_trajectory,
     scan_of,
 )
@@ -51,12 +47,26 @@ def test_appending_equals_ingesting_at_once_except_for_the_iids(
     assert check(store).notes == ()
 
 
-def test_existing_iids_frames_and_index_files_stay(scan: Scan, store: Path) -> None:
+def test_what_is_stored_stays_and_what_is_new_is_added_once(
+    scan: Scan, store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     before = files(store)
     with s2rstore.open(store) as opened:
         rows = opened.execute("FROM instance ORDER BY iid"), opened.execute("FROM frame")
         frame = opened.frame(3, "real").rgb
-    add(scan, store)
+    decoded, decode = list[Path](), ImageFiles.decode
+
+    def counted(self: ImageFiles, *arguments: object) -> object:
+        decoded.append(self.rgb)
+        return decode(self, *arguments)
+
+    monkeypatch.setattr(ImageFiles, "decode", counted)
+    lines, steps = list[str](), list[int]()
+    append.append(scan, store, "s2r ingest", False, steps.append, lines.append)
+    assert lines[:-1] == ["trajectory c: already in the store"]
+    assert sum(steps) == 2 * 2 * 3 * N
+    assert len(decoded) == len(set(decoded)) == 2 * 2 * N
+    assert not any("/c/" in path.as_posix() for path in decoded)
     after = files(store)
     assert {path: after[path] for path in before} == before
     with s2rstore.open(store) as opened:
@@ -64,20 +74,19 @@ def test_existing_iids_frames_and_index_files_stay(scan: Scan, store: Path) -> N
         assert opened.execute(f"FROM instance WHERE iid < {N} ORDER BY iid") == rows[0]
         assert sorted(opened.execute(f"FROM frame WHERE iid < {N}")) == sorted(rows[1])
         assert (opened.frame(3, "real").rgb == frame).all()
-
-
-def test_trajectories_are_in_the_order_of_their_instances(scan: Scan, store: Path) -> None:
-    add(scan, store)
-    with s2rstore.open(store) as opened:
         assert [t.trajectory for t in opened.trajectories] == ["c", "a", "b"]
-        truth = opened.instances
-        assert truth.trajectory.tolist() == [0] * N + [1] * N + [2] * N
+        assert opened.instances.trajectory.tolist() == [0] * N + [1] * N + [2] * N
         assert [opened.iids_of(name)[0] for name in "cab"] == [0, N, 2 * N]
         both = opened.frames("sim", N - 2, N + 2)["rgb"]
         for row, iid in enumerate(range(N - 2, N + 2)):
             assert (both[row] == opened.frame(iid, "sim").rgb).all()
         expected = opened.frames_array("sim", opened.trajectory_parts[1], "rgb")[0]
         assert (opened.frame(N, "sim").rgb == expected).all()
+    lines.clear()
+    assert add(scan, store, lines=lines) == {}
+    assert lines[:3] == [f"trajectory {name}: already in the store" for name in "abc"]
+    assert "nothing to append" in lines[3]
+    assert files(store) == after
 
 
 def test_parts_hash_and_provenance(scan: Scan, store: Path, source: tuple[Path, Path]) -> None:
@@ -117,30 +126,6 @@ def test_the_hash_of_a_part_depends_on_its_poses_and_images(
     assert hashes[0] == hashes[1] != hashes[2]
 
 
-def test_a_trajectory_of_the_store_is_skipped_and_nothing_new_publishes_nothing(
-    scan: Scan, store: Path
-) -> None:
-    lines: list[str] = []
-    add(scan, store, lines=lines)
-    assert lines[:-1] == ["trajectory c: already in the store"]
-    before = files(store)
-    lines.clear()
-    assert add(scan, store, lines=lines) == {}
-    assert lines[:3] == [f"trajectory {name}: already in the store" for name in "abc"]
-    assert "nothing to append" in lines[3]
-    assert files(store) == before
-
-
-def test_an_unusable_pair_that_was_left_out_does_not_make_a_difference(tmp_path: Path) -> None:
-    header = pairs.sim2realviz(tmp_path / "data", n=N, trajectories=("a", "b"))
-    image = sorted((tmp_path / "data" / "a" / "real").glob("*_rgb.jpeg"))[2]
-    image.write_bytes(image.read_bytes()[:300])
-    store = tmp_path / "s.s2r"
-    first = ingest("sim2realviz", tmp_path / "data", store, header=header, trajectories=("a",))
-    assert sum(kinds(first).values()) == 1
-    assert add(scan_of("sim2realviz", tmp_path / "data", header=header), store) == {"b": N}
-
-
 def test_an_unusable_pair_is_left_out_and_strict_refuses_it(tmp_path: Path) -> None:
     header = pairs.sim2realviz(tmp_path / "data", n=N, trajectories=("a", "b"))
     store = tmp_path / "s.s2r"
@@ -175,24 +160,6 @@ def test_images_without_poses_can_be_appended(tmp_path: Path) -> None:
         assert opened.frames("real", 9, 12)["rgb"].shape == (3, 32, 64, 3)
 
 
-def test_the_synthetic_world_grows_with_the_same_recipe_only(tmp_path: Path) -> None:
-    world = {"seed": 3, "count": 2}
-    both = replace(scan_of("world", Path(), world=world), drives=None)
-    store = tmp_path / "w.s2r"
-    first = replace(both, trajectories={"traj2": both.trajectories["traj2"]})
-    build.build(first, store, "s2r ingest", True, lambda steps: None)
-    ((section, facts),) = both.provenance.items()
-    other = {section: {**facts, "recipe": {**facts["recipe"], "count": 3}}}
-    with pytest.raises(RequestError, match="another recipe of"):
-        add(replace(both, provenance=other), store)
-    assert add(both, store, strict=True) == {"traj1": 2}
-    assert verify(store) == []
-    with s2rstore.open(store) as opened:
-        data = WorldData(WorldRecipe(**world, frame=SIZE[0]))
-        assert data.matches(opened)
-        assert data.noise_numbers(opened).tolist() == [1_000_000, 1_000_001, 0, 1]
-
-
 def test_a_store_of_version_0_1_0_can_be_appended_to(tmp_path: Path) -> None:
     archive = Path(__file__).parents[1] / "fixtures" / "store-0.1.0" / "store.tar.xz"
     with tarfile.open(archive) as packed:
@@ -222,25 +189,3 @@ def test_a_store_of_version_0_1_0_can_be_appended_to(tmp_path: Path) -> None:
         assert valid[:count].any()
         assert not valid[count:].any()
     assert any("computed for" in note for note in check(store).notes)
-
-
-def test_an_image_is_decoded_once_and_compared_ones_not_at_all(
-    scan: Scan, store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    decoded: list[Path] = []
-    decode = ImageFiles.decode
-
-    def counted(self: ImageFiles, *arguments: object) -> object:
-        decoded.append(self.rgb)
-        return decode(self, *arguments)
-
-    monkeypatch.setattr(ImageFiles, "decode", counted)
-    add(scan, store)
-    assert len(decoded) == len(set(decoded)) == 2 * 2 * N
-    assert not any("/c/" in path.as_posix() for path in decoded)
-
-
-def test_progress_adds_up(scan: Scan, store: Path) -> None:
-    steps: list[int] = []
-    append.append(scan, store, "s2r ingest", False, steps.append)
-    assert sum(steps) == 2 * 2 * 3 * N

@@ -20,14 +20,17 @@ from s2rtools.datasets.scan import Scan
 from s2rtools.datasets.writing import build
 from tests.datasets.conftest import N
 from tests.datasets.helpers import (
+    Killed,
     add,
     files,
     ingest,
+    kill,
     kinds,
     rows_by_trajectory,
     scan_of,
-)  # fmt: skip
+)
 from tests.support import image_folders, pairs
+from tests.support.copies import copy_store
 
 EDIT = "sim_edit"
 
@@ -69,10 +72,22 @@ def start(scan: Scan, store: Path, **counts: int) -> Path:
     return store
 
 
+@pytest.fixture(scope="module")
+def plain_store(edited: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """All instances without the edited images."""
+    scan = scan_of("sim2realviz", edited[0], header=edited[1])
+    return start(scan, tmp_path_factory.mktemp("plain") / "s.s2r", a=N, b=N)
+
+
+@pytest.fixture
+def plain(plain_store: Path, tmp_path: Path) -> Path:
+    return copy_store(plain_store, tmp_path / "plain.s2r")
+
+
 def test_a_domain_of_all_instances_is_added_and_nothing_else_changes(
-    whole: Scan, once: Path, tmp_path: Path
+    whole: Scan, once: Path, plain: Path
 ) -> None:
-    store = start(whole, tmp_path / "s.s2r", a=N, b=N)
+    store = plain
     before = files(store)
     query = "FROM frame WHERE domain <> 'sim_edit' ORDER BY ALL"
     with s2rstore.open(store) as opened:
@@ -121,9 +136,9 @@ def test_a_domain_and_further_instances_are_added_at_once(
 def test_the_hash_of_the_data_set_depends_on_the_images_of_an_added_domain(
     whole: Scan, tmp_path: Path
 ) -> None:
-    hashes = []
+    hashes, first = [], start(whole, tmp_path / "first.s2r", a=3)
     for number in range(3):
-        store = start(whole, tmp_path / f"{number}.s2r", a=3)
+        store = copy_store(first, tmp_path / f"{number}.s2r")
         scan = replace(whole, trajectories={"a": list(whole.trajectories["a"][:3])})
         if number == 2:
             first, second, third = scan.trajectories["a"]
@@ -217,18 +232,11 @@ def test_images_without_poses_take_no_further_domain(tmp_path: Path) -> None:
         add(scan, store)
 
 
-class Killed(BaseException):
-    """Stands for the end of the process at this point."""
-
-
 def test_a_killed_addition_leaves_the_store_and_a_rerun_succeeds(
-    whole: Scan, once: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    whole: Scan, once: Path, plain: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    store = start(whole, tmp_path / "s.s2r", a=N, b=N)
+    store = plain
     current = layout.read_current(store)
-
-    def kill(*arguments: object) -> None:
-        raise Killed
 
     with monkeypatch.context() as patch:
         patch.setattr(append, "insert_domains", kill)

@@ -30,13 +30,15 @@ from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
 from tests.datasets.conftest import N
 from tests.datasets.helpers import (
     SIZE,
+    Killed,
     add,
     files,
     ingest,
+    kill,
     kinds,
     rows_by_trajectory,
     scan_of,
-)  # fmt: skip
+)
 from tests.support import image_folders, pairs
 from tests.support.copies import copy_store
 
@@ -69,14 +71,24 @@ STAGES = st.lists(
 )
 
 
+def test_appending_in_two_pieces_equals_ingesting_at_once(scan: Scan, once: Path) -> None:
+    check_pieces([{"a": 4, "b": 0, "c": 3}], scan, once)
+
+
+@pytest.mark.deep
 @settings(
-    max_examples=8, deadline=None, derandomize=True,
+    max_examples=8,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )  # fmt: skip
 @given(drawn=STAGES)
 def test_appending_in_pieces_equals_ingesting_at_once(
     drawn: list[Counts], scan: Scan, once: Path
 ) -> None:
+    check_pieces(drawn, scan, once)
+
+
+def check_pieces(drawn: Sequence[Counts], scan: Scan, once: Path) -> None:
+    """Ingest one instance, append up to these counts and then the others; compare with `once`."""
     stages = [{"a": 1, "b": 0, "c": 0}]
     for counts in (*drawn, dict.fromkeys("abc", N)):
         stages.append({name: max(counts[name], stages[-1][name]) for name in "abc"})
@@ -189,18 +201,6 @@ def test_a_manifest_that_grows_is_continued(tmp_path: Path) -> None:
         assert [p.folder for p in opened.trajectory_parts] == ["a", "a@1", "a@2", "b", "b@3"]
 
 
-def test_folders_of_the_sim2realviz_layout_that_grow_are_continued(tmp_path: Path) -> None:
-    header = pairs.sim2realviz(tmp_path / "data", n=N, trajectories=("a",))
-    match = tmp_path / "data" / "a" / "sim" / "match.csv"
-    lines, store = match.read_text().splitlines(keepends=True), tmp_path / "s.s2r"
-    match.write_text("".join(lines[:4]))
-    ingest("sim2realviz", tmp_path / "data", store, header=header)
-    match.write_text("".join(lines))
-    assert add(scan_of("sim2realviz", tmp_path / "data", header=header), store) == {"a": N - 3}
-    ingest("sim2realviz", tmp_path / "data", tmp_path / "once.s2r", header=header)
-    assert rows_by_trajectory(store) == rows_by_trajectory(tmp_path / "once.s2r")
-
-
 def test_folders_of_images_that_grow_at_the_end_are_continued(tmp_path: Path) -> None:
     sources, store = image_folders.folders(tmp_path / "data"), tmp_path / "s.s2r"
     frame = (64, 64)
@@ -264,23 +264,15 @@ def test_further_pairs_must_have_the_depth_type_of_the_stored_ones(tmp_path: Pat
         assert opened.frames("sim", 0, 3, ("depth",))["depth"].dtype == np.uint8
 
 
-class Killed(BaseException):
-    """Stands for the end of the process at this point."""
-
-
-@pytest.mark.parametrize("point", ["write_frames", "insert_instances"])
 def test_a_killed_append_leaves_the_store_and_a_rerun_succeeds(
-    scan: Scan, once: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, point: str
+    scan: Scan, once: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store = tmp_path / "s.s2r"
     grow(scan, store, [{"a": 3, "b": N}])
     before, current = files(store), layout.read_current(store)
 
-    def kill(*arguments: object) -> None:
-        raise Killed
-
     with monkeypatch.context() as patch:
-        patch.setattr(append, point, kill)
+        patch.setattr(append, "insert_instances", kill)
         with pytest.raises(Killed):
             add(scan, store)
     assert layout.read_current(store) == current
@@ -289,7 +281,7 @@ def test_a_killed_append_leaves_the_store_and_a_rerun_succeeds(
     assert verify(store) == []
     copy = copy_store(store, tmp_path / "pruned.s2r")
     moved = {f"{layout.FRAMES}/{d}/{name}" for d in ("sim", "real") for name in ("a@1", "c")}
-    assert set(prune(copy).paths) == (moved if point == "insert_instances" else set())
+    assert set(prune(copy).paths) == moved
     for each in (store, copy):
         assert add(scan, each) == {"a": N - 3, "c": N}
         assert verify(each) == []
@@ -318,31 +310,35 @@ def test_verify_names_a_missing_shard_of_a_later_piece(scan: Scan, tmp_path: Pat
             opened.frames("real", 2, 4)
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        "UPDATE instance SET seq = 9 WHERE iid = 1",
-        "UPDATE instance SET trajectory = 'b' WHERE iid = 1",
-        "UPDATE trajectory SET instances = 4",
-    ],
-)
-def test_verify_finds_instances_out_of_order(scan: Scan, tmp_path: Path, change: str) -> None:
+def test_verify_finds_instances_out_of_order(scan: Scan, tmp_path: Path) -> None:
     store = tmp_path / "s.s2r"
     grow(scan, store, [{"a": 3, "b": 1}, {"a": 5, "b": 1}])
-    with edit(store) as draft:
-        draft.rows(change)
-    assert any(damage.where.startswith("table") for damage in verify(store))
+    for number, change in enumerate(
+        (
+            "UPDATE instance SET seq = 9 WHERE iid = 1",
+            "UPDATE instance SET trajectory = 'b' WHERE iid = 1",
+            "UPDATE trajectory SET instances = 4",
+        )
+    ):
+        own = copy_store(store, tmp_path / f"{number}.s2r")
+        with edit(own) as draft:
+            draft.rows(change)
+        assert any(damage.where.startswith("table") for damage in verify(own)), change
 
 
 def test_the_synthetic_world_knows_the_instances_of_continued_trajectories(tmp_path: Path) -> None:
-    world = {"seed": 3, "count": 4}
+    world = {"seed": 3, "count": 3}
     whole = replace(scan_of("world", Path(), world=world), drives=None)
     store = tmp_path / "w.s2r"
-    grow(whole, store, [{"traj1": 1, "traj2": 2}, {"traj1": 3, "traj2": 2}, {"traj1": 4}])
+    grow(whole, store, [{"traj2": 2}, {"traj1": 1}, {"traj1": 3}])
+    ((section, facts),) = whole.provenance.items()
+    other = {section: {**facts, "recipe": {**facts["recipe"], "count": 4}}}
+    with pytest.raises(RequestError, match="another recipe of"):
+        add(replace(whole, provenance=other), store)
     with s2rstore.open(store) as opened:
         data = WorldData(WorldRecipe(**world, frame=SIZE[0]))
         assert data.matches(opened)
-        assert data.noise_numbers(opened).tolist() == [0, 1_000_000, 1_000_001, 1, 2, 3]
+        assert data.noise_numbers(opened).tolist() == [1_000_000, 1_000_001, 0, 1, 2]
 
 
 def test_csv_rows_before_the_stored_ones_are_refused(tmp_path: Path) -> None:

@@ -39,20 +39,6 @@ def test_other_images_or_poses_of_a_stored_trajectory_are_refused(tmp_path: Path
     assert files(store) == before
 
 
-def test_a_shorter_or_changed_recording_of_a_stored_trajectory_is_refused(
-    scan: Scan, store: Path
-) -> None:
-    whole = scan.trajectories["c"]
-    for records, difference in (
-        (whole[:-1], rf"only the first {N - 1} of the stored instances"),
-        ([*whole[:-1], scan.trajectories["a"][0]], r"\(a/sim/"),
-        ([*whole[:3], whole[4], *whole[4:]], r"\(c/sim/"),
-    ):
-        scan.trajectories["c"] = records
-        with pytest.raises(RequestError, match=rf"trajectory c: the source differs .*{difference}"):
-            add(scan, store)
-
-
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

@@ -24,121 +24,86 @@ from s2rtools.datasets.dataset_config import (
     RoomTable,
 )
 from s2rtools.datasets.files.path_containment import PathContainment
-from tests.datasets.helpers import ingest, kinds
+from tests.datasets.helpers import ingest, kinds, scan_of
 from tests.support import pairs
 
 
-def _first(root: Path, domain: str, image: str) -> Path:
-    return sorted((root / "traj1" / domain).glob(f"*_{image}.jpeg"))[0]
+def _match(root: Path) -> Path:
+    return root / "traj1" / "sim" / "match.csv"
 
 
-def _truncate(root: Path) -> None:
-    path = _first(root, "real", "rgb")
-    path.write_bytes(path.read_bytes()[:-200])
+def _file(root: Path, pair: int, domain: str, image: str) -> Path:
+    """An image of a pair, counted from 0 in the order of the rows."""
+    names = _match(root).read_text().splitlines()[1 + pair].split(",")
+    name = names[domain == "sim"].replace("_rgb", f"_{image}")
+    return root / "traj1" / domain / name
 
 
-def _garbage(root: Path) -> None:
-    _first(root, "sim", "depth").write_bytes(b"not a picture")
+def _damage_images(root: Path) -> None:
+    """Damage one image of each of the first eight pairs in another way."""
+    truncated = _file(root, 0, "real", "rgb")
+    truncated.write_bytes(truncated.read_bytes()[:-200])
+    _file(root, 1, "sim", "depth").write_bytes(b"not a picture")
+    _file(root, 2, "sim", "rgb").write_bytes(b"")
+    cv2.imwrite(str(_file(root, 3, "real", "depth")), np.zeros((20, 30), np.uint8))
+    shutil.copy(_file(root, 4, "real", "rgb"), _file(root, 4, "real", "depth"))
+    grey = cv2.imread(str(_file(root, 5, "real", "rgb")), cv2.IMREAD_GRAYSCALE)
+    cv2.imwrite(str(_file(root, 5, "real", "depth")), grey)
+    _file(root, 6, "real", "depth").unlink()
+    for image in ("rgb", "depth"):
+        old = _file(root, 7, "sim", image)
+        old.rename(old.with_name(f"xnan_y0.047_z1.0_r4_{image}.jpeg"))
+    rows = _match(root).read_text().splitlines()
+    rows[8] = rows[8].split(",")[0] + ",xnan_y0.047_z1.0_r4_rgb.jpeg"
+    _match(root).write_text("\r\n".join(rows) + "\r\n")
 
 
-def _empty(root: Path) -> None:
-    _first(root, "sim", "rgb").write_bytes(b"")
-
-
-def _wrong_size(root: Path) -> None:
-    cv2.imwrite(str(_first(root, "real", "depth")), np.zeros((20, 30), np.uint8))
-
-
-def _colour_depth(root: Path) -> None:
-    shutil.copy(_first(root, "real", "rgb"), _first(root, "real", "depth"))
-
-
-def _grey_photo(root: Path) -> None:
-    grey = cv2.imread(str(_first(root, "real", "rgb")), cv2.IMREAD_GRAYSCALE)
-    cv2.imwrite(str(_first(root, "real", "depth")), grey)
-
-
-def _paired_twice(root: Path) -> None:
-    path = root / "traj1" / "sim" / "match.csv"
-    rows = path.read_text().splitlines()
-    real, sim = rows[1].split(",")[0], rows[3].split(",")[1]
-    path.write_text("\n".join([*rows, f"{real},{sim}"]) + "\n")
-
-
-def _stray_depth(root: Path) -> None:
-    path = _first(root, "real", "depth")
-    shutil.copy(path, path.with_name("x9.000_y9.000_z0.000_r9_depth.jpeg"))
-
-
-def _outside(root: Path) -> None:
-    header = root / "calibration.toml"
-    header.write_text(header.read_text().replace("x1 = 8.0", "x1 = 6.9"))
-
-
-def _broken_plan(root: Path) -> None:
-    (root / "map.jpg").write_bytes(b"not a picture")
-
-
-def _half_size(root: Path) -> None:
+def _damage_rows(root: Path) -> None:
+    """What takes away no instance: rows, the header, further files and the size of all images."""
     for path in (root / "traj1").rglob("*.jpeg"):
         image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
         cv2.imwrite(str(path), cv2.resize(image, (32, 24)))
-
-
-def _missing(root: Path) -> None:
-    _first(root, "real", "depth").unlink()
-
-
-def _bad_row(root: Path) -> None:
-    with (root / "traj1" / "sim" / "match.csv").open("a") as file:
-        file.write("what.jpeg,ever.jpeg\n")
-
-
-def _nan_pose(root: Path) -> None:
-    path = root / "traj1" / "sim" / "match.csv"
-    rows = path.read_text().splitlines()
-    real, sim = rows[1].split(",")
-    for image in ("rgb", "depth"):
-        old = root / "traj1" / "sim" / sim.replace("_rgb", f"_{image}")
-        old.rename(old.with_name(f"xnan_y0.047_z1.0_r4_{image}.jpeg"))
-    rows[1] = f"{real},xnan_y0.047_z1.0_r4_rgb.jpeg"
-    path.write_text("\r\n".join(rows) + "\r\n")
-
-
-def _duplicate(root: Path) -> None:
-    path = root / "traj1" / "sim" / "match.csv"
-    path.write_text(path.read_text() + path.read_text().splitlines()[1] + "\n")
+    depth = _file(root, 0, "real", "depth")
+    shutil.copy(depth, depth.with_name("x9.000_y9.000_z0.000_r9_depth.jpeg"))
+    rgb = _file(root, 0, "real", "rgb")
+    shutil.copy(rgb, rgb.with_name("x8.000_y9.000_z0.000_r9_rgb.jpeg"))
+    rows = _match(root).read_text().splitlines()
+    paired_twice = f"{rows[1].split(',')[0]},{rows[3].split(',')[1]}"
+    rows += [rows[1], paired_twice, "what.jpeg,ever.jpeg"]
+    _match(root).write_text("\n".join(rows) + "\n")
+    header = root / "calibration.toml"
+    header.write_text(header.read_text().replace("x1 = 8.0", "x1 = 6.9"))
+    (root / "map.jpg").write_bytes(b"not a picture")
 
 
 @pytest.mark.parametrize(
-    ("damage", "kind", "remaining"),
+    ("damage", "expected", "remaining"),
     [
-        (_truncate, "truncated image", 7),
-        (_garbage, "unreadable image", 7),
-        (_empty, "unreadable image", 7),
-        (_wrong_size, "wrong size", 7),
-        (_colour_depth, "not a depth image", 7),
-        (_missing, "missing image", 7),
-        (_grey_photo, "not a depth image", 7),
-        (_paired_twice, "duplicate row", 8),
-        (_stray_depth, "unmatched image", 8),
-        (_outside, "pose outside the bounds", 8),
-        (_broken_plan, "unreadable floor plan", 8),
-        (_half_size, "other size than calibrated", 8),
-        (_bad_row, "bad name", 8),
-        (_nan_pose, "bad pose", 7),
-        (_duplicate, "duplicate row", 8),
+        (
+            _damage_images,
+            {"truncated image": 1, "unreadable image": 2, "wrong size": 1, "missing image": 1,
+             "not a depth image": 2, "bad pose": 1},
+            2,
+        ),
+        (
+            _damage_rows,
+            {"duplicate row": 2, "unmatched image": 2, "pose outside the bounds": 1,
+             "unreadable floor plan": 1, "other size than calibrated": 2, "bad name": 1},
+            10,
+        ),
     ],
-)
+)  # fmt: skip
 def test_invalid_input_is_reported_and_skipped_or_rejected_if_strict(
-    data, tmp_path: Path, damage, kind: str, remaining: int
+    tmp_path: Path, damage, expected: dict[str, int], remaining: int
 ) -> None:
-    damage(data[0])
+    root = tmp_path / "data"
+    header = pairs.sim2realviz(root, n=10)
+    damage(root)
     with pytest.raises(RequestError, match="nothing was ingested"):
-        ingest("sim2realviz", data[0], tmp_path / "strict.s2r", strict=True, header=data[1])
+        ingest("sim2realviz", root, tmp_path / "strict.s2r", strict=True, header=header)
     assert not list(tmp_path.glob("*strict.s2r*"))
-    scan = ingest("sim2realviz", data[0], tmp_path / "s.s2r", header=data[1])
-    assert kind in kinds(scan)
+    scan = ingest("sim2realviz", root, tmp_path / "s.s2r", header=header)
+    assert kinds(scan) == expected
     assert all(issue.file for issue in scan.issues)
     with s2rstore.open(tmp_path / "s.s2r") as store:
         assert len(store.instances) == remaining
@@ -146,24 +111,17 @@ def test_invalid_input_is_reported_and_skipped_or_rejected_if_strict(
     assert verify(tmp_path / "s.s2r") == []
 
 
-def test_images_without_a_row_are_reported(data, tmp_path: Path) -> None:
-    extra = _first(data[0], "real", "rgb")
-    shutil.copy(extra, extra.with_name("x9.000_y9.000_z0.000_r9_rgb.jpeg"))
-    scan = ingest("sim2realviz", data[0], tmp_path / "s.s2r", header=data[1])
-    assert kinds(scan) == {"unmatched image": 1}
-
-
-@pytest.mark.parametrize("content", ["nothing", "empty", "no images"])
-def test_empty_folders_are_rejected(tmp_path: Path, content: str) -> None:
+def test_empty_folders_are_rejected(tmp_path: Path) -> None:
     root = tmp_path / "data"
-    if content != "nothing":
-        for domain in ("sim", "real"):
-            (root / "traj1" / domain).mkdir(parents=True)
-    if content == "no images":
-        (root / "traj1" / "sim" / "match.csv").write_text("REAL_RGB,SIM_RGB\n")
-    with pytest.raises(RequestError):
-        ingest("sim2realviz", root, tmp_path / "s.s2r")
-    assert not (tmp_path / "s.s2r").exists()
+    for content in ("nothing", "empty", "no images"):
+        if content == "empty":
+            for domain in ("sim", "real"):
+                (root / "traj1" / domain).mkdir(parents=True)
+        if content == "no images":
+            _match(root).write_text("REAL_RGB,SIM_RGB\n")
+        with pytest.raises(RequestError):
+            ingest("sim2realviz", root, tmp_path / "s.s2r")
+        assert not (tmp_path / "s.s2r").exists()
 
 
 def _edit(path: Path, old: str, new: str) -> None:
@@ -172,22 +130,31 @@ def _edit(path: Path, old: str, new: str) -> None:
     path.write_text(text.replace(old, new, 1))
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "kind"),
-    [
+@pytest.fixture(scope="module")
+def manifest(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A manifest of 12 pairs that no test modifies."""
+    return pairs.manifest(tmp_path_factory.mktemp("manifest") / "data")
+
+
+def test_problems_of_a_manifest_are_reported(manifest: Path, tmp_path: Path) -> None:
+    text = manifest.read_text()
+    path = manifest.with_name("other.csv")
+    shutil.copy(manifest.with_suffix(".toml"), path.with_suffix(".toml"))
+    for old, new, kind in (
         ("a,0,real", "a,zero,real", "bad seq"),
         ("a,0,real", "a,0,sim", "duplicate row"),
         ("a,0,real", ",0,real", "incomplete row"),
         ("a,0,real,", "a,0,real,,", "incomplete row"),
-        ("sim/1_rgb.png", "sim/no_rgb.png", "missing image"),
         (",7.0,", ",nan,", "bad pose"),
-    ],
-)
-def test_problems_of_a_manifest_are_reported(tmp_path: Path, old: str, new: str, kind: str) -> None:
-    path = pairs.manifest(tmp_path / "data")
-    _edit(path, old, new)
+    ):
+        assert old in text
+        path.write_text(text.replace(old, new, 1))
+        scan = scan_of("csv", path)
+        assert kind in kinds(scan), new
+        assert sum(map(len, scan.trajectories.values())) == 11, new
+    path.write_text(text.replace("sim/1_rgb.png", "sim/no_rgb.png", 1))
     scan = ingest("csv", path, tmp_path / "s.s2r")
-    assert kind in kinds(scan)
+    assert "missing image" in kinds(scan)
     with s2rstore.open(tmp_path / "s.s2r") as store:
         assert len(store.instances) == 11
 
@@ -229,11 +196,14 @@ def test_problems_of_a_manifest_are_reported(tmp_path: Path, old: str, new: str,
         ),
     ],
 )
-def test_an_invalid_header_is_rejected(tmp_path: Path, old: str, new: str, hint: str) -> None:
-    path = pairs.manifest(tmp_path / "data")
-    _edit(path.with_suffix(".toml"), old, new)
+def test_an_invalid_header_is_rejected(
+    manifest: Path, tmp_path: Path, old: str, new: str, hint: str
+) -> None:
+    header = tmp_path / "data.toml"
+    shutil.copy(manifest.with_suffix(".toml"), header)
+    _edit(header, old, new)
     with pytest.raises(RequestError, match=hint):
-        ingest("csv", path, tmp_path / "s.s2r")
+        ingest("csv", manifest, tmp_path / "s.s2r", header=header)
 
 
 def test_a_depth_image_of_another_type_is_skipped(tmp_path: Path) -> None:

@@ -82,7 +82,14 @@ def test_right_conventions_are_the_sharpest(side: str) -> None:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("error", CONVENTIONS[1:], ids=str)
+@pytest.mark.parametrize(
+    "error",
+    [
+        error if number % 4 == 0 else pytest.param(error, marks=pytest.mark.deep)
+        for number, error in enumerate(CONVENTIONS[1:])
+    ],
+    ids=str,
+)
 def test_wrong_conventions_are_named(error: Convention) -> None:
     check = check_conventions(wrongly_declared(frames("sim"), error))
     assert check.verdict == "doubtful"

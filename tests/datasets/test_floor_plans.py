@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -55,7 +55,6 @@ def colour_at(image: NDArray[np.uint8], bounds: Bounds, y_down: bool, x: float, 
     return int(image[int(row), int(col), 0])
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     st.floats(-math.pi, math.pi), st.floats(0.005, 0.2), st.floats(-50, 50), st.floats(-50, 50),
     st.booleans(), st.integers(2, 5), st.integers(0, 99),
@@ -206,3 +205,40 @@ def test_image_of_a_grid_outside_the_folder_is_refused(tmp_path: Path) -> None:
     grid.write_text(grid.read_text().replace("map.pgm", "/etc/hostname"))
     with pytest.raises(RequestError, match="--allow-outside"):
         scan_of("csv", path)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "image: map#1.pgm\nresolution: 0.5\norigin: [1, 2, 0]\n",
+        "image: 'map#1.pgm' # it's a map\nresolution: .5\norigin: [1.0,\n  2.0, 0.0]\n",
+        'image: "map\\x231.pgm"\nresolution: 5e-1\norigin:\n    - 1.0\n    - 2.0\n    - 0.0\n',
+        "{image: map#1.pgm, resolution: 0.5, origin: [1, 2, 0]}\n",
+        '"image": >-\n  map#1.pgm\n"resolution" : &half 0.5\norigin: [1, 2, 0]\nx: *half\n',
+        "%YAML 1.1\n---\nimage: map#1.pgm\nresolution: 0.5\norigin: [1, 2, 0]\nnegate: no\n...\n",
+        "map:\n  image: x\nimage: map#1.pgm\nresolution: 0.5\norigin: [1, 2, 0]\nnegate: false\n",
+    ],
+    ids=["hash", "lines", "escape", "flow", "folded and alias", "directive", "nested"],
+)
+def test_a_grid_may_be_any_valid_yaml(tmp_path: Path, text: str) -> None:
+    write_grid(tmp_path, np.zeros((4, 6), np.uint8))
+    (tmp_path / "map.pgm").rename(tmp_path / "map#1.pgm")
+    (tmp_path / "map.yaml").write_text(text)
+    assert read_grid(tmp_path / "map.yaml").bounds == Bounds(1.0, 2.0, 4.0, 4.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [("image: map.pgm\nimage: other.pgm\n", "not valid YAML .*duplicate key"),
+     ("image: !!bool map.pgm\n", "not valid YAML"),
+     ("a0: &a [x, x]\n" + "".join(f"a{n}: &{chr(97 + n)} [*{chr(96 + n)}, *{chr(96 + n)}]\n"
+                                 for n in range(1, 25)), "more than 65,536 values"),
+     ("image: &a [*a]\n", "more than 65,536 values")],
+    ids=["duplicate", "wrong tag", "aliases", "circle"],
+)  # fmt: skip
+def test_hostile_yaml_is_refused_in_one_line(tmp_path: Path, text: str, message: str) -> None:
+    path = write_grid(tmp_path, np.zeros((3, 3), np.uint8))
+    path.write_text(text)
+    with pytest.raises(RequestError, match=message) as error:
+        read_grid(path)
+    assert "\n" not in str(error.value)

@@ -122,35 +122,17 @@ def test_files_of_a_folder_itself_are_a_trajectory_named_after_the_domain(tmp_pa
         assert [t.trajectory for t in store.trajectories] == ["real_day", "sim"]
 
 
-def test_the_same_input_gives_the_same_data_set(store_path: Path, tmp_path: Path) -> None:
-    again = image_folders.image_store(tmp_path)
-    with s2rstore.open(store_path) as first, s2rstore.open(again) as second:
-        assert first.dataset.hash == second.dataset.hash
-
-
-@pytest.mark.parametrize(
-    ("expression", "count"),
-    [
-        ("all", 14),
-        ("traj:real_night", 3),
-        ("traj:sim_loop & seq < 2", 2),
-        ("iid > 9 | seq = 0", 8),
-        ("!traj:sim_city", 12),
-        ("ids(3..5) - iid = 4", 2),
-        ("worst15", 0),
-        ("real.error > 0 | x < 3", 0),
-        ("!straight", 14),
-        ("near(0, 0, 5)", 0),
-    ],
-)
-def test_expressions_select_alike_in_both_back_ends(
-    store_path: Path, expression: str, count: int
-) -> None:
+def test_expressions_select_alike_in_both_back_ends(store_path: Path) -> None:
     with s2rstore.open(store_path) as store:
-        chosen = np.flatnonzero(evaluation.select(store, expression)).tolist()
-        query, parameters = evaluation.sql(store, expression)
-        assert chosen == [iid for (iid,) in store.execute(query, parameters)]
-        assert len(chosen) == count
+        for expression, count in (
+            ("all", 14), ("traj:real_night", 3), ("traj:sim_loop & seq < 2", 2),
+            ("!traj:sim_city", 12), ("ids(3..5) - iid = 4", 2), ("worst15", 0),
+            ("real.error > 0 | x < 3", 0), ("!straight", 14), ("near(0, 0, 5)", 0),
+        ):  # fmt: skip
+            chosen = np.flatnonzero(evaluation.select(store, expression)).tolist()
+            query, parameters = evaluation.sql(store, expression)
+            assert chosen == [iid for (iid,) in store.execute(query, parameters)]
+            assert len(chosen) == count, expression
 
 
 def test_a_run_is_refused_with_the_reason(store_path: Path) -> None:

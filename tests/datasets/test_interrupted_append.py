@@ -2,57 +2,55 @@
 
 from __future__ import annotations
 
+import re
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 import s2rstore
+from s2rstore.arrays import array_writer
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout
-from s2rstore.files.ingest_folder import appending_folder
+from s2rstore.files.ingest_folder import appending_folder, appending_folders
 from s2rstore.index import transaction
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import verify
+from s2rstore.records import Domain
 from s2rtools.datasets.appending import append
+from s2rtools.datasets.files.image_decoding import ImageFiles
 from s2rtools.datasets.scan import Scan
-from s2rtools.datasets.writing import build
+from s2rtools.datasets.writing import (
+    build,
+    frame_group,
+    frame_writing,
+    growing_array,
+    ingest_journal,
+    source_arrays,
+)
 from tests.datasets.conftest import N
-from tests.datasets.helpers import add, files, scan_of
-
-
-class Killed(BaseException):
-    """Stands for the end of the process at this point."""
-
-
-def _kill(*arguments: object, **options: object) -> None:
-    raise Killed
-
-
-def _kill_after(function: Callable[..., object], calls: int) -> Callable[..., object]:
-    done = 0
-
-    def counted(*arguments: object, **options: object) -> object:
-        nonlocal done
-        if done == calls:
-            raise Killed
-        done += 1
-        return function(*arguments, **options)
-
-    return counted
+from tests.datasets.helpers import (
+    Killed,
+    add,
+    files,
+    kill,
+    kill_after,
+    rows_by_trajectory,
+    scan_of,
+)
+from tests.support.copies import copy_store
 
 
 @pytest.mark.parametrize(
     "point",
     [
-        "frames",
+        pytest.param("frames", marks=pytest.mark.deep),
         "second trajectory",
-        "first move",
+        pytest.param("first move", marks=pytest.mark.deep),
         "third move",
-        "ledger",
-        "rows",
-        "index file",
+        pytest.param("ledger", marks=pytest.mark.deep),
+        pytest.param("rows", marks=pytest.mark.deep),
+        pytest.param("index file", marks=pytest.mark.deep),
         "current",
     ],
 )
@@ -65,9 +63,9 @@ def test_a_kill_leaves_the_old_generation_and_a_rerun_succeeds(
     with monkeypatch.context() as patch:
         patch.setattr(append.shutil, "rmtree", lambda *arguments, **options: None)
         if point in moves:
-            patch.setattr(atomic_writes, "move", _kill_after(atomic_writes.move, moves[point]))
+            patch.setattr(atomic_writes, "move", kill_after(atomic_writes.move, moves[point]))
         elif point == "second trajectory":
-            patch.setattr(build, "write_trajectory", _kill_after(build.write_trajectory, 1))
+            patch.setattr(build, "write_trajectory", kill_after(build.write_trajectory, 1))
         else:
             owner, name = {
                 "frames": (append, "write_frames"),
@@ -76,7 +74,7 @@ def test_a_kill_leaves_the_old_generation_and_a_rerun_succeeds(
                 "index file": (transaction, "_publish"),
                 "current": (layout, "write_current"),
             }[point]
-            patch.setattr(owner, name, _kill)
+            patch.setattr(owner, name, kill)
         with pytest.raises(Killed):
             add(scan, store)
     assert layout.read_current(store) == current
@@ -93,7 +91,7 @@ def test_prune_removes_unreferenced_frames_and_keeps_all_others(
     scan: Scan, store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patch:
-        patch.setattr(append, "insert_instances", _kill)
+        patch.setattr(append, "insert_instances", kill)
         with pytest.raises(Killed):
             add(scan, store)
     leftovers = {f"{layout.FRAMES}/{domain}/{name}" for domain in ("sim", "real") for name in "ab"}
@@ -170,3 +168,48 @@ def test_damaged_frames_are_not_moved(
     with pytest.raises(RequestError, match="differs from what was written"):
         add(scan, store)
     assert verify(store) == []
+
+
+@pytest.mark.parametrize("is_continued", [False, True], ids=["new trajectories", "continued"])
+def test_an_interrupted_append_is_resumed(
+    source: tuple[Path, Path], first_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    is_continued: bool,
+) -> None:  # fmt: skip
+    """It equals an append that was not interrupted, and decodes what was not written alone."""
+    for module in (frame_group, frame_writing, growing_array, ingest_journal, source_arrays):
+        monkeypatch.setattr(module, "SHARD_ROWS", 4)
+    monkeypatch.setattr("s2rstore.files.process_identity.has_ended", lambda identity: True)
+    decode = ImageFiles.decode
+    decoded = []
+
+    def counted(source: ImageFiles, scan: Scan, domain: Domain) -> object:
+        decoded.append(source)
+        return decode(source, scan, domain)
+
+    def whole() -> Scan:
+        return scan_of("sim2realviz", source[0], header=source[1], trajectories=("a",))
+
+    stores = [tmp_path / "one.s2r", tmp_path / "other.s2r"]
+    for path in stores:
+        if is_continued:
+            short = whole()
+            short.trajectories["a"] = list(short.trajectories["a"])[:2]
+            build.build(short, path, "s2r ingest", False, lambda steps: None)
+        else:
+            copy_store(first_store, path)
+    monkeypatch.setattr(ImageFiles, "decode", counted)
+    expected = add(whole(), stores[0])
+    undisturbed, lines = len(decoded), list[str]()
+    with monkeypatch.context() as patch:
+        patch.setattr(array_writer, "write_chunks", kill_after(array_writer.write_chunks, 10))
+        with pytest.raises(Killed):
+            add(whole(), stores[1])
+    decoded.clear()
+    assert add(whole(), stores[1], lines=lines) == expected
+    (line,) = (each for each in lines if "is resumed" in each)
+    kept = int(re.search(r"(\d+) of \d+ instances are not decoded again", line)[1])
+    assert kept == 4
+    assert len(decoded) == undisturbed - 2 * kept
+    assert rows_by_trajectory(stores[1]) == rows_by_trajectory(stores[0])
+    assert verify(stores[1]) == []
+    assert appending_folders(stores[1]) == []

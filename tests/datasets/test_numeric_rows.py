@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
@@ -26,7 +26,6 @@ from tests.datasets.layouts.recordings import drive
 
 
 @given(st.lists(st.tuples(*[st.floats(allow_nan=False)] * 3), min_size=1, max_size=20))
-@settings(deadline=None, derandomize=True)
 def test_numbers_are_read_exactly(rows: list) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rows.txt"
@@ -39,7 +38,6 @@ def test_numbers_are_read_exactly(rows: list) -> None:
 
 
 @given(st.lists(st.one_of(st.floats(), st.sampled_from([0.0, 1.0, 2.0])), max_size=20))
-@settings(deadline=None, derandomize=True)
 def test_times_are_sorted_and_each_row_is_kept_or_reported(times: list[float]) -> None:
     rows = NumericRows("t", np.array(times).reshape(-1, 1), np.arange(1, len(times) + 1))
     issues: list[InputIssue] = []

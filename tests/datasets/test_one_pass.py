@@ -91,12 +91,12 @@ def test_every_view_of_the_world_is_rendered_once(
         return decode(source, *arguments)
 
     monkeypatch.setattr(RenderedFrameSource, "decode", counted)
-    ingest("world", Path(), tmp_path / "s.s2r", world={"count": 3})
-    assert len(rendered) == 12
+    ingest("world", Path(), tmp_path / "s.s2r", world={"count": 2})
+    assert len(rendered) == 8
     assert set(rendered.values()) == {1}
 
 
-@pytest.mark.parametrize("odd", [(0,), (0, 1, 5), (5,)])
+@pytest.mark.parametrize("odd", [(0, 1, 5), (5,)])
 def test_the_most_common_depth_type_is_kept_wherever_the_others_are(
     tmp_path: Path, odd: tuple[int, ...]
 ) -> None:
@@ -170,6 +170,7 @@ def _manifest(folder: Path, count: int) -> Path:
     return folder / "m.csv"
 
 
+@pytest.mark.deep
 def test_an_instance_takes_little_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The difference of two sizes, because buffers and caches have a fixed size.
 
@@ -195,12 +196,14 @@ def test_an_instance_takes_little_memory(tmp_path: Path, monkeypatch: pytest.Mon
         build(scan, tmp_path / f"{count}.s2r", "", False, lambda steps: None)
         return tracemalloc.get_traced_memory()[1] - before
 
-    small, large = 240, 900
+    small, large = 240, 840
     tracemalloc.start()
     try:
-        peak(200)  # imports modules and fills caches
+        peak(64)  # imports modules and fills caches
+        gc.freeze()  # what exists by now would make each collection slow
         growth = peak(large) - peak(small)
     finally:
+        gc.unfreeze()
         tracemalloc.stop()
     assert growth / (large - small) < BYTES_PER_INSTANCE
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
@@ -44,7 +44,6 @@ def dense_total(cost: NDArray[np.float64]) -> float:
     return float(square[a, b].sum())
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     n=st.integers(1, 14), m=st.integers(1, 14), seed=st.integers(0, 10_000),
     side=st.sampled_from([0.6, 1.5, 4.0]),

@@ -6,7 +6,7 @@ import hashlib
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -30,7 +30,7 @@ from s2rtools.datasets.writing import (
     source_arrays,
 )
 from s2rtools.datasets.writing.build import build
-from tests.datasets.helpers import rows_by_trajectory, scan_of
+from tests.datasets.helpers import Killed, kill_after, rows_by_trajectory, scan_of
 from tests.support import pairs
 
 N = 38
@@ -40,10 +40,6 @@ ODD = (0, 1, 6, 12, 25, 26, 27)
 """Instances whose real depth has another type; that of the first one is not the usual one."""
 BROKEN = (3, 9, 10, 18, 20, 37)
 OTHER_SIZE = (5, 30)
-
-
-class Killed(BaseException):
-    """Stands for the end of the process at this point."""
 
 
 @pytest.fixture(autouse=True)
@@ -108,19 +104,6 @@ def undisturbed(
         yield content(store), scan, sum(steps)
 
 
-def kill_after(function: Callable[..., object], calls: int) -> Callable[..., object]:
-    done = 0
-
-    def counted(*arguments: object, **options: object) -> object:
-        nonlocal done
-        if done == calls:
-            raise Killed
-        done += 1
-        return function(*arguments, **options)
-
-    return counted
-
-
 def interrupted(
     manifest: Path, store: Path, owner: object, name: str, calls: int
 ) -> BuildingFolder:
@@ -155,7 +138,10 @@ def check_resumed(
     return lines[0]
 
 
-@pytest.mark.parametrize("shards", [0, 3, 4, 9, 17, 30, 41])
+@pytest.mark.parametrize(
+    "shards",
+    [0, 17, *(pytest.param(n, marks=pytest.mark.deep) for n in (3, 4, 9, 30, 41))],
+)
 def test_a_kill_after_some_shards_is_resumed(
     manifest: Path, tmp_path: Path, undisturbed: tuple[dict[str, object], Scan, int], shards: int
 ) -> None:
@@ -167,12 +153,19 @@ def test_a_kill_after_some_shards_is_resumed(
 @pytest.mark.parametrize(
     ("owner", "name", "calls"),
     [
-        *[(atomic_writes, "move", calls) for calls in range(2)],
-        *[(atomic_writes, "remove", calls) for calls in (0, 3)],
-        (Ledger, "add_entries", 0),
+        (atomic_writes, "move", 1),
+        (atomic_writes, "remove", 3),
         (Ledger, "add_entries", 1),
-        (build_module, "write_index", 0),
         (Path, "rename", 0),
+        *(
+            pytest.param(owner, name, 0, marks=pytest.mark.deep)
+            for owner, name in (
+                (atomic_writes, "move"),
+                (atomic_writes, "remove"),
+                (Ledger, "add_entries"),
+                (build_module, "write_index"),
+            )
+        ),
     ],
 )
 def test_a_kill_at_the_end_of_a_trajectory_or_of_the_ingest_is_resumed(
@@ -211,8 +204,7 @@ def test_a_finished_trajectory_is_not_decoded_again(
     )
 
 
-@pytest.mark.parametrize("cut", [1, 700])
-@pytest.mark.parametrize("is_changed", [False, True])
+@pytest.mark.parametrize(("cut", "is_changed"), [(1, False), (700, True)])
 def test_a_damaged_journal_counts_up_to_the_damage(
     manifest: Path,
     tmp_path: Path,
@@ -230,7 +222,7 @@ def test_a_damaged_journal_counts_up_to_the_damage(
     check_resumed(manifest, store, undisturbed)
 
 
-@pytest.mark.parametrize("which", [0, 5])
+@pytest.mark.parametrize("which", [0, pytest.param(5, marks=pytest.mark.deep)])
 def test_a_missing_or_shortened_shard_is_written_again(
     manifest: Path,
     tmp_path: Path,

@@ -122,17 +122,17 @@ def test_stores_of_earlier_releases_open_with_a_note(earlier: Path) -> None:
 
 def test_an_appended_trajectory_is_seen_at_its_own_size(earlier: Path, data: Path) -> None:
     """Instances of both kinds are computed, and those of the first keep their arrays."""
-    precompute(earlier, SilentReporter(), [], PrecomputeOptions(("occlusion",)))
+    precompute(earlier, SilentReporter(), [], PrecomputeOptions(("activation",)))
     with s2rstore.open(earlier) as store:
-        before = {record.path for record in store.array_kinds("r") if record.kind == "occlusion"}
+        before = {record.path for record in store.array_kinds("r") if record.kind == "activation"}
     append(scan_of(data), earlier, "", False, lambda steps: None)
     network = build_network("resposenet").eval()
     with edit(earlier) as draft:
         register_model(earlier, draft, "new", pack_weights(network), network.convention)
         insert_run(draft, "new", "new", ("sim", "real"))
-    precompute(earlier, SilentReporter(), [], PrecomputeOptions(("occlusion",)))
+    precompute(earlier, SilentReporter(), [], PrecomputeOptions(("activation",)))
     with s2rstore.open(earlier) as store:
-        parts = [record for record in store.array_parts("r") if record.kind == "occlusion"]
+        parts = [record for record in store.array_parts("r") if record.kind == "activation"]
         assert before < {record.path for record in parts}
         assert (store.source_size("sim", 4), store.source_size("sim", 5)) != (None, None)
         sizes = [images["rgb"].shape[1:3] for _, images in store.source_frames("sim", 0, 10)]

@@ -126,6 +126,7 @@ def test_the_key_reference_and_the_cheat_sheet_list_every_action():
             assert pages.html.escape(action.description) in sheet
 
 
+@pytest.mark.deep
 def test_the_site_builds_and_loads_no_external_resources(tmp_path):
     for package in ("mkdocs", "material", "mkdocstrings"):
         if importlib.util.find_spec(package) is None:

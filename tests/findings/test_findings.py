@@ -161,8 +161,8 @@ def test_one_run_is_compared_with_none(tmp_path: Path) -> None:
     assert "best run: there is only one run" in report.missing
 
 
-def test_without_rooms_there_is_no_worst_room(tmp_path: Path) -> None:
-    path = tiny.build(tmp_path / "s.s2r", n=40)
+def test_without_rooms_there_is_no_worst_room(store_copy: Path) -> None:
+    path = store_copy
     with edit(path) as draft:
         draft.rows("DELETE FROM room")
         draft.rows("UPDATE instance SET room = NULL")
@@ -183,7 +183,7 @@ def test_a_run_that_was_trained_on_everything_has_no_figures(tmp_path: Path) -> 
     assert not any(finding.n_of == "instances" for finding in report.findings)
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"runs": 3}', '{"runs": {"vanilla": "key0"}}'])
+@pytest.mark.parametrize("text", ["{", '{"runs": 3}', '{"runs": {"vanilla": "key0"}}'])
 def test_a_damaged_score_is_named(plain: Path, tmp_path: Path, text: str) -> None:
     path = copy_store(plain, tmp_path / "s.s2r")
     with edit(path) as draft:
@@ -314,3 +314,15 @@ def test_the_largest_of_many_factors_needs_more_evidence_than_one_factor() -> No
     assert among.interval is not None
     assert among.interval.level == pytest.approx(0.9975)
     assert "corrected for their number" in among.evidence
+
+
+def test_drift_dates_a_measurement_by_the_night_that_made_it(plain: Path, monkeypatch) -> None:
+    """Nights without new evidence repeat the figures of the last measurement."""
+    week = [replace(night, measured=1 if night.id < 5 else 5) for night in gaps.week()]
+    monkeypatch.setattr(DRIFT.reader, "file_stamp", lambda path: (1, 1, 1))
+    monkeypatch.setattr(DRIFT.reader, "read", lambda path: gaps.history(*week))
+    with s2rstore.open(plain) as store:
+        found = DRIFT.gap_drift(store, "vanilla", Path("week.duckdb"))
+    assert found is not None
+    assert (found.values["first_night"], found.values["last_night"]) == ("2026-11-16", "2026-11-20")
+    assert "from 2026-11-16 to 2026-11-20, n 2 nights" in found.text

@@ -76,8 +76,8 @@ def test_headings_on_the_edge_of_two_sectors_belong_to_one(tmp_path: Path) -> No
     assert np.bincount(grouped.codes, minlength=SECTORS).tolist() == [4] * SECTORS
 
 
-def test_an_unknown_curvature_belongs_to_no_group(tmp_path: Path) -> None:
-    path = tiny.build(tmp_path / "s.s2r", n=40)
+def test_an_unknown_curvature_belongs_to_no_group(store_copy: Path) -> None:
+    path = store_copy
     with edit(path) as draft:
         draft.rows("UPDATE instance SET curvature = NULL WHERE iid < 10")
     with s2rstore.open(path) as store:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.metrics.bootstrap import (
@@ -27,7 +27,6 @@ def blocks_of(sizes: list[int]) -> Blocks:
     return split_into_blocks(np.repeat(np.arange(len(sizes)), sizes).astype(np.int32))
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.lists(st.integers(1, 120), min_size=1, max_size=40), st.integers(0, 1000))
 def test_halves_are_disjoint_and_equally_large(sizes: list[int], seed: int) -> None:
     blocks = blocks_of(sizes)

@@ -178,22 +178,20 @@ def test_a_scale_without_span_or_state_is_rejected(tmp_path: Path, change: dict)
         reference.read(tmp_path / "ref.json")
 
 
-@pytest.mark.parametrize("key", ["anchor", "anchor_low", "anchor_high", "floor"])
-@pytest.mark.parametrize(
-    "value", [None, "1", True, float("inf"), pytest.param(10**400, id="huge"), -1e308]
-)
-def test_non_numeric_scales_are_rejected(tmp_path: Path, key: str, value: object) -> None:
+def test_non_numeric_scales_are_rejected(tmp_path: Path) -> None:
     low_noise = axis_result("task", 0.1)
     frozen = reference.freeze(
         low_noise, Anchor(1.1, low_noise.replicates + 1.0, "bad"), "m", SETTINGS
     )
     path = tmp_path / "ref.json"
-    path.write_text(reference.text({"task": frozen}, {}))
-    content = json.loads(path.read_text())
-    content["axes"]["task"][key] = value
-    path.write_text(json.dumps(content))
-    with pytest.raises(RequestError, match="task"):
-        reference.read(path)
+    text = reference.text({"task": frozen}, {})
+    for key in ("anchor", "anchor_low", "anchor_high", "floor"):
+        for value in (None, "1", True, float("inf"), 10**400, -1e308):
+            content = json.loads(text)
+            content["axes"]["task"][key] = value
+            path.write_text(json.dumps(content))
+            with pytest.raises(RequestError, match="task"):
+                reference.read(path)
 
 
 def test_a_file_with_an_anchor_within_noise_is_rejected(tmp_path: Path) -> None:

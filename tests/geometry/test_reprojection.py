@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.geometry import angles
@@ -96,7 +96,6 @@ def test_projection_equals_the_explicit_loop(ray: str, y_down: bool, pitch: floa
     )
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     x=st.floats(-2, 6), y=st.floats(-2, 4), heading=st.floats(-3.1, 3.1),
     raw=st.integers(20, 80), hfov=st.floats(50, 90),
@@ -116,7 +115,6 @@ def test_a_wall_ahead_is_a_perpendicular_line(
     assert right[0, 0, -1] > 0 > right[0, 0, 0]
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     pitch=st.floats(-0.3, 0.3), height=st.floats(-0.5, 2.5), low=st.floats(-1, 1),
     band=st.floats(0.01, 2), first=st.integers(0, 255), extra=st.integers(0, 255),

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
@@ -109,7 +109,6 @@ def test_reprojection_keeps_the_point_in_space() -> None:
     assert np.allclose(point_in_other, point)
 
 
-@settings(max_examples=40, deadline=None)
 @given(arrays.arrays(np.uint16, (2, 12, 12), elements=RAW),
        arrays.arrays(np.uint16, (2, 12, 12), elements=RAW))  # fmt: skip
 def test_the_nearer_surface_is_the_minimum_of_both_depths(

@@ -38,7 +38,7 @@ class ProcessResult:
         assert self.megabytes < MAX_MEGABYTES
 
 
-def s2r(folder: Path, *arguments: str | Path, seconds: float = 60) -> ProcessResult:
+def s2r(folder: Path, *arguments: str | Path, seconds: float = 300) -> ProcessResult:
     """Run the command in a subprocess; a process that hangs is killed and fails the test."""
     out, err = folder / "stdout.txt", folder / "stderr.txt"
     command = [sys.executable, "-m", "s2rtui", *map(str, arguments)]
@@ -67,7 +67,7 @@ def _peak(process: int) -> float:
 
 
 @contextmanager
-def deadline(seconds: int = 20) -> Iterator[None]:
+def deadline(seconds: int = 120) -> Iterator[None]:
     """Fail if the block takes longer than `seconds`."""
 
     def on_alarm(*_: object) -> None:

@@ -7,18 +7,19 @@ from pathlib import Path
 import pytest
 
 from bench import bit_flips
+from tests.conftest import BuildOnce
 from tests.support import tiny
+from tests.support.copies import copy_store
 from tests.support.ingested import build_ingested_store
 
-SAMPLE = 40
+SAMPLE = 20
 
 
-@pytest.fixture(scope="module", params=["ingested", "without checksums"])
-def store(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("flips")
+@pytest.fixture(params=["ingested", "without checksums"])
+def store(request: pytest.FixtureRequest, build_once: BuildOnce, tmp_path: Path) -> Path:
     if request.param == "ingested":
-        return build_ingested_store(folder)
-    return tiny.build(folder / "t.s2r", n=6, runs=("vanilla",))
+        return copy_store(build_once("ingested.s2r", build_ingested_store), tmp_path / "s.s2r")
+    return tiny.build(tmp_path / "t.s2r", n=6, runs=("vanilla",))
 
 
 def test_no_flipped_bit_changes_results_undetected(store: Path) -> None:
@@ -30,5 +31,5 @@ def test_no_flipped_bit_changes_results_undetected(store: Path) -> None:
 
 def test_flipped_bits_of_the_current_file_are_detected(store: Path) -> None:
     flips = list(bit_flips.every_bit(store, lambda path: path == "CURRENT.json"))
-    outcomes = list(bit_flips.outcomes(store, flips[::41]))
+    outcomes = list(bit_flips.outcomes(store, flips[::127]))
     assert [flip for flip, outcome in outcomes if outcome == "silent"] == []

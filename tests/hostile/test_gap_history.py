@@ -35,16 +35,19 @@ def measure_reset_night(week: nights.Week) -> None:
     nightly(week.config, RESET, week.measure, week.estimate, nights.clock(), far=True)
 
 
-@pytest.mark.parametrize("date", ["1970-01-01", "2000-01-01", "2026-09-01"])
-def test_a_date_far_from_the_newest_night_is_rejected(
-    week: nights.Week, capsys: pytest.CaptureFixture[str], date: str
+def test_far_dates_and_withdrawals_of_missing_nights_are_rejected(
+    week: nights.Week, capsys: pytest.CaptureFixture[str]
 ) -> None:
     week.night(1)
     before = week.config.history.read_bytes()
-    assert main(["nightly", str(week.config.source), "--night", date]) == 2
-    error = capsys.readouterr().err
-    assert f"night {date} is far from the newest, {nights.day(1)}" in error
-    assert "--far-night" in error
+    for date in ("1970-01-01", "2026-09-01"):
+        assert main(["nightly", str(week.config.source), "--night", date]) == 2
+        error = capsys.readouterr().err
+        assert f"night {date} is far from the newest, {nights.day(1)}" in error
+        assert "--far-night" in error
+    for date in ("2026-11-30", "yesterday"):
+        assert main(["nightly", str(week.config.source), "--withdraw", date]) == 2
+        assert len(capsys.readouterr().err.splitlines()) == 1
     assert week.config.history.read_bytes() == before
 
 
@@ -59,7 +62,7 @@ def test_nights_of_the_preceding_month_can_be_added(week: nights.Week) -> None:
     assert week.night(1).new
 
 
-def test_a_withdrawn_night_no_longer_dates_evidence(
+def test_a_withdrawn_night_stays_recorded_and_no_longer_dates_evidence(
     week: nights.Week, capsys: pytest.CaptureFixture[str]
 ) -> None:
     week.night(1)
@@ -68,6 +71,12 @@ def test_a_withdrawn_night_no_longer_dates_evidence(
     assert (undated.night.outcome, undated.night.evidence_since) == ("INCONCLUSIVE", RESET)
     assert main(["nightly", str(week.config.source), "--withdraw", "1970-01-01"]) == 0
     assert "1970-01-01: withdrawn from lab" in capsys.readouterr().out
+    with duckdb.connect(str(week.config.history), read_only=True) as connection:
+        withdrawn = connection.execute("SELECT name, night, withdrawn_at FROM withdrawn").fetchall()
+        visible = connection.execute("SELECT DISTINCT night FROM gap ORDER BY night").fetchall()
+    assert [(row[0], row[1]) for row in withdrawn] == [("lab", RESET)]
+    assert withdrawn[0][2].endswith("Z")
+    assert RESET not in {night for (night,) in visible}
     repeated = week.night(2, new_log=False)
     assert repeated.new
     assert (repeated.night.outcome, repeated.night.evidence_since) == ("PASS", nights.day(1))
@@ -80,40 +89,13 @@ def test_a_withdrawn_night_no_longer_dates_evidence(
     assert not week.night(2, new_log=False).new
 
 
-def test_a_withdrawn_night_stays_recorded(week: nights.Week) -> None:
+def test_latest_refers_to_the_newest_remaining_night_and_no_id_is_used_again(
+    week: nights.Week,
+) -> None:
     week.night(1)
-    measure_reset_night(week)
-    main(["nightly", str(week.config.source), "--withdraw", "1970-01-01"])
-    with duckdb.connect(str(week.config.history), read_only=True) as connection:
-        withdrawn = connection.execute("SELECT name, night, withdrawn_at FROM withdrawn").fetchall()
-        visible = connection.execute("SELECT DISTINCT night FROM gap ORDER BY night").fetchall()
-    assert [(row[0], row[1]) for row in withdrawn] == [("lab", RESET)]
-    assert withdrawn[0][2].endswith("Z")
-    assert visible == [(nights.day(1),)]
-
-
-def test_latest_refers_to_the_newest_remaining_night(week: nights.Week) -> None:
-    week.night(1)
-    week.night(2)
+    last = week.night(2).night.id
     day = str(nights.day(2))
     assert main(["nightly", str(week.config.source), "--withdraw", day]) == 0
     assert (week.config.reports / "latest").resolve().name == str(nights.day(1))
     assert (week.config.reports / day / "report.json").is_file()
-
-
-def test_a_withdrawn_id_is_never_reused(week: nights.Week) -> None:
-    week.night(1)
-    last = week.night(2).night.id
-    main(["nightly", str(week.config.source), "--withdraw", str(nights.day(2))])
     assert week.night(3).night.id == last + 1
-
-
-@pytest.mark.parametrize("date", ["2026-11-30", "yesterday"])
-def test_a_missing_night_cannot_be_withdrawn(
-    week: nights.Week, capsys: pytest.CaptureFixture[str], date: str
-) -> None:
-    week.night(1)
-    before = week.config.history.read_bytes()
-    assert main(["nightly", str(week.config.source), "--withdraw", date]) == 2
-    assert len(capsys.readouterr().err.splitlines()) == 1
-    assert week.config.history.read_bytes() == before

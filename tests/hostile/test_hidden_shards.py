@@ -29,6 +29,7 @@ from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.registry import STORED
 from s2rtui.cli import main
 from s2rtui.session import HeatChoice, heatmaps
+from tests.conftest import BuildOnce
 from tests.support.hidden_shards import (
     Function,
     array_of,
@@ -40,7 +41,6 @@ from tests.support.hidden_shards import (
     shard_files,
 )
 
-pytestmark = pytest.mark.xdist_group("hidden shards")
 RUNS = ("vanilla", "up")
 """Runs of the store; the sim camera of `up` is moved."""
 COUNT = 6
@@ -60,9 +60,14 @@ MOVES = "sim:camera_height=0.1,brightness=1.2,camera_pitch=-5,camera_fov=6"
 
 
 @pytest.fixture(scope="module")
-def computed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A computed world of two parts with all heatmaps of two runs; `traj1` is continued."""
-    store = tmp_path_factory.mktemp("hidden") / "w.s2r"
+def computed(build_once: BuildOnce, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A computed world of two parts with all heatmaps of two runs, whose shards may be moved."""
+    store = build_once("hidden.s2r", _compute)
+    return linked_copy(store, tmp_path_factory.mktemp("hidden") / "w.s2r")
+
+
+def _compute(store: Path) -> None:
+    """Write the store; its second part continues `traj1`."""
     world = {"count": COUNT, "factors": complete_severities()}
     scan = IMPORTERS["world"](Path(), ScanOptions(frame=(64, 64), world=world))
     first = replace(scan, trajectories={"traj1": scan.trajectories["traj1"][:FIRST]})
@@ -77,21 +82,20 @@ def computed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert main(["precompute", str(store), *runs]) == 0
     fit = "translate", "fit", "levels", "--store", str(store), "--name", "T"
     assert main(list(fit)) == 0
-    return store
 
 
 # --- functions of an open store, in families that read the same arrays in the same way ------------
 
 
 def stored_arrays(store: Store) -> Iterator[Function]:
-    for run in RUNS:
+    for run in store.runs:
         for record in store.array_parts(run):
             yield lambda record=record: store.stored(record)[:]
 
 
 def whole_arrays(store: Store) -> Iterator[Function]:
     """The arrays that `Store.array` joins from their parts."""
-    for run in RUNS:
+    for run in store.runs:
         for record in store.array_kinds(run):
             if record.axes[0] == "iid":
                 names = run, record.kind, record.side, record.mode
@@ -224,25 +228,44 @@ def check(functions: Iterable[Function], path: Path, most: int = 1000) -> set[st
     return tried
 
 
+def check_functions(family: Callable[[Store], Iterable[Function]], path: Path) -> None:
+    with s2rstore.open(path) as store:
+
+        def without_cache(function: Function) -> Function:
+            return lambda: store.embeddings.clear() or function()
+
+        assert check(map(without_cache, family(store)), path)
+
+
+@pytest.mark.parametrize("family", [stored_arrays, whole_arrays, frames], ids=lambda f: f.__name__)
+def test_functions_name_a_hidden_shard_of_a_small_store(
+    family: Callable[[Store], Iterable[Function]], store_copy: Path
+) -> None:
+    check_functions(family, store_copy)
+
+
+def test_a_command_names_a_hidden_shard(store_copy: Path) -> None:
+    words = (*EXPORT, "map", "--heat", "feature_distance", "--on", "selection", "--clip")
+    assert check([command(store_copy, *words)], store_copy, most=1)
+
+
+@pytest.mark.deep
 @pytest.mark.usefixtures("small_scale")
 @pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.__name__)
 def test_functions_name_a_hidden_shard(
     family: Callable[[Store], Iterable[Function]], computed: Path
 ) -> None:
-    with s2rstore.open(computed) as store:
-
-        def without_cache(function: Function) -> Function:
-            return lambda: store.embeddings.clear() or function()
-
-        assert check(map(without_cache, family(store)), computed)
+    check_functions(family, computed)
 
 
+@pytest.mark.deep
 @pytest.mark.usefixtures("small_scale")
 @pytest.mark.parametrize("words", COMMANDS, ids=lambda words: " ".join(words))
 def test_commands_name_a_hidden_shard(words: tuple[str, ...], computed: Path) -> None:
     check([command(computed, *words)], computed, most=2 if words[0] == "report" else 4)
 
 
+@pytest.mark.deep
 def test_every_kind_of_array_is_covered(computed: Path) -> None:
     with s2rstore.open(computed) as store, files_read(computed) as read:
         for function in (*stored_arrays(store), *frames(store)):
@@ -265,6 +288,7 @@ def test_every_kind_of_array_is_covered(computed: Path) -> None:
     assert {len(keys) for (owner, _), keys in parts.items() if owner == "_shared"} == {2, 4}
 
 
+@pytest.mark.deep
 def test_verify_lists_every_hidden_shard(computed: Path) -> None:
     shards = shard_files(computed)
     with hidden(computed, shards):
@@ -274,6 +298,7 @@ def test_verify_lists_every_hidden_shard(computed: Path) -> None:
         assert shard in found.error, shard
 
 
+@pytest.mark.deep
 def test_score_names_a_hidden_shard(computed: Path) -> None:
     shards = [name for name in shard_files(computed) if "occlusion.rgbd.real" in name]
     with hidden(computed, shards):
@@ -282,6 +307,7 @@ def test_score_names_a_hidden_shard(computed: Path) -> None:
     assert any(str(computed / shard) in found.error for shard in shards)
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("image", ["rgb", "depth"])
 @pytest.mark.parametrize(
     "words",
@@ -308,6 +334,7 @@ def test_commands_that_write_name_missing_frames_and_write_nothing(
     assert set(store.rglob("*.duckdb")) == before
 
 
+@pytest.mark.deep
 def test_precompute_computes_missing_shards_again(computed: Path, tmp_path: Path) -> None:
     store = linked_copy(computed, tmp_path / "w.s2r")
     gone = [name for name in shard_files(store) if name.startswith("runs.zarr/")]

@@ -64,7 +64,7 @@ def test_an_index_with_code_is_rejected_and_never_copied(
     with pytest.raises(RequestError), edit(store_copy):
         pytest.fail("a generation was begun from a hostile index")
     add_command = ["run", "add", "more", "--model", "vanilla", "--store", str(store_copy)]
-    for command in (add_command, ["runs", str(store_copy)], ["sql", str(store_copy), "SELECT 1"]):
+    for command in (add_command, ["sql", str(store_copy), "SELECT 1"]):
         assert main(command) == 2
         output = capsys.readouterr()
         assert output.out == ""
@@ -131,12 +131,10 @@ INVALID_ROWS = {
 @pytest.mark.parametrize("statements", INVALID_ROWS.values(), ids=INVALID_ROWS.keys())
 def test_invalid_rows_are_rejected_in_one_line(store_copy: Path, statements: str, capsys) -> None:
     edited(store_copy, statements.split("; "))
-    for command in (["runs"], ["query", "worst15"], ["show", "rooms"], ["sql", "SELECT 1"]):
-        arguments = [command[0], str(store_copy), *command[1:]]
-        assert main(arguments) == 2, command
-        output = capsys.readouterr()
-        assert output.out == ""
-        assert output.err.count("\n") == 1
+    assert main(["sql", str(store_copy), "SELECT 1"]) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert output.err.count("\n") == 1
     assert main(["verify", str(store_copy)]) == 1
 
 
@@ -173,16 +171,13 @@ def test_frames_of_inconsistent_trajectories_are_rejected(store_copy: Path, stat
         store.frame(30, "sim")
 
 
-DANGLING_NAMES = {
-    "a room that is not there": "UPDATE instance SET room = 'nowhere' WHERE iid = 3",
-    "a domain that is not there": "UPDATE run SET sim_domain = 'nowhere' WHERE run = 'vanilla'",
-}
-
-
-@pytest.mark.parametrize("statement", DANGLING_NAMES.values(), ids=DANGLING_NAMES.keys())
-def test_verify_detects_dangling_names(store_copy: Path, statement: str) -> None:
-    edited(store_copy, [statement])
+def test_verify_detects_dangling_names(store_copy: Path, capsys) -> None:
+    edited(store_copy, ["UPDATE instance SET room = 'nowhere' WHERE iid = 3",
+                        "UPDATE run SET sim_domain = 'nowhere' WHERE run = 'vanilla'"])  # fmt: skip
     assert main(["verify", str(store_copy)]) == 1
+    found = capsys.readouterr()
+    for word in ("room", "domain"):
+        assert word in found.out + found.err
 
 
 INVALID_ARRAYS = {
@@ -212,7 +207,7 @@ def test_invalid_array_records_are_rejected_in_one_line(
     assert not out.exists()
 
 
-@pytest.mark.parametrize("name", ["md:x", "~", "a'b", "*", "[a]", "s3:"])
+@pytest.mark.parametrize("name", ["md:x", "~", "a'b", "[*]"])
 def test_a_store_may_have_an_unusual_name(
     tiny_store: Path, tmp_path: Path, name: str, monkeypatch, capsys
 ) -> None:
@@ -225,7 +220,7 @@ def test_a_store_may_have_an_unusual_name(
     assert capsys.readouterr().out == "run\ndataaug\nmore\nvanilla\n"
 
 
-@pytest.mark.parametrize("name", ["a?b", "a?access_mode=read_write", "\\a", "a\\b"])
+@pytest.mark.parametrize("name", ["a?access_mode=read_write", "a\\b"])
 def test_a_name_that_duckdb_cannot_open_is_rejected_with_advice(
     tiny_store: Path, tmp_path: Path, name: str, monkeypatch, capsys
 ) -> None:

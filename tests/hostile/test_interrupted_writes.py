@@ -59,13 +59,10 @@ def test_prune_removes_an_unfinished_ingest_without_a_store(tmp_path: Path) -> N
     assert not building.exists()
 
 
-@pytest.mark.parametrize("name", ["7", "0123456789abcdef"], ids=["of 0.2.0", "of this version"])
-def test_unfinished_histories_are_removed_unless_one_is_being_written(
-    store_copy: Path, name: str
-) -> None:
+def test_unfinished_histories_are_removed_unless_one_is_being_written(store_copy: Path) -> None:
     history = store_copy / "history" / "gap.duckdb"
     history.parent.mkdir(exist_ok=True)
-    leftover = history.with_name(f".gap.duckdb.{name}.new")
+    leftover = history.with_name(".gap.duckdb.0123456789abcdef.new")
     leftover.write_bytes(b"half")
     with file_lock(history):
         assert prune(store_copy).paths == ()
@@ -113,7 +110,7 @@ raise SystemExit(execute_command(Namespace(execute=write, debug=False)))
 def test_a_full_disk_names_the_file_of_the_store(store_copy: Path) -> None:
     assert resource.RLIMIT_FSIZE is not None
     command = [sys.executable, "-c", _FULL_DISK_SCRIPT, str(store_copy)]
-    process = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    process = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert process.returncode == 2
     assert str(store_copy / "runs.zarr/vanilla/key9/large/c.0.0.0") in process.stderr
     assert "standard output" not in process.stderr
@@ -137,7 +134,7 @@ def work(unit):
     os.kill(os.getpid(), signal.SIGKILL)
 if __name__ == "__main__":
     try:
-        list(ProcessExecutor(2, 1).run([Task(Computation(), unit) for unit in range(4)]))
+        list(ProcessExecutor(1, 1).run([Task(Computation(), unit) for unit in range(2)]))
     except S2RError as error:
         print(error.exit_code, error)
 """
@@ -147,7 +144,7 @@ def test_a_killed_worker_is_reported_in_one_line(tmp_path: Path) -> None:
     assert callable(ProcessExecutor)
     (tmp_path / "killed.py").write_text(_KILLED_WORKER_SCRIPT)
     command = [sys.executable, str(tmp_path / "killed.py")]
-    process = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    process = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert process.stdout.startswith("2 ")
     assert "worker" in process.stdout
     assert process.stderr == ""

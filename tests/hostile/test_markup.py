@@ -6,17 +6,11 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-import rich.markup
-import rich.text
 from textual.content import Content
-from textual.pilot import Pilot
-from textual.screen import ModalScreen
 from textual.widgets import Static
 
 import s2rtui
 from s2rtui.app.app import S2RApp
-from s2rtui.app.key_bindings import ACTIONS
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.status_line import Bar
 from s2rtui.canvas import RenderOptions
@@ -28,29 +22,7 @@ from tests.support.copies import copy_store
 SOURCES = Path(s2rtui.__file__).parent
 WIDGETS = {"Static", "Label", "Button", "Checkbox", "Link", "OptionList", "SelectionList"}
 TEXTS = {"Option", "Selection", "Toast", "Notification"}
-BAD_NAMES = ("[/", "[ @click=app.quit]CLICK", "[b", "[link=file:///]x[/link]")
-
-
-@pytest.fixture
-def no_foreign_markup(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Records markup from a store that is parsed; the list must stay empty."""
-    foreign: list[str] = []
-    original = Content.from_markup
-
-    def from_markup(markup: str | Content, **variables: object) -> Content:
-        if any(sign in str(markup) for sign in ("CLICK", "[/ ", "@click")):
-            foreign.append(str(markup))
-        return original(markup, **variables)
-
-    def recording_render(markup: str, *options: object, **keywords: object) -> rich.text.Text:
-        if any(sign in markup for sign in ("CLICK", "[/ ", "@click")):
-            foreign.append(markup)
-        return rich.text.Text(markup)
-
-    monkeypatch.setattr(Content, "from_markup", staticmethod(from_markup))
-    monkeypatch.setattr(rich.markup, "render", recording_render)
-    monkeypatch.setattr(rich.text, "render", recording_render, raising=False)
-    return foreign
+BAD_NAMES = ("[/", "[ @click=app.quit]CLICK", "[b")
 
 
 def calls() -> Iterator[tuple[str, str, ast.Call]]:
@@ -121,46 +93,8 @@ def test_no_widget_sets_a_title_or_tooltip() -> None:
     assert not violations
 
 
-async def press_all_keys(app: S2RApp, pilot: Pilot[None]) -> None:
-    """Press every key of the registry, and leave each screen that opens."""
-    for action in ACTIONS:
-        if action.name in ("quit", "report", "adjust", "save_run"):
-            continue
-        await pilot.press(action.keys[0])
-        await settle(app, pilot)
-        assert app.fault is None, action.name
-        assert app.is_running, action.name
-        take_screenshot(app)
-        while isinstance(app.screen, ModalScreen) or app.prompt.is_open:
-            await pilot.press("escape")
-
-
-async def test_the_application_parses_no_markup_of_a_store(
-    hostile_store: Path, user_data_folder: Path, tmp_path: Path, no_foreign_markup: list[str]
-) -> None:
-    entry = hostile.saved_entry(f'room:"{hostile.MARKUP}"', run=hostile.MARKUP)
-    hostile.notebook(user_data_folder, selections={"[ @click=app.quit]CLICK": entry, "[b": entry},
-                     remarks={"3": {"tags": ["[/", "CLICK"], "note": hostile.MARKUP}},
-                     history=[hostile.MARKUP])  # fmt: skip
-    app = S2RApp(Session(hostile_store, "vanilla", Notebook), RenderOptions(), tmp_path)
-    app.load_scheduler.debounce_seconds = 0.001
-    async with app.run_test(size=(150, 44)) as pilot:
-        await settle(app, pilot)
-        await press_all_keys(app, pilot)
-        await pilot.press("ctrl+p")
-        await pilot.pause()
-        await pilot.press(*"CLICK")
-        await pilot.pause()
-        await pilot.press("escape", "escape")
-        app.show_error(hostile.MARKUP)
-        await pilot.pause()
-        assert app.is_running
-    assert app.fault is None
-    assert not no_foreign_markup
-
-
-@pytest.mark.parametrize("name", BAD_NAMES)
-async def test_a_room_name_is_not_an_action(store_copy: Path, name: str) -> None:
+async def test_a_room_name_is_not_an_action(store_copy: Path) -> None:
+    name = "[ @click=app.quit]CLICK"
     hostile.edit(store_copy, ("UPDATE room SET room = ? || room", [name]),
                  ("UPDATE instance SET room = ? || room", [name]))  # fmt: skip
     app = S2RApp(Session(store_copy), RenderOptions())

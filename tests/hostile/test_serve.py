@@ -24,7 +24,7 @@ aiohttp = pytest.importorskip("aiohttp")
 pytest.importorskip("textual_serve")
 
 MAX_BYTES = 600 << 20
-PROMPT_SECONDS = 2.0
+PROMPT_SECONDS = 10.0
 HUGE_SIZE = 30_000
 
 
@@ -32,6 +32,13 @@ HUGE_SIZE = 30_000
 def serve(tiny_store: Path, tmp_path: Path) -> Iterator[StartServer]:
     with servers(tiny_store, tmp_path / "data") as start:
         yield start
+
+
+@pytest.fixture(scope="module")
+def server(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
+    """A server that answers requests only."""
+    with servers(tiny_store, tmp_path_factory.mktemp("serve")) as start:
+        yield start()
 
 
 def _request(
@@ -48,39 +55,31 @@ def _request(
     return int(head.split()[1]), head, body
 
 
-def test_hosts_are_parsed_strictly(serve: StartServer) -> None:
-    server = serve()
+def test_hosts_are_parsed_strictly(server: ServerProcess) -> None:
     page = f"/?token={server.token}"
     for host in ("127.0.0.1", "localhost", "localhost:9999", "[::1]", f"127.0.0.1:{server.port}"):
         assert _request(server, page, f"Host: {host}")[0] == 200, host
     for host in ("evil.example", "127.0.0.1.evil.example", "localhost.", "[::2]"):
         assert _request(server, page, f"Host: {host}")[0] == 403, host
-    for host in (
-        "evil@127.0.0.1",
-        "a b",
-        "[::1",
-        "[::1]x",
-        "localhost:",
-        "localhost:99999",
-        "user:word@localhost:1",
-        "",
-    ):
+    for host in ("evil@127.0.0.1", "a b", "[::1", "[::1]x", "localhost:", "localhost:99999", ""):
         assert _request(server, page, f"Host: {host}")[0] == 400, host
     assert _request(server, page)[0] == 400
     assert _request(server, page, "Host: localhost", "Host: localhost")[0] == 400
 
 
-def test_pages_of_other_origins_are_rejected(serve: StartServer) -> None:
-    server = serve()
+def test_pages_of_other_origins_are_rejected(server: ServerProcess) -> None:
     page = f"/?token={server.token}"
     for origin in ("null", "https://localhost", "http://localhost:1", "http://evil.example", "x"):
-        status, _, _ = _request(server, page, "Host: localhost", f"Origin: {origin}")
-        assert status == 403, origin
+        for target in (page, f"/ws?token={server.token}"):
+            status, _, _ = _request(server, target, "Host: localhost", f"Origin: {origin}")
+            assert status == 403, origin
+    assert _request(server, f"/ws?token={server.token}", "Host: evil.example")[0] == 403
+    assert server.applications == []
     assert _request(server, page, "Host: localhost", "Origin: http://localhost")[0] == 200
 
 
-def test_requests_without_the_token_are_rejected(serve: StartServer) -> None:
-    server, other = serve(), serve()
+def test_requests_without_the_token_are_rejected(server: ServerProcess, serve: StartServer) -> None:
+    other = serve()
     assert len(server.token) >= 32
     assert server.token != other.token
     for target in ("/", "/?token=", f"/?token={other.token}", "/ws", "/ws/x", "/ws?token=%ff%00"):
@@ -91,17 +90,8 @@ def test_requests_without_the_token_are_rejected(serve: StartServer) -> None:
     assert server.applications == []
 
 
-def test_only_the_page_and_its_files_are_served(serve: StartServer) -> None:
-    server = serve()
-    static_paths = (
-        "",
-        "/",
-        "/js",
-        "/js/",
-        "/images/background.png",
-        "/../server.py",
-        "/%2e%2e/server.py",
-    )
+def test_only_the_page_and_its_files_are_served(server: ServerProcess) -> None:
+    static_paths = ("", "/", "/js/", "/images/background.png", "/../server.py", "/%2e%2e/server.py")
     for target in (*(f"/static{rest}" for rest in static_paths), "/download/x", "/x"):
         assert _request(server, target, "Host: localhost")[0] == 404, target
     assert _request(server, "/", "Host: localhost", method="POST")[0] == 405
@@ -116,8 +106,7 @@ def test_only_the_page_and_its_files_are_served(serve: StartServer) -> None:
         assert "aiohttp" not in head
 
 
-def test_oversized_requests_are_rejected(serve: StartServer) -> None:
-    server = serve()
+def test_oversized_requests_are_rejected(server: ServerProcess) -> None:
     assert _request(server, "/" + "a" * 50_000, "Host: localhost")[0] == 400
     headers = [f"X-{number}: 1" for number in range(2000)]
     assert _request(server, "/", "Host: localhost", *headers)[0] == 400
@@ -242,7 +231,10 @@ async def test_simultaneous_pages_never_exceed_the_number_of_users(serve: StartS
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the kernel must tell of a parent's end")
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize(
+    "number", [*(pytest.param(n, marks=pytest.mark.deep) for n in (signal.SIGTERM, signal.SIGINT)),
+               signal.SIGKILL],
+)  # fmt: skip
 async def test_busy_sessions_end_with_the_server(serve: StartServer, number: int) -> None:
     server = serve("--users", "3")
     async with aiohttp.ClientSession() as session:
@@ -278,7 +270,7 @@ def test_a_session_does_not_start_after_its_server_has_ended(tiny_store: Path) -
 
 
 def _ends(process: subprocess.Popen[bytes]) -> bool:
-    return wait_until(lambda: process.poll() is not None, 10)
+    return wait_until(lambda: process.poll() is not None, 300)
 
 
 async def test_a_page_that_reads_nothing_ends_with_its_connection(serve: StartServer) -> None:

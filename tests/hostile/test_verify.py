@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -14,26 +13,19 @@ import pytest
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rstore.files import ledger
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import verify
 from s2rtui.cli import main
+from tests.conftest import BuildOnce
 from tests.support.copies import copy_store
 from tests.support.ingested import build_ingested_store
 
 
-@pytest.fixture(scope="module")
-def intact_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An ingested store with floor plan, drives and weights, which no test modifies."""
-    return build_ingested_store(tmp_path_factory.mktemp("ingested"))
-
-
 @pytest.fixture
-def store(intact_store: Path, tmp_path: Path) -> Path:
-    return copy_store(intact_store, tmp_path / "own.s2r")
-
-
-def test_a_new_store_has_no_damage(store: Path) -> None:
-    assert verify(store) == []
+def store(build_once: BuildOnce, tmp_path: Path) -> Path:
+    """An ingested store with floor plan, drives and weights."""
+    return copy_store(build_once("ingested.s2r", build_ingested_store), tmp_path / "own.s2r")
 
 
 CHECKED_FILES = (
@@ -43,36 +35,25 @@ CHECKED_FILES = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("path", CHECKED_FILES)
-@pytest.mark.parametrize("bit", [1, 5])
-def test_a_flipped_bit_is_detected(store: Path, path: str, bit: int) -> None:
-    content = bytearray((store / path).read_bytes())
-    content[len(content) // 2] ^= 1 << bit
-    (store / path).write_bytes(content)
-    assert [damage for damage in verify(store) if damage.where in path or path in damage.where]
-
-
-@pytest.mark.parametrize(("domain", "image"), [("sim", "rgb"), ("real", "depth")])
-def test_flipped_bytes_of_metadata_are_detected(store: Path, domain: str, image: str) -> None:
-    path = store / "frames.zarr" / domain / "traj1" / image / "zarr.json"
-    content = path.read_bytes()
-    for offset in range(0, len(content), 7):
+def test_flipped_bits_and_removed_files_are_detected(store: Path) -> None:
+    assert verify(store) == []
+    for path in CHECKED_FILES:
+        content = (store / path).read_bytes()
         flipped = bytearray(content)
-        flipped[offset] ^= 1
-        path.write_bytes(flipped)
-        assert verify(store), (offset, bytes(flipped[offset - 10 : offset + 10]))
+        flipped[len(flipped) // 2] ^= 1 << 5
+        (store / path).write_bytes(flipped)
+        damages = verify(store)
+        assert [each for each in damages if each.where in path or path in each.where], path
+        (store / path).unlink()
+        assert verify(store), path
+        (store / path).write_bytes(content)
 
 
-@pytest.mark.parametrize("path", CHECKED_FILES)
-def test_a_removed_file_is_detected(store: Path, path: str) -> None:
-    (store / path).unlink()
-    assert verify(store)
-
-
-@pytest.mark.parametrize("folder", ["drives", "drives/one", "assets", "models"])
-def test_a_removed_folder_is_detected(store: Path, folder: str) -> None:
-    shutil.rmtree(store / folder)
-    assert verify(store)
+def test_removed_folders_are_detected(store: Path, tmp_path: Path) -> None:
+    for folder in ("drives", "drives/one", "assets", "models"):
+        (store / folder).rename(tmp_path / "moved")
+        assert verify(store), folder
+        (tmp_path / "moved").rename(store / folder)
 
 
 def test_readers_check_metadata_when_they_open_an_array(store: Path) -> None:
@@ -132,7 +113,7 @@ def test_an_unreadable_ledger_line_is_ignored(store_copy: Path, line: str) -> No
     assert any("no ledger entry" in damage.what for damage in verify(store_copy))
 
 
-@pytest.mark.parametrize("factor", [1e3, 1e6, 1e150])
+@pytest.mark.parametrize("factor", [1e3, 1e150])
 def test_large_predictions_are_not_damage(store_copy: Path, factor: float) -> None:
     """For example those of a model that predicts millimetres."""
     with edit(store_copy) as draft:
@@ -158,29 +139,20 @@ def test_a_slightly_wrong_loss_is_damage(store_copy: Path) -> None:
     assert any("loss" in damage.what for damage in verify(store_copy))
 
 
-def _command(
-    store: Path, *options: str, out: Path | None = None
-) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "s2rtui", "verify", str(store), *options]
-    if out is None:
-        return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    with out.open("w") as file:
-        return subprocess.run(
-            command, stdout=file, stderr=subprocess.PIPE, text=True, timeout=60, check=False
-        )
-
-
 @pytest.mark.parametrize("options", [(), ("--json",)])
-def test_an_unwritable_verdict_is_an_error(tiny_store: Path, options) -> None:
-    process = _command(tiny_store, *options, out=Path("/dev/full"))
+def test_an_unwritable_verdict_is_an_error(tiny_store: Path, options: tuple[str, ...]) -> None:
+    command = [sys.executable, "-m", "s2rtui", "verify", str(tiny_store), *options]
+    with Path("/dev/full").open("w") as full:
+        process = subprocess.run(
+            command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=300, check=False
+        )
     assert process.returncode == 2
     assert "standard output: No space left on device" in process.stderr
 
 
-def test_missing_checksums_are_noted_in_one_line(tiny_store: Path) -> None:
-    process = _command(tiny_store)
-    assert process.returncode == 0
-    (line,) = [line for line in process.stderr.splitlines() if "no checksums" in line]
+def test_missing_checksums_are_noted_in_one_line(tiny_store: Path, capsys) -> None:
+    assert main(["verify", str(tiny_store)]) == 0
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "no checksums" in line]
     assert "metadata of frames" in line
 
 
@@ -194,8 +166,9 @@ def test_deeply_nested_folders_are_rejected_in_one_line(store_copy: Path, capsys
         assert "nested too deeply" in capsys.readouterr().err
 
 
-def test_a_huge_sparse_ledger_is_rejected(store_copy: Path, capsys) -> None:
+def test_a_huge_sparse_ledger_is_rejected(store_copy: Path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr(ledger, "_MAX_FILE", 2 << 20)
     (store_copy / "ledger" / "zeros.jsonl").touch()
-    os.truncate(store_copy / "ledger" / "zeros.jsonl", 3 << 30)
+    os.truncate(store_copy / "ledger" / "zeros.jsonl", 3 << 20)
     assert main(["verify", str(store_copy)]) in (1, 2)
     assert "zeros.jsonl" in "".join(capsys.readouterr())

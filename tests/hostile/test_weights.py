@@ -6,25 +6,24 @@ import io
 import os
 import pickle
 import struct
+import warnings
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 import torch
+from safetensors.torch import save_file
 from torch import nn
 
 from s2rtools.models import build_network
 from s2rtui.cli import main
 from tests.hostile.inputs import deadline, limits
+from tests.support.copies import copy_store
 
 
 def pipe(path: Path) -> None:
     os.mkfifo(path)
-
-
-def folder(path: Path) -> None:
-    path.mkdir()
 
 
 def device(path: Path) -> None:
@@ -48,7 +47,7 @@ def truncated(path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".safetensors", ".pt"])
-@pytest.mark.parametrize("make_file", [pipe, folder, device, sparse])
+@pytest.mark.parametrize("make_file", [pipe, device, sparse])
 def test_an_invalid_weights_file_is_rejected(
     tmp_path: Path, tiny_store: Path, capsys: pytest.CaptureFixture[str],
     make_file: Callable[[Path], None], suffix: str,
@@ -171,12 +170,7 @@ def fails() -> nn.Module:
 def test_a_model_that_does_not_support_batches_is_named(
     trained_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], factory: str
 ) -> None:
-    import shutil
-
-    store, path = tmp_path / "s.s2r", tmp_path / "w.safetensors"
-    shutil.copytree(trained_store, store)
-    from safetensors.torch import save_file
-
+    store, path = copy_store(trained_store, tmp_path / "s.s2r"), tmp_path / "w.safetensors"
     save_file({}, path)
     arch = f"tests.hostile.test_weights:{factory}"
     options = ("--arch", arch, "--trust", "--convention", "cos_sin")
@@ -188,3 +182,17 @@ def test_a_model_that_does_not_support_batches_is_named(
     assert code == 2, error
     assert "model 'm'" in error
     assert "Traceback" not in error
+
+
+@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
+def test_a_refused_pickle_gives_one_line_and_no_warning(
+    store_copy: Path, tmp_path: Path, capsys, protocol: int
+) -> None:
+    path = tmp_path / "weights.pt"
+    path.write_bytes(pickle.dumps(RunsCommand(), protocol))
+    arguments = ["model", "add", "net", str(path), "--arch", "resposenet"]
+    with warnings.catch_warnings(record=True) as shown:
+        warnings.simplefilter("always")
+        assert main([*arguments, "--store", str(store_copy)]) == 2
+    assert [str(warning.message) for warning in shown] == []
+    assert capsys.readouterr().err.count("\n") == 1

@@ -35,7 +35,7 @@ def poses_by_differences(model: LoadedModel, precision: str) -> tuple[np.ndarray
 
 
 @pytest.mark.parametrize("name", list(networks.local_trunks()))
-@pytest.mark.parametrize("size", [(36, 36), (37, 45)])
+@pytest.mark.parametrize("size", [(37, 45)])
 def test_differences_in_float32_equal_full_inference(name: str, size: tuple[int, int]) -> None:
     model = networks.small_model(*networks.local_trunks()[name], size)
     changed, full, before = poses_by_differences(model, "float32")

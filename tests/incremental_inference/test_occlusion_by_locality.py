@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rtools.heatmaps import occlusion
@@ -53,7 +53,7 @@ def assert_equal_results(model: LoadedModel, patch_indices: list[int] | None = N
 
 
 @pytest.mark.parametrize("name", list(networks.local_trunks()))
-@pytest.mark.parametrize("size", [(36, 36), (37, 45)])
+@pytest.mark.parametrize("size", [(37, 45)])
 def test_small_trunks_are_computed_incrementally(name: str, size: tuple[int, int]) -> None:
     assert_equal_results(networks.small_model(*networks.local_trunks()[name], size))
 
@@ -82,7 +82,6 @@ def test_patches_cover_the_image_once(height: int, width: int, count: int) -> No
     assert (coverage == 1).all()
 
 
-@settings(max_examples=200)
 @given(
     st.integers(1, 5), st.integers(1, 3), st.integers(0, 2), st.integers(8, 30), st.data(),
 )  # fmt: skip

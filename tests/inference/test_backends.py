@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ import torch
 from torch import nn
 
 from s2rstore.errors import RequestError
-from s2rtools.inference import Backend, MeasuredBackend, calibration, choose_backend, open_backend
+from s2rtools.inference import Backend, calibration, choose_backend, open_backend
 from s2rtools.inference.backend import Bfloat16Backend
 from s2rtools.inference.batch_norm_folding import fold_batch_norm
 from s2rtools.inference.first_convolution import split_first_convolution
@@ -77,28 +78,57 @@ def test_auto_selects_only_accurate_backends() -> None:
     assert chosen.metres == pytest.approx(deviation, abs=1e-5)
 
 
-def measured(name: str, speed: float, metres: float) -> MeasuredBackend:
-    backend = Backend(networks.build_model("resposenet"))
-    backend.precision = name
-    return MeasuredBackend(backend, speed, metres, 0.0)
+def imitation(label: str, accelerated: bool, factor: float) -> type[Backend]:
+    """A backend whose features are off by a factor, on a machine that accelerates it or not."""
+
+    class Imitation(Backend):
+        name = label
+
+        @classmethod
+        def is_accelerated(cls) -> bool:
+            return accelerated
+
+        def features(self, x: torch.Tensor) -> torch.Tensor:
+            return super().features(x) * factor
+
+    return Imitation
 
 
 @pytest.mark.parametrize(
-    ("candidates", "expected"),
+    ("preferred", "expected"),
     [
-        ([("fast", 3.0, 0.001), ("faster", 5.0, 0.02)], "fast"),
-        ([("exact", 3.0, 0.0), ("little faster", 3.2, 0.001)], "exact"),
-        ([("exact", 1.3, 0.0), ("fast", 4.0, 0.009)], "fast"),
-        ([("slow", 0.5, 0.0)], "float32"),
+        ([("first", True, 1.0), ("second", True, 1.0)], "first"),
+        ([("absent", False, 1.0), ("second", True, 1.0)], "second"),
+        ([("inaccurate", True, 2.0), ("second", True, 1.0)], "second"),
+        ([("absent", False, 1.0), ("inaccurate", True, 2.0)], "torch"),
     ],
 )
-def test_auto_prefers_speed_among_the_accurate(
-    candidates: list[tuple[str, float, float]], expected: str, monkeypatch: pytest.MonkeyPatch
+def test_auto_takes_the_first_backend_that_the_machine_has_and_that_is_accurate(
+    preferred: list[tuple[str, bool, float]], expected: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     model = networks.build_model("resposenet")
-    results = [measured(*candidate) for candidate in candidates]
-    monkeypatch.setattr(calibration, "measure_backends", lambda *given: results)
-    assert choose_backend(model, batch(model), "auto").backend.precision == expected
+    monkeypatch.setattr(calibration, "PREFERENCE", [imitation(*each) for each in preferred])
+    assert choose_backend(model, batch(model), "auto").backend.name == expected
+
+
+def test_the_choice_does_not_depend_on_the_load_of_the_machine(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """By one clock all passes take the same time, by the other each is faster than the last."""
+    model = networks.build_model("resposenet")
+    x, chosen = batch(model), []
+    for shrink in (1.0, 0.5):
+        now, step = [0.0], [1.0]
+
+        def clock(now=now, step=step, shrink=shrink) -> float:
+            now[0] += step[0]
+            step[0] *= shrink
+            return now[0]
+
+        monkeypatch.setattr(time, "perf_counter", clock)
+        monkeypatch.setattr(time, "process_time", clock)
+        chosen.append(choose_backend(model, x, "auto").backend.name)
+    assert chosen[0] == chosen[1]
 
 
 def test_unknown_and_missing_backends_are_named() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -22,10 +21,12 @@ from s2rtools.precompute.run_registration import add_run
 from s2rtui.session.heatmaps import heatmap_choices, instance_grid, without_blanks
 from s2rtui.session.model_input import model_input
 from s2rtui.session.state import HeatChoice
+from tests.conftest import BuildOnce
 from tests.support.silent_reporter import SilentReporter
+from tests.support.small_stores import build_small
 
-pytestmark = pytest.mark.xdist_group("world")
-
+N = 4
+"""Instances of the store; occlusion takes long."""
 CHAINS = {
     "sim": make_chain("sim", {"temperature": -0.3}),
     "real": make_chain("real", {"brightness": 1.3, "contrast": 0.8, "depth_blur": 1.5}),
@@ -33,14 +34,16 @@ CHAINS = {
 
 
 @pytest.fixture(scope="module")
-def adjusted(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
+def adjusted(build_once: BuildOnce) -> Iterator[Store]:
     """A store with a computed run `adjusted` with all heatmaps and an uncomputed run."""
-    path = tmp_path_factory.mktemp("live") / "s.s2r"
-    shutil.copytree(trained_store, path)
+    with s2rstore.open(build_once("live.s2r", _compute)) as store:
+        yield store
+
+
+def _compute(path: Path) -> None:
+    build_small(path, N)
     add_run(path, "adjusted", "vanilla", None, None, CHAINS)
     precompute(path, SilentReporter(), ["adjusted"])
-    with s2rstore.open(path) as store:
-        yield store
 
 
 @pytest.fixture
@@ -77,7 +80,7 @@ def assert_equals_stored(store: Store, run: str, result: LiveResult, live: LiveM
             )
 
 
-@pytest.mark.parametrize("iid", [0, 21, 39])
+@pytest.mark.parametrize("iid", [0, N - 1])
 def test_results_equal_precompute(adjusted: Store, live: LiveModel, iid: int) -> None:
     assert set(live.kinds) == set(HEATMAP_KINDS)
     assert set(live.kinds[-3:]) == {"occlusion", "harm", "harm_fine"}
@@ -105,11 +108,11 @@ def test_results_with_moved_cameras_equal_precompute(moved_camera_store: Path, r
 
 def test_the_adjustments_of_the_run_are_the_default(adjusted: Store) -> None:
     live = LiveModel(adjusted, "adjusted")
-    default, explicit = live.compute(5, {}), live.compute(5, CHAINS)
+    default, explicit = live.compute(1, {}), live.compute(1, CHAINS)
     assert default is not None
     assert explicit is not None
     assert default.real is explicit.real
-    unadjusted = live.compute(5, {"sim": [], "real": []})
+    unadjusted = live.compute(1, {"sim": [], "real": []})
     assert unadjusted is not None
     assert unadjusted.real.x != default.real.x
     live.close()
@@ -130,12 +133,12 @@ def test_only_what_changed_is_computed(live: LiveModel, monkeypatch: pytest.Monk
     reads: list[int] = []
     read_frames = live._store.frames
     monkeypatch.setattr(live._store, "frames", lambda *a: (reads.append(1), read_frames(*a))[1])
-    live.compute(7, {"sim": [], "real": []})
+    live.compute(2, {"sim": [], "real": []})
     assert (len(passes), len(reads)) == (2, 2)
     for value in (1.1, 1.2, 1.1):
-        live.compute(7, {"sim": [], "real": make_chain("real", {"brightness": value})})
+        live.compute(2, {"sim": [], "real": make_chain("real", {"brightness": value})})
     assert (len(passes), len(reads)) == (4, 2)
-    live.compute(8, {"sim": [], "real": []})
+    live.compute(3, {"sim": [], "real": []})
     assert (len(passes), len(reads)) == (6, 4)
 
 
@@ -148,16 +151,16 @@ def test_cancelled_computations_give_no_more_results(live: LiveModel, after: int
 
     kinds = ("feature_distance",)
     results = list(
-        live.steps(9, {"real": parse_adjustment("real:black")["real"]}, kinds, cancelled)
+        live.steps(0, {"real": parse_adjustment("real:black")["real"]}, kinds, cancelled)
     )
     assert len(results) == max(0, after - 2)
     answers = iter([False] * after)
-    assert live.compute(9, {}, kinds, cancelled) is None
+    assert live.compute(0, {}, kinds, cancelled) is None
 
 
 def test_invalid_requests_list_the_valid_values(live: LiveModel) -> None:
-    with pytest.raises(RequestError, match=r"instance 40: the store holds 0 \.\. 39"):
-        live.compute(40, {})
+    with pytest.raises(RequestError, match=r"instance 4: the store holds 0 \.\. 3"):
+        live.compute(N, {})
     with pytest.raises(RequestError, match="one of activation"):
         live.compute(1, {}, ("glow",))
     with pytest.raises(RequestError, match="taken, not rendered"):

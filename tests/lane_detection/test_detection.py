@@ -129,7 +129,7 @@ def test_segments_count_as_correct_invented_or_not_judged() -> None:
     assert 0.3 < reached / border < 0.5
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 @given(st.integers(0, 1000))
 def test_tuning_recovers_painted_colours_and_centres_the_bounds(seed: int) -> None:
     images, masks = painted(seed, 2)

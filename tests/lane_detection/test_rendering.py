@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rtools.lane_detection.conditions import CONDITIONS, LightField
@@ -31,7 +31,6 @@ def town() -> Town:
     return build_town(5, layout=0)
 
 
-@settings(max_examples=40, deadline=None)
 @given(st.floats(0.1, 2.0), st.floats(-1.0, 1.0))
 def test_ground_points_survive_projection_and_back(x: float, y: float) -> None:
     pixel = CAMERA.to_pixels(np.array([[x, y]]))
@@ -76,12 +75,12 @@ def test_paths_are_continuous_and_stay_on_asphalt() -> None:
 
 
 def test_the_same_seed_renders_the_same_images() -> None:
-    first, second = ([frame.rgb for frame in drive(build_town(8), 2, 8)] for _ in range(2))
+    first, second = ([frame.rgb for frame in drive(build_town(8), 1, 8)] for _ in range(2))
     assert all(np.array_equal(a, b) for a, b in zip(first, second, strict=True))
 
 
 def test_a_town_without_lines_has_no_line_labels() -> None:
-    for frame in drive(build_town(4, lines=False), 2, 4):
+    for frame in drive(build_town(4, lines=False), 1, 4):
         assert not np.isin(frame.mask, (1, 2, 3)).any()
 
 

@@ -132,7 +132,7 @@ def store_with_missing_values(tmp_path_factory: pytest.TempPathFactory) -> Store
     return s2rstore.open(path)
 
 
-@settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(suppress_health_check=[HealthCheck.too_slow])
 @given(node=EXPRESSIONS, run=st.sampled_from(["vanilla", "dataaug"]), with_trained=st.booleans(),
        view=st.sampled_from([None, ("a",), ("b",), ("a", "b")]))  # fmt: skip
 def test_masks_and_sql_select_the_same_instances(
@@ -153,13 +153,11 @@ def test_masks_and_sql_select_the_same_instances(
     assert selected_by_sql == selected.tolist(), text
 
 
-@settings(max_examples=300, deadline=None)
 @given(node=EXPRESSIONS)
 def test_the_text_of_a_tree_parses_to_the_same_tree(node: n.Node) -> None:
     assert parse(to_text(node)) == node
 
 
-@settings(max_examples=300, deadline=None)
 @given(text=st.text(alphabet='worst15&|!-()@%:.,"<>=0123456789 aberlmox+', max_size=30))
 def test_any_text_parses_or_reports_a_column(text: str) -> None:
     column = 1
@@ -170,7 +168,6 @@ def test_any_text_parses_or_reports_a_column(text: str) -> None:
     assert 1 <= column <= len(text) + 1
 
 
-@settings(max_examples=100, deadline=None)
 @given(node=EXPRESSIONS)
 def test_the_complement_is_the_base_population_minus_the_selection(
     store_with_missing_values: Store, node: n.Node

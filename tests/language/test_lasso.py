@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.language import ExpressionError, parse
@@ -39,7 +39,6 @@ def test_points_enclosed_twice_are_outside() -> None:
     assert points_inside(points, star).tolist() == [False, True, False]
 
 
-@settings(max_examples=300, deadline=None)
 @given(
     corners=st.lists(st.tuples(INTEGERS, INTEGERS), min_size=3, max_size=9),
     point=st.integers(0, 120),

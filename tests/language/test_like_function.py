@@ -13,15 +13,20 @@ from s2rstore.index.transaction import edit
 from s2rstore.language import ExpressionError, evaluation
 from s2rstore.metrics import nearest_neighbours
 from s2rstore.reader import Store
-from tests.support import embeddings, tiny
+from tests.conftest import BuildOnce
+from tests.support import embeddings
+from tests.support.copies import copy_store
 
 N = 40
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
+def store(tiny_store: Path, build_once: BuildOnce) -> Store:
     """In run `vanilla` the embedding of instance i is (i, 0) for real and (i // 2, 0) for sim."""
-    path = tiny.build(tmp_path_factory.mktemp("like") / "like.s2r", n=N)
+    return s2rstore.open(build_once("like.s2r", lambda path: _add(copy_store(tiny_store, path))))
+
+
+def _add(path: Path) -> None:
     line = np.stack([np.arange(N), np.zeros(N)], axis=1).astype(np.float32)
     real, sim = line.copy(), line // 2
     real[11] = np.nan
@@ -30,7 +35,6 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
         draft._connection.execute(
             "UPDATE prediction SET error = NULL WHERE run = 'vanilla' AND iid = 13"
         )
-    return s2rstore.open(path)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.language import MaskContext, mask, parse, to_text
@@ -67,7 +67,6 @@ def context(seed: int = 1) -> MaskContext:
     )  # fmt: skip
 
 
-@settings(max_examples=400, deadline=None)
 @given(EXPRESSIONS, st.integers(1, 4))
 def test_a_suggestion_parses_and_selects_what_it_says(node: n.Node, seed: int) -> None:
     columns = context(seed)
@@ -83,7 +82,6 @@ def test_a_suggestion_parses_and_selects_what_it_says(node: n.Node, seed: int) -
     assert [one.admitted for one in found] == sorted(one.admitted for one in found)
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.integers(1, 30), st.integers(1, 30), st.integers(1, 9))
 def test_a_percentage_is_the_smallest_step_that_selects_something(
     worst: int, best: int, seed: int

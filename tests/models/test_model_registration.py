@@ -59,10 +59,8 @@ def register_and_load(store: Path, weights, convention, trust=False):
 
 WRAPPINGS = {
     "plain": lambda state: state,
-    "state_dict": lambda state: {"epoch": 3, "state_dict": state},
     "model": lambda state: {"model": state, "optimizer": {}},
-    "parallel": lambda state: {f"module.{key}": value for key, value in state.items()},
-    "both": lambda state: {"state_dict": {f"module.{k}": v for k, v in state.items()}},
+    "both": lambda state: {"epoch": 3, "state_dict": {f"module.{k}": v for k, v in state.items()}},
     "old": lambda state: {k: v for k, v in state.items() if not k.endswith("batches_tracked")},
 }
 

@@ -95,21 +95,19 @@ FAULTS: dict[str, tuple[Damage, str]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("command", [GAP, SYSID])
 @pytest.mark.parametrize("fault", FAULTS)
 def test_an_invalid_file_exits_with_2(
     valid_drives: Path, tiny_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-    command: str, fault: str,
+    fault: str,
 ) -> None:  # fmt: skip
     damage, expected = FAULTS[fault]
-    out = tmp_path / "out"
-    assert (
-        run(command, damaged_copy(valid_drives, tmp_path / "drives", damage), tiny_store, out) == 2
-    )
-    error = capsys.readouterr().err.strip()
-    assert expected in error
-    assert "\n" not in error
-    assert not out.exists()
+    drives, out = damaged_copy(valid_drives, tmp_path / "drives", damage), tmp_path / "out"
+    for command in (GAP, SYSID):
+        assert run(command, drives, tiny_store, out) == 2
+        error = capsys.readouterr().err.strip()
+        assert expected in error
+        assert "\n" not in error
+        assert not out.exists()
 
 
 @pytest.mark.parametrize(

@@ -167,3 +167,27 @@ def test_implausibly_large_poses_are_rejected(tmp_path: Path, pose: str) -> None
     (tmp_path / "a.csv").write_text(f"time,x,y,heading\n0,0,0,0\n0.1,{pose}\n")
     with pytest.raises(RequestError, match=r"a\.csv:3: a pose beyond 1e\+09 m or rad"):
         read(tmp_path / "a.csv")
+
+
+def tum(path: Path, x: list[float], y: list[float], z: list[float]) -> Path:
+    """A TUM log of positions at 10 Hz without rotation."""
+    rows = [
+        f"{0.1 * i} {a} {b} {c} 0 0 0 1" for i, (a, b, c) in enumerate(zip(x, y, z, strict=True))
+    ]
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def test_a_tum_log_whose_z_does_not_point_up_is_refused(tmp_path: Path) -> None:
+    """Such as poses in the axes of a camera, in which a robot on a floor moves along z."""
+    path = tum(tmp_path / "a.tum", [0, 1, 2, 2], [0.4] * 4, [0, 0, 1, 3])
+    with pytest.raises(RequestError, match=r"a\.tum: z spans 3 m where x and y span 2 m; z must"):
+        read(path)
+
+
+def test_a_slope_is_reported_and_noise_of_z_is_not(tmp_path: Path) -> None:
+    sloped = read(tum(tmp_path / "a.tum", [0, 5, 10], [0, 0, 1], [0, 0.4, 0.8]))
+    assert sloped.x.tolist() == [0, 5, 10]
+    (warning,) = sloped.warnings
+    assert "z spans 0.8 m" in warning
+    assert read(tum(tmp_path / "b.tum", [0, 0.1], [0, 0], [1.0, 1.1])).warnings == ()

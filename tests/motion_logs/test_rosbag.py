@@ -92,3 +92,9 @@ def test_truncated_and_missing_bags_are_rejected(tmp_path: Path, log: Log) -> No
         read(tmp_path)
     with pytest.raises(RequestError, match="no such bag"):
         read(tmp_path / "gone.bag")
+
+
+def test_a_bag_whose_z_does_not_point_up_is_refused(tmp_path: Path, log: Log) -> None:
+    path = write(tmp_path / "a.bag", {"/odom": (POSE, log)}, rise=0.5)
+    with pytest.raises(RequestError, match=r"a\.bag: z spans .* m where .* z must point up"):
+        read(path)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from s2rtools.nightly import publish
 from s2rtools.nightly.config import NightlyConfig, SysidConfig
 from tests.support import nights
 
@@ -16,6 +17,12 @@ from tests.support import nights
 def config(tmp_path: Path, tiny_store: Path) -> NightlyConfig:
     """A gate on a separate store with drives, metrics and a simulator to identify."""
     return make_config(tmp_path, tiny_store)
+
+
+@pytest.fixture
+def constant_plot(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nights of this test draw no plot, which takes most of their time."""
+    monkeypatch.setattr(publish, "history_plot", lambda *arguments: b"a plot")
 
 
 @pytest.fixture

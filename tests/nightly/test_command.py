@@ -16,6 +16,8 @@ from s2rtools.nightly.config import NightlyConfig
 from s2rtui.cli import main
 from tests.support import nights
 
+pytestmark = pytest.mark.usefixtures("constant_plot")
+
 
 @pytest.fixture
 def fake_gate(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:

@@ -24,6 +24,8 @@ from tests.nightly.conftest import files
 from tests.support import nights
 from tests.support.nights import Week, day
 
+pytestmark = pytest.mark.usefixtures("constant_plot")
+
 
 def test_missing_values_are_null_and_every_column_is_commented(recorded_week: Week) -> None:
     with duckdb.connect(str(recorded_week.config.history), read_only=True) as connection:
@@ -100,12 +102,26 @@ _DIE = "os.kill(os.getpid(), signal.SIGKILL)"
 @pytest.mark.parametrize(
     ("patch", "expected_nights"),
     [
-        (f"writer._add = lambda *a: {_DIE}", 1),
-        (f"writer.atomic_writes.sync_path = lambda *a: {_DIE}", 1),
-        (f"writer.atomic_writes.sync_path = lambda path: path.is_dir() and {_DIE}", 2),
-        (f"import s2rtools.nightly.publish as p; p.junit = lambda *a: {_DIE}", 2),
+        pytest.param(f"writer._add = lambda *a: {_DIE}", 1, id="while adding"),
+        pytest.param(
+            f"writer.atomic_writes.sync_path = lambda *a: {_DIE}",
+            1,
+            id="before the rename",
+            marks=pytest.mark.deep,
+        ),
+        pytest.param(
+            f"writer.atomic_writes.sync_path = lambda path: path.is_dir() and {_DIE}",
+            2,
+            id="after the rename",
+            marks=pytest.mark.deep,
+        ),
+        pytest.param(
+            f"import s2rtools.nightly.publish as p; p.junit = lambda *a: {_DIE}",
+            2,
+            id="while telling",
+            marks=pytest.mark.deep,
+        ),
     ],
-    ids=["while adding", "before the rename", "after the rename", "while telling"],
 )
 def test_a_killed_writer_loses_at_most_the_current_night(
     week: Week, patch: str, expected_nights: int

@@ -17,9 +17,10 @@ from s2rtools.precompute.array_keys import ArrayKeys, content_key
 from s2rtools.precompute.input_hashes import InputHashes
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import add_run
+from tests.conftest import BuildOnce
+from tests.support.copies import copy_store
 from tests.support.silent_reporter import SilentReporter
 
-pytestmark = pytest.mark.xdist_group("computed")
 KINDS = ("activation", "pixel_difference", "harmonised_difference")
 ALL = {"prediction", "activation", "pixel_difference", "harmonised_difference", "map"}
 BACKEND = {"name": "torch", "precision": "float32"}
@@ -80,13 +81,11 @@ def change_images(draft: IndexTransaction) -> None:
     ],
 )
 def test_a_key_changes_with_the_inputs_of_its_arrays_alone(
-    trained_store: Path,
-    tmp_path: Path,
+    small_copy: Path,
     change: Callable[[IndexTransaction], None],
     changed: set[str],
 ) -> None:
-    path = tmp_path / "s.s2r"
-    shutil.copytree(trained_store, path)
+    path = small_copy
     before = keys_of(path)
     with edit(path) as draft:
         change(draft)
@@ -95,15 +94,16 @@ def test_a_key_changes_with_the_inputs_of_its_arrays_alone(
 
 
 @pytest.fixture(scope="module")
-def two_runs(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def two_runs(small_store: Path, build_once: BuildOnce) -> Path:
     """A store with two computed runs of one model, and one of adjusted images."""
-    path = tmp_path_factory.mktemp("two") / "s.s2r"
-    shutil.copytree(trained_store, path)
+    return build_once("two-runs.s2r", lambda path: _compute_runs(copy_store(small_store, path)))
+
+
+def _compute_runs(path: Path) -> None:
     bright = {"sim": [], "real": [{"name": "brightness", "value": 1.2}]}
     add_run(path, "again", "vanilla", None, None, {"sim": [], "real": []})
     add_run(path, "bright", "vanilla", None, None, bright)
     precompute(path, SilentReporter(), [], PrecomputeOptions(KINDS))
-    return path
 
 
 def test_arrays_that_need_no_model_are_stored_once(two_runs: Path) -> None:
@@ -124,8 +124,7 @@ def test_arrays_that_need_no_model_are_stored_once(two_runs: Path) -> None:
 
 
 def test_shared_arrays_stay_as_long_as_a_run_uses_them(two_runs: Path, tmp_path: Path) -> None:
-    path = tmp_path / "s.s2r"
-    shutil.copytree(two_runs, path)
+    path = copy_store(two_runs, tmp_path / "s.s2r")
     for run, shared in (("vanilla", 4), ("again", 2)):
         with edit(path) as draft:
             for table in ("zarr_array", "prediction", "projection", "run"):
@@ -135,39 +134,25 @@ def test_shared_arrays_stay_as_long_as_a_run_uses_them(two_runs: Path, tmp_path:
         assert len(list((path / "runs.zarr/_shared").iterdir())) == shared
 
 
-def test_arrays_of_earlier_releases_keep_their_keys(trained_store: Path, tmp_path: Path) -> None:
-    path = tmp_path / "s.s2r"
-    shutil.copytree(trained_store, path)
+def test_arrays_of_earlier_releases_keep_their_keys_and_are_continued(small_copy: Path) -> None:
+    path = small_copy
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ArrayKeys, "_key", lambda self, facts, earlier: (content_key(earlier), False))
         precompute(path, SilentReporter(), [], PrecomputeOptions(KINDS))
     assert not (path / "runs.zarr/_shared").exists()
     reporter = SilentReporter()
     assert precompute(path, reporter, [], PrecomputeOptions(KINDS)) == []
-    assert reporter.steps == 0
-
-
-def test_arrays_that_an_earlier_release_began_are_continued(
-    trained_store: Path, tmp_path: Path
-) -> None:
-    path = tmp_path / "s.s2r"
-    shutil.copytree(trained_store, path)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ArrayKeys, "_key", lambda self, facts, earlier: (content_key(earlier), False))
-        precompute(path, SilentReporter(), [], PrecomputeOptions(KINDS))
     with edit(path) as draft:
         for table in ("zarr_array", "prediction", "projection"):
             draft.delete(table, run="vanilla")
         draft.update("run", {"run": "vanilla"}, {"key": None})
-    reporter = SilentReporter()
     assert precompute(path, reporter, [], PrecomputeOptions(KINDS)) == ["vanilla"]
     assert reporter.steps == 0
     assert verify(path) == []
 
 
 def test_a_lost_array_is_computed_and_listed_again(two_runs: Path, tmp_path: Path) -> None:
-    path = tmp_path / "s.s2r"
-    shutil.copytree(two_runs, path)
+    path = copy_store(two_runs, tmp_path / "s.s2r")
     with s2rstore.open(path) as store:
         lost = [r for r in store.array_kinds("vanilla") if r.kind == "neighbour_distance"]
     for record in lost:

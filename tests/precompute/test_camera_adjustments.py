@@ -37,8 +37,6 @@ from s2rtui.session.state import HeatChoice
 from tests.support.copies import copy_store
 from tests.support.silent_reporter import SilentReporter
 
-pytestmark = pytest.mark.xdist_group("world")
-
 
 @pytest.fixture(scope="module")
 def store(moved_camera_store: Path) -> Store:

@@ -27,7 +27,6 @@ from tests.support.copies import copy_store
 from tests.support.plain_maps import plain_map_grid
 from tests.support.silent_reporter import SilentReporter
 
-pytestmark = pytest.mark.xdist_group("world")
 KINDS = ("feature_distance", "pixel_difference", "harmonised_distance")
 
 

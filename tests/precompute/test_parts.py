@@ -28,10 +28,11 @@ from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.tasks import umap_projection
 from s2rtools.precompute.tasks.umap_projection import projection_stages
 from s2rtui.cli import main
+from tests.conftest import BuildOnce
+from tests.support.copies import copy_store
 from tests.support.plain_maps import plain_map_grid
 from tests.support.silent_reporter import SilentReporter
 
-pytestmark = pytest.mark.xdist_group("computed")
 KINDS = ("activation", "pixel_difference")
 FIRST = 24
 """Instances of the first part."""
@@ -87,19 +88,23 @@ def withdraw_later_arrays(path: Path, condition: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def whole(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def whole(trained_store: Path, build_once: BuildOnce) -> Path:
     """A computed store of one part."""
-    path = tmp_path_factory.mktemp("whole") / "s.s2r"
-    shutil.copytree(trained_store, path)
-    precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS))
-    return path
+
+    def compute(path: Path) -> None:
+        copy_store(trained_store, path)
+        precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS))
+
+    return build_once("whole.s2r", compute)
 
 
 @pytest.fixture(scope="module")
-def parted(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def parted(trained_store: Path, build_once: BuildOnce) -> Path:
     """A computed store of two parts, whose projection is fitted on the first one."""
-    path = tmp_path_factory.mktemp("parted") / "s.s2r"
-    shutil.copytree(trained_store, path)
+    return build_once("parted.s2r", lambda path: _compute_parts(copy_store(trained_store, path)))
+
+
+def _compute_parts(path: Path) -> None:
     split_into_parts(path, FIRST, 40)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
@@ -108,7 +113,6 @@ def parted(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Pat
             lambda store, run, forwards, refit: projection_stages(forwards, FIRST),
         )
         precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS))
-    return path
 
 
 def values(store: Store, kind: str, side: str | None, mode: str | None = None) -> np.ndarray:
@@ -164,8 +168,7 @@ def test_later_parts_are_projected_by_the_fit_of_the_first(parted: Path) -> None
 def test_a_further_precompute_keeps_the_projection_unless_it_is_fitted_again(
     parted: Path, whole: Path, tmp_path: Path
 ) -> None:
-    path = tmp_path / "s.s2r"
-    shutil.copytree(parted, path)
+    path = copy_store(parted, tmp_path / "s.s2r")
     with s2rstore.open(path) as store:
         before = values(store, "umap", "sim")
     assert precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS)) == []
@@ -182,8 +185,7 @@ def test_a_further_precompute_keeps_the_projection_unless_it_is_fitted_again(
 
 
 def test_a_fit_that_cannot_be_repeated_is_refused(parted: Path, tmp_path: Path) -> None:
-    path = tmp_path / "s.s2r"
-    shutil.copytree(parted, path)
+    path = copy_store(parted, tmp_path / "s.s2r")
     later = [
         array.path
         for array in Store(path).array_parts("vanilla")
@@ -211,7 +213,7 @@ def test_later_parts_are_transformed_by_the_fit_to_a_sample_and_nothing_else_is(
 ) -> None:
     """So that the projection takes no longer where more instances are stored."""
     path, fit_points, transformed = tmp_path / "s.s2r", umap_projection._fit_points, []
-    shutil.copytree(trained_store, path)
+    copy_store(trained_store, path)
     split_into_parts(path, FIRST, 40)
     settings = replace(umap_projection.SETTINGS, fit_instances=12, neighbours=4)
     monkeypatch.setattr(umap_projection, "SETTINGS", settings)
@@ -240,8 +242,8 @@ def test_heat_ranges_do_not_depend_on_the_parts(
     monkeypatch.setattr(publish_results, "_RANGE_ROWS", 10)
     ranges = []
     for store in (whole, parted):
-        path = tmp_path / store.parent.name
-        shutil.copytree(store, path)
+        path = tmp_path / store.name
+        copy_store(store, path)
         with edit(path) as draft:
             draft.delete("zarr_array", kind="activation")
         assert precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS))
@@ -253,8 +255,7 @@ def test_heat_ranges_do_not_depend_on_the_parts(
 
 
 def test_maps_of_some_parts_are_refused(parted: Path, tmp_path: Path) -> None:
-    path = tmp_path / "s.s2r"
-    shutil.copytree(parted, path)
+    path = copy_store(parted, tmp_path / "s.s2r")
     withdraw_later_arrays(path, "kind LIKE 'map:pixel%'")
     with s2rstore.open(path) as store:
         assert np.isfinite(store.map_grid("vanilla", "activation", "sim")).any()
@@ -265,8 +266,7 @@ def test_maps_of_some_parts_are_refused(parted: Path, tmp_path: Path) -> None:
 def test_verify_notes_heatmaps_of_some_parts(
     parted: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = tmp_path / "s.s2r"
-    shutil.copytree(parted, path)
+    path = copy_store(parted, tmp_path / "s.s2r")
     withdraw_later_arrays(path, "kind = 'activation'")
     assert main(["verify", str(path)]) == 0
     output = capsys.readouterr()
@@ -277,8 +277,7 @@ def test_verify_notes_heatmaps_of_some_parts(
 def test_a_data_set_that_grows_meanwhile_is_planned_again(
     trained_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = tmp_path / "s.s2r"
-    shutil.copytree(trained_store, path)
+    path = copy_store(trained_store, tmp_path / "s.s2r")
     compute_stages = pipeline._compute_stages
 
     def grow(*arguments) -> None:
@@ -298,8 +297,7 @@ def test_a_data_set_that_grows_meanwhile_is_planned_again(
 def test_reading_a_part_that_is_not_computed_is_refused(
     parted: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = tmp_path / "s.s2r"
-    shutil.copytree(parted, path)
+    path = copy_store(parted, tmp_path / "s.s2r")
     withdraw_later_arrays(path, "true")
     with s2rstore.open(path) as store:
         assert store.heatmap("vanilla", "activation", "sim", FIRST - 1).ndim == 2
@@ -318,8 +316,7 @@ def test_reading_a_part_that_is_not_computed_is_refused(
 def test_parts_with_gaps_or_other_counts_are_refused(
     whole: Path, tmp_path: Path, rows: list[tuple[int, int, int]]
 ) -> None:
-    path = tmp_path / "s.s2r"
-    shutil.copytree(whole, path)
+    path = copy_store(whole, tmp_path / "s.s2r")
     with edit(path) as draft:
         for part, first, count in rows:
             draft.insert_row(

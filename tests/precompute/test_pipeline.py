@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import numpy as np
@@ -18,35 +19,21 @@ from s2rstore.errors import RequestError, StoreBusyError
 from s2rstore.files import layout
 from s2rstore.files.ledger import Ledger
 from s2rstore.geometry import angles
+from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.maintenance.verify import verify
-from s2rtools.adjustments import parse_adjustment
 from s2rtools.models.load_model import load_model
 from s2rtools.models.preprocessing import preprocess
+from s2rtools.precompute import publish_results
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
-from s2rtools.precompute.prediction_rows import decode_split, encode_split
 from s2rtools.precompute.run_registration import add_run
+from tests.support.copies import copy_store
 from tests.support.silent_reporter import SilentReporter
 
-pytestmark = pytest.mark.xdist_group("computed")
+KINDS = ("feature_distance",)
 
 
-@pytest.fixture(scope="session")
-def computed(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A store in which all runs are computed."""
-    path = tmp_path_factory.mktemp("computed") / "s.s2r"
-    shutil.copytree(trained_store, path)
-    add_run(path, "black", "vanilla", None, None, parse_adjustment("real:black"))
-    add_run(path, "bright", "vanilla", None, None, parse_adjustment("real:brightness=1.15"))
-    assert precompute(path, SilentReporter(), ["vanilla"]) == ["vanilla"]
-    assert precompute(path, SilentReporter(), ["black", "bright"], PrecomputeOptions(())) == [
-        "black",
-        "bright",
-    ]
-    return path
-
-
-def test_predictions_equal_the_network_output(computed: Path) -> None:
-    with s2rstore.open(computed) as store:
+def test_predictions_equal_the_network_output(computed_store: Path) -> None:
+    with s2rstore.open(computed_store) as store:
         model = load_model(store, "vanilla")
         columns = store.run_columns("vanilla")
         truth = store.instances
@@ -62,11 +49,11 @@ def test_predictions_equal_the_network_output(computed: Path) -> None:
                 assert angles.distance(part.heading[iid], heading) < 1e-4
                 distance = np.hypot(px - truth.x[iid], py - truth.y[iid])
                 assert part.error[iid] == pytest.approx(distance, abs=1e-4)
-    assert verify(computed) == []
+    assert verify(computed_store) == []
 
 
-def test_black_input_gives_a_constant_prediction(computed: Path) -> None:
-    with s2rstore.open(computed) as store:
+def test_black_input_gives_a_constant_prediction(computed_store: Path) -> None:
+    with s2rstore.open(computed_store) as store:
         black_columns, unadjusted = store.run_columns("black"), store.run_columns("vanilla")
         for name in ("x", "y", "heading"):
             assert np.ptp(getattr(black_columns.real, name)) < 1e-6
@@ -74,8 +61,8 @@ def test_black_input_gives_a_constant_prediction(computed: Path) -> None:
         assert (store.run_columns("bright").real.x != unadjusted.real.x).any()
 
 
-def test_every_array_is_complete_and_finite(computed: Path) -> None:
-    with s2rstore.open(computed) as store:
+def test_every_array_is_complete_and_finite(computed_store: Path) -> None:
+    with s2rstore.open(computed_store) as store:
         kinds = {record.kind for record in store.array_kinds("vanilla")}
         for kind in ("activation", "occlusion", "feature_distance", "pixel_difference"):
             assert {kind, f"map:{kind}"} <= kinds
@@ -95,8 +82,8 @@ def test_every_array_is_complete_and_finite(computed: Path) -> None:
         assert np.allclose(mean[has_values], total[has_values] / counts[has_values], rtol=1e-4)
 
 
-def test_training_instances_are_marked(computed: Path) -> None:
-    with s2rstore.open(computed) as store:
+def test_training_instances_are_marked(computed_store: Path) -> None:
+    with s2rstore.open(computed_store) as store:
         counts = dict(
             store.execute(
                 "SELECT side || split, count(*) FROM prediction WHERE run = 'vanilla' GROUP BY ALL"
@@ -107,23 +94,22 @@ def test_training_instances_are_marked(computed: Path) -> None:
     assert min(counts.values()) > 0
 
 
-def test_nothing_is_computed_twice(computed: Path, tmp_path: Path) -> None:
-    generation = layout.read_current(computed).generation
+def test_nothing_is_computed_twice(computed_store: Path, tmp_path: Path) -> None:
+    generation = layout.read_current(computed_store).generation
     reporter = SilentReporter()
-    assert precompute(computed, reporter, ["vanilla"]) == []
+    assert precompute(computed_store, reporter, ["vanilla"]) == []
     assert (reporter.steps, reporter.lines) == (0, ["vanilla: up to date"])
-    assert layout.read_current(computed).generation == generation
+    assert layout.read_current(computed_store).generation == generation
 
 
 def test_several_workers_give_the_same_values(
-    computed: Path, trained_store: Path, tmp_path: Path
+    small_store: Path, small_copy: Path, tmp_path: Path
 ) -> None:
-    path = tmp_path / "s.s2r"
-    shutil.copytree(trained_store, path)
-    kinds = ("feature_distance", "occlusion")
-    precompute(path, SilentReporter(), [], PrecomputeOptions(kinds, workers=2))
-    assert verify(path) == []
-    _assert_equal_arrays(path, computed, 1e-5)
+    alone = copy_store(small_store, tmp_path / "alone.s2r")
+    precompute(alone, SilentReporter(), [], PrecomputeOptions(KINDS, workers=1))
+    precompute(small_copy, SilentReporter(), [], PrecomputeOptions(KINDS, workers=2))
+    assert verify(small_copy) == []
+    _assert_equal_arrays(small_copy, alone, 1e-5)
 
 
 THREAD_TOLERANCE = 2e-3
@@ -148,11 +134,39 @@ def _assert_equal_arrays(path: Path, reference: Path, tolerance: float) -> None:
             ), record
 
 
+class _EndingReporter(SilentReporter):
+    """Ends the precompute after its first units, as ctrl+c does."""
+
+    def advance(self, steps: int) -> None:
+        super().advance(steps)
+        if self.steps > 15:
+            raise KeyboardInterrupt
+
+
+def test_an_interrupted_precompute_loses_only_unfinished_units(
+    computed_store: Path, trained_store: Path, tmp_path: Path
+) -> None:
+    path, options = copy_store(trained_store, tmp_path / "s.s2r"), PrecomputeOptions(KINDS)
+    with pytest.raises(KeyboardInterrupt):
+        precompute(path, _EndingReporter(), [], options)
+    complete = {file: file.stat().st_mtime_ns for file in _finished(path)}
+    assert complete
+    with s2rstore.open(path) as store:
+        assert store.run("vanilla").key is None
+    precompute(path, SilentReporter(), [], options)
+    assert verify(path) == []
+    assert not list((path / "units").iterdir())
+    kept = {file: time for file, time in complete.items() if "runs.zarr" in file.parts}
+    assert {file: file.stat().st_mtime_ns for file in kept} == kept
+    _assert_equal_arrays(path, computed_store, 1e-5)
+
+
+@pytest.mark.deep
 def test_a_killed_precompute_loses_only_unfinished_units(
-    computed: Path, trained_store: Path, tmp_path: Path
+    computed_store: Path, trained_store: Path, tmp_path: Path
 ) -> None:
     path = tmp_path / "s.s2r"
-    shutil.copytree(trained_store, path)
+    copy_store(trained_store, path)
     before = layout.read_current(path).generation
     for number in range(3):
         _start_and_kill(path, tmp_path, number)
@@ -168,7 +182,7 @@ def test_a_killed_precompute_loses_only_unfinished_units(
     assert verify(path) == []
     assert {p: p.stat().st_mtime_ns for p in complete} == complete
     assert not list((path / "units").iterdir())
-    _assert_equal_arrays(path, computed, 0)
+    _assert_equal_arrays(path, computed_store, 0)
 
 
 def _start_and_kill(path: Path, tmp_path: Path, number: int) -> None:
@@ -206,7 +220,7 @@ def test_a_precompute_that_lost_its_lock_publishes_nothing(
     trained_store: Path, tmp_path: Path
 ) -> None:
     path = tmp_path / "s.s2r"
-    shutil.copytree(trained_store, path)
+    copy_store(trained_store, path)
     reporter = _TakingReporter(path / "ledger" / "compute.lock")
     with pytest.raises(StoreBusyError, match="compute lock was removed"):
         precompute(path, reporter, ["vanilla"], PrecomputeOptions(()))
@@ -214,22 +228,42 @@ def test_a_precompute_that_lost_its_lock_publishes_nothing(
         assert store.run("vanilla").key is None
 
 
-def test_invalid_requests_list_the_valid_values(trained_store: Path) -> None:
+def test_invalid_requests_list_the_valid_values(small_copy: Path) -> None:
     with pytest.raises(RequestError, match="runs: vanilla"):
-        precompute(trained_store, SilentReporter(), ["nothing"])
+        precompute(small_copy, SilentReporter(), ["nothing"])
     with pytest.raises(RequestError, match="activation"):
-        precompute(trained_store, SilentReporter(), [], PrecomputeOptions(("heat",)))
+        precompute(small_copy, SilentReporter(), [], PrecomputeOptions(("heat",)))
     with pytest.raises(RequestError, match="backend"):
-        precompute(trained_store, SilentReporter(), [], PrecomputeOptions(backend="abacus"))
+        precompute(small_copy, SilentReporter(), [], PrecomputeOptions(backend="abacus"))
     with pytest.raises(RequestError, match="models: vanilla"):
-        add_run(trained_store, "x", "nothing", None, None, {"sim": [], "real": []})
+        add_run(small_copy, "x", "nothing", None, None, {"sim": [], "real": []})
 
 
-@pytest.mark.parametrize("codes", [[], [3], [0, 0, 1, 3, 3, 0]])
-def test_splits_can_be_encoded_and_decoded(codes: list[int]) -> None:
-    array = np.array(codes, dtype=np.int8)
-    if codes:
-        assert decode_split(encode_split(array), len(codes)).tolist() == codes
-    else:
-        assert encode_split(array) == "[]"
-    assert decode_split(None, 2).tolist() == [3, 3]
+@pytest.mark.parametrize("is_removed", [True, False], ids=["removed", "registered anew"])
+def test_a_run_that_is_not_what_was_computed_is_not_published(
+    computed_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_removed: bool
+) -> None:
+    path = tmp_path / "s.s2r"
+    copy_store(computed_store, path)
+    tables = "prediction", "projection", "zarr_array"
+    with edit(path) as draft:  # all arrays are there, and not published
+        for table in tables:
+            draft.delete(table, run="black")
+        draft.update("run", {"run": "black"}, {"key": None})
+
+    def changed(root: Path, check: Callable[[], None]) -> AbstractContextManager[IndexTransaction]:
+        with edit(path) as draft:
+            if is_removed:
+                draft.delete("run", run="black")
+            else:
+                draft.update("run", {"run": "black"}, {"real_adjustments": "[]"})
+        return edit(root, check)
+
+    monkeypatch.setattr(publish_results, "edit", changed)
+    with pytest.raises(RequestError, match="'black': was removed or registered anew meanwhile"):
+        precompute(path, SilentReporter(), ["black"], PrecomputeOptions(()))
+    assert verify(path) == []
+    with s2rstore.open(path) as store:
+        assert not any(
+            store.execute(f"SELECT 1 FROM {table} WHERE run = 'black'") for table in tables
+        )

@@ -3,35 +3,41 @@
 from __future__ import annotations
 
 import errno
-import shutil
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 import s2rstore
+from s2rstore.arrays import array_writer
 from s2rstore.errors import RequestError, StoreBusyError
-from s2rstore.files import safe_files
-from s2rstore.files.ledger import Ledger
+from s2rstore.files import atomic_writes, locks, safe_files
+from s2rstore.files.ledger import Ledger, LedgerEntry
 from s2rstore.maintenance.verify import verify
 from s2rtools.precompute import restart, unit_computer
 from s2rtools.precompute.machine import Machine, this_machine
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import add_run
+from s2rtools.precompute.work_units import ArraySpec, Stage
+from tests.conftest import BuildOnce
+from tests.support.copies import copy_store
 from tests.support.silent_reporter import SilentReporter
 
-pytestmark = pytest.mark.xdist_group("computed")
 KINDS = ("activation", "pixel_difference")
 
 
 @pytest.fixture(scope="module")
-def computed(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def computed(small_store: Path, build_once: BuildOnce) -> Path:
     """A store with two computed runs of one model."""
-    path = tmp_path_factory.mktemp("restart") / "s.s2r"
-    shutil.copytree(trained_store, path)
+    return build_once("restart.s2r", lambda path: _compute(copy_store(small_store, path)))
+
+
+def _compute(path: Path) -> None:
     add_run(path, "again", "vanilla", None, None, {"sim": [], "real": []})
     precompute(path, SilentReporter(), [], PrecomputeOptions(KINDS, workers=1))
-    return path
 
 
 def other_machine() -> Machine:
@@ -57,7 +63,7 @@ def test_a_damaged_array_is_begun_again_with_other_libraries(
     computed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
 ) -> None:
     path, options = tmp_path / "s.s2r", PrecomputeOptions(KINDS, workers=1)
-    shutil.copytree(computed, path)
+    copy_store(computed, path)
     (shard,) = (path / "runs.zarr" / arrays_of(path, "vanilla", kind)[0]).glob("c*")
     shard.unlink()
     monkeypatch.setattr(unit_computer, "this_machine", other_machine)
@@ -77,7 +83,7 @@ def test_a_damaged_array_is_begun_again_with_other_libraries(
 
 def test_complete_arrays_are_kept(computed: Path, tmp_path: Path) -> None:
     path = tmp_path / "s.s2r"
-    shutil.copytree(computed, path)
+    copy_store(computed, path)
     options = PrecomputeOptions(KINDS, workers=1, restart=True)
     files = {file: file.stat().st_ino for file in path.glob("runs.zarr/*/*/*/c*")}
     assert precompute(path, SilentReporter(), [], options) == []
@@ -88,7 +94,7 @@ def test_a_key_that_has_lost_all_files_is_not_computed_elsewhere_in_silence(
     computed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, options = tmp_path / "s.s2r", PrecomputeOptions(KINDS, workers=1)
-    shutil.copytree(computed, path)
+    copy_store(computed, path)
     for array in arrays_of(path, "vanilla", "activation"):
         for shard in (path / "runs.zarr" / array).glob("c*"):
             shard.unlink()
@@ -105,7 +111,7 @@ def test_a_restart_that_was_killed_is_repeated(
 ) -> None:
     """It has removed the files of an array, and not yet their entries in the ledger."""
     path, options = tmp_path / "s.s2r", PrecomputeOptions(KINDS, workers=1)
-    shutil.copytree(computed, path)
+    copy_store(computed, path)
     (shard,) = (path / "runs.zarr" / arrays_of(path, "vanilla", "activation")[0]).glob("c*")
     shard.unlink()
 
@@ -129,7 +135,7 @@ def test_nothing_is_removed_where_a_file_cannot_be_examined(
     computed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, options = tmp_path / "s.s2r", PrecomputeOptions(KINDS, workers=1, restart=True)
-    shutil.copytree(computed, path)
+    copy_store(computed, path)
     size = safe_files.size
 
     def failing(root: Path, relative: str) -> int:
@@ -150,3 +156,39 @@ def test_nothing_is_removed_without_the_lease(computed: Path) -> None:
 
     with s2rstore.open(computed) as store, pytest.raises(StoreBusyError):
         restart.discard_incomplete(store, [], lost)
+
+
+def test_lines_that_a_publisher_adds_meanwhile_stay_in_the_ledger(
+    store_copy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An append or a registered model adds its lines under the publish lock."""
+    spec = ArraySpec("activation", "sim", None, (2,), "float32", ("iid", "x"), "m", "begun", 4)
+    stage = Stage("activation", "vanilla", (spec,), 4)
+    ledger, write = Ledger(store_copy), atomic_writes.write
+    file = array_writer.write_shard(
+        stage.create(store_copy, spec).path, 0, np.ones((4, 2), "f4"), store_copy
+    )
+    ledger.add_entries([LedgerEntry("unit", file.path, file.bytes, file.sha256, 4)])
+    ledger.add_array_entries(
+        spec.folder("vanilla"), [LedgerEntry("unit", file.path, file.bytes, file.sha256, 4)]
+    )
+    (store_copy / "weights").write_bytes(b"weights")
+    added = []
+
+    def add() -> None:
+        with locks.publish_lock(store_copy, timeout=0.0):
+            ledger.add("model", [("weights", 1)])
+            added.append("weights")
+
+    def compacting(*arguments: Any, **options: Any) -> None:
+        with suppress(StoreBusyError):  # it waits for the lock
+            add()
+        write(*arguments, **options)
+
+    with s2rstore.open(store_copy) as store, monkeypatch.context() as patch:
+        patch.setattr(atomic_writes, "write", compacting)
+        restart.discard_incomplete(store, [stage], lambda: None)
+    if not added:
+        add()
+    assert file.path not in ledger.by_path()
+    assert "weights" in ledger.by_path()

@@ -75,8 +75,8 @@ def assert_complete(root: Path, stage: Stage) -> None:
     assert plan_of(root, stage).units == []
 
 
-@pytest.mark.parametrize("unit_rows", [1, 7, 16, 50, 64])
-@pytest.mark.parametrize("shard_rows", [16, 64, 16_384])
+@pytest.mark.parametrize("unit_rows", [1, 7, 16, 64])
+@pytest.mark.parametrize("shard_rows", [16, 16_384])
 def test_units_of_any_size_make_the_same_arrays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unit_rows: int, shard_rows: int
 ) -> None:

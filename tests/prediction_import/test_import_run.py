@@ -135,13 +135,12 @@ def test_files_of_one_recording_are_matched_within_it(store: Path, tmp_path: Pat
         run_import(store, files[0].replace("sim/a", "sim/c"))
 
 
-def test_a_trajectory_is_refused_where_rows_name_iids(store: Path, tmp_path: Path) -> None:
+def test_a_trajectory_beside_iids_and_a_unit_beside_a_column_of_another_are_refused(
+    store: Path, tmp_path: Path
+) -> None:
     file = write_rows(tmp_path / "p.csv", ("iid", "x", "y", "heading"), [(0, 1, 2, 3)])
     with pytest.raises(RequestError, match="matched by iid; do not name a trajectory"):
         run_import(store, f"sim/a:{file}")
-
-
-def test_units_that_contradict_a_column_are_refused(store: Path, tmp_path: Path) -> None:
     file = write_rows(tmp_path / "p.csv", ("iid", "x", "y", "heading_deg"), [(0, 1, 2, 3)])
     with pytest.raises(RequestError, match=r"--units rad: headings are in deg \(heading_deg\)"):
         run_import(store, f"sim:{file}", units="rad")
@@ -320,6 +319,7 @@ def test_missing_columns_are_named(
 def test_files_that_are_no_predictions(store: Path, tmp_path: Path) -> None:
     for name, content, message in (
         ("p.csv", b"", "no rows"),
+        ("p.csv", b"iid;side;x;y\n0;sim;1;1\n", "p.csv:1: columns are separated by semicolons"),
         ("p.csv", b"iid,side\n\x00", "NUL bytes"),
         ("p.parquet", b"PAR1 cut", "cannot be read as a Parquet file"),
         ("p.tum", b"# nothing\n", "no rows"),
@@ -343,9 +343,6 @@ def test_nothing_is_published_of_predictions_that_match_nothing(
     file = write_rows(tmp_path / "p.csv", ("iid", "side", "x", "y", "heading"), rows)
     with pytest.raises(RequestError, match=r"no row can be used \(unmatched row: 3; p\.csv:2 iid"):
         run_import(store, file)
-
-
-def test_positions_that_are_all_out_of_range_are_refused(store: Path, tmp_path: Path) -> None:
     rows = [(iid, "sim", 5e6, 2, 3) for iid in range(3)]
     file = write_rows(tmp_path / "p.csv", ("iid", "side", "x", "y", "heading"), rows)
     with pytest.raises(RequestError, match=r"no row can be used \(out of range: 3; p\.csv:2"):
@@ -515,20 +512,3 @@ def test_sides_of_different_instances_are_told(store: Path, tmp_path: Path) -> N
     path = write_rows(tmp_path / "p.csv", names, [(0, "sim", 1, 1, 0), (1, "real", 1, 1, 0)])
     with pytest.raises(RequestError, match="the instances of both sides differ"):
         run_import(store, path)
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        ("iid;side;x;y\n0;sim;1;1\n", "p.csv:1: columns are separated by semicolons; separate"),
-        ("id,a,b\n1,2,3\n", r"add a column side or domain.*\(has: id, a, b\)"),
-        ("side,x,y\nsim,1,1\n", r"add a column iid.*\(has: side, x, y\)"),
-        ("iid,side,a,b\n0,sim,1,1\n", "needs columns x, y and heading.*; has iid, side, a, b"),
-    ],
-)
-def test_other_columns_are_told_with_those_that_are_needed(
-    store: Path, tmp_path: Path, content: str, message: str
-) -> None:
-    (tmp_path / "p.csv").write_text(content)
-    with pytest.raises(RequestError, match=message):
-        run_import(store, tmp_path / "p.csv")

@@ -26,6 +26,7 @@ from s2rstore.errors import StoreBusyError, UnreachableStoreError
 from s2rstore.files import layout
 from s2rstore.files.ledger import generation_file
 from s2rstore.files.process_identity import ProcessIdentity
+from s2rstore.index import row_files
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance import push, push_lease
 from s2rstore.maintenance.verify import check, verify
@@ -89,6 +90,8 @@ def test_a_pushed_store_is_read_without_the_right_to_write(
     assert f"{len(there)} objects sent" in line
     assert "0 were there" in line
     assert {"CURRENT.json", generation_file(2)} <= there.keys()
+    content = (store_copy / layout.CURRENT).read_bytes()
+    assert there[layout.CURRENT].strip('"') == hashlib.md5(content).hexdigest()
     use(s3, "reader", monkeypatch)
     assert not verify(store_copy)
     assert not check(url).damages
@@ -400,9 +403,19 @@ def test_push_needs_an_s3_url(store_copy: Path, capsys) -> None:
     assert "begins with s3://" in capsys.readouterr().err
 
 
-def test_current_json_is_that_of_the_store(
-    s3: S3Server, store_copy: Path, url: str, writer: None, capsys
+def test_a_cache_never_keeps_what_another_store_replaces(
+    s3: S3Server, store_copy: Path, url: str, writer: None, tmp_path: Path, capsys, monkeypatch
 ) -> None:
+    monkeypatch.setattr(row_files, "MAX_ROWS", 10)
+    other = tiny.build(tmp_path / "other.s2r", n=32, seed=1)
+    for store in (store_copy, other):
+        with edit(store) as draft:
+            draft.set_provenance("note", {"of": store.name})
     pushed(store_copy, url, capsys)
-    content = (store_copy / layout.CURRENT).read_bytes()
-    assert objects(s3, url)[layout.CURRENT].strip('"') == hashlib.md5(content).hexdigest()
+    first, client = objects(s3, url), ObjectClient(parse_url(url))
+    caching = {name: client.attributes(name)[1]["Cache-Control"] for name in first}
+    pushed(other, url, capsys, "--force")
+    replaced = {name for name, etag in objects(s3, url).items() if first.get(name, etag) != etag}
+    assert {"frames.zarr", "index", "ledger", "runs.zarr"} <= {n.split("/")[0] for n in replaced}
+    assert {caching[name] for name in replaced} == {"no-cache"}
+    assert {"immutable" in caching[name] for name in first if "/rows/" in name} == {True}

@@ -11,6 +11,7 @@ import pytest
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.findings import store_summary
+from s2rstore.index.transaction import edit
 from s2rstore.metrics import run_metrics
 from s2rtools.inference import open_backend
 from s2rtools.models.load_model import load_model
@@ -22,40 +23,38 @@ from s2rtools.scoring.heatmap_metrics import floor_truth
 from s2rtools.training import pretrained
 from s2rtools.training.train_into_store import TrainingRequest, train_into_store
 from s2rtui.cli import main
+from tests.conftest import BuildOnce
 from tests.support.copies import copy_store
 from tests.support.silent_reporter import SilentReporter
-
-pytestmark = pytest.mark.xdist_group("world")
 
 KINDS = ("pixel_difference", "harmonised_difference", "harmonised_distance")
 
 
-def make(path: Path, factors: str) -> Path:
-    arguments = ["ingest", "world", "--instances", "12", "--size", "64", "--factors", factors]
+def make(path: Path, factors: str, count: int, kinds: tuple[str, ...]) -> None:
+    arguments = ["ingest", "world", "--instances", str(count), "--size", "64", "--factors", factors]
     assert main([*arguments, "--store", str(path)]) == 0
     pretrained.add_pretrained_models(path)
-    precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS))
-    return path
+    precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(kinds))
 
 
 @pytest.fixture(scope="module")
-def objects_only(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return make(tmp_path_factory.mktemp("world") / "objects.s2r", "objects")
+def objects_only(build_once: BuildOnce) -> Path:
+    return build_once("objects.s2r", lambda path: make(path, "objects", 8, KINDS))
 
 
 @pytest.fixture(scope="module")
-def light_only(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return make(tmp_path_factory.mktemp("world") / "light.s2r", "lights,exposure=0.5")
+def light_only(build_once: BuildOnce) -> Path:
+    return build_once("light.s2r", lambda path: make(path, "lights,exposure=0.5", 4, KINDS[:1]))
 
 
 @pytest.fixture(scope="module")
 def objects_scored(objects_only: Path) -> report.ScoreReport:
-    return report.score(objects_only, report.ScoreSettings(("vanilla",), 12), SilentReporter())
+    return report.score(objects_only, report.ScoreSettings(("vanilla",)), SilentReporter())
 
 
 @pytest.fixture(scope="module")
 def light_scored(light_only: Path) -> report.ScoreReport:
-    return report.score(light_only, report.ScoreSettings(("vanilla",), 12), SilentReporter())
+    return report.score(light_only, report.ScoreSettings(("vanilla",)), SilentReporter())
 
 
 def rows(scored: report.ScoreReport, **values_expected: str) -> list[dict]:
@@ -83,6 +82,7 @@ def test_only_the_active_factor_has_a_cost(objects_scored: report.ScoreReport) -
     assert objects_scored["objects"]
 
 
+@pytest.mark.deep
 def test_counterfactuals_start_and_end_at_the_stored_errors(world_with_all_factors: Path) -> None:
     """Without factors the error is that of sim, with all factors that of real."""
     with s2rstore.open(world_with_all_factors) as store:
@@ -90,7 +90,7 @@ def test_counterfactuals_start_and_end_at_the_stored_errors(world_with_all_facto
             (store.run(name), open_backend(load_model(store, name), "torch"))
             for name in ("vanilla", "finetune")
         ]
-        table = Counterfactuals(GroundTruth(store), backends, 10)
+        table = Counterfactuals(GroundTruth(store), backends, 3)
         errors = table.errors({"sim": {}, "real": table.active})
         for name in ("vanilla", "finetune"):
             columns = store.run_columns(name)
@@ -107,21 +107,22 @@ def test_counterfactuals_start_and_end_at_the_stored_errors(world_with_all_facto
             )
 
 
-def test_training_instances_are_excluded(world_with_all_factors: Path, tmp_path: Path) -> None:
-    store_path = copy_store(world_with_all_factors, tmp_path / "own.s2r")
+@pytest.mark.deep
+def test_training_instances_are_excluded(objects_only: Path, tmp_path: Path) -> None:
+    store_path = copy_store(objects_only, tmp_path / "own.s2r")
     request = TrainingRequest("vanilla", name="mine", steps=1)
     train_into_store(store_path, request, lambda *progress: None, "s2r train")
     precompute(store_path, SilentReporter(), ["mine"], PrecomputeOptions(()))
-    scored = report.score(store_path, report.ScoreSettings(("mine",), 12), SilentReporter())
+    scored = report.score(store_path, report.ScoreSettings(("mine",)), SilentReporter())
     with s2rstore.open(store_path) as store:
         held_out = int(run_metrics.held_out(store, "mine").sum())
     if held_out:
         assert {(row["n"], row["left_out"]) for row in scored["factors"]} == {
-            (held_out, 12 - held_out)
+            (held_out, 16 - held_out)
         }
     else:
         assert scored["factors"] == []
-    assert held_out < 12
+    assert held_out < 16
     assert scored["objects"] == []
 
 
@@ -146,10 +147,12 @@ def test_images_of_another_version_are_rejected(world_with_all_factors: Path, mo
             GroundTruth(store)
 
 
-def test_pretrained_models_are_rejected_for_another_seed(tmp_path: Path) -> None:
-    path = tmp_path / "other.s2r"
-    arguments = ["ingest", "world", "--instances", "2", "--size", "32", "--seed", "4"]
-    assert main([*arguments, "--store", str(path)]) == 0
+def test_pretrained_models_are_rejected_for_another_seed(light_only: Path, tmp_path: Path) -> None:
+    path = copy_store(light_only, tmp_path / "other.s2r")
+    with s2rstore.open(path) as store:
+        recipe = json.loads(store.provenance("world")["recipe"])
+    with edit(path) as draft:
+        draft.set_provenance("world", {"recipe": recipe | {"seed": 4}})
     with pytest.raises(RequestError, match="--seed 1"):
         pretrained.add_pretrained_models(path)
 
@@ -157,7 +160,7 @@ def test_pretrained_models_are_rejected_for_another_seed(tmp_path: Path) -> None
 def test_without_object_changes_there_are_no_positives(light_scored: report.ScoreReport) -> None:
     for row in rows(light_scored, place="image"):
         assert row["auroc"] is None
-        assert (row["n"], row["without"]) == (0, 24)
+        assert (row["n"], row["without"]) == (0, 8)
     for row in rows(light_scored, place="floor"):
         assert row["auroc"] is None
         assert row["base_rate"] == 0
@@ -167,23 +170,25 @@ def test_without_object_changes_there_are_no_positives(light_scored: report.Scor
     assert cost["lights"] > 0.5
 
 
+@pytest.mark.deep
 def test_equal_seeds_give_equal_text(
     objects_only: Path, objects_scored: report.ScoreReport
 ) -> None:
-    repeated = report.score(objects_only, report.ScoreSettings(("vanilla",), 12), SilentReporter())
-    assert json.dumps(repeated, sort_keys=True) == json.dumps(objects_scored, sort_keys=True)
-    other = report.score(
-        objects_only, report.ScoreSettings(("vanilla",), 12, seed=5), SilentReporter()
+    repeated, other = (
+        report.score(objects_only, report.ScoreSettings(("vanilla",), seed=seed), SilentReporter())
+        for seed in (1, 5)
     )
+    assert json.dumps(repeated, sort_keys=True) == json.dumps(objects_scored, sort_keys=True)
     assert other["heatmaps"] != repeated["heatmaps"]
 
 
 def test_a_score_is_saved_once_and_summarized(
-    objects_only: Path, objects_scored: report.ScoreReport
+    objects_only: Path, objects_scored: report.ScoreReport, tmp_path: Path
 ) -> None:
-    assert report.save_report(objects_only, objects_scored)
-    assert not report.save_report(objects_only, objects_scored)
-    with s2rstore.open(objects_only) as store:
+    path = copy_store(objects_only, tmp_path / "own.s2r")
+    assert report.save_report(path, objects_scored)
+    assert not report.save_report(path, objects_scored)
+    with s2rstore.open(path) as store:
         summary = "\n".join(store_summary.summary_lines(store))
     assert "costliest factor of vanilla: objects" in summary
     assert "best heatmap of vanilla: harmonised" in summary

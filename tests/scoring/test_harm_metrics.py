@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import spearmanr
 from sklearn.metrics import roc_auc_score
@@ -94,7 +94,6 @@ def test_without_pairs_the_score_is_undefined() -> None:
     assert np.isnan([score.auroc.value, score.correlation.value, score.base_rate]).all()
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10_000), st.integers(6, 40))
 def test_weights_count_like_repeated_rows(seed: int, n: int) -> None:
     """As sklearn and scipy score the rows, each repeated as often as its weight says."""

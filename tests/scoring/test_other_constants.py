@@ -16,15 +16,13 @@ from s2rtools.training import pretrained
 from s2rtui.cli import main
 from tests.support.silent_reporter import SilentReporter
 
-pytestmark = pytest.mark.xdist_group("world")
-
 
 def test_counterfactuals_use_the_constants_of_the_store(tmp_path: Path) -> None:
     """Rendered again with all factors, the errors are the stored ones; the world is found again."""
     path = tmp_path / "other.s2r"
     constants = "exposure.vignette=0.5,depth.farthest=4,sensor.noise=9,camera.height=-0.05"
     factors = "lights,exposure,sensor,depth,camera"
-    arguments = ["ingest", "world", "--instances", "2", "--factors", factors]
+    arguments = ["ingest", "world", "--instances", "2", "--size", "64", "--factors", factors]
     assert main([*arguments, "--constants", constants, "--store", str(path)]) == 0
     pretrained.add_pretrained_models(path)
     precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(()))

@@ -184,3 +184,22 @@ def test_notes_of_an_appended_part_are_found_while_the_session_is_open(
     again = Session(store_copy, notebooks=notebooks)
     assert again.notes.remarks[N + 2].note == "late"
     again.close()
+
+
+def test_a_refused_generation_leaves_the_notes_of_the_present_one(
+    store_copy: Path, notebooks: partial[Notebook]
+) -> None:
+    session = Session(store_copy, notebooks=notebooks)
+    append_trajectory(store_copy, "a0", 5)
+    later = Session(store_copy, notebooks=notebooks)
+    later.writable_notebook.note(N + 2, "late")
+
+    def refuse(context: object, state: object) -> None:
+        raise RequestError("refused")
+
+    with pytest.raises(RequestError):
+        session.dispatch(refuse, store=later.store)
+    session.writable_notebook.refresh()
+    assert not session.notes.remarks
+    later.close()
+    session.close()

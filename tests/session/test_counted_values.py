@@ -36,12 +36,16 @@ def test_trained_instances_have_no_value_unless_they_count(half_trained: Path) -
         assert counted_values(NEW_INSTANCES, other, other.real.error) is other.real.error
 
 
-def test_counted_ranks_agree_with_best_and_stored_ranks_count_all(half_trained: Path) -> None:
+def test_counted_ranks_agree_with_best_and_the_language_and_stored_ranks_count_all(
+    half_trained: Path,
+) -> None:
     with s2rstore.open(half_trained) as store:
         columns = store.run_columns("vanilla")
         ranks = counted_ranks(NEW_INSTANCES, columns, "real")
         best = evaluation.select(store, "best(3, real.error)", "vanilla")
         assert np.array_equal(best, (ranks > 0) & (ranks <= 3))
+        ranked = evaluation.select(store, "real.rank <= 3", "vanilla")
+        assert np.array_equal(ranked, best)
         assert np.array_equal(counted_ranks(ALL, columns, "real"), columns.real.rank)
         stored = evaluation.select(store, "real.rank <= 3", "vanilla", with_trained=True)
         assert np.array_equal(stored, columns.real.rank <= 3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -15,17 +16,21 @@ from s2rtools.adjustments import parse_adjustment
 from s2rtools.precompute.run_registration import add_run
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.session.model_input import model_input
+from tests.support.copies import copy_store
 
 
-@pytest.fixture
-def store(store_copy: Path) -> Store:
+@pytest.fixture(scope="module")
+def store(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
+    """A store with runs whose images are adjusted."""
+    path = copy_store(tiny_store, tmp_path_factory.mktemp("adjusted") / "s.s2r")
     for name, chain in (
         ("bright", "real:brightness=1.5"),
         ("dark", "real:black"),
         ("many", "real:brightness=1.5,contrast=0.5"),
     ):
-        add_run(store_copy, name, "vanilla", None, None, parse_adjustment(chain))
-    return s2rstore.open(store_copy)
+        add_run(path, name, "vanilla", None, None, parse_adjustment(chain))
+    with s2rstore.open(path) as opened:
+        yield opened
 
 
 def run(store: Store, name: str) -> Run:
@@ -69,7 +74,6 @@ def test_without_the_tools_the_stored_image_is_labelled_unadjusted(
     assert long_chain.title == "real, before adjustments"
 
 
-@pytest.mark.xdist_group("world")
 def test_the_instance_view_shows_the_moved_camera(moved_camera_store: Path) -> None:
     with s2rstore.open(moved_camera_store) as store:
         up, plain = (instance_input(store, name, 2, None) for name in ("up", "vanilla"))

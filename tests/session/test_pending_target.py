@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.index import column_loader
@@ -151,7 +151,13 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SessionPair]:
         session.close()
 
 
-@pytest.mark.parametrize("action", PENDING_ACTIONS)
+@pytest.mark.parametrize(
+    "action",
+    [
+        pytest.param(name, marks=() if name in ("typed", "run") else pytest.mark.deep)
+        for name in PENDING_ACTIONS
+    ],
+)
 def test_each_key_during_a_pending_load_gives_the_synchronous_state(
     pair: SessionPair, action: str
 ) -> None:
@@ -173,7 +179,6 @@ _KEYS = [
 ]  # fmt: skip
 
 
-@settings(max_examples=25, deadline=None)
 @given(
     st.sampled_from(sorted(PENDING_ACTIONS)),
     st.lists(st.sampled_from(_KEYS), min_size=2, max_size=5),

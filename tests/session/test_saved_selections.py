@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 from s2rstore.errors import RequestError
 from s2rstore.files.lock_file import LockFile
 from s2rstore.files.locks import file_lock
+from s2rstore.records import Part
 from s2rtui.session import Session, navigation, shared_selection, undo_history
 from s2rtui.session.state import Step
 from s2rtui.user_data import notebook
@@ -223,9 +225,9 @@ def test_a_notebook_whose_lock_was_taken_over_is_not_written(
     path = session.writable_notebook.path
     read = Notebook._read
 
-    def read_while_the_lock_is_taken(self: Notebook) -> Notes:
+    def read_while_the_lock_is_taken(self: Notebook, parts: Sequence[Part]) -> Notes:
         path.with_name(f".{path.name}.lock").write_text("another holder")
-        return read(self)
+        return read(self, parts)
 
     monkeypatch.setattr(Notebook, "_read", read_while_the_lock_is_taken)
     before = path.read_bytes()

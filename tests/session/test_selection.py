@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
@@ -33,8 +35,10 @@ from tests.support.shared_lines import shared_line
 
 
 @pytest.fixture
-def session(tiny_store: Path) -> Session:
-    return Session(tiny_store, notebooks=Notebook)
+def session(tiny_store: Path) -> Iterator[Session]:
+    opened = Session(tiny_store, notebooks=Notebook)
+    yield opened
+    opened.close()
 
 
 def selected_iids(session: Session) -> set[int]:
@@ -49,18 +53,6 @@ OPERATORS = {
 }
 
 
-@pytest.mark.parametrize("operator", OPERATORS)
-def test_operators_are_set_operations(session: Session, operator: str) -> None:
-    session.select("ids(0..19)")
-    session.select("ids(0..19)")
-    first = selected_iids(session)
-    session.dispatch(selection.set_operator, operator)
-    session.select("ids(10..29)")
-    assert selected_iids(session) == OPERATORS[operator](first, set(range(10, 30)))
-    assert session.state.operator == "replace"
-
-
-@settings(max_examples=60, deadline=None)
 @given(
     steps=st.lists(
         st.tuples(st.sampled_from(sorted(OPERATORS)), st.integers(0, 39), st.integers(0, 39)),
@@ -68,9 +60,9 @@ def test_operators_are_set_operations(session: Session, operator: str) -> None:
     )
 )
 def test_chains_of_operators_equal_python_sets(
-    tiny_store: Path, steps: list[tuple[str, int, int]]
+    shared_session: Session, steps: list[tuple[str, int, int]]
 ) -> None:
-    session = Session(tiny_store)
+    session = shared_session
     session.select("all")
     expected = selected_iids(session)
     for operator, start, end in steps:
@@ -79,19 +71,25 @@ def test_chains_of_operators_equal_python_sets(
             session.dispatch(selection.set_operator, operator)
         session.select(f"ids({low}..{high})")
         expected = OPERATORS[operator](expected, set(range(low, high + 1)))
+        assert session.state.operator == "replace"
     assert selected_iids(session) == expected
     assert selected_iids(session) == set(
         np.flatnonzero(session.select(session.state.expression).selected)
     )
 
 
-def test_choosing_an_operator_twice_cancels_it(session: Session) -> None:
+@pytest.fixture(scope="module")
+def shared_session(tiny_store: Path) -> Iterator[Session]:
+    """A session whose selection every example sets first."""
+    opened = Session(tiny_store)
+    yield opened
+    opened.close()
+
+
+def test_complements_and_operators_are_cancelled_by_their_repetition(session: Session) -> None:
     session.dispatch(selection.set_operator, "union")
     assert session.state.operator == "union"
     assert session.dispatch(selection.set_operator, "union").operator == "replace"
-
-
-def test_complement_excludes_the_selection_and_is_its_own_inverse(session: Session) -> None:
     session.select("worst15")
     before = selected_iids(session)
     session.dispatch(selection.complement)
@@ -107,15 +105,18 @@ def test_an_invalid_expression_keeps_state_and_operator(session: Session) -> Non
     assert session.state is before
 
 
-def test_redo_ends_at_a_new_selection(session: Session) -> None:
+def test_undo_goes_back_one_expression_and_redo_ends_at_a_new_one(session: Session) -> None:
     session.select("worst15")
     session.select("best15")
-    session.dispatch(undo_history.undo)
+    assert session.dispatch(undo_history.undo).expression == "worst15"
     assert session.dispatch(undo_history.redo).expression == "best15"
     assert session.dispatch(undo_history.redo).message == "nothing to redo"
     session.dispatch(undo_history.undo)
     session.select("none")
     assert session.dispatch(undo_history.redo).message == "nothing to redo"
+    for _ in range(3):
+        session.dispatch(undo_history.undo)
+    assert session.dispatch(undo_history.undo).message == "nothing to undo"
 
 
 def test_the_example_query_takes_three_selections(session: Session) -> None:
@@ -164,10 +165,10 @@ def test_names_of_selections_and_tags_do_not_collide(session: Session) -> None:
     assert "a" not in session.notes.nodes
 
 
-@pytest.mark.parametrize("name", ["", "  ", "x" * 61, 'say "hi"', "back\\slash", "bell\a"])
-def test_invalid_names_are_rejected(session: Session, name: str) -> None:
-    with pytest.raises(RequestError, match="name"):
-        session.writable_notebook.save(name, SavedSelection("all", 1, "vanilla", 40))
+def test_invalid_names_are_rejected(session: Session) -> None:
+    for name in ("", "  ", "x" * 61, 'say "hi"', "back\\slash", "bell\a"):
+        with pytest.raises(RequestError, match="name"):
+            session.writable_notebook.save(name, SavedSelection("all", 1, "vanilla", 40))
 
 
 @pytest.mark.parametrize("content", ["", "{}", '{"version": 1}', "[1]", '{"version": 2'])
@@ -225,16 +226,14 @@ def test_a_shared_line_changes_to_its_run(session: Session) -> None:
     assert session.dispatch(shared_selection.select_text, line).run == "dataaug"
 
 
-@pytest.mark.parametrize("name", instance_list.COLUMNS)
-@pytest.mark.parametrize("descending", [True, False])
-def test_the_list_is_sorted(session: Session, name: str, descending: bool) -> None:
+def test_the_list_is_sorted(session: Session) -> None:
     session.select("all")
-    state = replace(session.state, sort=name, descending=descending)
-    rows = instance_list.order(session.store, state, session.notes)
-    values = instance_list.column(session.store, state, name)[rows]
-    steps = np.diff(values)
-    assert (steps <= 0).all() if descending else (steps >= 0).all()
-    assert sorted(rows) == sorted(selected_iids(session))
+    for name, descending in itertools.product(instance_list.COLUMNS, (True, False)):
+        state = replace(session.state, sort=name, descending=descending)
+        rows = instance_list.order(session.store, state, session.notes)
+        steps = np.diff(instance_list.column(session.store, state, name)[rows])
+        assert (steps <= 0).all() if descending else (steps >= 0).all(), name
+        assert sorted(rows) == sorted(selected_iids(session)), name
 
 
 def test_moving_through_the_list_stops_at_its_ends(session: Session) -> None:
@@ -344,14 +343,14 @@ def test_similar_instances_of_the_current_one_are_selected(store_copy: Path, sid
     assert session.state.message == "no instance to compare with: select some"
 
 
-@pytest.mark.parametrize("expression", ["worst15", "best15", "ids(3, 5..9)", "all", "none"])
 @pytest.mark.parametrize("candidates", [1, 4096])
 def test_an_unselected_cursor_moves_to_the_worst_instance(
-    session: Session, expression: str, candidates: int, monkeypatch: pytest.MonkeyPatch
+    session: Session, candidates: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(evaluation, "_RANKED_ERRORS", candidates)
-    session.set_state(replace(session.state, cursor=None))
-    state = session.select(expression)
-    candidates_mask = state.selected if state.selected.any() else state.base
-    errors = session.store.run_columns(state.run).real.error
-    assert state.cursor == np.where(candidates_mask, errors, -1).argmax()
+    errors = session.store.run_columns(session.state.run).real.error
+    for expression in ("worst15", "best15", "ids(3, 5..9)", "all", "none"):
+        session.set_state(replace(session.state, cursor=None))
+        state = session.select(expression)
+        among = state.selected if state.selected.any() else state.base
+        assert state.cursor == np.where(among, errors, -1).argmax(), expression

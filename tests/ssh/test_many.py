@@ -20,6 +20,7 @@ from s2rstore.maintenance.verify import verify
 from s2rtui.cli import main
 from tests.support.copies import copy_store
 
+pytestmark = pytest.mark.deep
 OpenScreen = Callable[..., Screen]
 USERS = 8
 KINDS = "activation,feature_distance"

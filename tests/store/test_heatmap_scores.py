@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 import s2rstore
+from s2rstore.findings import best_heatmap
 from s2rstore.heatmap_kinds import HEATMAPS, NO_HEAT
 from s2rstore.index.transaction import edit
 from s2rstore.metrics import heatmap_scores
@@ -113,3 +114,13 @@ def test_the_kind_none_stays_when_the_run_changes(tiny_store: Path) -> None:
     assert after.side == "sim"
     assert "feature distance: where the last features differ" in after.message
     session.close()
+
+
+def test_a_score_without_bounds_is_shown_without_an_interval(store_copy: Path) -> None:
+    unknown = row("occlusion", "depth", 0.7, auroc_low=None, auroc_high=None)
+    path = with_report(store_copy, [unknown, row("feature_distance", None, 0.3)])
+    with s2rstore.open(path) as store:
+        assert heatmap_scores.own_scores(store, RUN)[0].text == "AUROC 0.70"
+        found = best_heatmap.best_heatmap(store, RUN)
+    assert found is not None
+    assert not found.evident

@@ -98,7 +98,7 @@ def test_figures_show_themselves_and_are_saved(tiny_store: Path, tmp_path: Path)
         figure = store.figure("map", run="dataaug", select="worst15", width=80, dpi=100)
         shown = Image.open(BytesIO(figure._repr_png_()))
         assert shown.width == round(80 / 25.4 * 100)
-        for suffix, magic in ((".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")):
+        for suffix, magic in ((".svg", b"<?xml"), (".pdf", b"%PDF")):
             figure.save(tmp_path / f"map{suffix}")
             assert (tmp_path / f"map{suffix}").read_bytes().startswith(magic)
         with pytest.raises(RequestError, match="must end in"):

@@ -115,7 +115,7 @@ def test_an_apparently_silent_holder_of_the_compute_lock_is_observed_without_a_t
     assert all("elsewhere" in line and "60 s" in line for line in lines)
 
 
-@pytest.mark.parametrize("offset", [0.0, -86_400.0, 86_400.0], ids=["equal", "behind", "ahead"])
+@pytest.mark.parametrize("offset", [-86_400.0, 86_400.0], ids=["behind", "ahead"])
 def test_a_live_holder_is_never_taken_over_whatever_its_clock(
     tmp_path: Path, clock: LockClock, offset: float
 ) -> None:

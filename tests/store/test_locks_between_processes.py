@@ -91,7 +91,7 @@ def test_of_several_takers_of_a_stale_lock_one_gets_it(tmp_path: Path) -> None:
         process.stdin.write("\n")
         process.stdin.flush()
     for process in processes:
-        _, errors = process.communicate(timeout=120)
+        _, errors = process.communicate(timeout=300)
         assert process.returncode == 0, errors
     assert (tmp_path / "log").read_text() == "x" * 36
     assert {path.name for path in (tmp_path / "ledger").iterdir()} == {"compute.lock"}
@@ -119,7 +119,7 @@ def suspend(process: subprocess.Popen[str]) -> None:
 
 def resume(process: subprocess.Popen[str]) -> str:
     process.send_signal(signal.SIGCONT)
-    output, errors = process.communicate("\n", timeout=60)
+    output, errors = process.communicate("\n", timeout=300)
     assert process.returncode == 0, errors
     return output
 
@@ -185,6 +185,6 @@ def test_processes_with_one_id_on_two_hosts_of_one_name_write_separate_ledger_fi
     (tmp_path / "file").write_bytes(b"content")
     for key in ("first", "second"):
         process = start(_LEDGER_SCRIPT, tmp_path, key)
-        assert process.communicate(timeout=60) == ("", "")
+        assert process.communicate(timeout=300) == ("", "")
     assert len(list((tmp_path / "ledger").glob("lab-*.jsonl"))) == 2
     assert {entry.key for entry in Ledger(tmp_path).entries()} == {"first", "second"}

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from s2rstore.metrics import bootstrap, median_intervals
@@ -49,7 +48,7 @@ def test_many_values_give_nearly_the_replicates_of_their_ranks() -> None:
     assert np.abs(replicates - expected).max() < 0.005
 
 
-@pytest.mark.parametrize(("n", "correlation"), [(8, 0.0), (8, 0.6), (30, 0.6), (150, 0.6)])
+@pytest.mark.parametrize(("n", "correlation"), [(8, 0.6), (150, 0.6)])
 def test_the_interval_covers_the_median(n: int, correlation: float) -> None:
     rng = np.random.default_rng(n)
     codes, settings, hits = np.zeros(n, dtype=np.int64), BootstrapSettings(300), 0
@@ -61,7 +60,6 @@ def test_the_interval_covers_the_median(n: int, correlation: float) -> None:
     assert hits >= 0.85 * 150
 
 
-@hypothesis_settings(max_examples=80, deadline=None)
 @given(
     st.lists(st.floats(-50, 50, allow_nan=False), min_size=6, max_size=60),
     st.integers(1, 9),
@@ -104,7 +102,7 @@ def test_six_units_on_one_side_are_evident_however_far_the_bootstrap_goes() -> N
     assert fewer.tested_bounds[0] < fewer.low == 0.1
 
 
-@pytest.mark.parametrize("n", range(1, 9))
+@pytest.mark.parametrize("n", [1, 5, 6, 8])
 def test_too_few_values_have_no_interval(n: int) -> None:
     values, codes = np.arange(n, dtype=np.float64), np.zeros(n, dtype=np.int64)
     interval = median_intervals.median_interval(values, codes)
@@ -112,11 +110,6 @@ def test_too_few_values_have_no_interval(n: int) -> None:
     assert math.isnan(interval.low) == (n < 6)
     strict = median_intervals.median_interval(values, codes, bootstrap.simultaneous(10))
     assert math.isnan(strict.low)
-
-
-def test_no_values_have_no_median() -> None:
-    nothing = np.zeros(0)
-    assert math.isnan(median_intervals.median_interval(nothing, nothing.astype(np.int64)).value)
 
 
 def test_differences_add_the_distances_to_the_bounds_in_squares() -> None:

@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from scipy import stats
 
 import s2rstore
 from s2rstore.findings import store_summary, worst_room
 from s2rstore.geometry import angles
 from s2rstore.index.transaction import edit
-from s2rstore.metrics import bootstrap, median_intervals, pose_metrics, run_metrics
+from s2rstore.metrics import bootstrap, pose_metrics, run_metrics
+from tests.conftest import BuildOnce
 from tests.support import tiny
+from tests.support.copies import copy_store
+
+
+@pytest.fixture(scope="module")
+def trained_tiny(build_once: BuildOnce) -> Path:
+    """The synthetic store with runs that were trained on four of five instances."""
+    return build_once("trained-tiny.s2r", lambda path: tiny.build(path, trained=tiny.RUNS))
 
 
 @given(st.floats(-1e4, 1e4))
@@ -31,7 +40,6 @@ def test_habitat_yaw_gives_the_documented_forward(r: float) -> None:
     assert np.allclose([np.cos(heading), np.sin(heading)], [-np.sin(r), -np.cos(r)], atol=1e-9)
 
 
-@settings(deadline=None)
 @given(
     hnp.arrays(np.float64, st.integers(0, 40), elements=st.sampled_from([0.0, 1.0, 2.5, np.nan]))
 )
@@ -48,17 +56,6 @@ def test_the_loss_is_the_weighted_sum_of_the_paper() -> None:
     assert np.allclose(loss, 0.7 * 4 + 0.3 * 0.5)
 
 
-def test_the_interval_of_independent_values_has_the_nominal_coverage() -> None:
-    rng = np.random.default_rng(3)
-    hits = 0
-    for _ in range(200):
-        result = bootstrap.mean_interval(
-            rng.normal(1, 1, 200), settings=bootstrap.BootstrapSettings(400, block_length=5)
-        )
-        hits += result.low <= 1 <= result.high
-    assert 175 <= hits <= 199
-
-
 def test_repeated_neighbouring_values_widen_the_interval() -> None:
     rng = np.random.default_rng(4)
     values = rng.normal(0, 1, 40)
@@ -71,8 +68,8 @@ def test_repeated_neighbouring_values_widen_the_interval() -> None:
     assert single.low < single.value < single.high
 
 
-def test_metrics_exclude_training_instances(tmp_path) -> None:
-    with s2rstore.open(tiny.build(tmp_path / "s.s2r", trained=tiny.RUNS)) as store:
+def test_metrics_exclude_training_instances(trained_tiny: Path) -> None:
+    with s2rstore.open(trained_tiny) as store:
         columns = store.run_columns("vanilla")
         result = run_metrics.side_metrics(store, "vanilla", "sim")
         held_out = np.arange(40) % 5 == 4
@@ -103,8 +100,10 @@ def test_the_summary_names_the_worst_room(tmp_path) -> None:
         assert any(line == f"worst room of vanilla: {worst.line}" for line in lines)
 
 
-def test_the_baseline_is_measured_from_the_poses_of_the_images_of_a_side(tmp_path) -> None:
-    path = tiny.build(tmp_path / "s.s2r", trained=tiny.RUNS)
+def test_the_baseline_is_measured_from_the_poses_of_the_images_of_a_side(
+    trained_tiny: Path, tmp_path: Path
+) -> None:
+    path = copy_store(trained_tiny, tmp_path / "s.s2r")
     with s2rstore.open(path) as store:
         truth = store.instances
         x, y, heading = truth.x / 2, truth.y.copy(), truth.heading.copy()
@@ -119,43 +118,3 @@ def test_the_baseline_is_measured_from_the_poses_of_the_images_of_a_side(tmp_pat
         assert np.isclose(run_metrics.baseline_accuracy(store, "vanilla"), expected)
         assert np.isclose(run_metrics.baseline_accuracy(store, "vanilla", side="real"), before)
         assert expected > before
-
-
-def _naive_median_interval(values: np.ndarray, trajectory: np.ndarray) -> tuple[float, float]:
-    """Percentiles of medians of resampled blocks, block by block."""
-    blocks = bootstrap.split_into_blocks(trajectory)
-    counts = bootstrap.block_counts(blocks)
-    pieces = np.split(values, blocks.start[1:-1])
-    medians = []
-    for row in counts:
-        drawn = [np.tile(piece, int(k)) for piece, k in zip(pieces, row, strict=True)]
-        medians.append(np.median(np.concatenate(drawn)))
-    factor = float(bootstrap.correction_factor(blocks.unit_count))
-    middle = float(np.median(values))
-    low, high = np.percentile(medians, [2.5, 97.5])
-    return middle + (low - middle) * factor, middle + (high - middle) * factor
-
-
-@pytest.mark.parametrize(("n", "trajectories"), [(16, 1), (60, 2), (200, 8), (512, 3)])
-def test_the_interval_of_a_median_is_that_of_resampled_blocks_or_wider(
-    n: int, trajectories: int
-) -> None:
-    values = np.random.default_rng(n).gamma(2, 1, n).round(2)
-    trajectory = np.arange(n) * trajectories // n
-    interval = median_intervals.median_interval(values, trajectory)
-    low, high = _naive_median_interval(values, trajectory)
-    place = int(stats.binom.ppf(0.025, n, 0.5))  # P(X < place) <= 0.025
-    ordered = np.sort(values)
-    assert interval.value == np.median(values)
-    ranks = [np.searchsorted(ordered, bound) / n for bound in (interval.low, interval.high)]
-    expected = min(low, ordered[place - 1]), max(high, ordered[-place])
-    exact = [np.searchsorted(ordered, bound) / n for bound in expected]
-    assert ranks == pytest.approx(exact, abs=1.5 / n + 0.005)
-
-
-def test_a_median_of_few_values_has_no_interval() -> None:
-    few = median_intervals.median_interval(np.arange(5.0))
-    assert (few.value, np.isnan(few.low), np.isnan(few.high)) == (2.0, True, True)
-    one = median_intervals.median_interval(np.array([3.0]))
-    assert (one.value, np.isnan(one.low), np.isnan(one.high)) == (3.0, True, True)
-    assert np.isnan(median_intervals.median_interval(np.array([])).value)

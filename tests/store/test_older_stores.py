@@ -47,14 +47,6 @@ def test_the_next_generation_adds_the_column(older_store: Path) -> None:
     assert verify(older_store) == []
 
 
-def test_a_negative_outlier_score_is_reported_as_damage(store_copy: Path) -> None:
-    with edit(store_copy) as draft:
-        draft._connection.execute(
-            "UPDATE prediction SET outlier = -1 WHERE iid = 3 AND side = 'sim'"
-        )
-    assert [damage.what for damage in verify(store_copy)] == ["2 rows: outlier is no distance"]
-
-
 def test_pairs_of_an_older_store_have_no_offset_and_their_instances_poses(
     store_copy: Path,
 ) -> None:

@@ -21,6 +21,7 @@ from s2rstore.language import evaluation
 from s2rstore.maintenance.verify import check
 from s2rtui.cli import main
 from s2rtui.user_data.notebook import Notebook
+from tests.support.copies import copy_store
 
 ARCHIVE = Path(__file__).parents[1] / "fixtures" / "store-0.1.0" / "store.tar.xz"
 AXES = ("--axis", "task", "--axis", "delay")
@@ -63,17 +64,25 @@ def _json_output(capsys: pytest.CaptureFixture[str], *arguments: str, code: int 
     return json.loads(capsys.readouterr().out)
 
 
-def test_the_store_verifies(folder: Path) -> None:
+def test_the_store_verifies_and_can_be_read(folder: Path) -> None:
     report = check(folder / "demo.s2r")
     assert report.damages == ()
     assert any("0.1.0" in note for note in report.notes)
+    with s2rstore.open(folder / "demo.s2r") as store:
+        assert (len(store.instances), list(store.runs)) == (24, ["tiny"])
+        frame = store.frame(3, "real")
+        assert frame.rgb.shape == (16, 16, 3)
+        assert frame.rgb.any()
+        assert frame.depth.any()
+        for record in store.array_kinds("tiny"):
+            assert np.asarray(store.stored(record)).shape == record.shape
+        assert np.isfinite(store.run_columns("tiny").real.error).all()
 
 
 def test_the_next_generation_has_the_schema_that_the_release_refuses(
     folder: Path, tmp_path: Path
 ) -> None:
-    store = tmp_path / "demo.s2r"
-    shutil.copytree(folder / "demo.s2r", store)
+    store = copy_store(folder / "demo.s2r", tmp_path / "demo.s2r")
     assert layout.read_current(store).schema == 1
     with edit(store) as draft:
         draft.set_provenance("dataset", {"note": "x"})
@@ -81,48 +90,13 @@ def test_the_next_generation_has_the_schema_that_the_release_refuses(
     assert check(store).damages == ()
 
 
-def test_images_predictions_and_heatmaps_can_be_read(folder: Path) -> None:
-    with s2rstore.open(folder / "demo.s2r") as store:
-        assert len(store.instances) == 24
-        assert list(store.runs) == ["tiny"]
-        frame = store.frame(3, "real")
-        assert frame.rgb.shape == (16, 16, 3)
-        assert frame.rgb.any()
-        assert frame.depth.any()
-        for record in store.array_kinds("tiny"):
-            array = np.asarray(store.stored(record))
-            assert array.shape == record.shape
-        assert np.isfinite(store.run_columns("tiny").real.error).all()
-
-
 def test_queries_give_the_recorded_output(
     folder: Path, expected_output: dict[str, Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    text = "worst(25%, real.error)"
-    assert (
-        _json_output(capsys, "query", "demo.s2r", text, "--run", "tiny", "--column-names", "old")
-        == expected_output["query"]
-    )
-    sql = (
-        "SELECT side, count(*) AS n, avg(error) AS error FROM prediction "
-        "GROUP BY side ORDER BY side"
-    )
-    assert _json_output(capsys, "sql", "demo.s2r", sql) == expected_output["sql"]
-    assert (
-        _json_output(capsys, "show", "demo.s2r", "list", "--run", "tiny", "--column-names", "old")
-        == expected_output["list"]
-    )
-
-
-@pytest.mark.parametrize(
-    "view",
-    ["overview", "map", "geomap", "instance", "umap", "orientation", "rooms", "errors", "history"],
-)
-def test_every_view_shows_the_store(
-    folder: Path, view: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    rows = _json_output(capsys, "show", "demo.s2r", view)
-    assert rows
+    run = ("--run", "tiny", "--column-names", "old")
+    query = _json_output(capsys, "query", "demo.s2r", "worst(25%, real.error)", *run)
+    assert query == expected_output["query"]
+    assert _json_output(capsys, "show", "demo.s2r", "list", *run) == expected_output["list"]
 
 
 def test_the_recorded_reference_and_golden_run_give_the_recorded_verdict(
@@ -134,30 +108,18 @@ def test_the_recorded_reference_and_golden_run_give_the_recorded_verdict(
     report = _json_output(capsys, "gap", "demo.s2r", *AXES, *judge_options, code=code)
     assert report["verdict"]["outcome"] == before["verdict"]["outcome"]
     assert report["golden"]["outcome"] == before["golden"]["outcome"]
-    assert report["golden"]["change"] == 0
     for axis, old_axis in zip(report["axes"], before["axes"], strict=True):
         for field in ("axis", "n", "value", "floor", "gap", "anchor", "fingerprint"):
             assert axis[field] == old_axis[field], field
-        for bound in ("gap_low", "gap_high"):
-            assert axis[bound] == pytest.approx(old_axis[bound], rel=0.05)
 
 
-def test_the_history_contains_both_nights(folder: Path) -> None:
+def test_the_history_and_the_notebook_can_be_read(folder: Path, tmp_path: Path) -> None:
     nights = reader.read(reader.history_path(folder / "demo.s2r")).nights
     assert [str(night.night) for night in nights] == ["2026-11-20", "2026-11-21"]
-    assert {axis.axis for axis in nights[-1].axes} >= {"task", "delay"}
-
-
-def test_the_notebook_can_be_read(folder: Path, tmp_path: Path) -> None:
     with s2rstore.open(folder / "demo.s2r") as store:
         shutil.copytree(folder / "notebook", tmp_path / "notebook")
-        notebook = Notebook(store.dataset.hash, tmp_path / "notebook")
-        notes = notebook.notes
+        notes = Notebook(store.dataset.hash, tmp_path / "notebook").notes
         assert set(notes.selections) == {"worst", "near"}
-        assert notes.selections["near"].trajectories == ("traj1",)
         assert notes.remarks[3].note == "dark corner"
-        assert notes.remarks[4].tags == ("corner",)
-        for saved in notes.selections.values():
-            selected = evaluation.select(store, saved.expression, saved.run)
-            if saved.trajectories is None:
-                assert int(selected.sum()) == saved.count
+        saved = notes.selections["worst"]
+        assert int(evaluation.select(store, saved.expression, saved.run).sum()) == saved.count

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.metrics.top_k import first_largest, top_k
@@ -27,7 +27,6 @@ def test_top_k_of_small_columns(values: list[float], seed: int, count: int, larg
     assert selected.tolist() == top_k_by_sorting(column, base, count, largest)
 
 
-@settings(max_examples=40, deadline=None)
 @given(
     seed=st.integers(0, 2**31), share=st.sampled_from([0, 1e-5, 0.01, 0.15, 0.5, 0.999, 1, 1.2]),
     digits=st.sampled_from([0, 1, 12]), kind=st.sampled_from(["float32", "float64"]),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rtools.suggestions.pareto_front import net_gain, pareto_front, preferred
@@ -102,7 +102,6 @@ def test_two_translators_are_never_joined():
 
 
 @given(st.floats(-0.95, 0.95), st.booleans())
-@settings(max_examples=25, deadline=None)
 def test_a_single_value_is_found_within_a_few_steps(target, logarithmic):
     if logarithmic:
         wanted = 2.0**target

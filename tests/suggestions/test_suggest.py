@@ -31,13 +31,14 @@ from s2rtools.suggestions.suggest import _on_whole_frames
 from s2rtools.suggestions.time_budget import TimeBudget
 from s2rtools.synthetic_world.factors import parse_factors
 from s2rtui.cli import main
+from tests.conftest import BuildOnce
 from tests.support.copies import copy_store
 from tests.support.silent_reporter import SilentReporter
 
 PIXELS = 32
 
 
-def world(path: Path, factors: str) -> Path:
+def world(path: Path, factors: str) -> None:
     """A small world with a computed run `r` of an untrained network."""
     import torch
 
@@ -50,7 +51,6 @@ def world(path: Path, factors: str) -> Path:
         register_model(path, draft, "m", pack_weights(network), network.convention)
         insert_run(draft, "r", "m", ("sim", "real"))
     precompute(path, SilentReporter(), ["r"], PrecomputeOptions((), workers=1))
-    return path
 
 
 def searched(path: Path, **more) -> SuggestReport:
@@ -60,8 +60,8 @@ def searched(path: Path, **more) -> SuggestReport:
 
 
 @pytest.fixture(scope="module")
-def camera_world(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return world(tmp_path_factory.mktemp("camera") / "w.s2r", "camera")
+def camera_world(build_once: BuildOnce) -> Path:
+    return build_once("camera-world.s2r", lambda path: world(path, "camera"))
 
 
 @pytest.fixture(scope="module")
@@ -70,8 +70,8 @@ def report(camera_world: Path) -> SuggestReport:
 
 
 @pytest.fixture(scope="module")
-def null_world(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return world(tmp_path_factory.mktemp("null") / "w.s2r", "none")
+def null_world(build_once: BuildOnce) -> Path:
+    return build_once("null-world.s2r", lambda path: world(path, "none"))
 
 
 def test_a_moved_camera_is_found_with_its_values(report: SuggestReport) -> None:

@@ -21,14 +21,15 @@ POSE = "geometry_msgs/msg/PoseStamped"
 
 
 def build_message(
-    store: Any, message_type: str, log: Log, i: int, ros1: bool, stamped: bool = True
-) -> Any:
+    store: Any, message_type: str, log: Log, i: int, ros1: bool, stamped: bool = True,
+    rise: float = 0.0,
+) -> Any:  # fmt: skip
     types = store.types
     ns = round(log.time[i] * 1e9) if stamped else 0
     stamp = types["builtin_interfaces/msg/Time"](sec=ns // 10**9, nanosec=ns % 10**9)
     extra = {"seq": i} if ros1 else {}
     header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="odom", **extra)
-    position = types["geometry_msgs/msg/Point"](x=log.x[i], y=log.y[i], z=0.0)
+    position = types["geometry_msgs/msg/Point"](x=log.x[i], y=log.y[i], z=rise * i)
     z, w = np.sin(log.heading[i] / 2), np.cos(log.heading[i] / 2)
     orientation = types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=z, w=w)
     pose = types["geometry_msgs/msg/Pose"](position=position, orientation=orientation)
@@ -45,8 +46,11 @@ def build_message(
     )
 
 
-def write(path: Path, topics: Topics, stamped: bool = True) -> Path:
-    """Write a ROS 1 bag if the name ends in ".bag", else a ROS 2 folder ("mcap" selects MCAP)."""
+def write(path: Path, topics: Topics, stamped: bool = True, rise: float = 0.0) -> Path:
+    """Write a ROS 1 bag if the name ends in ".bag", else a ROS 2 folder ("mcap" selects MCAP).
+
+    `rise` is the difference of z from each pose to the next.
+    """
     ros1 = path.suffix == ".bag"
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
     if ros1:
@@ -59,7 +63,7 @@ def write(path: Path, topics: Topics, stamped: bool = True) -> Path:
         for topic, (message_type, log) in topics.items():
             connection = bag.add_connection(topic, message_type, typestore=store)
             for i in range(log.time.size):
-                content = build_message(store, message_type, log, i, ros1, stamped)
+                content = build_message(store, message_type, log, i, ros1, stamped, rise)
                 bag.write(
                     connection,
                     round(log.time[i] * 1e9) + 5_000_000,

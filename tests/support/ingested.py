@@ -18,20 +18,20 @@ from tests.support import pairs
 LOGS = ("real", "sim", "untuned", "commands")
 
 
-def build_ingested_store(folder: Path, n: int = 4) -> Path:
-    """Write the store into `folder` and return its path."""
-    header = pairs.sim2realviz(folder / "data", n=n)
-    scan = IMPORTERS["sim2realviz"](folder / "data", ScanOptions(header=header, frame=(16, 16)))
+def build_ingested_store(path: Path, n: int = 4) -> None:
+    """Write the store at `path`; its data set lies beside it."""
+    data = path.with_name(f"{path.stem}-data")
+    header = pairs.sim2realviz(data, n=n)
+    scan = IMPORTERS["sim2realviz"](data, ScanOptions(header=header, frame=(16, 16)))
     scan.floor_plan = np.random.default_rng(0).integers(0, 255, (40, 60, 3)).astype(np.uint8)
     scan.drives = _write_drives
-    build(scan, folder / "s.s2r", "s2r ingest", False, lambda steps: None)
+    build(scan, path, "s2r ingest", False, lambda steps: None)
     content = bytes(range(256)) * 4
     weights = Weights(
         "resposenet", "a" * 64, content, ".safetensors", InputContract(size=(16, 16)), 4
     )
-    with edit(folder / "s.s2r") as draft:
-        register_model(folder / "s.s2r", draft, "m", weights, OutputConvention("cos_sin"))
-    return folder / "s.s2r"
+    with edit(path) as draft:
+        register_model(path, draft, "m", weights, OutputConvention("cos_sin"))
 
 
 def _write_drives(folder: Path) -> None:

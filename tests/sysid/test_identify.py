@@ -70,7 +70,7 @@ def test_no_mismatch_remains_once_the_parameter_is_searched(
     assert result.values["wheels"] == pytest.approx(SEVERITIES["wheels"][1], rel=0.05)
 
 
-SHORT = SysidSettings(seeds=2, evaluations=30)
+SHORT = SysidSettings(seeds=2, evaluations=10)
 
 
 @pytest.fixture(scope="module")
@@ -99,22 +99,8 @@ def test_unknown_torques_give_ratios_and_a_warning(
     assert any("the wheel torques are unknown" in line for line in result.warnings)
 
 
-def test_an_undetermined_combination_is_inconclusive(
-    drive_folder: Callable[..., DriveFolder],
-) -> None:
-    drives = drive_folder(latency=0.8, mass=1.0)[1]
-    names = ("mass", "gain", "friction", "damping", "drag")
-    result = identify(drives, dataclasses.replace(QUICK, parameters=names), StepCounter())
-    assert not result.conclusive
-    assert {"mass", "gain", "damping"} <= set(result.identifiability.undetermined)
-    (warning,) = result.identifiability.warnings
-    assert "only their ratios are known" in warning
-    mass = next(estimate for estimate in result.estimates if estimate.name == "mass")
-    assert (mass.low, mass.high) == (2.0, 60.0)
-
-
 def test_the_progress_reaches_its_total(short: tuple[Identification, StepCounter]) -> None:
-    assert short[1].done == short[1].total == 60
+    assert short[1].done == short[1].total == 20
 
 
 def test_too_few_drives_are_inconclusive(drive_folder: Callable[..., DriveFolder]) -> None:

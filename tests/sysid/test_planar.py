@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rtools.motion_logs import Commands
@@ -43,7 +43,6 @@ def parameter_values(choice: list[float]) -> dict[str, float]:
 
 
 @given(st.lists(shares, min_size=8, max_size=8), speeds, st.floats(-6.0, 6.0))
-@settings(max_examples=60, deadline=None)
 def test_energy_decays_without_torque(choice: list[float], speed: float, turn: float) -> None:
     values = parameter_values(choice)
     no_commands = torque_commands(np.zeros(2), np.zeros(2))
@@ -55,7 +54,6 @@ def test_energy_decays_without_torque(choice: list[float], speed: float, turn: f
 
 
 @given(st.lists(shares, min_size=8, max_size=8))
-@settings(max_examples=20, deadline=None)
 def test_a_robot_at_rest_without_commands_does_not_move(choice: list[float]) -> None:
     start = np.array([1.0, -2.0, 0.7, 0.0, 0.0])
     states = SIMULATOR.simulate(
@@ -96,7 +94,6 @@ def test_unequal_wheels_turn_the_robot_symmetrically() -> None:
 
 
 @given(st.floats(0.0, 0.12), st.floats(0.0, 0.12), st.integers(0, 50))
-@settings(max_examples=40, deadline=None)
 def test_latency_shifts_the_response_by_exactly_that_time(
     first: float, second: float, seed: int
 ) -> None:
@@ -156,7 +153,6 @@ def test_efforts_are_torques_times_the_gain() -> None:
 
 
 @given(st.floats(0.3, 4.0))
-@settings(max_examples=20, deadline=None)
 def test_scaling_all_shared_parameters_has_no_effect(scale: float) -> None:
     commands = random_commands(7)
     values = {name: SIMULATOR.defaults()[name] for name in SIMULATOR.shared}

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from rich.console import Console
@@ -51,7 +51,6 @@ def decoded(image: PaletteImage) -> NDArray[np.int16]:
 # --- sixels --------------------------------------------------------------------------------------
 
 
-@settings(deadline=None)
 @given(st.integers(1, 40), st.integers(1, 60), st.integers(1, 600), st.integers(0, 9))
 def test_decoded_sixels_equal_the_quantised_image(
     rows: int, columns: int, colours: int, seed: int
@@ -68,7 +67,6 @@ def test_runs_of_every_length_are_decoded(length: int) -> None:
     np.testing.assert_array_equal(decoded(reduced), row)
 
 
-@settings(deadline=None)
 @given(st.integers(1, 256), st.integers(0, 9))
 def test_up_to_256_colours_change_by_the_rounding_to_percent_alone(colours: int, seed: int) -> None:
     image = noise((20, 30), colours, seed)

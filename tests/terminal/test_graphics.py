@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 from textual.strip import Strip
@@ -258,7 +258,6 @@ def test_placeholders_cover_exactly_the_box() -> None:
     assert plain == "abcdefghijkl" + 3 * "ab______ijkl" + "abcdefghijkl"
 
 
-@settings(deadline=None)
 @given(st.integers(0, 12), st.integers(0, 12))
 def test_a_cropped_strip_shows_its_part_of_the_image(start: int, end: int) -> None:
     strip = FakeTerminal().draw(canvas(noise((16, 16))))[2].crop(start, end)
@@ -276,7 +275,6 @@ def test_restyled_strips_contain_no_placeholders() -> None:
 # --- transmission --------------------------------------------------------------------------------
 
 
-@settings(deadline=None)
 @given(
     st.tuples(st.integers(1, 2000), st.integers(1, 2000)),
     st.tuples(st.integers(1, 200), st.integers(1, 60)),

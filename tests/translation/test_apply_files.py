@@ -109,8 +109,9 @@ def test_a_video_keeps_size_rate_and_length(tmp_path):
     assert np.abs(frames[2].reshape(-1, 3).mean(axis=0) - [60, 100, 140]).max() < 6
 
 
-@pytest.mark.parametrize("name", ["a.bag", "a-sqlite", "a-mcap"])
-@pytest.mark.parametrize("kind", [COMPRESSED, RAW])
+@pytest.mark.parametrize(
+    ("name", "kind"), [("a.bag", RAW), ("a-sqlite", RAW), ("a-mcap", COMPRESSED)]
+)
 def test_a_bag_is_translated_and_its_other_topics_are_copied(tmp_path, name, kind):
     source = write_image_bag(tmp_path / name, grey_images(4), kind, damaged=1)
     target = tmp_path / f"new-{name}"

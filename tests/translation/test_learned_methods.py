@@ -150,7 +150,7 @@ def test_stored_translators_give_the_same_images(name):
 
 
 @pytest.mark.parametrize("name", LEARNED)
-@pytest.mark.parametrize("size", [(48, 80), (30, 17), (5, 64), (1, 1)])
+@pytest.mark.parametrize("size", [(30, 17), (5, 64), (1, 1)])
 def test_images_of_other_sizes_keep_their_size(name, size):
     rng = np.random.default_rng(0)
     images = rng.integers(0, 256, (2, *size, 3), dtype=np.uint8)
@@ -185,12 +185,12 @@ def test_constant_and_single_images_can_be_fitted(name):
 
 
 @pytest.mark.parametrize("name", LEARNED)
-@pytest.mark.parametrize("size", [[0, 8], "8x8", [8], [1025, 8]])
-def test_files_with_a_wrong_size_are_refused(name, size):
+def test_files_with_a_wrong_size_are_refused(name):
     translator = tiny_fit(name).translator
-    content = altered(translator, {"size": size, "network": translator.settings()["network"]})
-    with pytest.raises(RequestError, match="damaged"):
-        decode(content, "file")
+    for size in ([0, 8], "8x8", [8], [1025, 8]):
+        content = altered(translator, {"size": size, "network": translator.settings()["network"]})
+        with pytest.raises(RequestError, match="damaged"):
+            decode(content, "file")
 
 
 @pytest.mark.parametrize(
@@ -300,7 +300,7 @@ def test_a_fit_of_minutes_ends_by_itself(tmp_path: Path):
     settings = replace(
         tiny_settings("cut"),
         steps=None,
-        minutes=0.01,
+        minutes=0.002,
         report=lambda f, loss, s: fractions.append(f),
     )
     find_method("cut").fit(*unpaired(), settings)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -160,7 +160,6 @@ def test_unknown_methods_name_the_known_ones():
 
 
 @given(st.floats(0, 1), st.integers(0, 99))
-@settings(max_examples=40, deadline=None)
 def test_strength_blends_and_is_exact_at_both_ends(strength, seed):
     original, translated = smooth_images(seed, 2, 8), smooth_images(seed + 1, 2, 8)
     assert blend(original, translated, 0) is original

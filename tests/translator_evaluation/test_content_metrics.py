@@ -42,7 +42,7 @@ def test_a_linear_map_of_colours_keeps_the_content():
     assert (content.matched, content.invented_area, content.lost_area) == (1, 0, 0)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(st.floats(0.35, 1.0), st.floats(0, 60))
 def test_contrast_and_brightness_do_not_count(gain: float, offset: float):
     images = ROOMS[:2]

@@ -161,12 +161,6 @@ def test_saved_figures_replace_earlier_ones(root: Path, reports, tmp_path: Path)
     assert different == rows
 
 
-def test_reports_are_json_without_infinite_numbers(reports):
-    content = report.as_json(list(reports.values()))
-    text = json.dumps(content, allow_nan=False)
-    assert json.loads(text)[0]["name"] == "identity"
-
-
 def test_translators_of_sim_images_claim_nothing_about_reality(root: Path):
     with s2rstore.open(root) as store:
         known = named_translator(store, "identity")

@@ -18,11 +18,17 @@ class HoverController:
     def __init__(self, app: S2RApp) -> None:
         self._app = app
         self._under: int | None = None
+        self._state = app.session.state
 
     @property
     def text(self) -> str:
-        """The instance under the mouse in one line; empty if there is none."""
-        return self._text_of(self._under)
+        """The instance under the mouse in one line; empty if there is none.
+
+        A message that is newer than the mouse's arrival there hides it.
+        """
+        state = self._app.session.state
+        is_hidden = state.message and state is not self._state
+        return "" if is_hidden else self._text_of(self._under)
 
     @property
     def cursor_text(self) -> str:
@@ -34,7 +40,7 @@ class HoverController:
         view, cell = message.plot.take_hover()
         found = None if cell is None else self._instance_at(view, cell)
         if found != self._under:
-            self._under = found
+            self._under, self._state = found, self._app.session.state
             self._app.renderer.refresh_message()
 
     def _instance_at(self, name: str, cell: Cell) -> int | None:

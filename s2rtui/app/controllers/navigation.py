@@ -16,6 +16,13 @@ if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
 
 _CYCLE = [view.name for view in sorted(VIEWS, key=lambda view: view.key) if view.from_store]
+_STATUS_ACTIONS = {
+    "all trajectories": "trajectory",
+    "trajectories": "trajectory",
+    "run": "next_run",
+    "expression": "edit",
+}
+"""Actions of the parts of the status line that can be jumped to."""
 
 
 def _can_zoom(view: View) -> bool:
@@ -111,6 +118,23 @@ class NavigationController:
         app.session.show_message(message)
         app.renderer.refresh()
 
+    def select_row(self) -> None:
+        """Select the row of the active view's table that holds the cursor's instance."""
+        app, session = self._app, self._app.session
+        view, scene = BY_NAME[session.state.view], app.renderer.scene
+        panels = app.brush.panels(view)
+        panel = next((p for p in panels if p.name == session.state.side), next(iter(panels), None))
+        point = None if panel is None else view.cursor_point(scene, panel)
+        if panel is None or point is None:
+            key = ACTIONS["brush"].key
+            session.show_message(f"this instance is in no row: {key} and the arrows choose rows")
+        else:
+            view.click(session, scene, panel, point)
+            state = session.state
+            if not state.message:
+                session.show_message(f"selected {state.expression}: {state.count}")
+        app.renderer.refresh()
+
     def jump(self) -> None:
         """Put a letter on every view and part of the status line; the letter goes there."""
         self._app.push_screen(JumpScreen(self._targets()), self._jump_to)
@@ -118,12 +142,9 @@ class NavigationController:
     def _targets(self) -> list[Target]:
         regions = self._app.renderer.visible_regions()
         targets = [Target(region.x, region.y, f"view('{name}')") for name, region in regions]
-        status = self._app.renderer.status_text()
-        for part, action in (("traj ", "do('trajectory')"), ("run ", "do('next_run')"),
-                             (self._app.session.state.expression[:6], "do('edit')")):  # fmt: skip
-            column = status.find(part)
-            if column >= 0:
-                targets.append(Target(column + 1, 0, action))
+        for part, column in self._app.renderer.status_columns().items():
+            if part in _STATUS_ACTIONS:
+                targets.append(Target(column, 0, f"do('{_STATUS_ACTIONS[part]}')"))
         return targets
 
     def _jump_to(self, action: str | None) -> None:

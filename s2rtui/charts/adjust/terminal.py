@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Size
+from s2rtui.canvas.fit_text import fit_text
 from s2rtui.charts.shared.axis_scale import short_number
 
 _INDENT = 4
@@ -77,7 +78,8 @@ def _line(canvas: Canvas, y: int, line: SliderLine, layout: SliderLayout) -> Non
         canvas.fill(0, y, canvas.width, 1, theme.highlight)
         canvas.put(0, y, glyphs.pointer, theme.text, bold=True)
     canvas.put(2, y, mark, side)
-    canvas.text(_INDENT, y, line.label[: layout.track - _INDENT - 1], theme.text, bold=line.active)
+    label = fit_text(line.label, layout.track - _INDENT - 1)
+    canvas.text(_INDENT, y, label, theme.text, bold=line.active)
     end = layout.track + layout.track_width - 1
     canvas.hline(layout.track, end, y, glyphs.horizontal, theme.faint)
     neutral, here = (_column(line.share(v), layout) for v in (line.neutral, line.value))

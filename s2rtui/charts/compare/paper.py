@@ -8,6 +8,7 @@ import numpy as np
 
 from s2rstore.records import Bounds
 from s2rtui.canvas import LIGHT, Theme
+from s2rtui.canvas.fit_text import fit_text
 from s2rtui.charts.compare.change import ALL, HEADINGS, signed, table_rows
 from s2rtui.charts.compare.model import (
     CompareInput,
@@ -40,6 +41,7 @@ from s2rtui.charts.shared.paper import (
     draw_colour_bar,
     draw_ring,
     new_page,
+    own_settings,
     set_panel_title,
     value_colours,
 )
@@ -72,6 +74,7 @@ class _Plan:
     row: bool
 
 
+@own_settings()
 def compare_figure(
     maps: tuple[MapInput, MapInput],
     difference: CompareInput,
@@ -140,7 +143,7 @@ def _draw_table(page: Page, table: list[tuple[str, ...]]) -> None:
             weight = "bold" if cells[0] == ALL else "normal"
             x += width
             at, align = (x - width, "left") if place == 0 else (x, "right")
-            text = text if place or len(text) <= WIDEST else text[: WIDEST - 1] + "…"
+            text = text if place else fit_text(text, WIDEST, "…")
             page.text(at, y, text, ink, 8.5, ha=align, fontweight=weight)
 
 

@@ -6,11 +6,12 @@ import textwrap
 from dataclasses import dataclass
 
 import numpy as np
-from rich.cells import cell_len, set_cell_size
+from rich.cells import cell_len
 
 from s2rstore.records import Bounds
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Rgb, Size, legible
+from s2rtui.canvas.fit_text import fit_text
 from s2rtui.charts.compare.change import ALL, HEADINGS, NOT_EVIDENT, UNKNOWN, table_rows
 from s2rtui.charts.compare.model import (
     CompareInput,
@@ -174,8 +175,8 @@ def _table(canvas: Canvas, table: list[tuple[str, ...]], top: int) -> None:
         at += 2
     for row, cells in enumerate(table, start=top):
         name = canvas.options.printable(cells[0])
-        if cell_len(name) > widths[0] and len(cells) > 1:
-            name = set_cell_size(name, widths[0] - 1) + canvas.glyphs.ellipsis
+        if len(cells) > 1:
+            name = fit_text(name, widths[0], canvas.glyphs.ellipsis)
         heading = row == top
         ink = theme.muted if heading or len(cells) == 1 else theme.text
         canvas.text(0, row, name, ink, bold=cells[0] == ALL)
@@ -266,5 +267,4 @@ def _counts(
 
 def _name(name: str, options: RenderOptions) -> str:
     """A run's name, cut to fit into a legend."""
-    name = options.printable(name)
-    return name if len(name) <= 16 else name[:15] + options.glyphs.ellipsis
+    return fit_text(options.printable(name), 16, options.glyphs.ellipsis)

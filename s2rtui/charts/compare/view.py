@@ -14,7 +14,7 @@ from types import MappingProxyType
 from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, Panel, RenderOptions, Size, Theme
-from s2rtui.charts.compare.change import ALL, Change, evidence
+from s2rtui.charts.compare.change import ALL, Change, evidence, interval_text
 from s2rtui.charts.compare.model import CompareInput, constant_errors
 from s2rtui.charts.compare.terminal import (
     compare_panels,
@@ -219,7 +219,7 @@ class CompareView(PointsView):
     def numbers(self, scene: Scene) -> Table:
         names = ("room", "n", "first_median_m", "second_median_m", "median_change_m", "low_m",
                  "high_m", "evident", "improved", "worse", "equal", "large_share", "first_mean_m",
-                 "second_mean_m")  # fmt: skip
+                 "second_mean_m", "bounds")  # fmt: skip
         other = run_comparison.other_run(scene.state)
         changes = self.pair_input(scene, other).changes
         rows = [(name, *_numbers(part)) for name, part in (*changes.rooms, (ALL, changes.whole))]
@@ -251,10 +251,13 @@ def _camera_notes(scene: Scene, other: str | None) -> list[str]:
 
 
 def _numbers(part: Change) -> tuple[object, ...]:
-    """The numbers of a row: counts, medians and interval in metres, the run that is better."""
+    """The numbers of a row: counts, medians and interval in metres, the run that is better.
+
+    `bounds` is the interval as text, with `<` or `>` where few blocks do not bound it.
+    """
     interval = part.change
     return (
-        part.n, part.first, part.second, interval.value, interval.low, interval.high,
+        part.n, part.first, part.second, interval.value, *interval.bounds,
         part.better_run or evidence(part), part.better, part.worse, part.equal, part.large,
-        part.first_mean, part.second_mean,
+        part.first_mean, part.second_mean, interval_text(part),
     )  # fmt: skip

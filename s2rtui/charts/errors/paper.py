@@ -15,6 +15,7 @@ from s2rtui.charts.shared.paper import (
     Pixels,
     label_with_unit,
     new_page,
+    own_settings,
     set_panel_title,
     style_axes,
 )
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 BINS = 60
 
 
+@own_settings()
 def errors_figure(
     data: ErrorsInput, size: Pixels, theme: Theme = LIGHT, title: str = "", subtitle: str = ""
 ) -> bytes:

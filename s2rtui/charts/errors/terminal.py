@@ -7,14 +7,16 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from rich.cells import cell_len
 
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Mark, Panel, Point, RenderOptions, Rgb, Size
+from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.marks import mark_on_panel, mark_range
 from s2rtui.charts.errors.model import NAMES, ErrorsInput, ErrorsModel, SideErrors, errors_model
 from s2rtui.charts.shared.axis_scale import short_number, tick_step, tick_text, tick_values
 from s2rtui.charts.shared.bars import draw_vertical_bars, put_over_bar
 
-LABELS = 12
+LABELS = 15
 """Columns of names and numbers at the left."""
 
 
@@ -92,7 +94,7 @@ def _labels(canvas: Canvas, panel: Panel, errors: SideErrors, name: str, colour:
     canvas.text(0, panel.y, name, colour)
     lines = [f"median {short_number(errors.median, 2)}", _most(errors.peak)]
     for row, line in enumerate(lines[: panel.height - 1], start=1):
-        canvas.text(0, panel.y + row, line[: LABELS - 1], canvas.theme.muted)
+        canvas.text(0, panel.y + row, fit_text(line, LABELS - 1), canvas.theme.muted)
 
 
 def _most(count: int) -> str:
@@ -142,7 +144,7 @@ def _axis(canvas: Canvas, layout: ErrorsLayout, model: ErrorsModel, data: Errors
         name = f"{name}, last bar: {short_number(upper, 2)} and more"
     elif beyond and chart >= 30:
         name = f"{name}, last {short_number(upper, 2)}+"
-    stop = canvas.width - len(name) - 1
+    stop = canvas.width - cell_len(name) - 1
     free = layout.left
     for tick in tick_values(0.0, upper, count):
         text = tick_text(tick, width) if width < 1e4 else short_number(tick)
@@ -150,4 +152,4 @@ def _axis(canvas: Canvas, layout: ErrorsLayout, model: ErrorsModel, data: Errors
         if start >= free and start + len(text) <= stop:
             free = canvas.text(start, row, text, canvas.theme.muted) + 1
     if stop > layout.left:
-        canvas.text(canvas.width - len(name), row, name, canvas.theme.muted)
+        canvas.text(canvas.width, row, name, canvas.theme.muted, align="right")

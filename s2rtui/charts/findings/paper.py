@@ -6,7 +6,7 @@ import textwrap
 
 from s2rstore.findings import FindingReport
 from s2rtui.canvas import LIGHT, Theme
-from s2rtui.charts.shared.paper import LETTER, Pixels, new_page
+from s2rtui.charts.shared.paper import LETTER, Pixels, new_page, own_settings
 
 _FONT, _SMALLEST_FONT = 9.0, 4.0
 _LINE = 1.35
@@ -14,6 +14,7 @@ _LINE = 1.35
 _LEFT = 0.3
 
 
+@own_settings()
 def findings_figure(
     report: FindingReport, size: Pixels, theme: Theme = LIGHT, title: str = "", subtitle: str = ""
 ) -> bytes:

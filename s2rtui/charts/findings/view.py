@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from s2rstore.errors import sentence
 from s2rstore.findings import FindingReport
 from s2rtui.canvas import Canvas, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.findings.model import FindingsInput
@@ -69,7 +70,7 @@ class FindingsView(View):
         rows = []
         for finding in report.findings if report else ():
             known = finding.interval
-            bounds = (None, None) if known is None else (known.low, known.high)
+            bounds = (None, None) if known is None else known.bounds
             rows.append((finding.kind, "yes" if finding.evident else "no", finding.run, finding.n,
                          *bounds, finding.interval_of, finding.expression, finding.text,
                          finding.evidence))  # fmt: skip
@@ -80,7 +81,7 @@ class FindingsView(View):
         if report is None:
             return "There are no findings."
         evident = [f"{f.kind}: {f.text}" for f in report.findings if f.evident]
-        return f"{'. '.join([report.summary.capitalize(), *evident])}."
+        return f"{'. '.join([sentence(report.summary), *evident])}."
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.findings import paper

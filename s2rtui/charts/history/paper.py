@@ -20,6 +20,7 @@ from s2rtui.charts.shared.paper import (
     Page,
     Pixels,
     new_page,
+    own_settings,
     rgb_fractions,
     style_axes,
 )
@@ -36,6 +37,7 @@ _CUT = "↑ ↓ off scale"
 _LEFT, _BOTTOM, _BETWEEN = 0.7, 0.65, 0.32
 
 
+@own_settings()
 def history_figure(
     nights: Sequence[Night], size: Pixels, theme: Theme = LIGHT, title: str = "", subtitle: str = ""
 ) -> bytes:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from functools import lru_cache
 from textwrap import wrap
 
-from s2rstore.errors import RequestError, counted
+from s2rstore.errors import RequestError, counted, sentence
 from s2rstore.gap_history.gate_status import axis_status, stored_status
 from s2rstore.gap_history.reader import History, Night
 from s2rstore.metrics.bootstrap import Interval
@@ -87,7 +87,7 @@ class HistoryView(View):
         nights = self.input(scene)
         if not nights:
             text = "; ".join(self._missing(scene))
-            return f"{text[:1].upper()}{text[1:]}."
+            return f"{sentence(text)}."
         last = nights[-1]
         passed = sum(night.outcome == "PASS" for night in nights)
         days = counted(last.evidence_age, "day")

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import NotComputedError
+from s2rstore.heatmap_kinds import heatmap_facts
 from s2rstore.index.columns import RunColumns
 from s2rstore.index.population import NEW_INSTANCES, Population
 from s2rstore.metrics import nearest_neighbours
@@ -29,8 +30,6 @@ from s2rtui.session.state import HeatChoice
 
 NEIGHBOURS = 5
 """Number of most similar instances that are listed and selected."""
-_SUMS_TO_METRES = ("harm", "harm_fine")
-"""Heatmap kinds whose sum over a region is metres of the error."""
 _PLACES = 4
 """Regions whose metres are listed."""
 
@@ -104,7 +103,7 @@ def _harm_note(
     Parts in the same place of the image are added up, the largest sums first; fine heat has no
     parts. Positive metres make the estimate worse.
     """
-    if choice is None or heat is None or choice.kind not in _SUMS_TO_METRES:
+    if choice is None or heat is None or not heatmap_facts(choice.kind).sums_up:
         return []
     if choice.mode not in (None, "position"):  # the others are radians and loss
         return []

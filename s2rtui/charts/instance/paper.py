@@ -25,6 +25,7 @@ from s2rtui.charts.shared.paper import (
     draw_colour_bar,
     label_with_unit,
     new_page,
+    own_settings,
     value_colours,
     wrapped_label,
 )
@@ -37,6 +38,7 @@ SCALE_LETTERS = 16
 """Letters of a line above a scale."""
 
 
+@own_settings()
 def instance_figure(
     data: InstanceInput, size: Pixels, theme: Theme = LIGHT, title: str = ""
 ) -> bytes:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,8 +84,12 @@ def _numbers(scene: Scene, name: str, sorts: bool) -> _Column:
     scale = 180 / math.pi if name in _DEGREES else 1.0
     title = fields.with_unit(name)
 
+    @cache
+    def numbers() -> NDArray[np.float64]:
+        return instance_list.column(scene.store, scene.state, name)
+
     def value(iid: int) -> float | None:
-        number = float(instance_list.column(scene.store, scene.state, name)[iid]) * scale
+        number = float(numbers()[iid]) * scale
         return number if math.isfinite(number) else None
 
     def text(iid: int) -> str:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from s2rtui.canvas import LIGHT, Theme
+from s2rtui.canvas.fit_text import fit_text
 from s2rtui.charts.list.model import ListColumn, ListInput
-from s2rtui.charts.shared.paper import Ink, Page, Pixels, new_page
+from s2rtui.charts.shared.paper import Ink, Page, Pixels, new_page, own_settings
 
 ROW, LETTER, GAP, LEFT, FOOT = 0.215, 0.078, 0.22, 0.3, 0.45
 """Inches: a row's height, a letter's width, between columns, at the left, at the foot."""
 
 
+@own_settings()
 def list_figure(
     data: ListInput, size: Pixels, theme: Theme = LIGHT, title: str = "", subtitle: str = ""
 ) -> bytes:
@@ -56,7 +58,7 @@ def _put(
 ) -> None:
     column, start, end = place
     most = int((end - start) / LETTER + 0.5)
-    text = text if len(text) <= most else text[: most - 1] + "…"
+    text = fit_text(text, most, "…")
     x, side = (end, "right") if column.right else (start, "left")
     weight = "bold" if bold else "normal"
     page.text(x, y, text, ink, 9, va="center", ha=side, fontweight=weight)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from rich.cells import cell_len, set_cell_size
-
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Size
+from s2rtui.canvas.fit_text import fit_text
 from s2rtui.charts.list.model import ListColumn, ListInput, cursor_row
 
 
@@ -84,8 +83,7 @@ def _cell(
     ink: tuple[int, int, int],
     bold: bool,
 ) -> None:
-    if cell_len(text) > column.width:
-        text = set_cell_size(text, column.width)
+    text = fit_text(text, column.width)
     if column.right:
         canvas.text(x + column.width, y, text, ink, bold=bold, align="right")
     else:

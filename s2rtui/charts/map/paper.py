@@ -39,6 +39,7 @@ from s2rtui.charts.shared.paper import (
     draw_colour_bar,
     label_with_unit,
     new_page,
+    own_settings,
     value_colours,
     wrapped_label,
 )
@@ -56,6 +57,7 @@ RADIUS, THICK = 11.0, 4.5
 Span = tuple[float, float]
 
 
+@own_settings()
 def map_figure(
     data: MapInput,
     size: Pixels,

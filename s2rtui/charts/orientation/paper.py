@@ -18,7 +18,7 @@ from s2rtui.charts.orientation.model import (
     orientation_model,
 )
 from s2rtui.charts.shared.axis_scale import tick_values
-from s2rtui.charts.shared.paper import LETTER, Ink, Page, Pixels, new_page
+from s2rtui.charts.shared.paper import LETTER, Ink, Page, Pixels, new_page, own_settings
 
 FOOT = 0.9
 """Inches below the dials."""
@@ -29,6 +29,7 @@ STACKED = 1.2
 _CENTRED = {"ha": "center", "va": "center"}
 
 
+@own_settings()
 def orientation_figure(
     data: OrientationInput, size: Pixels, theme: Theme = LIGHT, title: str = "", subtitle: str = ""
 ) -> bytes:

@@ -22,7 +22,7 @@ from s2rtui.charts.overview.model import (
 )
 from s2rtui.charts.scene import OverviewRow
 from s2rtui.charts.shared.axis_scale import Interval
-from s2rtui.charts.shared.paper import NARROW, Ink, Page, Pixels, new_page, style_axes
+from s2rtui.charts.shared.paper import NARROW, Ink, Page, Pixels, new_page, own_settings, style_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,6 +33,7 @@ FINE = 200
 """Bins of an accuracy axis."""
 
 
+@own_settings()
 def overview_figure(
     rows: Sequence[OverviewRow],
     baseline: float | None,

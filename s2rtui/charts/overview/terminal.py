@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rich.cells import cell_len, set_cell_size
+from rich.cells import cell_len
 
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Mark, RenderOptions, Rgb, Size
+from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.marks import mark_on_panel, mark_range
 from s2rtui.charts.overview.layout import OverviewLayout, overview_layout, overview_panels
 from s2rtui.charts.overview.lines import draw_lines, pale_colour
@@ -63,7 +64,7 @@ def draw_overview(
 
 def _header(canvas: Canvas, layout: OverviewLayout, lines: OverviewLines | None) -> None:
     theme, glyphs = canvas.theme, canvas.glyphs
-    canvas.text(2, 0, set_cell_size("run", min(layout.name, 3)), theme.muted)
+    canvas.text(2, 0, fit_text("run", layout.name), theme.muted)
     if layout.chart_width:
         _chart_header(canvas, layout, lines)
     if layout.numbers < canvas.width:
@@ -71,7 +72,7 @@ def _header(canvas: Canvas, layout: OverviewLayout, lines: OverviewLines | None)
         canvas.text(layout.numbers + 12, 0, f"{glyphs.real} real", theme.real, align="right")
     if layout.cursor_numbers and lines is not None:
         name = f"{glyphs.cursor} {lines.cursor}"
-        fits = name if len(name) < layout.cursor_numbers else glyphs.cursor
+        fits = name if cell_len(name) < layout.cursor_numbers else glyphs.cursor
         canvas.text(canvas.width, 0, fits, theme.cursor, align="right")
 
 
@@ -92,17 +93,15 @@ def _chart_header(canvas: Canvas, layout: OverviewLayout, lines: OverviewLines |
     if layout.chart_width >= 24:
         pieces.append((f"{glyphs.baseline} baseline", theme.muted))
     for text, colour in pieces:
-        if text == pieces[0][0] or free + len(text) <= stop:
-            free = canvas.text(free, 0, text[: stop - free], colour) + 2
+        if text == pieces[0][0] or free + cell_len(text) <= stop:
+            free = canvas.text(free, 0, fit_text(text, stop - free), colour) + 2
 
 
 def _line(
     canvas: Canvas, model: OverviewModel, index: int, layout: OverviewLayout, bold: bool
 ) -> None:
     row, theme, y = model.rows[index], canvas.theme, layout.row_of(index)
-    name = row.run
-    if cell_len(name) > layout.name:
-        name = set_cell_size(name, max(0, layout.name - 1)) + canvas.glyphs.ellipsis
+    name = fit_text(row.run, layout.name, canvas.glyphs.ellipsis)
     shown_name = canvas.options.printable(name) if layout.name else ""
     canvas.text(2, y, shown_name, theme.text, bold=bold)
     if layout.chart_width:
@@ -145,7 +144,7 @@ def _marks(
             canvas.put(place, y, glyph, colour, bold=True)
     if sim is None and real is None:
         note = f"{row.note or 'n/a'} "
-        canvas.text(layout.chart, y, note[: layout.chart_width], theme.muted)
+        canvas.text(layout.chart, y, fit_text(note, layout.chart_width), theme.muted)
 
 
 def _draw_cursor_accuracy(

@@ -6,10 +6,11 @@ import math
 from collections.abc import Sequence
 from itertools import islice
 
-from rich.cells import set_cell_size
+from rich.cells import cell_len
 
 from s2rstore.reader import Store
 from s2rtui.canvas import Canvas, RenderOptions, Size
+from s2rtui.canvas.fit_text import fit_text
 from s2rtui.charts.scene import TranslatorGain, TranslatorRow
 
 MOST_ROWS = 6
@@ -64,21 +65,18 @@ def draw_translators(
     canvas = Canvas(*size, options)
     theme, shown = canvas.theme, ordered(rows, run)[: max(0, size[1] - 1)]
     more = f", {len(shown)} of {len(rows)}" if len(shown) < len(rows) else ""
-    canvas.text(2, 0, f"translators{more}"[: size[0] - 2], theme.muted)
-    longest = max((len(row.translator) for row in shown), default=0)
+    canvas.text(2, 0, fit_text(f"translators{more}", size[0] - 2), theme.muted)
+    longest = max((cell_len(row.translator) for row in shown), default=0)
     name = max(4, min(longest, 24, size[0] // 3))
     for y, row in enumerate(shown, start=1):
         text = options.printable(row.translator)
-        if len(text) > name:
-            text = set_cell_size(text, name - 1) + canvas.glyphs.ellipsis
+        text = fit_text(text, name, canvas.glyphs.ellipsis)
         colour = theme.sim if row.direction == "sim2real" else theme.real
         canvas.text(2, y, text, colour)
         left = name + 3
         ink = theme.text if row.accepted else theme.muted
-        left = canvas.text(left, y, row.verdict[: max(0, size[0] - left)], ink) + 2
+        left = canvas.text(left, y, fit_text(row.verdict, max(0, size[0] - left)), ink) + 2
         gain = options.printable(row.gain_text(run))
-        if len(gain) > (free := max(0, size[0] - left)):
-            words, blank, _ = set_cell_size(gain, max(0, free - 1)).rpartition(" ")
-            gain = f"{words}{blank}{canvas.glyphs.ellipsis}"[:free]  # no part of a number
+        gain = fit_text(gain, max(0, size[0] - left), canvas.glyphs.ellipsis)
         canvas.text(left, y, gain, theme.text)
     return canvas

@@ -7,14 +7,16 @@ import math
 import numpy as np
 
 from s2rtui.canvas import LIGHT, Theme
+from s2rtui.canvas.fit_text import fit_text
 from s2rtui.charts.rooms.groups import GroupsInput, ordered
-from s2rtui.charts.shared.paper import LETTER, Pixels, new_page, style_axes
+from s2rtui.charts.shared.paper import LETTER, Pixels, new_page, own_settings, style_axes
 
 _ROW = 0.16
 """Inches that a row needs at least."""
 _FONT, _SMALLEST_FONT = 9.0, 5.0
 
 
+@own_settings()
 def groups_figure(
     data: GroupsInput, size: Pixels, theme: Theme = LIGHT, title: str = "", subtitle: str = ""
 ) -> bytes:
@@ -29,7 +31,7 @@ def groups_figure(
     letters = max((len(name) for name in names), default=4)
     left = min(0.3 + LETTER * _FONT * letters, wide * 0.4)
     most = max(3, int((left - 0.25) / (LETTER * _FONT)))
-    names = [name if len(name) <= most else name[: most - 1] + "…" for name in names]
+    names = [fit_text(name, most, "…") for name in names]
     right = 0.25 + LETTER * _FONT * max((len(count) for count in counts), default=3)
     axes = page.axes(left, bottom, max(0.3, wide - left - right), height)
     style_axes(axes, page)

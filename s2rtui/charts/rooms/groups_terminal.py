@@ -6,11 +6,12 @@ import math
 from dataclasses import dataclass
 from functools import partial
 
-from rich.cells import cell_len, set_cell_size
+from rich.cells import cell_len
 
 from s2rstore.findings.groups import GroupErrors
 from s2rstore.index.population import INCLUDE_HINT
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, Point, RenderOptions, Size
+from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.marks import mark_rows
 from s2rtui.charts.rooms.groups import GroupsInput, TableColumn, fitting_columns, ordered
 from s2rtui.charts.shared.axis_scale import scale_fraction, short_number
@@ -126,7 +127,7 @@ def _header(canvas: Canvas, data: GroupsInput, layout: GroupsLayout) -> None:
         left, width = layout.plot
         real, sim = canvas.glyphs.selected, canvas.glyphs.sim
         canvas.text(left, 0, "0", theme.muted)
-        canvas.text(left + 2, 0, f"{real} real  {sim} sim"[: width - 8], theme.muted)
+        canvas.text(left + 2, 0, fit_text(f"{real} real  {sim} sim", width - 8), theme.muted)
         end = f"{short_number(_longest(data))} m"
         canvas.text(left + width, 0, end, theme.muted, align="right")
 
@@ -143,8 +144,7 @@ def _row(
     if row.group.name == data.cursor:
         canvas.put(1, y, glyphs.cursor, theme.cursor, bold=True)
     name = canvas.options.printable(row.group.name)
-    if cell_len(name) > layout.name:
-        name = set_cell_size(name, max(0, layout.name - 1)) + glyphs.ellipsis
+    name = fit_text(name, layout.name, glyphs.ellipsis)
     canvas.text(_GUTTER, y, name, ink, bold=is_selected)
     for column, start in zip(layout.columns, layout.starts, strict=True):
         colour = {"real": theme.real, "sim": theme.sim}.get(column.title, ink)

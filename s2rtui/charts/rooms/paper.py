@@ -7,13 +7,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from s2rtui.canvas import LIGHT, Theme
+from s2rtui.canvas.fit_text import fit_text
 from s2rtui.charts.rooms.model import NAMES, RoomsInput, RoomsModel, rooms_model
-from s2rtui.charts.shared.paper import Ink, Page, Pixels, new_page, set_panel_title, style_axes
+from s2rtui.charts.shared.paper import (
+    Ink,
+    Page,
+    Pixels,
+    new_page,
+    own_settings,
+    set_panel_title,
+    style_axes,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+@own_settings()
 def rooms_figure(
     data: RoomsInput, size: Pixels, theme: Theme = LIGHT, title: str = "", subtitle: str = ""
 ) -> bytes:
@@ -54,7 +64,7 @@ def _draw_column(
     axes.xaxis.set_major_locator(MaxNLocator(nbins=min(5, max(1, int(width / 0.4))), integer=True))
     axes.set_yticks([])
     if index == 0:
-        names = [name if len(name) <= 28 else name[:27] + "…" for name in model.names]
+        names = [fit_text(name, 28, "…") for name in model.names]
         axes.set_yticks(rows, names)
         axes.tick_params(axis="y", length=0, pad=9, labelcolor=inks.text)
     points = max(min(8.0, 72 * height / max(count, 1) * 0.7), 1.0)

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from rich.cells import cell_len, set_cell_size
+from rich.cells import cell_len
 
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Mark, Panel, Point, RenderOptions, Rgb, Size
+from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.marks import mark_on_panel, mark_rows
 from s2rtui.charts.rooms.model import NAMES, RoomsInput, RoomsModel, rooms_model
 from s2rtui.charts.shared.bars import draw_horizontal_bars, put_over_bar
@@ -166,8 +167,7 @@ def _names(canvas: Canvas, model: RoomsModel, layout: RoomsLayout) -> None:
     for place in range(layout.shown):
         index = layout.first + place
         name = model.names[index]
-        if cell_len(name) > layout.name:
-            name = set_cell_size(name, layout.name - 1) + glyphs.ellipsis
+        name = fit_text(name, layout.name, glyphs.ellipsis)
         is_cursor = index == model.cursor[1]
         row = layout.top + place * layout.each + (layout.each - 1) // 2
         ink = theme.text if is_cursor else theme.muted

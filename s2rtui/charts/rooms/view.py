@@ -178,6 +178,6 @@ VIEW = RoomsView()
 
 
 def _row(row: GroupErrors, data: GroupsInput) -> tuple[object, ...]:
-    figures = row.real.value, row.real.low, row.real.high, row.sim, row.gap
+    figures = row.real.value, *row.real.bounds, row.sim, row.gap
     known = (None if math.isnan(value) else value for value in figures)
     return (row.group.name, *known, row.n, data.selected.get(row.group.name, 0))

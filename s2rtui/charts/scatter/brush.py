@@ -22,14 +22,19 @@ def box_expression(
     """Ranges of both errors, with the shortest numbers that select what the box covers.
 
     Errors are (N,); `cell` is the size of a cell as fractions of the axes. An end of the box that
-    lies on the edge of the plot, or beyond it, sets no limit.
+    lies on the edge of the plot, or beyond it, sets no limit. A box below all errors of a side is
+    `none`.
     """
     parts = []
     for side, errors, place, width in zip(("sim", "real"), (sim, real), (0, 1), cell, strict=True):
         ends = sorted(point[place] for point in (mark.points[0], mark.points[-1]))
         fractions = axis.fractions([max(end, 1e-300) if axis.log else end for end in ends])
         low = None if fractions[0] <= _EDGE else _shortest(errors, ends[0], axis, width)
-        high = None if fractions[1] >= 1 - _EDGE else _shortest(errors, ends[1], axis, width, True)
+        high = None
+        if fractions[1] < 1 - _EDGE:
+            if not (np.asarray(errors) < ends[1]).any():
+                return "none"
+            high = _shortest(errors, ends[1], axis, width, True)
         parts.append(_range(f"{side}.error", low, high))
     return " & ".join(part for part in parts if part) or "all"
 
@@ -77,7 +82,7 @@ def _shortest(
     above = known[(known >= end)].min(initial=math.inf)
     place = float(axis.fractions(end))
     step = abs(axis.value(place + width) - axis.value(place))
-    first = max(0, math.ceil(-math.log10(step)))
+    first = max(0, math.ceil(-math.log10(step))) if step else _DIGITS
     for digits in range(first, _DIGITS):
         number = float(number_text(round(end, digits)))
         if below <= number < above if upper else below < number <= above:

@@ -24,6 +24,7 @@ from s2rtui.charts.shared.paper import (
     draw_ring,
     label_with_unit,
     new_page,
+    own_settings,
     style_axes,
     value_colours,
 )
@@ -45,6 +46,7 @@ PER_INCH = 24
 """Cells per inch of a density."""
 
 
+@own_settings()
 def scatter_figure(
     data: ScatterInput, size: Pixels, theme: Theme = LIGHT, title: str = "", subtitle: str = ""
 ) -> bytes:

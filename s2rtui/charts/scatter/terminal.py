@@ -18,6 +18,7 @@ from s2rtui.canvas import (
     legible,
     turbo,
 )
+from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.marks import draw_mark
 from s2rtui.canvas.raster import cells_with_dots, draw_braille, line_dots
 from s2rtui.charts.scatter.axis import LOG_RULE, ErrorPlane
@@ -247,9 +248,8 @@ def _axes(canvas: Canvas, panel: Panel, data: ScatterInput) -> None:
     for tick in up.ticks(max(2, panel.height // 4)):
         row = min(int(panel.to_cells(across.high, tick)[1]), bottom - 1)
         if row >= 1:
-            canvas.text(
-                panel.x - 1, row, short_number(tick)[: LEFT - 1], theme.muted, align="right"
-            )
+            text = fit_text(short_number(tick), LEFT - 1)
+            canvas.text(panel.x - 1, row, text, theme.muted, align="right")
 
 
 def _legend(data: ScatterInput, options: RenderOptions, width: int, peak: int) -> list[LegendPart]:

@@ -8,10 +8,12 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from rich.cells import cell_len
 
 from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, InlineImage, Pixels, RenderOptions, Size, legible
 from s2rtui.canvas.colour import DEPTH_SHADES, depth_tint
+from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.raster import draw_image, draw_shades, resample
 from s2rtui.charts.shared.image_pair_model import (
     HEADINGS,
@@ -285,15 +287,15 @@ def _table(
     canvas: Canvas, y: int, data: InstanceInput, model: InstanceModel, notes: Sequence[str]
 ) -> None:
     theme = canvas.theme
-    longest = max((len(line.label) for line in model.poses), default=0)
+    longest = max((cell_len(line.label) for line in model.poses), default=0)
     label = max(8, longest + 3) if canvas.width >= 42 else 2
     column = min(8, max(6, (canvas.width - label) // 5))
-    canvas.text(0, y, f"#{data.iid}"[: label + column - 4], theme.muted)
+    canvas.text(0, y, fit_text(f"#{data.iid}", label + column - 4), theme.muted)
     for index, heading in enumerate(HEADINGS if model.poses else ()):
         canvas.text(label + (index + 1) * column, y, heading, theme.muted, align="right")
     for row, line in enumerate(model.poses, start=y + 1):
         glyph, colour = canvas.options.role(line.role)
-        canvas.text(0, row, f"{glyph} {line.label}"[: label - 1], colour)
+        canvas.text(0, row, fit_text(f"{glyph} {line.label}", label - 1), colour)
         for index, text in enumerate(line.cells):
             strong = index >= 3
             ink = colour if strong else theme.text

@@ -9,9 +9,10 @@ from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.cells import cell_len, set_cell_size
+from rich.cells import cell_len
 
 from s2rtui.canvas import DIGITS, Canvas, ColourMode, Pixels, RenderOptions, Rgb, legible, turbo
+from s2rtui.canvas.fit_text import fit_text
 from s2rtui.charts.shared.axis_scale import Interval, short_number, tick_step
 
 NO_BREAK = "\u00a0"
@@ -72,7 +73,7 @@ def _wrapped(pieces: Sequence[tuple[str, Rgb]], width: int) -> list[list[tuple[s
             lines.append([])
             free = width
         for word, colour in group:
-            shown = word if cell_len(word.rstrip()) <= width else set_cell_size(word, width)
+            shown = word if cell_len(word.rstrip()) <= width else fit_text(word, width)
             lines[-1].append((shown, colour))
             free -= cell_len(shown)
     return lines
@@ -168,7 +169,7 @@ def scale_bar(metres_per_cell: float, room: int, options: RenderOptions) -> Lege
         canvas.put(x + cells - 1, y, glyphs.scale_right, options.theme.text)
         canvas.text(x + cells, y, label, options.theme.muted)
 
-    return LegendPart(cells + len(label), draw)
+    return LegendPart(cells + cell_len(label), draw)
 
 
 def fit_rows(

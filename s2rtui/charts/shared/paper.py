@@ -50,8 +50,9 @@ EMPTY_METADATA: dict[FileFormat, dict[str, None]] = {
 """Metadata that each file format would contain by default, removed."""
 _SETTINGS = {
     "font.family": "DejaVu Sans", "savefig.bbox": None, "path.simplify": True,
-    "svg.hashsalt": "s2r", "svg.fonttype": "path", "pdf.fonttype": 42,
+    "svg.hashsalt": "s2r", "svg.fonttype": "path", "pdf.fonttype": 42, "text.parse_math": False,
 }  # fmt: skip
+"""Matplotlib's settings; names may contain dollar signs, so that mathematical text is off."""
 COLOUR_MAPS = ("turbo", "viridis", "plasma", "inferno", "magma", "cividis")
 """Colour maps of continuous values: perceptually uniform ones, and turbo."""
 NARROW, SMALLEST = 4.5, 2.4
@@ -95,6 +96,20 @@ def figure_format(
         yield
     finally:
         _format.reset(before)
+
+
+@contextmanager
+def own_settings() -> Iterator[None]:
+    """Apply matplotlib's defaults and `_SETTINGS` in this context, not the user's settings.
+
+    The user's settings are restored at the end. As a decorator it covers drawing and saving.
+    """
+    from matplotlib import rc_context, rcdefaults, rcParams
+
+    with rc_context():
+        rcdefaults()
+        rcParams.update(_SETTINGS)
+        yield
 
 
 def check_colour_map(name: str) -> None:
@@ -173,13 +188,10 @@ class Page:
 
     def encoded(self) -> bytes:
         """The file in exactly the page's size, without date and version."""
-        from matplotlib import rc_context
-
         form, dpi = _format.get().form, self.figure.dpi
         self.figure.set_size_inches((self.width + 0.01) / dpi, (self.height + 0.01) / dpi)
         stream = BytesIO()
-        with rc_context(_SETTINGS):
-            self.figure.savefig(stream, format=form, dpi=dpi, metadata=EMPTY_METADATA[form])
+        self.figure.savefig(stream, format=form, dpi=dpi, metadata=EMPTY_METADATA[form])
         return stream.getvalue()
 
 
@@ -188,17 +200,15 @@ def new_page(size: Pixels, theme: Theme, title: str, subtitle: str = "") -> Page
 
     The title is wrapped to at most two lines, the subtitle to three; the rest is cut; pages of
     paper (`FigureFormat.dpi`) have up to three and ten lines. Fonts of the other pages scale with
-    the page: 10 points are 22 pixels on 1600 x 1200, times the type size. Mathematical text is off,
-    since names may contain dollar signs.
+    the page: 10 points are 22 pixels on 1600 x 1200, times the type size. Call it within
+    `own_settings`.
     """
-    from matplotlib import rcParams
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     width, height = size
     if not (16 <= width <= 20000 and 16 <= height <= 20000):
         raise RequestError(f"--size {width}x{height}: a figure has 16 to 20000 pixels a side")
-    rcParams["text.parse_math"] = False
     form = _format.get()
     scaled = math.sqrt(width * height * 4 / 3) / 10 * form.type_size
     dpi = form.dpi or max(SMALLEST_DPI, scaled)

@@ -7,13 +7,14 @@ import textwrap
 
 from s2rstore.errors import RequestError
 from s2rtui.canvas import LIGHT, Theme
-from s2rtui.charts.shared.paper import LETTER, NARROW, Pixels, new_page, style_axes
+from s2rtui.charts.shared.paper import LETTER, NARROW, Pixels, new_page, own_settings, style_axes
 from s2rtui.charts.shares.model import CONTRIBUTION, SharesInput, shares_model
 
 _LINE = 0.17
 """Height of a line of notes in inches."""
 
 
+@own_settings()
 def shares_figure(
     data: SharesInput, size: Pixels, theme: Theme = LIGHT, title: str = "", subtitle: str = ""
 ) -> bytes:

@@ -42,7 +42,8 @@ class SharesView(View):
         return SharesInput(selected, everything)
 
     def cache_key(self, scene: Scene) -> tuple[object, ...] | None:
-        return (self.input(scene),)
+        data = self.input(scene)
+        return data, "" if shares_model(data) else _reason(scene)
 
     def numbers(self, scene: Scene) -> Table:
         names = ("factor", "low_m", "share_m", "high_m", "all_m", "n")

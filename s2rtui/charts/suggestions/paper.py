@@ -16,6 +16,7 @@ from s2rtui.charts.shared.paper import (
     Page,
     Pixels,
     new_page,
+    own_settings,
     set_panel_title,
     style_axes,
 )
@@ -39,6 +40,7 @@ _SMALLEST = 0.7
 """Height of the smallest panel in inches."""
 
 
+@own_settings()
 def suggestions_figure(
     directions: Sequence[Direction], size: Pixels, theme: Theme = LIGHT, title: str = "",
     subtitle: str = "",

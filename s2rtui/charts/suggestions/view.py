@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Sequence
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, sentence
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rstore.suggestions import AIMS, read_report
@@ -61,7 +61,7 @@ class SuggestionsView(View):
 
     def summary(self, scene: Scene) -> str:
         parts = [
-            f"{direction.aim[:1].upper()}{direction.aim[1:]}: "
+            f"{sentence(direction.aim)}: "
             f"{direction.note or (direction.report and direction.report.verdict)}."
             for direction in self.input(scene).directions
         ]

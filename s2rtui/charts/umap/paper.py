@@ -19,6 +19,7 @@ from s2rtui.charts.shared.paper import (
     draw_ring,
     label_with_unit,
     new_page,
+    own_settings,
     set_panel_title,
     style_plane,
     value_colours,
@@ -48,6 +49,7 @@ TALLEST = 1.25
 """A panel's height over its width, at most."""
 
 
+@own_settings()
 def umap_figure(
     data: UmapInput, size: Pixels, theme: Theme = LIGHT, title: str = "", subtitle: str = ""
 ) -> bytes:

@@ -284,9 +284,18 @@ def _axes(canvas: Canvas, panel: Panel, layout: UmapLayout) -> None:
         start = int(panel.to_cells(tick, area.y0)[0]) - len(text) // 2
         if start >= free and start + len(text) <= stop:
             free = canvas.text(start, panel.y + panel.height, text, theme.muted) + 1
-    width = tick_step(area.height, max(2, panel.height // 4))
-    for tick in tick_values(area.y0, area.y1, max(2, panel.height // 4)):
+    for tick, text in _left_ticks(area.y0, area.y1, panel.height):
         row = int(panel.to_cells(area.x0, tick)[1])
         if panel.y <= row < panel.y + panel.height:
-            text = (tick_text(tick, width) if width >= 1e-2 else short_number(tick))[: AXES - 1]
             canvas.text(panel.x - 1, row, text, theme.muted, align="right")
+
+
+def _left_ticks(low: float, high: float, height: int) -> list[tuple[float, str]]:
+    """Ticks of the vertical axis whose labels fit uncut; none if no label fits."""
+    for count in range(max(2, height // 4), 0, -1):
+        width = tick_step(high - low, count)
+        ticks = tick_values(low, high, count)
+        texts = [tick_text(tick, width) if width >= 1e-2 else short_number(tick) for tick in ticks]
+        if all(len(text) < AXES for text in texts):
+            return list(zip(ticks, texts, strict=True))
+    return []

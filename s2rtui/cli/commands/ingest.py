@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import s2rstore
-from s2rstore.errors import RequestError, counted
+from s2rstore.errors import RequestError, counted, shortened
 from s2rstore.files.ingest_folder import building_folders
 from s2rstore.records import SIDES
 from s2rstore.security.printable_text import printable
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 _LISTED_FILES = 5
 _LISTED_STRICT = 100
 """Number of issues of one kind that are listed when `--strict` refuses the input."""
+_MAX_TEXT = 300
+"""Characters of a file name, and of a reason, in the list of issues."""
 _DEFAULT_SIZE = 256
 _DEFAULT_SIZES = {"world": 128, "images": 320}
 EXAMPLE = "s2r ingest csv pairs.csv --calibration lab.toml --store lab.s2r"
@@ -216,7 +218,8 @@ def _append(scan: Any, options: argparse.Namespace) -> int:
                 scan, options.store, _command(), options.strict, progress.advance, progress.say
             )
     except KeyboardInterrupt:
-        print(printable(f"s2r: interrupted; append to {options.store} again"), file=sys.stderr)
+        line = f"s2r: interrupted; {options.store} is unchanged; the same command resumes"
+        print(printable(line), file=sys.stderr)
         return 130
     with s2rstore.open(options.store) as store:
         count = len(store.instances)
@@ -256,6 +259,7 @@ def _print_issues(issues: list[Any], is_strict: bool) -> None:
     for kind, members in kinds.items():
         print(f"{kind}: {len(members)}", file=sys.stderr)
         for issue in members[:most]:
-            print(printable(f"  {issue.file} {issue.detail}".rstrip()), file=sys.stderr)
+            line = " ".join(shortened(text, _MAX_TEXT) for text in (issue.file, issue.detail))
+            print(printable(f"  {line}".rstrip()), file=sys.stderr)
         if len(members) > most:
             print(f"  ... and {len(members) - most} more", file=sys.stderr)

@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="auto",
         help="what runs the network: torch, torch-bfloat16, winograd, openvino, openvino-float32, "
         "cuda, cuda-float16, cuda-bfloat16, or auto (default): that of the run so far, else the "
-        "fastest that stays within 1 cm and 0.5 degrees of float32 on images of the store",
+        "usual one of this machine that stays within 1 cm and 0.5 degrees of float32",
     )
     add("--progress", choices=STYLES, default="auto",
         help="json prints one object per line on standard output and ends "

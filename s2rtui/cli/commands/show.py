@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from s2rstore.errors import sentence
 from s2rtui.cli import scene_arguments, store_argument
 from s2rtui.cli.coverage_notes import print_coverage, print_population
 from s2rtui.cli.formatting import rows as output
@@ -30,7 +31,7 @@ def execute(options: argparse.Namespace) -> int:
     with open_scene(options.store, scene_arguments.scene_options(options), view) as scene:
         print_coverage(scene.store, scene_arguments.runs(scene.state))
         if options.words:
-            note = f" {scene.trained_note.capitalize()}." if scene.trained_note else ""
+            note = f" {sentence(scene.trained_note)}." if scene.trained_note else ""
             print(view.summary(scene) + note * view.counts_instances)
             print_population(scene)
             return 0

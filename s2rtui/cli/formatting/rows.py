@@ -11,6 +11,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from rich.cells import cell_len
+
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes
 from s2rstore.security.printable_text import printable
@@ -102,9 +104,7 @@ def table(names: Sequence[str], rows: Rows, metadata: Metadata | None = None) ->
     """Return aligned columns under their names, after one `key: value` line per metadata entry."""
     names = [_cell(name) for name in names]
     cells = [[_cell(value) for value in row] for row in rows]
-    widths = [
-        max([len(name), *(len(row[column]) for row in cells)]) for column, name in enumerate(names)
-    ]
+    widths = [max(map(cell_len, column)) for column in zip(names, *cells, strict=True)]
     numeric = [
         any(isinstance(row[column], int | float | Decimal) for row in rows)
         for column in range(len(names))
@@ -112,9 +112,10 @@ def table(names: Sequence[str], rows: Rows, metadata: Metadata | None = None) ->
 
     def line(values: Sequence[str]) -> str:
         padded = (
-            value.rjust(width) if right else value.ljust(width)
+            f"{' ' * (width - cell_len(value))}{value}" if right
+            else f"{value}{' ' * (width - cell_len(value))}"
             for value, width, right in zip(values, widths, numeric, strict=True)
-        )
+        )  # fmt: skip
         return "  ".join(padded).rstrip()
 
     rule = "  ".join("-" * width for width in widths)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
 
 from s2rstore.errors import DamagedStoreError, RequestError
 from s2rstore.findings import store_summary
+from s2rstore.findings.report import find_in_selection
+from s2rstore.language import evaluation
 from s2rstore.metrics import run_metrics
+from s2rstore.security.printable_text import printable
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.view import Scene
 from s2rtui.export.load_scene import SceneOptions, apply_options, load_scene
@@ -23,6 +26,8 @@ from s2rtui.session import Session
 from s2rtui.session.error_groups import COUNTS
 from s2rtui.user_data.notebook import ReadNotebook
 
+Plan = Sequence[tuple[RequestedSelection, Sequence[str]]]
+"""The requested selections, each with the runs in which it is reported."""
 _SELECTION_VIEWS = ("map", "errors", "rooms", "orientation")
 _WIDE_PIXELS = 1500
 _HASH_CHARACTERS = 16
@@ -79,18 +84,43 @@ def build_report(session: Session, request: ReportRequest, on_step: StepCallback
     facts += [("note", note) for run in store.runs if (note := store.coverage(run).note)]
     begin_step("")
     caption = "All runs, over the instances that are new to each model"
-    in_table = tuple(f"  {run}: " for run in store.runs)
-    lines = store_summary.summary_lines(store)
     return Report(
         title=request.title or f"{store.dataset.name}: simulation and reality",
         subtitle=request.date,
         facts=facts,
-        findings=[line.strip() for line in lines if not line.startswith(in_table)],
+        findings=_finding_lines(session, request, plan),
         runs=metric_tables.compared_runs(store, state.runs, None, caption),
         images=overview,
         sections=sections,
         theme="dark" if request.theme == "dark" else "light",
     )
+
+
+def _finding_lines(session: Session, request: ReportRequest, plan: Plan) -> list[str]:
+    """The findings of the selections, then those of their runs, then those of the first run."""
+    store, trajectories = session.store, request.trajectories
+    runs = list(dict.fromkeys(run for _, names in plan for run in names))
+    lines = [store_summary.store_line(store, runs[0])]
+    for selection, names in plan:
+        if selection.expression == "all" and trajectories is None:
+            continue
+        place = " of ".join([selection.title, *([", ".join(trajectories)] if trajectories else [])])
+        for run in names:
+            try:
+                selected = evaluation.select(
+                    store, selection.expression, run, trajectories, session.notes.nodes
+                )
+            except RequestError:  # its section says why
+                continue
+            found = find_in_selection(store, run, selected)
+            lines += [f"{each.kind} of {run} in {place}: {each.line}" for each in found]
+    for run in runs:
+        lines += store_summary.finding_lines(store, run)
+    first = session.state.runs[0]
+    if first not in runs:
+        others = store_summary.finding_lines(store, first)
+        lines += [f"not asked for: {line}" for line in others]
+    return [printable(line) for line in lines]
 
 
 def _runs(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.index.population import SPLIT_SQL, Population, count_text
 from s2rstore.language import evaluation, expand, fields, parse, to_text
+from s2rstore.metrics.pose_metrics import population_ranks
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN, SPLITS
 from s2rtui.user_data.notebook import Notes, Remark
@@ -129,7 +130,11 @@ def selected_rows(
             query = f"SELECT {', '.join(default)} FROM {pairs} JOIN ({text}) USING (iid)"
             rows = store.execute(f"{query} WHERE run = ? ORDER BY iid", [*parameters, name])
         else:
-            readers = [_column(store, name, fields.of_name(column), notes) for column in columns]
+            population = Population(with_trained=with_trained)
+            readers = [
+                _column(store, name, fields.of_name(column), notes, population)
+                for column in columns
+            ]
             iids = store.execute(f"SELECT iid FROM ({text}) ORDER BY iid", parameters)
             rows = [tuple(read(iid) for read in readers) for (iid,) in iids]
     node = parse(expression)
@@ -166,7 +171,9 @@ def _rows_of(
     return rows
 
 
-def _column(store: Store, run: str, name: str, notes: Notes) -> Callable[[int], Any]:
+def _column(
+    store: Store, run: str, name: str, notes: Notes, population: Population
+) -> Callable[[int], Any]:
     """Return a function from iid to the value of a column, in units of the language, or None."""
     if name == "tags":
         return lambda iid: " ".join(notes.remarks.get(iid, Remark()).tags) or None
@@ -185,11 +192,15 @@ def _column(store: Store, run: str, name: str, notes: Notes) -> Callable[[int], 
         }[text.vocabulary]
         codes = _values(store, run, text.path)
         return lambda iid: labels[codes[iid]] if codes[iid] >= 0 else None
+    if name not in fields.NUMERIC and (field := fields.meant(name)):
+        raise RequestError(f"--columns {name}: no such field; {field} is meant")
     if name not in fields.NUMERIC:
         numeric = map(fields.with_unit, fields.NUMERIC)
         allowed = ", ".join((*numeric, *fields.TEXT, *NOTEBOOK_COLUMNS))
         raise RequestError(f"--columns {name}: must be one of {allowed}")
     numbers, scale = _values(store, run, fields.NUMERIC[name].path), fields.NUMERIC[name].scale
+    if name in fields.RANKS:
+        numbers = population_ranks(population, store.run_columns(run), fields.RANKS[name])
     if name in _INTEGER_FIELDS:
         return lambda iid: int(numbers[iid]) if numbers[iid] or name in ("iid", "seq") else None
     return lambda iid: None if np.isnan(numbers[iid]) else float(numbers[iid]) / scale

@@ -175,7 +175,8 @@ class Ledger(LedgerReader):
     def remove_entries(self, removed: set[str]) -> None:
         """Remove the entries of removed files, given by their paths inside the store.
 
-        Only for the holder of the store's compute lock: other processes must not be adding.
+        Only for the holder of both the compute lock and the publish lock of the store: processes
+        add lines under the one or the other.
         """
         for folder in self._run_folders():
             for name in self._files_in(folder):

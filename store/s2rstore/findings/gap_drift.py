@@ -16,8 +16,9 @@ def gap_drift(store: Store, run: str, history: Path | None = None) -> Finding | 
     """The change of G from the first to the last night that was measured and judged.
 
     `history` is a gap history, by default that of the store. The two nights count as independent,
-    so that the half widths of their intervals add in squares. None where fewer than two nights
-    were measured. Raises RequestError for a file that is no history.
+    so that the half widths of their intervals add in squares. A measurement has the date of the
+    night that made it, not of later nights that repeat its figures. None where fewer than two
+    nights were measured. Raises RequestError for a file that is no history.
     """
     if history is None and (stored := store.gap_history()) is not None:
         history = stored[0]
@@ -25,7 +26,10 @@ def gap_drift(store: Store, run: str, history: Path | None = None) -> Finding | 
         return None
     nights = reader.read(history).of_run(run, store.dataset.name)
     judged = [night for night in nights if math.isfinite(night.gap.value)]
-    measured = list({night.measured: night for night in judged}.values())
+    by_measurement: dict[int, Night] = {}
+    for night in judged:
+        by_measurement.setdefault(night.measured, night)
+    measured = list(by_measurement.values())
     if len(measured) < 2:
         return None
     first, last = measured[0], measured[-1]

@@ -83,6 +83,15 @@ def find_all(
     return FindingReport(run, tuple(findings), tuple(missing))
 
 
+def find_in_selection(store: Store, run: str, selected: NDArray[np.bool_]) -> list[Finding]:
+    """The findings about the new instances of a computed run that are `selected` (N,)."""
+    new = run_metrics.population(store, run) & selected
+    found = [worst_group(store, run, "heading", new), costliest_factor.of_shares(store, run, new)]
+    if not _no_rooms(store):
+        found.insert(0, worst_group(store, run, "room", new))
+    return [finding for finding in found if finding is not None]
+
+
 def _costliest_factor(
     store: Store, run: str, runs: list[RunErrors], new: NDArray[np.bool_]
 ) -> Finding | None:

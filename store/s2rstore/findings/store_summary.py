@@ -1,4 +1,4 @@
-"""Summarise a store in a few lines: its runs, and the findings about the first of them."""
+"""Summarise a store in a few lines: its runs, and the findings about one of them."""
 
 from __future__ import annotations
 
@@ -15,15 +15,29 @@ def summary_lines(store: Store) -> list[str]:
     if not computed:
         return ["no run is computed yet"]
     summary = [
-        f"{len(store.instances)} instances, {len(computed)} runs; "
-        f"predicting the mean position scores "
-        f"{100 * run_metrics.baseline_accuracy(store, computed[0]):.1f} % accuracy"
+        store_line(store, computed[0]),
+        *(_run_line(store, name) for name in computed),
+        *finding_lines(store, computed[0]),
     ]
-    summary += [_run_line(store, name) for name in computed]
-    for finding in find_all(store, computed[0]).findings:
-        of_run = "" if finding.kind == "best run" else f" of {finding.run}"
-        summary.append(f"{finding.kind}{of_run}: {finding.line}")
     return [printable(line) for line in summary]
+
+
+def store_line(store: Store, run: str) -> str:
+    """Numbers of instances and computed runs, and the accuracy of the baseline of a run."""
+    return (
+        f"{len(store.instances)} instances, {sum(bool(r.key) for r in store.runs.values())} runs; "
+        f"predicting the mean position scores "
+        f"{100 * run_metrics.baseline_accuracy(store, run):.1f} % accuracy"
+    )
+
+
+def finding_lines(store: Store, run: str) -> list[str]:
+    """The findings about a computed run, one per line."""
+    lines = []
+    for finding in find_all(store, run).findings:
+        of_run = "" if finding.kind == "best run" else f" of {finding.run}"
+        lines.append(f"{finding.kind}{of_run}: {finding.line}")
+    return lines
 
 
 def _run_line(store: Store, run: str) -> str:

@@ -18,6 +18,7 @@ from s2rstore.errors import RequestError, first_line
 from s2rstore.index import row_files
 from s2rstore.index.row_files import RowFiles
 from s2rstore.index.table_definition import Table
+from s2rstore.lru_cache import LruCache
 
 # Objects of a database that can hold code or change what names mean. Macros come first: nothing
 # else may be queried before it is known that no function was replaced.
@@ -37,6 +38,8 @@ _COLUMNS = """
 _COUNTS = "SELECT table_name, estimated_size FROM duckdb_tables() WHERE database_name = ?"
 _VIEW = re.compile(r"\s*CREATE VIEW (\w+) AS\s+(.*?)[\s;]*\Z", re.DOTALL)
 _POSITIONS = re.compile(r'"query_location(_length)?":\d+,?')
+_trees = LruCache(4 * 2**20, size=len)
+"""Parsed SELECTs by their text: the views of all stores have nearly the same."""
 
 
 def check(
@@ -87,10 +90,14 @@ def _check_views(
     path: Path,
     database: str,
 ) -> None:
-    known: dict[str, list[str]] = {}
-    for statement in (*views, *(row_files.view(table, files[table]) for table in files)):
-        known.setdefault(_parts(statement)[0], []).append(_tree(connection, statement))
     present = dict(connection.execute(_VIEWS, [database]).fetchall())
+    known: dict[str, list[str]] = {}
+    over_files = (
+        row_files.view(table, files[table], columns=row_files.columns_of_view(present[table]))
+        for table in files if table in present
+    )  # fmt: skip
+    for statement in (*views, *over_files):
+        known.setdefault(_parts(statement)[0], []).append(_tree(connection, statement))
     for name, sql in present.items():
         if name not in known:
             raise _refusal(path, f"view {name!r}")
@@ -109,9 +116,14 @@ def _parts(statement: str) -> tuple[str, str]:
 
 def _tree(connection: duckdb.DuckDBPyConnection, statement: str) -> str:
     """The parsed SELECT of a view, without the positions of its words."""
-    query = "SELECT json_serialize_sql(?::VARCHAR)"
-    (parsed,) = connection.execute(query, [_parts(statement)[1]]).fetchall()[0]
-    return _POSITIONS.sub("", parsed)
+    select = _parts(statement)[1]
+
+    def parsed() -> str:
+        query = "SELECT json_serialize_sql(?::VARCHAR)"
+        (tree,) = connection.execute(query, [select]).fetchall()[0]
+        return _POSITIONS.sub("", tree)
+
+    return _trees.get(select, parsed)
 
 
 def _table_columns(

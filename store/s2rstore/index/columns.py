@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import difflib
+import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.records import Side
+from s2rstore.records import SIDES, Side
 
 FloatColumn = NDArray[np.float64]
 IntColumn = NDArray[np.int32]
 BoolColumn = NDArray[np.bool_]
 Read = Callable[[str], NDArray[Any]]
+_UNIT = re.compile(r"_(m|s|deg|rad)\Z")
 
 
 class Columns:
@@ -26,8 +29,19 @@ class Columns:
 
         def __getattr__(self, name: str) -> NDArray[Any]:
             if name.startswith("_") or name not in type(self).__annotations__:
-                raise AttributeError(name)
+                raise AttributeError(self._unknown(name))
             return self._read(name)
+
+    def _names(self) -> list[str]:
+        return list(type(self).__annotations__)
+
+    def _unknown(self, name: str) -> str:
+        """A message about an unknown column, which often is the name of a field with its unit."""
+        bare = _UNIT.sub("", name)
+        near = difflib.get_close_matches(bare, self._names(), n=1, cutoff=0.8)
+        if name.startswith("_") or not near:
+            return f"no column {name} (has: {', '.join(self._names())})"
+        return f"no column {name}; {near[0]} is meant (radians and metres)"
 
 
 class InstanceColumns(Columns):
@@ -115,6 +129,10 @@ class RunColumns(Columns):
         self.run = run
         self.sim = sim
         self.real = real
+
+    def _names(self) -> list[str]:
+        sides = (f"{side}.{name}" for side in SIDES for name in SideColumns.__annotations__)
+        return [*super()._names(), *sides]
 
     def side(self, side: Side) -> SideColumns:
         return self.sim if side == "sim" else self.real

@@ -42,8 +42,8 @@ _opening = threading.Lock()
 """Connections of one process to one file share a configuration, which is locked once."""
 _checked: dict[tuple[int, ...], None] = {}
 """Identities of the files whose catalog passed the check; a published file never changes."""
-_counted: dict[tuple[int, ...], None] = {}
-"""Identities of the indexes whose files of rows hold as many rows as they should."""
+_compared: dict[tuple[int, ...], None] = {}
+"""Identities of the indexes whose files of rows hold the columns and rows that they should."""
 
 
 def connect(
@@ -116,9 +116,9 @@ def _connect_with_files(
         connection.execute(views[0])
         row_files.check_types(connection, files, path)
         identity = *_identity(path), hash(tuple(paths))
-        if identity not in _counted:
-            row_files.check_counts(connection, path, files)
-            _counted[identity] = None
+        if identity not in _compared:
+            row_files.check_files(connection, path, files)
+            _compared[identity] = None
     except duckdb.Error as error:
         connection.close()
         message = f"{path}: cannot be opened ({first_line(error)}); run `s2r verify`"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Collection, Iterator
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from threading import RLock
 from typing import Any
@@ -56,6 +57,8 @@ class OpenIndex:
             current.bytes if is_published else None,
         )
         self._lock = RLock()
+        self._left_out = frozenset(left_out)
+        self._file_columns: dict[str, frozenset[str]] = {}
         self._opened: duckdb.DuckDBPyConnection | None = locked_connection.connect(
             self._index, memory, left_out=left_out, place=self._place_rows
         )
@@ -178,10 +181,23 @@ class OpenIndex:
         optional = {c.name for c in schema.BY_NAME[table].columns if c.optional}
         if not optional:
             return frozenset()
+        if table in self.row_files:
+            return frozenset(optional - self._columns_of_files(table))
         with self._explained():
             query = f'SELECT * FROM "{table}" LIMIT 0'
             cursor = self._connection_for(query).execute(query)
         return frozenset(optional - {column[0] for column in cursor.description})
+
+    def _columns_of_files(self, table: str) -> frozenset[str]:
+        """The columns that any file of rows of a table has."""
+        if table not in self._file_columns:
+            files = [f for f in self.row_files[table] if f.path not in self._left_out]
+            with self._explained(), self._lock:
+                found = row_files.stored_columns(
+                    self._connection.cursor(), self._index.parent, files
+                )
+            self._file_columns[table] = frozenset(chain.from_iterable(found.values()))
+        return self._file_columns[table]
 
 
 def _printable(column: str, value: Any) -> Any:

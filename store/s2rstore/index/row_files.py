@@ -40,7 +40,9 @@ MAX_ROWS_PER_BYTE = 1.0
 _MAX_FILES = 200_000
 _NAME = re.compile(r"[0-9a-f]{16}\.parquet\Z")
 _SHA256 = re.compile(r"[0-9a-f]{64}\Z")
-_OPTIONS = "hive_partitioning = false"
+_OPTIONS = "hive_partitioning = false, union_by_name = true"
+_FOLDER_NAME = "parse_filename(parse_dirpath(filename))"
+_EMPTY_COLUMN = re.compile(r'CAST\(NULL AS (\w+)\) AS "?(\w+)"?')
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,30 +118,61 @@ def _is_valid(file: RowFile) -> bool:
     )
 
 
-def select(table: str, files: Iterable[RowFile], folder: Path | None = None) -> str:
-    """The SELECT over the rows of `files`, with the columns of the table in their order.
+def select(
+    table: str,
+    files: Iterable[RowFile],
+    folder: Path | None = None,
+    columns: Sequence[tuple[str, str]] | None = None,
+) -> str:
+    """The SELECT over the rows of `files`, with `columns` (name, type), by default the table's.
 
-    Paths are relative, or below `folder`, the absolute folder of the index. A filter on the run
-    reads the files of that run alone, since the run is the name of the folder that holds a file.
+    A column that a file does not have is NULL in its rows. Paths are relative, or below `folder`,
+    the absolute folder of the index. A filter on the run reads the files of that run alone, since
+    the run is the name of the folder that holds a file.
     """
+    if columns is None:
+        columns = [(column.name, column.type) for column in schema.BY_NAME[table].columns]
+    empty = ", ".join(f'NULL::{kind} AS "{name}"' for name, kind in columns)
     files = list(files)
     if not files:
-        nulls = (f'NULL::{c.type} AS "{c.name}"' for c in schema.BY_NAME[table].columns)
-        return f"SELECT {', '.join(nulls)} WHERE false"
+        return f"SELECT {empty} WHERE false"
     paths = (file.path if folder is None else f"{folder}/{file.path}" for file in files)
     literals = ", ".join("'" + path.replace("'", "''") + "'" for path in paths)
     partition = PARTITIONS[table]
-    columns = ", ".join(
-        f"parse_filename(parse_dirpath(filename)) AS {name}" if name == partition else f'"{name}"'
-        for name in schema.BY_NAME[table].column_names
-    )
+    stored = "*" if partition is None else f"*, {_FOLDER_NAME} AS {partition}"
     options = _OPTIONS if partition is None else f"filename = true, {_OPTIONS}"
-    return f"SELECT {columns} FROM read_parquet([{literals}], {options})"
+    names = ", ".join(f'"{name}"' for name, _ in columns)
+    return (
+        f"SELECT {names} FROM (SELECT {empty} WHERE false UNION ALL BY NAME "
+        f"SELECT {stored} FROM read_parquet([{literals}], {options}))"
+    )
 
 
-def view(table: str, files: Iterable[RowFile], folder: Path | None = None) -> str:
+def view(
+    table: str,
+    files: Iterable[RowFile],
+    folder: Path | None = None,
+    columns: Sequence[tuple[str, str]] | None = None,
+) -> str:
     """The statement that makes the view in place of a table, see `select`."""
-    return f"CREATE VIEW {table} AS {select(table, files, folder)}"
+    return f"CREATE VIEW {table} AS {select(table, files, folder, columns)}"
+
+
+def columns_of_view(sql: str) -> list[tuple[str, str]]:
+    """The columns (name, type) of a view that `view` has made, from its statement."""
+    return [(name, kind) for kind, name in _EMPTY_COLUMN.findall(sql)]
+
+
+def stored_columns(
+    connection: duckdb.DuckDBPyConnection, folder: Path, files: Iterable[RowFile]
+) -> dict[str, dict[str, str]]:
+    """Types of the columns of each file, by its path below `folder`, that of the index."""
+    paths = [f"{folder.absolute()}/{file.path}" for file in files]
+    query = "SELECT file_name, name, duckdb_type FROM parquet_schema(?) WHERE type IS NOT NULL"
+    found: dict[str, dict[str, str]] = {path: {} for path in paths}
+    for path, name, kind in connection.execute(query, [paths]).fetchall() if paths else []:
+        found[path][name] = kind
+    return found
 
 
 def check_types(connection: duckdb.DuckDBPyConnection, tables: Iterable[str], path: Path) -> None:
@@ -184,10 +217,11 @@ def check_present(index: Path, files: RowFiles) -> None:
             raise RequestError(f"{path}: {reason}; run `s2r verify`, and restore the file")
 
 
-def check_counts(connection: duckdb.DuckDBPyConnection, index: Path, files: RowFiles) -> None:
-    """Raise RequestError where a file states another number of rows than the index lists.
+def check_files(connection: duckdb.DuckDBPyConnection, index: Path, files: RowFiles) -> None:
+    """Raise RequestError where a file has other columns or rows than the index lists.
 
-    A file of repeated values could otherwise hold far more rows than its size lets expect.
+    Only columns that earlier releases did not write may be missing. A file of repeated values could
+    otherwise hold far more rows than its size lets expect.
     """
     expected = {
         f"{index.parent.absolute()}/{file.path}": file for group in files.values() for file in group
@@ -195,6 +229,7 @@ def check_counts(connection: duckdb.DuckDBPyConnection, index: Path, files: RowF
     query = "SELECT file_name, num_rows FROM parquet_file_metadata(?)"
     try:
         rows = connection.execute(query, [list(expected)]).fetchall() if expected else []
+        columns = stored_columns(connection, index.parent, expected.values())
     except duckdb.Error as error:
         reason = first_line(error)
         raise RequestError(f"{index}: rows cannot be read ({reason}); run `s2r verify`") from error
@@ -204,3 +239,19 @@ def check_counts(connection: duckdb.DuckDBPyConnection, index: Path, files: RowF
             raise RequestError(
                 f"{path}: {counts.get(path)} rows instead of {file.rows}; run `s2r verify`"
             )
+        if not _has_columns(columns[path], file.table):
+            raise RequestError(
+                f"{path}: other columns than those of table {file.table}; run `s2r verify`"
+            )
+
+
+def _has_columns(stored: Mapping[str, str], table: str) -> bool:
+    """Whether a file with columns of these types holds rows of a table."""
+    partition = PARTITIONS[table]
+    if partition in stored:
+        return False
+    return all(
+        stored.get(column.name, column.type if column.optional else "") == column.type
+        for column in schema.BY_NAME[table].columns
+        if column.name != partition
+    )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from s2rstore.index.pair_view import column_name as pair_column
-from s2rstore.records import GAP_FACTORS, SIDES
+from s2rstore.records import GAP_FACTORS, SIDES, Side
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ _SIDE_NUMERIC: tuple[tuple[Any, ...], ...] = (
     ("heading_error", "degrees", "angle to the ground truth", _DEGREE),
     ("loss", "", "0.7 error^2 + 0.3 heading error in radians"),
     ("accuracy", "", "1 - error / accuracy scale, at least 0"),
-    ("rank", "", "by error among all instances, trained ones included, 1 = smallest"),
+    ("rank", "", "by error among the instances that count, 1 = smallest"),
     ("outlier", "", "distance to its nearest embeddings, 1 = the side's median"),
     ("x", "m", "predicted position"),
     ("y", "m", "predicted position"),
@@ -99,6 +99,9 @@ NUMERIC: dict[str, Numeric] = {
         for name, unit, text, *turn in _SIDE_NUMERIC
     },
 }
+
+RANKS: dict[str, Side] = {f"{side}.rank": side for side in SIDES}
+"""The fields that depend on the population, and the side that each ranks."""
 
 TEXT: dict[str, Text] = {
     "room": Text("room", "instances.room", "rooms", "room of the ground truth"),
@@ -199,6 +202,24 @@ def of_column(column: str) -> str | None:
 def of_name(name: str) -> str:
     """The field that a name with or without unit, or a column of rows, stands for."""
     return without_unit(of_column(name) or name)
+
+
+def meant(name: str) -> str | None:
+    """The field, with its unit, of which an unknown name is another spelling; None for none.
+
+    `heading_rad` means `heading_deg`; `real_error` and `real.error_rad` mean `real.error_m`.
+    """
+    return _SPELLINGS.get(_bare(name))
+
+
+def _bare(name: str) -> str:
+    bare = name.lower().replace(".", "_")
+    unit = next((unit for unit in _UNITS if bare.endswith(unit)), "")
+    return bare.removesuffix(unit)
+
+
+_UNITS = ("_m", "_deg", "_rad", "_s")
+_SPELLINGS = {_bare(name): with_unit(name) for name in (*TEXT, *NUMERIC)} | {"trajectory": "traj"}
 
 
 def is_truth(name: str) -> bool:

@@ -46,7 +46,7 @@ def apply(head: Head, arguments: list[Any]) -> Node:
 def numeric(head: Head) -> Field:
     """A field of numbers. Raises ExpressionError with the nearest known ones."""
     if head.name not in fields.NUMERIC:
-        if field := fields.of_column(head.name):
+        if field := fields.meant(head.name):
             raise unknown(head.column, "number field", head.name, [field])
         raise unknown(head.column, "number field", head.name, list(fields.NUMERIC))
     return Field(head.name, head.run)

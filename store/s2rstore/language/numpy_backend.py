@@ -24,6 +24,7 @@ from s2rstore.language.name_resolution import (
     used_fields,
 )
 from s2rstore.lru_cache import LruCache
+from s2rstore.metrics.pose_metrics import population_ranks
 from s2rstore.metrics.top_k import top_k
 
 Mask = NDArray[np.bool_]
@@ -112,8 +113,10 @@ def _key(node: tree.Node, context: MaskContext) -> Hashable:
     """All that a leaf's mask depends on."""
     if isinstance(node, tree.Extreme | tree.Like):
         return node, context.run, context.population
-    needs_run = not all(fields.is_truth(used.name) for used in used_fields(node))
-    return node, context.run if needs_run else None
+    names = [used.name for used in used_fields(node)]
+    needs_run = not all(map(fields.is_truth, names))
+    with_trained = context.population.with_trained if fields.RANKS.keys() & set(names) else None
+    return node, context.run if needs_run else None, with_trained
 
 
 def _leaf(node: tree.Node, context: MaskContext) -> Mask:
@@ -164,7 +167,7 @@ def _leaf(node: tree.Node, context: MaskContext) -> Mask:
 
 def _blockwise(condition: Callable[..., Mask], context: MaskContext, *used: tree.Field) -> Mask:
     """A condition over fields, evaluated in blocks that stay in the processor's cache."""
-    columns = [_column(fields.NUMERIC[field.name].path, field.run, context) for field in used]
+    columns = [_field_column(field, context) for field in used]
     result = np.empty(len(context.instances), dtype=np.bool_)
     for start in range(0, result.size, _BLOCK):
         block = slice(start, start + _BLOCK)
@@ -229,16 +232,27 @@ def _extreme(node: tree.Extreme, context: MaskContext) -> Mask:
 
 def field_values(field: tree.Field, context: MaskContext) -> Values:
     """A field of every instance in the unit of the index, shape (N,), NaN for NULL."""
-    return _nan_for_null(field, _column(fields.NUMERIC[field.name].path, field.run, context))
+    return _nan_for_null(field, _field_column(field, context))
 
 
 def _nan_for_null(field: tree.Field, column: NDArray[Any]) -> Values:
     """A field's column, or a part of it, with NaN for NULL."""
-    if field.name.endswith(".rank"):
+    if field.name in fields.RANKS:
         return np.where(column > 0, column, np.nan)
     if field.name == "seq":
         return np.where(column >= 0, column, np.nan)
     return np.asarray(column, dtype=np.float64)
+
+
+def _field_column(field: tree.Field, context: MaskContext) -> NDArray[Any]:
+    """The values of a numeric field, shape (N,); ranks are counted within the population."""
+    if field.name not in fields.RANKS:
+        return _column(fields.NUMERIC[field.name].path, field.run, context)
+    run, population = field.run or context.run, context.population
+    return context.evaluated.get(
+        ("ranks", field.name, run, population.with_trained),
+        lambda: population_ranks(population, context.run_columns(run), fields.RANKS[field.name]),
+    )
 
 
 def _column(path: str, run: str | None, context: MaskContext) -> NDArray[Any]:

@@ -185,6 +185,9 @@ class _Build(Transformer[Token, Any]):
             raise ExpressionError(after, f"{head.name} needs a condition", [" > 1", ":value"])
         if head.name in fields.FUNCTIONS:
             raise ExpressionError(after, f"{head.name} needs ( and its arguments")
+        if field := fields.meant(head.name):
+            condition = ":value" if field in fields.TEXT else " > 1"
+            raise unknown(head.column, "field", head.name, [field + condition])
         words = list(fields.RUN_WORDS if head.run else [*fields.WORDS, *fields.FUNCTIONS])
         raise unknown(head.column, "word", head.name, words)
 
@@ -200,7 +203,9 @@ class _Build(Transformer[Token, Any]):
             column = content[1] if kind == "name" else head.column
             return tree.Named(tree.Field(head.name, head.run), name, column)
         if kind == "name" and head.name not in fields.NUMERIC:
-            raise unknown(head.column, "field", head.name, [*fields.TEXT, *fields.NUMERIC])
+            meant = fields.meant(head.name)
+            known = [meant] if meant else [*fields.TEXT, *fields.NUMERIC]
+            raise unknown(head.column, "field", head.name, known)
         field = numeric(head)
         if kind == "span":
             if content[0] > content[1] and not fields.NUMERIC[field.name].angle:

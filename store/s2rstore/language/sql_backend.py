@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from s2rstore.geometry import angles
@@ -12,7 +12,13 @@ from s2rstore.geometry.curvature import STRAIGHT_BELOW
 from s2rstore.index.population import NEW_INSTANCES, Population, new_to_run
 from s2rstore.language import fields, lasso
 from s2rstore.language import syntax_tree as tree
-from s2rstore.language.name_resolution import Neighbours, Vocabulary, expand, similar_instances
+from s2rstore.language.name_resolution import (
+    Neighbours,
+    Vocabulary,
+    expand,
+    similar_instances,
+    used_fields,
+)
 from s2rstore.records import NO_RUN, SIDES
 
 
@@ -56,13 +62,31 @@ class _Writer:
 
 def to_sql(node: tree.Node, context: SqlContext) -> tuple[str, list[Any]]:
     """`SELECT iid ... ORDER BY iid` and its parameters. Raises ExpressionError."""
+    expanded = expand(node, context.words)
+    used = {field.name for leaf in tree.leaves(expanded) for field in used_fields(leaf)}
+    if ranks := fields.RANKS.keys() & used:
+        context = replace(context, pairs=_ranked(context, sorted(ranks)))
     writer = _Writer(context)
     base = _base(writer, None, "q")
-    condition = _condition(expand(node, context.words), writer)
+    condition = _condition(expanded, writer)
     return (
         f"SELECT q.iid FROM {context.pairs} q WHERE {base} AND {condition} ORDER BY q.iid",
         writer.parameters,
     )
+
+
+def _ranked(context: SqlContext, ranks: Sequence[str]) -> str:
+    """`context.pairs` with ranks among the instances that count, in any trajectory."""
+    if context.population.with_trained or context.run == NO_RUN:
+        return context.pairs
+    replaced = []
+    for side in (fields.RANKS[name] for name in ranks):
+        error = f"p.{side}_error_m"
+        counts = f"({new_to_run('p')} AND {_known(error)})"
+        order = f"PARTITION BY p.run, {counts} ORDER BY {error}, p.iid"
+        place = f"CASE WHEN {counts} THEN row_number() OVER ({order}) END"
+        replaced.append(f"{place} AS {side}_rank")
+    return f"(SELECT * REPLACE ({', '.join(replaced)}) FROM {context.pairs} p)"
 
 
 def _base(writer: _Writer, run: str | None, alias: str) -> str:

@@ -39,8 +39,11 @@ _WAITING = 64
 _AT_ONCE_BYTES = 16 * 2**20
 """Files up to this size are read once, to be compared and sent."""
 _CHANGING = {"Cache-Control": "no-cache"}
-"""For objects that are replaced: a cache must ask whether its copy is the present one."""
+"""A cache must ask whether its copy is the present one."""
 _FIXED = {"Cache-Control": "max-age=31536000, immutable"}
+"""For objects that are named by their content. Another store has other content of the same name."""
+_HASH_DIGITS = 16
+"""The least digits of a checksum that name a file, such as those of rows."""
 
 
 class Progress(Protocol):
@@ -75,14 +78,16 @@ def push(root: Path, url: StoreUrl, progress: Progress, force: bool = False) -> 
     there = RemoteFiles(url)
     if not force:
         _refuse_replacing(root, current, there)
-    with push_lease(there.client, progress.say) as lease:
-        return _push(root, current, there, progress, force, lease)
+    client = ObjectClient(url)
+    with push_lease(client, progress.say) as lease:
+        return _push(root, current, there, client, progress, force, lease)
 
 
 def _push(
     root: Path,
     current: layout.Current,
     there: RemoteFiles,
+    client: ObjectClient,
     progress: Progress,
     force: bool,
     lease: PushLease,
@@ -96,28 +101,28 @@ def _push(
         files = generation_files(store, current)
         history = store.files.stamp(layout.GAP_HISTORY) is not None
     progress.begin("push", len(files) + 2 + history)
-    transfer = _Transfer(LocalFiles(root), there.client, progress, lease)
+    transfer = _Transfer(LocalFiles(root), client, progress, lease)
     transfer.send_all(files)
-    transfer.send_content(generation_file(current.generation), transfer.ledger(), _FIXED)
+    transfer.send_content(generation_file(current.generation), transfer.ledger())
     if history:
         content = safe_files.read(root, layout.GAP_HISTORY)
-        transfer.send_content(layout.GAP_HISTORY, content, _CHANGING)
+        transfer.send_content(layout.GAP_HISTORY, content)
     content = safe_files.read(root, layout.CURRENT)
     if msgspec.json.decode(content, type=layout.Current) != current:
         content = msgspec.json.encode(current)
     if force:
-        transfer.send_content(layout.CURRENT, content, _CHANGING)
+        transfer.send_content(layout.CURRENT, content)
     else:
-        etag = _version(there)
+        etag = _version(client)
         _refuse_replacing(root, current, there)
         transfer.publish(content, etag)
     return PushResult(current.generation, transfer.sent, transfer.bytes, transfer.skipped)
 
 
-def _version(there: RemoteFiles) -> str | None:
+def _version(client: ObjectClient) -> str | None:
     """The ETag of the published state of the target; None where it has none."""
     with suppress(FileNotFoundError):
-        return there.client.head(layout.CURRENT).etag
+        return client.head(layout.CURRENT).etag
     return None
 
 
@@ -186,12 +191,11 @@ class _Transfer:
         """
         name, sha256 = layout.CURRENT, hashlib.sha256(content).hexdigest()
         known = len(content), sha256, _md5(content)
-        attributes = {CHECKSUM: sha256, **_CHANGING}
         self._lease.check()
         is_there = self._is_there(name, *known)
         if not (
             is_there
-            or self._client.put_unless_changed(name, content, attributes, etag)
+            or self._client.put_unless_changed(name, content, _attributes(name, sha256), etag)
             # A repeated request finds the object of the first one, whose answer was lost.
             or self._is_there(name, *known)
         ):
@@ -199,13 +203,13 @@ class _Transfer:
             raise RequestError(f"{where}: another push published meanwhile; run it again")
         self._count(len(content), not is_there)
 
-    def send_content(self, name: str, content: bytes, attributes: dict[str, str]) -> None:
+    def send_content(self, name: str, content: bytes) -> None:
         """Send a small file whose content is known, unless it is there."""
         sha256 = hashlib.sha256(content).hexdigest()
         is_there = self._is_there(name, len(content), sha256, _md5(content))
         if not is_there:
             self._lease.check()
-            self._client.put(name, content, {CHECKSUM: sha256, **attributes})
+            self._client.put(name, content, _attributes(name, sha256))
         self._count(len(content), not is_there)
 
     def _count(self, size: int, was_sent: bool) -> None:
@@ -232,7 +236,7 @@ class _Transfer:
         if self._is_there(file.path, file.bytes, sha256, md5):
             return entry, False
         self._lease.check_at_times()
-        self._client.put(file.path, content, {CHECKSUM: sha256, **_FIXED})
+        self._client.put(file.path, content, _attributes(file.path, sha256))
         return entry, True
 
     def _is_there(self, name: str, size: int, sha256: str, md5: str) -> bool:
@@ -243,6 +247,13 @@ class _Transfer:
                 stated = attributes.get(CHECKSUM)
                 return stated == sha256 if stated else bool(md5) and facts.etag.strip('"') == md5
         return False
+
+
+def _attributes(name: str, sha256: str) -> dict[str, str]:
+    """The values of an object: the SHA-256 of its content, and how long a cache may keep it."""
+    stem = name.rsplit("/", 1)[-1].split(".")[0]
+    is_named_by_content = len(stem) >= _HASH_DIGITS and sha256.startswith(stem)
+    return {CHECKSUM: sha256, **(_FIXED if is_named_by_content else _CHANGING)}
 
 
 def _md5(content: bytes) -> str:

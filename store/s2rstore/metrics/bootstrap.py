@@ -45,6 +45,24 @@ MAX_TRAJECTORY_SHARE = 1 / 3
 """A trajectory with more than this share of the rows leaves too few others to resample."""
 
 
+class Bound(float):
+    """A bound of an interval, in texts with a `<` or `>` where the interval goes beyond all values.
+
+    JSON, CSV and arithmetic have the number alone.
+    """
+
+    __slots__ = ("mark",)
+    mark: str
+
+    def __new__(cls, value: float, mark: str = "") -> Bound:
+        bound = super().__new__(cls, value)
+        bound.mark = mark
+        return bound
+
+    def __format__(self, spec: str) -> str:
+        return self.mark + super().__format__(spec)
+
+
 @dataclass(frozen=True, slots=True)
 class Interval:
     """Confidence interval around an estimate; NaN bounds where the interval is unknown.
@@ -84,11 +102,17 @@ class Interval:
         """Whether the estimate is known to be below zero."""
         return self.tested_bounds[1] < 0
 
-    def bound_texts(self, number: Callable[[float], str]) -> tuple[str, str]:
-        """Both bounds by `number`; `<1.2` and `>9.3` where the interval goes beyond all values."""
+    @property
+    def bounds(self) -> tuple[Bound, Bound]:
+        """Both bounds, which texts mark as in `<1.2` and `>9.3` beyond all values."""
         low, high = self.tested_bounds
         below, above = "<" if low < self.low else "", ">" if high > self.high else ""
-        return below + number(self.low), above + number(self.high)
+        return Bound(self.low, below), Bound(self.high, above)
+
+    def bound_texts(self, number: Callable[[float], str]) -> tuple[str, str]:
+        """Both bounds by `number`, marked as in `bounds`."""
+        low, high = self.bounds
+        return low.mark + number(self.low), high.mark + number(self.high)
 
     def clipped(self, low: float, high: float) -> Interval:
         """The interval with its bounds inside the range that the quantity can have."""

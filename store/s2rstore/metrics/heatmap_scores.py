@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -30,8 +31,9 @@ class HeatmapScore:
 
     @property
     def text(self) -> str:
-        """`AUROC 0.97 (0.95 to 0.99)`."""
-        return f"AUROC {self.auroc.value:.2f} ({self.auroc.low:.2f} to {self.auroc.high:.2f})"
+        """`AUROC 0.97 (0.95 to 0.99)`; without the bounds where they are unknown."""
+        bounds = f" ({self.auroc.low:.2f} to {self.auroc.high:.2f})"
+        return f"AUROC {self.auroc.value:.2f}{'' if math.isnan(self.auroc.low) else bounds}"
 
 
 def own_scores(store: Store, run: str) -> list[HeatmapScore]:
@@ -54,7 +56,7 @@ def own_scores(store: Store, run: str) -> list[HeatmapScore]:
             HeatmapScore(
                 printable(row["kind"]),
                 row["mode"],
-                Interval(float(row["auroc_low"]), float(row["auroc"]), float(row["auroc_high"])),
+                Interval(_bound(row["auroc_low"]), float(row["auroc"]), _bound(row["auroc_high"])),
                 float(row["precision"]),
                 float(row["base_rate"]),
             )
@@ -64,6 +66,10 @@ def own_scores(store: Store, run: str) -> list[HeatmapScore]:
         message = f"{store.path}: the stored score is invalid"
         raise RequestError(f"{message}; run `s2r score` again") from error
     return sorted(scores, key=lambda score: -score.auroc.value)
+
+
+def _bound(value: float | None) -> float:
+    return math.nan if value is None else float(value)
 
 
 def ranked(store: Store, run: str, choices: Sequence[HeatmapChoice]) -> list[HeatmapChoice]:
@@ -91,7 +97,10 @@ def trust_line(store: Store, run: str, kind: str, mode: str | None) -> str:
     if not facts.shows or kind == NO_HEAT:
         return facts.shows
     if facts.harm_auroc is not None:
-        return f"{facts.shows}; AUROC {facts.harm_auroc:.2f} for harmful objects in the demo world"
+        unit = facts.planes.get(mode or facts.default_mode or "")
+        sums = "; sums to metres" if facts.sums_up and unit == "m" else ""
+        found = f"AUROC {facts.harm_auroc:.2f} for harmful objects in the demo world"
+        return f"{facts.shows}{sums}; {found}"
     own = next((s for s in _readable_scores(store, run) if (s.kind, s.mode) == (kind, mode)), None)
     if own is not None:
         found = f"{own.text} in this store"

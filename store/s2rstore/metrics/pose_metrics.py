@@ -6,6 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.geometry import angles
+from s2rstore.index.columns import RunColumns
+from s2rstore.index.population import Population
+from s2rstore.records import Side
 
 LOSS_GAMMA = 0.3
 
@@ -40,6 +43,17 @@ def rank(error: NDArray[np.float64]) -> NDArray[np.int32]:
     known = np.flatnonzero(~np.isnan(error))
     ranks[known[np.argsort(error[known], kind="stable")]] = np.arange(1, known.size + 1)
     return ranks
+
+
+def population_ranks(population: Population, run: RunColumns, side: Side) -> NDArray[np.int32]:
+    """(N,) ranks by a side's error among the instances that count in any trajectory, else 0.
+
+    Where all instances count, they are the stored ranks.
+    """
+    part = run.side(side)
+    if not population.leaves_out_trained(run):
+        return part.rank
+    return rank(np.where(run.trained, np.nan, part.error))
 
 
 def baseline_accuracy(

@@ -1,4 +1,4 @@
-"""Requests to one server for the objects of a store, with bounded time, retries and sizes.
+"""Requests to an S3 server for the objects of a store, with bounded time, retries and sizes.
 
 `obstore` sends the requests and repeats those that fail on the way. Its errors become one line that
 names the object and the cause: what a server or a library says is never shown, because it may be of
@@ -23,15 +23,15 @@ from s2rstore.remote.store_url import StoreUrl
 
 if TYPE_CHECKING:
     from obstore import PutMode
-    from obstore.store import ClientConfig, HTTPStore, RetryConfig, S3Store
+    from obstore.store import ClientConfig, RetryConfig, S3Store
 
 TIMEOUT_VARIABLE = "S2R_REMOTE_TIMEOUT"
 """Environment variable with the seconds that one request may take."""
 DEFAULT_TIMEOUT = 20.0
 MAX_RETRIES = 3
 
-_CONNECT_SECONDS = 5.0
-_WHOLE_BYTES = 64 * 2**20
+CONNECT_SECONDS = 5.0
+WHOLE_BYTES = 64 * 2**20
 """Objects up to this size are read whole from a server that ignores byte ranges."""
 _MAX_LISTED = 5_000_000
 _CREDENTIALS = (
@@ -65,34 +65,35 @@ class ObjectFacts:
     modified_ns: int
 
 
+def missing_package(url: StoreUrl, error: ModuleNotFoundError) -> RequestError:
+    """The error of a remote store whose Python package is not installed."""
+    return RequestError(
+        f"{url}: reading from a server needs the Python package {error.name}; "
+        "install it with `pip install 's2rtui[remote]'`"
+    )
+
+
 class ObjectClient:
     """The objects below a URL, by their paths relative to it; any thread may use it."""
+
+    can_list = True
 
     def __init__(self, url: StoreUrl) -> None:
         self.url = url
         self._timeout = timeout()
         self._store = self._connect()
 
-    @property
-    def can_list(self) -> bool:
-        """Whether the server can be asked which objects there are."""
-        return self.url.scheme == "s3"
-
-    def _connect(self) -> HTTPStore | S3Store:
+    def _connect(self) -> S3Store:
         """The store of obstore; the first request opens the first connection."""
         try:
-            from obstore.store import HTTPStore, S3Store
+            from obstore.store import S3Store
         except ModuleNotFoundError as error:
-            raise RequestError(
-                f"{self.url}: reading from a server needs the Python package {error.name}; "
-                "install it with `pip install 's2rtui[remote]'`"
-            ) from error
+            raise missing_package(self.url, error) from error
         endpoint = _endpoint()
-        address = (endpoint or "https:") if self.url.scheme == "s3" else str(self.url)
         client: ClientConfig = {
             "timeout": timedelta(seconds=self._timeout),
-            "connect_timeout": timedelta(seconds=min(_CONNECT_SECONDS, self._timeout)),
-            "allow_http": address.lower().startswith("http:"),
+            "connect_timeout": timedelta(seconds=min(CONNECT_SECONDS, self._timeout)),
+            "allow_http": (endpoint or "").lower().startswith("http:"),
             "user_agent": "s2rtui",
         }
         retry: RetryConfig = {
@@ -102,8 +103,6 @@ class ObjectClient:
                         "max_backoff": timedelta(seconds=2), "base": 2},
         }  # fmt: skip
         with self._explained(""):
-            if self.url.scheme != "s3":
-                return HTTPStore(str(self.url), client_options=client, retry_config=retry)
             settings: dict[str, Any] = {"endpoint": endpoint} if endpoint else {}
             if not _has_credentials():
                 settings["skip_signature"] = True
@@ -169,7 +168,7 @@ class ObjectClient:
                 if high - low > length:
                     raise RequestError(f"{self.url / name}: the server sent more than was asked")
                 return bytes(found.bytes()), facts
-        content, facts = self.whole(name, _WHOLE_BYTES)
+        content, facts = self.whole(name, WHOLE_BYTES)
         begin = start if start >= 0 else max(facts.bytes + start, 0)
         return content[begin : begin + length], facts
 
@@ -266,8 +265,6 @@ class ObjectClient:
     @property
     def _permission_hint(self) -> str:
         """What a user can do about a refused request."""
-        if self.url.scheme != "s3":
-            return ""
         if _has_credentials():
             return "; check the rights of the key in AWS_ACCESS_KEY_ID"
         return "; set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY"

@@ -24,6 +24,7 @@ from s2rstore.lru_cache import LruCache
 from s2rstore.remote.local_copies import LocalCopies
 from s2rstore.remote.object_client import ObjectClient, ObjectFacts
 from s2rstore.remote.store_url import StoreUrl
+from s2rstore.remote.web_client import WebClient
 
 BLOCK_BYTES = 4 * 2**20
 """Bytes of one request for a part of a large file."""
@@ -38,7 +39,7 @@ class RemoteFiles(StoreFiles):
 
     def __init__(self, url: StoreUrl) -> None:
         self.path = url
-        self.client = ObjectClient(url)
+        self.client = ObjectClient(url) if url.scheme == "s3" else WebClient(url)
         self._pieces = LruCache(_CACHED_BYTES, lambda piece: len(piece[0]))
         self._copies = LocalCopies(str(url), self._blocks)
         self._stamps: dict[str, Stamp] = {}

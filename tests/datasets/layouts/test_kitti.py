@@ -120,14 +120,6 @@ def test_fewer_poses_and_times_than_images_are_reported(recording) -> None:
     assert kinds(found) == {"no pose": 1, "no time": 1}
 
 
-def test_fewer_images_than_poses_are_reported(recording) -> None:
-    folder, frames = recording
-    (folder / frames[4].rgb).unlink()
-    found = read_with("kitti", folder)
-    assert_found(only(found), frames[:4])
-    assert reported(found, "missing image") == [frames[4].rgb]
-
-
 def test_times_that_do_not_ascend_are_reported(recording) -> None:
     folder, frames = recording
     edit(folder / "sequences/07/times.txt", lambda lines: lines.reverse())

@@ -59,7 +59,7 @@ pose_parts = st.lists(st.tuples(coordinates, axes, st.floats(-3.14, 3.14)), min_
 
 @pytest.mark.parametrize("layout", NAMES)
 @given(parts=pose_parts)
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=15)
 def test_any_pose_is_found(layout: str, parts: list) -> None:
     poses = []
     for position, axis, angle in parts:

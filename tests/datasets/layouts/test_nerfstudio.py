@@ -242,3 +242,53 @@ def test_files_outside_of_the_folder_are_refused(tmp_path: Path) -> None:
     recording = read("nerfstudio", folder, ReadOptions(allow_outside=True))
     assert recording.outside_folders == {str(tmp_path.resolve()): 1}
     assert recording.trajectories["scene"].frames[0].rgb.name == "../secret.png"
+
+
+def test_frames_are_in_recording_order_whatever_their_order_in_the_file(tmp_path: Path) -> None:
+    scene = walk(12)
+    document = write(tmp_path, scene, depth=False)
+    for row, frame in enumerate(document["frames"]):
+        (tmp_path / f"images/{row:03}.png").rename(tmp_path / f"images/frame_{row}.png")
+        frame["file_path"] = f"images/frame_{row}.png"
+    frames = document["frames"]
+    document["frames"] = [frames[row] for row in (7, 2, 10, 0, 11, 5, 1, 9, 3, 8, 4, 6)]
+    rewrite(tmp_path, document)
+    recording = read("nerfstudio", tmp_path)
+    (trajectory,) = recording.trajectories.values()
+    names = [f"images/frame_{row}.png" for row in range(12)]
+    assert [frame.rgb.name for frame in trajectory.frames] == names
+    assert_poses(recording, scene.poses)
+    np.testing.assert_array_equal(image(trajectory.frames[3].rgb.read()).pixels, scene.rgb[3])
+
+
+@pytest.mark.parametrize("key", ["timestamp", "time"])
+def test_times_decide_on_the_order_where_all_frames_state_one(tmp_path: Path, key: str) -> None:
+    scene = walk(4)
+    document = write(tmp_path, scene, depth=False)
+    for frame, time in zip(document["frames"], (0.5, 0.0, 1.0, 0.25), strict=True):
+        frame[key] = time
+    rewrite(tmp_path, document)
+    assert_poses(read("nerfstudio", tmp_path), scene.poses[[1, 3, 0, 2]])
+    del document["frames"][2][key]
+    rewrite(tmp_path, document)
+    assert_poses(read("nerfstudio", tmp_path), scene.poses)
+
+
+IMPOSSIBLE = {"long": "a" * 100_000, "deep": "a/" * 50_000 + "a.png", "nul": "a\0.png"}
+
+
+@pytest.mark.parametrize("name", IMPOSSIBLE.values(), ids=IMPOSSIBLE)
+@pytest.mark.parametrize(
+    ("key", "kind"), [("file_path", "missing image"), ("depth_file_path", "no depth image")]
+)
+def test_a_name_that_no_file_can_have_leaves_out_its_frame_alone(
+    tmp_path: Path, key: str, kind: str, name: str
+) -> None:
+    scene = walk(3)
+    document = write(tmp_path, scene)
+    document["frames"][1][key] = name
+    rewrite(tmp_path, document)
+    recording = read("nerfstudio", tmp_path)
+    assert kinds(recording) == {kind: 1}
+    assert len(recording.trajectories[tmp_path.name].frames) == 2
+    assert len(str(recording.issues[0])) < 1000

@@ -155,7 +155,7 @@ def test_intrinsics_beside_the_folders_are_read(scan, one_line) -> None:
         read_with("scannet", folder)
 
 
-@pytest.mark.parametrize("value", ["nan", "-30", "0", "1e30", "x"])
+@pytest.mark.parametrize("value", ["nan", "-30", "1e30", "x"])
 def test_unusable_intrinsics_are_refused(scan, value: str, one_line) -> None:
     path = scan[0] / "intrinsic/intrinsic_color.txt"
     path.write_text(path.read_text().replace("3.00000000e+01", value, 1))

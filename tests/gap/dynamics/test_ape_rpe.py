@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bench.support import robot
@@ -80,7 +80,6 @@ def test_rpe_equals_evo(
         assert computed == pytest.approx(evo_metric.error, abs=1e-7)
 
 
-@settings(deadline=None)
 @given(
     st.floats(-np.pi, 3.14), st.booleans(), st.floats(0.2, 5), st.floats(-1e3, 1e3),
     st.floats(-1e3, 1e3), st.booleans(),
@@ -113,7 +112,6 @@ def test_logs_are_not_aligned_by_default() -> None:
     assert ape_rpe.rpe(DRIVE.real, far, RpeStep(poses=5)).position.max() < 1e-9
 
 
-@settings(deadline=None)
 @given(st.floats(-20, 20), st.floats(-20, 20))
 def test_heading_errors_are_wrapped(a: float, b: float) -> None:
     time, zeros = np.arange(2.0), np.zeros(2)

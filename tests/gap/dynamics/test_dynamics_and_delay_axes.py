@@ -47,9 +47,8 @@ def judged_gap(axis: Axis, evidence: Evidence) -> tuple[float, float, float]:
     return gap(axis.measure(evidence, SETTINGS), axis.anchor(evidence, SETTINGS))
 
 
-@pytest.mark.parametrize("count", [1, 3])
-def test_equal_drives_have_no_gap_on_both_axes(evidence, count: int) -> None:
-    same = evidence(drives(count, delay=0.0))
+def test_equal_drives_have_no_gap_on_both_axes(evidence) -> None:
+    same = evidence(drives(3, delay=0.0))
     for axis in (DynamicsAxis(), DelayAxis()):
         value, low, high = judged_gap(axis, same)
         assert abs(value) < 2
@@ -225,10 +224,9 @@ def test_the_gap_is_independent_of_tracker_noise(evidence, gain: float) -> None:
     assert (gaps[0] > 25) == (gain < 1)
 
 
-@pytest.mark.parametrize("rate", [4.0, 12.0])
-def test_a_vibrating_simulator_has_a_gap(evidence, rate: float) -> None:
+def test_a_vibrating_simulator_has_a_gap(evidence) -> None:
     drive = robot.pair(1, untuned=0.15)
-    vibration = 0.05 * np.sin(2 * np.pi * rate * drive.sim.time)
+    vibration = 0.05 * np.sin(2 * np.pi * 12.0 * drive.sim.time)
     vibrating = replace(drive, sim=replace(drive.sim, y=drive.sim.y + vibration))
     assert judged_gap(DynamicsAxis(), evidence([vibrating]))[1] > 15
 

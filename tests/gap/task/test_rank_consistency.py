@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import pearsonr
 
@@ -31,7 +31,6 @@ def brute_violation(sim: np.ndarray, real: np.ndarray) -> float:
     return float(np.mean(worst))
 
 
-@settings(max_examples=80, deadline=None)
 @given(st.integers(0, 10_000), st.integers(3, 9), st.booleans())
 def test_both_measures_equal_their_definitions(seed: int, runs: int, ties: bool) -> None:
     rng = np.random.default_rng(seed)
@@ -46,7 +45,6 @@ def test_both_measures_equal_their_definitions(seed: int, runs: int, ties: bool)
         assert np.isnan(result)
 
 
-@settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10_000), st.integers(5, 9))
 def test_rank_violation_is_0_for_equal_and_largest_for_reversed_order(seed: int, runs: int) -> None:
     real = np.sort(np.random.default_rng(seed).gamma(2, 1, size=runs))[None]

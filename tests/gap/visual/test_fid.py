@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import sqrtm
 from torchmetrics.image.fid import FrechetInceptionDistance
@@ -40,7 +40,6 @@ def test_the_distance_equals_torchmetrics(n: int, m: int, d: int) -> None:
     assert frechet_distance(x, y) == pytest.approx(float(metric.compute()), rel=1e-4)
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 10_000), st.integers(20, 60), st.integers(2, 8))
 def test_the_distance_equals_the_scipy_matrix_root(seed: int, n: int, d: int) -> None:
     x, y = samples(seed, n, n + 3, d)
@@ -50,7 +49,6 @@ def test_the_distance_equals_the_scipy_matrix_root(seed: int, n: int, d: int) ->
     assert frechet_distance(x, y) == pytest.approx(shift + np.trace(s + t) - 2 * root, rel=1e-6)
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 10_000), st.integers(3, 30), st.integers(2, 30))
 def test_both_computations_of_the_trace_root_agree(seed: int, n: int, d: int) -> None:
     x, y = samples(seed, n, n, d)
@@ -61,7 +59,6 @@ def test_both_computations_of_the_trace_root_agree(seed: int, n: int, d: int) ->
     )
 
 
-@settings(max_examples=20, deadline=None)
 @given(st.integers(0, 10_000), st.sampled_from([(10, 40), (80, 5)]))
 def test_equal_samples_have_distance_0_and_a_shift_adds_its_square(
     seed: int, shape: tuple[int, int]

@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from torchmetrics.image.kid import poly_mmd
 
 from s2rtools.gap.visual import kid
 
 
-@settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10_000), st.integers(2, 40), st.integers(1, 30))
 def test_the_distance_equals_torchmetrics(seed: int, n: int, d: int) -> None:
     rng = np.random.default_rng(seed)

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.metrics.bootstrap import Blocks, block_counts, split_into_blocks
@@ -33,7 +33,6 @@ def split_distance(
     return mean(a, label[inside]) + mean(b, label[~inside]) - 2 * cross
 
 
-@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10_000), st.sampled_from([4, 6]), st.integers(1, 4))
 def test_the_value_is_the_mean_over_all_half_splits(seed: int, count: int, length: int) -> None:
     rng = np.random.default_rng(seed)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import wasserstein_distance
 
@@ -13,7 +13,6 @@ from s2rtools.gap.visual.prdc import prdc
 from s2rtools.gap.visual.wasserstein import sliced_wasserstein, wasserstein_by_dimension
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10_000), st.integers(1, 30), st.integers(1, 30), st.booleans())
 def test_wasserstein_equals_scipy(seed: int, n: int, m: int, ties: bool) -> None:
     rng = np.random.default_rng(seed)
@@ -93,7 +92,6 @@ def test_divergences_warn_above_3_dimensions_and_reject_few_samples() -> None:
         divergences(np.zeros((3, 2)), np.zeros((30, 2)))
 
 
-@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10_000), st.integers(4, 20), st.integers(4, 20))
 def test_prdc_equals_brute_force(seed: int, n: int, m: int) -> None:
     rng = np.random.default_rng(seed)

@@ -16,12 +16,13 @@ from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.index import schema
 from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
-from s2rtools.gap.axis_result import Evidence, GapSettings
+from s2rtools.gap.axis_result import AxisResult, Evidence, GapSettings
 from s2rtools.gap.gate import gate
 from s2rtools.gap.report import plain
 from s2rtools.gap.visual import visual_axis
 from s2rtools.gap.visual.inception import FidInception
 from s2rtools.gap.visual.visual_axis import MIN_INSTANCES, VisualAxis
+from s2rtui.cli import main
 from s2rtui.cli.formatting.gap_details import details
 from tests.support import embeddings, tiny
 from tests.support.copies import copy_store
@@ -74,7 +75,7 @@ def add_run_like_far(root: Path, name: str, changes: dict[str, object]) -> None:
         draft.insert("prediction", columns | {"run": [name] * len(rows)})
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def store(path: Path) -> Iterator[Store]:
     with s2rstore.open(path) as opened:
         yield opened
@@ -84,8 +85,22 @@ def evidence(store: Store, run: str, iids: np.ndarray | None = None) -> Evidence
     return Evidence(store, run, np.arange(N) if iids is None else iids)
 
 
-def test_a_gap_exceeds_its_floor(store: Store) -> None:
-    far = VisualAxis().measure(evidence(store, "far"), SETTINGS)
+@pytest.fixture(scope="module")
+def far(store: Store) -> AxisResult:
+    return VisualAxis().measure(evidence(store, "far"), SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def same(store: Store) -> AxisResult:
+    return VisualAxis().measure(evidence(store, "same"), SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def near(store: Store) -> AxisResult:
+    return VisualAxis().measure(evidence(store, "near"), SETTINGS)
+
+
+def test_a_gap_exceeds_its_floor(far: AxisResult) -> None:
     assert far.floor == 0
     assert not far.floor_replicates.any()
     assert np.percentile(far.replicates, 2.5) > 0
@@ -102,44 +117,40 @@ def test_a_gap_exceeds_its_floor(store: Store) -> None:
     json.dumps([far.details, dict(far.fingerprint)], allow_nan=False)
 
 
-def test_different_errors_have_a_divergence_above_the_floor(store: Store) -> None:
-    halves = VisualAxis().measure(evidence(store, "far"), SETTINGS).details["halves"]
+def test_different_errors_have_a_divergence_above_the_floor(far: AxisResult) -> None:
+    halves = far.details["halves"]
     assert halves["kl_errors_sim_real"]["value"] > halves["kl_errors_sim_real"]["floor_high"]
     assert halves["kl_errors_real_sim"]["value"] > halves["kl_errors_real_sim"]["floor_high"]
 
 
-def test_every_dimension_is_reported_and_the_largest_are_printed(store: Store) -> None:
-    result = VisualAxis().measure(evidence(store, "far"), SETTINGS)
-    columns = result.details["halves"]["wasserstein_by_dimension"]
+def test_every_dimension_is_reported_and_the_largest_are_printed(far: AxisResult) -> None:
+    columns = far.details["halves"]["wasserstein_by_dimension"]
     assert columns["dimension"] == list(range(24))
-    mean = result.details["halves"]["wasserstein"]
+    mean = far.details["halves"]["wasserstein"]
     assert np.mean(columns["value"]) == pytest.approx(mean["value"])
     assert np.mean(columns["floor"]) == pytest.approx(mean["floor"])
-    printed = list(details({"axis": "visual", "details": plain(result.details)}))
+    printed = list(details({"axis": "visual", "details": plain(far.details)}))
     rows = printed[-1].strip().splitlines()[-3:]
     largest = np.argsort(columns["value"])[::-1][:3]
     assert [int(row.split()[0]) for row in rows] == largest.tolist()
 
 
-def test_more_than_three_components_give_a_warning(store: Store) -> None:
-    default = VisualAxis().measure(evidence(store, "far"), SETTINGS)
-    assert not any("biased" in note for note in default.notes)
+def test_more_than_three_components_give_a_warning(store: Store, far: AxisResult) -> None:
+    assert not any("biased" in note for note in far.notes)
     with_five_components = VisualAxis().measure(evidence(store, "far"), replace(SETTINGS, pca=5))
     assert any("5 dimensions is strongly biased" in note for note in with_five_components.notes)
     kl = "kl_pca_sim_real"
-    assert with_five_components.details["halves"][kl] != default.details["halves"][kl]
-    assert with_five_components.value == default.value
+    assert with_five_components.details["halves"][kl] != far.details["halves"][kl]
+    assert with_five_components.value == far.value
 
 
-def test_only_held_out_instances_are_used(store: Store) -> None:
-    far = VisualAxis().measure(evidence(store, "far"), SETTINGS)
+def test_only_held_out_instances_are_used(store: Store, far: AxisResult) -> None:
     assert far.n == far.fingerprint["n"] == N // 5
     part = VisualAxis().measure(evidence(store, "far", np.arange(220)), SETTINGS)
     assert part.n == 44
 
 
-def test_identical_images_give_exactly_the_floor(store: Store) -> None:
-    same = VisualAxis().measure(evidence(store, "same"), SETTINGS)
+def test_identical_images_give_exactly_the_floor(same: AxisResult) -> None:
     assert same.value == same.floor
     assert np.array_equal(same.replicates, same.floor_replicates)
     assert same.details["kid_p"] == 1.0
@@ -149,24 +160,42 @@ def test_identical_images_give_exactly_the_floor(store: Store) -> None:
     assert all(f["value"] == f["floor"] for f in compared.values())
 
 
-def test_the_same_seed_gives_the_same_results(store: Store) -> None:
-    first, second = (VisualAxis().measure(evidence(store, "far"), SETTINGS) for _ in range(2))
-    assert np.array_equal(first.replicates, second.replicates)
-    assert first.details == second.details
+def test_the_same_seed_gives_the_same_results(store: Store, far: AxisResult) -> None:
+    again = VisualAxis().measure(evidence(store, "far"), SETTINGS)
+    assert np.array_equal(far.replicates, again.replicates)
+    assert far.details == again.details
     other = VisualAxis().measure(evidence(store, "far"), GapSettings(200, seed=4))
-    assert other.value == first.value
-    assert not np.array_equal(other.replicates, first.replicates)
+    assert other.value == far.value
+    assert not np.array_equal(other.replicates, far.replicates)
 
 
-def test_the_anchor_is_the_unadapted_state(store: Store) -> None:
-    near, far = (VisualAxis().measure(evidence(store, run), SETTINGS) for run in ("near", "far"))
+def test_the_anchor_is_the_unadapted_state(store: Store, near: AxisResult, far: AxisResult) -> None:
     anchor = VisualAxis().anchor(evidence(store, "near"), SETTINGS)
     assert anchor.value == far.value > near.value > near.floor
     assert anchor.state == "the sim images before brightness=1.2 (run far)"
-    self_anchor = VisualAxis().anchor(evidence(store, "far"), SETTINGS)
-    assert self_anchor.value == far.value
-    assert np.array_equal(self_anchor.replicates, far.replicates)
-    assert "unadapted" in self_anchor.state
+
+
+def test_the_anchor_of_adapted_real_images_is_the_unadapted_state(
+    path: Path, tmp_path: Path
+) -> None:
+    root = copy_store(path, tmp_path / "s.s2r")
+    add_run_like_far(root, "dark", {"real_adjustments": [{"name": "brightness", "value": 0.8}]})
+    with s2rstore.open(root) as store:
+        far = VisualAxis().measure(evidence(store, "far"), SETTINGS)
+        anchor = VisualAxis().anchor(evidence(store, "dark"), SETTINGS)
+    assert anchor.value == far.value
+    assert anchor.state == "the real images before brightness=0.8 (run far)"
+
+
+def test_unadapted_images_are_no_bad_state_of_themselves(path: Path, tmp_path: Path) -> None:
+    """G would be 100 whatever the images are: the bad state has to be declared."""
+    frozen = tmp_path / "ref.json"
+    command = ["gap", str(path), "--axis", "visual", "--replicates", "100", "--run"]
+    assert main([*command, "far", "--freeze", str(frozen)]) == 2
+    assert not frozen.exists()
+    assert main([*command, "far", "--freeze", str(frozen), "--anchor-run", "far"]) == 0
+    with s2rstore.open(path) as store, pytest.raises(RequestError, match="--anchor-run"):
+        VisualAxis().anchor(evidence(store, "far"), SETTINGS)
 
 
 def test_without_an_unadapted_run_there_is_no_anchor(path: Path, tmp_path: Path) -> None:
@@ -179,13 +208,10 @@ def test_without_an_unadapted_run_there_is_no_anchor(path: Path, tmp_path: Path)
             VisualAxis().anchor(evidence(store, "near"), SETTINGS)
 
 
-def test_other_models_have_other_fingerprints(store: Store) -> None:
-    far, near, same = (
-        VisualAxis().measure(evidence(store, run), SETTINGS).fingerprint
-        for run in ("far", "near", "same")
-    )
-    assert far == near
-    assert far != same
+def test_other_models_have_other_fingerprints(
+    far: AxisResult, near: AxisResult, same: AxisResult
+) -> None:
+    assert far.fingerprint == near.fingerprint != same.fingerprint
 
 
 def test_too_few_images_are_inconclusive_for_the_visual_axis(store: Store) -> None:
@@ -242,10 +268,12 @@ def test_a_declared_network_computes_the_features(store: Store, tmp_path: Path) 
         'architecture = "inception_v3_fid"\nweights = "w.pth"\n'
         '[preprocessing]\nsize = [75, 75]\nfilter = "bilinear"\nrange = [-1.0, 1.0]\n'
     )
-    iids = np.arange(0, 60)
+    iids = np.arange(MIN_INSTANCES)
     evidence_of_near = Evidence(store, "near", iids, features=file)
     result = VisualAxis().measure(evidence_of_near, SETTINGS)
-    assert result.n == 60  # training images of the pose model are valid for another network
+    assert (
+        result.n == MIN_INSTANCES
+    )  # training images of the pose model are valid for another network
     assert result.fingerprint["features"] == "inception_v3_fid:pool3"
     assert result.fingerprint["dimensions"] == 2048
     anchor = VisualAxis().anchor(evidence_of_near, SETTINGS)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import sqlite3
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, S2RError
 from s2rstore.files.input_files import check_regular
 
 READING_MEMORY = 384 << 20
@@ -38,6 +39,21 @@ def check_bag(path: Path) -> None:
         check_regular(file)
         if file.suffix.lower() == ".db3":
             _check_tables(file)
+
+
+@contextmanager
+def refusing_damage(path: Path) -> Iterator[None]:
+    """Turn errors of reading a bag into RequestErrors that name it.
+
+    A damaged bag, and one whose messages are not of their declared types, fails in every layer
+    below the reader, and with every type of error.
+    """
+    try:
+        yield
+    except S2RError:
+        raise
+    except Exception as error:
+        raise unreadable(path, error) from error
 
 
 def unreadable(path: Path, error: Exception, memory: int = READING_MEMORY) -> RequestError:

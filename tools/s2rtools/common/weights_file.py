@@ -6,6 +6,7 @@ import io
 import pickle
 import re
 import struct
+import warnings
 import zipfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -125,7 +126,8 @@ def read_state(path: Path, content: bytes) -> dict[str, Tensor]:
         if path.suffix == ".safetensors":
             loaded: Any = load(content)
         else:
-            with bounded_memory(2 * len(content) + _UNPICKLING_BYTES):
+            with bounded_memory(2 * len(content) + _UNPICKLING_BYTES), warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # torch warns of files that it then refuses
                 loaded = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
     except pickle.UnpicklingError as error:
         match = re.search(r"GLOBAL ([\w.]+)", str(error))

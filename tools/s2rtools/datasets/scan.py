@@ -11,12 +11,14 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, shortened
 from s2rstore.files.layout import checked_name
 from s2rstore.geometry import angles
 from s2rstore.records import Bounds, Domain, Room, Side
 
 FRAME_SIZE = (256, 256)
+_MAX_SHOWN = 300
+"""Characters of a file name, and of a reason, in a message."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +28,10 @@ class InputIssue:
     kind: str
     file: str
     detail: str = ""
+
+    def __str__(self) -> str:
+        parts = shortened(self.file, _MAX_SHOWN), self.kind, shortened(self.detail, _MAX_SHOWN)
+        return ": ".join(part for part in parts if part)
 
     def of_side(self, side: str) -> InputIssue:
         """The same issue of one of two recordings, which may have files of equal names."""

@@ -99,6 +99,14 @@ class Backend:
         return None
 
     @classmethod
+    def is_accelerated(cls) -> bool:
+        """Whether this machine has what makes the backend faster than torch in float32.
+
+        A property of the machine and its packages, never of its load.
+        """
+        return cls.unavailable_reason() is None
+
+    @classmethod
     def suits(cls, model: LoadedModel) -> bool:
         """Whether the backend can run a model, and may be faster than others."""
         return True
@@ -186,6 +194,10 @@ class Bfloat16Backend(Backend):
         if self.trunk is not None:
             self._reduced = copy.deepcopy(self.trunk).to(torch.bfloat16)
 
+    @classmethod
+    def is_accelerated(cls) -> bool:
+        return has_bfloat16_units()
+
     def features(self, x: Tensor) -> Tensor:
         if self._reduced is None:
             return super().features(x)
@@ -197,9 +209,20 @@ class Bfloat16Backend(Backend):
 @cache
 def processor_name() -> str:
     """Model name of the processor, or its architecture where the system tells no name."""
+    return _cpuinfo("model name") or platform.processor() or platform.machine()
+
+
+def has_bfloat16_units() -> bool:
+    """Whether the processor has matrix units for bfloat16 (AMX)."""
+    return "amx_bf16" in _cpuinfo("flags").split()
+
+
+@cache
+def _cpuinfo(field: str) -> str:
+    """The value of a field for the first processor; empty where the system does not tell it."""
     cpuinfo = Path("/proc/cpuinfo")
     if cpuinfo.exists():
         for line in cpuinfo.read_text().splitlines():
-            if line.startswith("model name"):
+            if line.startswith(field):
                 return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
+    return ""

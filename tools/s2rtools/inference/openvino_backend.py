@@ -53,6 +53,14 @@ class OpenVinoBackend(Backend):
             return "needs the package openvino: pip install openvino"
         return None
 
+    @classmethod
+    def is_accelerated(cls) -> bool:
+        """Whether OpenVINO computes in reduced precision here; else it is `openvino-float32`."""
+        if cls.unavailable_reason() is not None:
+            return False
+        capabilities = _import_openvino().Core().get_property("CPU", "OPTIMIZATION_CAPABILITIES")
+        return "BF16" in capabilities
+
     def features(self, x: Tensor) -> Tensor:
         output = self._compiled([x.contiguous().numpy()])[0]
         return torch.from_numpy(np.array(output, dtype=np.float32))
@@ -63,6 +71,10 @@ class OpenVinoFloat32Backend(OpenVinoBackend):
 
     name = "openvino-float32"
     hint = "f32"
+
+    @classmethod
+    def is_accelerated(cls) -> bool:
+        return cls.unavailable_reason() is None
 
 
 def _import_openvino() -> ModuleType:

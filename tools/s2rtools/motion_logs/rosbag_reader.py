@@ -16,14 +16,14 @@ import numpy as np
 
 from s2rstore.errors import RequestError
 from s2rstore.security.memory_limit import bounded_memory
-from s2rtools.common.bag_files import LARGEST_UNPACKED, READING_MEMORY, check_bag, unreadable
+from s2rtools.common.bag_files import LARGEST_UNPACKED, READING_MEMORY, check_bag, refusing_damage
 from s2rtools.motion_logs import row_checks
 from s2rtools.motion_logs.motion_log import Log
 from s2rtools.motion_logs.tum_reader import yaw
 
 _MOST_POSES = 2_000_000
 """Five hours at 100 Hz."""
-_NUMBERS = 8
+_NUMBERS = 9
 
 _POSES: dict[str, Callable[[Any], Any]] = {
     "nav_msgs/msg/Odometry": lambda message: message.pose.pose,
@@ -39,13 +39,8 @@ def read(path: Path, topic: str | None = None) -> Log:
     None.
     """
     check_bag(path)
-    try:
-        with bounded_memory(READING_MEMORY, LARGEST_UNPACKED):
-            topic, rows = _messages(path, topic)
-    except RequestError:
-        raise
-    except Exception as error:  # a damaged bag fails in every layer below the reader
-        raise unreadable(path, error) from error
+    with refusing_damage(path), bounded_memory(READING_MEMORY, LARGEST_UNPACKED):
+        topic, rows = _messages(path, topic)
     if not len(rows):
         raise RequestError(f"{path}: topic {topic} has no messages")
 
@@ -58,12 +53,12 @@ def read(path: Path, topic: str | None = None) -> Log:
         raise RequestError(f"{place(int(bad[0]))}: not a finite pose; remove it")
     stamped = table[:, 0].any()
     time = (table[:, 0] if stamped else table[:, 1]) * 1e-9
-    poses = np.column_stack([time, table[:, 2:4], yaw(table[:, 4:8], place)])
-    return row_checks.log(poses, path, place)
+    poses = np.column_stack([time, table[:, 2:4], yaw(table[:, 5:9], place)])
+    return row_checks.log(poses, path, place, row_checks.check_floor(table[:, 2:5], path))
 
 
 def _messages(path: Path, topic: str | None) -> tuple[str, array[float]]:
-    """The topic, and for each message header and recording time (ns), x, y and quaternion."""
+    """The topic, and for each message header and recording time (ns), position and quaternion."""
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
@@ -77,7 +72,7 @@ def _messages(path: Path, topic: str | None) -> tuple[str, array[float]]:
             pose = _POSES[connection.msgtype](message)
             p, q = pose.position, pose.orientation
             header_time = stamp.sec * 10**9 + stamp.nanosec
-            rows.extend((header_time, recorded, p.x, p.y, q.x, q.y, q.z, q.w))
+            rows.extend((header_time, recorded, p.x, p.y, p.z, q.x, q.y, q.z, q.w))
             if len(rows) > _NUMBERS * _MOST_POSES:
                 raise RequestError(f"{path}: more than {_MOST_POSES:,} poses; split the bag")
     return chosen, rows

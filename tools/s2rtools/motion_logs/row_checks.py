@@ -18,6 +18,8 @@ LONGEST_PAUSE = 600.0
 """Longest time between two poses of one drive, s."""
 FARTHEST = 1e9
 """Largest coordinate in m, and heading in rad."""
+HIGHEST, STEEPEST = 0.2, 0.2
+"""Metres that z may span, and its share of what x and y span, in poses on a floor."""
 MOST_TEXT = 64 << 20
 """Maximum size of a text log in bytes; holds about half a million poses."""
 Place = Callable[[int], str]
@@ -83,7 +85,28 @@ def check_pace(time: Floats, place: Place) -> None:
         )
 
 
-def log(poses: NDArray[np.float64], path: Path, place: Place) -> Log:
+def check_floor(positions: NDArray[np.float64], path: Path) -> tuple[str, ...]:
+    """Warnings about `positions` (n, 3), m, of which a log keeps x and y alone.
+
+    Raises RequestError where z varies as it does only if it is not the axis against gravity.
+    """
+    with np.errstate(over="ignore"):
+        span = np.ptp(positions, axis=0)
+        across = float(np.hypot(span[0], span[1]))
+    if span[2] <= HIGHEST:
+        return ()
+    found = f"{path}: z spans {span[2]:.3g} m where x and y span {across:.3g} m"
+    if span[2] <= STEEPEST * across:
+        return (f"{found}; z is left out, and slopes count by their length on the map",)
+    raise RequestError(
+        f"{found}; z must point up and the robot stay on a floor, because z is left out: turn the "
+        "poses, or write x, y and heading as CSV"
+    )
+
+
+def log(
+    poses: NDArray[np.float64], path: Path, place: Place, warnings: tuple[str, ...] = ()
+) -> Log:
     """A log from finite `poses` (n, 4): time, x, y, heading in rad, which is wrapped."""
     if len(poses) < 2:
         raise RequestError(f"{path}: {len(poses)} poses; a log needs at least 2")
@@ -93,7 +116,7 @@ def log(poses: NDArray[np.float64], path: Path, place: Place) -> Log:
     if far.size:
         raise RequestError(f"{place(int(far[0]))}: a pose beyond {FARTHEST:g} m or rad; remove it")
     time, x, y, heading = (np.ascontiguousarray(column) for column in poses.T)
-    warnings = tuple(
+    warnings += tuple(
         f"{place(i)}: heading {heading[i]:.6g} rad is over a whole turn; if these are degrees, "
         "name the column heading_deg"
         for i in np.flatnonzero(np.abs(heading) > 2 * np.pi * (1 + 1e-6))[:1].tolist()

@@ -1,4 +1,7 @@
-"""Motion logs in TUM format: lines `time tx ty tz qx qy qz qw`; the heading is the yaw."""
+"""Motion logs in TUM format: lines `time tx ty tz qx qy qz qw`.
+
+The heading is the yaw. z points up and is left out; poses that do not stay on a floor are refused.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,8 @@ def read(path: Path) -> Log:
     table = np.array(rows)
     heading = yaw(table[:, 4:8], lambda i: f"{path}:{lines[i]}")
     poses = np.column_stack([table[:, :3], heading])
-    return row_checks.log(poses, path, lambda i: f"{path}:{lines[i]}")
+    warnings = row_checks.check_floor(table[:, 1:4], path)
+    return row_checks.log(poses, path, lambda i: f"{path}:{lines[i]}", warnings)
 
 
 def yaw(quaternions: NDArray[np.float64], place: row_checks.Place) -> NDArray[np.float64]:

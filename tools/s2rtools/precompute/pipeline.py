@@ -174,7 +174,7 @@ def _compute_run(
         reporter.say(f"{name}: instances were added meanwhile; computing them, too")
         options = replace(options, restart=False)
         return _compute_run(current, name, kinds, options, reporter, lease, pool)
-    is_new = publish_run(current.get(), name, stages, backends.record(), lease.check)
+    is_new = publish_run(current.get(), run, stages, backends.record(), lease.check)
     atomic_writes.remove(root, f"{layout.UNITS}/{name}")  # with the choice of backends
     reporter.say(f"{name}: {'published' if is_new else 'up to date'}")
     return is_new
@@ -268,7 +268,7 @@ def _compute_imported(
         lease.check()
         _compute_stages(store, group, None, options, reporter, lease, pool)
     stages = [*forwards, *(stage for group in groups for stage in group)]
-    is_new = publish_run(current.get(), run.run, stages, None, lease.check)
+    is_new = publish_run(current.get(), run, stages, None, lease.check)
     atomic_writes.remove(current.root, f"{layout.UNITS}/{run.run}")
     reporter.say(f"{run.run}: {'published' if is_new else 'up to date'}")
     return is_new

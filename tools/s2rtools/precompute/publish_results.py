@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import platform
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
@@ -20,7 +21,7 @@ from s2rstore.index.schema import GAP_SHARES
 from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.metrics import bootstrap
 from s2rstore.reader import Store
-from s2rstore.records import SIDES, ArrayRecord
+from s2rstore.records import SIDES, ArrayRecord, Run
 from s2rtools.counterfactual import gap_shares
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.precompute.array_keys import content_key
@@ -38,17 +39,19 @@ _PACKAGES = ("s2rtui", "torch", "numpy", "zarr", "duckdb", "umap-learn", "scikit
 
 def publish_run(
     store: Store,
-    run: str,
+    planned: Run,
     stages: Sequence[Stage],
     backend: dict[str, Any] | None,
     check: Callable[[], None] = lambda: None,
 ) -> bool:
     """Publish a run whose stages are complete; False if the index is already up to date.
 
-    `backend` is None for imported predictions, which may cover the first parts only. `check` is
-    called before that, see `edit`. Arrays of other heatmap kinds stay listed as long as they belong
-    to the same predictions.
+    `planned` is the run as the stages were planned. `backend` is None for imported predictions,
+    which may cover the first parts only. `check` is called before anything is published, see
+    `edit`. Arrays of other heatmap kinds stay listed as long as they belong to the same
+    predictions. Raises RequestError where the run was removed or registered anew meanwhile.
     """
+    run = planned.run
     specs = [spec for stage in stages for spec in stage.specs]
     key = run_key(specs)
     predicted = {spec.path(run) for spec in specs if spec.kind == "prediction"}
@@ -64,12 +67,13 @@ def publish_run(
         return False
     root = store.path
     keeps_shares = any(record.kind == gap_shares.KIND for record in listed)
-    columns = list(_instance_columns(store, run, specs, keeps_shares))
+    columns = list(_instance_columns(store, planned, specs, keeps_shares))
     ranges = _heat_ranges(store, run, specs)
     previous = store.provenance(f"run:{run}") if same else {}
     computed = {(spec.kind, spec.side, spec.mode) for spec in specs}
     other_arrays = [r for r in listed if (r.kind, r.side, r.mode) not in computed]
     with edit(root, check) as draft:
+        _check_registered(draft, planned)
         if backend is None:
             _check_not_imported_again(draft, run, predicted)
         for table in ("prediction", "projection", "zarr_array"):
@@ -84,6 +88,17 @@ def publish_run(
             draft.update("run", {"run": run}, {"key": key, "precision": backend["precision"]})
         draft.set_provenance(f"run:{run}", _provenance(root, run, specs, backend, ranges, previous))
     return True
+
+
+def _check_registered(draft: IndexTransaction, run: Run) -> None:
+    """Raise RequestError unless the run has the model, domains and adjustments of `run`."""
+    names = ("model", "sim_domain", "real_domain", "sim_adjustments", "real_adjustments")
+    rows = draft.rows(f"SELECT {', '.join(names)} FROM run WHERE run = ?", [run.run])
+    registered = [(*row[:3], *map(json.loads, row[3:])) for row in rows]
+    if registered != [tuple(getattr(run, name) for name in names)]:
+        raise RequestError(
+            f"run {run.run!r}: was removed or registered anew meanwhile; run the command again"
+        )
 
 
 def _check_not_imported_again(draft: IndexTransaction, run: str, predicted: set[str]) -> None:
@@ -117,14 +132,14 @@ def run_key(specs: Sequence[ArraySpec]) -> str:
 
 
 def _instance_columns(
-    store: Store, run: str, specs: Sequence[ArraySpec], keeps_shares: bool
+    store: Store, record: Run, specs: Sequence[ArraySpec], keeps_shares: bool
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Columns of the tables `prediction` and `projection`, each with its table.
 
     Imported predictions may be those of the first parts alone, and without embeddings. With
     `keeps_shares`, published shares of the gap stay where `specs` have none.
     """
-    record = store.run(run)
+    run = record.run
     splits = store.provenance(f"run:{run}" if record.is_imported else f"model:{record.model}")
     n = len(store.instances)
     shares = _gap_shares(store, run, specs, keeps_shares)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from s2rstore.errors import RequestError
-from s2rstore.files import atomic_writes, layout, safe_files
+from s2rstore.files import atomic_writes, layout, locks, safe_files
 from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
@@ -39,7 +39,10 @@ def discard_incomplete(store: Store, stages: Sequence[Stage], check: Callable[[]
             removed |= {entry.path for entry in safe_files.walk(root, path)}
             atomic_writes.remove(root, path)
     if removed:
-        ledger.remove_entries(removed)
+        with locks.publish_lock(root) as publishing:  # appends and registrations add lines under it
+            check()
+            publishing.check()
+            ledger.remove_entries(removed)
 
 
 def is_complete(store: Store, run: str, spec: ArraySpec) -> bool:

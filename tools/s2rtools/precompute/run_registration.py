@@ -9,6 +9,7 @@ from typing import Any
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rstore.files import locks
 from s2rstore.files.layout import checked_name
 from s2rstore.geometry.camera_offset import UNCHANGED, render_change
 from s2rstore.index.transaction import IndexTransaction, edit
@@ -94,13 +95,14 @@ def checked_translators(
 def drop_run(root: Path, name: str) -> bool:
     """Remove a run that was never published; False if there is no such run.
 
-    Its arrays stay until `s2r prune`; a new run with the same name and inputs reuses them.
+    Its arrays stay until `s2r prune`; a new run with the same name and inputs reuses them. Raises
+    StoreBusyError, and removes nothing, while another process computes: it may compute the run.
     """
-    with s2rstore.open(root) as store:
-        if name not in store.runs or store.runs[name].key is not None:
-            return False
-    with edit(root) as draft:
-        if draft.rows("SELECT 1 FROM run WHERE run = ? AND key IS NULL", [name]):
+    with locks.compute_lock(root) as lease:
+        with s2rstore.open(root) as store:
+            if name not in store.runs or store.runs[name].key is not None:
+                return False
+        with edit(root, lease.check) as draft:
             draft.delete("run", run=name)
     return True
 

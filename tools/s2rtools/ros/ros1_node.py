@@ -107,7 +107,7 @@ class Ros1Proxy:
         info, new_info = camera_info_topic(self._input), camera_info_topic(self._output)
         if info != new_info:
             self._info = rospy.Publisher(new_info, messages.CameraInfo, queue_size=10)
-            rospy.Subscriber(info, messages.CameraInfo, self._info.publish, queue_size=10)
+            rospy.Subscriber(info, messages.CameraInfo, self._forward_info, queue_size=10)
         # Without a queue every frame reaches the core, which keeps the newest and counts the rest.
         rospy.Subscriber(
             self._input, self._type, self._receive,
@@ -116,6 +116,11 @@ class Ros1Proxy:
 
     def _receive(self, message: Any) -> None:
         self._core.offer(frame_of(message, message.header.stamp.to_sec()))
+
+    def _forward_info(self, message: Any) -> None:
+        # At shutdown rospy closes publishers before subscribers.
+        with suppress(self._rospy.ROSException):
+            self._info.publish(message)
 
     def _publish(self, frame: Frame, content: bytes | None) -> None:
         message = frame.message

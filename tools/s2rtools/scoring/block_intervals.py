@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.metrics import bootstrap
-from s2rstore.metrics.bootstrap import BootstrapSettings, Interval
+from s2rstore.metrics.bootstrap import Blocks, BootstrapSettings, Interval
 
 SETTINGS = BootstrapSettings(replicates=400)
 
@@ -26,18 +26,25 @@ def block_intervals(
     """95 % percentile interval of each statistic of K rows.
 
     `view` (K,) are rows of `trajectory` (V,), the codes of the views' trajectories in recording
-    order, equal ones adjacent. Blocks of views are resampled with all of their rows. Replicates in
-    which a statistic is undefined are left out; bounds are NaN for fewer than two blocks.
+    order, equal ones adjacent. Blocks of views are resampled with all of their rows.
     """
-    values = list(statistics(np.ones(view.size)))
     blocks = bootstrap.split_into_blocks(trajectory, settings.block_length)
+    block_of_view = np.repeat(np.arange(blocks.count), np.diff(blocks.start))
+    return resampled_intervals(statistics, block_of_view[view], blocks, settings)
+
+
+def resampled_intervals(
+    statistics: Statistics, block: NDArray[np.intp], blocks: Blocks, settings: BootstrapSettings
+) -> list[Interval]:
+    """Percentile interval of each statistic of K rows, corrected for few units.
+
+    `block` (K,) is the block of each row. Replicates in which a statistic is undefined are left
+    out; bounds are NaN for fewer than two units.
+    """
+    values = list(statistics(np.ones(block.size)))
     if blocks.unit_count < 2:
         return [Interval.unknown(value) for value in values]
-    block_of_view = np.repeat(np.arange(blocks.count), np.diff(blocks.start))
-    drawn = [
-        statistics(counts[block_of_view][view])
-        for counts in bootstrap.block_counts(blocks, settings)
-    ]
+    drawn = [statistics(counts[block]) for counts in bootstrap.block_counts(blocks, settings)]
     made = bootstrap.corrected(np.array(drawn), np.array(values), blocks.unit_count, settings.level)
     return [
         bootstrap.percentile_interval(value, column[np.isfinite(column)], settings.level)

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from s2rstore.geometry.camera_offset import RenderChange
 from s2rstore.reader import Store
 from s2rstore.records import Run
-from s2rtools.adjustments import apply_chain
 from s2rtools.inference import Backend, open_backend
 from s2rtools.models.load_model import load_model
-from s2rtools.models.preprocessing import preprocess
+from s2rtools.precompute.frame_reader import SourceBlock, side_frames
 from s2rtools.scoring.ground_truth import GroundTruth, move_camera
 from s2rtools.synthetic_world.factors import scene_severities
 from s2rtools.synthetic_world.renderer import Camera, RenderedViews, SceneRenderer
@@ -124,12 +123,9 @@ class CounterfactualErrors:
     ) -> NDArray[np.float64]:
         """Position errors (n,) in metres on real views, after the run's adjustments."""
         domain = self.truth.store.domain(run.real_domain)
-        depth = self.truth.data.raw_depth(views)
-        valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
-        rgb, depth = apply_chain(
-            views.rgb, depth, valid, run.real_adjustments, self.truth.store.path
-        )
-        x = preprocess(rgb, depth, domain.depth_scale, backend.model.contract, valid)
+        images: SourceBlock = {"rgb": views.rgb, "depth": self.truth.data.raw_depth(views)}
+        contract, path = backend.model.contract, self.truth.store.path
+        x = side_frames(images, domain, run.real_adjustments, contract, path).x
         batches = np.split(x, range(backend.batch, len(x), backend.batch))
         predicted = [backend.forward_all(batch).pose for batch in batches]
         offset = np.concatenate(predicted)[:, :2] - poses[:, :2]

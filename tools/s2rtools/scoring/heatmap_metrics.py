@@ -14,6 +14,7 @@ from s2rstore.metrics import bootstrap
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtools.heatmaps import HEATMAP_KINDS
+from s2rtools.scoring.block_intervals import resampled_intervals
 from s2rtools.scoring.ground_truth import (
     NO_CAMERA_MOVES,
     POSITIVE_SHARE,
@@ -144,16 +145,15 @@ def _floor_score(
     tile = (rows * (observed.shape[1] // TILE + 1) + cols)[observed]
     ranked = RankedCells.of(heat[observed], positive[observed], np.random.default_rng([seed, 3]))
     _, tile = np.unique(tile, return_inverse=True)
-    rng = np.random.default_rng([seed, 4])
     count = int(tile.max()) + 1 if tile.size else 0
-    drawn = [
-        np.bincount(rng.integers(0, count, count), minlength=count)[tile].astype(np.float64)
-        for _ in range(REPLICATES if count else 0)
-    ]
-    auroc = _interval(ranked.auroc(), [ranked.auroc(w) for w in drawn])
-    precision = _interval(
-        ranked.precision(TOP_SHARE), [ranked.precision(TOP_SHARE, w) for w in drawn]
-    )
+    tiles = bootstrap.Blocks(np.arange(count + 1), np.zeros(count, dtype=np.int64))
+    auroc, precision = (
+        interval.clipped(0.0, 1.0)
+        for interval in resampled_intervals(
+            lambda weights: (ranked.auroc(weights), ranked.precision(TOP_SHARE, weights)),
+            tile, tiles, bootstrap.BootstrapSettings(REPLICATES, seed),
+        )
+    )  # fmt: skip
     base = float(positive[observed].mean()) if observed.any() else float("nan")
     return HeatScore(run, kind, mode, side, "floor", auroc, precision, base, int(observed.sum()), 0)
 
@@ -190,10 +190,6 @@ def _smoothed(total: NDArray[np.float64], count: NDArray[np.float64]) -> NDArray
         soft = ndimage.gaussian_filter(mean, SMOOTH)
         soft /= ndimage.gaussian_filter(known.astype(np.float64), SMOOTH)
     return np.where(known, soft, np.nan)
-
-
-def _interval(value: float, replicates: list[float]) -> bootstrap.Interval:
-    return bootstrap.percentile_interval(value, np.array([r for r in replicates if np.isfinite(r)]))
 
 
 def _mean(values: NDArray[np.float64], trajectory: NDArray[np.integer]) -> bootstrap.Interval:

@@ -21,14 +21,14 @@ def predict(
     network: PoseNetwork, convention: OutputConvention, domain: DomainFrames, rows: NDArray[np.intp]
 ) -> NDArray[np.float64]:
     """Poses (B, 3) of some rows: metres, metres, radians of the map frame."""
-    was_training = network.training
+    device, was_training = next(network.parameters()).device, network.training
     network.eval()
     poses = [np.empty((0, 3))]
     with torch.inference_mode():
         for start in range(0, len(rows), _BATCH):
-            x = torch.from_numpy(domain.inputs(rows[start : start + _BATCH]))
+            x = torch.from_numpy(domain.inputs(rows[start : start + _BATCH])).to(device)
             raw = network(x.contiguous(memory_format=torch.channels_last))
-            poses.append(convention.decode(raw.double()).numpy())
+            poses.append(convention.decode(raw.double()).cpu().numpy())
     network.train(was_training)
     return np.concatenate(poses)
 

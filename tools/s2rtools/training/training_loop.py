@@ -17,6 +17,7 @@ from torch import Tensor
 
 from s2rstore.errors import RequestError
 from s2rstore.metrics.pose_metrics import LOSS_GAMMA
+from s2rtools.common.torch_device import device
 from s2rtools.models import build_network
 from s2rtools.models.conventions import OutputConvention
 from s2rtools.models.pose_network import LoadedModel, PoseNetwork
@@ -80,7 +81,10 @@ def train(
     checkpoint: Path | None = None,
     adjustments: Sequence[Mapping[str, Any]] = (),
 ) -> TrainingResult:
-    """Train by a recipe; the same seed and number of steps give the same weights.
+    """Train by a recipe, on a GPU where there is one.
+
+    On one device, the same seed and number of steps give the same weights; a GPU adds in another
+    order than a processor. The trained network is on the processor.
 
     `start` is the model to train further, with its splits. With `checkpoint` the state is saved
     there every few seconds and a later call continues from it. `adjustments` of the
@@ -96,6 +100,7 @@ def train(
     trainer.run(report or (lambda fraction, loss, seconds: None), checkpoint)
     network = trainer.network.eval().requires_grad_(False)
     metrics = evaluate_splits(network, trainer.convention, frames, splits)
+    network.to("cpu")
     history = trainer.progress.history
     provenance = {**trainer.provenance(), "figures": json.dumps(metrics)}
     return TrainingResult(network, trainer.convention, splits, history, metrics, provenance)
@@ -150,6 +155,7 @@ class _Trainer:
             kinds = " and ".join(recipe.learns_from)
             raise RequestError(f"recipe {recipe.name}: no {kinds} images to train on")
         self.start = start
+        self.device = device()
         self.network, self.convention = self._network(architecture)
         self.size = (start.contract if start else self.network.contract).size
         self.optimizer = torch.optim.AdamW(
@@ -172,7 +178,7 @@ class _Trainer:
 
     def run(self, report: ReportProgress, checkpoint: Path | None) -> None:
         """Train until the budget is used up; an interrupt saves a checkpoint."""
-        self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.network.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         if checkpoint is not None and checkpoint.exists():
             self.progress = read_checkpoint(checkpoint, self.network, self.optimizer, self.facts())
         self.network.train().requires_grad_(True)
@@ -201,8 +207,8 @@ class _Trainer:
         truth = np.column_stack([pose[:, :2], np.cos(pose[:, 2]), np.sin(pose[:, 2])])
         for group in self.optimizer.param_groups:
             group["lr"] = self.recipe.learning_rate * learning_rate_share(done)
-        raw = self.network(x.contiguous(memory_format=torch.channels_last))
-        target = torch.from_numpy(truth.astype(np.float32))
+        raw = self.network(x.to(self.device).contiguous(memory_format=torch.channels_last))
+        target = torch.from_numpy(truth.astype(np.float32)).to(self.device)
         loss = training_loss(self.convention.components(raw), target)
         self.optimizer.zero_grad()
         loss.backward()
@@ -275,6 +281,7 @@ class _Trainer:
             "learning_rate": self.recipe.learning_rate,
             "weight_decay": WEIGHT_DECAY,
             "split_rule": "; ".join(rules[kind] for kind in self.recipe.learns_from),
+            "device": self.device.type,
             "torch": torch.__version__,
             "numpy": np.__version__,
             "threads": torch.get_num_threads(),

@@ -13,10 +13,11 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor, nn
 
+from s2rtools.common.torch_device import device
 from s2rtools.translation.fit_checkpoint import FitState
 from s2rtools.translation.fit_loop import Batch, Learner
 from s2rtools.translation.image_set import ImageSet
-from s2rtools.translation.network_translator import device, placed
+from s2rtools.translation.network_translator import placed
 from s2rtools.translation.networks import PatchDiscriminator, luminance_image
 
 POOL = 50

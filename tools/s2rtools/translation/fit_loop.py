@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from s2rstore.errors import RequestError
+from s2rtools.common.torch_device import device
 from s2rtools.translation.fit_checkpoint import (
     FitProgress,
     FitState,
@@ -23,7 +24,7 @@ from s2rtools.translation.fit_checkpoint import (
 )
 from s2rtools.translation.image_set import ImageSet
 from s2rtools.translation.method import FitSettings
-from s2rtools.translation.network_translator import device, to_tensor
+from s2rtools.translation.network_translator import to_tensor
 
 CHECKPOINT_SECONDS = 10.0
 HISTORY_ROWS = 20

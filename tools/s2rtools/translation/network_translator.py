@@ -13,6 +13,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from s2rtools.common.torch_device import device
 from s2rtools.translation.colour_statistics import to_uint8
 from s2rtools.translation.image_set import Rgb
 from s2rtools.translation.method import Settings, Tensors, Translator
@@ -24,11 +25,6 @@ _TIMED_CALLS = 5
 _FASTER = 1.2
 """Speed-up from which bfloat16 is used."""
 _SLOW = 0.2
-
-
-def device() -> torch.device:
-    """Device of all learned translators: the GPU where there is one."""
-    return torch.device("cuda" if torch.cuda.is_available() else "cpu")
 
 
 def placed(network: nn.Module) -> nn.Module:

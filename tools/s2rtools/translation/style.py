@@ -14,11 +14,12 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from s2rtools.common.torch_device import device
 from s2rtools.translation.feature_network import build_features, fitted_features
 from s2rtools.translation.image_set import ImageSet
 from s2rtools.translation.method import FitResult, FitSettings, Settings, TranslationMethod
 from s2rtools.translation.method_options import check_request, check_size, number, whole_number
-from s2rtools.translation.network_translator import NetworkTranslator, device
+from s2rtools.translation.network_translator import NetworkTranslator
 from s2rtools.translation.style_losses import StyleLosses, mean_gram_matrices, total_variation
 
 ITERATIONS = 60

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
+from s2rtools.common.torch_device import device
 from s2rtools.translation.adversarial_training import crop_size
 from s2rtools.translation.feature_network import FeatureNetwork, fitted_features
 from s2rtools.translation.fit_checkpoint import FitState
@@ -34,7 +35,7 @@ from s2rtools.translation.method_options import (
     whole_number,
 )
 from s2rtools.translation.network_size import GeneratorSize
-from s2rtools.translation.network_translator import GeneratorTranslator, device, placed
+from s2rtools.translation.network_translator import GeneratorTranslator, placed
 from s2rtools.translation.networks import Generator, initialised
 from s2rtools.translation.style_losses import StyleLosses, mean_gram_matrices, total_variation
 

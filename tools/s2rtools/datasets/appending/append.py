@@ -2,20 +2,21 @@
 
 Frames are written into a folder inside the store that no generation references, checked, and moved
 to their places while the publish lock is held. A process that is killed at any moment leaves the
-store at its generation; the frames that it has moved are replaced when the same data are appended
-again, and removed by `s2r prune`.
+store at its generation. Appending the same data again takes over what its folder holds and replaces
+the frames that it has moved; `s2r prune` removes both.
 """
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import s2rstore
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, StoreBusyError
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.ingest_folder import appending_folder, appending_folders
 from s2rstore.files.ledger import Ledger, LedgerEntry
@@ -40,8 +41,8 @@ from s2rtools.datasets.stored_instances import StoredRecords
 from s2rtools.datasets.writing.build import (
     ReportLine,
     ReportProgress,
+    open_folder,
     refuse_unusable,
-    remove_leftovers,
     report_outside_bounds,
     unlisted_checksums,
     write_frames,
@@ -55,6 +56,7 @@ from s2rtools.datasets.writing.index_rows import (
     part_hash,
     problem_counts,
 )
+from s2rtools.datasets.writing.ingest_journal import IngestJournal
 
 _ROOMS = "SELECT position, room FROM room ORDER BY position"
 _DOMAIN_HASHES = "SELECT hash FROM domain WHERE hash IS NOT NULL ORDER BY domain"
@@ -98,8 +100,9 @@ def append(
     recording order. Bounds, rooms and floor plan stay those of the store. Instances with an
     unusable frame are left out and reported in `scan.issues`. `progress` is called with the number
     of finished frames, `report_line` with a line about each trajectory that the store has already,
-    about the remains of interrupted ingests, and about the conventions of the new instances. Where
-    there is nothing new, no generation is published.
+    about the remains of interrupted ingests, and about the conventions of the new instances. What
+    an interrupted append of the same frames has written is taken over; frames of new domains are
+    written anew. Where there is nothing new, no generation is published.
 
     Raises RequestError if there is no store, if the scan does not agree with it, if a trajectory of
     the store has other images or poses in the scan, if a new domain does not image every instance,
@@ -128,20 +131,31 @@ def append(
         added = replace(scan, trajectories=_added_records(scan, found))
         report_outside_bounds(added)
         refuse_unusable(scan if found.domains else added, strict)
-        remove_leftovers(appending_folders(target), report_line)
-        folder = appending_folder(target)
+        part, folder = len(store.parts), appending_folder(target)
+        places = {
+            name: FramePlace(
+                TrajectoryPart.later_folder(name, part), stored_depth_types(store, name)
+            )
+            for name in found.continued
+        }
+        find_folders = partial(appending_folders, target)
+        journal = open_folder(added, target, folder, find_folders, places, progress, report_line)
         try:
-            folder.mkdir()
-            written = _write(added, scan, store, found, folder, progress)
+            written = _write(added, scan, store, found, folder, places, journal, progress)
             if written.checks:
                 report_line(convention_report.line(written.checks))
             refuse_unusable(scan if found.domains else added, strict)
             _publish(scan, written, folder, store, command)
         except OSError as error:
+            shutil.rmtree(folder, ignore_errors=True)
             where = error.filename or target
             raise RequestError(f"{where}: cannot be written ({error.strerror})") from error
-        finally:
-            shutil.rmtree(folder, ignore_errors=True)
+        except BaseException as error:
+            is_refused = isinstance(error, RequestError) and not isinstance(error, StoreBusyError)
+            if journal is None or is_refused:
+                shutil.rmtree(folder, ignore_errors=True)
+            raise
+        shutil.rmtree(folder, ignore_errors=True)
     counts = {name: len(written.stored[name]) for name in sorted(written.stored)}
     return Appended(counts, found.domains)
 
@@ -157,20 +171,32 @@ def _added_records(scan: Scan, found: Additions) -> dict[str, Sequence[InstanceR
 
 
 def _write(
-    added: Scan, scan: Scan, store: Store, found: Additions, folder: Path, progress: ReportProgress
+    added: Scan,
+    scan: Scan,
+    store: Store,
+    found: Additions,
+    folder: Path,
+    places: Mapping[str, FramePlace],
+    journal: IngestJournal | None,
+    progress: ReportProgress,
 ) -> _Written:
-    """Write the frames of new domains and of new instances below `folder`."""
+    """Write the frames of new domains and of new instances below `folder`.
+
+    `places` are those of trajectories that are continued, with the depth types of stored domains.
+    """
     domain_frames: DomainFrames = []
     if found.domains:
         domain_frames = write_domain_frames(
             scan, store, found.domains, found.rows, folder, progress
         )
-    part, places = len(store.parts), {}
-    for name in found.continued:
-        added_domains = [scan.domains[domain] for domain in found.domains]
-        types = stored_depth_types(store, name) | depth_types(folder, added_domains, name)
-        places[name] = FramePlace(TrajectoryPart.later_folder(name, part), types)
-    stored = write_frames(added, folder, progress, places) if added.trajectories else {}
+    added_domains = [scan.domains[domain] for domain in found.domains]
+    places = {
+        name: replace(
+            place, depth_types={**place.depth_types, **depth_types(folder, added_domains, name)}
+        )
+        for name, place in places.items()
+    }
+    stored = write_frames(added, folder, progress, places, journal) if added.trajectories else {}
     ends = {
         name: TrajectoryEnd.of(store, name, name in found.renumbered)
         for name in found.continued

@@ -109,4 +109,6 @@ class CameraPoses:
             names = ", ".join(sorted(frames)[:8])
             advice = "; choose one with frame=" if what == "images" else ""
             raise RequestError(f"{self._bag.path}: {what} are in frames {names}{advice}")
+        if not frames:
+            raise RequestError(f"{self._bag.path}: {what}: no messages of the declared type")
         return next(iter(frames))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError, counted
+from s2rtools.common.bag_files import refusing_damage
 from s2rtools.datasets.bags import image_messages
 from s2rtools.datasets.bags.frame_tree import plain
 from s2rtools.datasets.bags.messages import BagMessages, stamp_of
@@ -96,18 +97,18 @@ class BagImage:
 
     def checksum(self) -> str | None:
         try:
-            return image_messages.checksum(self._message())
+            with refusing_damage(self.index.bag.path):
+                return image_messages.checksum(self._message())
         except RequestError:
             return None
 
     def read(self) -> SourceImage | InputIssue:
         try:
-            message = self._message()
+            with refusing_damage(self.index.bag.path):
+                decode = image_messages.decode_depth if self.is_depth else image_messages.decode_rgb
+                return decode(self._message(), self.name, self.size)
         except RequestError as error:
             return InputIssue("unreadable image", self.name, str(error))
-        if self.is_depth:
-            return image_messages.decode_depth(message, self.name, self.size)
-        return image_messages.decode_rgb(message, self.name, self.size)
 
     def _message(self) -> Any:
         return self.index.bag.at(self.index.topic, self.recorded, self.stamp)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import threading
 import weakref
-from collections.abc import Collection, Iterator
-from contextlib import ExitStack
+from collections.abc import Collection, Generator, Iterator
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
 from s2rstore.errors import RequestError
 from s2rstore.security.memory_limit import bounded_memory
-from s2rtools.common.bag_files import LARGEST_UNPACKED, READING_MEMORY, check_bag, unreadable
+from s2rtools.common.bag_files import LARGEST_UNPACKED, READING_MEMORY, check_bag, refusing_damage
 
 _Key = tuple[str, int, int]
 """Topic, recording time and stamp."""
@@ -44,20 +44,23 @@ class BagMessages:
         self._position = 0
         stack = ExitStack()
         weakref.finalize(self, stack.close)
-        try:
-            with bounded_memory(READING_MEMORY, LARGEST_UNPACKED):
-                store = get_typestore(Stores.ROS2_HUMBLE)
-                self._reader = stack.enter_context(AnyReader([path], default_typestore=store))
-                connections = [each for each in self._reader.connections if each.msgcount]
-        except Exception as error:  # a damaged bag fails in every layer below the reader
-            raise unreadable(path, error) from error
+        with refusing_damage(path), bounded_memory(READING_MEMORY, LARGEST_UNPACKED):
+            store = get_typestore(Stores.ROS2_HUMBLE)
+            self._reader = stack.enter_context(AnyReader([path], default_typestore=store))
+            connections = [each for each in self._reader.connections if each.msgcount]
         self._connections: dict[str, list[Any]] = {}
         for each in connections:
             self._connections.setdefault(each.topic, []).append(each)
         self.types = {topic: each[0].msgtype for topic, each in self._connections.items()}
         """Message type of each topic that has messages."""
+        self.repeated = {
+            topic: sorted({each.msgtype for each in listed})
+            for topic, listed in self._connections.items()
+            if len({each.msgtype for each in listed}) > 1
+        }
+        """The types of each topic that is listed with several."""
 
-    def all_of(self, topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:
+    def all_of(self, topics: Collection[str]) -> Generator[tuple[str, int, Any], None, None]:
         """Topic, recording time (ns) and message of all messages on `topics`, by recording time.
 
         Raises RequestError where the bag is damaged.
@@ -65,24 +68,20 @@ class BagMessages:
         chosen = [each for topic in topics for each in self._connections[topic]]
         if not chosen:
             return
-        try:
-            with self._lock, bounded_memory(READING_MEMORY, LARGEST_UNPACKED):
-                for connection, time, raw in self._reader.messages(chosen):
-                    yield connection.topic, time, self._message(connection, raw)
-        except RequestError:
-            raise
-        except Exception as error:
-            raise unreadable(self.path, error) from error
+        with (
+            refusing_damage(self.path),
+            self._lock,
+            bounded_memory(READING_MEMORY, LARGEST_UNPACKED),
+        ):
+            for connection, time, raw in self._reader.messages(chosen):
+                yield connection.topic, time, self._message(connection, raw)
 
     def first(self, topic: str) -> Any:
         """The first message of a topic. Raises RequestError where the bag is damaged."""
-        messages = self.all_of((topic,))
-        try:
-            return next(message for _, _, message in messages)
-        except StopIteration:
-            raise RequestError(f"{self.path}: topic {topic} has no messages") from None
-        finally:
-            messages.close()  # type: ignore[attr-defined]
+        with closing(self.all_of((topic,))) as messages:
+            for _, _, message in messages:
+                return message
+        raise RequestError(f"{self.path}: topic {topic} has no messages of its declared type")
 
     def at(self, topic: str, recorded: int, stamp: int) -> Any:
         """The message of `topic` with a recording time and the stamp of its header, in ns.
@@ -91,16 +90,16 @@ class BagMessages:
         Raises RequestError if it cannot be read.
         """
         key = topic, recorded, stamp
-        try:
-            with self._lock:
+        with refusing_damage(self.path), self._lock:
+            try:
                 if key not in self._recent and not self._is_ahead(key):
                     self._start(topic, recorded)
                     self._read_on(key)
                 if key in self._recent:
                     return self._recent[key]
-        except Exception as error:
-            self._cursor = None
-            raise unreadable(self.path, error) from error
+            except Exception:
+                self._cursor = None
+                raise
         raise RequestError(f"{self.path}: topic {topic} has no message at {recorded} any more")
 
     def _start(self, topic: str, recorded: int) -> None:

@@ -20,6 +20,7 @@ POSES = (
     "geometry_msgs/msg/PoseWithCovarianceStamped",
 )
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+_READ = frozenset((IMAGE, COMPRESSED, INFO, *POSES, *TRANSFORMS))
 TF = "tf"
 """Value of the option `pose` for the transforms of the bag."""
 NONE = "none"
@@ -48,8 +49,13 @@ class Topics:
 def choose_topics(bag: BagMessages, options: ReadOptions) -> Topics:
     """Choose topics by their types and encodings, or by the options.
 
-    Raises RequestError, which lists the topics, where there is none or more than one.
+    Raises RequestError, which lists the topics, where there is none or more than one, and where a
+    topic is listed with several types.
     """
+    for topic, kinds in bag.repeated.items():
+        if not _READ.isdisjoint(kinds):
+            listed = ", ".join(kinds)
+            raise RequestError(f"{bag.path}: topic {topic} is listed with types {listed}; keep one")
     images = {topic: kind for topic, kind in bag.types.items() if kind in (IMAGE, COMPRESSED)}
     depths = [topic for topic in images if declared(bag.first(topic)).is_depth]
     colours = [topic for topic in images if topic not in depths]

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from pathlib import Path
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, shortened
 
 
 class PathContainment:
@@ -31,25 +32,36 @@ class PathContainment:
 
     def resolve(self, name: str, where: str) -> Path:
         """The path of a named file. Raises RequestError, beginning with `where`."""
-        if "\0" in name:
-            raise RequestError(f"{where}: {name!r} is not a file name")
         path = self.folder / name
+        if not _is_possible(path):
+            raise RequestError(f"{where}: {shortened(name)!r} is not a file name")
         if os.path.isabs(name) or ".." in Path(name).parts:
-            refusal = f"{where}: {name!r}: write it relative to this folder, without `..`"
+            shown = shortened(name)
+            refusal = f"{where}: {shown!r}: write it relative to this folder, without `..`"
             return self._admit(path, refusal)
         return self.check(path, where)
+
+    def find_file(self, name: str, where: str) -> Path | None:
+        """The path of a named file that exists; None without it, or if no file can have the name.
+
+        Raises RequestError, beginning with `where`, if the name leads out of the folder.
+        """
+        if not _is_possible(self.folder / name):
+            return None
+        path = self.resolve(name, where)
+        return path if os.path.isfile(path) else None
 
     def check(self, path: Path, where: str) -> Path:
         """The path, if it lies inside after resolving links. Raises RequestError otherwise."""
         if self._is_within(path):
             return path
-        name = os.path.relpath(path, self.folder)
+        name = shortened(os.path.relpath(path, self.folder))
         return self._admit(path, f"{where}: {name!r}: a symbolic link leads out of this folder")
 
     def _admit(self, path: Path, refusal: str) -> Path:
         if not self.allowed:
             raise RequestError(f"{refusal}; --allow-outside reads it nevertheless")
-        if not self._is_within(path):
+        if os.path.exists(path) and not self._is_within(path):
             folder = os.path.dirname(os.path.realpath(path))
             self.outside_folders[folder] = self.outside_folders.get(folder, 0) + 1
         return path
@@ -62,3 +74,14 @@ class PathContainment:
         if name in ("", ".", "..") or os.path.islink(real):
             real = os.path.realpath(real)
         return real == self._root or real.startswith(os.path.join(self._root, ""))
+
+
+def _is_possible(path: Path) -> bool:
+    """Whether the file system allows the path: no NUL character, no name that is too long."""
+    try:
+        os.lstat(path)
+    except OSError as error:
+        return error.errno != errno.ENAMETOOLONG
+    except ValueError:
+        return False
+    return True

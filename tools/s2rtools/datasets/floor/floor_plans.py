@@ -16,7 +16,6 @@ drawn from depth images when they are stored.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import islice
@@ -29,9 +28,9 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import read_bytes
 from s2rstore.records import Bounds
 from s2rtools.common.documents import convert
+from s2rtools.common.yaml_files import read_yaml
 from s2rtools.datasets.conventions.depth_frames import (
     DepthPoints,
     pixels_on_map,
@@ -54,10 +53,8 @@ _LONGER_SIDE = 1056
 _DRAWN_FRAMES, _DRAWN_TOGETHER = 400, 25
 _DRAWN_CELL = 0.05
 """Metres of a pixel of a plan that is drawn from depth, or more if it would be too large."""
-_MAX_YAML_BYTES = 65_536
 _MAX_RESIDUAL = 0.02
 """Distance of known points from their fit, as a share of their extent, that is refused."""
-_LINE = re.compile(r"\s*(?P<key>[A-Za-z_]+)\s*:\s*(?P<value>[^#]*?)\s*(?:#.*)?\Z")
 
 Resolve = Callable[[str], Path]
 """The path of a file that a configuration names. Raises RequestError for one outside its folder."""
@@ -82,7 +79,7 @@ class GridTable(Struct):
     image: str
     resolution: Annotated[float, Meta(gt=0, le=1e3)]
     origin: tuple[Coordinate, Coordinate, Annotated[float, Meta(ge=-10, le=10)]]
-    negate: int = 0
+    negate: bool | int = False
     occupied_thresh: Annotated[float, Meta(ge=0, le=1)] = 0.65
     free_thresh: Annotated[float, Meta(ge=0, le=1)] = 0.196
     mode: str = "trinary"
@@ -199,7 +196,10 @@ def occupancy_grid(path: Path, resolve: Resolve) -> PlacedPlan:
     Source of the format: the documentation of ROS `map_server`. Raises RequestError if the file
     or its image cannot be used.
     """
-    table = convert(_read_yaml(path), GridTable, str(path))
+    document = read_yaml(path)
+    if not isinstance(document, dict):
+        raise RequestError(f"{path}: expected KEY: VALUE lines, as ROS map_server writes them")
+    table = convert(document, GridTable, str(path))
     grey = cv2.cvtColor(_read_rgb(resolve(table.image)), cv2.COLOR_RGB2GRAY)
     occupancy = grey / 255.0 if table.negate else 1.0 - grey / 255.0
     image = np.full(grey.shape, OUTSIDE[0], dtype=np.uint8)
@@ -212,47 +212,6 @@ def occupancy_grid(path: Path, resolve: Resolve) -> PlacedPlan:
     height = grey.shape[0]
     to_map = np.array([[cos, sin, x - height * sin], [sin, -cos, y + height * cos]])
     return PlacedPlan(cv2.cvtColor(image, cv2.COLOR_GRAY2RGB), to_map)
-
-
-def _read_yaml(path: Path) -> dict[str, object]:
-    """The `key: value` lines of a `map.yaml`; values are texts, numbers and lists of numbers."""
-    try:
-        lines = read_bytes(path, _MAX_YAML_BYTES).decode("utf-8-sig").splitlines()
-    except UnicodeDecodeError as error:
-        raise RequestError(f"{path}: not UTF-8 text") from error
-    document: dict[str, object] = {}
-    key = ""
-    for number, line in enumerate(lines, 1):
-        text = line.split("#")[0].strip()
-        if not text or text in ("---", "...") or text.startswith("%"):
-            continue
-        if key and line[:1] in (" ", "-") and text.startswith("- "):
-            values = document[key] if isinstance(document[key], list) else []
-            document[key] = [*values, _scalar(text[2:])]  # type: ignore[misc]
-            continue
-        match = _LINE.match(line)
-        if match is None or line[:1].isspace():
-            raise RequestError(f"{path}:{number}: expected KEY: VALUE, got {text[:60]!r}")
-        key, value = match["key"], match["value"]
-        is_list = value.startswith("[") and value.endswith("]")
-        document[key] = (
-            [_scalar(part) for part in value[1:-1].split(",")] if is_list else _scalar(value)
-        )
-    return document
-
-
-def _scalar(text: str) -> object:
-    text = text.strip()
-    if len(text) > 1 and text[0] == text[-1] and text[0] in "'\"":
-        return text[1:-1]
-    if text.lower() in ("true", "false"):
-        return int(text.lower() == "true")
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
 
 
 def _read_rgb(path: Path) -> NDArray[np.uint8]:

@@ -220,10 +220,9 @@ def _is_usable(
             return False
     for domain in sizes:
         line, row = by_domain[domain]
-        files = [containment.resolve(row[key], f"{path}:{line}: {key}") for key in ("rgb", "depth")]
-        for file in files:
-            if len(file.name) > 255 or not file.is_file():
-                result.issues.append(InputIssue("missing image", result.relative(file)))
+        for key in ("rgb", "depth"):
+            if containment.find_file(row[key], f"{path}:{line}: {key}") is None:
+                result.issues.append(InputIssue("missing image", row[key]))
                 return False
     return True
 

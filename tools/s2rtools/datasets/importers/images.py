@@ -105,7 +105,7 @@ class _FolderReader:
         images = {name: self._usable(files) for name, files in listing.items()}
         if not any(images.values()):
             issue = next(iter(self._issues[before:]), None)
-            first = f"; {issue.file}: {issue.kind} {issue.detail}".rstrip() if issue else ""
+            first = f"; {issue}" if issue else ""
             raise RequestError(f"{self._folder}: no usable image ({', '.join(SUFFIXES)}){first}")
         return images
 
@@ -139,11 +139,12 @@ class _FolderReader:
             if missing := [name for name in COLUMNS if name not in row]:
                 raise RequestError(f"{index}: no column {missing[0]} (needs: {', '.join(COLUMNS)})")
             blank = [name for name in COLUMNS if not row[name]]
-            file = inside.resolve(row["file"], f"{index}:{number}: file")
+            name = row["file"]
+            file = inside.find_file(name, f"{index}:{number}: file") or self._root / name
             if blank:
                 self._issues.append(InputIssue("incomplete row", where, f"no {blank[0]}"))
             elif file in listed:
-                self._issues.append(InputIssue("duplicate row", where, row["file"]))
+                self._issues.append(InputIssue("duplicate row", where, name))
             else:
                 listed.add(file)
                 number = self._files.append(os.fsencode(file))
@@ -165,7 +166,7 @@ class _FolderReader:
             file = Path(os.fsdecode(path))
             self._containment.check(file, str(file))
             name = self._name(file)
-            if len(file.name) > 255 or not file.is_file():
+            if not os.path.isfile(file):
                 self._issues.append(InputIssue("missing image", name))
             elif (size := declared_size(file)) is None:
                 detail = f"no image of at most {MAX_PIXELS:,} pixels"

@@ -193,7 +193,7 @@ def _actual_sizes(
     """
     actual_sizes = dict(sizes)
     for name, declared in sizes.items():
-        files = [file for row in sample for file in row[name].paths if file.is_file()]
+        files = [file for row in sample for file in row[name].paths if os.path.isfile(file)]
         actual = {declared_size(file) for file in files}
         size = actual.pop() if len(actual) == 1 else None
         if size is None or declared == (size, size):
@@ -208,7 +208,8 @@ def _actual_sizes(
 
 def _is_usable(result: Scan, sources: dict[str, ImageFiles]) -> bool:
     """Whether all files of an instance exist and its sim pose is finite; reports it if not."""
-    missing = [file for image in sources.values() for file in image.paths if not file.is_file()]
+    paths = (file for image in sources.values() for file in image.paths)
+    missing = [file for file in paths if not os.path.isfile(file)]
     result.issues += [InputIssue("missing image", result.relative(file)) for file in missing]
     if missing:
         return False

@@ -9,6 +9,7 @@ have z up (REP 103, REP 105).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
+from s2rtools.common.bag_files import refusing_damage
 from s2rtools.datasets.bags.camera_poses import FORWARD, MAX_GAP, OPTICAL, CameraPoses
 from s2rtools.datasets.bags.image_index import ImageIndex
 from s2rtools.datasets.bags.messages import BagMessages, stamp_of
@@ -60,17 +62,18 @@ def read_bag(path: Path, options: ReadOptions) -> Recording:
     different cameras, or if no image has a pose.
     """
     bags = _bags(path)
-    parts = [
-        (name, _BagPart(bags[name], options))
-        for name in choose_trajectories(options.trajectories, bags, path)
-    ]
+    parts = []
+    for name in choose_trajectories(options.trajectories, bags, path):
+        with refusing_damage(bags[name]):
+            parts.append((name, _BagPart(bags[name], options)))
     first = parts[0][1]
     recording = Recording("bag", folder_name(path), path, first.camera, first.depth_camera)
     recording.depth_scale = options.positive(_SCALE, 0.001)
     for name, part in parts:
         if (part.camera, part.depth_camera) != (first.camera, first.depth_camera):
             raise RequestError(f"{part.bag.path}: another camera than in {first.bag.path.name}")
-        trajectory = part.trajectory()
+        with refusing_damage(part.bag.path):
+            trajectory = part.trajectory()
         recording.issues += part.issues
         recording.provenance[name] = part.facts
         if len(trajectory.frames):
@@ -101,15 +104,21 @@ class _BagPart:
     def _scan(self) -> None:
         """Read all messages once."""
         topics = self.topics
-        for topic, recorded, message in self.bag.all_of(topics.all):
-            if topic == topics.rgb:
-                self._rgb.add(recorded, message)
-            elif self._depth is not None and topic == topics.depth:
-                self._depth.add(recorded, message)
-            elif topic == topics.pose or topic in topics.transforms:
-                self._poses.add(topic, recorded, message)
-            else:
-                self._add_info(topic, message)
+        with closing(self.bag.all_of(topics.all)) as messages:
+            for topic, recorded, message in messages:
+                if topic == topics.rgb:
+                    self._rgb.add(recorded, message)
+                elif self._depth is not None and topic == topics.depth:
+                    self._depth.add(recorded, message)
+                elif topic == topics.pose or topic in topics.transforms:
+                    self._poses.add(topic, recorded, message)
+                else:
+                    self._add_info(topic, message)
+        for topic in filter(None, (topics.info, topics.depth_info)):
+            if topic not in self._infos:
+                raise RequestError(
+                    f"{self.bag.path}: topic {topic}: no messages of the declared type"
+                )
         for index in filter(None, (self._rgb, self._depth)):
             index.finish()
             self.issues += index.issues

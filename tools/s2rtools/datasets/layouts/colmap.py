@@ -7,7 +7,6 @@ COLMAP leaves the scale of its world open.
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
@@ -23,6 +22,7 @@ from s2rtools.datasets.recordings.recorded_cameras import CAMERA_ID, choose_came
 from s2rtools.datasets.recordings.recorded_files import FrameFiles
 from s2rtools.datasets.recordings.recorded_folders import (
     folder_name,
+    natural_order,
     require_frames,
     trajectory_name,
 )
@@ -32,7 +32,6 @@ from s2rtools.datasets.scan import InputIssue, choose_trajectories
 _MODEL_FOLDERS = (".", "sparse", "colmap/sparse")
 _LEVELS = 4
 """Folders above a model, with itself, in which `images` is looked for."""
-_DIGITS = re.compile(r"(\d+)")
 
 
 def read_colmap(path: Path, options: ReadOptions) -> Recording:
@@ -60,10 +59,10 @@ def read_colmap(path: Path, options: ReadOptions) -> Recording:
     depth = _DepthFolder(options.values.get("depth"), containment)
     by_trajectory: dict[str, list[tuple[ModelImage, str | None]]] = {}
     folders: dict[str, str] = {}
-    for image in sorted(model.images, key=lambda image: _natural(image.name)):
+    for image in sorted(model.images, key=lambda image: natural_order(image.name)):
         if str(image.camera) not in chosen:
             continue
-        if not containment.resolve(image.name, str(folder)).is_file():
+        if containment.find_file(image.name, str(folder)) is None:
             recording.issues.append(InputIssue("missing image", image.name))
             continue
         depth_name = depth.name_for(image.name)
@@ -137,8 +136,8 @@ class _DepthFolder:
         if self.folder is None:
             return None
         for candidate in (name, str(PurePosixPath(name).with_suffix(".png"))):
-            path = self._containment.resolve(candidate, str(self.folder))
-            if path.is_file():
+            path = self._containment.find_file(candidate, str(self.folder))
+            if path is not None:
                 relative = os.path.relpath(os.path.realpath(path), os.path.realpath(self._root))
                 return Path(relative).as_posix()
         return None
@@ -179,13 +178,6 @@ def _image_folder(model: Path, option: str | None) -> Path:
         if (folder / "images").is_dir():
             return folder / "images"
     raise RequestError(f"{model}: no folder `images` beside the model; name it, images=FOLDER")
-
-
-def _natural(name: str) -> list[tuple[int, str]]:
-    """Sorting key by which 2.png comes before 10.png."""
-    return [
-        (int(part), "") if part.isdecimal() else (-1, part) for part in _DIGITS.split(name) if part
-    ]
 
 
 LAYOUT = Layout(

@@ -6,6 +6,7 @@ entries of `observation.state` that are the robot's pose on the floor, or the ca
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from s2rtools.datasets.recording import (
     Recording,
 )
 from s2rtools.datasets.recordings.lerobot_files import (
+    MAX_NUMBER,
     Episode,
     ImageStore,
     Info,
@@ -110,7 +112,7 @@ class _DataFiles:
 
     def __init__(self, containment: PathContainment, entries: list[int]) -> None:
         self._containment, self._entries = containment, entries
-        self._file = ""
+        self._file: str | None = None
         self._numbers: dict[str, NDArray[np.float64]] = {}
         self._state = np.zeros((0, len(entries)))
 
@@ -124,7 +126,7 @@ class _DataFiles:
             self._state = read_vectors(path, _STATE, self._entries)
             self._file = episode.data
         rows = np.flatnonzero(self._numbers["episode_index"] == episode.number)
-        rows = rows[np.isfinite(self._numbers["frame_index"][rows])]
+        rows = rows[np.abs(self._numbers["frame_index"][rows]) <= MAX_NUMBER]
         if not len(rows):
             raise RequestError(f"{episode.data}: no frames of episode {episode.number}")
         return rows[np.argsort(self._numbers["frame_index"][rows], kind="stable")]
@@ -223,7 +225,7 @@ def _first_size(
     image = images.read(episode.video or episode.data, number)
     if isinstance(image, InputIssue):
         advice = ""
-        if episode.video is not None and (path / episode.video).is_file():
+        if episode.video is not None and os.path.isfile(path / episode.video):
             advice = f"; the videos are in {codec}, convert them to H.264: ffmpeg -c:v libx264"
         raise RequestError(f"{image.file}: {image.kind} ({image.detail}){advice}")
     height, width = image.pixels.shape[:2]

@@ -2,9 +2,11 @@
 
 `transform_matrix` maps points from the camera's axes of OpenGL (x right, y up, z backward) to the
 world. `applied_transform` and `applied_scale`, which nerfstudio's own tools write, are undone:
-poses are those of the original data. Pixel i covers [i, i + 1), so that intrinsics need no
-conversion. Depth images hold whole numbers; times `depth_unit_scale_factor` (nerfstudio) or
-`integer_depth_scale` (instant-ngp) they are units of the world.
+poses are those of the original data. A file lists its frames in any order: they are sorted by
+`timestamp` or `time` where all frames state it, else by the names of their images. Pixel i covers
+[i, i + 1), so that intrinsics need no conversion. Depth images hold whole numbers; times
+`depth_unit_scale_factor` (nerfstudio) or `integer_depth_scale` (instant-ngp) they are units of the
+world.
 
 Sources: "Data conventions" of nerfstudio's documentation, instant-ngp's "Tips for training NeRF
 models".
@@ -14,7 +16,8 @@ from __future__ import annotations
 
 import math
 import os
-from pathlib import Path
+from pathlib import Path, PurePosixPath
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -38,6 +41,7 @@ from s2rtools.datasets.recordings.recorded_files import FrameFiles
 from s2rtools.datasets.recordings.recorded_folders import (
     existing_folder,
     folder_name,
+    natural_order,
     require_frames,
     trajectory_name,
 )
@@ -47,6 +51,8 @@ from s2rtools.datasets.scan import InputIssue, choose_trajectories
 
 _MAX_BYTES = 256 << 20
 """Bytes of a file; a frame has about 700."""
+_LATEST = 1e300
+"""Times up to which a frame is sorted by them: finite numbers."""
 _DEPTH_UNIT = 1e-3
 """World units per unit of depth where the file states none, as in nerfstudio."""
 _OPENGL_TO_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -80,6 +86,8 @@ class _Frame(_Intrinsics, kw_only=True):
     transform_matrix: list[list[float]]
     depth_file_path: str | None = None
     depth_path: str | None = None
+    timestamp: Any = None
+    time: Any = None
 
 
 class _Document(_Intrinsics, kw_only=True):
@@ -91,7 +99,10 @@ class _Document(_Intrinsics, kw_only=True):
 
 
 class _Frames:
-    """The frames of one file whose images exist; `numbers` are their rows in it."""
+    """The frames of one file whose images exist, in recording order.
+
+    `numbers` are their rows in the file.
+    """
 
     def __init__(self, path: Path, containment: PathContainment) -> None:
         self.path = path
@@ -106,21 +117,21 @@ class _Frames:
         def relative(path: Path) -> str:
             return Path(os.path.relpath(path, containment.folder)).as_posix()
 
-        for number, frame in enumerate(self.document.frames):
+        for number in _recording_order(self.document.frames):
+            frame = self.document.frames[number]
             where = f"{path}: frame {number + 1}"
-            rgb = _existing(containment.resolve(frame.file_path, where), containment, where)
+            rgb = _find_image(containment, frame.file_path, where)
             if rgb is None:
                 self.issues.append(InputIssue("missing image", frame.file_path))
                 continue
             depth = None
             if self.has_depth:
                 name = _depth_name(frame)
-                found = containment.resolve(name, where) if name else None
-                if found is None or not found.is_file():
+                depth = containment.find_file(name, where) if name else None
+                if depth is None:
                     detail = name or "no depth_file_path"
                     self.issues.append(InputIssue("no depth image", frame.file_path, detail))
                     continue
-                depth = found
             camera = _camera(_Values(frame, self.document, where), rgb, sizes, where)
             self.numbers.append(number)
             self.files.append(relative(rgb), None if depth is None else relative(depth))
@@ -287,6 +298,19 @@ def _inverse(transform: list[list[float]] | None, path: Path) -> tuple[NDArray[n
     return np.asarray(np.linalg.inv(matrix)), scale
 
 
+def _recording_order(frames: list[_Frame]) -> list[int]:
+    """The numbers of frames by time where all of them state it, then by name."""
+    by_name = sorted(
+        range(len(frames)),
+        key=lambda number: natural_order(PurePosixPath(frames[number].file_path).as_posix()),
+    )
+    for key in ("timestamp", "time"):
+        times = [getattr(frame, key) for frame in frames]
+        if all(isinstance(time, int | float) and abs(time) < _LATEST for time in times):
+            return sorted(by_name, key=lambda number: times[number])
+    return by_name
+
+
 def _depth_unit(document: _Document) -> float:
     unit = document.depth_unit_scale_factor or document.integer_depth_scale
     return unit if unit is not None and 0 < unit < math.inf else _DEPTH_UNIT
@@ -296,14 +320,12 @@ def _depth_name(frame: _Frame) -> str | None:
     return frame.depth_file_path or frame.depth_path
 
 
-def _existing(path: Path, containment: PathContainment, where: str) -> Path | None:
+def _find_image(containment: PathContainment, name: str, where: str) -> Path | None:
     """The image's path; files of the original NeRF data sets are named without their suffix."""
-    if path.is_file():
-        return path
-    if path.suffix.lower() in SUFFIXES:
-        return None
-    candidates = (path.with_name(path.name + suffix) for suffix in SUFFIXES)
-    return next((containment.check(each, where) for each in candidates if each.is_file()), None)
+    has_suffix = PurePosixPath(name).suffix.lower() in SUFFIXES
+    names = [name] if has_suffix else [name, *(name + suffix for suffix in SUFFIXES)]
+    found = (containment.find_file(each, where) for each in names)
+    return next((path for path in found if path is not None), None)
 
 
 def _files_in(folder: Path) -> dict[str, Path]:

@@ -31,6 +31,8 @@ from s2rtools.datasets.scan import InputIssue
 
 _MAX_INFO_BYTES = 8 << 20
 _MAX_EPISODES = 100_000
+MAX_NUMBER = 1e12
+"""Largest number of an episode, a file or a frame, and time in seconds."""
 _FIELD = re.compile(r"\{(\w+)(?::0?(\d*)d)?\}")
 _MP4 = b"ftyp"
 """Bytes 4 to 8 of every MP4 file; FFmpeg reads playlists, too, which name other files."""
@@ -95,6 +97,8 @@ def read_info(folder: Path) -> Info:
         raise RequestError(f"{path}: version {info.codebase_version!r}; versions 2 and 3 are read")
     if not 0 <= info.total_episodes <= _MAX_EPISODES:
         raise RequestError(f"{path}: {info.total_episodes} episodes; at most {_MAX_EPISODES:,}")
+    if not info.data_path or info.video_path == "":
+        raise RequestError(f"{path}: data_path and video_path must not be empty")
     if info.chunks_size < 1 or not 0 < info.fps < 1e4:
         raise RequestError(f"{path}: chunks_size and fps must be positive")
     return info
@@ -129,7 +133,7 @@ def _listed_episodes(path: Path, info: Info, image: str, video: str | None) -> I
     if missing := [name for name in names if name not in columns]:
         raise RequestError(f"{path}: no column {missing[0]}")
     for row in np.column_stack([columns[name] for name in names]).tolist():
-        if not np.isfinite(row).all():
+        if not all(abs(value) <= MAX_NUMBER for value in row):
             raise RequestError(f"{path}: an episode without a number in {', '.join(names)}")
         data = {"chunk_index": int(row[1]), "file_index": int(row[2])}
         source = _filled(info.data_path, data, path)
@@ -167,7 +171,8 @@ class VideoImages:
     def __init__(self, containment: PathContainment, codec: str) -> None:
         self._containment, self._codec = containment, codec
         self._lock = threading.Lock()
-        self._file, self._next = "", 0
+        self._file: str | None = None
+        self._next = 0
         self._capture = cv2.VideoCapture()
         self._frames: dict[int, NDArray[np.uint8]] = {}
 

@@ -166,8 +166,7 @@ def find_file(
 
     `where` is the place that names it. Raises RequestError if the name leads out of the folder.
     """
-    path = containment.resolve(name, where)
-    if os.path.isfile(path):
+    if containment.find_file(name, where) is not None:
         return True
     issues.append(InputIssue("missing image", name, f"named in {where}"))
     return False

@@ -15,6 +15,7 @@ from s2rtools.datasets.recordings.recorded_poses import nearest_times
 from s2rtools.datasets.scan import InputIssue
 
 _MAX_NAME = 80
+_PARTS = re.compile(r"([0-9]+)|([^0-9]+)")
 
 
 def existing_folder(path: Path) -> Path:
@@ -36,6 +37,12 @@ def trajectory_name(text: str) -> str:
     return name[:_MAX_NAME] or "recording"
 
 
+def natural_order(name: str) -> list[tuple[int, str]]:
+    """The key that sorts names by the numbers in them, so that 2.png comes before 10.png."""
+    parts = ((number.lstrip("0"), text) for number, text in _PARTS.findall(name))
+    return [(-1, text) if text else (len(number), number) for number, text in parts]
+
+
 def require_frames(
     layout: str,
     folder: Path,
@@ -47,9 +54,7 @@ def require_frames(
         return
     message = f"{folder}: no usable image of layout {layout}"
     if issues:
-        first = issues[0]
-        reason = ": ".join(text for text in (first.file, first.kind, first.detail) if text)
-        message += f" ({counted(len(issues), 'issue')}, the first: {reason})"
+        message += f" ({counted(len(issues), 'issue')}, the first: {issues[0]})"
     raise RequestError(message)
 
 

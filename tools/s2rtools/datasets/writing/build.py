@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import shutil
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -55,7 +56,9 @@ def build(
         )
     report_outside_bounds(scan)
     refuse_unusable(scan, strict=False)
-    folder, journal = _open_folder(scan, target, progress, report_line)
+    folder = building_folder(target)
+    find_folders = partial(building_folders, target)
+    journal = open_folder(scan, target, folder, find_folders, {}, progress, report_line)
     try:
         stored = write_frames(scan, folder, progress, journal=journal)
         plan = floor_plan_image(scan)
@@ -89,17 +92,25 @@ def build(
         raise
 
 
-def _open_folder(
-    scan: Scan, target: Path, progress: ReportProgress, report_line: ReportLine
-) -> tuple[Path, IngestJournal | None]:
-    """The folder to build in, and its journal: that of an interrupted ingest, or a new one.
+def open_folder(
+    scan: Scan,
+    target: Path,
+    folder: Path,
+    find_folders: Callable[[], list[BuildingFolder]],
+    places: Mapping[str, FramePlace],
+    progress: ReportProgress,
+    report_line: ReportLine,
+) -> IngestJournal | None:
+    """Make the folder to write frames in, and its journal: that of an interrupted ingest, or a new
+    one.
 
-    There is no journal where a source of the scan does not state its origin.
+    `find_folders` lists the folders of all ingests of the store `target`; abandoned ones that are
+    not taken over are removed. `places` are as in `write_frames`. There is no journal where a
+    source of the scan does not state its origin.
     """
-    mark = fingerprint(scan)
-    folder, journal = building_folder(target), None
+    mark, journal = fingerprint(scan, places), None
     try:
-        for left in building_folders(target):
+        for left in find_folders():
             if left.is_abandoned and mark is not None and fingerprint_of(left.path) == mark:
                 try:
                     left.path.rename(folder)  # its name states this process from now on
@@ -108,7 +119,8 @@ def _open_folder(
                 journal = IngestJournal.resume(folder, mark)
                 steps, instances = 0, 0
                 for name, records in scan.trajectories.items():
-                    taken = journal.taken(name, len(records))
+                    place = places[name].folder if name in places else name
+                    taken = journal.taken(place, len(records))
                     steps, instances = steps + taken.steps, instances + len(taken)
                 total = sum(map(len, scan.trajectories.values()))
                 report_line(
@@ -117,16 +129,14 @@ def _open_folder(
                 )
                 progress(2 * steps)
                 break
-        remove_leftovers(
-            [each for each in building_folders(target) if each.path != folder], report_line
-        )
+        remove_leftovers([each for each in find_folders() if each.path != folder], report_line)
         if journal is None:
             folder.mkdir(parents=True)
             journal = None if mark is None else IngestJournal.begin(folder, mark)
     except OSError as error:
         shutil.rmtree(folder, ignore_errors=True)
         raise _unwritable(target, error) from error
-    return folder, journal
+    return journal
 
 
 def _unwritable(target: Path, error: OSError) -> RequestError:
@@ -191,10 +201,8 @@ def refuse_unusable(scan: Scan, strict: bool) -> None:
     issues = scan.issues or [InputIssue("empty data set", str(scan.root))]
     fatal = not scan.trajectories or any(i.kind == "empty data set" for i in scan.issues)
     if fatal or (strict and scan.issues):
-        first = issues[0]
-        reason = ": ".join(text for text in (first.file, first.kind, first.detail) if text)
         more = f"; {counted(len(issues) - 1, 'more issue')}" if len(issues) > 1 else ""
-        raise RequestError(f"{reason}{more}; nothing was ingested")
+        raise RequestError(f"{issues[0]}{more}; nothing was ingested")
 
 
 def _write_floor_plan(image: NDArray[np.uint8], root: Path) -> str:

@@ -76,11 +76,10 @@ def write_trajectory(
     called with twice the number of decoded frames. Issues are added to the scan.
     """
     records = scan.trajectories[name]
-    taken = None if journal is None else journal.taken(name, len(records))
+    place = place or FramePlace(name, {})
+    taken = None if journal is None else journal.taken(place.folder, len(records))
     is_recorded = taken is not None and taken.is_finished
-    writer = _TrajectoryWriter(
-        scan, root, name, place or FramePlace(name, {}), journal, is_recorded
-    )
+    writer = _TrajectoryWriter(scan, root, name, place, journal, is_recorded)
     largest = max(source.pixels for record in records for source in record.sources.values())
     threads = max(1, min(available_processors(), _DECODING_BYTES // (8 * largest)))
 
@@ -202,7 +201,7 @@ class _TrajectoryWriter:
         """The instances that were left out, and those of a combination, since their last blocks."""
         row = next(iter(self._left_out), 0)
         frames = len(self._domains) or len(self._scan.trajectories[self._name][row].sources)
-        block = Block(self._name, frames, self._left_out)
+        block = Block(self._place.folder, frames, self._left_out)
         self._left_out = {}
         if types in self._groups:
             self._groups[types].fill(block, with_shards)
@@ -242,7 +241,7 @@ class _TrajectoryWriter:
             return
         blocks = [self._block(types, types == expected) for types in self._groups or [()]]
         kept = self._groups.get(expected or ())
-        self._journal.finish(self._name, blocks, None if kept is None else kept.number)
+        self._journal.finish(self._place.folder, blocks, None if kept is None else kept.number)
 
     def _types(self) -> Iterator[DepthTypes]:
         """The depth types of every written instance."""

@@ -52,10 +52,11 @@ class Shard(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Block(msgspec.Struct, forbid_unknown_fields=True):
     """Instances of one combination of depth types, and those left out since the last block.
 
-    `rows` are numbers of the trajectory's records. `number` counts the combinations, `types` is
-    the depth type of each domain. `digests` (64 hexadecimal characters a row) and
-    `valid_fractions` are those of the frames, `shards` the files by domain and image. `frames` is
-    the number of frames of every instance.
+    `trajectory` is the name of the trajectory's folder in that of each domain. `rows` are numbers
+    of the trajectory's records. `number` counts the combinations, `types` is the depth type of each
+    domain. `digests` (64 hexadecimal characters a row) and `valid_fractions` are those of the
+    frames, `shards` the files by domain and image. `frames` is the number of frames of every
+    instance.
     """
 
     trajectory: str

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import astuple
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -16,6 +17,7 @@ import numcodecs
 
 from s2rstore.index import schema
 from s2rtools.datasets.scan import Scan
+from s2rtools.datasets.writing.frame_writing import FramePlace
 
 
 @runtime_checkable
@@ -29,15 +31,17 @@ class TracedSource(Protocol):
         """
 
 
-def fingerprint(scan: Scan) -> str | None:
+def fingerprint(scan: Scan, places: Mapping[str, FramePlace] | None = None) -> str | None:
     """SHA-256 of the scan's frame size, domains and sources, and of the releases that decode them.
 
-    None where a source does not state its origin.
+    `places` are those of trajectories that have frames in the store already. None where a source
+    does not state its origin.
     """
     digest = hashlib.sha256()
     facts = [domain.facts() for domain in scan.domains.values()]
     releases = schema.VERSIONS, cv2.__version__, numcodecs.__version__
     _add(digest, releases, os.path.abspath(scan.root), scan.frame, scan.has_poses, facts)
+    _add(digest, [(name, astuple(place)) for name, place in sorted((places or {}).items())])
     folders: dict[Path, str] = {}
     for name, records in scan.trajectories.items():
         _add(digest, name, len(records))

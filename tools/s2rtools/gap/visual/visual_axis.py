@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.metrics.bootstrap import Blocks, block_counts, split_into_blocks
-from s2rstore.records import Run
+from s2rstore.records import Run, Side
 from s2rstore.run_inputs import chain_text
 from s2rtools.gap import instance_selection
 from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
@@ -66,7 +66,7 @@ class VisualAxis(Axis):
         "and real images of other poses, averaged over all splits of the blocks into halves. "
         "Between real images of different poses this average is 0 for every n, so the floor needs "
         "no measurement; the details list single splits. FID is biased and would need a measured "
-        "floor. The anchor is the sim images before any adaptation."
+        "floor. The anchor is the images before any adaptation."
     )
 
     def missing(self, evidence: Evidence) -> str | None:
@@ -132,12 +132,10 @@ class VisualAxis(Axis):
         if evidence.anchor_run is not None:
             raw = _anchor_run(evidence, run)
             state = f"the sim images of run {raw.run}"
-        elif not run.sim_adjustments:
-            raw, state = run, f"the sim images of run {run.run}, unadapted"
         else:
             raw = _unadapted_run(evidence, run)
-            steps = chain_text(run.sim_adjustments)
-            state = f"the sim images before {steps} (run {raw.run})"
+            side, chain = _adapted_side(run)
+            state = f"the {side} images before {chain_text(chain)} (run {raw.run})"
         sample = _sample(replace(evidence, run=raw.run), iids=_iids(evidence))
         pair = block_mmd(sample.sim, sample.real, sample.blocks)
         counts = block_counts(sample.blocks, settings, min_units=2)
@@ -185,15 +183,33 @@ def _anchor_run(evidence: Evidence, run: Run) -> Run:
     return raw
 
 
+def _adapted_side(run: Run) -> tuple[Side, list[dict[str, Any]]]:
+    """The side whose images the run adapts to the other's, and its adjustments: sim before real.
+
+    Raises RequestError where the run adapts neither: its images would be compared with themselves.
+    """
+    if run.sim_adjustments:
+        return "sim", run.sim_adjustments
+    if run.real_adjustments:
+        return "real", run.real_adjustments
+    raise RequestError(
+        f"visual: run {run.run} adapts no images, so that no bad state is known to compare them "
+        "with; name a run whose sim images are the bad state (--anchor-run), or leave this axis "
+        "out (name the others by --axis)"
+    )
+
+
 def _unadapted_run(evidence: Evidence, run: Run) -> Run:
-    """A run of the same model and real images whose sim images are not adapted."""
+    """A run of the same model and domains without the adjustments of the adapted side."""
+    side, _ = _adapted_side(run)
+    real_adjustments = run.real_adjustments if side == "sim" else []
     for other in evidence.store.runs.values():
         same = (other.model, other.sim_domain, other.real_domain, other.real_adjustments)
-        required = (run.model, run.sim_domain, run.real_domain, run.real_adjustments)
+        required = (run.model, run.sim_domain, run.real_domain, real_adjustments)
         usable = other.key is not None or evidence.features is not None
         if not other.sim_adjustments and same == required and usable:
             return other
     raise RequestError(
-        f"run {run.run!r}: nothing to compare its adapted sim images with; add a run of model "
-        f"{run.model!r} without --adjust sim:..., and run `s2r precompute`"
+        f"run {run.run!r}: nothing to compare its adapted {side} images with; add a run of model "
+        f"{run.model!r} without --adjust {side}:..., and run `s2r precompute`"
     )

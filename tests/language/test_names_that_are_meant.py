@@ -1,0 +1,62 @@
+"""An unknown name of a field or a column says which one is meant."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import s2rstore
+from s2rstore.errors import ExpressionError, RequestError
+from s2rstore.language import fields
+from s2rstore.language.parser import parse
+from s2rtui.cli import main
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("heading_rad > 1", "could be heading_deg"),
+        ("real_error > 1", "could be real.error_m"),
+        ("real.error_rad > 1", "could be real.error_m"),
+        ("real_error_m", "could be real.error_m > 1"),
+        ("real_room:kitchen", "could be real.room"),
+        ("trajectory:traj1", "could be traj"),
+        ("worst(15%, sim_heading_error_rad)", "could be sim.heading_error_deg"),
+    ],
+)
+def test_an_expression_names_the_field_alone(text: str, hint: str) -> None:
+    with pytest.raises(ExpressionError) as error:
+        parse(text)
+    assert str(error.value).endswith(hint)
+
+
+def test_every_field_is_meant_by_its_own_name() -> None:
+    for name in (*fields.NUMERIC, *fields.TEXT):
+        field = fields.meant(name.replace(".", "_"))
+        assert field is not None
+        assert fields.without_unit(field) == name or name.startswith("pair_offset")
+
+
+def test_columns_of_rows_and_of_scripts_name_it(
+    tiny_store: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["query", str(tiny_store), "all", "--columns", "iid,real_error"]) == 2
+    assert "--columns real_error: no such field; real.error_m is meant" in capsys.readouterr().err
+    with s2rstore.open(tiny_store) as store:
+        with pytest.raises(AttributeError, match="no column heading_deg; heading is meant"):
+            _ = store.instances.heading_deg  # type: ignore[attr-defined]
+        with pytest.raises(AttributeError, match=r"real_error_m; real\.error is meant"):
+            _ = store.run_columns(next(iter(store.runs))).real_error_m  # type: ignore[attr-defined]
+        with pytest.raises(AttributeError, match=r"no column nonsense \(has: x, y, heading"):
+            _ = store.instances.nonsense  # type: ignore[attr-defined]
+
+
+def test_exchanged_arguments_of_frames_are_named(tiny_store: Path) -> None:
+    with s2rstore.open(tiny_store) as store:
+        assert store.frame(0, "sim").rgb.ndim == 3
+        with pytest.raises(RequestError, match=r"frame\(iid, domain\): domain is a name"):
+            store.frame("sim", 0)  # type: ignore[arg-type]
+        for arguments in ((0, 1, "sim"), (0, "sim", 1), ("sim", "0", "1")):
+            with pytest.raises(RequestError, match=r"frames\(domain, start, stop\): domain is"):
+                store.frames(*arguments)  # type: ignore[arg-type]
