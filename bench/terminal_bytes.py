@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import fcntl
 import math
 import os
-import pty
 import select
-import struct
 import sys
-import termios
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 from bench.budget import BudgetRow
+from bench.support.screen import start_on_terminal
 
 _QUIET = 0.6
 SIZES = ((120, 40), (200, 60))
@@ -33,13 +30,9 @@ class MeasuredTerminal:
     """The application on a pty of (columns, rows)."""
 
     def __init__(self, store: Path, size: tuple[int, int], *options: str) -> None:
-        pid, self._fd = pty.fork()
-        if pid == 0:
-            os.environ.update(TERM="xterm-256color", COLORTERM="truecolor", LANG="C.UTF-8")
-            words = [sys.executable, "-m", "s2rtui", "tui", str(store), *options]
-            os.execv(sys.executable, words)
-        fcntl.ioctl(self._fd, termios.TIOCSWINSZ, struct.pack("HHHH", size[1], size[0], 0, 0))
-        self._pid = pid
+        command = [sys.executable, "-m", "s2rtui", "tui", str(store), *options]
+        variables = {"TERM": "xterm-256color", "COLORTERM": "truecolor", "LANG": "C.UTF-8"}
+        self._process, self._fd = start_on_terminal(command, size, os.environ | variables)
 
     def read(self, quiet: float = _QUIET, patience: float = 20.0) -> list[tuple[float, int]]:
         """(time, bytes) of the output until there is none for `quiet` seconds."""
@@ -62,7 +55,7 @@ class MeasuredTerminal:
         self.press(b"q")
         self.read(0.3, 3)
         os.close(self._fd)
-        os.waitpid(self._pid, 0)
+        self._process.wait()
 
 
 def figures(store: Path) -> Iterator[BudgetRow]:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
-import pty
 import re
 import signal
-import struct
+import subprocess
 import termios
 import threading
 import time
@@ -38,6 +36,23 @@ def feed(stream: pyte.ByteStream, data: bytes) -> bytes:
     return rest
 
 
+def start_on_terminal(
+    command: Sequence[str], size: tuple[int, int], environment: Mapping[str, str]
+) -> tuple[subprocess.Popen[bytes], int]:
+    """A process with a controlling terminal of its own, and the descriptor that reads it.
+
+    `pty.fork` would run Python between fork and exec, which can deadlock in a process with threads.
+    """
+    primary, secondary = os.openpty()
+    termios.tcsetwinsize(primary, size[::-1])
+    process = subprocess.Popen(
+        ["setsid", "--ctty", *command],
+        stdin=secondary, stdout=secondary, stderr=secondary, env=environment,
+    )  # fmt: skip
+    os.close(secondary)
+    return process, primary
+
+
 class Screen:
     """Runs `command` on a terminal of `size` columns and rows; a thread reads and draws.
 
@@ -61,19 +76,10 @@ class Screen:
         self.code: int | None = None
         env = {"TERM": "xterm-256color", "LANG": "C.UTF-8", **(environment or {})}
         env |= {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ}
-        self.pid, self._fd = pty.fork()
-        if self.pid == 0:
-            try:
-                os.execvpe(command[0], list(command), env)
-            finally:
-                os._exit(127)
-        self._set_size(size)
+        self._process, self._fd = start_on_terminal(command, size, env)
+        self.pid = self._process.pid
         self._thread = threading.Thread(target=self._read, daemon=True)
         self._thread.start()
-
-    def _set_size(self, size: tuple[int, int]) -> None:
-        columns, rows = size
-        fcntl.ioctl(self._fd, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
 
     def _read(self) -> None:
         while True:
@@ -83,8 +89,7 @@ class Screen:
                 piece = b""
             with self._changed:
                 if not piece:
-                    _, status = os.waitpid(self.pid, 0)
-                    self.code = os.waitstatus_to_exitcode(status)
+                    self.code = self._process.wait()
                     self._changed.notify_all()
                     return
                 self.raw += piece
@@ -112,7 +117,7 @@ class Screen:
 
     def resize_terminal(self, columns: int, rows: int) -> None:
         """Set the size for the program only, for sizes that the emulator cannot hold."""
-        self._set_size((columns, rows))
+        termios.tcsetwinsize(self._fd, (rows, columns))
         os.kill(self.pid, signal.SIGWINCH)
 
     def wait_for(self, wanted: str | Callable[[str], bool], patience: float = PATIENCE) -> str:

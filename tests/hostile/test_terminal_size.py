@@ -64,7 +64,6 @@ def _draws(screen: Screen, size: int) -> bool:
     return screen.wait_for_bytes(size, 60)
 
 
-@pytest.mark.deep
 def test_the_largest_terminal_uses_bounded_memory(open_screen: OpenScreen) -> None:
     screen = open_screen(65_535, 65_535)
     assert _draws(screen, 1 << 18)
@@ -72,7 +71,6 @@ def test_the_largest_terminal_uses_bounded_memory(open_screen: OpenScreen) -> No
     assert _ends_promptly(screen)
 
 
-@pytest.mark.deep
 def test_a_huge_size_in_the_environment_uses_bounded_memory(open_screen: OpenScreen) -> None:
     screen = open_screen(80, 24, COLUMNS="100000", LINES="100000")
     assert _draws(screen, 1 << 18)
@@ -80,7 +78,6 @@ def test_a_huge_size_in_the_environment_uses_bounded_memory(open_screen: OpenScr
     assert _ends_promptly(screen)
 
 
-@pytest.mark.deep
 def test_a_huge_reported_size_uses_bounded_memory(open_screen: OpenScreen) -> None:
     screen = open_screen(80, 24)
     assert _draws(screen, 4000)
@@ -146,7 +143,6 @@ def test_image_sizes_are_limited(
     assert not out.exists()
 
 
-@pytest.mark.deep
 def test_the_largest_image_uses_bounded_memory(tiny_store: Path, tmp_path: Path) -> None:
     arguments = ["snapshot", str(tiny_store), "--size", "1000x500"]
     path = os.pathsep.join(part for part in sys.path if part)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import s2rstore
-from bench.support.screen import RIGHT, Screen
+from bench.support.screen import PATIENCE, RIGHT, Screen
 from s2rtui.app.app import S2RApp
 from s2rtui.app.inline_images import enable_inline_images
 from s2rtui.app.pilot import settle, take_screenshot
@@ -48,7 +48,7 @@ def open_application(store: Path, share: Path, *options: str) -> Screen:
 
 
 def wait_until_received(screen: Screen, condition: Callable[[bytes], bool]) -> None:
-    limit = time.monotonic() + 20
+    limit = time.monotonic() + PATIENCE
     while not condition(bytes(screen.raw)):
         assert time.monotonic() < limit, bytes(screen.raw)[-400:]
         time.sleep(0.01)
@@ -60,7 +60,7 @@ def answer_query(screen: Screen, answer: bytes) -> None:
 
 
 def skip_tour(screen: Screen) -> None:
-    screen.wait_for("any key begins", 20)
+    screen.wait_for("any key begins")
     screen.press(b"\x1b")
 
 
