@@ -8,7 +8,7 @@ import pytest
 
 from s2rstore.errors import RequestError
 from s2rstore.files import layout
-from s2rstore.index import catalog_check, catalog_check_cache, locked_connection
+from s2rstore.index import catalog_check, catalog_check_cache, locked_connection, transaction
 from tests.support.copies import copy_store
 
 
@@ -19,9 +19,9 @@ def checked_files(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[Path]
     files: list[Path] = []
     check = catalog_check.check
 
-    def recording_check(connection, tables, views, path) -> None:
+    def recording_check(connection, tables, views, path, database) -> None:
         files.append(path)
-        check(connection, tables, views, path)
+        check(connection, tables, views, path, database)
 
     monkeypatch.setattr(catalog_check, "check", recording_check)
     return files
@@ -45,6 +45,14 @@ def test_equal_content_is_checked_once(
     open_in_new_process(index_file(store_copy), monkeypatch)
     open_in_new_process(other, monkeypatch)
     assert checked_files == [index_file(store_copy)]
+
+
+def test_a_writer_trusts_the_check_of_a_reader(store_copy: Path, checked_files: list[Path]) -> None:
+    index = index_file(store_copy)
+    locked_connection.connect(index).close()
+    with transaction.edit(store_copy):
+        pass
+    assert checked_files == [index]
 
 
 def test_other_expected_views_are_checked_again(

@@ -172,7 +172,7 @@ def attach_read_only(
     """Attach a file of a folder that the connection may reach, and check its catalog."""
     require_regular(path)
     connection.execute(f"ATTACH '{escaped(literal_path(path))}' AS {name} (READ_ONLY)")
-    catalog_check.check(connection, tables, views, path, name)
+    _check(connection, tables, views, path, name)
 
 
 def attach_new(
@@ -247,6 +247,7 @@ def _check(
     tables: Sequence[Table],
     views: Sequence[str],
     path: Path,
+    database: str | None = None,
 ) -> None:
     """Check the catalog, unless this file, or one of the same content, has passed before."""
     identity = _identity(path)
@@ -254,7 +255,7 @@ def _check(
         return
     key = catalog_check_cache.key(path, repr((duckdb.__version__, tables, views)))
     if key is None or not catalog_check_cache.contains(key):
-        catalog_check.check(connection, tables, views, path)
+        catalog_check.check(connection, tables, views, path, database)
         if key is not None:
             catalog_check_cache.add(key)
     _checked[identity] = None
