@@ -17,7 +17,7 @@ from s2rtui.analysis.binning import selection_indices
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.session import saved_selection_diff
 from s2rtui.session.context import SessionContext
-from s2rtui.session.state import PendingTarget, State, Step
+from s2rtui.session.state import History, PendingTarget, State
 
 _IMAGE_FIELDS = frozenset({"iid", "seq", "traj", "timestamp"})
 """Fields that instances without poses have."""
@@ -29,7 +29,7 @@ def evaluate(
     context: SessionContext,
     state: State,
     node: Node,
-    history: tuple[tuple[Step, ...], tuple[Step, ...]],
+    history: History,
     pending: PendingTarget | None = None,
 ) -> State:
     """The state with `node` selected; brush and pending operator are cleared.

@@ -9,15 +9,16 @@ import numpy as np
 from s2rstore.errors import RequestError, counted
 from s2rstore.index.catalog import NO_POSES
 from s2rstore.language import Node, parse
+from s2rstore.language.syntax_tree import Everything
 from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN
-from s2rtui.session import adjusting, pending_target, saved_selection_diff, selection
+from s2rtui.session import adjusting, pending_target, saved_selection_diff
 from s2rtui.session.context import SessionContext
 from s2rtui.session.evaluation import evaluate
 from s2rtui.session.heatmaps import with_heat
 from s2rtui.session.selection import defer, keep_input
-from s2rtui.session.state import PendingTarget, State
+from s2rtui.session.state import History, PendingTarget, State
 
 
 def computed_runs(store: Store) -> tuple[str, ...]:
@@ -113,10 +114,12 @@ def _nothing_to_include(store: Store, state: State) -> str:
 
 
 def go_to(context: SessionContext, state: State, target: PendingTarget) -> State:
-    """Show a target, keeping brush and operator; a target that is not loaded becomes pending.
+    """Show a target as the next step of the history, keeping brush and operator.
 
-    Until then the nearest loaded place is shown: the run, or the trajectories alone.
+    A target that is not loaded becomes pending. Until then the nearest loaded place is shown: the
+    run, or the trajectories alone.
     """
+    target = replace(target, history=pending_target.next_history(state, target))
     if (node := _node_to_load(context, state, target)) is None:
         return keep_input(state, _settle(context, state, target))
     here, place = pending_target.current_target(state), pending_target.place_of(target)
@@ -135,8 +138,8 @@ def _node_to_load(context: SessionContext, state: State, target: PendingTarget) 
         return pending_target.node_to_load(context, state, replace(target, text="all"))
 
 
-def select_shared(context: SessionContext, state: State, target: PendingTarget) -> State:
-    """Show a shared selection at its run and trajectories, at once or once it is loaded.
+def select_at(context: SessionContext, state: State, target: PendingTarget) -> State:
+    """Show a target with its own history, at once or once it is loaded.
 
     Raises RequestError if the expression cannot be evaluated there.
     """
@@ -211,7 +214,10 @@ def _settle(context: SessionContext, base: State, target: PendingTarget) -> Stat
     try:
         return _evaluate_at(context, base, target)
     except RequestError as error:
-        result = _evaluate_at(context, base, pending_target.place_of(target))
+        place = pending_target.place_of(target)
+        if place != pending_target.place_of(pending_target.current_target(base)):
+            place = replace(place, history=target.history)
+        result = _evaluate_at(context, base, place)
         past, future = (
             tuple(step for step in steps if step.expression != target.text)
             for steps in (result.past, result.future)
@@ -227,23 +233,25 @@ def _evaluate_at(context: SessionContext, base: State, target: PendingTarget) ->
         run=run,
         trajectories=target.trajectories,
         with_trained=target.with_trained,
+        cursor=base.cursor if target.cursor is None else target.cursor,
         pending=None,
     )
+    history = target.history or (base.past, base.future)
     if target.text:
-        result = evaluate(context, place, parse(target.text), (target.past, target.future))
+        result = evaluate(context, place, parse(target.text), history)
     else:
-        result = _evaluate_present(context, place)
+        result = _evaluate_present(context, place, history)
     if target.saved is not None:
         message = saved_selection_diff.describe_move(result, base, target.saved)
         result = replace(result, message=message)
     return adjusting.follow_run(context, with_heat(context.store, result))
 
 
-def _evaluate_present(context: SessionContext, state: State) -> State:
+def _evaluate_present(context: SessionContext, state: State, history: History) -> State:
     """Evaluate the present expression in a new place, or select all if that fails."""
     try:
-        return evaluate(context, state, parse(state.expression), (state.past, state.future))
+        return evaluate(context, state, parse(state.expression), history)
     except RequestError as error:
-        result = selection.select(context, replace(state, pending=None), "all", "replace")
+        result = evaluate(context, state, Everything(), history)
         message = f"all selected: {state.expression} cannot be evaluated here ({error})"
         return replace(result, message=message)

@@ -14,10 +14,10 @@ from s2rstore.language.syntax_tree import Bend, Extreme, Field, Like, Training, 
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtui.session.context import SessionContext
-from s2rtui.session.state import PendingTarget, State, Step
+from s2rtui.session.state import History, PendingTarget, State, Step
 
 MAX_HISTORY = 100
-"""Number of past expressions that can be undone."""
+"""Number of past steps that can be undone."""
 SMALL_STORE = 20_000
 """Instances whose columns are read fast enough for the UI thread."""
 _SIDE_COLUMNS = ("x", "y", "heading", "error", "heading_error", "room", "u", "v", "outlier")
@@ -113,26 +113,35 @@ def place_of(target: PendingTarget) -> PendingTarget:
 
 
 def upcoming(state: State) -> State:
-    """The state with the pending expression and its history in place of the present one."""
+    """The state with the pending expression, place and history instead of the present ones."""
     target = state.pending
-    if target is None or not target.text:
+    if target is None:
         return state
+    past, future = target.history or (state.past, state.future)
     return replace(
         state,
-        expression=target.text,
+        expression=target.text or state.expression,
+        run=target.run,
+        trajectories=target.trajectories,
         with_trained=target.with_trained,
-        past=target.past,
-        future=target.future,
+        past=past,
+        future=future,
     )
+
+
+def next_history(state: State, target: PendingTarget) -> History:
+    """The history around a target that is shown after the present or pending one."""
+    before = upcoming(state)
+    text = target.text or before.expression
+    if Step(text, target.run, target.trajectories, target.with_trained) == before.step:
+        return before.past, before.future
+    return (*before.past, before.step)[-MAX_HISTORY:], ()
 
 
 def with_expression(state: State, place: PendingTarget, text: str) -> PendingTarget:
     """Select `text` at a place, as the next step of the history."""
-    before = upcoming(state)
-    past, future = before.past, before.future
-    if Step(text, place.with_trained) != before.step:
-        past, future = (*past, before.step)[-MAX_HISTORY:], ()
-    return replace(place_of(place), text=text, past=past, future=future)
+    target = replace(place_of(place), text=text)
+    return replace(target, history=next_history(state, target))
 
 
 def expand_saved_names(context: SessionContext, expression: str | Node) -> Node:
@@ -159,15 +168,14 @@ def node_to_load(
 
 
 def plan(
-    context: SessionContext, state: State, node: Node, target: PendingTarget | None = None
+    context: SessionContext, state: State, node: Node
 ) -> tuple[PendingTarget, PendingTarget | None]:
     """The target of selecting `node`, and the target that remains pending after it.
 
-    The first has a `node` if columns have to be loaded before it can be selected. `target`
-    overrides its place in the history. Raises ExpressionError.
+    The first has a `node` if columns have to be loaded before it can be selected. Raises
+    ExpressionError.
     """
-    if target is None:
-        target = with_expression(state, final_target(state), to_text(node))
+    target = with_expression(state, final_target(state), to_text(node))
     place = current_target(state)
     if (loading := node_to_load(context, state, place, node)) is not None:
         return replace(target, node=loading), None

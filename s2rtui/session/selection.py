@@ -18,21 +18,20 @@ def select(
     state: State,
     expression: str | Node,
     operator: Operator | None = None,
-    target: PendingTarget | None = None,
 ) -> State:
     """Combine an expression with the selection by `operator`, by default the pending operator.
 
-    Evaluates it at once, or makes it pending if columns have to be loaded first. `target` sets the
-    history, for undo and redo. Raises ExpressionError.
+    Evaluates it at once, or makes it pending if columns have to be loaded first. Raises
+    ExpressionError.
     """
     node = parse(expression) if isinstance(expression, str) else expression
     operator = operator or state.operator
     if operator != "replace":
         node = _combine(parse(pending_target.upcoming(state).expression), operator, node)
-    planned, pending = pending_target.plan(context, state, node, target)
+    planned, pending = pending_target.plan(context, state, node)
     if planned.node is not None:
         return defer(replace(state, brush=None, operator="replace"), planned)
-    return evaluate(context, state, node, (planned.past, planned.future), pending)
+    return evaluate(context, state, node, planned.history or (state.past, state.future), pending)
 
 
 def _combine(current: Node, operator: Operator, new: Node) -> Node:

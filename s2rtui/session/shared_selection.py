@@ -98,9 +98,9 @@ def select_text(context: SessionContext, state: State, text: str) -> State:
     expression = to_text(parse(saved.expression))
     place = pending_target.final_target(state)
     place = replace(place, with_trained=saved.with_trained)
-    target = pending_target.with_expression(state, place, expression)
     if saved.run in state.runs:
-        target = replace(target, run=saved.run)
+        place = replace(place, run=saved.run)
     if all(name in known for name in saved.trajectories or ()):
-        target = replace(target, trajectories=saved.trajectories)
-    return navigation.select_shared(context, state, replace(target, saved=saved))
+        place = replace(place, trajectories=saved.trajectories)
+    target = pending_target.with_expression(state, place, expression)
+    return navigation.select_at(context, state, replace(target, saved=saved))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -113,10 +113,21 @@ class Adjust:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A selection of the history: its expression, and whether trained instances were included."""
+    """A step of the history: an expression at a run and trajectories (None: all), and the cursor.
+
+    `with_trained` says whether trained instances were included. Steps that differ in the cursor
+    alone are equal.
+    """
 
     expression: str
+    run: str = ""
+    trajectories: tuple[str, ...] | None = None
     with_trained: bool = False
+    cursor: int | None = field(default=None, compare=False)
+
+
+History = tuple[tuple[Step, ...], tuple[Step, ...]]
+"""The steps before and after a selection, the nearest last."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,8 +135,9 @@ class PendingTarget:
     """A run, generation and trajectories (None: all) to show, and an expression to select there.
 
     `with_trained` includes the instances that the run's model was trained on. `text` is the
-    expression, empty for the present one; `node` its expanded syntax tree, `past` and `future` the
-    history around it. `saved` describes a shared selection where it was made.
+    expression, empty for the present one; `node` its expanded syntax tree, `history` the history
+    around it, None for the present one. `cursor` is kept if it is selected there. `saved` describes
+    a shared selection where it was made.
     """
 
     run: str
@@ -134,8 +146,8 @@ class PendingTarget:
     node: Node | None = None
     trajectories: tuple[str, ...] | None = None
     with_trained: bool = False
-    past: tuple[Step, ...] = ()
-    future: tuple[Step, ...] = ()
+    history: History | None = None
+    cursor: int | None = None
     saved: SavedSelection | None = None
 
 
@@ -148,7 +160,7 @@ class State:
     on; they belong to `base` only if `with_trained`. `trajectories` None means all. `cursor` is an
     iid. `viewports` are the rectangles that zoomed planes show, by the name of the plane. `newest`
     is the published generation. `first_rows` are the first visible rows of scrolled tables, by the
-    name of the view. `past` and `future` hold the selections before and after this one, the nearest
+    name of the view. `past` and `future` hold the steps before and after this one, the nearest
     last. `operator` combines the next selection with this one. `other` is the run to
     compare with. `view` receives the keys; `centre` and `tab` name the views shown in these panes.
     `pending` is the target to show once it is loaded; `keeps_message` says that the message
@@ -228,7 +240,7 @@ class State:
     @property
     def step(self) -> Step:
         """The present selection as a step of the history."""
-        return Step(self.expression, self.with_trained)
+        return Step(self.expression, self.run, self.trajectories, self.with_trained, self.cursor)
 
     @property
     def population(self) -> Population:

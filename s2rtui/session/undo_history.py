@@ -1,4 +1,4 @@
-"""Undo and redo of selections: walk through the history of expressions."""
+"""Undo and redo: walk through the history of selections, runs and trajectories."""
 
 from __future__ import annotations
 
@@ -6,41 +6,39 @@ from dataclasses import replace
 from typing import Literal
 
 from s2rstore.errors import RequestError
-from s2rtui.session import pending_target
+from s2rtui.session import navigation, pending_target
 from s2rtui.session.context import SessionContext
-from s2rtui.session.selection import select
-from s2rtui.session.state import State, Step
+from s2rtui.session.state import PendingTarget, State
 
 
 def undo(context: SessionContext, state: State) -> State:
-    """Select the previous expression of the history that can still be evaluated."""
+    """Show the previous step of the history that can still be evaluated."""
     return _walk_history(context, state, "undo")
 
 
 def redo(context: SessionContext, state: State) -> State:
-    """Select the next expression of the history that can still be evaluated."""
+    """Show the next step of the history that can still be evaluated."""
     return _walk_history(context, state, "redo")
 
 
 def _walk_history(
     context: SessionContext, state: State, direction: Literal["undo", "redo"]
 ) -> State:
-    """Skip expressions that cannot be evaluated here and name them in the message."""
+    """Skip expressions that cannot be evaluated any more and name them in the message."""
     upcoming, backwards = pending_target.upcoming(state), direction == "undo"
+    generation = pending_target.final_target(state).generation
     remaining, skipped = list(upcoming.past if backwards else upcoming.future), []
-    place = pending_target.place_of(pending_target.final_target(state))
     while remaining:
         step = remaining.pop()
-        past, future = tuple(remaining), (*upcoming.future, upcoming.step)
+        history = tuple(remaining), (*upcoming.future, upcoming.step)
         if not backwards:
-            past, future = (*upcoming.past, upcoming.step), tuple(remaining)
-        target = replace(
-            place, text=step.expression, with_trained=step.with_trained, past=past, future=future
-        )
+            history = (*upcoming.past, upcoming.step), tuple(remaining)
+        target = PendingTarget(
+            step.run, generation, step.expression, trajectories=step.trajectories,
+            with_trained=step.with_trained, history=history, cursor=step.cursor,
+        )  # fmt: skip
         try:
-            result = select(
-                context, _with_population(state, step), step.expression, "replace", target
-            )
+            result = navigation.select_at(context, state, target)
         except RequestError as error:
             skipped.append(f"left out: {step.expression} ({error})")
             continue
@@ -50,9 +48,3 @@ def _walk_history(
     if upcoming is state:
         state = replace(state, past=()) if backwards else replace(state, future=())
     return state.with_message("; ".join((f"nothing to {direction}", *skipped)))
-
-
-def _with_population(state: State, step: Step) -> State:
-    """The state, and what is pending, with the population of a step of the history."""
-    pending = state.pending and replace(state.pending, with_trained=step.with_trained)
-    return replace(state, with_trained=step.with_trained, pending=pending)

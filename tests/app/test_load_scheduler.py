@@ -123,7 +123,7 @@ async def test_a_shared_selection_waits_until_its_run_is_loaded(
         await settle(app, pilot)
         state = app.session.state
         assert (state.run, state.expression, state.pending) == ("b", "worst(3, real.error)", None)
-        assert state.past[-1] == Step("all")
+        assert state.past[-1] == Step("all", "vanilla")
         errors = app.session.store.run_columns("b").real.error
         assert set(np.flatnonzero(state.selected)) == set(np.argsort(-errors, kind="stable")[:3])
 
@@ -197,7 +197,7 @@ async def test_an_undone_expression_waits_for_its_columns(
     assert (state.expression, state.past, state.future) == (
         "real.loss > 0",
         past[:-1],
-        (Step("all"),),
+        (Step("all", "vanilla"),),
     )
     assert state.pending is None
     await press(app, pilot, "U")
@@ -220,14 +220,16 @@ async def test_repeated_undo_accumulates_while_one_is_pending(
 ) -> None:
     app, pilot = delayed_losses.app, delayed_losses.pilot
     past = app.session.state.past
-    app.session.set_state(replace(app.session.state, past=(*past, Step("real.loss > 0.001"))))
+    app.session.set_state(
+        replace(app.session.state, past=(*past, Step("real.loss > 0.001", "vanilla")))
+    )
     await press(app, pilot, "u", "u")
     assert app.session.state.expression == "all"
     delayed_losses.release.set()
     await settle(app, pilot)
     state = app.session.state
     assert (state.expression, state.past) == ("real.loss > 0", past[:-1])
-    assert state.future == (Step("all"), Step("real.loss > 0.001"))
+    assert state.future == (Step("all", "vanilla"), Step("real.loss > 0.001", "vanilla"))
 
 
 async def test_undo_cancels_a_pending_selection(delayed_losses: DelayedLossColumns) -> None:

@@ -257,6 +257,27 @@ def test_height_of_the_cameras_stays_unknown_without_depth_and_declaration() -> 
     assert "give ground or camera_height" in found.report[0]
 
 
+def test_positions_in_millimetres_are_refused_unless_their_unit_is_stated() -> None:
+    cameras = level_cameras(random_poses(20, 1))
+    cameras[:, :3, 3] *= 1000
+    with pytest.raises(RequestError, match=r"7,\d\d\d m x 5,\d\d\d m: hardly metres.*millimetres"):
+        project_to_floor(recording(cameras), FloorOptions("z"))
+    with pytest.raises(RequestError, match="620 m above the floor: hardly metres"):
+        project_to_floor(recording(cameras[:1]), FloorOptions("z", ground=0.0))
+    found = project_to_floor(recording(cameras), FloorOptions("z", metres_per_unit=0.001))
+    assert np.ptp(found.poses["walk"][:, 0]) < 8
+    found = project_to_floor(recording(cameras), FloorOptions("z", metres_per_unit=1.0))
+    assert np.ptp(found.poses["walk"][:, 0]) > 7000
+
+
+def test_a_drive_of_kilometres_is_accepted() -> None:
+    ahead = np.arange(3000.0)
+    cameras = level_cameras(np.stack([ahead, 0 * ahead, 0 * ahead], 1))
+    assert (
+        np.ptp(project_to_floor(recording(cameras), FloorOptions("z")).poses["walk"][:, 0]) == 2999
+    )
+
+
 @pytest.mark.parametrize("up", ["q", "1 2", "0,0,0", "nan 0 1", "", [1.0, 2.0]])
 def test_invalid_up_axis_is_refused(up: str | list[float]) -> None:
     with pytest.raises(RequestError, match="give x, y or z"):

@@ -42,7 +42,7 @@ PENDING_ACTIONS: dict[str, Key] = {
 }
 
 
-@dataclass
+@dataclass(repr=False)
 class SessionPair:
     """A session with deferred loading and one that loads synchronously, in the same state."""
 
@@ -56,8 +56,11 @@ class SessionPair:
             session.defers_loading = False
             session.set_state(self.first(session))
             selected = session.select("best15")
-            past = tuple(map(Step, ("all", "real.loss > 0.1", "real.loss > 0.2")))
-            future = tuple(map(Step, ("curved", "real.loss < 1")))
+            past = (
+                Step("all", "b"), Step("real.loss > 0.1", "vanilla", trajectories=("a",)),
+                Step("real.loss > 0.2", "vanilla"),
+            )  # fmt: skip
+            future = Step("curved", "c"), Step("real.loss < 1", "vanilla")
             session.set_state(replace(selected, past=past, future=future))
         store = self.deferred.store
         store._columns.drop(lambda key: "loss" in key or key[:2] in (("run", "b"), ("run", "c")))

@@ -47,7 +47,7 @@ def test_undo_and_redo_skip_invalid_expressions(session: Session) -> None:
 
 def test_undo_reports_skipped_expressions(session: Session) -> None:
     session.writable_notebook.toggle_tag([1], "door")
-    session.set_state(replace(session.state, past=(Step("@door"),)))
+    session.set_state(replace(session.state, past=(Step("@door", "vanilla"),)))
     session.writable_notebook.toggle_tag([1], "door")
     before = session.state.expression
     state = session.dispatch(undo_history.undo)

@@ -25,6 +25,7 @@ from s2rtui.session import (
     Session,
     evaluation,
     instance_list,
+    navigation,
     selection,
     shared_selection,
     undo_history,
@@ -103,6 +104,30 @@ def test_an_invalid_expression_keeps_state_and_operator(session: Session) -> Non
     with pytest.raises(ExpressionError):
         session.select("room:nowhere")
     assert session.state is before
+
+
+def test_undo_restores_run_trajectories_and_cursor(session: Session) -> None:
+    def shown() -> tuple[object, ...]:
+        state = session.state
+        return state.expression, state.run, state.trajectories, state.count, state.cursor
+
+    session.select("worst15")
+    session.dispatch(navigation.move_cursor, 1)
+    steps = [shown()]
+    for change in (
+        lambda: session.dispatch(navigation.change_trajectory),
+        lambda: session.select("best15"),
+        lambda: session.dispatch(navigation.change_run, 1),
+    ):
+        change()
+        steps.append(shown())
+    assert len(set(steps)) == 4
+    for expected in steps[-2::-1]:
+        session.dispatch(undo_history.undo)
+        assert shown() == expected
+    for expected in steps[1:]:
+        session.dispatch(undo_history.redo)
+        assert shown() == expected
 
 
 def test_undo_goes_back_one_expression_and_redo_ends_at_a_new_one(session: Session) -> None:

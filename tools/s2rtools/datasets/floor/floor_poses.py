@@ -8,7 +8,7 @@ whose z points up keeps its x and y; one whose y points up keeps x, and its -z b
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -33,6 +33,9 @@ _TILT_MEDIAN, _TILT_MAX = math.radians(1.0), math.radians(5.0)
 _SAME_HEIGHT, _SAME_ANGLE = 0.05, math.radians(1.0)
 """Metres and radians by which height, pitch and tilt of a camera may differ between recordings,
 beside how they vary in the stored one."""
+_IMPLAUSIBLE_EXTENT, _IMPLAUSIBLE_STEP, _IMPLAUSIBLE_HEIGHT = 1000.0, 10.0, 100.0
+"""Metres above which positions are refused unless the scale of the world is stated: the larger edge
+of the map together with the median distance of consecutive images, and the camera's height."""
 _INCLINED = math.radians(5)
 """Angle between the up axis and the fitted floor that is reported."""
 _MOST_METRES_PER_UNIT, _MOST_GROUND, _MOST_HEIGHT = 1e6, 1e6, 1000.0
@@ -47,13 +50,14 @@ class FloorOptions:
     `up` is the direction against gravity in the world's axes: "z", "-y" or three numbers; by
     default the layout's, else fitted. `ground` is the floor's height along it in units of the
     world; by default fitted to depth. `camera_height` is that of the cameras above the floor in
-    metres, in the median; it replaces `ground`. `metres_per_unit` is the scale of the world.
+    metres, in the median; it replaces `ground`. `metres_per_unit` is the scale of the world, by
+    default 1.
     """
 
     up: str | Sequence[float] | None = None
     ground: float | None = None
     camera_height: float | None = None
-    metres_per_unit: float = 1.0
+    metres_per_unit: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,11 +144,12 @@ def project_to_floor(
     Without a declared up axis, that of the layout counts. Without one, it is fitted to the poses
     of a level camera, else to the floor in depth images, else to the poses of any camera (see
     `ground_plane.up_from_poses` and `ground_plane.fit_floor`). With `scale`, the up axis is that of
-    the earlier projection. Raises RequestError if the up axis is not determined, or if an option is
-    invalid.
+    the earlier projection. Raises RequestError if the up axis is not determined, if an option is
+    invalid, or if the positions are implausible in metres and no option states their unit.
     """
     options = options or FloorOptions()
-    unit = options.metres_per_unit * (scale.factor if scale else 1.0)
+    stated = options.metres_per_unit
+    unit = (1.0 if stated is None else stated) * (scale.factor if scale else 1.0)
     if not 1 / _MOST_METRES_PER_UNIT <= unit <= _MOST_METRES_PER_UNIT:
         low, high = 1 / _MOST_METRES_PER_UNIT, _MOST_METRES_PER_UNIT
         raise RequestError(f"metres_per_unit {unit:g}: must be a number from {low:g} to {high:g}")
@@ -173,6 +178,8 @@ def project_to_floor(
     moved = _MovedCameras(recording, world_to_floor, unit)
     issues += moved.issues
     camera_height = math.nan if math.isnan(ground) else moved.height
+    if stated is None and scale is None and recording.is_metric:
+        _refuse_implausible(recording.name, moved.cameras.values(), camera_height)
     if not recording.is_metric and unit == 1.0 and scale is None:
         own, name = recording.scale_option, recording.layout
         advice = f"option {own} of layout {name}" if own else "metres_per_unit"
@@ -188,6 +195,22 @@ def project_to_floor(
         moved.poses, moved.cameras, world_to_floor, up, how, unit, camera_height,
         moved.height_spread, moved.pitch, moved.tilt_median, moved.tilt_max, report, issues,
     )  # fmt: skip
+
+
+def _refuse_implausible(name: str, cameras: Iterable[Floats], camera_height: float) -> None:
+    """Raise RequestError for positions that are hardly in metres, as those in millimetres."""
+    positions = [each[:, :2, 3] for each in cameras if len(each)]
+    edges = np.ptp(np.concatenate(positions), axis=0)
+    steps = np.concatenate([np.linalg.norm(np.diff(each, axis=0), axis=1) for each in positions])
+    step = float(np.median(steps)) if len(steps) else math.inf
+    is_large = float(edges.max()) > _IMPLAUSIBLE_EXTENT and step > _IMPLAUSIBLE_STEP
+    if is_large or camera_height > _IMPLAUSIBLE_HEIGHT:
+        height = "" if math.isnan(camera_height) else f", {camera_height:.0f} m above the floor"
+        raise RequestError(
+            f"{name}: the positions cover {edges[0]:,.0f} m x {edges[1]:,.0f} m{height}: hardly "
+            "metres; give metres_per_unit in --sim-floor or --real-floor (0.001 for millimetres, "
+            "1 if they are metres)"
+        )
 
 
 def put_on_stored_floor(recording: Recording, floor: StoredFloor, side: str) -> FloorPoses:
