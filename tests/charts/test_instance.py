@@ -9,7 +9,8 @@ import pytest
 
 from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.canvas.colour import NO_DEPTH
-from s2rtui.charts.shared.image_pair_model import heat_colours, instance_model, panel_pixels
+from s2rtui.charts.shared.heat_colours import heat_colours
+from s2rtui.charts.shared.image_pair_model import instance_model, panel_pixels
 from s2rtui.charts.shared.image_pair_terminal import draw_instance, instance_layout
 from tests.charts.examples import instance_input, side
 

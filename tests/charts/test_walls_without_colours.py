@@ -9,10 +9,10 @@ from s2rtui.canvas import DIGITS, ColourMode, RenderOptions
 from s2rtui.charts.map.terminal import draw_map, map_layout
 from s2rtui.charts.shared.base_map_background import (
     FLOOR_RAMPS,
-    HEAT_RAMPS,
     WALL_LINES,
     wall_lines,
 )
+from s2rtui.charts.shared.heat_colours import heat_glyphs
 from tests.charts.examples import BOUNDS, map_input
 
 SIZE = (84, 30)
@@ -51,7 +51,12 @@ def test_walls_have_characters_of_their_own(options: RenderOptions, with_heat: b
     level = drawn([(x, 5.24) for x in np.arange(11.0, 19.0, 0.25)])
     floor = drawn([(x, y) for x in (3.0, 7.0, 14.0, 17.0) for y in (1.5, 3.0, 7.5, 9.0)])
     lines = set(WALL_LINES[options.ascii])
-    others = FLOOR_RAMPS[options.ascii] + HEAT_RAMPS[options.ascii] + DIGITS
+    others = (
+        FLOOR_RAMPS[options.ascii]
+        + heat_glyphs(options, False)
+        + heat_glyphs(options, True)
+        + DIGITS
+    )
     assert upright <= lines
     assert level <= lines
     assert upright & level <= {"╠"}, "lines show in which direction a wall runs"

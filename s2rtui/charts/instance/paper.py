@@ -8,11 +8,11 @@ import numpy as np
 
 from s2rtui.canvas import LIGHT, Theme
 from s2rtui.canvas.colour import NO_DEPTH, depth_tint
+from s2rtui.charts.shared.heat_colours import heat_ramp
 from s2rtui.charts.shared.image_pair_model import (
     InstanceInput,
     InstanceModel,
     SideView,
-    heat_ramp,
     instance_model,
     panel_pixels,
 )

@@ -31,6 +31,7 @@ from s2rtui.charts.shared.base_map_paper import (
     map_sheet,
     marker_legend,
 )
+from s2rtui.charts.shared.heat_colours import heat_ramp
 from s2rtui.charts.shared.paper import (
     NARROW,
     Inks,
@@ -109,7 +110,8 @@ def _draw_side(
     if model.heat_range is not None:
         label = wrapped_label(label_with_unit(data.heat_label, data.heat_unit), letters)
         foot = top - 0.32 - 0.17 * label.count("\n") - high
-        draw_colour_bar(page, left, foot, high, model.heat_range, label, value_colours)
+        ramp = heat_ramp(data.heat_is_signed, value_colours)
+        draw_colour_bar(page, left, foot, high, model.heat_range, label, ramp)
         lowest = min(lowest, foot - 0.25)
     marker_legend(page, _marks(data, model, page.inks), (corner[0], lowest))
 

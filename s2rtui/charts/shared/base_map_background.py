@@ -18,7 +18,7 @@ from s2rstore.records import Bounds, Room
 from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame, sample
-from s2rtui.canvas import Canvas, Pixels, Theme, legible, luma, mix, turbo
+from s2rtui.canvas import Canvas, Pixels, Theme, legible, luma, mix
 from s2rtui.canvas.block_symbols import BlockCells, SymbolSet, cells_of, fit_blocks
 from s2rtui.canvas.colour import ANSI_16
 from s2rtui.canvas.raster import draw_blocks, draw_braille, draw_shades, line_dots
@@ -29,9 +29,9 @@ from s2rtui.charts.shared.base_map_floor import (
     plan_tones,
     wall_pixels,
 )
+from s2rtui.charts.shared.heat_colours import heat_glyphs, heat_ramp, heat_strength, map_opacity
 
 FLOOR_RAMPS = {True: "  ..::", False: "   ░░"}
-HEAT_RAMPS = {True: "-=+*#%", False: "▒▓█"}
 WALL_LINES = {True: "_|||_|||_|||_|||", False: "╬║║║═╝╗╣═╚╔╠═╩╦╬"}
 """Walls without block characters, by whether they are ASCII: the character of a cell whose
 neighbours above (1), below (2), at the left (4) and at the right (8) are walls, too, at the sum of
@@ -45,7 +45,8 @@ class MapBackground:
     """The layers below the points of a map.
 
     floor_plan: (H, W, 3) uint8 over `bounds`, its first row drawn at the top. heat and clip:
-    (rows, cols) over `bounds`, row 0 at bounds.y0. heat is NaN where there is none. The floor is
+    (rows, cols) over `bounds`, row 0 at bounds.y0. heat is NaN where there is none; with
+    `heat_is_signed` its colours diverge from 0. The floor is
     dimmed where clip is False, 0 or NaN: no selected instance has seen it.
     """
 
@@ -54,6 +55,7 @@ class MapBackground:
     floor_plan: NDArray[np.uint8] | None = None
     heat: Floats | None = None
     heat_range: Interval | None = None
+    heat_is_signed: bool = False
     clip: Floats | Bools | None = None
     rooms: tuple[Room, ...] = ()
 
@@ -90,11 +92,12 @@ def _glyphs(canvas: Canvas, ground: MapBackground, frame: MapFrame) -> None:
     heat = heat_layer(ground, frame)
     if heat is not None:
         levels = _paired(heat)
-        shown = levels > FAINT if hidden is None else (levels > FAINT) & ~hidden
-        colours = legible(turbo(levels), canvas.theme)
-        draw_shades(
-            canvas, 0, 0, np.where(shown, levels, np.nan), HEAT_RAMPS[canvas.options.ascii], colours
-        )
+        signed = ground.heat_is_signed
+        shown = heat_strength(levels, signed) > FAINT
+        shown = shown if hidden is None else shown & ~hidden
+        colours = legible(heat_ramp(signed)(levels), canvas.theme)
+        ramp = heat_glyphs(canvas.options, signed)
+        draw_shades(canvas, 0, 0, np.where(shown, levels, np.nan), ramp, colours)
 
 
 def _walls(canvas: Canvas, ground: MapBackground, frame: MapFrame) -> Bools:
@@ -181,18 +184,18 @@ DIMMED = 0.78
 def heat_scale(ground: MapBackground) -> Interval | None:
     """The heat's range: the fixed one, else up to the 99th percentile of the heat.
 
-    It starts at 0; with negative heat it is symmetric about 0.
+    It starts at 0; with signed or negative heat it is symmetric about 0.
     """
-    scale = _heat_scale(ground.heat) if ground.heat is not None else None
+    scale = None if ground.heat is None else _heat_scale(ground.heat, ground.heat_is_signed)
     return ground.heat_range or scale if scale else None
 
 
 @cached_by_identity(8)
-def _heat_scale(heat: Floats) -> Interval | None:
+def _heat_scale(heat: Floats, signed: bool) -> Interval | None:
     if not np.isfinite(heat).any():
         return None
     low, high = percentile_range(heat)
-    if low < 0:
+    if signed or low < 0:
         bound = max(-low, high)
         return -bound, bound
     return (0.0, high) if high > 0 else (low, high)
@@ -213,7 +216,9 @@ def background_cells(
 
     Cached for the last few frames; arrays must not be changed in place.
     """
-    arrays = ground.floor_plan, ground.heat, heat_scale(ground), ground.clip
+    arrays = (
+        ground.floor_plan, ground.heat, heat_scale(ground), ground.heat_is_signed, ground.clip
+    )  # fmt: skip
     return _background_cells((ground.bounds, ground.y_down, *arrays), frame, theme, symbols)
 
 
@@ -238,7 +243,9 @@ def background_pixels(
 
     Unseen floor is dimmed. Cached like `background_cells`, read-only.
     """
-    arrays = ground.floor_plan, ground.heat, heat_scale(ground), ground.clip
+    arrays = (
+        ground.floor_plan, ground.heat, heat_scale(ground), ground.heat_is_signed, ground.clip
+    )  # fmt: skip
     return _background_pixels((ground.bounds, ground.y_down, *arrays), frame, theme, pixels)
 
 
@@ -255,8 +262,8 @@ def _background_pixels(
     shares = heat_layer(ground, frame, pixels)
     if shares is not None:
         heated = np.isfinite(shares)
-        opacity = 0.12 + 0.74 * np.nan_to_num(shares) ** 0.7
-        layer = mix(layer, turbo(shares), np.where(heated, opacity, 0.0))
+        opacity = map_opacity(shares, ground.heat_is_signed)
+        layer = mix(layer, heat_ramp(ground.heat_is_signed)(shares), opacity)
     if parts is not None:
         draw_walls(layer, parts[0], heated, theme)
     seen = seen_layer(ground, frame, pixels)

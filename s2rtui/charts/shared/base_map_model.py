@@ -24,7 +24,7 @@ from s2rtui.charts.shared.points import (
     valid_cursor,
 )
 from s2rtui.session import map_values
-from s2rtui.session.heatmaps import unit
+from s2rtui.session.heatmaps import SIGNED, unit
 from s2rtui.session.state import HeatChoice, MapMode, State
 
 
@@ -74,6 +74,7 @@ class MapInput:
     heat_label: str = "heat"
     heat_unit: str = ""
     heat_range: Interval | None = None
+    heat_is_signed: bool = False
     clip: Floats | Bools | None = None
     rooms: tuple[Room, ...] = ()
     room_names: bool = True
@@ -93,8 +94,9 @@ class MapInput:
     def ground(self) -> MapBackground:
         rooms = self.rooms if self.room_names else ()
         return MapBackground(
-            self.bounds, self.y_down, self.floor_plan, self.heat, self.heat_range, self.clip, rooms
-        )
+            self.bounds, self.y_down, self.floor_plan, self.heat, self.heat_range,
+            self.heat_is_signed, self.clip, rooms,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -200,6 +202,7 @@ def map_input(
         heat=heat if has_heat else None,
         heat_label=_heat_label(store, state, choice, heat_note) if has_heat and choice else "heat",
         heat_unit=_heat_unit(store, state, choice) if has_heat and choice else "",
+        heat_is_signed=has_heat and choice is not None and _is_signed(state, choice),
         clip=seen,
         rooms=store.rooms,
         room_names=state.room_names,
@@ -228,5 +231,12 @@ def _heat_label(store: Store, state: State, choice: HeatChoice, note: str) -> st
 
 
 def _heat_unit(store: Store, state: State, choice: HeatChoice) -> str:
-    counts = state.overlay in ("selection", "run") and state.aggregate == "count"
-    return "pixels" if counts else unit(store, state.run, choice)
+    return "pixels" if _counts(state) else unit(store, state.run, choice)
+
+
+def _is_signed(state: State, choice: HeatChoice) -> bool:
+    return choice.kind in SIGNED and not _counts(state)
+
+
+def _counts(state: State) -> bool:
+    return state.overlay in ("selection", "run") and state.aggregate == "count"

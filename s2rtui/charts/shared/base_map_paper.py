@@ -16,6 +16,7 @@ from s2rtui.canvas.raster import resample
 from s2rtui.charts.shared.axis_scale import Floats, scale_fraction, short_number, tick_step
 from s2rtui.charts.shared.base_map_background import DIMMED, MapBackground, heat_scale, seen_cells
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel, sorted_by_value
+from s2rtui.charts.shared.heat_colours import heat_ramp, map_opacity
 from s2rtui.charts.shared.paper import (
     NARROW,
     Box,
@@ -155,8 +156,8 @@ def _draw_background(axes: Axes, ground: MapBackground, page: Page, inches: floa
         show(pale if ground.y_down else pale[::-1], "antialiased")
     if ground.heat is not None and (scale := heat_scale(ground)) is not None:
         shares = scale_fraction(ground.heat, scale)
-        opacity = np.where(np.isfinite(shares), 0.15 + 0.7 * np.nan_to_num(shares) ** 0.7, 0.0)
-        show(np.dstack([value_colours(shares) / 255.0, opacity]))
+        colours = heat_ramp(ground.heat_is_signed, value_colours)(shares)
+        show(np.dstack([colours / 255.0, map_opacity(shares, ground.heat_is_signed)]))
     if ground.clip is not None:
         hidden = DIMMED * (1 - seen_cells(np.asarray(ground.clip)))
         show(np.dstack([np.broadcast_to(page.inks.background, (*hidden.shape, 3)), hidden]))

@@ -31,7 +31,6 @@ from s2rtui.canvas.marks import draw_mark
 from s2rtui.canvas.raster import braille_bits, draw_braille, limit_ground
 from s2rtui.charts.shared.axis_scale import Floats, tick_step, tick_text, tick_values
 from s2rtui.charts.shared.base_map_background import (
-    HEAT_RAMPS,
     MapBackground,
     draw_background,
 )
@@ -45,6 +44,7 @@ from s2rtui.charts.shared.base_map_pixels import (
     paint_values,
 )
 from s2rtui.charts.shared.base_map_room_names import draw_room_names, mark_costs
+from s2rtui.charts.shared.heat_colours import heat_glyphs, heat_ramp
 from s2rtui.charts.shared.legend import (
     LegendPart,
     Scale,
@@ -288,10 +288,11 @@ def layout_of_points(
         if data.trained is not None:
             parts.append(trained_legend(options, marks or value_marks(options)))
         if model.heat_range is not None:
-            ramp = None if options.supports_shading else HEAT_RAMPS[options.ascii]
+            colours = heat_ramp(data.heat_is_signed)
+            ramp = None if options.supports_shading else heat_glyphs(options, data.heat_is_signed)
             length = 12 if width >= 50 else 8
             heat = data.heat_label, data.heat_unit, model.heat_range
-            parts.append(colour_bar(*heat, options, length, ramp=ramp, room=width))
+            parts.append(colour_bar(*heat, options, length, colours, ramp, width))
         return parts + map_legend(frame, width, model.others, data.clip is not None, options, notes)
 
     area = viewport or default_view(data.bounds, data.truth, data.valid)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -12,16 +11,16 @@ from numpy.typing import NDArray
 
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
-from s2rtui.canvas import Pixels, diverging, mix, turbo
+from s2rtui.canvas import Pixels, mix, turbo
 from s2rtui.canvas.colour import NO_DEPTH, depth_tint
 from s2rtui.canvas.raster import resample
 from s2rtui.charts.shared.axis_scale import Floats, Interval, non_empty, percentile_range
+from s2rtui.charts.shared.heat_colours import Ramp, heat_colours
 from s2rtui.session.heatmaps import SIGNED, ray_of, run_range, unit
 from s2rtui.session.state import HeatChoice
 
 Pose = tuple[float, float, float]
 """x, y in metres, heading in radians."""
-Ramp = Callable[[NDArray[np.float64]], Pixels]
 """Colours of fractions 0 .. 1 of a scale."""
 
 
@@ -113,8 +112,6 @@ class InstanceModel:
     poses: tuple[PoseLine, ...]
 
 
-_ZERO = (236, 236, 236)
-"""The colour of signed heat at 0."""
 HEADINGS = ("x m", "y m", "deg", "err m", "deg")
 
 
@@ -197,27 +194,6 @@ def _poses(data: InstanceInput) -> tuple[PoseLine, ...]:
             one, two, three, four, five = (_number(value, places) for value, places in numbers)
             lines.append(PoseLine(role, role, (one, two, three, four, five)))
     return tuple(lines)
-
-
-def heat_colours(
-    heat: Floats, scale: Interval, signed: bool, unsigned_colours: Ramp = turbo
-) -> tuple[Pixels, Floats]:
-    """Colours (h, w, 3) and opacity (h, w) of a heatmap; strong heat is more opaque."""
-    low, high = scale
-    values = np.asarray(heat, dtype=np.float64)
-    if signed:
-        share = np.clip(values / high, -1, 1)
-        colours = diverging(share, _ZERO)
-    else:
-        share = np.clip((values - low) / (high - low), 0, 1)
-        colours = unsigned_colours(share)
-    strength = np.nan_to_num(np.abs(share))
-    return colours, np.where(np.isfinite(values), 0.78 * strength**0.8, 0.0) * (strength > 0.02)
-
-
-def heat_ramp(signed: bool, unsigned_colours: Ramp = turbo) -> Ramp:
-    """The colours of a heat's scale, from fractions 0 .. 1 of it."""
-    return (lambda shares: diverging(2 * shares - 1, _ZERO)) if signed else unsigned_colours
 
 
 def panel_pixels(
