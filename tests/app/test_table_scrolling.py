@@ -6,13 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from textual.events import MouseScrollDown, MouseScrollUp
 
 from s2rstore.records import Room
 from s2rtui.app.key_bindings import footer
-from s2rtui.app.pilot import take_screenshot
+from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.screens.help_content import help_text
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.compare.terminal import comparison_text
+from s2rtui.charts.rooms.groups import ordered
+from s2rtui.charts.rooms.view import VIEW
+from s2rtui.session import navigation
 from tests.app.test_focused_view import message
 from tests.charts.examples import N, compare_input
 from tests.support import tiny
@@ -90,6 +94,32 @@ async def test_keys_scroll_the_groups_of_the_rooms_view(many_rooms: Path) -> Non
         assert f"{count - 6}-{count}/{count}" in take_screenshot(app).text
         await press(app, pilot, "full_stop")
         assert f"1-7/{count}" in take_screenshot(app).text
+
+
+async def test_the_mouse_wheel_scrolls_the_rooms(many_rooms: Path) -> None:
+    app = make_app(many_rooms)
+    async with app.run_test(size=(80, 12)) as pilot:
+        await press(app, pilot, "c", "6")
+        plot, count = app.renderer.plot("rooms"), len(app.resources.groups.rows)
+        for event, first in ((MouseScrollDown, 2), (MouseScrollDown, 3), (MouseScrollUp, 2)):
+            turn = event(plot, 5, 5, 0, 0, 0, False, False, False, 5, 5)
+            plot.post_message(turn.stop())
+            await settle(app, pilot)
+            assert f"{first}-{first + 6}/{count}" in take_screenshot(app).text
+
+
+async def test_the_room_of_the_cursor_is_shown(many_rooms: Path) -> None:
+    app = make_app(many_rooms)
+    async with app.run_test(size=(80, 12)) as pilot:
+        await press(app, pilot, "c", "6")
+        data = VIEW.input(app.renderer.scene)
+        last, names = ordered(data)[-1].group.name, app.session.store.instances.room_names
+        assert last not in take_screenshot(app).text
+        members = app.session.store.instances.room == names.index(last)
+        app.session.dispatch(navigation.set_cursor, int(members.argmax()))
+        app.renderer.refresh()
+        await settle(app, pilot)
+        assert last in take_screenshot(app).text
 
 
 async def test_a_table_that_fits_says_so(tiny_store: Path) -> None:

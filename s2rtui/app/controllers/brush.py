@@ -212,7 +212,7 @@ class BrushController:
             self._app.renderer.refresh()
 
     def on_wheeled(self, message: PlotView.Wheeled) -> None:
-        """Zoom the plane of the view, or move through the list."""
+        """Zoom the plane of the view, scroll its table, or move through the list."""
         wheel = message.wheel
         steps = wheel.take_steps()
         if wheel.view not in BY_NAME or not steps:
@@ -226,4 +226,7 @@ class BrushController:
             steps = max(-_MAX_WHEEL_STEPS, min(steps, _MAX_WHEEL_STEPS))
             at = view.plane_point(self._app.renderer.scene, point)
             session.dispatch(view_settings.zoom, _WHEEL_ZOOM**steps, at, plane)
+        elif (window := self.table_window(view)) is not None and window.hidden > 0:
+            first = window.first - steps
+            session.dispatch(view_settings.scroll_table, view.name, first, window.hidden)
         self._app.renderer.refresh()

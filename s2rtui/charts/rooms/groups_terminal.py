@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -42,7 +43,7 @@ class GroupsLayout:
 
 
 def groups_layout(data: GroupsInput, size: Size) -> GroupsLayout:
-    """Lay out the table; the window follows the brush mark, else the scrolling."""
+    """Lay out the table; the window follows the brush mark, scrolling, or the cursor's group."""
     width, height = max(1, size[0]), max(1, size[1])
     rows = ordered(data)
     columns = fitting_columns(data, rows, width)
@@ -57,15 +58,18 @@ def groups_layout(data: GroupsInput, size: Size) -> GroupsLayout:
         starts.append(x)
         x += column.width + 1
     plot = (x + 1, width - x - 2) if width - x - 2 >= _PLOT else None
-    first = min(max(0, _first(data, shown)), len(rows) - shown)
+    first = min(max(0, _first(data, rows, shown)), len(rows) - shown)
     return GroupsLayout(rows, columns, name, tuple(starts), plot, first, shown, top)
 
 
-def _first(data: GroupsInput, shown: int) -> int:
+def _first(data: GroupsInput, rows: Sequence[GroupErrors], shown: int) -> int:
     """The wanted first row of `shown` ones."""
     if data.mark is not None and data.mark.points:
         return round(data.mark.points[-1][1]) - shown // 2
-    return data.first or 0
+    if data.first is not None:
+        return data.first
+    at = next((place for place, row in enumerate(rows) if row.group.name == data.cursor), 0)
+    return at - shown // 2 if at >= shown else 0
 
 
 def groups_panels(
