@@ -1,17 +1,23 @@
-"""Text files with random damage are read with reports, or refused in one line."""
+"""Files with random damage are read with reports, or refused in one line, in every layout."""
 
 from __future__ import annotations
 
 import random
 import warnings
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from s2rstore.errors import RequestError
+from s2rtools.datasets.layouts import LAYOUTS
+from tests.datasets.layouts import test_colmap, test_lerobot, test_nerfstudio
+from tests.datasets.layouts.bag_writer import walk_bag
 from tests.datasets.layouts.checks import read_with
 from tests.datasets.layouts.recordings import drive
+from tests.datasets.layouts.rooms import walk, write_png
 from tests.datasets.layouts.test_layouts_find_the_truth import NAMES, write
 
 INSERTED = [
@@ -37,27 +43,70 @@ def damaged(content: bytes, rng: random.Random) -> bytes:
     return b"\n".join(lines)
 
 
-@pytest.mark.parametrize("layout", NAMES)
-def test_damage_is_reported_or_refused(layout: str, tmp_path: Path) -> None:
-    path, _ = write(layout, tmp_path / "recording", drive(0.1 * k for k in range(4)))
-    suffixes = (".txt", ".csv", ".yaml", ".toml")
-    texts = sorted(p for p in (tmp_path / "recording").rglob("*") if p.suffix in suffixes)
+def colmap(folder: Path, is_binary: bool) -> Path:
+    scene = walk(4)
+    if is_binary:
+        test_colmap.write_binary(folder / "sparse/0", scene, "PINHOLE")
+    else:
+        test_colmap.write_text(folder / "sparse/0", scene, {1: "PINHOLE"})
+    for name, pixels in zip(test_colmap.names(scene), scene.rgb, strict=True):
+        write_png(folder / "images" / name, pixels)
+    return folder
+
+
+def nerfstudio(folder: Path) -> Path:
+    test_nerfstudio.write(folder, walk(4))
+    return folder
+
+
+def lerobot(folder: Path, version: str) -> Path:
+    test_lerobot.write(folder, version, images=True)
+    return folder
+
+
+def written(layout: str) -> Callable[[Path], Path]:
+    return lambda folder: write(layout, folder / "side", drive(0.1 * k for k in range(4)))[0]
+
+
+RECORDINGS: dict[str, tuple[Callable[[Path], Path], dict[str, str]]] = {
+    **{layout: (written(layout), {}) for layout in NAMES},
+    "colmap (binary)": (partial(colmap, is_binary=True), {}),
+    "colmap (text)": (partial(colmap, is_binary=False), {}),
+    "nerfstudio": (nerfstudio, {}),
+    "lerobot (v2.1)": (partial(lerobot, version="v2.1"), test_lerobot.OPTIONS),
+    "lerobot (v3.0)": (partial(lerobot, version="v3.0"), test_lerobot.OPTIONS),
+    "bag (ROS 1)": (lambda folder: walk_bag(folder / "a.bag", walk(4)).write(), {}),
+    "bag (SQLite)": (lambda folder: walk_bag(folder / "bag", walk(4)).write(), {}),
+    "bag (MCAP)": (lambda folder: walk_bag(folder / "bag-mcap", walk(4)).write(), {}),
+}
+IMAGES = (".png", ".jpg")
+
+
+def test_every_layout_is_damaged() -> None:
+    assert {name.partition(" ")[0] for name in RECORDINGS} == set(LAYOUTS)
+
+
+@pytest.mark.parametrize("name", RECORDINGS)
+def test_damage_is_reported_or_refused(name: str, tmp_path: Path) -> None:
+    make, values = RECORDINGS[name]
+    layout, path = name.partition(" ")[0], make(tmp_path)
+    files = sorted(p for p in tmp_path.rglob("*") if p.is_file() and p.suffix not in IMAGES)
     outcomes = set()
-    for number in range(ROUNDS):
+    for number in range(ROUNDS // 3 if layout == "lerobot" else ROUNDS):
         rng = random.Random(number)
-        file = rng.choice(texts)
+        file = rng.choice(files)
         content = file.read_bytes()
         file.write_bytes(damaged(content, rng))
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            outcomes.add(outcome(layout, path))
+            outcomes.add(outcome(layout, path, values))
         file.write_bytes(content)
     assert outcomes == ({"read"} if layout == "7scenes" else {"read", "refused"})
 
 
-def outcome(layout: str, path: Path) -> str:
+def outcome(layout: str, path: Path, values: dict[str, str]) -> str:
     try:
-        found = read_with(layout, path)
+        found = read_with(layout, path, **values)
     except RequestError as error:
         return "refused in several lines" if "\n" in str(error) else "refused"
     for trajectory in found.trajectories.values():
@@ -66,6 +115,8 @@ def outcome(layout: str, path: Path) -> str:
         assert trajectory.poses.shape == (count, 4, 4)
         assert trajectory.timestamps.shape == (count,)
         assert np.isfinite(trajectory.poses).all()
+        for frame in trajectory.frames:
+            frame.rgb.read()
     for issue in found.issues:
         assert issue.kind
         assert issue.file
