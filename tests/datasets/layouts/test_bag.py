@@ -147,8 +147,6 @@ def test_what_is_no_bag_ends_in_one_line(tmp_path: Path) -> None:
         ("one.bag", "LZ4"),
         ("folder", "FILE"),
         ("folder", "MESSAGE"),
-        ("folder-mcap", "FILE"),
-        ("folder-mcap", "MESSAGE"),
         ("folder-mcap", "STORAGE"),
     ],
 )
@@ -564,7 +562,7 @@ def read_or_message(path: Path) -> tuple[Recording | None, str]:
 
 
 @pytest.mark.parametrize("name", ["one.bag", "one.mcap", "one.db3"])
-@pytest.mark.parametrize("share", [0.001, 0.3, 0.999])
+@pytest.mark.parametrize("share", [0.3, 0.999])
 def test_cut_bags_end_in_one_line_or_their_images_are_reported(
     tmp_path: Path, scene: Walk, name: str, share: float
 ) -> None:
@@ -698,9 +696,8 @@ def listed_with(path: Path, topic: str, kind: str, is_added: bool) -> None:
 
 @pytest.mark.parametrize(
     ("topic", "kind", "is_added"),
-    [("/pose", "nav_msgs/msg/Odometry", False), ("/pose", "nav_msgs/msg/Odometry", True),
-     ("/pose", "tf2_msgs/msg/TFMessage", True), ("/pose", "sensor_msgs/msg/Image", True),
-     (INFO, "sensor_msgs/msg/CompressedImage", True), (RGB, "sensor_msgs/msg/CameraInfo", True),
+    [("/pose", "nav_msgs/msg/Odometry", False), ("/pose", "tf2_msgs/msg/TFMessage", True),
+     (INFO, "sensor_msgs/msg/CompressedImage", True),
      (RGB, "sensor_msgs/msg/CompressedImage", False)],
 )  # fmt: skip
 def test_a_topic_that_is_listed_with_another_type_ends_in_one_line(

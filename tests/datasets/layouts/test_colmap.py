@@ -187,7 +187,7 @@ def test_bad_images_are_reported_and_the_others_are_read(tmp_path: Path, scene: 
     assert_poses(recording, scene.poses[2:-1])
 
 
-@pytest.mark.parametrize("length", [0, 5, 30, 80, 300, -1, -60])
+@pytest.mark.parametrize("length", [0, 30, 80, -1])
 def test_cut_binary_models_end_in_one_line(tmp_path: Path, scene: Walk, length: int) -> None:
     write_binary(tmp_path, scene, "PINHOLE")
     write_images(tmp_path / "images", scene)

@@ -36,12 +36,8 @@ def test_the_camera_is_that_of_its_sensor_file(recording) -> None:
     assert found.depth_camera is None
     assert found.up == (0, 0, 1)
     assert found.issues == []
-
-
-def test_grey_images_are_read_as_rgb(recording) -> None:
-    pixels = only(read_with("euroc", recording[0])).frames[0].rgb.read().pixels
-    assert pixels.shape == (24, 32, 3)
-    assert (pixels[..., 0] == pixels[..., 2]).all()
+    replace(recording[0] / SENSOR, "radial-tangential", "equidistant")
+    assert read_with("euroc", recording[0]).camera.is_fisheye
 
 
 def test_the_folder_mav0_itself_is_read(recording) -> None:
@@ -108,11 +104,6 @@ def test_bad_rows_are_reported_with_their_line(recording) -> None:
     assert len(reported(found, "bad row")) == 3
 
 
-def test_a_fisheye_camera_is_told(recording) -> None:
-    replace(recording[0] / SENSOR, "radial-tangential", "equidistant")
-    assert read_with("euroc", recording[0]).camera.is_fisheye
-
-
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
@@ -120,15 +111,11 @@ def test_a_fisheye_camera_is_told(recording) -> None:
         ("radial-tangential", "fov", "fov"),
         ("[30.5, 31.0, 15.2, 11.1]", "[30.5, 31.0]", "intrinsics"),
         ("[30.5, 31.0, 15.2, 11.1]", "[-30.5, 31.0, 15.2, 11.1]", "fx"),
-        ("[30.5, 31.0, 15.2, 11.1]", "[.nan, 31.0, 15.2, 11.1]", "fx"),
         ("resolution: [32, 24]", "resolution: [0, 24]", "pixels"),
-        ("resolution: [32, 24]", "resolution: wide", "resolution"),
         ("[-0.28, 0.07, 0.0002, 1.8e-05]", "[1, 2, 3]", "distortion"),
         ("T_BS:", "T_SB:", "T_BS"),
         ("data: [", "data: [7.0, ", "T_BS"),
         ("data: [", "data: !!python/object/apply:os.system [", "YAML"),
-        ("data: [", "data: [[", "YAML"),
-        ("sensor_type: any", "sensor_type: &a [*a]\nx: {", "YAML"),
     ],
 )
 def test_an_unusable_sensor_file_is_refused(
@@ -139,27 +126,8 @@ def test_an_unusable_sensor_file_is_refused(
         read_with("euroc", recording[0])
 
 
-def test_a_sensor_file_of_other_content_is_refused(recording, one_line) -> None:
-    path = recording[0] / SENSOR
+def test_a_mount_that_is_no_rotation_is_refused(recording, one_line) -> None:
     no_pose = ["camera_model: pinhole", "intrinsics: [1, 1, 1, 1]"]
-    recordings.write_sensor(path, 2 * np.eye(4), no_pose)
+    recordings.write_sensor(recording[0] / SENSOR, 2 * np.eye(4), no_pose)
     with one_line("sensor.yaml", "T_BS"):
-        read_with("euroc", recording[0])
-    for content in (b"[" * 1000, b"\xff\xfe", b"x: " + b"y" * 100_000, b""):
-        path.write_bytes(content)
-        with one_line("sensor.yaml"):
-            read_with("euroc", recording[0])
-
-
-@pytest.mark.parametrize("name", [SENSOR, TRUTH, "mav0/cam0/data.csv"])
-def test_a_missing_file_is_named(recording, name: str, one_line) -> None:
-    (recording[0] / name).unlink()
-    with one_line(Path(name).name):
-        read_with("euroc", recording[0])
-
-
-def test_names_outside_of_the_recording_are_refused(recording, one_line) -> None:
-    with (recording[0] / "mav0/cam0/data.csv").open("a") as file:
-        file.write(f"{STAMPS[0] + 1000},../../../../secret.png\n")
-    with one_line("data.csv:7", "allow-outside"):
         read_with("euroc", recording[0])

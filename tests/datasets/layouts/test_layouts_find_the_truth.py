@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from s2rtools.datasets.layouts import LAYOUTS
 from tests.datasets.layouts import recordings
 from tests.datasets.layouts.checks import assert_found, only, read_with
 from tests.datasets.layouts.recordings import Frame, drive, turn
@@ -34,10 +33,6 @@ def write(layout: str, folder: Path, poses: list[np.ndarray]) -> tuple[Path, lis
 
 
 NAMES = ["tum", "7scenes", "scannet", "euroc", "kitti", "csv"]
-
-
-def test_every_layout_is_registered() -> None:
-    assert set(NAMES) <= set(LAYOUTS)
 
 
 @pytest.mark.parametrize("layout", NAMES)
@@ -77,7 +72,7 @@ def test_a_folder_of_something_else_is_refused(layout: str, tmp_path: Path, one_
     (tmp_path / "notes.txt").write_text("hello")
     with one_line():
         read_with(layout, tmp_path)
-    with one_line():
+    with one_line("no such f"):
         read_with(layout, tmp_path / "absent")
     with one_line():
         read_with(layout, tmp_path / "notes.txt")
@@ -90,14 +85,14 @@ def test_an_unknown_trajectory_is_refused(layout: str, tmp_path: Path, one_line)
         read_with(layout, path, trajectories=["no_such"])
 
 
-@pytest.mark.parametrize("layout", NAMES)
+@pytest.mark.parametrize("layout", ["csv", "scannet"], ids=["png", "jpeg"])
 def test_a_cut_image_is_reported_when_it_is_read(layout: str, tmp_path: Path) -> None:
     path, frames = write(layout, tmp_path / "recording", drive(0.1 * k for k in range(COUNT)))
     recording = read_with(layout, path)
     image = only(recording).frames[1].rgb
     file = recording.root / image.name
     file.write_bytes(file.read_bytes()[:-20])
-    issue = only(read_with(layout, path)).frames[1].rgb.read()
+    issue = image.read()
     assert issue.file == frames[1].rgb
     assert issue.kind in ("truncated image", "damaged image")
 
@@ -118,7 +113,7 @@ def test_a_link_out_of_the_recording_is_refused(layout: str, tmp_path: Path, one
 
 
 @pytest.mark.parametrize("layout", NAMES)
-def test_a_missing_image_is_reported_and_left_out(layout: str, tmp_path: Path) -> None:
+def test_a_missing_image_is_reported_and_left_out(layout: str, tmp_path: Path, one_line) -> None:
     path, frames = write(layout, tmp_path / "recording", drive(0.1 * k for k in range(COUNT)))
     root = read_with(layout, path).root
     lost = frames[2].depth or frames[2].rgb
@@ -126,13 +121,7 @@ def test_a_missing_image_is_reported_and_left_out(layout: str, tmp_path: Path) -
     recording = read_with(layout, path)
     assert_found(only(recording), frames[:2] + frames[3:])
     assert any(issue.file in (lost, frames[2].rgb) for issue in recording.issues)
-
-
-@pytest.mark.parametrize("layout", NAMES)
-def test_a_recording_without_any_image_is_refused(layout: str, tmp_path: Path, one_line) -> None:
-    path, frames = write(layout, tmp_path / "recording", drive(0.1 * k for k in range(COUNT)))
-    root = read_with(layout, path).root
     for frame in frames:
-        (root / frame.rgb).unlink()
+        (root / frame.rgb).unlink(missing_ok=True)
     with one_line("no usable image"):
         read_with(layout, path)

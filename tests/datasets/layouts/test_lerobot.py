@@ -164,7 +164,7 @@ def assert_frames(recording: Recording, order: int = 1) -> None:
             assert trajectory.frames[row].depth is None
 
 
-@pytest.mark.parametrize("version", ["v2.0", "v2.1", "v3.0"])
+@pytest.mark.parametrize("version", ["v2.1", "v3.0"])
 @pytest.mark.parametrize("images", [False, True])
 def test_poses_and_images_are_those_that_were_written(
     tmp_path: Path, version: str, images: bool
@@ -177,14 +177,6 @@ def test_poses_and_images_are_those_that_were_written(
     assert recording.camera.cx == 32.0
     assert recording.up == (0.0, 0.0, 1.0)
     assert kinds(recording) == {}
-
-
-def test_images_in_parquet_are_those_of_the_file(tmp_path: Path) -> None:
-    write(tmp_path, "v3.0", images=True)
-    recording = read("lerobot", tmp_path, ReadOptions(OPTIONS))
-    frame = recording.trajectories["episode_000001"].frames[3]
-    expected = np.full((HEIGHT, WIDTH, 3), level(LENGTHS[0] + 3), np.uint8)
-    np.testing.assert_array_equal(image(frame.rgb.read()).pixels, expected)
 
 
 def test_a_pose_of_six_degrees_of_freedom_is_that_of_the_camera(tmp_path: Path) -> None:
@@ -237,7 +229,6 @@ def test_damaged_images_are_reported(tmp_path: Path) -> None:
     [
         ({"pose": ""}, {}, r"no entry '' in observation.state \(has: x, y, theta, gripper\)"),
         ({"pose": "x,y"}, {}, "name x,y,heading or x,y,z,qx,qy,qz,qw"),
-        ({"pose": "x,y,9"}, {}, "no entry '9'"),
         ({"rgb": "observation.depth"}, {}, "no images rgb=observation.depth"),
         ({"camera": "50,50,31,23,20,20"}, {}, "images are 64x48, unlike the option camera"),
         ({}, {"codebase_version": "v1.6"}, "version 'v1.6'; versions 2 and 3 are read"),
@@ -246,13 +237,10 @@ def test_damaged_images_are_reported(tmp_path: Path) -> None:
         ({}, {"data_path": "../{episode_index}.parquet"}, r"without `\.\.`"),
         ({}, {"data_path": "data/none-{episode_index}"}, "data/none-0: cannot be read"),
         ({}, {"data_path": ""}, r"info\.json: data_path and video_path must not be empty"),
-        ({}, {"video_path": ""}, r"info\.json: data_path and video_path must not be empty"),
         ({}, {"data_path": "a\0b"}, "is not a file name"),
-        ({}, {"data_path": "a" * 5000}, "is not a file name"),
         ({}, {"fps": 0}, "chunks_size and fps must be positive"),
         ({}, {"total_episodes": 0}, "no episodes in it"),
         ({}, {"total_episodes": 10**9}, "1000000000 episodes; at most"),
-        ({}, {"fps": "many"}, r"info\.json: damaged"),
     ],
 )
 def test_what_cannot_be_read_ends_in_one_line(

@@ -159,24 +159,14 @@ def test_bad_frames_are_reported_and_the_others_are_read(tmp_path: Path) -> None
     document["frames"][2]["transform_matrix"][0][0] += 0.5
     document["frames"][3]["transform_matrix"] = [[1.0, 0.0]]
     rewrite(tmp_path, document)
-    whole = (tmp_path / "images/004.png").read_bytes()
-    (tmp_path / "images/004.png").write_bytes(whole[:-30])
+    write_png(tmp_path / "images/004.png", np.zeros((HEIGHT, WIDTH + 1, 3), np.uint8))
     recording = read("nerfstudio", tmp_path)
     assert kinds(recording) == {"missing image": 1, "no depth image": 1, "bad pose": 2}
     assert_poses(recording, scene.poses[4:])
     (trajectory,) = recording.trajectories.values()
-    cut = trajectory.frames[0].rgb.read()
-    assert isinstance(cut, InputIssue)
-    assert cut.kind == "truncated image"
-
-
-def test_images_of_another_size_than_the_camera_are_reported(tmp_path: Path) -> None:
-    write(tmp_path, walk())
-    write_png(tmp_path / "images/000.png", np.zeros((HEIGHT, WIDTH + 1, 3), np.uint8))
-    (trajectory,) = read("nerfstudio", tmp_path).trajectories.values()
-    wrong = trajectory.frames[0].rgb.read()
-    assert isinstance(wrong, InputIssue)
-    assert wrong.kind == "wrong size"
+    other = trajectory.frames[0].rgb.read()
+    assert isinstance(other, InputIssue)
+    assert other.kind == "wrong size"
 
 
 def test_the_orientation_that_a_photo_states_is_ignored(tmp_path: Path) -> None:
@@ -222,14 +212,6 @@ def test_a_path_of_another_kind_is_named(tmp_path: Path) -> None:
         read("nerfstudio", tmp_path / "nope.json")
 
 
-def test_numbers_that_json_does_not_know_end_in_one_line(tmp_path: Path) -> None:
-    document = write(tmp_path, walk())
-    document["frames"][0]["transform_matrix"][0][3] = math.nan
-    rewrite(tmp_path, document)
-    with pytest.raises(RequestError, match=r"transforms\.json: damaged"):
-        read("nerfstudio", tmp_path)
-
-
 def test_files_outside_of_the_folder_are_refused(tmp_path: Path) -> None:
     folder = tmp_path / "scene"
     folder.mkdir()
@@ -272,23 +254,3 @@ def test_times_decide_on_the_order_where_all_frames_state_one(tmp_path: Path, ke
     del document["frames"][2][key]
     rewrite(tmp_path, document)
     assert_poses(read("nerfstudio", tmp_path), scene.poses)
-
-
-IMPOSSIBLE = {"long": "a" * 100_000, "deep": "a/" * 50_000 + "a.png", "nul": "a\0.png"}
-
-
-@pytest.mark.parametrize("name", IMPOSSIBLE.values(), ids=IMPOSSIBLE)
-@pytest.mark.parametrize(
-    ("key", "kind"), [("file_path", "missing image"), ("depth_file_path", "no depth image")]
-)
-def test_a_name_that_no_file_can_have_leaves_out_its_frame_alone(
-    tmp_path: Path, key: str, kind: str, name: str
-) -> None:
-    scene = walk(3)
-    document = write(tmp_path, scene)
-    document["frames"][1][key] = name
-    rewrite(tmp_path, document)
-    recording = read("nerfstudio", tmp_path)
-    assert kinds(recording) == {kind: 1}
-    assert len(recording.trajectories[tmp_path.name].frames) == 2
-    assert len(str(recording.issues[0])) < 1000

@@ -92,27 +92,15 @@ BAD_POSES = {
 }
 
 
-@pytest.mark.parametrize("layout", ["7scenes", "scannet"])
 @pytest.mark.parametrize("text", BAD_POSES)
-def test_bad_poses_are_reported(scene, scan, layout: str, text: str) -> None:
-    folder, frames = scan if layout == "scannet" else (scene[0], scene[1]["seq-01"])
-    pose = "pose/1.txt" if layout == "scannet" else "seq-01/frame-000001.pose.txt"
-    (folder / pose).write_text(text)
-    found = read_with(layout, folder)
-    first = next(iter(found.trajectories.values()))
-    assert_found(first, frames[:1] + frames[2:])
-    (issue,) = [issue for issue in found.issues if issue.kind == "bad pose"]
-    assert issue.file == pose
-    assert BAD_POSES[text] in issue.detail
-
-
-@pytest.mark.parametrize("content", [b"\xff\xfe\0", b"1 " * 20_000], ids=["binary", "large"])
-def test_pose_files_of_other_content_are_reported(scan, content: bytes) -> None:
+def test_bad_poses_are_reported(scan, text: str) -> None:
     folder, frames = scan
-    (folder / "pose/0.txt").write_bytes(content)
+    (folder / "pose/1.txt").write_text(text)
     found = read_with("scannet", folder)
-    assert_found(only(found), frames[1:])
-    assert reported(found, "bad pose") == ["pose/0.txt"]
+    assert_found(only(found), frames[:1] + frames[2:])
+    (issue,) = [issue for issue in found.issues if issue.kind == "bad pose"]
+    assert issue.file == "pose/1.txt"
+    assert BAD_POSES[text] in issue.detail
 
 
 def test_a_frame_without_pose_or_depth_or_rgb_is_reported(scan) -> None:
@@ -155,7 +143,7 @@ def test_intrinsics_beside_the_folders_are_read(scan, one_line) -> None:
         read_with("scannet", folder)
 
 
-@pytest.mark.parametrize("value", ["nan", "-30", "1e30", "x"])
+@pytest.mark.parametrize("value", ["nan", "-30", "x"])
 def test_unusable_intrinsics_are_refused(scan, value: str, one_line) -> None:
     path = scan[0] / "intrinsic/intrinsic_color.txt"
     path.write_text(path.read_text().replace("3.00000000e+01", value, 1))
@@ -187,9 +175,3 @@ def test_the_usual_size_of_depth_images_counts(scan, one_line) -> None:
         (folder / str(frame.depth)).write_bytes(b"")
     with one_line("no depth image can be read"):
         read_with("scannet", folder)
-
-
-def test_numbers_are_sorted_as_numbers(tmp_path: Path) -> None:
-    poses = drive(0.1 * k for k in range(12))
-    frames = recordings.scannet(tmp_path / "scan", poses)
-    assert_found(only(read_with("scannet", tmp_path / "scan")), frames)
