@@ -58,7 +58,9 @@ def test_the_command_writes_prints_and_saves(
     assert "nearest instances: ids(" in printed
     assert len(read_planned_poses(out)) == 12
     assert main([*arguments, "--json"]) == 0
-    content = json.loads(capsys.readouterr().out)
+    captured = capsys.readouterr()
+    assert "choosing 12 of" in captured.err
+    content = json.loads(captured.out)
     assert [pose["x_m"] for pose in content["poses"]] == [p.x_m for p in read_planned_poses(out)]
     assert main(["query", str(tiny_store), "@todo", "--run", "vanilla", "--count"]) == 0
     by_name = capsys.readouterr().out
@@ -75,7 +77,12 @@ def test_methods_of_the_command_are_those_of_the_tools() -> None:
 
 @pytest.mark.parametrize(
     ("options", "message"),
-    [(["--budget", "0"], "--budget 0"), (["--run", "no"], "no"), (["--save", " "], "name")],
+    [
+        (["--budget", "0"], "--budget 0: must be 1 to 5000"),
+        (["--run", "no"], "no"),
+        (["--save", " "], "name"),
+        (["--out", "nowhere/poses.csv"], "--out nowhere/poses.csv: there is no folder"),
+    ],
 )
 def test_messages(
     tiny_store: Path, capsys: pytest.CaptureFixture[str], options: list[str], message: str
@@ -101,25 +108,6 @@ def test_the_map_shows_planned_poses(tiny_store: Path, tmp_path: Path) -> None:
     assert main([*base, str(second), "--poses", str(poses)]) == 0
     assert first.read_text().count("planned poses") == 0
     assert second.read_text().count("planned poses") >= 1
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (["--budget", "0"], "--budget 0: must be 1 to 5000"),
-        (["--out", "nowhere/poses.csv"], "--out nowhere/poses.csv: there is no folder"),
-    ],
-)
-def test_options_are_checked_before_the_store_is_read(tmp_path: Path, options, message, capsys):
-    assert main(["collect", str(tmp_path / "none.s2r"), *options]) == 2
-    assert message in capsys.readouterr().err
-
-
-def test_progress_is_told_on_standard_error(tiny_store: Path, capsys) -> None:
-    assert main(["collect", str(tiny_store), "--run", "vanilla", "--budget", "3", "--json"]) == 0
-    captured = capsys.readouterr()
-    assert len(json.loads(captured.out)["poses"]) == 3
-    assert "choosing 3 of" in captured.err
 
 
 def test_poses_are_refused_where_no_map_is_drawn(tiny_store: Path, tmp_path: Path, capsys) -> None:

@@ -52,20 +52,6 @@ def clock(start: float, factor: float) -> Damage:
     return damage
 
 
-def tum(length: float) -> Damage:
-    """Store the real log as TUM, with quaternions of this length."""
-
-    def damage(drive: Path) -> None:
-        log = csv_reader.read(drive / "real.csv")
-        half, zero = log.heading / 2, np.zeros(log.time.size)
-        table = np.stack([log.time, log.x, log.y, zero, zero, zero, length * np.sin(half),
-                          length * np.cos(half)], axis=1)  # fmt: skip
-        np.savetxt(drive / "real.tum", table)
-        (drive / "real.csv").unlink()
-
-    return damage
-
-
 def run(command: str, drives: Path, store: Path, out: Path) -> int:
     arguments = {
         GAP: ["gap", str(store), "--drives", str(drives), "--axis", "dynamics", "--axis", "delay",
@@ -83,14 +69,8 @@ def damaged_copy(valid_drives: Path, folder: Path, damage: Damage) -> Path:
 
 FAULTS: dict[str, tuple[Damage, str]] = {
     "nan": (row(9, "0.18,nan,0,0"), "real.csv:10: x is nan; remove the row"),
-    "backward": (row(9, "0.01,0,0,0"), "real.csv:10: the clock runs backward (0.14 s"),
-    "twice": (lines(lambda f: f.insert(9, f[8])), "real.csv:10: the clock stands still (0.14 s"),
-    "empty": (replaced(b""), "real.csv: empty"),
-    "header only": (replaced(b"time,x,y,heading\n"), "real.csv: no rows below the column names"),
     "header again": (row(9, "time,x,y,heading"), "real.csv:10: time is time, not a number"),
-    "no heading": (replaced(b"time,x,y\n0,0,0\n1,0,0\n"), "no column heading (rad) or heading_deg"),
     "no sim": (lambda drive: (drive / "sim.csv").unlink(), "drive-00: no sim.* in it"),
-    "zero quaternions": (tum(0.0), "real.tum:1: the quaternion is 0"),
     "inf command": (row(9, "0.4,inf,0", "commands.csv"), "commands.csv:10: left_torque is inf"),
 }  # fmt: skip
 
@@ -171,11 +151,3 @@ def test_doubtful_logs_are_reported_with_the_results(
     command = ["gap", str(tiny_store), "--drives", str(drives), "--replicates", "100", *options]
     assert main([*command, "--axis", "dynamics", "--axis", "delay"]) == 3
     assert expected in capsys.readouterr().out
-
-
-def test_quaternions_are_normalized(valid_drives: Path, tmp_path: Path) -> None:
-    from s2rtools.motion_logs import read
-
-    drive = damaged_copy(valid_drives, tmp_path / "drives", tum(2.0)) / "drive-00"
-    original = csv_reader.read(valid_drives / "drive-00" / "real.csv")
-    assert read(drive / "real.tum").heading == pytest.approx(original.heading, abs=1e-12)
