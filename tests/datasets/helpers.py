@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import s2rstore
 from s2rstore.files import layout
 from s2rtools.datasets import IMPORTERS
 from s2rtools.datasets.appending.append import append
+from s2rtools.datasets.recording import Recording
 from s2rtools.datasets.scan import Scan, ScanOptions
 from s2rtools.datasets.writing.build import build
 
@@ -44,11 +46,9 @@ def ingest(importer: str, path: Path, store: Path, strict: bool = False, **optio
     return scan
 
 
-def kinds(scan: Scan) -> dict[str, int]:
-    counts: dict[str, int] = {}
-    for issue in scan.issues:
-        counts[issue.kind] = counts.get(issue.kind, 0) + 1
-    return counts
+def kinds(found: Scan | Recording) -> dict[str, int]:
+    """How many issues of each kind were found."""
+    return dict(Counter(issue.kind for issue in found.issues))
 
 
 def scan_of(name: str, path: Path, **options) -> Scan:

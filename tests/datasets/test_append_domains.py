@@ -6,8 +6,6 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
-import numpy as np
 import pytest
 
 import s2rstore
@@ -20,11 +18,9 @@ from s2rtools.datasets.scan import Scan
 from s2rtools.datasets.writing import build
 from tests.datasets.conftest import N
 from tests.datasets.helpers import (
-    Killed,
     add,
     files,
     ingest,
-    kill,
     kinds,
     rows_by_trajectory,
     scan_of,
@@ -208,21 +204,6 @@ def test_an_unusable_image_of_a_new_domain_is_refused_by_name(tmp_path: Path) ->
     assert verify(store) == []
 
 
-def test_the_refusal_of_a_new_domain_names_the_image_that_was_left_out(tmp_path: Path) -> None:
-    header = pairs.sim2realviz(tmp_path / "data", n=N, trajectories=("a",), edit=True)
-    whole = scan_of("sim2realviz", tmp_path / "data", header=header)
-    store = start(whole, tmp_path / "s.s2r", a=N)
-    sources = [record.sources[EDIT] for record in whole.trajectories["a"]]
-    for file in (sources[1].rgb, sources[5].depth):
-        png = file.with_suffix(".png")
-        image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
-        cv2.imwrite(str(png), image.astype(np.uint16))
-        png.replace(file)
-    with pytest.raises(RequestError, match=rf"{sources[5].depth.name}: mixed depth types .*every"):
-        add(whole, store)
-    assert kinds(whole) == {"colours of more than 8 bits": 1, "mixed depth types": 1}
-
-
 def test_images_without_poses_take_no_further_domain(tmp_path: Path) -> None:
     sources, store = image_folders.folders(tmp_path / "data"), tmp_path / "s.s2r"
     image_folders.ingest(sources, store)
@@ -230,37 +211,3 @@ def test_images_without_poses_take_no_further_domain(tmp_path: Path) -> None:
     scan.domains["night"] = replace(scan.domains["real"], domain="night")
     with pytest.raises(RequestError, match="another set of domains: night, real, sim"):
         add(scan, store)
-
-
-def test_a_killed_addition_leaves_the_store_and_a_rerun_succeeds(
-    whole: Scan, once: Path, plain: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    store = plain
-    current = layout.read_current(store)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(append, "insert_domains", kill)
-        with pytest.raises(Killed):
-            add(whole, store)
-    assert layout.read_current(store) == current
-    assert verify(store) == []
-    leftovers = {f"{layout.FRAMES}/{EDIT}/{name}" for name in "ab"}
-    assert set(prune(store, dry_run=True).paths) == leftovers
-    add(whole, store)
-    assert verify(store) == []
-    assert rows_by_trajectory(store) == rows_by_trajectory(once)
-
-
-def test_an_added_domain_has_one_depth_type_in_a_trajectory(tmp_path: Path) -> None:
-    header = pairs.sim2realviz(tmp_path / "data", n=N, trajectories=("a",), edit=True)
-    whole = scan_of("sim2realviz", tmp_path / "data", header=header)
-    records = list(whole.trajectories["a"])
-    for record in records[6:]:
-        file = record.sources[EDIT].depth
-        png = file.with_suffix(".png")
-        cv2.imwrite(str(png), cv2.imread(str(file), cv2.IMREAD_UNCHANGED).astype(np.uint16))
-        png.replace(file)
-    store = start(whole, tmp_path / "s.s2r", a=5)
-    assert add(whole, store) == {"a": 1}
-    assert kinds(whole) == {"mixed depth types": N - 6}
-    assert verify(store) == []

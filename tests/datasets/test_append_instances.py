@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import shutil
 import tempfile
@@ -21,20 +20,16 @@ from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.index import schema
 from s2rstore.index.transaction import edit
-from s2rstore.maintenance.prune import prune
-from s2rstore.maintenance.verify import check, verify
-from s2rtools.datasets.appending import append
+from s2rstore.maintenance.verify import verify
 from s2rtools.datasets.scan import Scan
 from s2rtools.datasets.writing import build
 from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
 from tests.datasets.conftest import N
 from tests.datasets.helpers import (
     SIZE,
-    Killed,
     add,
     files,
     ingest,
-    kill,
     kinds,
     rows_by_trajectory,
     scan_of,
@@ -151,16 +146,6 @@ def test_existing_iids_and_frames_stay_and_only_the_ends_change_their_curvature(
         assert [t.instances for t in opened.trajectories] == [N, 4, 3]
 
 
-def test_a_source_without_further_instances_adds_nothing(scan: Scan, tmp_path: Path) -> None:
-    store = tmp_path / "s.s2r"
-    grow(scan, store, [{"a": 4}, {"a": 6}])
-    before, lines = files(store), list[str]()
-    assert add(cut(scan, {"a": 6}), store, lines=lines) == {}
-    assert lines[0] == "trajectory a: already in the store"
-    assert "nothing to append" in lines[1]
-    assert files(store) == before
-
-
 def test_a_difference_in_any_piece_is_refused_by_name(scan: Scan, tmp_path: Path) -> None:
     store = tmp_path / "s.s2r"
     grow(scan, store, [{"a": 3}, {"a": 6}])
@@ -180,25 +165,6 @@ def test_a_difference_in_any_piece_is_refused_by_name(scan: Scan, tmp_path: Path
     with pytest.raises(RequestError, match="only the first 5 of the stored instances"):
         add(cut(scan, {"a": 5}), store)
     assert files(store) == before
-
-
-def test_a_manifest_that_grows_is_continued(tmp_path: Path) -> None:
-    manifest = pairs.manifest(tmp_path / "data", bits=16)
-    store = tmp_path / "s.s2r"
-    whole = manifest.read_text()
-    lines = whole.splitlines(keepends=True)
-    manifest.write_text("".join(lines[:9]))
-    ingest("csv", manifest, store)
-    for stop in (11, 19):
-        manifest.write_text("".join(lines[:stop]))
-        add(scan_of("csv", manifest), store, strict=True)
-    manifest.write_text(whole)
-    assert add(scan_of("csv", manifest), store, strict=True) == {"b": 3}
-    ingest("csv", manifest, tmp_path / "once.s2r")
-    assert rows_by_trajectory(store) == rows_by_trajectory(tmp_path / "once.s2r")
-    assert verify(store) == []
-    with s2rstore.open(store) as opened:
-        assert [p.folder for p in opened.trajectory_parts] == ["a", "a@1", "a@2", "b", "b@3"]
 
 
 def test_folders_of_images_that_grow_at_the_end_are_continued(tmp_path: Path) -> None:
@@ -264,38 +230,6 @@ def test_further_pairs_must_have_the_depth_type_of_the_stored_ones(tmp_path: Pat
         assert opened.frames("sim", 0, 3, ("depth",))["depth"].dtype == np.uint8
 
 
-def test_a_killed_append_leaves_the_store_and_a_rerun_succeeds(
-    scan: Scan, once: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    store = tmp_path / "s.s2r"
-    grow(scan, store, [{"a": 3, "b": N}])
-    before, current = files(store), layout.read_current(store)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(append, "insert_instances", kill)
-        with pytest.raises(Killed):
-            add(scan, store)
-    assert layout.read_current(store) == current
-    after = files(store)
-    assert {path: after[path] for path in before} == before
-    assert verify(store) == []
-    copy = copy_store(store, tmp_path / "pruned.s2r")
-    moved = {f"{layout.FRAMES}/{d}/{name}" for d in ("sim", "real") for name in ("a@1", "c")}
-    assert set(prune(copy).paths) == moved
-    for each in (store, copy):
-        assert add(scan, each) == {"a": N - 3, "c": N}
-        assert verify(each) == []
-        assert rows_by_trajectory(each) == rows_by_trajectory(once)
-
-
-def test_prune_keeps_the_frames_of_every_piece(scan: Scan, tmp_path: Path) -> None:
-    store = tmp_path / "s.s2r"
-    grow(scan, store, [{"a": 3}, {"a": 5}, {"a": N}])
-    assert set(prune(store, keep=1).paths) == {layout.index_name(1), layout.index_name(2)}
-    assert verify(store) == []
-    assert check(store).notes == ()
-
-
 def test_verify_names_a_missing_shard_of_a_later_piece(scan: Scan, tmp_path: Path) -> None:
     store = tmp_path / "s.s2r"
     grow(scan, store, [{"a": 3}, {"a": 5}])
@@ -339,20 +273,3 @@ def test_the_synthetic_world_knows_the_instances_of_continued_trajectories(tmp_p
         data = WorldData(WorldRecipe(**world, frame=SIZE[0]))
         assert data.matches(opened)
         assert data.noise_numbers(opened).tolist() == [1_000_000, 1_000_001, 0, 1, 2]
-
-
-def test_csv_rows_before_the_stored_ones_are_refused(tmp_path: Path) -> None:
-    manifest = pairs.manifest(tmp_path / "data")
-    with manifest.open(newline="") as file:
-        header, *rows = csv.reader(file)
-    store = tmp_path / "s.s2r"
-
-    def write(kept: list[list[str]]) -> None:
-        with manifest.open("w", newline="") as file:
-            csv.writer(file).writerows([header, *kept])
-
-    write(rows[2:8])
-    ingest("csv", manifest, store)
-    write(rows[:8])
-    with pytest.raises(RequestError, match=r"trajectory a: .*\(sim/0_rgb.png or sim/0_depth.png"):
-        add(scan_of("csv", manifest), store)

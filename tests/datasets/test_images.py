@@ -10,7 +10,6 @@ import pytest
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rstore.files import safe_files
 from s2rstore.language import evaluation
 from s2rstore.maintenance.verify import verify
 from s2rstore.records import NO_RUN
@@ -86,14 +85,6 @@ def test_a_domain_images_its_own_trajectories_only(store_path: Path) -> None:
         assert store.execute("SELECT rgb_path FROM frame WHERE iid = 0") == [
             ("real/images/day_3.png",)
         ]
-
-
-def test_depth_is_nowhere_valid(store_path: Path) -> None:
-    with s2rstore.open(store_path) as store:
-        frame = store.frame(0, "real")
-    assert frame.depth.shape == FRAME
-    assert not frame.valid.any()
-    assert not list(store_path.glob("frames.zarr/*/*/depth"))
 
 
 def test_small_images_are_not_enlarged(tmp_path: Path) -> None:
@@ -224,17 +215,6 @@ def test_an_unusable_stream_makes_no_store(tmp_path: Path, instances, reason: st
 
 def damages(path: Path) -> str:
     return "; ".join(f"{damage.where}: {damage.what}" for damage in verify(path))
-
-
-def test_a_new_store_has_no_damage(store_path: Path) -> None:
-    assert damages(store_path) == ""
-
-
-def test_a_missing_shard_is_found(copied: Path) -> None:
-    files = (e.path for e in safe_files.walk(copied) if e.kind == "file")
-    shard = next(path for path in files if "/real_day/rgb/c." in path)
-    (copied / shard).unlink()
-    assert f"{shard}: missing" in damages(copied)
 
 
 @pytest.mark.parametrize(

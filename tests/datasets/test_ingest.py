@@ -120,12 +120,6 @@ def test_an_incomplete_domain_is_skipped_unless_its_trajectory_is_chosen(
         assert set(store.domains) == {"sim", "real", "sim_edit"}
 
 
-def test_an_existing_store_is_never_overwritten(data, tmp_path: Path) -> None:
-    ingest("sim2realviz", data[0], tmp_path / "s.s2r", header=data[1])
-    with pytest.raises(RequestError, match="exists"):
-        ingest("sim2realviz", data[0], tmp_path / "s.s2r", header=data[1])
-
-
 @pytest.mark.parametrize(("bits", "dtype"), [(8, "uint8"), (16, "uint16")])
 def test_a_manifest_is_ingested(tmp_path: Path, bits: int, dtype: str) -> None:
     path = pairs.manifest(tmp_path / "data", 12, bits)

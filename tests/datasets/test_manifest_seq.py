@@ -51,14 +51,6 @@ def of_manifest(path: Path) -> dict[str, list[tuple[int, str]]]:
     return {name: sorted(rows) for name, rows in found.items()}
 
 
-def test_the_store_has_the_seq_of_the_manifest(tmp_path: Path) -> None:
-    path, store = pairs.manifest(tmp_path / "data"), tmp_path / "s.s2r"
-    renumber(path, lambda seq: 100 + 5 * seq)
-    ingest("csv", path, store, strict=True)
-    assert stored(store) == of_manifest(path)
-    assert verify(store) == []
-
-
 def test_instances_keep_their_seq_where_others_are_left_out(tmp_path: Path) -> None:
     path, store = pairs.manifest(tmp_path / "data"), tmp_path / "s.s2r"
     rows = of_manifest(path)

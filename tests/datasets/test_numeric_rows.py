@@ -61,9 +61,9 @@ def test_bad_rows_are_kept_as_nan_on_request(tmp_path: Path) -> None:
     assert len(read_numbers(path, "rows.txt", 2, []).values) == 2
 
 
-def test_names_may_contain_spaces(tmp_path: Path) -> None:
+def test_names_may_contain_spaces_and_lines_may_end_as_on_windows(tmp_path: Path) -> None:
     path = tmp_path / "list.txt"
-    path.write_text("1.5 a b.png\n2.5   c.png  \n")
+    path.write_bytes(b"\xef\xbb\xbf1.5 a b.png\r\n2.5   c.png  \r\n")
     found = read_stamped_names(path, "list.txt", [])
     assert [found.file_name(row) for row in range(2)] == ["a b.png", "c.png"]
 

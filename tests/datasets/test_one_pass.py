@@ -20,8 +20,7 @@ from s2rstore.maintenance.verify import verify
 from s2rtools.datasets.files import image_decoding
 from s2rtools.datasets.files.image_decoding import ImageFiles
 from s2rtools.datasets.importers.synthetic_world import RenderedFrameSource
-from s2rtools.datasets.lazy_sequence import LazySequence, RowFile
-from s2rtools.datasets.scan import DecodedFrame, Scan
+from s2rtools.datasets.scan import DecodedFrame
 from s2rtools.datasets.writing import index_rows
 from s2rtools.datasets.writing.build import build
 from tests.datasets.helpers import SIZE, ingest, kinds, scan_of
@@ -35,19 +34,10 @@ def _write_depth(path: Path, dtype: type) -> None:
     cv2.imwrite(str(path), np.clip(depth, 0, 200).astype(dtype))
 
 
-def _csv(folder: Path, store: Path) -> None:
-    ingest("csv", pairs.manifest(folder, n=12), store)
-
-
 def _mixed(folder: Path, store: Path) -> None:
     manifest = pairs.manifest(folder, n=12, bits=16)
     _write_depth(folder / "real" / "0_depth.png", np.uint8)
     ingest("csv", manifest, store)
-
-
-def _sim2realviz(folder: Path, store: Path) -> None:
-    header = pairs.sim2realviz(folder, n=8)
-    ingest("sim2realviz", folder, store, header=header)
 
 
 def _images(folder: Path, store: Path) -> None:
@@ -56,7 +46,7 @@ def _images(folder: Path, store: Path) -> None:
     image_folders.ingest(sources, store)
 
 
-@pytest.mark.parametrize("make", [_csv, _mixed, _sim2realviz, _images])
+@pytest.mark.parametrize("make", [_mixed, _images])
 def test_every_source_image_is_read_and_decoded_once(
     make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -119,18 +109,6 @@ def test_the_most_common_depth_type_is_kept_wherever_the_others_are(
     assert {path.name for path in store.iterdir()} == {
         "CURRENT.json", "assets", "frames.zarr", "index", "ledger",
     }  # fmt: skip
-
-
-def test_without_a_usable_combination_of_depth_types_nothing_is_stored(tmp_path: Path) -> None:
-    manifest = pairs.manifest(tmp_path / "data", n=6, bits=16)  # two trajectories of three
-    for domain, number in (("sim", 0), ("real", 1)):
-        _write_depth(tmp_path / "data" / domain / f"{number}_depth.png", np.uint8)
-    for name in ("sim/2_rgb.png", "sim/2_depth.png"):
-        (tmp_path / "data" / name).write_bytes(b"no image")
-    store = tmp_path / "s.s2r"
-    scan = ingest("csv", manifest, store)
-    assert kinds(scan)["mixed depth types"] >= 1
-    assert verify(store) == []
 
 
 def test_the_hash_of_a_data_set_is_that_of_one_json_document(tmp_path: Path) -> None:
@@ -206,24 +184,3 @@ def test_an_instance_takes_little_memory(tmp_path: Path, monkeypatch: pytest.Mon
         gc.unfreeze()
         tracemalloc.stop()
     assert growth / (large - small) < BYTES_PER_INSTANCE
-
-
-def test_a_scan_makes_its_records_when_they_are_read(tmp_path: Path) -> None:
-    scan: Scan = scan_of("csv", pairs.manifest(tmp_path / "data", n=12))
-    records = scan.trajectories["a"]
-    assert len(records) == 6
-    assert records[0] is not records[0]
-    assert records[-1] == records[5]
-    assert records[1:6:2] == [records[1], records[3], records[5]]
-    with pytest.raises(IndexError):
-        records[6]
-
-
-def test_a_lazy_sequence_and_a_row_file_give_the_items_again() -> None:
-    rows = RowFile()
-    values = [("text", 1, None), (b"\x00\xff", 2.5, "ö"), ()]
-    assert [rows.append(*value) for value in values] == [0, 1, 2]
-    assert [tuple(rows[number]) for number in (2, 0, 1)] == [values[2], values[0], values[1]]
-    rows.append("later")
-    assert rows[3] == ["later"]
-    assert list(LazySequence(len(rows), lambda row: len(rows[row]))) == [3, 3, 0, 1]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -45,10 +44,6 @@ def angle(a: np.ndarray, b: np.ndarray) -> float:
     """Degrees between two poses; from the chord, which is exact for small angles."""
     chord = float(np.linalg.norm(a[:3, :3] - b[:3, :3])) / math.sqrt(8)
     return math.degrees(2 * math.asin(min(chord, 1.0)))
-
-
-def kinds(recording: Recording) -> dict[str, int]:
-    return dict(Counter(issue.kind for issue in recording.issues))
 
 
 def reported(recording: Recording, kind: str) -> list[str]:

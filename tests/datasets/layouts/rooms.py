@@ -71,10 +71,3 @@ def assert_poses(recording: Recording, poses: np.ndarray, trajectory: str = "") 
     np.testing.assert_allclose(found[:, :3, 3], poses[:, :3, 3], atol=1e-4)
     apart = Rotation.from_matrix(found[:, :3, :3]).inv() * Rotation.from_matrix(poses[:, :3, :3])
     assert np.rad2deg(apart.magnitude()).max() < 1e-3
-
-
-def kinds(recording: Recording) -> dict[str, int]:
-    counts: dict[str, int] = {}
-    for issue in recording.issues:
-        counts[issue.kind] = counts.get(issue.kind, 0) + 1
-    return counts

@@ -16,6 +16,7 @@ from s2rstore.errors import RequestError
 from s2rtools.datasets import ReadOptions, Recording, read
 from s2rtools.datasets.bags import messages
 from s2rtools.datasets.scan import InputIssue
+from tests.datasets.helpers import kinds
 from tests.datasets.layouts.bag_writer import (
     CAMERA,
     DEPTH,
@@ -29,7 +30,7 @@ from tests.datasets.layouts.bag_writer import (
     png,
     walk_bag,
 )
-from tests.datasets.layouts.rooms import HEIGHT, WIDTH, Walk, assert_poses, image, kinds, walk
+from tests.datasets.layouts.rooms import HEIGHT, WIDTH, Walk, assert_poses, image, walk
 
 
 @pytest.fixture

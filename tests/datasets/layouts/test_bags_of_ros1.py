@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from s2rtools.datasets import read
 from s2rtools.ros.ros_environment import SYSTEM_PACKAGES
-from tests.datasets.layouts.rooms import assert_poses, image, kinds, walk
+from tests.datasets.helpers import kinds
+from tests.datasets.layouts.rooms import assert_poses, image, walk
 
 PACKAGES = ("rosbag", "genpy", "sensor_msgs", "geometry_msgs")
 

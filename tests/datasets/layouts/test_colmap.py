@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from s2rstore.errors import RequestError
 from s2rtools.datasets import ReadOptions, read
+from tests.datasets.helpers import kinds
 from tests.datasets.layouts.rooms import (
     HEIGHT,
     WIDTH,
@@ -16,7 +17,6 @@ from tests.datasets.layouts.rooms import (
     assert_poses,
     checksum,
     image,
-    kinds,
     walk,
     write_png,
 )

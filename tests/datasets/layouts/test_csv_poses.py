@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.datasets.helpers import kinds
 from tests.datasets.layouts import recordings
-from tests.datasets.layouts.checks import assert_found, kinds, only, read_with, reported
+from tests.datasets.layouts.checks import assert_found, only, read_with, reported
 from tests.datasets.layouts.recordings import Frame, drive, quaternion
 
 TIMES = [0.5 * number for number in range(4)]

@@ -13,8 +13,9 @@ from scipy.spatial.transform import Rotation
 from s2rstore.errors import RequestError
 from s2rtools.datasets import ReadOptions, Recording, read
 from s2rtools.datasets.scan import InputIssue
+from tests.datasets.helpers import kinds
 from tests.datasets.layouts.bag_writer import png
-from tests.datasets.layouts.rooms import assert_poses, image, kinds
+from tests.datasets.layouts.rooms import assert_poses, image
 
 LENGTHS = (7, 12, 9)
 STEP = 8

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from s2rstore.errors import RequestError
 from s2rtools.datasets import ReadOptions, read
 from s2rtools.datasets.scan import InputIssue
+from tests.datasets.helpers import kinds
 from tests.datasets.layouts.rooms import (
     HEIGHT,
     WIDTH,
@@ -19,7 +20,6 @@ from tests.datasets.layouts.rooms import (
     assert_poses,
     checksum,
     image,
-    kinds,
     walk,
     write_png,
 )

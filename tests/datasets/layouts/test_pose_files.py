@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from tests.datasets.helpers import kinds
 from tests.datasets.layouts import recordings
-from tests.datasets.layouts.checks import assert_found, kinds, only, read_with, reported
+from tests.datasets.layouts.checks import assert_found, only, read_with, reported
 from tests.datasets.layouts.recordings import Frame, drive, matrix_text, write_lines
 
 POSES = drive(0.1 * k for k in range(4))
