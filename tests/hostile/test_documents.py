@@ -10,7 +10,7 @@ import pytest
 from s2rstore.errors import RequestError
 from s2rstore.files import input_files
 from s2rtui.cli import main
-from tests.hostile.inputs import deadline, s2r
+from tests.hostile.inputs import deadline
 from tests.support import pairs
 
 DEEP_JSON = "[" * 100_000 + "]" * 100_000
@@ -60,22 +60,6 @@ def test_an_invalid_header_is_rejected_in_one_line(
     assert len(error.splitlines()) == 1
 
 
-def test_long_keys_use_little_time_and_memory(tmp_path: Path) -> None:
-    manifest, path = header(tmp_path, LONG_KEY, ".toml")
-    result = s2r(
-        tmp_path,
-        "ingest",
-        "csv",
-        manifest,
-        "--header",
-        path,
-        "--store",
-        tmp_path / "s",
-        seconds=300,
-    )
-    result.assert_rejected("a key of more than")
-
-
 def test_a_pipe_in_place_of_a_document_is_rejected(
     tmp_path: Path, tiny_store: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -93,18 +77,6 @@ def test_a_pipe_in_place_of_a_document_is_rejected(
         with deadline():
             assert main([str(expected) for expected in arguments]) == 2
         assert f"{pipe}: a pipe, not a regular file" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("option", ["--golden", "--reference", "--features"])
-def test_deeply_nested_gap_files_are_rejected(
-    tmp_path: Path, tiny_store: Path, capsys: pytest.CaptureFixture[str], option: str
-) -> None:
-    path = tmp_path / "deep.json"
-    path.write_text(DEEP_JSON)
-    assert main(["gap", str(tiny_store), option, str(path)]) == 2
-    error = capsys.readouterr().err
-    assert str(path) in error
-    assert len(error.splitlines()) == 1
 
 
 def test_a_huge_sparse_file_is_rejected_unread(tmp_path: Path) -> None:

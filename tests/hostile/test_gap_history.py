@@ -57,11 +57,6 @@ def test_a_night_after_a_wrongly_dated_one_is_rejected_with_advice(week: nights.
         week.night(1)
 
 
-def test_nights_of_the_preceding_month_can_be_added(week: nights.Week) -> None:
-    week.night(20)
-    assert week.night(1).new
-
-
 def test_a_withdrawn_night_stays_recorded_and_no_longer_dates_evidence(
     week: nights.Week, capsys: pytest.CaptureFixture[str]
 ) -> None:

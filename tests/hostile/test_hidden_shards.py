@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import astuple, replace
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -19,9 +19,6 @@ from s2rtools.datasets import IMPORTERS
 from s2rtools.datasets.scan import ScanOptions
 from s2rtools.datasets.writing.build import build
 from s2rtools.gap.visual import visual_axis
-from s2rtools.scoring import heatmap_metrics
-from s2rtools.scoring.ground_truth import GroundTruth
-from s2rtools.scoring.heatmap_metrics import score_heatmaps
 from s2rtools.synthetic_world.factors import complete_severities
 from s2rtools.training import pretrained
 from s2rtools.translator_evaluation import report
@@ -155,15 +152,9 @@ def similar(store: Store) -> Iterator[Function]:
             yield lambda run=run, side=side: neighbours(store, run, side, 1, 3)
 
 
-def scores(store: Store) -> Iterator[Function]:
-    """The part of `s2r score` that reads heatmaps."""
-    truth = GroundTruth(store)
-    yield lambda: list(map(astuple, score_heatmaps(truth, ["up"], 0)))
-
-
 FAMILIES = (
     stored_arrays, whole_arrays, frames, run_images, instance_views, maps_of_runs,
-    maps_of_instances, maps_of_selections, seen_floor, similar, scores,
+    maps_of_instances, maps_of_selections, seen_floor, similar,
 )  # fmt: skip
 
 # --- commands -------------------------------------------------------------------------------------
@@ -171,24 +162,14 @@ FAMILIES = (
 
 EXPORT = "export", "{store}", "--out", "{out}", "--view"
 COMMANDS = (
-    ("query", "{store}", "worst(50%, real.error)", "--json"),
-    ("query", "{store}", "like(1, 3)", "--json"),
     ("query", "{store}", 'run("up").real.error > 0 & like(1, 3)', "--trajectory", "traj2"),
-    ("query", "{store}", "like(1, 3)", "--count"),
-    ("sql", "{store}", "SELECT run, sum(x) FROM prediction GROUP BY run ORDER BY run"),
-    ("runs", "{store}", "--json"),
     *(("show", "{store}", view, "--select", "like(1, 3)") for view in STORED),
-    ("show", "{store}", "map", "--words"),
     (*EXPORT, "instance", "--heat", "pixel_difference", "--iid", str(COUNT)),
-    (*EXPORT, "map", "--heat", "occlusion:rgb", "--on", "run", "--run", "up"),
-    (*EXPORT, "map", "--heat", "feature_distance", "--on", "selection", "--clip"),
     (*EXPORT, "workbench", "--heat", "activation:x", "--on", "run"),
     ("snapshot", "{store}", "--size", "160x48", "--keys", "3", "--out", "{out}"),
     ("report", "{store}", "--select", "like(2, 2)", "--heat", "activation:x", "--light", "--out",
      "{out}"),
     ("gap", "{store}", "--axis", "visual", "--json"),
-    ("gap", "{store}", "--axis", "task", "--json"),
-    ("translate", "report", "--store", "{store}", "--no-keep", "--json", "T"),
     ("translate", "report", "--store", "{store}", "--no-keep", "--json", "--run", "up", "T"),
 )  # fmt: skip
 
@@ -198,7 +179,6 @@ def small_scale(monkeypatch: pytest.MonkeyPatch) -> None:
     """Allow the few instances of the store, few replicates, and measure no time."""
     monkeypatch.setattr(visual_axis, "MIN_INSTANCES", 2)
     monkeypatch.setattr(visual_axis, "MIN_BLOCKS", 2)
-    monkeypatch.setattr(heatmap_metrics, "REPLICATES", 2)
     monkeypatch.setattr(report, "milliseconds_per_image", lambda *arguments: 1.0)
 
 
@@ -289,25 +269,6 @@ def test_every_kind_of_array_is_covered(computed: Path) -> None:
 
 
 @pytest.mark.deep
-def test_verify_lists_every_hidden_shard(computed: Path) -> None:
-    shards = shard_files(computed)
-    with hidden(computed, shards):
-        found = outcome(command(computed, "verify", "{store}"))
-    assert found.code == 1
-    for shard in shards:
-        assert shard in found.error, shard
-
-
-@pytest.mark.deep
-def test_score_names_a_hidden_shard(computed: Path) -> None:
-    shards = [name for name in shard_files(computed) if "occlusion.rgbd.real" in name]
-    with hidden(computed, shards):
-        found = outcome(command(computed, "score", "{store}", "--run", "up", "--no-keep"))
-    assert (found.code, found.result) == (2, None)
-    assert any(str(computed / shard) in found.error for shard in shards)
-
-
-@pytest.mark.deep
 @pytest.mark.parametrize("image", ["rgb", "depth"])
 @pytest.mark.parametrize(
     "words",
@@ -332,20 +293,3 @@ def test_commands_that_write_name_missing_frames_and_write_nothing(
     assert (found.code, found.result) == (2, None)
     assert str(store / shards[0]) in found.error
     assert set(store.rglob("*.duckdb")) == before
-
-
-@pytest.mark.deep
-def test_precompute_computes_missing_shards_again(computed: Path, tmp_path: Path) -> None:
-    store = linked_copy(computed, tmp_path / "w.s2r")
-    gone = [name for name in shard_files(store) if name.startswith("runs.zarr/")]
-    for name in gone:
-        (store / name).unlink()
-    assert main(["precompute", str(store), "--run", "vanilla", "--run", "up"]) == 0
-    assert main(["verify", str(store)]) == 0
-    with s2rstore.open(store) as again, s2rstore.open(computed) as first:
-        for run in RUNS:
-            for record in first.array_parts(run):
-                np.testing.assert_allclose(
-                    again.stored(record)[:].astype(float), first.stored(record)[:].astype(float),
-                    rtol=1e-4, atol=1e-4,
-                )  # fmt: skip

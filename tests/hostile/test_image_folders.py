@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import struct
-import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -34,10 +32,6 @@ def outside(data: Path) -> Path:
     return write(data.parent / "elsewhere" / "secret.png", picture(3, REAL_SIZE))
 
 
-def absolute(data: Path) -> None:
-    index(data, f"file,condition\n{outside(data)},day\n")
-
-
 def relative_to_parent(data: Path) -> None:
     outside(data)
     index(data, "file,condition\n../../../elsewhere/secret.png,day\n")
@@ -54,11 +48,8 @@ def linked_index(data: Path) -> None:
     (data / "real" / "index.csv").symlink_to(data.parent / "secret.csv")
 
 
-OUTSIDE = [absolute, relative_to_parent, linked_file, linked_index]
-
-
-@pytest.mark.parametrize("redirect", OUTSIDE)
-def test_files_outside_the_folder_are_refused(
+@pytest.mark.parametrize("redirect", [relative_to_parent, linked_file, linked_index])
+def test_files_outside_the_folder_are_refused_unless_allowed(
     data: Path, capsys: pytest.CaptureFixture[str], redirect: Callable[[Path], None]
 ) -> None:
     redirect(data)
@@ -67,13 +58,6 @@ def test_files_outside_the_folder_are_refused(
     assert "--allow-outside" in error
     assert error.count("\n") == 1
     assert not list(data.parent.glob("*.s2r*"))
-
-
-@pytest.mark.parametrize("redirect", OUTSIDE)
-def test_allowed_outside_files_are_reported(
-    data: Path, capsys: pytest.CaptureFixture[str], redirect: Callable[[Path], None]
-) -> None:
-    redirect(data)
     assert run(data, "--allow-outside") == 0
     assert "read from outside the data folder: " in capsys.readouterr().err
 
@@ -87,16 +71,10 @@ def test_a_linked_folder_is_not_followed(data: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("", "no rows; the first line names file, condition"),
         ("file,condition\n", "no rows; the first line names file, condition"),
         ("file,light\nday_0.png,day\n", "no column condition (needs: file, condition)"),
-        ("file,condition\nday_0.png,two words\n", "use letters, digits"),
         ("file,condition\nday_0.png,../day\n", "use letters, digits"),
         ("file,condition\nday_9.png,day\n", "no usable image"),
-        (b"file,condition\n\xff\xfe,day\n", "not UTF-8"),
-        (b"file,condition\nday_0.png\0,day\n", "contains NUL bytes"),
-        (f"file,condition\n{'x' * 300}.png,day\n", "no usable image"),
-        (f"file,condition\nday_0.png,{'x' * 90}\n", "use letters, digits"),
     ],
 )
 def test_a_malformed_index_ends_in_one_line(
@@ -119,62 +97,6 @@ def test_doubtful_rows_are_left_out_and_reported(
     assert "real_day (1)" in captured.out
     for kind in ("duplicate row: 1", "incomplete row: 1", "missing image: 1", "unlisted image: 6"):
         assert kind in captured.err
-
-
-def truncated(path: Path) -> None:
-    path.write_bytes(path.read_bytes()[:200])
-
-
-def flipped(path: Path) -> None:
-    content = bytearray(path.read_bytes())
-    content[len(content) // 2] ^= 0x40
-    path.write_bytes(content)
-
-
-def empty(path: Path) -> None:
-    path.write_bytes(b"")
-
-
-def text(path: Path) -> None:
-    path.write_text("not an image")
-
-
-def bomb(path: Path) -> None:
-    """A PNG file whose header declares 30000 x 30000 pixels."""
-    data = b"IHDR" + struct.pack(">IIBBBBB", 30_000, 30_000, 8, 2, 0, 0, 0)
-    chunk = struct.pack(">I", 13) + data + struct.pack(">I", zlib.crc32(data))
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk)
-
-
-DAMAGES = [truncated, flipped, empty, text, bomb]
-
-
-@pytest.mark.parametrize("damage", DAMAGES)
-def test_a_damaged_image_is_left_out_and_reported(
-    data: Path, capsys: pytest.CaptureFixture[str], damage: Callable[[Path], None]
-) -> None:
-    damage(data / "sim" / "loop" / "2.png")
-    assert run(data) == 0
-    captured = capsys.readouterr()
-    assert "sim_loop (4)" in captured.out
-    assert "sim/loop/2.png" in captured.err
-
-
-def test_with_strict_nothing_is_written(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    truncated(data / "sim" / "loop" / "2.png")
-    assert run(data, "--strict") == 2
-    assert "nothing was ingested" in capsys.readouterr().err
-    assert not list(data.parent.glob("*.s2r*"))
-
-
-def test_folders_without_a_usable_image_are_refused(
-    data: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for file in data.rglob("*.png"):
-        bomb(file)
-    assert run(data) == 2
-    assert capsys.readouterr().err.rstrip().splitlines()[-1].startswith("s2r: ")
-    assert not list(data.parent.glob("*.s2r*"))
 
 
 def test_two_folders_of_one_trajectory_are_refused(

@@ -185,6 +185,7 @@ def check_resumed(store: Path, error: str) -> None:
         assert len(opened.instances) == 300
 
 
+@pytest.mark.deep
 def test_a_killed_ingest_leaves_no_valid_store(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -27,22 +27,17 @@ DEPTH = 3000
 CHAINS = {
     "and": ("@s{next} & gap > {i}", "all"),
     "without": ("gap > {i} - @s{next}", "all"),
-    "not": ("!@s{next}", "all"),
     "alias": ("@s{next}", "all"),
     "doubling": ("@s{next} & @s{next}", "all"),
-    "doubling or": ("gap > {i} | @s{next} - @s{next}", "worst15"),
     "circle": ("@s{next}", "@s0"),
 }
 EXTREME_EXPRESSIONS = {
     "parentheses": "(" * 100_000,
-    "balanced": "(" * 5000 + "all" + ")" * 5000,
     "not": "!" * 100_000 + "all",
     "megabyte": "all & " * 200_000 + "all",
     "ids": "ids(" + "1," * 9000 + "1)",
-    "digits": "ids(" + "9" * 15_000 + ")",
     "exponent": "gap > 1e999",
     "huge iid": "ids(99999999999999999999)",
-    "huge worst": "worst(1e300)",
     "NUL": "all\x00",
     "name": "@" + "a" * 19_000,
 }
@@ -154,17 +149,6 @@ def test_an_invalid_hash_is_rejected(user_data_folder: Path, text: object) -> No
     with pytest.raises(RequestError, match="hexadecimal"):
         Notebook(text, tolerant=True)  # type: ignore[arg-type]
     assert layout.checked_hash("0123456789abcdef", "hash") == "0123456789abcdef"
-
-
-def test_a_store_whose_hash_is_a_path_is_rejected(
-    store_copy: Path, user_data_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    hostile.edit(store_copy, ("UPDATE dataset SET hash = '../../../x'", []))
-    assert main(["query", str(store_copy), "all"]) == 2
-    assert "hexadecimal" in capsys.readouterr().err
-    with pytest.raises(RequestError, match="hexadecimal"):
-        Session(store_copy, notebooks=Notebook)
-    assert not list(tmp_path.glob("x*"))
 
 
 def _link(path: Path) -> None:

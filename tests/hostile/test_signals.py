@@ -225,14 +225,3 @@ def test_ctrl_c_waits_for_units_in_progress_and_again_drops_them(tmp_path: Path)
             os.killpg(process.pid, signal.SIGKILL)
     assert process.returncode == 130
     assert "Traceback" not in error
-
-
-@pytest.mark.parametrize("name", ["brightness", "camera_pitch"])
-def test_an_adjustment_without_a_value_is_rejected(
-    store_copy: Path, capsys: pytest.CaptureFixture[str], name: str
-) -> None:
-    arguments = ["run", "add", "new", "--model", "vanilla", "--adjust", f"real:{name}"]
-    assert main([*arguments, "--store", str(store_copy)]) == 2
-    error = capsys.readouterr().err
-    assert f"such as {name}=" in error
-    assert error.count("\n") == 1

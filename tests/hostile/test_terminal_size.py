@@ -71,6 +71,7 @@ def test_the_largest_terminal_uses_bounded_memory(open_screen: OpenScreen) -> No
     assert _ends_promptly(screen)
 
 
+@pytest.mark.deep
 def test_a_huge_size_in_the_environment_uses_bounded_memory(open_screen: OpenScreen) -> None:
     screen = open_screen(80, 24, COLUMNS="100000", LINES="100000")
     assert _draws(screen, 1 << 18)
