@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,10 +24,6 @@ KINDS = ("activation", "pixel_difference")
 ARRAYS = (
     "prediction", "embedding", "pca", "umap", "neighbour_distance", "pixel_difference",
     "map:pixel_difference",
-)  # fmt: skip
-QUERIES = (
-    "worst15", "real.error > 1 & gap > 0", "like(3, 5)", "sim.like(3, 5) | umap.real(-9, -9, 9, 9)",
-    "real.outlier > 1", "heading:90+-60",
 )  # fmt: skip
 
 
@@ -124,64 +119,6 @@ def test_views_print_the_same(
         assert output(capsys, words, "exported") == output(capsys, words, "vanilla")
 
 
-def test_the_comparison_of_both_runs_shows_no_difference(
-    imported: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = ["show", str(imported), "compare", "--with", "vanilla", "--json", "--run", "exported"]
-    assert main(words) == 0
-    rows = json.loads(capsys.readouterr().out)
-    assert rows
-    for row in rows:
-        assert (row["first mean"], row["equal"]) == (row["second mean"], row["n"])
-
-
-def test_the_lists_of_runs_show_the_same_figures(
-    imported: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["runs", str(imported), "--json"]) == 0
-    rows = {row["run"]: row for row in json.loads(capsys.readouterr().out)}
-    model, exported = rows["vanilla"], rows["exported"]
-    assert (exported.pop("model"), exported.pop("note")) == (None, "imported")
-    assert exported == {key: model[key] for key in exported} | {"run": "exported"}
-    assert main(["show", str(imported), "overview", "--format", "json"]) == 0
-    first, second = (
-        {key: value for key, value in row.items() if key != "run"}
-        for row in json.loads(capsys.readouterr().out)
-    )
-    assert first == second
-
-
-@pytest.mark.parametrize("query", QUERIES)
-def test_queries_select_the_same(
-    imported: Path, query: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = ["query", str(imported), query, "--count"]
-    assert output(capsys, words, "exported") == output(capsys, words, "vanilla")
-
-
-@pytest.mark.parametrize("axis", ["task", "visual"])
-def test_the_gap_is_the_same(imported: Path, axis: str, capsys: pytest.CaptureFixture[str]) -> None:
-    reports = []
-    for run in ("exported", "vanilla"):
-        report = json.loads(output(capsys, ["gap", str(imported), "--axis", axis, "--json"], run))
-        for each in report["axes"]:
-            each.pop("fingerprint")
-        reports.append({
-            key: value for key, value in report.items()
-            if key not in ("run_key", "model", "model_sha256", "note")
-        })  # fmt: skip
-    assert reports[0] == reports[1]
-
-
-def test_a_report_and_figures_show_the_run(imported: Path, tmp_path: Path) -> None:
-    words = [str(imported), "--run", "exported"]
-    page = tmp_path / "report.html"
-    assert main(["report", *words, "--select", "worst15", "--out", str(page)]) == 0
-    assert "exported" in page.read_text()
-    heat = ["--heat", "pixel_difference:rgb", "--out", str(tmp_path / "instance.png")]
-    assert main(["export", *words, "--view", "instance", *heat]) == 0
-
-
 @pytest.mark.parametrize("words", [
     ("export", "{store}", "--run", "exported", "--view", "geomap", "--heat", "activation",
      "--out", "{out}.png"),
@@ -194,13 +131,6 @@ def test_commands_that_need_a_network_name_the_run(
     (line,) = capsys.readouterr().err.splitlines()
     assert "run 'exported': its predictions were imported" in line
     assert line.endswith("needs a network")
-
-
-def test_nothing_is_computed_twice_and_nothing_is_damaged(imported: Path) -> None:
-    reporter = SilentReporter()
-    assert precompute(imported, reporter, ["exported"], PrecomputeOptions(KINDS)) == []
-    assert reporter.steps == 0
-    assert verify(imported) == []
 
 
 def test_lost_predictions_have_to_be_imported_again(imported: Path, tmp_path: Path) -> None:

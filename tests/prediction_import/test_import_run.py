@@ -271,17 +271,6 @@ def test_importing_again_replaces_the_run(store: Path, tmp_path: Path) -> None:
     assert verify(store) == []
 
 
-def test_the_same_file_gives_the_same_arrays(store: Path, tmp_path: Path) -> None:
-    file = write_csv(tmp_path / "p.csv", make(store))
-    run_import(store, file)
-    with s2rstore.open(store) as opened:
-        key = opened.run("theirs").key
-    run_import(store, file)
-    with s2rstore.open(store) as opened:
-        assert opened.run("theirs").key == key
-    assert verify(store) == []
-
-
 def test_the_split_of_a_file_is_that_of_its_predictions(store: Path, tmp_path: Path) -> None:
     made = make(store)
     rows = [
@@ -411,20 +400,6 @@ def test_other_embeddings_are_refused(
         assert opened.runs == {}
 
 
-def test_the_first_embedding_of_the_file_that_is_not_finite_is_named(
-    store: Path, tmp_path: Path
-) -> None:
-    made = make(store)
-    rows = [(iid, side, *made.of(side)[iid]) for side in ("real", "sim") for iid in range(N)]
-    names = ("iid", "side", "x", "y", "heading")
-    file = write_rows(tmp_path / "p.csv", names, rows)
-    values = embedding(2 * N)
-    values[[2, 7, N + 3]] = np.nan
-    np.save(tmp_path / "e.npy", values)
-    with pytest.raises(RequestError, match=r"e\.npy: row 2 .from 0. is not finite"):
-        run_import(store, file, embeddings=(tmp_path / "e.npy",))
-
-
 def test_a_cut_file_of_embeddings_is_refused(store: Path, tmp_path: Path) -> None:
     np.save(tmp_path / "e.npy", embedding(2 * N))
     content = (tmp_path / "e.npy").read_bytes()
@@ -469,13 +444,6 @@ def test_positions_that_all_fall_on_one_point_of_the_map_are_told(
     assert "positions in mm: the median position error is" in warning
     assert "off the map" not in warning
     assert "with --units m it would be 0.2" in warning
-
-
-@pytest.mark.parametrize("per_metre", [1, 100, 1000])
-def test_right_units_of_lengths_give_no_warning(
-    store: Path, tmp_path: Path, per_metre: float
-) -> None:
-    assert run_import(store, _in_unit(store, tmp_path / "p.csv", per_metre)).warnings == ()
 
 
 def test_a_few_predictions_far_off_the_map_are_counted(store: Path, tmp_path: Path) -> None:

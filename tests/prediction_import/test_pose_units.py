@@ -32,11 +32,6 @@ def test_the_unit_of_positions_around_the_map_is_recognised(unit: str) -> None:
     assert str(found) == f"{unit} (recognised)"
 
 
-def test_a_declared_unit_counts() -> None:
-    found = pose_units.length_unit("mm", np.array([[110.0, 0.0]]), BOUNDS, "p.csv")
-    assert (str(found), found.scale) == ("mm", 0.001)
-
-
 def test_positions_that_fit_no_unit_need_a_declaration() -> None:
     with pytest.raises(RequestError, match=r"p\.csv: positions around .* declare --units"):
         pose_units.length_unit(None, np.full((5, 2), 5e6), BOUNDS, "p.csv")
@@ -125,9 +120,3 @@ def test_wrong_units_are_refused(text: str, message: str) -> None:
 def test_a_wrong_convention_is_refused() -> None:
     with pytest.raises(RequestError, match=r"--heading north: one of 0\+h, 90\+h"):
         pose_units.parse_convention("north")
-
-
-@pytest.mark.filterwarnings("error")
-def test_positions_beyond_all_bounds_are_rejected_without_a_warning() -> None:
-    with pytest.raises(RequestError, match="far off the map"):
-        pose_units.length_unit(None, np.full((5, 2), 1e300), BOUNDS, "p.csv")
