@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from s2rstore.errors import RequestError
-from s2rtools.lane_detection.arm_evaluation import PLAUSIBLE_FACTOR, Evaluation, is_plausible
+from s2rtools.lane_detection.arm_evaluation import Evaluation
 from s2rtools.lane_detection.experiment_arms import (
     BASELINE,
     FIT_SCOPES,
@@ -104,14 +104,6 @@ def test_a_guarded_arm_translates_only_where_plain_detections_are_implausible(
         rows = np.searchsorted(split.judged, split.judged_in(light))
         expected = plain if light in plausible else translated
         assert np.array_equal(guarded[rows], expected[rows])
-
-
-def test_shares_of_pixels_are_plausible_within_a_factor() -> None:
-    assert is_plausible(0.02, 0.02)
-    assert is_plausible(0.02 * PLAUSIBLE_FACTOR * 0.99, 0.02)
-    assert not is_plausible(0.02 * PLAUSIBLE_FACTOR * 1.01, 0.02)
-    assert not is_plausible(0.02 / PLAUSIBLE_FACTOR * 0.99, 0.02)
-    assert not is_plausible(0.0, 0.02)
 
 
 @pytest.mark.parametrize("text", ["magic", "mkl:colour=red", "levels:low", "missing.safetensors"])

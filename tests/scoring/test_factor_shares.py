@@ -50,12 +50,6 @@ def test_constant_answers_know_the_gap_only(true: TrueShares) -> None:
     assert mean == pytest.approx(true.shares["r"][true.is_new["r"]].mean(axis=0))
 
 
-def test_random_shares_do_not_correlate(true: TrueShares) -> None:
-    guess = np.random.default_rng(2).normal(0, 1, (100, 5))
-    scores = score_shares(true, "r", "random", guess)
-    assert np.mean([score.correlation.value for score in scores]) == pytest.approx(0, abs=0.15)
-
-
 def test_shares_of_another_shape_are_refused(true: TrueShares) -> None:
     with pytest.raises(ValueError, match="shape"):
         score_shares(true, "r", "short", true.shares["r"][:10])
