@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import tarfile
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -27,7 +26,6 @@ from tests.datasets.helpers import (
     scan_of,
 )
 from tests.support import image_folders, pairs
-from tests.support.copies import copy_store
 
 
 def test_appending_equals_ingesting_at_once_except_for_the_iids(
@@ -112,18 +110,6 @@ def test_parts_hash_and_provenance(scan: Scan, store: Path, source: tuple[Path, 
         assert added["command"] == "s2r ingest"
         assert added["trajectories"] == {"a": N}
         assert added["problems"] == {}
-
-
-def test_the_hash_of_a_part_depends_on_its_poses_and_images(
-    scan: Scan, first_store: Path, tmp_path: Path
-) -> None:
-    hashes = []
-    for number, names in enumerate((("a",), ("a",), ("b",))):
-        copy = copy_store(first_store, tmp_path / f"{number}.s2r")
-        add(replace(scan, trajectories={name: scan.trajectories[name] for name in names}), copy)
-        with s2rstore.open(copy) as opened:
-            hashes.append(opened.parts[1].hash)
-    assert hashes[0] == hashes[1] != hashes[2]
 
 
 def test_an_unusable_pair_is_left_out_and_strict_refuses_it(tmp_path: Path) -> None:

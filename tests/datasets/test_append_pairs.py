@@ -26,6 +26,7 @@ from tests.support import recordings
 N, MORE = 12, 16
 TURN, SHIFT, UNITS = 0.7, np.array([5.0, -3.0]), 2.5
 """Where the sim world lies on the floor, and how many metres its unit is where it has a scale."""
+FLOORS = "--sim-floor", "ground=0", "--real-floor", "ground=0"
 Floats = np.ndarray
 
 
@@ -80,6 +81,15 @@ def write(folder: Path, walks: Mapping[str, Floats], seed: int, start: float = 0
     return recordings.write(folder, side, seed=seed)
 
 
+def both_sides(folder: Path, walks: Mapping[str, Floats]) -> tuple[list[Path], list[Path]]:
+    """A sim and a real recording of each walk, with equal poses."""
+    sims, reals = (
+        [write(folder / f"{k}-{name}", {name: poses}, k) for name, poses in walks.items()]
+        for k in (1, 2)
+    )
+    return sims, reals
+
+
 def ingest(sim: Path, real: Path, store: Path, *more: str, layout: str = "test") -> int:
     return main(
         ["ingest", "pairs", "--sim", f"{layout}:{sim}", "--real", f"test:{real}", "--size", "16",
@@ -108,13 +118,12 @@ def test_a_further_trajectory_is_stored_as_if_it_were_ingested_with_the_first(
     ]  # fmt: skip
     whole = write(tmp_path / "sim", loose, 1), write(tmp_path / "real", walks, 2)
     grown, expected = tmp_path / "grown.s2r", tmp_path / "whole.s2r"
-    floors = "--sim-floor", "ground=0", "--real-floor", "ground=0"
-    assert ingest(*whole, expected, *floors) == 0
-    assert ingest(*parts[0], grown, *floors) == 0
+    assert ingest(*whole, expected, *FLOORS) == 0
+    assert ingest(*parts[0], grown, *FLOORS) == 0
     with s2rstore.open(grown) as store:
         before, bounds = rows_of(grown, "first"), store.dataset.bounds
     capsys.readouterr()
-    assert ingest(*parts[1], grown, *floors, "--append") == 0
+    assert ingest(*parts[1], grown, *FLOORS, "--append") == 0
     output = capsys.readouterr().out
     assert "--real-floor is not used: the floor is that of the store" in output
     assert f"{MORE} instances added, now {N + MORE}; trajectories second ({MORE})" in output
@@ -160,8 +169,7 @@ def test_other_sim_poses_of_stored_images_are_refused(
     sims = [
         write(tmp_path / f"sim-{k}", {"walk": each}, 1) for k, each in enumerate((poses, moved))
     ]
-    floors = "--sim-floor", "ground=0", "--real-floor", "ground=0"
-    assert ingest(sims[0], real, path, *floors) == 0
+    assert ingest(sims[0], real, path, *FLOORS) == 0
     assert ingest(sims[1], real, path, "--append") == 2
     assert "(the pose of walk/image-0003.png" in capsys.readouterr().err
 
@@ -181,9 +189,8 @@ def test_worlds_stay_aligned_as_they_are_stored(
             ("real", 2, lambda name: walks[name]),
         )
     )
-    floors = "--sim-floor", "ground=0", "--real-floor", "ground=0"
     assert (
-        ingest(sims[0], reals[0], path, "--match", "name", "--align", *floors, layout=layout) == 0
+        ingest(sims[0], reals[0], path, "--match", "name", "--align", *FLOORS, layout=layout) == 0
     )
     again = ("--align",) if match == "name" else ()
     assert ingest(sims[1], reals[1], path, "--append", "--match", match, *again, layout=layout) == 0
@@ -206,15 +213,11 @@ def test_recordings_of_another_world_or_camera_are_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     path = tmp_path / "s.s2r"
-    sims, reals = (
-        [write(tmp_path / f"{k}-{name}", {name: poses}, k) for name, poses in walks.items()]
-        for k in (1, 2)
-    )
+    sims, reals = both_sides(tmp_path, walks)
     more = sims[1], reals[1], path, "--append"
     assert ingest(*more) == 2
     assert "leave out --append to make it" in capsys.readouterr().err
-    floors = "--sim-floor", "ground=0", "--real-floor", "ground=0"
-    assert ingest(sims[0], reals[0], path, *floors) == 0
+    assert ingest(sims[0], reals[0], path, *FLOORS) == 0
     assert ingest(sims[1], reals[1], path) == 2
     assert "or add recordings by --append" in capsys.readouterr().err
     assert ingest(*more, "--match", "name", "--align") == 2
@@ -298,10 +301,7 @@ def test_a_trajectory_in_a_world_of_its_own_is_continued_but_not_added(
 
     monkeypatch.setitem(LAYOUTS, "test", Layout(odometry, "recordings of the tests"))
     path = tmp_path / "s.s2r"
-    sims, reals = (
-        [write(tmp_path / f"{k}-{name}", {name: poses}, k) for name, poses in walks.items()]
-        for k in (1, 2)
-    )
+    sims, reals = both_sides(tmp_path, walks)
     assert ingest(sims[0], reals[0], path) == 0
     assert ingest(sims[0], reals[0], path, "--append") == 0
     monkeypatch.setitem(LAYOUTS, "test", recordings.LAYOUT)  # the store knows it

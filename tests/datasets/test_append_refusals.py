@@ -16,7 +16,6 @@ from s2rstore.maintenance.room_names import rename_room
 from s2rstore.maintenance.verify import verify
 from s2rtools.datasets.appending import append as append_module
 from s2rtools.datasets.scan import Scan
-from s2rtools.datasets.writing import build
 from tests.datasets.conftest import N
 from tests.datasets.helpers import add, files, ingest, kinds, scan_of
 from tests.support import image_folders, pairs
@@ -137,17 +136,6 @@ def test_a_room_that_is_renamed_meanwhile_is_noticed(
     with s2rstore.open(store) as opened:
         assert set(opened.instances.room_names) == {"hall", "east"}
     assert verify(store) == []
-
-
-def test_the_same_floor_plan_is_not_reported(
-    source: tuple[Path, Path], scan: Scan, tmp_path: Path
-) -> None:
-    plan = np.random.default_rng(0).integers(0, 255, (40, 60, 3)).astype(np.uint8)
-    first = scan_of("sim2realviz", source[0], header=source[1], trajectories=("c",))
-    first.floor_plan = scan.floor_plan = plan
-    build.build(first, tmp_path / "s.s2r", "s2r ingest", False, lambda steps: None)
-    add(scan, tmp_path / "s.s2r", strict=True)
-    assert scan.issues == []
 
 
 def test_poses_outside_the_bounds_of_the_store_are_reported(scan: Scan, store: Path) -> None:

@@ -38,43 +38,34 @@ from tests.datasets.helpers import (
     rows_by_trajectory,
     scan_of,
 )
-from tests.support.copies import copy_store
 
 
 @pytest.mark.parametrize(
-    "point",
+    ("owner", "name", "calls"),
     [
-        pytest.param("frames", marks=pytest.mark.deep),
-        "second trajectory",
-        pytest.param("first move", marks=pytest.mark.deep),
-        "third move",
-        pytest.param("ledger", marks=pytest.mark.deep),
-        pytest.param("rows", marks=pytest.mark.deep),
-        pytest.param("index file", marks=pytest.mark.deep),
-        "current",
+        (build, "write_trajectory", 1),
+        (atomic_writes, "move", 3),
+        (layout, "write_current", 0),
+        *(
+            pytest.param(*point, marks=pytest.mark.deep)
+            for point in (
+                (append, "write_frames", 0),
+                (atomic_writes, "move", 1),
+                (append.Ledger, "add_entries", 0),
+                (append, "insert_instances", 0),
+                (transaction, "_publish", 0),
+            )
+        ),
     ],
 )
 def test_a_kill_leaves_the_old_generation_and_a_rerun_succeeds(
-    scan: Scan, store: Path, monkeypatch: pytest.MonkeyPatch, point: str
+    scan: Scan, store: Path, monkeypatch: pytest.MonkeyPatch, owner: object, name: str, calls: int
 ) -> None:
     """The building folder stays, too, as after a real kill."""
     before, current = files(store), layout.read_current(store)
-    moves = {"first move": 1, "third move": 3}
     with monkeypatch.context() as patch:
         patch.setattr(append.shutil, "rmtree", lambda *arguments, **options: None)
-        if point in moves:
-            patch.setattr(atomic_writes, "move", kill_after(atomic_writes.move, moves[point]))
-        elif point == "second trajectory":
-            patch.setattr(build, "write_trajectory", kill_after(build.write_trajectory, 1))
-        else:
-            owner, name = {
-                "frames": (append, "write_frames"),
-                "ledger": (append.Ledger, "add_entries"),
-                "rows": (append, "insert_instances"),
-                "index file": (transaction, "_publish"),
-                "current": (layout, "write_current"),
-            }[point]
-            patch.setattr(owner, name, kill)
+        patch.setattr(owner, name, kill_after(getattr(owner, name), calls))
         with pytest.raises(Killed):
             add(scan, store)
     assert layout.read_current(store) == current
@@ -170,11 +161,9 @@ def test_damaged_frames_are_not_moved(
     assert verify(store) == []
 
 
-@pytest.mark.parametrize("is_continued", [False, True], ids=["new trajectories", "continued"])
 def test_an_interrupted_append_is_resumed(
-    source: tuple[Path, Path], first_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    is_continued: bool,
-) -> None:  # fmt: skip
+    source: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """It equals an append that was not interrupted, and decodes what was not written alone."""
     for module in (frame_group, frame_writing, growing_array, ingest_journal, source_arrays):
         monkeypatch.setattr(module, "SHARD_ROWS", 4)
@@ -191,12 +180,9 @@ def test_an_interrupted_append_is_resumed(
 
     stores = [tmp_path / "one.s2r", tmp_path / "other.s2r"]
     for path in stores:
-        if is_continued:
-            short = whole()
-            short.trajectories["a"] = list(short.trajectories["a"])[:2]
-            build.build(short, path, "s2r ingest", False, lambda steps: None)
-        else:
-            copy_store(first_store, path)
+        short = whole()
+        short.trajectories["a"] = list(short.trajectories["a"])[:2]
+        build.build(short, path, "s2r ingest", False, lambda steps: None)
     monkeypatch.setattr(ImageFiles, "decode", counted)
     expected = add(whole(), stores[0])
     undisturbed, lines = len(decoded), list[str]()

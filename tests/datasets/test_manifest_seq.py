@@ -12,7 +12,6 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import verify
-from s2rtools.datasets.appending.instance_agreement import Renumbered
 from tests.datasets.helpers import add, ingest, kinds, scan_of
 from tests.support import pairs
 
@@ -132,13 +131,3 @@ def test_rows_of_stored_images_under_another_seq_are_named(tmp_path: Path) -> No
         f"source is 0..{count - 1}",
     ]
     assert stored(store) == before
-
-
-def test_many_ranges_of_other_numbers_are_cut() -> None:
-    found = Renumbered()
-    for seq, number in ((5, 0), (6, 1), (9, 2), (20, 3), (30, 4), (40, 5)):
-        found.add(seq, number)
-    assert found.text == (
-        "6 rows have another seq in the store: seq 5..6 of the source is 0..1; seq 9 of the source "
-        "is 2; seq 20 of the source is 3; and 2 further ranges"
-    )

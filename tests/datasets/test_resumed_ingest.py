@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -16,7 +17,7 @@ import pytest
 from s2rstore.arrays import array_writer
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout
-from s2rstore.files.ingest_folder import BuildingFolder, building_folders
+from s2rstore.files.ingest_folder import building_folders
 from s2rstore.files.ledger import Ledger
 from s2rstore.maintenance.verify import verify
 from s2rtools.datasets.files.image_decoding import ImageFiles
@@ -104,16 +105,43 @@ def undisturbed(
         yield content(store), scan, sum(steps)
 
 
-def interrupted(
-    manifest: Path, store: Path, owner: object, name: str, calls: int
-) -> BuildingFolder:
-    """End an ingest at a call of a function; gives its folder, as if its process had ended."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(owner, name, kill_after(getattr(owner, name), calls))
-        with pytest.raises(Killed):
-            ingest(manifest, store)
-    (folder,) = building_folders(store)
-    return folder
+@dataclass(frozen=True)
+class Ingest:
+    """An ingest that is interrupted and done again, and the content of an undisturbed one."""
+
+    manifest: Path
+    store: Path
+    undisturbed: tuple[dict[str, object], Scan, int]
+
+    def interrupt(self, owner: object, name: str, calls: int) -> Path:
+        """End an ingest at a call of a function; gives its folder, as if its process had ended."""
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(owner, name, kill_after(getattr(owner, name), calls))
+            with pytest.raises(Killed):
+                ingest(self.manifest, self.store)
+        (folder,) = building_folders(self.store)
+        return folder.path
+
+    def check_resumed(self) -> str:
+        """Ingest again; the result must be the undisturbed one. Gives the line about the resume."""
+        expected, scan, steps = self.undisturbed
+        lines: list[str] = []
+        resumed, done = ingest(self.manifest, self.store, lines)
+        assert content(self.store) == expected
+        assert resumed.issues == scan.issues
+        assert sum(done) == steps
+        if found := re.search(r"(\d+) of \d+ instances are not decoded again", lines[0]):
+            assert done[0] == 4 * int(found[1])
+        assert verify(self.store) == []
+        assert building_folders(self.store) == []
+        return lines[0]
+
+
+@pytest.fixture
+def begun(
+    manifest: Path, tmp_path: Path, undisturbed: tuple[dict[str, object], Scan, int]
+) -> Ingest:
+    return Ingest(manifest, tmp_path / "s.s2r", undisturbed)
 
 
 @pytest.fixture(autouse=True)
@@ -121,129 +149,76 @@ def all_processes_have_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("s2rstore.files.process_identity.has_ended", lambda identity: True)
 
 
-def check_resumed(
-    manifest: Path, store: Path, undisturbed: tuple[dict[str, object], Scan, int]
-) -> str:
-    """Ingest again; the result must be the undisturbed one. Gives the line about the resume."""
-    expected, scan, steps = undisturbed
-    lines: list[str] = []
-    resumed, done = ingest(manifest, store, lines)
-    assert content(store) == expected
-    assert resumed.issues == scan.issues
-    assert sum(done) == steps
-    if found := re.search(r"(\d+) of \d+ instances are not decoded again", lines[0]):
-        assert done[0] == 4 * int(found[1])
-    assert verify(store) == []
-    assert building_folders(store) == []
-    return lines[0]
-
-
-@pytest.mark.parametrize(
-    "shards",
-    [0, 17, *(pytest.param(n, marks=pytest.mark.deep) for n in (3, 4, 9, 30, 41))],
-)
-def test_a_kill_after_some_shards_is_resumed(
-    manifest: Path, tmp_path: Path, undisturbed: tuple[dict[str, object], Scan, int], shards: int
-) -> None:
-    store = tmp_path / "s.s2r"
-    interrupted(manifest, store, array_writer, "write_chunks", shards)
-    assert "is resumed" in check_resumed(manifest, store, undisturbed)
-
-
 @pytest.mark.parametrize(
     ("owner", "name", "calls"),
     [
+        (array_writer, "write_chunks", 0),
+        (array_writer, "write_chunks", 17),
         (atomic_writes, "move", 1),
         (atomic_writes, "remove", 3),
         (Ledger, "add_entries", 1),
         (Path, "rename", 0),
         *(
-            pytest.param(owner, name, 0, marks=pytest.mark.deep)
-            for owner, name in (
-                (atomic_writes, "move"),
-                (atomic_writes, "remove"),
-                (Ledger, "add_entries"),
-                (build_module, "write_index"),
+            pytest.param(owner, name, calls, marks=pytest.mark.deep)
+            for owner, name, calls in (
+                *((array_writer, "write_chunks", calls) for calls in (3, 4, 9, 30, 41)),
+                (atomic_writes, "move", 0),
+                (atomic_writes, "remove", 0),
+                (Ledger, "add_entries", 0),
+                (build_module, "write_index", 0),
             )
         ),
     ],
 )
-def test_a_kill_at_the_end_of_a_trajectory_or_of_the_ingest_is_resumed(
-    manifest: Path,
-    tmp_path: Path,
-    undisturbed: tuple[dict[str, object], Scan, int],
-    owner: object,
-    name: str,
-    calls: int,
-) -> None:
-    store = tmp_path / "s.s2r"
-    interrupted(manifest, store, owner, name, calls)
-    check_resumed(manifest, store, undisturbed)
+def test_a_kill_is_resumed(begun: Ingest, owner: object, name: str, calls: int) -> None:
+    begun.interrupt(owner, name, calls)
+    line = begun.check_resumed()
+    assert "is resumed" in line or name != "write_chunks"
 
 
-def test_a_resume_that_is_killed_is_resumed(
-    manifest: Path, tmp_path: Path, undisturbed: tuple[dict[str, object], Scan, int]
-) -> None:
-    store = tmp_path / "s.s2r"
+def test_a_resume_that_is_killed_is_resumed(begun: Ingest) -> None:
     for calls in (9, 6, 7):
-        interrupted(manifest, store, array_writer, "write_chunks", calls)
-    check_resumed(manifest, store, undisturbed)
+        begun.interrupt(array_writer, "write_chunks", calls)
+    begun.check_resumed()
 
 
 def test_a_finished_trajectory_is_not_decoded_again(
-    manifest: Path,
-    tmp_path: Path,
-    undisturbed: tuple[dict[str, object], Scan, int],
-    monkeypatch: pytest.MonkeyPatch,
+    begun: Ingest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    store = tmp_path / "s.s2r"
-    interrupted(manifest, store, build_module, "write_index", 0)
+    begun.interrupt(build_module, "write_index", 0)
     monkeypatch.setattr(ImageFiles, "decode", lambda *arguments: pytest.fail("decoded"))
-    assert f"{N} of {N} instances are not decoded again" in check_resumed(
-        manifest, store, undisturbed
-    )
+    assert f"{N} of {N} instances are not decoded again" in begun.check_resumed()
 
 
 @pytest.mark.parametrize(("cut", "is_changed"), [(1, False), (700, True)])
 def test_a_damaged_journal_counts_up_to_the_damage(
-    manifest: Path,
-    tmp_path: Path,
-    undisturbed: tuple[dict[str, object], Scan, int],
-    cut: int,
-    is_changed: bool,
+    begun: Ingest, cut: int, is_changed: bool
 ) -> None:
-    store = tmp_path / "s.s2r"
-    folder = interrupted(manifest, store, array_writer, "write_chunks", 36).path
-    journal = folder / ingest_journal.NAME
+    journal = begun.interrupt(array_writer, "write_chunks", 36) / ingest_journal.NAME
     whole = journal.read_bytes()
     place = len(whole) - cut
     tail = bytes([whole[place] ^ 1]) + whole[place + 1 :] if is_changed else b""
     journal.write_bytes(whole[:place] + tail)
-    check_resumed(manifest, store, undisturbed)
+    begun.check_resumed()
 
 
 @pytest.mark.parametrize("which", [0, pytest.param(5, marks=pytest.mark.deep)])
-def test_a_missing_or_shortened_shard_is_written_again(
-    manifest: Path,
-    tmp_path: Path,
-    undisturbed: tuple[dict[str, object], Scan, int],
-    which: int,
-) -> None:
-    store = tmp_path / "s.s2r"
-    folder = interrupted(manifest, store, array_writer, "write_chunks", 36).path
+def test_a_missing_or_shortened_shard_is_written_again(begun: Ingest, which: int) -> None:
+    folder = begun.interrupt(array_writer, "write_chunks", 36)
     shards = sorted(path for path in folder.rglob("c.*") if path.is_file())
     shards[which].unlink()
     shards[which - 3].write_bytes(shards[which - 3].read_bytes()[:-1])
-    check_resumed(manifest, store, undisturbed)
+    begun.check_resumed()
 
 
 @pytest.mark.parametrize("change", ["image", "size", "journal"])
 def test_the_folder_of_other_data_is_removed_instead(
-    manifest: Path, tmp_path: Path, change: str
+    begun: Ingest, tmp_path: Path, change: str
 ) -> None:
-    source, store = tmp_path / "data", tmp_path / "s.s2r"
+    source, store, manifest = tmp_path / "data", begun.store, begun.manifest
     shutil.copytree(manifest.parent, source)
-    folder = interrupted(source / manifest.name, store, array_writer, "write_chunks", 20).path
+    other = replace(begun, manifest=source / manifest.name)
+    folder = other.interrupt(array_writer, "write_chunks", 20)
     scan = scan_of("csv", source / manifest.name)
     if change == "image":
         os.utime(source / "sim" / "7_rgb.png", (1, 1))
