@@ -77,12 +77,6 @@ def test_candidates_of_recorded_data_lie_near_recorded_poses(tiny_store: Path) -
         assert found.usable.all()
 
 
-def test_more_than_all_candidates_gives_all_candidates() -> None:
-    candidates = grid(3, 2)
-    evidence = evidence_at(candidates, np.ones(candidates.usable.size))
-    assert sorted(chosen(candidates, evidence, budget=100)) == list(range(24))
-
-
 @pytest.mark.parametrize("method", METHODS)
 def test_choice_is_deterministic_and_poses_differ(tiny_store: Path, method: str) -> None:
     with s2rstore.open(tiny_store) as store:

@@ -43,17 +43,9 @@ def test_an_invalid_header_is_rejected_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], suffix: str, text: str, expected: str
 ) -> None:
     manifest, path = header(tmp_path, text, suffix)
-    arguments = [
-        "ingest",
-        "csv",
-        str(manifest),
-        "--header",
-        str(path),
-        "--store",
-        str(tmp_path / "s"),
-    ]
+    words = ["ingest", "csv", str(manifest), "--header", str(path)]
     with deadline():
-        assert main(arguments) == 2
+        assert main([*words, "--store", str(tmp_path / "s")]) == 2
     error = capsys.readouterr().err
     assert error.startswith(f"s2r: {path}")
     assert expected in error

@@ -93,13 +93,3 @@ def test_only_regular_files_are_opened(
         pass
     assert outside.read_text() == "kept"
     assert sorted(folder.rglob("*")) == before
-
-
-def test_a_linked_folder_of_locks_is_refused(tmp_path: Path) -> None:
-    outside, root = tmp_path / "outside", tmp_path / "root"
-    outside.mkdir()
-    root.mkdir()
-    (root / "ledger").symlink_to(outside)
-    with pytest.raises(RequestError, match="symbolic link"), compute_lock(root):
-        pass
-    assert list(outside.iterdir()) == []

@@ -65,11 +65,3 @@ def test_every_reader_names_the_missing_shard(store_with_embeddings: Path, missi
         for read in readers:
             with pytest.raises(RequestError, match=r"embedding.*missing"):
                 read()
-
-
-def test_rows_of_other_shards_can_be_read(store_with_embeddings: Path) -> None:
-    (store_with_embeddings / "runs.zarr/vanilla/key0/embedding.sim/c.1.0").unlink()
-    with s2rstore.open(store_with_embeddings) as store:
-        _, array = store.array("vanilla", "embedding", "sim")
-        assert array[:16].shape == (16, WIDTH)
-        assert array[32:].shape == (8, WIDTH)

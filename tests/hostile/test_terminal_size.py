@@ -64,16 +64,18 @@ def _draws(screen: Screen, size: int) -> bool:
     return screen.wait_for_bytes(size, 60)
 
 
-def test_the_largest_terminal_uses_bounded_memory(open_screen: OpenScreen) -> None:
-    screen = open_screen(65_535, 65_535)
-    assert _draws(screen, 1 << 18)
-    assert peak_bytes(screen.pid) < MAX_BYTES
-    assert _ends_promptly(screen)
-
-
-@pytest.mark.deep
-def test_a_huge_size_in_the_environment_uses_bounded_memory(open_screen: OpenScreen) -> None:
-    screen = open_screen(80, 24, COLUMNS="100000", LINES="100000")
+@pytest.mark.parametrize(
+    ("size", "more"),
+    [
+        ((65_535, 65_535), {}),
+        pytest.param((80, 24), {"COLUMNS": "100000", "LINES": "100000"}, marks=pytest.mark.deep),
+    ],
+    ids=["terminal", "environment"],
+)
+def test_the_largest_size_uses_bounded_memory(
+    open_screen: OpenScreen, size: tuple[int, int], more: dict[str, str]
+) -> None:
+    screen = open_screen(*size, **more)
     assert _draws(screen, 1 << 18)
     assert peak_bytes(screen.pid) < MAX_BYTES
     assert _ends_promptly(screen)

@@ -51,13 +51,6 @@ def test_the_robot_stays_in_the_lane_by_day(thresholds):
     assert drive.mean_error < 0.05
 
 
-def test_equal_seeds_give_equal_drives(thresholds):
-    short = replace(SHORT, distance=0.15)
-    drives = [follow_lane(DAY, seed, thresholds, settings=short) for seed in (1, 1, 0)]
-    assert drives[0] == drives[1]
-    assert drives[0] != drives[2]
-
-
 def test_a_robot_that_sees_nothing_leaves_the_lane(thresholds):
     drive = follow_lane(DAY, 0, thresholds, Blind(), settings=replace(SHORT, distance=2.0))
     assert not drive.kept
