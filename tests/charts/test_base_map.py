@@ -1,4 +1,4 @@
-"""Map layers: clipping, rooms, marks, and the conversion of cells to metres."""
+"""The map: frame, points, heat, floor plan, clipping, rooms, marks and legend."""
 
 from __future__ import annotations
 
@@ -6,17 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from s2rstore.records import Bounds, Room
-from s2rtui.canvas import DARK, DEFAULT_OPTIONS, ColourMode, RenderOptions
-from s2rtui.canvas.colour import mix
-from s2rtui.canvas.marks import Mark, panel_at
-from s2rtui.charts.compare.terminal import compare_panels
+from s2rtui.analysis.map_frame import fit_frame, panned, sample, zoomed
+from s2rtui.canvas import DARK, DEFAULT_OPTIONS, ColourMode, RenderOptions, heading_arrow
+from s2rtui.canvas.colour import legible, mix, turbo
+from s2rtui.canvas.marks import Mark
+from s2rtui.canvas.render_options import UNICODE
+from s2rtui.charts.map.model import LINES_UP_TO, iids_with_error_lines
 from s2rtui.charts.map.terminal import draw_map, map_layout, map_panels
 from s2rtui.charts.shared.base_map_background import DIMMED
-from tests.charts.examples import compare_input, map_input
+from s2rtui.charts.shared.base_map_model import map_model, sorted_by_value
+from tests.charts.examples import BOUNDS, map_input
 
 SIZE = (80, 26)
 LEFT_HALF = np.array([[1, 1, 0, 0]] * 2)
@@ -101,34 +102,6 @@ def test_a_room_name_in_a_full_room_is_drawn_in_front_of_the_points() -> None:
     assert (canvas.bg[row, column : column + 8] == np.array(DARK.background)).all()
 
 
-@given(
-    size=st.tuples(st.integers(1, 120), st.integers(1, 50)),
-    y_down=st.booleans(),
-    near=st.booleans(),
-    part=st.tuples(st.floats(0, 0.999), st.floats(0, 0.999)),
-)
-def test_cells_convert_to_metres_and_back(
-    size: tuple[int, int], y_down: bool, near: bool, part: tuple[float, float]
-) -> None:
-    viewport = Bounds(3.0, 2.0, 6.0, 4.0) if near else None
-    for (panel,) in (
-        map_panels(map_input(y_down=y_down), size, RenderOptions(), viewport),
-        compare_panels(compare_input(y_down=y_down), size, RenderOptions(), viewport),
-    ):
-        assert (panel.name, panel.shape) == ("map", "plane")
-        column, row = panel.x + int(part[0] * panel.width), panel.y + int(part[1] * panel.height)
-        assert panel_at((panel,), column, row) is panel
-        cell = panel.to_cells(*panel.to_data(column + 0.5, row + 0.5))
-        assert cell == pytest.approx((column + 0.5, row + 0.5))
-
-
-def test_the_panel_matches_the_drawn_points() -> None:
-    view = map_input(floor_plan=None, heat=None, rooms=(), cursor=None)
-    (panel,) = map_panels(view, SIZE)
-    column, row = panel.to_cells(*view.truth[59])
-    assert draw_map(view, SIZE).char[int(row), int(column)] == "●"
-
-
 @pytest.mark.parametrize("mode", ["colour", "glyph", "full"])
 @pytest.mark.parametrize(
     "options", [RenderOptions(), RenderOptions(mode=ColourMode.NONE, ascii=True)]
@@ -141,3 +114,136 @@ def test_a_mark_is_drawn_at_its_coordinates(mode: str, options: RenderOptions) -
         column, row = (int(part) for part in panel.to_cells(*corner))
         assert canvas.char[row, column] == "+"
         assert tuple(canvas.fg[row, column]) == DARK.truth
+
+
+def test_the_frame_keeps_the_aspect_ratio_and_centres_the_area() -> None:
+    frame = fit_frame(BOUNDS, 100, 100, True)
+    assert frame.pitch == pytest.approx(0.2)
+    assert frame.extent.y0 == pytest.approx(-5)
+    assert frame.to_cells([[0.0, 5.0]]).tolist() == [[0.0, 25.0]]
+
+
+@pytest.mark.parametrize("y_down", [True, False])
+def test_the_frame_converts_coordinates_in_both_directions(y_down: bool) -> None:
+    frame = fit_frame(BOUNDS, 40, 20, y_down)
+    upper, lower = frame.to_cells([[5, 2], [5, 8]])[:, 1]
+    assert (upper < lower) == y_down
+    x, y = frame.to_world(7, 3)
+    assert frame.to_cells([[x, y]])[0] == pytest.approx([7.5, 3.5])
+
+
+def test_bounds_can_be_zoomed_and_panned() -> None:
+    near = zoomed(BOUNDS, 2.0, (0.0, 0.0))
+    assert (near.x0, near.y0, near.x1, near.y1) == (0, 0, 10, 5)
+    moved = panned(near, 0.5, 1.0, y_down=False)
+    assert (moved.x0, moved.y0) == (5, -5)
+
+
+def test_sampled_image_rows_follow_the_y_direction() -> None:
+    image = np.array([[1.0, 2.0], [3.0, np.nan]])
+    square = Bounds(0, 0, 2, 2)
+    frame = fit_frame(square, 4, 4, True)
+    assert sample(image, square, frame, True)[[0, 0, 3], [0, 3, 0]].tolist() == [1, 2, 3]
+    assert np.isnan(sample(image, square, frame, True)[3, 3])
+    assert sample(image, square, frame, False)[0, 0] == 3
+
+
+def test_the_model_sorts_by_value_and_excludes_invalid_instances() -> None:
+    view = map_input(cursor=3)
+    model = map_model(view)
+    assert sorted_by_value(view, model)[0].tolist() == list(range(45, 60))
+    assert (model.highlighted, model.others) == (15, 44)
+    assert model.cursor is None
+
+
+def test_selected_points_are_coloured_and_others_grey() -> None:
+    view = map_input(floor_plan=None, heat=None, rooms=(), cursor=None)
+    canvas = draw_map(view, SIZE)
+    layout = map_layout(view, SIZE)
+    column, row = np.floor(layout.frame.to_cells(view.truth)[59]).astype(int)
+    column += layout.x
+    assert canvas.char[row, column] == "●"
+    assert tuple(canvas.fg[row, column]) == tuple(legible(turbo([1.0]), DARK)[0])
+    column, row = np.floor(layout.frame.to_cells(view.truth)[20]).astype(int)
+    assert 0x2800 < ord(canvas.char[row, column + layout.x]) <= 0x28FF
+    assert tuple(canvas.fg[row, column + layout.x]) == DARK.unselected
+
+
+def test_full_mode_shows_predictions_truth_cursor_and_error_lines() -> None:
+    selected = np.zeros(60, dtype=np.bool_)
+    selected[[10, 30]] = True
+    view = map_input(mode="full", selected=selected, cursor=30, heat=None, rooms=())
+    text = "\n".join(draw_map(view, SIZE).lines()[:20])
+    for glyph in (UNICODE.sim, UNICODE.real, UNICODE.truth, UNICODE.cursor):
+        assert glyph in text
+    assert iids_with_error_lines(view, map_model(view)).tolist() == [10, 30]
+    assert any(arrow in text for arrow in UNICODE.arrows)
+
+
+def test_large_selections_draw_only_the_cursor_s_error_lines() -> None:
+    view = map_input(mode="full", selected=np.ones(60, dtype=np.bool_), cursor=8)
+    model = map_model(view)
+    assert iids_with_error_lines(view, model).tolist() == [8]
+    assert f"error lines for up to {LINES_UP_TO}" in "\n".join(draw_map(view, (100, 30)).lines())
+
+
+def test_zooming_in_draws_the_error_lines_of_visible_instances() -> None:
+    view = map_input(mode="full", selected=np.ones(60, dtype=np.bool_), cursor=None)
+    near = Bounds(16.0, 3.5, 18.0, 6.5)
+    frame = map_layout(view, SIZE, near).frame
+    cells = frame.to_cells(view.truth)
+    visible = ((cells >= 0) & (cells < (frame.width, frame.height // 2))).all(axis=1) & view.valid
+    assert 0 < visible.sum() <= LINES_UP_TO
+    assert (
+        iids_with_error_lines(view, map_model(view), frame).tolist()
+        == np.flatnonzero(visible).tolist()
+    )
+
+
+@pytest.mark.parametrize(
+    ("degrees", "y_down", "arrow", "step"),
+    [
+        (0, True, "→", (1, 0)),
+        (90, True, "↓", (0, 1)),
+        (90, False, "↑", (0, -1)),
+        (-135, True, "↖", (-1, -1)),
+    ],
+)
+def test_heading_arrows_follow_the_y_direction(
+    degrees: float, y_down: bool, arrow: str, step: tuple[int, int]
+) -> None:
+    assert heading_arrow(np.radians(degrees), y_down, UNICODE) == (arrow, *step)
+
+
+def test_heat_colours_only_cells_with_values() -> None:
+    without_heat = draw_map(map_input(heat=None, cursor=None), SIZE)
+    with_heat = draw_map(map_input(cursor=None), SIZE)
+    layout = map_layout(map_input(), SIZE)
+    column, row = layout.frame.to_cells([[5.0, 3.0]])[0].astype(int)
+    assert (
+        int(with_heat.bg[row, column + layout.x, 1])
+        > int(without_heat.bg[row, column + layout.x, 1]) + 60
+    )
+    column, row = layout.frame.to_cells([[15.0, 5.0]])[0].astype(int)
+    assert (with_heat.bg[row, column + layout.x] == without_heat.bg[row, column + layout.x]).all()
+
+
+def test_the_floor_plan_is_drawn_dimmed() -> None:
+    view = map_input(heat=None, cursor=None, rooms=())
+    canvas, layout = draw_map(view, SIZE), map_layout(view, SIZE)
+    right = layout.frame.to_cells([[15.0, 5.0]])[0].astype(int)
+    left = layout.frame.to_cells([[5.0, 5.0]])[0].astype(int)
+    bright = canvas.bg[right[1], right[0] + layout.x].astype(int).sum()
+    dark = canvas.bg[left[1], left[0] + layout.x].astype(int).sum()
+    assert dark < bright < 3 * 170
+
+
+def test_empty_selections_and_missing_values_can_be_drawn() -> None:
+    none_selected = np.zeros(60, dtype=np.bool_)
+    missing = np.full(60, np.nan)
+    for mode in ("colour", "glyph", "full"):
+        view = map_input(
+            valid=none_selected, values=missing, mode=mode, heat=np.full((3, 3), np.nan)
+        )
+        draw_map(view, SIZE)
+        draw_map(map_input(values=missing, mode=mode, truth=np.full((60, 2), np.nan)), SIZE)

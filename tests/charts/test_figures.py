@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from io import BytesIO
 
+import matplotlib
 import numpy as np
 import pytest
 from PIL import Image
@@ -69,30 +70,16 @@ FIGURES: dict[str, Draw] = {
 }
 
 
+USER = {
+    "text.parse_math": True, "font.size": 31.0, "axes.linewidth": 7.0, "lines.linewidth": 9.0,
+    "axes.facecolor": "red", "savefig.dpi": 33, "xtick.direction": "in", "image.cmap": "gray",
+    "font.family": ["serif"], "legend.fontsize": 25.0, "axes.titlepad": 40.0,
+}  # fmt: skip
+"""Settings of matplotlib that figures neither use nor change."""
+
+
 def decode(data: bytes) -> Image.Image:
     return Image.open(BytesIO(data))
-
-
-@pytest.mark.parametrize("name", FIGURES)
-def test_figures_have_the_exact_size_and_no_metadata(name: str) -> None:
-    for size in ((401, 303), (64, 48)):
-        image = decode(FIGURES[name](size, LIGHT))
-        assert image.size == size
-        assert set(image.info) <= {"dpi"}
-
-
-@pytest.mark.parametrize("name", ["full map", "instance", "overview lines", "scatter"])
-def test_figures_are_deterministic(name: str) -> None:
-    first, second = (FIGURES[name]((240, 180), DARK) for _ in range(2))
-    assert first == second
-
-
-@pytest.mark.parametrize("theme", [LIGHT, DARK])
-def test_the_background_and_all_colours_of_the_theme_appear(theme: Theme) -> None:
-    pixels = np.asarray(decode(FIGURES["overview"]((800, 500), theme)).convert("RGB"))
-    assert tuple(pixels[0, 0]) == theme.background
-    for colour in (theme.sim, theme.real, theme.truth):
-        assert (np.abs(pixels.astype(int) - colour).max(axis=-1) <= 3).any()
 
 
 def test_empty_selections_and_missing_values_can_be_drawn() -> None:
@@ -109,8 +96,33 @@ def test_empty_selections_and_missing_values_can_be_drawn() -> None:
     empty = orientation_input(selected=none_selected, valid=none_selected)
     assert decode(orientation_figure(empty, (300, 200))).size == (300, 200)
     assert decode(rooms_figure(rooms_input(room_names=()), (300, 200))).size == (300, 200)
+    assert groups_figure(groups_input(rows=()), (300, 200), LIGHT)
     errors = errors_input(selected=none_selected, valid=none_selected)
     assert decode(errors_figure(errors, (300, 200))).size == (300, 200)
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_figures_have_their_size_no_metadata_and_no_use_of_the_user_s_settings(name: str) -> None:
+    plain = FIGURES[name]((240, 180), LIGHT)
+    with matplotlib.rc_context(USER):
+        before = dict(matplotlib.rcParams)
+        figure = FIGURES[name]((240, 180), LIGHT)
+        assert dict(matplotlib.rcParams) == before
+    assert figure == plain
+    for size, data in (((240, 180), plain), ((65, 48), FIGURES[name]((65, 48), LIGHT))):
+        image = decode(data)
+        assert image.size == size
+        assert set(image.info) <= {"dpi"}
+
+
+@pytest.mark.parametrize("theme", [LIGHT, DARK])
+@pytest.mark.parametrize("name", ["overview", "orientation", "rooms", "errors"])
+def test_the_background_and_the_colours_of_the_sides_appear(name: str, theme: Theme) -> None:
+    pixels = np.asarray(decode(FIGURES[name]((600, 400), theme)).convert("RGB")).astype(int)
+    assert tuple(pixels[0, 0]) == theme.background
+    truth = [] if name == "errors" else [theme.truth]
+    for colour in (theme.sim, theme.real, *truth):
+        assert (np.abs(pixels - colour).max(axis=-1) <= 3).any()
 
 
 def test_dollar_signs_are_literal_text() -> None:
@@ -120,15 +132,6 @@ def test_dollar_signs_are_literal_text() -> None:
 def test_an_invalid_size_is_rejected() -> None:
     with pytest.raises(RequestError, match="--size"):
         overview_figure(ROWS, None, (0, 100))
-
-
-@pytest.mark.parametrize("name", ["orientation", "rooms", "errors"])
-def test_sides_have_their_colours(name: str) -> None:
-    for theme in (LIGHT, DARK):
-        pixels = np.asarray(decode(FIGURES[name]((600, 400), theme)).convert("RGB")).astype(int)
-        truth = [] if name == "errors" else [theme.truth]
-        for colour in (theme.sim, theme.real, *truth):
-            assert (np.abs(pixels - colour).max(axis=-1) <= 3).any()
 
 
 def test_many_points_are_drawn_as_cells(monkeypatch: pytest.MonkeyPatch) -> None:

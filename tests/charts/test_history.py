@@ -140,33 +140,6 @@ def test_every_value_is_drawn_on_its_side_of_the_threshold(
         assert (row < line, row > line) == (value > threshold, value < threshold)
 
 
-@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60)])
-def test_an_outlier_keeps_other_values_on_their_side_of_the_threshold(
-    size: tuple[int, int],
-) -> None:
-    figures = [{"task": 160.0}, {"task": 9.0}, {"task": 11.0}, {"task": 3.0}, {"task": 10.5}]
-    nights = tuple(
-        replace(gaps.night(number, gap), threshold=10.0) for number, gap in enumerate(figures, 1)
-    )
-    canvas = draw_history(nights, size)
-    model = history_model(nights, size[0] - LABELS)
-    layout = history_layout(model, size)
-    for index, _, top, rows in layout.charts:
-        track = model.tracks[index]
-        column = layout.column(int(model.days[0]), model) - 1
-        (line,) = (y for y in range(top, top + rows) if canvas.char[y, column] == "─")
-        for night_index, day in enumerate(model.days.tolist()):
-            glyphs = canvas.char[top : top + rows, layout.column(day, model)]
-            (row,) = (
-                top + y
-                for y in np.flatnonzero(
-                    glyphs == status_glyph(track.statuses[night_index], RenderOptions())
-                )
-            )
-            value = float(track.value[night_index])
-            assert (row < line, row > line) == (value > 10, value < 10), (value, row, line)
-
-
 @pytest.mark.parametrize("theme", [DARK, LIGHT], ids=["dark", "light"])
 def test_the_figure_marks_failed_nights(theme: Theme) -> None:
     figure = history_figure(WEEK, (1600, 1100), theme)

@@ -1,4 +1,4 @@
-"""The overview's instance lines: density, highlighting and brushing."""
+"""The overview: marks, numbers and scrolling, and the density and brushing of instance lines."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from s2rtui.canvas.render_options import UNICODE
 from s2rtui.charts.overview import bands
 from s2rtui.charts.overview import lines as module
 from s2rtui.charts.overview.layout import overview_layout, overview_panels
-from s2rtui.charts.overview.lines import bin_count, levels, line_density, pair_counts
+from s2rtui.charts.overview.lines import bin_count, levels, line_density
 from s2rtui.charts.overview.model import OverviewLines, overview_model
 from s2rtui.charts.overview.terminal import draw_overview
 from s2rtui.charts.scene import OverviewRow
@@ -75,20 +75,6 @@ def test_density_equals_individually_drawn_lines(
     others = density_by_drawing(lines, layout.chart_width, layout.step, ~selected & valid)
     assert (density.highlighted == highlighted).all()
     assert (density.others == others).all()
-
-
-@given(columns, columns, masks, masks)
-def test_pair_counts_equal_direct_counts(
-    first: np.ndarray, second: np.ndarray, selected: np.ndarray, valid: np.ndarray
-) -> None:
-    ((highlighted, others),) = pair_counts(
-        OverviewLines((first, second), selected, valid), AXIS, 10
-    )
-    known = valid & np.isfinite(first) & np.isfinite(second)
-    assert highlighted.sum() == (known & selected).sum()
-    assert others.sum() == (known & ~selected).sum()
-    in_last_bin = known & selected & (first >= 0.95)
-    assert highlighted[9].sum() == in_last_bin.sum()
 
 
 def test_adjacent_runs_are_drawn_as_bars() -> None:
@@ -339,3 +325,50 @@ def test_a_marked_range_is_drawn_on_its_run(options: RenderOptions) -> None:
         assert canvas.char[y, high] == options.glyphs.scale_right
         assert (canvas.bg[y, low : high + 1] == DARK.highlight).all()
     assert not (canvas.char[panel.y - 1] == options.glyphs.scale_left).any()
+
+
+ROWS_SIZE = (70, 10)
+
+
+def test_the_axis_covers_all_values_with_round_limits() -> None:
+    low, high = overview_model(ROWS, 0.72).axis
+    assert low <= 0.72
+    assert high >= 0.96
+    assert (100 * low) % 5 == pytest.approx(0, abs=1e-9)
+
+
+def test_the_gap_is_drawn_between_real_and_sim() -> None:
+    line = draw_overview(ROWS, 0.72, 0, ROWS_SIZE).lines()[1]
+    assert line.index("◇") < line.index("◆")
+    assert "━" in line[line.index("◇") : line.index("◆")]
+
+
+def test_the_baseline_has_the_same_column_in_every_line() -> None:
+    lines = draw_overview(ROWS, 0.72, None, ROWS_SIZE).lines()
+    columns = {line.index("┊") for line in lines[1:3]}
+    assert len(columns) == 1
+
+
+def test_marks_of_equal_accuracy_are_merged() -> None:
+    line = draw_overview([OverviewRow("same", 0.9, 0.9)], None, 0, ROWS_SIZE).lines()[1]
+    assert "◈" in line
+
+
+def test_selected_line_is_marked_by_glyph_and_ground() -> None:
+    canvas = draw_overview(ROWS, 0.72, 1, ROWS_SIZE)
+    assert canvas.char[2, 0] == "▶"
+    assert (canvas.bg[2] == DARK.highlight).all()
+    assert not (canvas.bg[1] == DARK.highlight).any()
+
+
+def test_the_visible_rows_follow_the_selected_run() -> None:
+    rows = [OverviewRow(f"run{index}", 0.9, 0.8) for index in range(40)]
+    for selected in (0, 17, 39):
+        layout = overview_layout(rows, selected, (60, 8))
+        assert layout.first <= selected < layout.first + layout.shown
+        assert layout.run_at(layout.top) == layout.first
+        assert layout.run_at(layout.top + layout.shown) is None
+
+
+def test_an_overview_without_runs_shows_a_message() -> None:
+    assert "no run" in draw_overview([], None, None, ROWS_SIZE).lines()[0]

@@ -9,17 +9,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from s2rstore.records import Bounds
 from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.marks import Panel
+from s2rtui.charts.compare.terminal import compare_panels
 from s2rtui.charts.errors.terminal import errors_panels
+from s2rtui.charts.map.terminal import map_panels
 from s2rtui.charts.orientation.terminal import orientation_panels
 from s2rtui.charts.rooms.groups_terminal import groups_panels
 from s2rtui.charts.rooms.terminal import rooms_panels
 from s2rtui.charts.scatter.terminal import scatter_panels
 from s2rtui.charts.umap.terminal import umap_panels
 from tests.charts.examples import (
+    compare_input,
     errors_input,
     groups_input,
+    map_input,
     orientation_input,
     rooms_input,
     scatter_input,
@@ -27,7 +32,18 @@ from tests.charts.examples import (
 )
 
 Surface = Callable[[tuple[int, int], RenderOptions], tuple[Panel, ...]]
+NEAR = Bounds(3.0, 2.0, 6.0, 4.0)
 VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
+    "map": (
+        lambda size, options: map_panels(map_input(y_down=False), size, options),
+        "plane",
+        ("map",),
+    ),
+    "near comparison": (
+        lambda size, options: compare_panels(compare_input(), size, options, NEAR),
+        "plane",
+        ("map",),
+    ),
     "umap": (
         lambda size, options: umap_panels(umap_input(), size, options),
         "plane",

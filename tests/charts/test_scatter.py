@@ -68,16 +68,6 @@ def test_quadrants_and_sides_equal_a_count_by_hand(
 
 
 @given(errors, errors, masks, masks)
-def test_quadrants_are_what_their_expressions_select(
-    sim: np.ndarray, real: np.ndarray, selected: np.ndarray, valid: np.ndarray
-) -> None:
-    summary = scatter_summary(view(sim, real, selected, valid))
-    context = mask_context(N, valid, sim_error=sim, real_error=real)
-    for quadrant, (total, _) in zip(QUADRANTS, summary.quadrants, strict=True):
-        assert mask(parse(quadrant.expression), context).sum() == total
-
-
-@given(errors, errors, masks, masks)
 def test_cells_count_the_selected_instances_at_their_place(
     sim: np.ndarray, real: np.ndarray, selected: np.ndarray, valid: np.ndarray
 ) -> None:

@@ -1,4 +1,4 @@
-"""Cells with trained instances say so, and keep their number of instances or their value."""
+"""Cells of several or of trained instances say so, and the cursor lies on top of them."""
 
 from __future__ import annotations
 
@@ -35,36 +35,49 @@ def text(canvas: Canvas) -> str:
     return "\n".join(canvas.lines())
 
 
-def map_glyphs(options: RenderOptions, mode: str, trained: np.ndarray | None) -> tuple[str, str]:
-    """The glyphs of the lone instance and of the twins, and the whole text of the map."""
+def map_cells(
+    options: RenderOptions, mode: str, trained: np.ndarray | None, **changes: object
+) -> tuple[Canvas, list[tuple[int, int]]]:
+    """A map, and the rows and columns of the lone instance and of the twins."""
     view = map_input(
-        selected=SELECTED, floor_plan=None, heat=None, rooms=(), cursor=None, headings=None,
-        mode=mode, trained=trained,
+        selected=SELECTED, floor_plan=None, heat=None, rooms=(), headings=None,
+        mode=mode, trained=trained, **({"cursor": None} | changes),
     )  # fmt: skip
     view = replace(view, **{name: twins(getattr(view, name)) for name in ("truth", "sim", "real")})
     layout = map_layout(view, SIZE, None, options)
     cells = np.floor(layout.frame.to_cells(view.truth[[ONE, TWINS[0]]])).astype(int)
-    canvas = draw_map(view, SIZE, options)
-    return "".join(canvas.char[row, x + layout.x] for x, row in cells.tolist()), text(canvas)
+    return draw_map(view, SIZE, options), [(row, x + layout.x) for x, row in cells.tolist()]
 
 
 @pytest.mark.parametrize(
-    ("options", "mode", "glyphs", "legend"),
+    ("options", "mode", "trained", "glyphs", "bold", "legend"),
     [
-        (COLOURS, "colour", "○▣", "○ ▣ trained on"),
-        (COLOURS, "full", "○▣", "○ ▣ trained on"),
-        (COLOURS, "glyph", "○②", "○ ②-⑨ ⊕ trained on"),
-        (PLAIN, "full", "○○", "○ trained on"),
-        (PLAIN, "glyph", "○②", "○ ②-⑨ ⊕ trained on"),
-        (ASCII, "glyph", "tc", "t c-j T (for 1, 2-9, +) trained on"),
+        (COLOURS, "colour", None, "●■", None, "several"),
+        (COLOURS, "full", None, "•●", None, "several"),
+        (PLAIN, "colour", None, None, [False, True], "bold: several"),
+        (ASCII, "colour", None, None, [False, True], "bold: several"),
+        (PLAIN, "full", None, None, [False, True], "bold: several"),
+        (COLOURS, "colour", TRAINED, "○▣", None, "○ ▣ trained on"),
+        (COLOURS, "full", TRAINED, "○▣", None, "○ ▣ trained on"),
+        (COLOURS, "glyph", TRAINED, "○②", None, "○ ②-⑨ ⊕ trained on"),
+        (PLAIN, "full", TRAINED, "○○", None, "○ trained on"),
+        (PLAIN, "glyph", TRAINED, "○②", None, "○ ②-⑨ ⊕ trained on"),
+        (ASCII, "glyph", TRAINED, "tc", None, "t c-j T (for 1, 2-9, +) trained on"),
     ],
 )
 def test_the_map_shows_number_and_mark(
-    options: RenderOptions, mode: str, glyphs: str, legend: str
-) -> None:
-    drawn, shown = map_glyphs(options, mode, TRAINED)
-    assert drawn == glyphs
-    assert legend in shown
+    options: RenderOptions, mode: str, trained: np.ndarray | None, glyphs: str | None,
+    bold: list[bool] | None, legend: str,
+) -> None:  # fmt: skip
+    canvas, cells = map_cells(options, mode, trained)
+    assert glyphs in (None, "".join(canvas.char[cell] for cell in cells))
+    assert bold in (None, [bool(canvas.bold[cell]) for cell in cells])
+    assert legend in text(canvas)
+
+
+def test_the_cursor_is_on_top_of_several_instances() -> None:
+    canvas, cells = map_cells(COLOURS, "colour", None, cursor=TWINS[0])
+    assert canvas.char[cells[1]] == "◉"
 
 
 @pytest.mark.parametrize(
@@ -75,15 +88,21 @@ def test_the_map_shows_number_and_mark(
     ],
 )
 def test_digits_of_values_keep_their_value(options: RenderOptions, forms: str, legend: str) -> None:
-    before, _ = map_glyphs(options, "colour", None)
-    drawn, shown = map_glyphs(options, "colour", TRAINED)
-    assert before.isdecimal()
-    assert drawn == "".join(forms[int(digit)] for digit in before)
-    assert legend in shown
+    before, canvas = (map_cells(options, "colour", trained)[0] for trained in (None, TRAINED))
+    _, cells = map_cells(options, "colour", TRAINED)
+    digits = [before.char[cell] for cell in cells]
+    assert "".join(digits).isdecimal()
+    assert [canvas.char[cell] for cell in cells] == [forms[int(digit)] for digit in digits]
+    assert legend in text(canvas)
 
 
 @pytest.mark.parametrize(
-    ("options", "legend"), [(COLOURS, "○ ②-⑨ ⊕ trained on"), (ASCII, "a-j (for 0-9) trained on")]
+    ("options", "legend"),
+    [
+        (COLOURS, "○ ②-⑨ ⊕ trained on"),
+        (PLAIN, "trained on"),
+        (ASCII, "a-j (for 0-9) trained on"),
+    ],
 )
 def test_the_umap_shows_number_and_mark(options: RenderOptions, legend: str) -> None:
     sim = twins(umap_input().sim)
@@ -93,39 +112,46 @@ def test_the_umap_shows_number_and_mark(options: RenderOptions, legend: str) -> 
     ]
     before, canvas = (draw_umap(view, SIZE, options) for view in views)
     panel = umap_panels(views[1], SIZE, options)[0]
-    cells = [
-        (int(row), int(column))
-        for column, row in (panel.to_cells(*sim[iid]) for iid in (ONE, TWINS[0]))
-    ]
-    expected = "○②"
-    if options.ascii:
+    places = [panel.to_cells(*sim[iid]) for iid in (ONE, TWINS[0])]
+    cells = [(int(row), int(column)) for column, row in places]
+    if options == COLOURS:
+        assert [(ord(before.char[cell]) - 0x2800).bit_count() for cell in cells] == [1, 2]
+        assert "".join(canvas.char[cell] for cell in cells) == "○②"
+    else:
+        assert [bool(before.bold[cell]) for cell in cells] == [False, True]
+        assert "several" in text(before)
+    if options == ASCII:
         expected = "".join("abcdefghij"[int(before.char[cell])] for cell in cells)
-    assert "".join(canvas.char[cell] for cell in cells) == expected
+        assert "".join(canvas.char[cell] for cell in cells) == expected
     assert legend in text(canvas)
 
 
 @pytest.mark.parametrize(
-    ("options", "glyphs", "legend"),
+    ("options", "several", "glyphs", "legend"),
     [
-        (COLOURS, "▿△", "▽○△ trained on"),
-        (PLAIN, "⊖⊕", "⊖⊜⊕ trained on"),
-        (ASCII, "ba", "bea (for -=+) trained on"),
+        (COLOURS, "▾▲", "▿△", "▽○△ trained on"),
+        (PLAIN, "-+", "⊖⊕", "⊖⊜⊕ trained on"),
+        (ASCII, "-+", "ba", "bea (for -=+) trained on"),
     ],
 )
 def test_the_comparison_shows_direction_number_and_mark(
-    options: RenderOptions, glyphs: str, legend: str
+    options: RenderOptions, several: str, glyphs: str, legend: str
 ) -> None:
     apart = np.where(np.arange(N) < 30, 1.0, -1.0)
-    view = compare_input(
-        truth=twins(compare_input().truth), first=2 + apart, second=np.full(N, 2.0),
-        selected=SELECTED, floor_plan=None, rooms=(), cursor=None, trained=TRAINED,
-    )  # fmt: skip
-    canvas, layout = draw_compare(view, SIZE, options), compare_layout(view, SIZE, None, options)
-    places = np.floor(layout.frame.to_cells(view.truth[[ONE, TWINS[0]]])).astype(int).tolist()
-    cells = [(row, column + layout.x) for column, row in places]
-    assert "".join(canvas.char[cell] for cell in cells) == glyphs
-    assert [bool(canvas.bold[cell]) for cell in cells] == [False, True]
-    assert legend in text(canvas)
+    for trained, expected in ((None, several), (TRAINED, glyphs)):
+        view = compare_input(
+            truth=twins(compare_input().truth), first=2 + apart, second=np.full(N, 2.0),
+            selected=SELECTED, floor_plan=None, rooms=(), cursor=None, trained=trained,
+        )  # fmt: skip
+        canvas, layout = (
+            draw_compare(view, SIZE, options),
+            compare_layout(view, SIZE, None, options),
+        )
+        places = np.floor(layout.frame.to_cells(view.truth[[ONE, TWINS[0]]])).astype(int).tolist()
+        cells = [(row, column + layout.x) for column, row in places]
+        assert "".join(canvas.char[cell] for cell in cells) == expected
+        assert [bool(canvas.bold[cell]) for cell in cells] == [False, True]
+        assert ("several" if trained is None else legend) in text(canvas)
 
 
 @pytest.mark.parametrize(

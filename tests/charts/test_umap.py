@@ -102,13 +102,6 @@ def test_panels_are_stacked_in_a_tall_view() -> None:
     assert high[0][0] == high[1][0]
 
 
-def test_the_frame_contains_every_point() -> None:
-    view = umap_input()
-    model = umap_model(view, umap_frame(view, 12, 6))
-    assert model.sim.total == N - 1
-    assert model.real.total == N - 2
-
-
 @pytest.mark.parametrize("theme", [DARK, LIGHT])
 def test_a_selected_point_has_the_colour_of_its_value(theme) -> None:
     selected = np.arange(N) == 20
@@ -145,14 +138,6 @@ def test_the_cursor_is_marked_in_both_panels() -> None:
     assert "".join(canvas.lines()).count("◉") == 2
     screen = "".join(draw_umap(umap_input(cursor=3), SIZE).lines())
     assert "◉" not in screen
-
-
-def test_the_header_shows_counts_and_scale() -> None:
-    header, *others = draw_umap(umap_input(), (90, 14)).lines()
-    assert f"sim  20 of {N - 1}" in header
-    assert "distance" in "".join(others)
-    narrow = draw_umap(umap_input(), (50, 10)).lines()[0]
-    assert "real" in narrow
 
 
 @pytest.mark.parametrize("crowd", [1, 2, 8, 9, 64, 65, 512, 513, 4096, 4097, 9000])
@@ -204,11 +189,3 @@ def test_a_pending_box_is_drawn_on_its_panel() -> None:
         assert canvas.char[row, column] == "+"
     left = canvas.char[sim.y : sim.y + sim.height, : sim.x + sim.width]
     assert not (left == "+").any()
-
-
-def test_large_views_label_the_coordinates() -> None:
-    view = umap_input()
-    lines = draw_umap(view, (120, 40)).lines()
-    sim, _ = umap_panels(view, (120, 40))
-    column = int(sim.to_cells(5.0, 0.0)[0])
-    assert lines[sim.y + sim.height][column] == "5"

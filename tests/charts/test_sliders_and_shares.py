@@ -1,4 +1,4 @@
-"""The shares view: mean shares of the gap of a selection, in cells and as numbers."""
+"""The slider view has complete labels and units; the shares view shows means of a selection."""
 
 from __future__ import annotations
 
@@ -13,12 +13,39 @@ from s2rstore.index.transaction import edit
 from s2rstore.metrics.bootstrap import Interval
 from s2rstore.metrics.gap_shares import FactorShare, GapShares, mean_shares
 from s2rstore.records import GAP_FACTORS
+from s2rtools.adjustments import ADJUSTMENTS
 from s2rtui.canvas import RenderOptions
+from s2rtui.charts.adjust.terminal import SliderLine, draw_sliders, slider_panels
 from s2rtui.charts.scene import Resources, Scene
 from s2rtui.charts.shares.model import SharesInput, shares_model
 from s2rtui.charts.shares.terminal import draw_shares
 from s2rtui.charts.shares.view import VIEW
 from s2rtui.session import Session
+
+LINES = tuple(
+    SliderLine(
+        one.name.replace("_", " "), "real", one.lowest, one.highest, one.neutral,
+        one.lowest + one.step, one.unit, at == 2,
+    )
+    for at, one in enumerate(ADJUSTMENTS.values())
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("width", [46, 50, 80])
+def test_labels_and_units_are_complete(width: int) -> None:
+    rows = draw_sliders(LINES, (width, len(LINES))).lines()
+    for line, row in zip(LINES, rows, strict=True):
+        assert f" {line.label} " in row
+        assert row.rstrip().endswith(f" {line.unit}")
+
+
+@pytest.mark.parametrize("width", [1, 8, 20, 30, 46])
+def test_narrow_sliders_keep_their_track(width: int) -> None:
+    panels = slider_panels(LINES, (width, 4))
+    assert len(panels) == 4
+    assert all(panel.width >= 8 for panel in panels)
+    assert "2" in {panel.name for panel in panels}
+    draw_sliders(LINES, (width, 4))
 
 
 def shares(*means: float, n: int = 30) -> GapShares:
