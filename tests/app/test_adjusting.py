@@ -1,10 +1,11 @@
-"""The adjustment panel: sliders, live predictions, dropped intermediate values and saved runs."""
+"""The adjustment panel: sliders, live predictions, release of the model and saved runs."""
 
 from __future__ import annotations
 
 import asyncio
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,10 @@ from s2rtools.precompute.run_registration import add_run
 from s2rtui.app.app import S2RApp
 from s2rtui.app.controllers import run_save
 from s2rtui.app.pilot import settle, take_screenshot
+from s2rtui.canvas import RenderOptions
+from s2rtui.loaders import live_prediction
+from s2rtui.session import Session, view_settings
+from s2rtui.session.state import Adjust
 from tests.support.application import make_app, press
 from tests.support.copies import copy_store
 from tests.support.unloaded_modules import unload_modules
@@ -46,45 +51,17 @@ async def test_moving_a_slider_shows_the_live_prediction(few_pairs_store: Path) 
         assert (shown.real.rgb == expected.real.rgb).all()
         poses = {pose.side: pose for pose in _map_input(app).live}
         assert poses["real"].x == pytest.approx(expected.real.x, abs=1e-5)
+        await press(app, pilot, "down", "left", "backspace", "up", "backspace")
+        shown, adjust = app.resources.live, app.session.state.adjust
+        assert all(adjust.value(slider.key) == slider.neutral for slider in adjust.sliders)
+        columns = app.session.store.run_columns("vanilla").real
+        assert shown.real.pose.error == pytest.approx(columns.error[shown.iid], abs=1e-4)
 
 
 def _map_input(app: S2RApp):
     from s2rtui.charts.registry import BY_NAME
 
     return BY_NAME["map"].input(app.renderer.scene)
-
-
-async def test_neutral_sliders_show_the_stored_prediction(few_pairs_store: Path) -> None:
-    app = make_app(few_pairs_store, with_trained=True)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await press(app, pilot, "a", "right", "down", "left", "backspace")
-        shown = app.resources.live
-        assert shown is not None
-        assert shown.real.pose is not None
-        columns = app.session.store.run_columns("vanilla").real
-        assert shown.real.pose.error == pytest.approx(columns.error[shown.iid], abs=1e-4)
-        adjust = app.session.state.adjust
-        assert adjust is not None
-        assert all(adjust.value(slider.key) == slider.neutral for slider in adjust.sliders)
-
-
-async def test_only_the_newest_slider_value_is_shown(few_pairs_store: Path) -> None:
-    app = make_app(few_pairs_store, with_trained=True)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await press(app, pilot, "a")
-        await pilot.press(*["right"] * 12, "n", "left", "left")
-        await settle(app, pilot)
-        adjust, shown = app.session.state.adjust, app.resources.live
-        assert adjust is not None
-        assert shown is not None
-        assert shown.iid == app.session.state.cursor
-        value = adjust.value(("real", "brightness"))
-        with s2rstore.open(few_pairs_store) as store:
-            model = LiveModel(store, "vanilla")
-            expected = model.compute(shown.iid, {"real": make_chain("real", {"brightness": value})})
-            model.close()
-        assert expected is not None
-        assert (shown.real.rgb == expected.real.rgb).all()
 
 
 async def test_a_synthetic_world_renders_moved_sim_cameras(moved_camera_store: Path) -> None:
@@ -116,17 +93,6 @@ async def test_adjustments_are_saved_as_a_run(few_pairs_store: Path, tmp_path: P
         assert run.real_adjustments == make_chain("real", {"brightness": 1.1})
         await settle(app, pilot)
         assert "brighter" in take_screenshot(app).text
-
-
-async def test_an_existing_run_name_is_rejected(few_pairs_store: Path) -> None:
-    app = make_app(few_pairs_store, with_trained=True)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await press(app, pilot, "a", "right", "S", "enter")
-        assert "type a name for the run" in app.session.state.message
-        await pilot.press(*"vanilla", "enter")
-        await settle(app, pilot)
-        assert "already" in app.session.state.message
-        assert app.session.state.is_error
 
 
 async def test_one_run_is_saved_at_a_time(
@@ -162,16 +128,22 @@ async def test_one_run_is_saved_at_a_time(
         assert app.prompt.is_open
 
 
-async def test_a_failed_save_shows_an_error(
+async def test_refused_names_and_failed_saves_show_an_error(
     few_pairs_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def failing_save(*_: object) -> None:
         raise ModuleNotFoundError("No module named 'torch'", name="torch")
 
-    monkeypatch.setattr(run_save, "save_run", failing_save)
     app = make_app(few_pairs_store, with_trained=True)
     async with app.run_test(size=(120, 40)) as pilot:
-        await press(app, pilot, "a", "right", "S", *"one", "enter")
+        await press(app, pilot, "a", "right", "S", "enter")
+        assert "type a name for the run" in app.session.state.message
+        await press(app, pilot, *"vanilla", "enter")
+        assert "already" in app.session.state.message
+        assert app.session.state.is_error
+        await press(app, pilot, "escape")
+        monkeypatch.setattr(run_save, "save_run", failing_save)
+        await press(app, pilot, "S", *"one", "enter")
         assert app.session.state.is_error
         assert "saving a run needs torch: pip install 's2rtui[tools]'" in app.session.state.message
 
@@ -274,15 +246,6 @@ async def test_the_panel_explains_how_to_install_the_tools(
         assert app.settled
 
 
-async def test_a_restricted_session_loads_no_model(tiny_store: Path) -> None:
-    app = make_app(tiny_store, restricted=True)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await press(app, pilot, "a")
-        assert app.session.state.view != "adjust"
-        assert "a adjust" not in take_screenshot(app).text
-        assert "not in a restricted session" in app.session.state.message
-
-
 async def test_clicking_other_views_keeps_the_panel_and_the_live_marks(
     few_pairs_store: Path,
 ) -> None:
@@ -304,3 +267,57 @@ async def test_clicking_other_views_keeps_the_panel_and_the_live_marks(
         assert app.query_one("#umap").placed
         await press(app, pilot, "3")
         assert not _map_input(app).live
+
+
+class RecordingPredictor:
+    """Records its calls."""
+
+    def __init__(self) -> None:
+        self.calls: list[str] = []
+
+    def read(self, *_: object) -> dict[str, object]:
+        self.calls.append("read")
+        return {}
+
+    def release(self) -> None:
+        self.calls.append("leave")
+
+
+async def test_a_hidden_panel_releases_the_model(
+    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    predictor = RecordingPredictor()
+    monkeypatch.setattr(live_prediction, "_PREDICTOR", predictor)
+    app = S2RApp(Session(tiny_store), RenderOptions())
+    app.load_scheduler.debounce_seconds, app.load_scheduler.release_seconds = 0.001, 0.05
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        await pilot.press("a")
+        await settle(app, pilot)
+        assert predictor.calls == ["read"]
+        await asyncio.sleep(0.2)
+        assert predictor.calls == ["read"]
+        app.session.dispatch(view_settings.show_view, "instance", "tab")
+        app.renderer.refresh()
+        await pilot.press("n")
+        await settle(app, pilot)
+        async with asyncio.timeout(10):
+            while predictor.calls == ["read"]:
+                await pilot.pause()
+        assert predictor.calls == ["read", "leave"]
+        await pilot.press("a")
+        await settle(app, pilot)
+        assert predictor.calls == ["read", "leave", "read"]
+
+
+def test_another_order_of_the_steps_is_predicted_again(tiny_store: Path) -> None:
+    session = Session(tiny_store)
+    steps = (("real", "brightness"), ("real", "contrast"))
+    keys = {
+        live_prediction.live_key(
+            session.store,
+            replace(session.state, tab="adjust", adjust=Adjust(session.state.run, run_steps=order)),
+        )
+        for order in (steps, steps[::-1])
+    }
+    assert len(keys) == 2

@@ -1,4 +1,4 @@
-"""The application in Textual's test pilot: sizes, all keys, keys during loading, ASCII output."""
+"""The application in Textual's test pilot: sizes, all keys, colour modes, ASCII output."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.cells import cell_len
 from textual.pilot import Pilot
 from textual.screen import ModalScreen
 from textual.widgets import Input
@@ -18,9 +21,11 @@ from s2rtui.app.screens.help_content import help_text
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.canvas.marks import Mark
-from s2rtui.session import Brush, Session
+from s2rtui.session import Brush, Session, shared_selection
+from s2rtui.terminal.ascii_filter import to_ascii
 from tests.support.application import make_app, press
 
+SIZES = ((80, 24), (200, 60))
 EXPECTED_ERRORS = ("missing; add the model again",)
 """Errors that are expected, because the models of the test store were never trained."""
 
@@ -36,9 +41,12 @@ async def check_running(app: S2RApp, pilot: Pilot[None], key: str) -> None:
         assert any(expected in error for expected in EXPECTED_ERRORS), (key, error)
 
 
-@pytest.mark.parametrize("size", [(80, 24), pytest.param((200, 60), marks=pytest.mark.deep)])
-async def test_pressing_every_key_twice_causes_no_error(
-    tiny_store: Path, tmp_path: Path, size: tuple[int, int]
+@pytest.mark.parametrize(
+    ("size", "times"),
+    [((80, 24), 1), *(pytest.param(size, 2, marks=pytest.mark.deep) for size in SIZES)],
+)
+async def test_pressing_every_key_causes_no_error(
+    tiny_store: Path, tmp_path: Path, size: tuple[int, int], times: int
 ) -> None:
     app = make_app(tiny_store, folder=tmp_path)
     async with app.run_test(size=size) as pilot:
@@ -46,22 +54,12 @@ async def test_pressing_every_key_twice_causes_no_error(
             if action.name == "quit":
                 continue
             for key in action.keys:
-                await pilot.press(key, key)
+                await pilot.press(*[key] * times)
                 await check_running(app, pilot, key)
                 while isinstance(app.screen, ModalScreen) or app.prompt.is_open:
                     await pilot.press("escape")
         await check_running(app, pilot, "escape")
-        assert len(list(tmp_path.glob("s2r-*.png"))) == 2
-
-
-async def test_keys_are_accepted_while_data_loads(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await pilot.press("right", "r", "h", "right", "o", "w", "v", "left", "R", "3", "right")
-        await settle(app, pilot)
-        state = app.session.state
-        assert app.resources.pictures is not None
-        assert app.resources.pictures.iid == state.cursor
+        assert len(list(tmp_path.glob("s2r-*.png"))) == times
 
 
 async def test_each_size_shows_its_views(tiny_store: Path) -> None:
@@ -116,17 +114,8 @@ async def test_an_invalid_expression_can_be_corrected_in_the_query_line(tiny_sto
         await pilot.press("slash", "escape", "w")
         await pilot.pause()
         assert app.session.state.expression == "worst15"
-
-
-async def test_an_open_query_line_receives_letter_keys(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await pilot.press("slash")
-        app.query_one("#query", Input).value = ""
-        await pilot.press("n", "o", "n", "e")
-        assert app.query_one("#query", Input).value == "none"
-        await pilot.press("enter")
-        assert app.session.state.count == "0 of 40"
+        await pilot.press("slash", "ctrl+u", *"none")
+        assert query.value == "none"
 
 
 def test_every_colour_mode_shows_the_same_text(tiny_store: Path) -> None:
@@ -135,25 +124,6 @@ def test_every_colour_mode_shows_the_same_text(tiny_store: Path) -> None:
         assert "worst15" in text, mode
         assert "vanilla" in text, mode
         assert "6 of 40" in text, mode
-
-
-def test_screenshots_are_deterministic(tiny_store: Path) -> None:
-    images = [snapshot(tiny_store, (80, 24), ["w", "3"]).png(RenderOptions()) for _ in range(2)]
-    assert images[0] == images[1]
-    assert images[0].startswith(b"\x89PNG")
-
-
-def test_the_overview_shows_the_accuracies_of_the_store(tiny_store: Path) -> None:
-    import s2rstore
-    from s2rstore.metrics import run_metrics
-
-    text = snapshot(tiny_store, (120, 40), ["c"]).text
-    with s2rstore.open(tiny_store) as store:
-        for run in store.runs:
-            for side in ("sim", "real"):
-                accuracy = run_metrics.side_metrics(store, run, side).accuracy.value
-                line = next(row for row in text.splitlines()[1:] if f" {run} " in row)
-                assert f"{100 * accuracy:.1f}" in line
 
 
 def test_bindings_footer_and_help_use_the_same_actions(tiny_store: Path) -> None:
@@ -199,3 +169,40 @@ def test_key_labels_match_the_keyboard() -> None:
             assert label.isascii()
             assert "_" not in label
             assert len(label) == 1 or label.split("+")[-1].replace(" ", "") == key.split("+")[-1]
+
+
+def non_ascii(app: S2RApp) -> set[str]:
+    return {char for char in take_screenshot(app).text if ord(char) > 126}
+
+
+@given(st.text())
+def test_ascii_text_keeps_the_width_of_the_original(text: str) -> None:
+    assert to_ascii(text).isascii()
+    assert cell_len(to_ascii(text)) == cell_len(text) or not text.isprintable()
+
+
+async def test_every_screen_is_ascii(tiny_store: Path) -> None:
+    app = make_app(tiny_store, RenderOptions(ascii=True))
+    session = app.session
+    session.writable_notebook.save(
+        "Flur links │ 廊下", shared_selection.current_selection(session.state)
+    )
+    session.writable_notebook.note(session.state.cursor or 0, "überbelichtet …")
+    async with app.run_test(size=(120, 40)) as pilot:
+        for keys in (
+            ("f",), ("T",), ("D",), ("question_mark",), ("slash",), ("slash", "ü", "enter"),
+            ("3",), ("3", "v", "o", "o"), ("m", "o"), ("8",), ("ctrl+c",), ("space",),
+            ("1", "ctrl+c"), ("ctrl+p",),
+        ):  # fmt: skip
+            await press(app, pilot, *keys)
+            assert non_ascii(app) == set(), keys
+            if app.screen is not app.default_screen or app.prompt.is_open:
+                await press(app, pilot, "escape")
+
+
+async def test_ctrl_c_shows_the_key_that_quits(tiny_store: Path) -> None:
+    app = S2RApp(Session(tiny_store), RenderOptions())
+    async with app.run_test(size=(80, 24)) as pilot:
+        await press(app, pilot, "ctrl+c")
+        assert "q quits" in take_screenshot(app).text
+        assert not app._notifications

@@ -17,6 +17,7 @@ from s2rtui.app.key_bindings import ACTIONS
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.screens.tour import TourScreen
 from s2rtui.canvas.marks import Panel
+from s2rtui.charts.errors.model import errors_model
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.session import Session, instance_list
 from s2rtui.user_data.notebook import Notebook
@@ -40,7 +41,7 @@ def panels(app: S2RApp, name: str) -> list[Panel]:
     return list(app.brush.panels(BY_NAME[name]))
 
 
-@pytest.mark.parametrize("size", [(80, 24), (200, 60)])
+@pytest.mark.parametrize("size", [(80, 24), pytest.param((200, 60), marks=pytest.mark.deep)])
 async def test_every_view_can_be_brushed_by_keys(tiny_store: Path, size: tuple[int, int]) -> None:
     app, other = make_app(tiny_store), Session(tiny_store)
     async with app.run_test(size=size) as pilot:
@@ -56,36 +57,6 @@ async def test_every_view_can_be_brushed_by_keys(tiny_store: Path, size: tuple[i
             assert state.expression != "all", name
             assert np.array_equal(other.select(state.expression).selected, state.selected), name
     other.close()
-
-
-async def test_a_brush_is_combined_by_the_operator(tiny_store: Path) -> None:
-    app, other = make_app(tiny_store), Session(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
-        for key, combined in (
-            ("ampersand", np.logical_and),
-            ("vertical_line", np.logical_or),
-            ("minus", np.greater),
-        ):
-            await press(app, pilot, "c", "w")
-            worst = app.session.state.selected
-            await press(app, pilot, "6", "x", key)
-            brushed = app.session.state.expression.split(" ", 2)[2]
-            expected = combined(worst, other.select(brushed).selected)
-            assert np.array_equal(app.session.state.selected, expected), key
-    other.close()
-
-
-async def test_the_example_query_takes_fewer_than_ten_keys(tiny_store: Path) -> None:
-    """Large error in simulation but small in reality, inside a region of the map."""
-    app = make_app(tiny_store)
-    keys = ["W", "ampersand", "b", "x", "Z", "Z", "ampersand"]
-    assert len(keys) < 10
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
-        await press(app, pilot, *keys)
-        text = app.session.state.expression
-        assert text.startswith("worst(15%, sim.error) & best15 & box(")
-        assert not app.session.state.is_error
 
 
 async def test_escape_drops_a_brush_and_a_pending_operator(tiny_store: Path) -> None:
@@ -107,44 +78,6 @@ async def test_escape_drops_a_brush_and_a_pending_operator(tiny_store: Path) -> 
         assert "escape cancel" not in take_screenshot(app).text
 
 
-async def test_a_lasso_needs_three_corners(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await press(app, pilot, "c", "L", "x", "enter")
-        assert "three corners" in app.session.state.message
-        assert app.session.state.expression == "all"
-        await press(app, pilot, "escape", "x", "ampersand")
-        state = app.session.state
-        assert "three corners" in state.message
-        assert (state.operator, state.brush is None) == ("replace", False)
-        await press(app, pilot, "escape")
-        panel = panels(app, "map")[0]
-        start = panel.x + 9, panel.y + 9
-        await drag(app, pilot, "map", [start, (start[0] + 1, start[1])])
-        assert "three corners" in app.session.state.message
-        assert app.session.state.brush is None
-        await press(app, pilot, "x", "space")
-        for key in ("right", "down", "left"):
-            await pilot.press(*[key] * 8)
-            await press(app, pilot, "space")
-        await press(app, pilot, "enter")
-        assert app.session.state.expression.startswith("lasso(")
-        assert not app.session.state.is_error
-
-
-async def test_the_wheel_moves_the_list_cursor_from_any_view(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(200, 60)) as pilot:
-        await press(app, pilot, "c", "8")
-        rows = instance_list.order(app.session.store, app.session.state, app.session.notes)
-        app.session.set_cursor(int(rows[4]))
-        await press(app, pilot, "1")
-        run = app.session.state.run
-        await pilot._post_mouse_events([MouseScrollDown], "#list", offset=(9, 9), button=0)
-        await settle(app, pilot)
-        assert (app.session.state.cursor, app.session.state.run) == (rows[5], run)
-
-
 async def drag(app: S2RApp, pilot: Pilot[None], name: str, cells: list[tuple[int, int]]) -> None:
     view = f"#{name}"
     await pilot.mouse_down(view, offset=cells[0])
@@ -152,100 +85,6 @@ async def drag(app: S2RApp, pilot: Pilot[None], name: str, cells: list[tuple[int
         await pilot.hover(view, offset=cell)
     await pilot.mouse_up(view, offset=cells[-1])
     await settle(app, pilot)
-
-
-async def test_every_view_can_be_brushed_by_mouse(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(200, 60)) as pilot:
-        for name in ("map", "umap", "errors", "rooms", "orientation"):
-            await press(app, pilot, "c", KEYS[name])
-            panel = panels(app, name)[-1]
-            first = panel.x + panel.width // 4, panel.y + panel.height // 4 + 1
-            last = panel.x + panel.width * 3 // 4, panel.y + panel.height * 3 // 4 + 1
-            await drag(app, pilot, name, [first, last])
-            state = app.session.state
-            assert not state.is_error, name
-            assert state.expression != "all", name
-            assert state.brush is None, name
-
-
-async def test_clicks_and_boxes_on_the_map_hit_the_instances_drawn_there(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(200, 60)) as pilot:
-        await press(app, pilot, "c", "2")
-        panel, truth = panels(app, "map")[0], app.session.store.instances
-        column, row = panel.to_cells(float(truth.x[17]), float(truth.y[17]))
-        await pilot.click("#map", offset=(int(column), int(row) + 1))
-        await settle(app, pilot)
-        cursor = app.session.state.cursor
-        assert cursor is not None
-        assert np.hypot(truth.x[cursor] - truth.x[17], truth.y[cursor] - truth.y[17]) < 0.5
-        cells = [(panel.x + 5, panel.y + 6), (panel.x + 30, panel.y + 30)]
-        await drag(app, pilot, "map", cells)
-        positions = [
-            panel.to_cells(float(x), float(y)) for x, y in zip(truth.x, truth.y, strict=True)
-        ]
-        (left, top), (right, bottom) = cells
-        inside = [
-            left <= column < right + 1 and top - 1 <= row < bottom for column, row in positions
-        ]
-        assert np.array_equal(app.session.state.selected, inside)
-        assert any(inside)
-
-
-async def test_the_line_of_a_run_can_be_clicked_and_brushed(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await press(app, pilot, "c", "1")
-        panel = next(p for p in panels(app, "overview") if p.name == "dataaug")
-        y = panel.y + 1
-        await drag(app, pilot, "overview", [(panel.x + 2, y), (panel.x + panel.width - 2, y)])
-        assert not app.session.state.is_error, app.session.state.message
-        assert 'run("dataaug").real.accuracy:' in app.session.state.expression
-        await pilot.click("#overview", offset=(panel.x + 3, y))
-        await settle(app, pilot)
-        assert app.session.state.run == "dataaug"
-
-
-async def test_notes_and_tags_are_written_and_shown_in_the_list(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(200, 60)) as pilot:
-        await press(app, pilot, "w", "number_sign")
-        await pilot.press(*"door", "enter")
-        await settle(app, pilot)
-        await press(app, pilot, "e")
-        await pilot.press(*"glass", "enter")
-        await settle(app, pilot)
-        await press(app, pilot, "8")
-        assert "#door: glass" in take_screenshot(app).text
-        await press(app, pilot, "slash")
-        app.query_line.value = "@door"
-        await press(app, pilot, "enter")
-        assert app.session.state.count == "1 of 40"
-
-
-async def test_a_saved_selection_is_listed_and_applied(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await press(app, pilot, "w", "at")
-        await pilot.press(*"bad", "enter")
-        await settle(app, pilot)
-        await press(app, pilot, "c", "f")
-        assert "@bad" in take_screenshot(app).text
-        await press(app, pilot, "enter")
-        assert app.session.state.expression == "worst15"
-        await press(app, pilot, "f", "d", "escape")
-        assert "bad" not in app.session.notes.selections
-
-
-async def test_an_invalid_name_keeps_the_input_open(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await press(app, pilot, "at", "space", "enter")
-        assert app.prompt.is_open
-        assert app.session.state.is_error
-        await press(app, pilot, "escape")
-        assert not app.prompt.is_open
 
 
 async def test_tab_completes_and_up_recalls_the_history(tiny_store: Path) -> None:
@@ -260,20 +99,6 @@ async def test_tab_completes_and_up_recalls_the_history(tiny_store: Path) -> Non
         assert app.query_line.value == "worst15"
         await press(app, pilot, "enter")
         assert app.session.state.expression == "worst15"
-
-
-async def test_the_compare_view_counts_better_and_worse_instances(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await press(app, pilot, "c", "9")
-        text = take_screenshot(app).text
-        assert "vanilla and dataaug" in text
-        columns = [app.session.store.run_columns(run).real.error for run in ("vanilla", "dataaug")]
-        better = int((columns[0] - columns[1] > 0.05).sum())
-        worse = int((columns[0] - columns[1] < -0.05).sum())
-        assert f"▼ {better} " in text
-        assert f"▲ {worse} " in text
-        assert f"dataaug is better on {better} of 40 instances" in " ".join(text.split())
 
 
 async def test_an_empty_selection_suggests_one_that_is_not_empty(tiny_store: Path) -> None:
@@ -331,20 +156,6 @@ async def test_the_heatmap_of_the_selection_is_aggregated(tiny_store: Path) -> N
         assert np.isfinite(seen_floor).sum() >= np.isfinite(expected).sum() > 0
 
 
-async def test_modal_screens_take_keys_and_clicks_until_they_are_closed(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
-        for key, shown in (("D", "what you should see"), ("T", "reality is red"), ("f", "history")):
-            await press(app, pilot, key)
-            assert shown in take_screenshot(app).text
-            if key == "D":
-                await pilot.click(offset=(60, 20))
-            await press(app, pilot, "escape")
-        assert "map" in take_screenshot(app).text
-        await press(app, pilot, "w")
-        assert app.session.state.expression == "worst15"
-
-
 async def test_tab_cycles_through_views_and_panels(tiny_store: Path) -> None:
     app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
@@ -366,35 +177,6 @@ async def test_tab_cycles_through_views_and_panels(tiny_store: Path) -> None:
         assert brushed == {"sim", "truth", "real"}
 
 
-async def test_a_long_lasso_by_mouse_is_simplified(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await press(app, pilot, "c", "2", "L")
-        panel = panels(app, "map")[0]
-        turn = np.linspace(0, 2 * np.pi, 50)
-        column = panel.x + panel.width / 2 + panel.width / 2.3 * np.cos(turn)
-        row = panel.y + 1 + panel.height / 2 + panel.height / 2.3 * np.sin(turn)
-        cells = [(int(c), int(r)) for c, r in zip(column, row, strict=True)]
-        await drag(app, pilot, "map", cells)
-        assert not app.session.state.is_error, app.session.state.message
-        assert app.session.state.expression.startswith("lasso(")
-        assert app.session.state.selected.any()
-
-
-async def test_brushing_bars_selects_the_counted_instances(tiny_store: Path) -> None:
-    from s2rtui.charts.errors.model import errors_model
-
-    app = make_app(tiny_store)
-    async with app.run_test(size=(200, 60)) as pilot:
-        await press(app, pilot, "c", "7")
-        view = BY_NAME["errors"].input(app.renderer.scene)
-        panel = next(p for p in panels(app, "errors") if p.name == "real")
-        counts = errors_model(view, panel.width).real.total
-        cells = [(panel.x + 3, panel.y + 2), (panel.x + 20, panel.y + 2)]
-        await drag(app, pilot, "errors", cells)
-        assert abs(int(app.session.state.selected.sum()) - int(counts[3:21].sum())) <= 1
-
-
 async def test_changing_a_tag_updates_the_selection_that_uses_it(tiny_store: Path) -> None:
     app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
@@ -410,48 +192,6 @@ async def test_changing_a_tag_updates_the_selection_that_uses_it(tiny_store: Pat
         assert app.session.state.is_error
         assert "the selection is unchanged" in app.session.state.message
         assert not app.prompt.is_open
-
-
-async def test_a_failed_load_shows_an_error_and_the_next_one_succeeds(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from s2rtui.loaders import store_data
-
-    def failing_load(*arguments: object) -> None:
-        raise KeyError("frames")
-
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
-        monkeypatch.setattr(store_data, "instance_input", failing_load)
-        await press(app, pilot, "right")
-        assert "pictures" in app.session.state.message
-        monkeypatch.undo()
-        await press(app, pilot, "right")
-        assert app.resources.pictures is not None
-
-
-async def test_a_heatmap_is_hidden_until_the_chosen_kind_is_loaded(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await press(app, pilot, "o")
-        assert app.resources.heat_on_map(app.session.state) is not None
-        app.load_scheduler.debounce_seconds = 60.0
-        await pilot.press("h")
-        await pilot.pause()
-        assert app.resources.heat_on_map(app.session.state) is None
-
-
-async def test_tags_of_another_session_are_available(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    other = Session(tiny_store, notebooks=Notebook)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
-        other.writable_notebook.toggle_tag([2, 3], "theirs")
-        await press(app, pilot, "slash")
-        app.query_line.value = "@theirs"
-        await press(app, pilot, "enter")
-        assert app.session.state.count == "2 of 40"
 
 
 @pytest.mark.parametrize("name", ["map", "orientation", "errors"])
@@ -485,16 +225,11 @@ async def test_an_interrupted_drag_leaves_no_mark(tiny_store: Path, name: str) -
             await settle(app, pilot)
             assert app.session.state.brush is None, interruption
             assert app.session.state.expression == "all", interruption
-
-
-async def test_escape_ends_a_drag_that_has_not_moved(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await press(app, pilot, "c")
-        await pilot.mouse_down("#map", offset=(20, 9))
-        await press(app, pilot, "escape")
-        await pilot.hover("#map", offset=(30, 15))
-        await pilot.mouse_up("#map", offset=(30, 15))
+        await press(app, pilot, "c", KEYS[name])
+        await pilot.mouse_down(f"#{name}", offset=(20, 9))
+        await press(app, pilot, "escape")  # a drag that has not moved
+        await pilot.hover(f"#{name}", offset=(30, 15))
+        await pilot.mouse_up(f"#{name}", offset=(30, 15))
         await settle(app, pilot)
         assert app.session.state.expression == "all"
 
@@ -555,11 +290,159 @@ async def test_an_unreachable_store_is_reported_once(
         assert (app.session.state.message, app.session.state.is_error) == ("", False)
 
 
-async def test_the_number_of_tagged_instances_is_limited(
+async def test_selections_and_brushes_are_combined_by_the_operator(tiny_store: Path) -> None:
+    """The example: large error in simulation but small in reality, inside a region of the map."""
+    app, other = make_app(tiny_store), Session(tiny_store)
+    example = ["W", "ampersand", "b", "x", "Z", "Z", "ampersand"]
+    assert len(example) < 10
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        await press(app, pilot, *example)
+        text = app.session.state.expression
+        assert text.startswith("worst(15%, sim.error) & best15 & box(")
+        assert not app.session.state.is_error
+        for key, combined in (
+            ("ampersand", np.logical_and),
+            ("vertical_line", np.logical_or),
+            ("minus", np.greater),
+        ):
+            await press(app, pilot, "c", "w")
+            worst = app.session.state.selected
+            await press(app, pilot, "6", "x", key)
+            brushed = app.session.state.expression.split(" ", 2)[2]
+            expected = combined(worst, other.select(brushed).selected)
+            assert np.array_equal(app.session.state.selected, expected), key
+    other.close()
+
+
+async def test_a_lasso_needs_three_corners_and_is_simplified(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "c", "L", "x", "enter")
+        assert "three corners" in app.session.state.message
+        assert app.session.state.expression == "all"
+        await press(app, pilot, "escape", "x", "ampersand")
+        state = app.session.state
+        assert "three corners" in state.message
+        assert (state.operator, state.brush is None) == ("replace", False)
+        await press(app, pilot, "escape")
+        panel = panels(app, "map")[0]
+        start = panel.x + 9, panel.y + 9
+        await drag(app, pilot, "map", [start, (start[0] + 1, start[1])])
+        assert "three corners" in app.session.state.message
+        assert app.session.state.brush is None
+        await press(app, pilot, "x", "space")
+        for key in ("right", "down", "left"):
+            await pilot.press(*[key] * 8)
+            await press(app, pilot, "space")
+        await press(app, pilot, "enter")
+        assert app.session.state.expression.startswith("lasso(")
+        assert not app.session.state.is_error
+        await press(app, pilot, "c", "2")
+        turn = np.linspace(0, 2 * np.pi, 50)
+        column = panel.x + panel.width / 2 + panel.width / 2.3 * np.cos(turn)
+        row = panel.y + 1 + panel.height / 2 + panel.height / 2.3 * np.sin(turn)
+        cells = [(int(c), int(r)) for c, r in zip(column, row, strict=True)]
+        await drag(app, pilot, "map", cells)
+        assert not app.session.state.is_error, app.session.state.message
+        assert app.session.state.expression.startswith("lasso(")
+        assert app.session.state.selected.any()
+
+
+async def test_views_are_brushed_and_clicked_by_mouse(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
+    async with app.run_test(size=(200, 60)) as pilot:
+        for name in ("umap", "rooms", "orientation"):
+            await press(app, pilot, "c", KEYS[name])
+            panel = panels(app, name)[-1]
+            first = panel.x + panel.width // 4, panel.y + panel.height // 4 + 1
+            last = panel.x + panel.width * 3 // 4, panel.y + panel.height * 3 // 4 + 1
+            await drag(app, pilot, name, [first, last])
+            state = app.session.state
+            assert not state.is_error, name
+            assert state.expression != "all", name
+            assert state.brush is None, name
+
+        await press(app, pilot, "c", "7")
+        view = BY_NAME["errors"].input(app.renderer.scene)
+        panel = next(p for p in panels(app, "errors") if p.name == "real")
+        counts = errors_model(view, panel.width).real.total
+        await drag(app, pilot, "errors", [(panel.x + 3, panel.y + 2), (panel.x + 20, panel.y + 2)])
+        assert abs(int(app.session.state.selected.sum()) - int(counts[3:21].sum())) <= 1
+
+        await press(app, pilot, "c", "2")
+        panel, truth = panels(app, "map")[0], app.session.store.instances
+        column, row = panel.to_cells(float(truth.x[17]), float(truth.y[17]))
+        await pilot.click("#map", offset=(int(column), int(row) + 1))
+        await settle(app, pilot)
+        cursor = app.session.state.cursor
+        assert cursor is not None
+        assert np.hypot(truth.x[cursor] - truth.x[17], truth.y[cursor] - truth.y[17]) < 0.5
+        (left, top), (right, bottom) = cells = [(panel.x + 5, panel.y + 6),
+                                                (panel.x + 30, panel.y + 30)]  # fmt: skip
+        await drag(app, pilot, "map", cells)
+        places = [panel.to_cells(float(x), float(y)) for x, y in zip(truth.x, truth.y, strict=True)]
+        inside = [left <= column < right + 1 and top - 1 <= row < bottom for column, row in places]
+        assert np.array_equal(app.session.state.selected, inside)
+        assert any(inside)
+
+        await press(app, pilot, "c", "1")
+        panel = next(p for p in panels(app, "overview") if p.name == "dataaug")
+        y = panel.y + 1
+        await drag(app, pilot, "overview", [(panel.x + 2, y), (panel.x + panel.width - 2, y)])
+        assert not app.session.state.is_error, app.session.state.message
+        assert 'run("dataaug").real.accuracy:' in app.session.state.expression
+        await pilot.click("#overview", offset=(panel.x + 3, y))
+        await settle(app, pilot)
+        assert app.session.state.run == "dataaug"
+
+        await press(app, pilot, "c", "8")  # the wheel moves the cursor of a list without the focus
+        rows = instance_list.order(app.session.store, app.session.state, app.session.notes)
+        app.session.set_cursor(int(rows[4]))
+        await press(app, pilot, "1")
+        await pilot._post_mouse_events([MouseScrollDown], "#list", offset=(9, 9), button=0)
+        await settle(app, pilot)
+        assert (app.session.state.cursor, app.session.state.run) == (rows[5], "dataaug")
+
+
+async def test_notes_tags_and_selections_are_written_and_shown(tiny_store: Path) -> None:
+    app, other = make_app(tiny_store), Session(tiny_store, notebooks=Notebook)
+    async with app.run_test(size=(200, 60)) as pilot:
+        await press(app, pilot, "w", "number_sign", *"door", "enter", "e", *"glass", "enter", "8")
+        assert "#door: glass" in take_screenshot(app).text
+        other.writable_notebook.toggle_tag([2, 3], "theirs")
+        for tag, count in (("@door", "1 of 40"), ("@theirs", "2 of 40")):
+            await press(app, pilot, "slash")
+            app.query_line.value = tag
+            await press(app, pilot, "enter")
+            assert app.session.state.count == count
+        await press(app, pilot, "w", "at", "space", "enter")
+        assert app.prompt.is_open  # a name of blanks is refused
+        assert app.session.state.is_error
+        await press(app, pilot, "escape")
+        assert not app.prompt.is_open
+        await press(app, pilot, "at", *"bad", "enter", "c", "f")
+        assert "@bad" in take_screenshot(app).text
+        await press(app, pilot, "enter")
+        assert app.session.state.expression == "worst15"
+        await press(app, pilot, "f", "d", "escape")
+        assert "bad" not in app.session.notes.selections
+    other.close()
+
+
+async def test_notes_and_tags_need_instances_and_not_too_many(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        cursor = app.session.state.cursor
+        app.session.set_state(replace(app.session.state, cursor=None))
+        for key, what in (("e", "note"), ("number_sign", "tag")):
+            await press(app, pilot, key)
+            assert app.session.state.message == f"no instance for a {what}: select some"
+        assert not app.prompt.is_open
+        app.session.set_state(replace(app.session.state, cursor=cursor))
         await press(app, pilot, "c", "number_sign", *"many*")
         monkeypatch.setattr(annotations, "_MAX_TAGGED", 39)
         await press(app, pilot, "enter")
@@ -572,15 +455,3 @@ async def test_the_number_of_tagged_instances_is_limited(
         assert "nothing is selected" in app.session.state.message
         assert app.prompt.is_open
     assert {tag for r in app.session.notes.remarks.values() for tag in r.tags} == {"many"}
-
-
-async def test_notes_and_tags_without_an_instance_show_a_message(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
-        app.session.set_state(replace(app.session.state, cursor=None))
-        await press(app, pilot, "e")
-        assert app.session.state.message == "no instance for a note: select some"
-        await press(app, pilot, "number_sign")
-        assert app.session.state.message == "no instance for a tag: select some"
-        assert not app.prompt.is_open

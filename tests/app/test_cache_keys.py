@@ -122,6 +122,12 @@ NEVER_DRAWN = {
     "first_rows",  # no table of these scenes is longer than its view
 }  # fmt: skip
 
+IN_SCENE = {
+    "sliding": ("adjust", "map", "instance"), "findings": ("findings",),
+    "suggestions": ("suggestions",),
+}  # fmt: skip
+"""Views that differ from those of the plain scene; of the other scenes all views are compared."""
+
 
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
@@ -207,9 +213,10 @@ def test_a_changed_canvas_has_a_changed_cache_key(
     """And every field except the listed ones is drawn by some view of some scene."""
     drawn_fields = set()
     for scene_name, scene in scenes.items():
-        before = {view.name: draw(view, scene) for view in VIEWS}
+        views = [view for view in VIEWS if view.name in IN_SCENE.get(scene_name, (view.name,))]
+        before = {view.name: draw(view, scene) for view in views}
         for name, changed in changed_scenes(session, scene):
-            for view in VIEWS:
+            for view in views:
                 canvas, key = before[view.name]
                 has_changed_key = TitledView(view, changed).cache_key != key
                 if has_changed_key and name in drawn_fields:

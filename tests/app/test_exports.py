@@ -48,7 +48,10 @@ async def test_reports_contain_saved_selections_or_the_current_one(
             patch.setattr("s2rtui.export.report.build_report.session_report", failing_report)
             await press(app, pilot, "E")
         assert "ZeroDivisionError: oh" in app.session.state.message
-        await press(app, pilot, "E")
+        for _ in range(2):
+            app.export.write_report()
+        assert app.session.state.message == "a report is being written"
+        await settle(app, pilot)
         assert app.session.state.message == f"wrote {tmp_path / 's2r-report-001.html'}"
         assert len(list(tmp_path.glob("*.html"))) == 1
         saved = SavedSelection("worst15", 1, "vanilla", 6)
@@ -195,6 +198,9 @@ async def test_a_restricted_session_writes_only_to_the_user_data_folder(
             await press(app, pilot, key)
             assert app.session.state.is_error
             assert str(user_data_folder) in app.session.state.message
+        await press(app, pilot, "a")
+        assert app.session.state.message.startswith("not in a restricted session: adjust")
+        assert app.session.state.view != "adjust"
         assert not app.prompt.is_open
         app.output_folder = user_data_folder
         await press(app, pilot, "F")

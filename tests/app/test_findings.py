@@ -1,4 +1,4 @@
-"""Findings and grouped errors in the application: keys, selections, and several screens."""
+"""Findings, grouped errors and scrolled tables in the application."""
 
 from __future__ import annotations
 
@@ -6,10 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from textual.events import MouseScrollDown, MouseScrollUp
 
+from s2rstore.records import Room
+from s2rtui.app.key_bindings import footer
 from s2rtui.app.pilot import settle, take_screenshot
-from s2rtui.session import Session
+from s2rtui.canvas import RenderOptions
+from s2rtui.charts.compare.terminal import comparison_text
+from s2rtui.charts.rooms.groups import ordered
+from s2rtui.charts.rooms.view import VIEW
+from s2rtui.session import Session, navigation
 from s2rtui.session.error_groups import COLUMN_NAMES, GROUPINGS
+from tests.app.test_focused_view import message
+from tests.charts.examples import N, compare_input
+from tests.support import tiny
 from tests.support.application import make_app, press
 
 
@@ -81,12 +91,22 @@ async def test_the_rooms_view_groups_and_sorts_by_keys(tiny_store: Path) -> None
         assert app.session.state.sort != sort
 
 
-async def test_every_grouping_can_be_brushed(tiny_store: Path) -> None:
+async def test_every_grouping_can_be_brushed_and_enter_selects_the_row_of_the_instance(
+    tiny_store: Path,
+) -> None:
     app, other = make_app(tiny_store), Session(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "6")
-        for grouping in GROUPINGS[1:]:
-            await press(app, pilot, "c", "O", "x", "enter")
+        for number, grouping in enumerate(GROUPINGS):
+            await press(app, pilot, "c", *["O"] * (number > 0))
+            cursor = app.session.state.cursor
+            if grouping != "counts":  # a table with a row per group
+                await press(app, pilot, "enter")
+                state = app.session.state
+                assert state.expression != "all", grouping
+                assert state.message == f"selected {state.expression}: {state.count}"
+                assert state.selected[cursor]
+            await press(app, pilot, "c", "x", "enter")
             state = app.session.state
             assert state.grouping == grouping
             assert not state.is_error, grouping
@@ -116,3 +136,110 @@ def trained_split(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from tests.support import tiny
 
     return tiny.build(tmp_path_factory.mktemp("split") / "s.s2r", trained=("vanilla",))
+
+
+ROOMS = tuple(f"room {letter}" for letter in "abcdefghijkl")
+
+
+def rooms_shown(first: int, size: tuple[int, int] = (80, 12)) -> tuple[list[str], str]:
+    """The rooms in the table of a comparison that begins with the row `first`, and its last row."""
+    view = compare_input(
+        room=np.arange(N) % len(ROOMS), room_list=ROOMS, selected=np.ones(N, dtype=np.bool_),
+        first_room=first,
+    )  # fmt: skip
+    lines = comparison_text(view, size, RenderOptions()).lines()
+    rooms = [line[:6] for line in lines if line.startswith("room ") and line[5] != " "]
+    return rooms, lines[-1].strip()
+
+
+@pytest.mark.parametrize("size", [(80, 12), (60, 14)])
+def test_every_room_of_a_comparison_can_be_reached(size: tuple[int, int]) -> None:
+    top, note = rooms_shown(0, size)
+    assert note == f"rooms 1 to {len(top)} of 12 (down: more)"
+    seen: list[str] = []
+    for first in range(len(ROOMS)):
+        rooms, note = rooms_shown(first, size)
+        assert len(rooms) == len(top)
+        seen += rooms
+    assert set(seen) == set(ROOMS)
+    assert note == f"rooms {13 - len(top)} to 12 of 12 (up: the first ones)"
+
+
+@pytest.fixture
+def many_rooms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A store whose rooms are stripes of its floor."""
+    left, right = tiny.ROOMS[0], tiny.ROOMS[-1]
+    ends = np.linspace(left.x0, right.x1, len(ROOMS) + 1).tolist()
+    stripes = [
+        Room(name, place, ends[place], left.y0, ends[place + 1], left.y1)
+        for place, name in enumerate(ROOMS)
+    ]
+    monkeypatch.setattr(tiny, "ROOMS", stripes)
+    return tiny.build(tmp_path / "rooms.s2r")
+
+
+async def test_keys_scroll_the_table_of_the_comparison(many_rooms: Path) -> None:
+    app = make_app(many_rooms)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await press(app, pilot, "c", "9")
+        run, rooms = app.session.state.run, app.session.store.instances.room_names
+        text = take_screenshot(app).text
+        shown = int(text.partition("rooms 1 to ")[2].split()[0])
+        last = len(rooms) - shown + 1
+        assert f"rooms 1 to {shown} of {len(rooms)} (down: more)" in text
+        for key, first in (
+            ("down", 2), ("down", 3), ("up", 2), ("pagedown", last), ("down", last),
+            ("up", last - 1), ("home", 1), ("end", last), ("pageup", 1),
+        ):  # fmt: skip
+            await press(app, pilot, key)
+            place = f"rooms {first} to {first + shown - 1} of {len(rooms)}"
+            assert place in take_screenshot(app).text, key
+        assert app.session.state.run == run
+        assert ("up, down", "rows") in footer(80, app.session.state)
+
+
+async def test_keys_scroll_the_groups_of_the_rooms_view(many_rooms: Path) -> None:
+    app = make_app(many_rooms)
+    async with app.run_test(size=(80, 12)) as pilot:
+        await press(app, pilot, "c", "6")
+        before, count = take_screenshot(app).text, len(app.resources.groups.rows)
+        assert f"1-7/{count}" in before
+        await press(app, pilot, "down", "down")
+        assert f"3-9/{count}" in take_screenshot(app).text
+        await press(app, pilot, "end")
+        assert f"{count - 6}-{count}/{count}" in take_screenshot(app).text
+        await press(app, pilot, "full_stop")
+        assert f"1-7/{count}" in take_screenshot(app).text
+
+
+async def test_the_mouse_wheel_scrolls_the_rooms(many_rooms: Path) -> None:
+    app = make_app(many_rooms)
+    async with app.run_test(size=(80, 12)) as pilot:
+        await press(app, pilot, "c", "6")
+        plot, count = app.renderer.plot("rooms"), len(app.resources.groups.rows)
+        for event, first in ((MouseScrollDown, 2), (MouseScrollDown, 3), (MouseScrollUp, 2)):
+            turn = event(plot, 5, 5, 0, 0, 0, False, False, False, 5, 5)
+            plot.post_message(turn.stop())
+            await settle(app, pilot)
+            assert f"{first}-{first + 6}/{count}" in take_screenshot(app).text
+
+
+async def test_the_room_of_the_cursor_is_shown(many_rooms: Path) -> None:
+    app = make_app(many_rooms)
+    async with app.run_test(size=(80, 12)) as pilot:
+        await press(app, pilot, "c", "6")
+        data = VIEW.input(app.renderer.scene)
+        last, names = ordered(data)[-1].group.name, app.session.store.instances.room_names
+        assert last not in take_screenshot(app).text
+        members = app.session.store.instances.room == names.index(last)
+        app.session.dispatch(navigation.set_cursor, int(members.argmax()))
+        app.renderer.refresh()
+        await settle(app, pilot)
+        assert last in take_screenshot(app).text
+
+
+async def test_a_table_that_fits_says_so(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "c", "9", "down")
+        assert "shows all of its rows" in message(app)

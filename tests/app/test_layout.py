@@ -1,9 +1,10 @@
-"""The layout of the views: inside the screen, without overlap, with the active view visible."""
+"""The layout of the views: inside the screen, without overlap, rows by need."""
 
 from __future__ import annotations
 
 import itertools
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from textual.geometry import Region
@@ -51,3 +52,53 @@ def test_views_stay_inside_the_screen_and_do_not_overlap(
 def test_terminal_sizes_map_to_size_classes() -> None:
     expected = {(80, 24): "narrow", (120, 40): "medium", (200, 60): "wide", (30, 8): "tiny"}
     assert {size: size_class(*size) for size in expected} == expected
+
+
+def map_rows(view: str, width: int) -> int:
+    """A map twice as wide as high, and an instance of 20 rows; others take all."""
+    return {"map": width // 4 + 4, "instance": 20}.get(view, 0)
+
+
+def request(**fields: object) -> LayoutRequest:
+    return LayoutRequest("map", "map", "instance", 15, **fields)  # type: ignore[arg-type]
+
+
+def test_a_flat_map_leaves_its_free_rows_to_another_view() -> None:
+    regions = arrange("medium", 120, 37, request(rows=map_rows))
+    assert regions["map"].height == map_rows("map", regions["map"].width)
+    assert regions["errors"].y == regions["map"].bottom + 1
+    assert regions["errors"].bottom == 37
+
+
+def test_a_map_that_fills_its_rows_stays_alone() -> None:
+    regions = arrange("medium", 120, 37, request(rows=lambda view, width: 37))
+    assert set(regions) == {"map", "overview", "instance"}
+    assert regions["map"].height == 37
+
+
+def test_a_high_map_leaves_columns_to_the_instance() -> None:
+    high = arrange("medium", 120, 37, request(rows=lambda view, width: width))
+    low = arrange("medium", 120, 37, request(rows=lambda view, width: width // 3))
+    assert high["map"].width == 120 // 3
+    assert low["map"].width > high["map"].width
+    assert low["instance"].width < high["instance"].width
+
+
+@pytest.mark.parametrize(("most", "rows"), [(15, 15), (14, 12), (12, 12), (11, 9), (3, 3)])
+def test_the_overview_shrinks_by_whole_steps(most: int, rows: int) -> None:
+    assert request(overview_step=3).fitting_overview(most) == rows
+
+
+@pytest.mark.parametrize(("width", "height"), [(120, 37), (200, 57)])
+def test_a_filled_screen_shows_one_view(width: int, height: int) -> None:
+    size = "wide" if width > 150 else "medium"
+    regions = arrange(size, width, height, request(filled="umap", rows=map_rows))
+    assert list(regions) == ["umap"]
+    assert regions["umap"].size == (width, height)
+
+
+def test_a_view_is_never_placed_twice() -> None:
+    wide = LayoutRequest("list", "list", "instance", 15, rows=map_rows)
+    regions = arrange("wide", 200, 57, wide)
+    assert regions["list"].bottom < regions["findings"].y
+    assert regions["findings"].bottom == 57

@@ -8,7 +8,6 @@ import weakref
 from collections.abc import AsyncIterator, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +29,7 @@ from s2rtui.loaders import store_data
 from s2rtui.session import Brush, Session, State, navigation, pending_target, shared_selection
 from s2rtui.session.state import PendingTarget, Step
 from tests.support import tiny
+from tests.support.application import make_app
 
 RUNS = ("vanilla", "b", "c")
 
@@ -69,12 +69,6 @@ class DelayedLossColumns:
     app: S2RApp
     pilot: Pilot[None]
     release: threading.Event
-
-
-def make_app(path: Path) -> S2RApp:
-    app = S2RApp(Session(path), RenderOptions())
-    app.load_scheduler.debounce_seconds = 0.001
-    return app
 
 
 async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
@@ -204,46 +198,6 @@ async def test_an_undone_expression_waits_for_its_columns(
     assert (app.session.state.expression, app.session.state.past) == ("all", past)
 
 
-async def test_redo_cancels_a_pending_undo(delayed_losses: DelayedLossColumns) -> None:
-    app, pilot = delayed_losses.app, delayed_losses.pilot
-    before = app.session.state
-    await press(app, pilot, "u", "U")
-    assert "(selecting)" not in take_screenshot(app).text
-    delayed_losses.release.set()
-    await settle(app, pilot)
-    after = app.session.state
-    assert (after.expression, after.past, after.future) == ("all", before.past, ())
-
-
-async def test_repeated_undo_accumulates_while_one_is_pending(
-    delayed_losses: DelayedLossColumns,
-) -> None:
-    app, pilot = delayed_losses.app, delayed_losses.pilot
-    past = app.session.state.past
-    app.session.set_state(
-        replace(app.session.state, past=(*past, Step("real.loss > 0.001", "vanilla")))
-    )
-    await press(app, pilot, "u", "u")
-    assert app.session.state.expression == "all"
-    delayed_losses.release.set()
-    await settle(app, pilot)
-    state = app.session.state
-    assert (state.expression, state.past) == ("real.loss > 0", past[:-1])
-    assert state.future == (Step("all", "vanilla"), Step("real.loss > 0.001", "vanilla"))
-
-
-async def test_undo_cancels_a_pending_selection(delayed_losses: DelayedLossColumns) -> None:
-    app, pilot = delayed_losses.app, delayed_losses.pilot
-    before = app.session.state
-    app.session.select("real.loss > 0.001")
-    app.renderer.refresh()
-    await press(app, pilot, "u")
-    delayed_losses.release.set()
-    await settle(app, pilot)
-    after = app.session.state
-    assert (after.expression, after.past, after.pending) == ("all", before.past, None)
-
-
 async def test_a_pending_selection_consumes_its_operator_and_keeps_a_later_brush(
     delayed_losses: DelayedLossColumns,
 ) -> None:
@@ -261,30 +215,6 @@ async def test_a_pending_selection_consumes_its_operator_and_keeps_a_later_brush
     assert (state.brush, state.operator) == (brush, "union")
 
 
-async def test_changing_trajectories_keeps_a_pending_selection(
-    delayed_losses: DelayedLossColumns,
-) -> None:
-    app, pilot = delayed_losses.app, delayed_losses.pilot
-    app.session.select("real.loss > 0")
-    app.renderer.refresh()
-    await press(app, pilot, "t")
-    assert app.session.state.trajectories is not None
-    delayed_losses.release.set()
-    await settle(app, pilot)
-    assert app.session.state.expression == "real.loss > 0"
-
-
-async def test_a_newer_selection_replaces_a_pending_undo(
-    delayed_losses: DelayedLossColumns,
-) -> None:
-    app, pilot = delayed_losses.app, delayed_losses.pilot
-    await press(app, pilot, "u", "w")
-    assert (app.session.state.expression, app.session.state.pending) == ("worst15", None)
-    delayed_losses.release.set()
-    await settle(app, pilot)
-    assert app.session.state.expression == "worst15"
-
-
 def test_a_selection_made_during_a_run_change_is_kept(
     store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -298,22 +228,6 @@ def test_a_selection_made_during_a_run_change_is_kept(
     assert (session.complete_pending().run, session.state.expression) == ("b", "straight")
 
 
-def test_a_pending_selection_keeps_the_pending_run(
-    store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
-    session = Session(store)
-    session.defers_loading = True
-    session.set_state(replace(session.state, pending=PendingTarget("b", 1)))
-    for select in (session.select, partial(session.dispatch, shared_selection.select_text)):
-        select("real.loss > 0")
-        pending = session.state.pending
-        assert pending is not None
-        assert (pending.run, pending.text) == ("b", "real.loss > 0")
-    assert (session.complete_pending().run, session.state.expression) == ("b", "real.loss > 0")
-    session.close()
-
-
 async def test_the_newest_requested_run_is_shown(store: Path, gate: threading.Event) -> None:
     app = make_app(store)
     async with app.run_test(size=(80, 24)) as pilot:
@@ -322,18 +236,6 @@ async def test_the_newest_requested_run_is_shown(store: Path, gate: threading.Ev
         gate.set()
         await settle(app, pilot)
         assert app.session.state.run == "c"
-
-
-async def test_returning_to_the_current_run_cancels_the_request(
-    store: Path, gate: threading.Event
-) -> None:
-    app = make_app(store)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await press(app, pilot, "r", "R")
-        assert app.session.state.pending is None
-        gate.set()
-        await settle(app, pilot)
-        assert app.session.state.run == "vanilla"
 
 
 async def test_the_compared_run_is_read_in_the_background(
@@ -537,17 +439,6 @@ def with_brush_and_operator(session: Session, **fields: object) -> tuple[Brush, 
     brush = Brush("map", Mark("map", ((1.0, 1.0), (3.0, 2.0))))
     state = replace(session.state, brush=brush, operator="union", **fields)
     return brush, session.set_state(state)
-
-
-def test_an_arriving_run_keeps_brush_and_operator(store: Path) -> None:
-    session = Session(store)
-    brush, before = with_brush_and_operator(
-        session, pending=PendingTarget("b", session.state.generation)
-    )
-    state = session.complete_pending()
-    assert (state.run, state.pending) == ("b", None)
-    assert (state.brush, state.operator) == (brush, before.operator)
-    session.close()
 
 
 def test_a_pending_run_may_be_missing_from_the_newer_generation(store_copy: Path) -> None:

@@ -76,60 +76,20 @@ async def test_unreadable_images_are_not_shown_as_loading(
     app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c")
+        assert subtitle(app, "overview") == "accuracy; a line per instance, real"
+        lines = app.resources.lines
+        await pilot.press("d")
+        app.resources = replace(app.resources, lines=lines)  # labelled by their own side
+        assert subtitle(app, "overview") == "accuracy; a line per instance, real"
         monkeypatch.setattr(store_data, "instance_input", lambda *_: 1 / 0)
         await press(app, pilot, "right")
+        assert "pictures" in app.session.state.message
         assert loading(app, "instance") == ""
         assert "division by zero" in subtitle(app, "instance")
         monkeypatch.undo()
         await press(app, pilot, "right")
         assert subtitle(app, "instance").startswith(f"{app.session.state.cursor}, ")
         assert "division" not in subtitle(app, "instance")
-
-
-async def test_the_heatmap_of_another_instance_is_labelled(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await press(app, pilot, "c", "o")
-        before = app.session.state.cursor
-        label = BY_NAME["map"].input(app.renderer.scene).heat_label
-        await press_without_loading(app, pilot, "n")
-        shown = BY_NAME["map"].input(app.renderer.scene)
-        assert shown.heat is not None
-        assert shown.heat_label == f"{label}, of {before}"
-
-
-async def test_the_heatmap_of_an_earlier_selection_is_labelled(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await press(app, pilot, "c", "o", "o")
-        await press_without_loading(app, pilot, "w")
-        assert "of an earlier selection" in BY_NAME["map"].input(app.renderer.scene).heat_label
-
-
-@pytest.mark.parametrize("key", ["w", "d", "r"])
-async def test_the_seen_floor_of_an_earlier_selection_is_not_used(
-    tiny_store: Path, key: str
-) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await press(app, pilot, "c", "C")
-        assert BY_NAME["map"].input(app.renderer.scene).clip is not None
-        await press_without_loading(app, pilot, key)
-        assert BY_NAME["map"].input(app.renderer.scene).clip is None
-        assert "loading what the selection saw" in subtitle(app, "map")
-
-
-async def test_lines_are_labelled_by_their_side(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await press(app, pilot, "c")
-        assert subtitle(app, "overview") == "accuracy; a line per instance, real"
-        lines = app.resources.lines
-        await pilot.press("d")
-        app.resources = replace(app.resources, lines=lines)
-        assert subtitle(app, "overview") == "accuracy; a line per instance, real"
 
 
 async def test_a_live_prediction_is_shown_only_for_its_run_and_instance(tiny_store: Path) -> None:
@@ -215,3 +175,33 @@ async def test_a_slow_loader_does_not_block_the_others(
         release.set()
         await settle(app, pilot)
         assert sum(started) == 2
+
+
+@pytest.mark.parametrize(
+    ("keys", "key", "label"),
+    [("co", "n", ", of {}"), ("co", "h", None), ("coo", "w", "of an earlier selection")],
+)
+async def test_heat_of_an_earlier_state_is_labelled_or_hidden(
+    tiny_store: Path, keys: str, key: str, label: str | None
+) -> None:
+    app = make_app(tiny_store)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await press(app, pilot, *keys)
+        cursor = app.session.state.cursor
+        await press_without_loading(app, pilot, key)
+        shown = BY_NAME["map"].input(app.renderer.scene)
+        assert (shown.heat is None) == (label is None)
+        assert label is None or label.format(cursor) in shown.heat_label
+
+
+@pytest.mark.parametrize("key", ["w", "d", "r"])
+async def test_the_seen_floor_of_an_earlier_selection_is_not_used(
+    tiny_store: Path, key: str
+) -> None:
+    app = make_app(tiny_store)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await press(app, pilot, "c", "C")
+        assert BY_NAME["map"].input(app.renderer.scene).clip is not None
+        await press_without_loading(app, pilot, key)
+        assert BY_NAME["map"].input(app.renderer.scene).clip is None
+        assert "loading what the selection saw" in subtitle(app, "map")

@@ -48,19 +48,6 @@ async def test_mouse_moves_are_coalesced(tiny_store: Path, monkeypatch: pytest.M
     assert app.session.state.expression.startswith("box(")
 
 
-def test_one_message_is_queued_per_drag() -> None:
-    drag = Drag("map", (1, 1))
-    assert not drag.move((1, 1))
-    assert drag.move((2, 1))
-    assert drag.claim_message()
-    assert drag.move((3, 1))
-    assert not drag.claim_message()
-    assert drag.taken() == Stroke("map", (1, 1), ((2, 1), (3, 1)), False)
-    drag.end()
-    assert drag.claim_message()
-    assert drag.taken().done
-
-
 async def test_a_mark_applied_by_a_key_is_not_applied_again(tiny_store: Path) -> None:
     app = S2RApp(Session(tiny_store), RenderOptions())
     async with app.run_test(size=(120, 40)) as pilot:
@@ -104,7 +91,7 @@ async def test_a_drag_moves_one_slider_while_the_sliders_scroll(tiny_store: Path
         assert moved == [app.session.state.adjust.sliders[int(panel.name)].key]
 
 
-async def test_sliders_cannot_be_brushed(tiny_store: Path) -> None:
+async def test_sliders_and_findings_cannot_be_brushed(tiny_store: Path) -> None:
     app = S2RApp(Session(tiny_store), RenderOptions())
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -113,6 +100,14 @@ async def test_sliders_cannot_be_brushed(tiny_store: Path) -> None:
         await pilot.press("x")
         assert app.session.state.message.startswith("nothing to brush in adjust")
         await pilot.press("enter")
+        assert app.session.state.brush is None
+        await pilot.press("I")
+        await settle(app, pilot)
+        await pilot.mouse_down("#findings", offset=(5, 2))
+        await pilot.hover("#findings", offset=(30, 9))
+        await pilot.mouse_up("#findings", offset=(40, 12))
+        await settle(app, pilot)
+        assert app.is_running
         assert app.session.state.brush is None
 
 
@@ -143,27 +138,3 @@ async def test_wheel_events_are_coalesced(
         assert max(view.width / bounds.width, view.height / bounds.height) == pytest.approx(
             view_settings.CLOSEST
         )
-
-
-def test_wheel_steps_are_summed_until_taken() -> None:
-    wheel = Wheel("map")
-    assert wheel.turn((1, 1), 1)
-    assert not wheel.turn((1, 2), 1)
-    assert not wheel.turn((2, 2), -1)
-    assert (wheel.cell, wheel.take_steps()) == ((2, 2), 1)
-    assert wheel.turn((2, 2), -1)
-    assert (wheel.cell, wheel.take_steps()) == ((2, 2), -1)
-
-
-async def test_a_drag_over_findings_draws_no_brush(tiny_store: Path) -> None:
-    app = S2RApp(Session(tiny_store), RenderOptions())
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
-        await pilot.press("I")
-        await settle(app, pilot)
-        await pilot.mouse_down("#findings", offset=(5, 2))
-        await pilot.hover("#findings", offset=(30, 9))
-        await pilot.mouse_up("#findings", offset=(40, 12))
-        await settle(app, pilot)
-        assert app.is_running
-        assert app.session.state.brush is None

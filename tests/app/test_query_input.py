@@ -6,11 +6,7 @@ from pathlib import Path
 
 from textual import events
 
-from s2rtui.app.app import S2RApp
-from s2rtui.app.pilot import settle
 from s2rtui.app.widgets.query_input import QueryInput
-from s2rtui.canvas import RenderOptions
-from s2rtui.session import Session
 from tests.support.application import make_app, press
 
 
@@ -32,14 +28,6 @@ async def test_completion_at_the_cursor(tiny_store: Path) -> None:
             await pilot.pause()
             assert line.value == completed.replace("^", "")
             assert line.cursor_position == completed.index("^")
-
-
-async def test_repeated_tab_cycles_through_the_candidates(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(app, pilot)
-        await pilot.press("slash")
-        line = app.query_one(QueryInput)
         line.value, line.cursor_position = "room: & all", 5
         values = []
         for _ in range(3):
@@ -48,14 +36,7 @@ async def test_repeated_tab_cycles_through_the_candidates(tiny_store: Path) -> N
             values.append(line.value)
         assert values == ['room:"left hall" & all', "room:right & all", 'room:"left hall" & all']
         assert 'room:"left hall" (room)  room:right (room)' in app.session.state.message
-
-
-async def test_edits_between_two_completions_are_kept(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await press(app, pilot, "slash")
-        line = app.query_one(QueryInput)
-        for change in ("paste", "click"):
+        for change in ("paste", "click"):  # edits between two completions are kept
             line.value, line.cursor_position = "room:", 5
             await pilot.press("tab")
             if change == "paste":
@@ -70,22 +51,15 @@ async def test_edits_between_two_completions_are_kept(tiny_store: Path) -> None:
             assert line.value == expected
 
 
-async def test_a_saved_name_is_shown_quoted(tiny_store: Path) -> None:
+async def test_a_saved_name_is_quoted_and_a_hint_ends_with_its_input(tiny_store: Path) -> None:
     app = make_app(tiny_store)
     async with app.run_test(size=(80, 24)) as pilot:
-        await settle(app, pilot)
-        await pilot.press("at", *"two", "space", *"words", "enter")
-        await settle(app, pilot)
+        await press(app, pilot, "at", *"two", "space", *"words", "enter")
         message = app.session.state.message
         assert message == 'saved as @"two words"'
         app.session.select(message.removeprefix("saved as "))
         assert not app.session.state.is_error
-
-
-async def test_the_hint_of_an_input_is_cleared_when_it_closes(tiny_store: Path) -> None:
-    app = S2RApp(Session(tiny_store), RenderOptions())
-    async with app.run_test(size=(80, 24)) as pilot:
-        await pilot.press("F")
+        await press(app, pilot, "F")
         assert ".parquet" in app.session.state.message
-        await pilot.press("escape")
+        await press(app, pilot, "escape")
         assert app.session.state.message == ""

@@ -1,4 +1,4 @@
-"""Small terminals: the most important parts come first, and the rest can be scrolled."""
+"""Small terminals: the most important parts come first, and texts are shown completely."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rich.cells import cell_len
 
 from s2rtui.app.app import S2RApp
-from s2rtui.app.pilot import settle, snapshot, take_screenshot
+from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.screens.doctor import DoctorScreen
 from s2rtui.app.status_line import status_line
 from s2rtui.app.titled_view import truncated
@@ -19,9 +19,10 @@ from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.charts.registry import VIEWS
 from s2rtui.cli.formatting.rows import table
 from s2rtui.session import Session
-from s2rtui.terminal import diagnostics
 from s2rtui.terminal.capabilities import detect
 from s2rtui.terminal.test_card import card_height, draw_card
+from tests.support import tiny
+from tests.support.application import make_app, press
 
 
 @pytest.fixture(scope="module")
@@ -116,21 +117,54 @@ def test_a_card_has_the_computed_height(width: int, rows: list[tuple[str, str]])
     assert lines[height - 1] or width > 60
 
 
-def test_the_diagnostics_show_the_detected_reason() -> None:
-    detected = detect("auto", False, {"TERM": "vt100", "LANG": "C.UTF-8"})
-    assert ("colours", "none: no colour by TERM=vt100") in diagnostics.terminal(detected)
-
-
-def test_titles_are_not_cut(tiny_store: Path) -> None:
-    lines = snapshot(tiny_store, (120, 40), []).text.splitlines()
-    titles = [line for line in lines if any(f"{view.key} {view.name}" in line for view in VIEWS)]
-    assert titles
-    assert not any("…" in title for title in titles)
-
-
 @pytest.mark.parametrize("width", range(8, 24))
 def test_titles_and_tables_count_cells(width: int) -> None:
     text = "所有世界 is 12.5 m"
     assert cell_len(truncated(text, width, RenderOptions())) <= width
     lines = table(["name", "value"], [["所有", 1], ["all", 12]]).splitlines()
     assert {cell_len(line) for line in lines} == {11}
+
+
+SCREENS = Path(__file__).parent / "screens"
+STORED = [
+    path for path in sorted(SCREENS.glob("*.txt"))
+    if path.name.split("-")[0] in {"trained", *(view.name for view in VIEWS)}
+]  # fmt: skip
+
+
+def test_no_stored_screen_of_a_view_has_a_cut_text() -> None:
+    assert len(STORED) > 60
+    for path in STORED:
+        text = path.read_text(encoding="utf-8")
+        assert ("~" if "ascii" in path.name else "…") not in text, path.name
+
+
+async def test_a_small_screen_has_no_cut_text(tmp_path: Path) -> None:
+    app = make_app(tiny.build(tmp_path / "half.s2r", trained=("vanilla",)))
+    async with app.run_test(size=(60, 20)) as pilot:
+        for population in ("c", "M"):
+            await press(app, pilot, population)
+            for view in VIEWS:
+                if view.from_store:
+                    await press(app, pilot, view.key)
+                    assert "…" not in take_screenshot(app).text, view.name
+            for mode in ("m", "m", "m"):
+                await press(app, pilot, "2", mode)
+                assert "…" not in take_screenshot(app).text, mode
+
+
+async def test_a_long_title_has_a_second_line_and_the_mouse_still_hits(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
+    async with app.run_test(size=(60, 20)) as pilot:
+        await press(app, pilot, "c", "8")
+        assert app.renderer.title_rows("list") == 1
+        await press(app, pilot, "full_stop", "full_stop", "full_stop", "full_stop")
+        assert app.session.state.sort == "real.heading_error"
+        lines = take_screenshot(app).text.splitlines()
+        assert app.renderer.title_rows("list") == 2
+        assert "by real.heading_error_deg" in " ".join(lines[1:3])
+        first = int(lines[4].replace("▶", " ").split()[0])
+        await pilot.click("#list", offset=(8, 3))
+        await press(app, pilot)
+        await pilot.pause()
+        assert app.session.state.cursor == first

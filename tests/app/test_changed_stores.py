@@ -1,4 +1,4 @@
-"""The application on a run of imported predictions."""
+"""The application on a run of imported predictions, and after instances are appended."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import VIEWS
 from s2rtui.cli import main
 from s2rtui.session import Session
+from tests.support.appended import append_trajectory
 from tests.support.application import press
 from tests.support.predictions import Made, make, write_csv
 
@@ -69,3 +70,40 @@ async def test_a_session_moves_on_to_predictions_that_were_imported_again(
         assert app.session.state.run == "theirs"
         assert (app.session.store.run_columns("theirs").real.x != before).any()
         assert "imported" in app.renderer.status_text()
+
+
+ADDED = 5
+
+
+def test_every_view_draws_after_an_append(store_copy: Path) -> None:
+    async def run() -> None:
+        app = S2RApp(Session(store_copy), RenderOptions())
+        async with app.run_test(size=(120, 40)) as pilot:
+            await settle(app, pilot)
+            append_trajectory(store_copy, "a0", ADDED)
+            app.store_updates.check_store()
+            await settle(app, pilot)
+            assert app.session.state.newest > app.session.state.generation
+            await pilot.press("g")
+            await settle(app, pilot)
+            assert "5 instances added" in app.session.state.message
+            for view in VIEWS:
+                if view.name == "adjust":  # the store has no weights
+                    continue
+                await pilot.press(view.key)
+                await settle(app, pilot)
+                assert not app.session.state.is_error, (view.name, app.session.state.message)
+            assert app.session.state.selected.size == N + ADDED
+            assert "computed for 40 of 45 instances" in app.renderer.status_text()
+            app.session.set_cursor(N)
+            app.renderer.refresh()
+            await settle(app, pilot)
+            assert not app.session.state.is_error
+            notes = dict(app.resources.pictures.notes)
+            assert notes["heat"] == (
+                "instance 40: feature_distance of run 'vanilla' is not computed; "
+                "run `s2r precompute`"
+            )
+            assert app.resources.pictures.sim.rgb.size
+
+    asyncio.run(run())

@@ -1,8 +1,9 @@
-"""Quitting during saves and loads is immediate, reports unsaved work and leaves no processes."""
+"""Quitting leaves no process; errors are shown in one line; a restricted session."""
 
 from __future__ import annotations
 
 import asyncio
+import json
 import re
 import sys
 import threading
@@ -16,9 +17,14 @@ import pytest
 import s2rstore
 from bench.support.processes import commands_below, wait_until
 from bench.support.screen import RIGHT, Screen
+from s2rstore.index.transaction import edit
+from s2rtools.adjustments import parse_adjustment
 from s2rtui.app import load_scheduler
 from s2rtui.app.app import S2RApp
+from s2rtui.app.controllers.navigation import NavigationController
+from s2rtui.app.pilot import settle
 from s2rtui.canvas import RenderOptions
+from s2rtui.charts.map.view import VIEW as MAP
 from s2rtui.cli import main
 from s2rtui.loaders import LOADERS
 from s2rtui.session import Session
@@ -159,3 +165,78 @@ def test_an_unexpected_error_while_starting_is_printed_in_one_line(
     assert output_after_exit(screen) == (
         "s2r: internal error: KeyError: 'no such thing' (--debug shows the traceback)"
     )
+
+
+def fail(*arguments: object) -> None:
+    raise KeyError("no such thing")
+
+
+@pytest.mark.parametrize("keys", [("V",), ("x", "right", "enter"), "drag"])
+async def test_an_unexpected_error_is_shown_and_the_application_runs_on(
+    tiny_store: Path, monkeypatch: pytest.MonkeyPatch, keys: tuple[str, ...] | str
+) -> None:
+    monkeypatch.setattr(NavigationController, "fill_screen", fail)
+    monkeypatch.setattr(type(MAP), "to_expression", fail)
+    app = S2RApp(Session(tiny_store), RenderOptions())
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        if keys == "drag":
+            await pilot.mouse_down("#map", offset=(20, 10))
+            await pilot.mouse_up("#map", offset=(40, 20))
+        else:
+            await pilot.press(*keys)
+        monkeypatch.undo()
+        await settle(app, pilot)
+        assert app.fault is None
+        assert app.session.state.message == "internal error: KeyError: 'no such thing'"
+        assert app.session.state.is_error
+        await pilot.press("escape", "escape", "w")
+        await settle(app, pilot)
+        assert app.session.state.expression == "worst15"
+
+
+async def test_a_state_that_cannot_be_drawn_is_left(
+    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = S2RApp(Session(tiny_store), RenderOptions())
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        before = app.session.state
+        draw = type(MAP).draw
+
+        def draw_one_mode(self: object, scene, *arguments: object):
+            return draw(self, scene, *arguments) if scene.state.map_mode == "colour" else fail()
+
+        monkeypatch.setattr(type(MAP), "draw", draw_one_mode)
+        await pilot.press("m")
+        await settle(app, pilot)
+        assert app.fault is None
+        assert app.session.state.map_mode == before.map_mode
+        assert "internal error" in app.session.state.message
+
+
+def test_an_adjusted_run_shows_its_unadjusted_images(store_copy: Path, tmp_path: Path) -> None:
+    with edit(store_copy) as draft:
+        adjusted = {"real_adjustments": json.dumps(parse_adjustment("real:brightness=1.5")["real"])}
+        draft.update("run", {"run": "dataaug"}, adjusted)
+    environment = {
+        "XDG_DATA_HOME": str(tmp_path / "share"),
+        "PYTHONPATH": ":".join(path for path in sys.path if path),
+    }
+    command = [sys.executable, "-m", "s2rtui", "tui", "--restricted", "--run", "dataaug"]
+    screen = Screen([*command, str(store_copy)], (120, 40), environment)
+    try:
+        screen.wait_for("any key begins")
+        screen.press("\x1b")
+        screen.wait_for("run dataaug")
+        screen.wait_for("before")
+        screen.press("a")
+        screen.wait_for("not in a restricted session")
+        screen.press("r")
+        screen.wait_for("run vanilla")
+        screen.wait_for(lambda text: "before" not in text)
+        screen.press("q")
+        assert screen.wait_for_end() == 0
+        assert b"Traceback" not in screen.raw
+    finally:
+        screen.close()
