@@ -123,13 +123,6 @@ def test_expressions_take_fields_with_their_units(tiny_store: Path) -> None:
         assert to_text(parse(text)) == 'run("dataaug").real.error > 0.5 & heading:90+-45'
 
 
-def test_columns_may_be_asked_for_with_their_units(rows) -> None:
-    named = rows("query", "ids(3..5)", "--columns", "iid,real.error_m,heading_deg")
-    plain = rows("query", "ids(3..5)", "--columns", "iid,real.error,heading")
-    assert list(named[0]) == ["iid", "real.error_m", "heading_deg"]
-    assert [list(row.values()) for row in named] == [list(row.values()) for row in plain]
-
-
 @pytest.mark.parametrize("missing", [(), ("outlier",)])
 def test_stores_of_earlier_versions_have_columns_with_units(
     store_copy: Path, missing: tuple[str, ...]

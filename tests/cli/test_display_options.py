@@ -1,4 +1,4 @@
-"""The options `--theme`, `--symbols` and `--remember`, and the detection of light terminals."""
+"""Detection of terminals and the options `--theme`, `--symbols` and `--remember`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from s2rstore.errors import RequestError
-from s2rtui.canvas import DARK, LIGHT, THEMES, Theme
+from s2rtui.canvas import DARK, LIGHT, THEMES, ColourMode, Theme
 from s2rtui.canvas.block_symbols import SYMBOL_SETS
 from s2rtui.cli.command_parser import build_parser
 from s2rtui.cli.display_arguments import (
@@ -18,7 +18,7 @@ from s2rtui.cli.display_arguments import (
     add_display_options,
     detect_display,
 )
-from s2rtui.terminal.capabilities import Terminal, detect
+from s2rtui.terminal.capabilities import Terminal, detect, refuse_unusable
 from s2rtui.user_data.display_settings import (
     DisplaySettings,
     read_settings,
@@ -125,3 +125,35 @@ def test_commands_that_draw_have_one_theme_option(
     shown = capsys.readouterr().out
     assert "--theme {auto,dark,light}" in shown
     assert f"deprecated: --theme {old}" in shown
+
+
+@pytest.mark.parametrize(
+    ("environment", "mode", "ascii"),
+    [
+        ({"COLORTERM": "truecolor", "TERM": "xterm-256color"}, ColourMode.TRUECOLOR, False),
+        ({"TERM": "xterm-256color", "LANG": "en_US.UTF-8"}, ColourMode.PALETTE, False),
+        ({"TERM": "xterm-direct"}, ColourMode.TRUECOLOR, False),
+        ({"TERM": "linux"}, ColourMode.ANSI, False),
+        ({"TERM": "vt100"}, ColourMode.NONE, False),
+        ({"NO_COLOR": "1", "COLORTERM": "truecolor"}, ColourMode.NONE, False),
+        ({"TERM": "xterm-256color", "LANG": "C"}, ColourMode.PALETTE, True),
+        ({"TERM": "xterm-256color", "LANG": "C", "LC_CTYPE": "C.UTF-8"}, ColourMode.PALETTE, True),
+        ({"TERM": "xterm", "LC_ALL": "POSIX", "LANG": "en_US.UTF-8"}, ColourMode.ANSI, True),
+    ],
+)
+def test_the_environment_determines_the_colour_mode(
+    environment: dict[str, str], mode: ColourMode, ascii: bool
+) -> None:
+    detected = detect(environment=environment)
+    assert (detected.mode, detected.ascii) == (mode, ascii)
+    assert detected.reason
+
+
+def test_options_override_the_environment() -> None:
+    detected = detect("256", True, {"COLORTERM": "truecolor"})
+    assert (detected.mode, detected.ascii) == (ColourMode.PALETTE, True)
+
+
+def test_a_missing_terminal_is_rejected_with_advice() -> None:
+    with pytest.raises(RequestError, match="s2r snapshot"):
+        refuse_unusable({"TERM": "xterm"})

@@ -81,11 +81,6 @@ def test_shown_groups_count_the_new_instances(store: Path, grouping: str, capsys
         assert row["low_m"] is None or row["low_m"] <= row["real_m"] <= row["high_m"]
 
 
-def test_an_unknown_sort_column_lists_the_known_ones(store: Path, capsys) -> None:
-    assert main(["show", str(store), "rooms", "--sort", "rubbish"]) == 2
-    assert "real_m" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(
     ("view", "column", "listed"), [("list", "real_m", "real.error"), ("rooms", "gap", "gap_m"),
                                    ("list", "", "gap"), ("rooms", "iid", "group")],
@@ -95,14 +90,6 @@ def test_a_column_that_the_view_does_not_have_is_rejected(
 ) -> None:
     assert main(["show", str(store), view, "--sort", column]) == 2
     assert listed in capsys.readouterr().err
-
-
-def test_the_list_is_sorted_by_columns_with_and_without_unit(store: Path, capsys) -> None:
-    shown = []
-    for column in ("gap", "gap_m", "sim.error_m", "sim.error"):
-        assert main(["show", str(store), "list", "--sort", column, "--json"]) == 0
-        shown.append([row["iid"] for row in json.loads(capsys.readouterr().out)])
-    assert shown[0] == shown[1] != shown[2] == shown[3]
 
 
 def test_a_named_file_that_is_no_history_is_rejected(store: Path, tmp_path: Path, capsys) -> None:

@@ -277,6 +277,7 @@ def _generation(path: Path) -> int:
         return store.generation
 
 
+@pytest.mark.usefixtures("small_figures")
 def test_findings_lead_with_the_run_and_selection_that_were_asked_for(tmp_path: Path) -> None:
     """Findings of the first run, if it was not asked for, come last and say so."""
     path = tiny.build(tmp_path / "s.s2r", 40)

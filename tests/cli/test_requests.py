@@ -55,6 +55,31 @@ INVALID_REQUESTS = [
     ("nosuchcommand", "nosuchcommand"),
     ("runs /nowhere/x.s2r", "no such folder"),
     ("query STORE \udcff", "UTF-8"),
+    ("export STORE --view adjust --out a.png", "adjust"),
+    ("export STORE --view map --out a.gif", ".pdf"),
+    ("export STORE --view workbench --out a.svg", ".png"),
+    ("export STORE --view map --out a.png --size 10x10", "--size"),
+    ("export STORE --view map --out a.png --heat feature_distance", "--on selection"),
+    ("export STORE --view map --out a.png --heat rubbish", "feature_distance"),
+    ("export STORE --view map --out a.png --heat occlusion:x", "occlusion:rgb"),
+    ("export STORE --view map --out a.png --trajectory c", "one of a, b"),
+    ("export STORE --view map --out a.png --iid 40", "0 to 39"),
+    ("export STORE --view compare --out a.png --with vanilla", "dataaug"),
+    ("export STORE --view list --out a.png --sort rubbish", "real.error"),
+    ("export STORE --view instance --out a.png --select none", "selects nothing"),
+    ("export STORE --view map --out no/folder/a.png", "cannot be written"),
+    ("export STORE --view map --out a.png --cmap jet", "--cmap jet: must be one of turbo, viridis"),
+    ("export STORE --view map --out a.png --width 900", "--width 900: must be 40 to 420"),
+    ("export STORE --view map --out a.png --dpi 5", "--dpi 5: must be 72 to 1200"),
+    (
+        "export STORE --view map --out a.png --width 80 --size 300x300",
+        "--size: pixels; leave it",
+    ),
+    ("tui STORE --graphics --ascii", "--ascii"),
+    ("tui STORE --cell-size 10x20", "--graphics"),
+    ("query STORE all --columns iid,rubbish", "rubbish: must be one of iid, seq, x_m"),
+    ("query STORE all --columns iid,iid --json", "twice"),
+    ("query STORE @nothing", "saved selection"),
 ]
 
 
@@ -109,11 +134,6 @@ def test_tables_contain_no_escape_sequences(capsys) -> None:
         ["room"], [("\x1b]0;title\x07\x1b[2J",)], argparse.Namespace(format="table", out=None)
     )
     assert "\x1b" not in capsys.readouterr().out
-
-
-def test_duplicate_column_names_are_rejected(tmp_path: Path) -> None:
-    with pytest.raises(RequestError, match="twice"):
-        _write_and_read(tmp_path, ["a", "a"], [(1, 2)])
 
 
 def test_a_full_disk_keeps_the_previous_file(

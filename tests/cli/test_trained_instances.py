@@ -142,6 +142,7 @@ def test_queries_select_new_instances_only(
 def test_reports_say_whether_they_hold_trained_instances(
     stores: Stores, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    draw_small_figures(monkeypatch)
     worst = ReportRequest(
         (RequestedSelection("worst(30%, real.error)"),), ("vanilla",), theme="light"
     )
@@ -149,7 +150,6 @@ def test_reports_say_whether_they_hold_trained_instances(
     assert pages[0] == pages[1]
     assert "6 of 40 (20 trained on) instances" in pages[0]
     assert "new to the run: its model was not trained on them" in pages[0]
-    draw_small_figures(monkeypatch)
     whole = replace(worst, selections=(RequestedSelection("all"),), with_trained=True)
     page = render_report(stores.absurd, whole).decode()
     assert "40 of 40 (20 trained on, included) instances" in page

@@ -1,4 +1,4 @@
-"""`s2r rooms`: list and rename rooms."""
+"""`s2r rooms` lists and renames rooms; `s2r snapshot` takes keys by name and character."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ import pytest
 import s2rstore
 from s2rstore.maintenance.verify import verify
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
+from s2rtui.app.pilot import is_key
 from s2rtui.cli import main
+from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support.copies import copy_store
 from tests.support.silent_reporter import SilentReporter
 
@@ -59,3 +61,40 @@ def test_names_that_cannot_be_given_are_refused(
         assert main(["rooms", str(few_pairs_store), "--rename", old, new]) == 2, new
         assert message in capsys.readouterr().err
     assert list(names(few_pairs_store, capsys)) == known
+
+
+def screen(store: Path, folder: Path, keys: str, size: str = "80x24") -> str:
+    out = folder / "screen.txt"
+    assert main(["snapshot", str(store), "--size", size, f"--keys={keys}", "--out", str(out)]) == 0
+    return out.read_text()
+
+
+def test_keys_can_be_named_or_written_as_characters(tiny_store: Path, tmp_path: Path) -> None:
+    names = ("ampersand", "vertical_line", "exclamation_mark", "minus", "slash", "question_mark",
+             "at", "number_sign", "full_stop", "plus")  # fmt: skip
+    for name, character in zip(names, "&|!-/?@#.+", strict=True):
+        assert is_key(name)
+        assert is_key(character)
+    shown = screen(tiny_store, tmp_path, "c,8,question_mark")
+    assert shown == screen(tiny_store, tmp_path, "c,8,?")
+    assert "Where is it worst?" in shown
+
+
+def test_operators_combine_selections(tiny_store: Path, tmp_path: Path) -> None:
+    shown = screen(tiny_store, tmp_path, "W,&,b,vertical_line,w,!", "160x24")
+    assert "!(worst(15%, sim.error) & best15 | worst15)" in shown
+
+
+def test_a_snapshot_shows_the_notebook_without_changing_it(
+    tiny_store: Path, tmp_path: Path
+) -> None:
+    notebook = Notebook("0" * 64)
+    notebook.save("mine", SavedSelection("worst15", 1, "vanilla", 6))
+    notebook.note(3, "glare on the floor")
+    before = notebook.path.read_bytes()
+    shown = screen(tiny_store, tmp_path, "slash,home,ctrl+k,@,m,i,n,e,enter,8", "160x24")
+    assert "@mine" in shown
+    keys = "slash,home,ctrl+k,i,d,s,(,3,),enter,8"
+    assert "glare" in screen(tiny_store, tmp_path, keys, "80x24")
+    screen(tiny_store, tmp_path, "w,@,x,enter")
+    assert notebook.path.read_bytes() == before
