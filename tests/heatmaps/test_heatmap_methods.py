@@ -10,9 +10,10 @@ import torch
 from torch import nn
 
 from s2rstore.geometry.camera_offset import RigOffset
+from s2rstore.reader import NETWORK_KINDS
 from s2rstore.records import Domain, Intrinsics
 from s2rtools.counterfactual.depth_tolerance import DepthTolerance
-from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch, SideBatch
+from s2rtools.heatmaps import HEATMAP_KINDS, IMAGE_KINDS, PairBatch, SideBatch
 from s2rtools.heatmaps.activation import pose_loss
 from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.inference import Backend
@@ -168,3 +169,8 @@ def test_a_non_local_network_is_computed_in_full() -> None:
     before = pair.real.prediction
     expected = np.hypot(*(before - TRUTH)[:, :2].T) - np.hypot(*(after - TRUTH)[:, :2].T)
     assert maps[:, 0, 0, 0] == pytest.approx(expected, abs=1e-5)
+
+
+def test_the_store_knows_the_kinds_that_need_a_network() -> None:
+    assert HEATMAP_KINDS.keys() - IMAGE_KINDS.keys() == NETWORK_KINDS
+    assert IMAGE_KINDS.keys() == {name for name, kind in HEATMAP_KINDS.items() if kind.model_free}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -90,29 +91,25 @@ def test_a_wrong_key_or_value_is_named(tmp_path: Path, text: str) -> None:
     assert "\n" not in str(error.value)
 
 
-def refusal(tmp_path: Path, network: nn.Module, shape: tuple[int, int, int], text: str) -> str:
-    file = script(tmp_path, network, shape)
-    with pytest.raises(RequestError) as error:
+@pytest.mark.parametrize(
+    ("network", "size", "text", "message"),
+    [
+        (rgb_network, 24, "size = [24, 24]",
+         'expected 3 channels, got 4.*; set channels = "rgb" in .*net.toml$'),
+        (rgb_network, 64, "channels = 'rgb'\nsize = [48, 48]",
+         r"expected images of 64 x 64, got 48 x 48; set size = \[64, 64\]"),
+        (lambda size: nn.Sequential(nn.Flatten(), nn.Linear(3 * size**2, 7)), 8,
+         "channels = 'rgb'\nsize = [8, 8]",
+         r"expected an output of \(1, 3\) or \(1, 4\), got \(1, 7\)"),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_the_network_names_the_key_to_set(
+    tmp_path: Path, network: Callable[[int], nn.Module], size: int, text: str, message: str
+) -> None:
+    file = script(tmp_path, network(size), (3, size, size))
+    with pytest.raises(RequestError, match=message) as error:
         read_weights(file, "torchscript", True, read_override(toml(tmp_path, text)))
     assert "\n" not in str(error.value)
-    return str(error.value)
-
-
-def test_wrong_channels_name_the_key_to_set(tmp_path: Path) -> None:
-    said = refusal(tmp_path, rgb_network(), (3, 24, 24), "size = [24, 24]")
-    assert "expected 3 channels, got 4" in said
-    assert said.endswith(f'set channels = "rgb" in {tmp_path / "net.toml"}')
-
-
-def test_a_wrong_size_names_the_key_to_set(tmp_path: Path) -> None:
-    said = refusal(tmp_path, rgb_network(64), (3, 64, 64), "channels = 'rgb'\nsize = [48, 48]")
-    assert "expected images of 64 x 64, got 48 x 48; set size = [64, 64]" in said
-
-
-def test_an_output_without_a_pose_is_refused(tmp_path: Path) -> None:
-    network = nn.Sequential(nn.Flatten(), nn.Linear(3 * 64, 7))
-    said = refusal(tmp_path, network, (3, 8, 8), "channels = 'rgb'\nsize = [8, 8]")
-    assert "expected an output of (1, 3) or (1, 4), got (1, 7)" in said
 
 
 def test_a_built_in_network_is_checked_too(tmp_path: Path) -> None:

@@ -87,12 +87,6 @@ def test_safetensors_are_loaded(store_copy, tmp_path):
     torch.testing.assert_close(loaded.network.state_dict(), state, rtol=0, atol=0)
 
 
-def test_a_trained_network_is_stored_and_loaded(store_copy):
-    network, state = network_state()
-    loaded = register_and_load(store_copy, pack_weights(network), network.convention)
-    torch.testing.assert_close(loaded.network.state_dict(), state, rtol=0, atol=0)
-
-
 def test_a_pickle_with_code_is_rejected_without_running_it(tmp_path):
     file, created_file = tmp_path / "bad.pth", tmp_path / "ran"
     torch.save({"state_dict": TouchesFile(str(created_file))}, file)
@@ -101,18 +95,14 @@ def test_a_pickle_with_code_is_rejected_without_running_it(tmp_path):
     assert not created_file.exists()
 
 
-@pytest.mark.parametrize("content", [b"", b"no tensors", b"PK\x03\x04 broken"])
+@pytest.mark.parametrize("content", [None, b"", b"no tensors", b"PK\x03\x04 broken"])
 @pytest.mark.parametrize("suffix", [".pth", ".safetensors"])
 def test_damaged_files_are_rejected_by_name(tmp_path, content, suffix):
     file = tmp_path / f"broken{suffix}"
-    file.write_bytes(content)
+    if content is not None:
+        file.write_bytes(content)
     with pytest.raises(RequestError, match="broken"):
         read_weights(file, "posest")
-
-
-def test_missing_file_is_named(tmp_path):
-    with pytest.raises(RequestError, match=r"none\.pth"):
-        read_weights(tmp_path / "none.pth", "posest")
 
 
 def test_wrong_keys_and_shapes_are_named(tmp_path):

@@ -19,21 +19,6 @@ OpenScreen = Callable[..., Screen]
 _COLOUR = re.compile(rb"\x1b\[(?:[0-9;]*;)?(?:[34][0-8]|9[0-7]|10[0-7])(?:;[0-9;]*)?m")
 
 
-def test_keys_change_the_selection(server: Sshd, tiny_store: Path, open_screen: OpenScreen) -> None:
-    screen = open_screen(server.login(*application(tiny_store)))
-    first = screen.wait_for("of 40")
-    assert "tiny.s2r" in first
-    assert "room:right" in first
-    screen.press("c")
-    screen.wait_for("│ 40 of 40 │")
-    screen.press("w")
-    screen.wait_for("│ 6 of 40 │")
-    screen.press("u")
-    screen.wait_for("│ 40 of 40 │")
-    screen.press("q")
-    assert screen.wait_for_end() == 0
-
-
 def test_the_application_runs_from_a_login_shell(
     server: Sshd, tiny_store: Path, open_screen: OpenScreen
 ) -> None:

@@ -25,17 +25,15 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tiny.build(path, n=160, trained=("vanilla",))
 
 
-def test_no_instance_is_in_both_parts(store: Path) -> None:
+def test_no_instance_is_in_both_parts_and_each_consists_of_blocks_of_neighbours(
+    store: Path,
+) -> None:
     with s2rstore.open(store) as opened:
         fit, judge = split_instances(opened, "dataaug", 1000, 1000)
         assert not set(fit.iids) & set(judge.iids)
         assert set(fit.iids) | set(judge.iids) == set(range(160))
         assert not set(fit.units) & set(judge.units)
-
-
-def test_the_parts_are_blocks_of_neighbours_of_one_trajectory(store: Path) -> None:
-    with s2rstore.open(store) as opened:
-        for part in split_instances(opened, "dataaug", 1000, 1000):
+        for part in (fit, judge):
             for block in np.unique(part.units):
                 iids = part.iids[part.units == block]
                 assert (np.diff(iids) == 1).all()

@@ -1,4 +1,4 @@
-"""Sixels and iTerm2's images, decoded by an independent decoder."""
+"""Sixels, iTerm2's images and PNG, decoded by independent decoders."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from copy import deepcopy
 from functools import partial
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -15,16 +16,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from PIL import Image
 from rich.console import Console
 
 from bench.support.screen import RIGHT, Screen
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
 from s2rtui.canvas import Canvas, ColourMode, InlineImage, Pixels, RenderOptions, Size
+from s2rtui.canvas.colour import DEPTH_SHADES, NO_DEPTH, depth_tint
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.session import Session
 from s2rtui.terminal.graphics.drawn_images import SixelImages
 from s2rtui.terminal.graphics.image_manager import ImageManager
+from s2rtui.terminal.graphics.png import MOST, png
 from s2rtui.terminal.graphics.probe import Graphics, GraphicsProtocol
 from s2rtui.terminal.graphics.sixel import MOST_COLUMNS, PaletteImage, quantised, sixels
 from s2rtui.terminal.strips import to_strips
@@ -131,16 +135,9 @@ def expected(seed: int = 1) -> NDArray[np.int16]:
 
 
 @pytest.mark.parametrize("protocol", ["sixel", "iterm2"])
-def test_the_box_shows_exactly_the_image(protocol: GraphicsProtocol) -> None:
-    terminal = FakeTerminal(protocol)
-    terminal.draw(canvas_with_drawing())
-    np.testing.assert_array_equal(terminal.screen.box(2, 1, 6, 3), expected())
-    terminal.screen.box(2, 1, 6, 3)[:] = -1
-    assert (terminal.screen.pixels == -1).all()
-
-
-@pytest.mark.parametrize("protocol", ["sixel", "iterm2"])
-def test_text_on_an_image_stays(protocol: GraphicsProtocol) -> None:
+def test_the_box_shows_exactly_the_newest_image_around_its_text(
+    protocol: GraphicsProtocol,
+) -> None:
     text = np.zeros((3, 6), dtype=np.bool_)
     text[0, :2] = text[1, 2:4] = text[2, 5] = True
     terminal = FakeTerminal(protocol)
@@ -148,14 +145,10 @@ def test_text_on_an_image_stays(protocol: GraphicsProtocol) -> None:
     covered = np.repeat(np.repeat(text, CELL[1], axis=0), CELL[0], axis=1)
     wanted = np.where(covered[..., None], -1, expected())
     np.testing.assert_array_equal(terminal.screen.box(2, 1, 6, 3), wanted)
-
-
-@pytest.mark.parametrize("protocol", ["sixel", "iterm2"])
-def test_a_newer_image_takes_the_place_of_the_old_one(protocol: GraphicsProtocol) -> None:
-    terminal = FakeTerminal(protocol)
-    terminal.draw(canvas_with_drawing())
     terminal.draw(canvas_with_drawing(seed=2))
     np.testing.assert_array_equal(terminal.screen.box(2, 1, 6, 3), expected(2))
+    terminal.screen.box(2, 1, 6, 3)[:] = -1
+    assert (terminal.screen.pixels == -1).all()
 
 
 def test_the_last_rows_that_fill_no_band_are_left_out() -> None:
@@ -290,3 +283,38 @@ def test_images_follow_the_cursor(visit: Visit, first_map: Boxes) -> None:
 
 def test_leaving_the_application_removes_all_images(visit: Visit) -> None:
     assert (visit["left"].pixels == -1).all()
+
+
+def decode(data: bytes) -> Pixels:
+    return np.asarray(Image.open(BytesIO(data)).convert("RGB"))
+
+
+@given(st.integers(1, 40), st.integers(1, 40), st.integers(1, 400), st.integers(0, 9))
+def test_encoding_is_lossless(rows: int, columns: int, colours: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    palette = rng.integers(0, 256, (colours, 3)).astype(np.uint8)
+    pixels = palette[rng.integers(0, colours, (rows, columns))]
+    np.testing.assert_array_equal(decode(png(pixels)), pixels)
+
+
+@pytest.mark.parametrize("colours", [MOST, MOST + 1])
+def test_a_palette_is_used_up_to_its_number_of_colours(colours: int) -> None:
+    codes = np.arange(colours)
+    pixels = np.stack([codes % 251, codes // 251, codes * 0], axis=1).astype(np.uint8)[None]
+    image = Image.open(BytesIO(png(pixels)))
+    assert image.mode == ("P" if colours == MOST else "RGB")
+    np.testing.assert_array_equal(decode(png(pixels)), pixels)
+
+
+def test_depth_images_are_compressed_with_a_palette() -> None:
+    across, down = np.meshgrid(np.linspace(0, 1, 200), np.linspace(0, 1, 200))
+    noise = np.random.default_rng(1).normal(0, 0.01, across.shape)
+    pixels = depth_tint(
+        np.append((across + down) / 2 + noise, np.linspace(0, 1, 20_000)), DEPTH_SHADES
+    )
+    pixels = pixels.reshape(-1, 200, 3)
+    pixels[:5, :5] = NO_DEPTH
+    stream = BytesIO()
+    Image.fromarray(pixels).save(stream, format="PNG", compress_level=9)
+    assert len(png(pixels)) < 0.6 * len(stream.getvalue())
+    np.testing.assert_array_equal(decode(png(pixels)), pixels)

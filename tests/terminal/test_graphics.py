@@ -7,7 +7,6 @@ import threading
 import time
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +18,6 @@ from textual.strip import Strip
 from s2rstore.errors import RequestError
 from s2rtui.canvas import Canvas, ColourMode, InlineImage, Size
 from s2rtui.canvas.colour import Pixels
-from s2rtui.cli import main
 from s2rtui.terminal.capabilities import Terminal
 from s2rtui.terminal.graphics import kitty_protocol, probe
 from s2rtui.terminal.graphics.choice import choose_graphics, parse_cell_size
@@ -232,18 +230,6 @@ def test_unsuitable_terminals_are_not_queried(
     assert "256 colours" in chosen.reason
 
 
-def test_ascii_and_graphics_exclude_each_other(
-    tiny_store: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["tui", str(tiny_store), "--graphics", "--ascii"]) == 2
-    assert "--ascii" in capsys.readouterr().err
-
-
-def test_a_cell_size_needs_graphics(tiny_store: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["tui", str(tiny_store), "--cell-size", "10x20"]) == 2
-    assert "--graphics" in capsys.readouterr().err
-
-
 # --- strips --------------------------------------------------------------------------------------
 
 
@@ -256,6 +242,8 @@ def test_placeholders_cover_exactly_the_box() -> None:
     text = re.sub(r"\x1b\[[\d;]*m", "", written.decode())
     plain = re.sub(f"{kitty_protocol.PLACEHOLDER}...", "_", text)
     assert plain == "abcdefghijkl" + 3 * "ab______ijkl" + "abcdefghijkl"
+    assert strips[2].text == "abcdefghijkl"
+    assert not placed_cells(codes([Strip(list(strips[2]))]))  # restyled
 
 
 @given(st.integers(0, 12), st.integers(0, 12))
@@ -264,12 +252,6 @@ def test_a_cropped_strip_shows_its_part_of_the_image(start: int, end: int) -> No
     columns = {column for cells in placed_cells(codes([strip])).values() for column, _ in cells}
     assert columns == {position - 2 for position in range(start, end) if 2 <= position < 8}
     assert strip.cell_length == max(0, end - start)
-
-
-def test_restyled_strips_contain_no_placeholders() -> None:
-    strip = FakeTerminal().draw(canvas(noise((16, 16))))[2]
-    assert strip.text == "abcdefghijkl"
-    assert not placed_cells(codes([Strip(list(strip))]))
 
 
 # --- transmission --------------------------------------------------------------------------------
@@ -382,14 +364,6 @@ def test_a_displayed_image_keeps_its_number() -> None:
         canvas_with_image = canvas(np.full((4, 4, 3), shade, np.uint8))
         assert not shown & set(placed_cells(codes(terminal.draw(canvas_with_image, "adjust"))))
     assert len(KittyTerminal.after(terminal.written.encode()).images) <= NUMBERS
-
-
-def test_all_images_can_be_deleted() -> None:
-    terminal = FakeTerminal()
-    for shade in range(5):
-        terminal.draw(canvas(np.full((4, 4, 3), shade, np.uint8)))
-    terminal.manager.delete_all()
-    assert KittyTerminal.after(terminal.written.encode()).images == {}
 
 
 def test_every_sequence_is_wrapped_for_tmux() -> None:

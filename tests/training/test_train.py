@@ -200,37 +200,18 @@ def test_finetune_continues_from_a_model_with_real_images(frames, trained_result
     torch.testing.assert_close(weights(first), before, rtol=0, atol=0)
 
 
-def test_finetune_needs_a_model(frames):
-    with pytest.raises(RequestError, match="trained model"):
-        train(frames, "finetune")
-
-
-def test_unknown_recipes_list_the_known_ones(frames):
-    with pytest.raises(RequestError, match=", ".join(RECIPES)):
-        train(frames, "magic")
-
-
-def test_missing_training_images_are_reported(frames):
+def test_wrong_requests_name_what_is_missing(frames):
     only_real = TrainingFrames({"real": frames.domains["real"]}, frames.poses, frames.trajectory)
-    with pytest.raises(RequestError, match="no sim images"):
-        train(only_real, "vanilla")
+    for given, recipe, message in ((frames, "finetune", "trained model"),
+                                   (frames, "magic", ", ".join(RECIPES)),
+                                   (only_real, "vanilla", "no sim images")):  # fmt: skip
+        with pytest.raises(RequestError, match=message):
+            train(given, recipe)
 
 
 def test_training_ends_after_its_minutes(few_frames):
     result = train(few_frames, "vanilla", budget=Budget(minutes=0.01))
     assert float(result.provenance["seconds"]) >= 0.6
-
-
-def test_frames_are_collected_in_blocks():
-    rng = np.random.default_rng(0)
-    rgb = rng.integers(0, 256, (5, 16, 16, 3), dtype=np.uint8)
-    depth = rng.integers(0, 9000, (5, 16, 16), dtype=np.uint16)
-    blocks = [(rgb[:3], depth[:3]), (rgb[3:], depth[3:])]
-    in_memory = CopiedFrames.from_blocks("sim", blocks, 5, InputContract(size=(8, 8)), 0.001)
-    assert in_memory.depth.dtype == np.uint16
-    assert in_memory.inputs(np.array([4, 0])).shape == (2, 4, 8, 8)
-    with pytest.raises(ValueError, match="expected 6"):
-        CopiedFrames.from_blocks("sim", blocks, 6, InputContract(size=(8, 8)), 0.001)
 
 
 def batch() -> torch.Tensor:

@@ -1,4 +1,4 @@
-"""Training images outside of memory: same values, and only those that a training needs."""
+"""Training images outside of memory, and the recipe that trains on translated images."""
 
 from __future__ import annotations
 
@@ -8,15 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rtools.models.input_contract import InputContract
 from s2rtools.models.preprocessing import preprocess
-from s2rtools.training import Budget, CopiedFrames, StreamedFrames, TrainingFrames, train
+from s2rtools.training import CopiedFrames, StreamedFrames
 from s2rtools.training.train_into_store import TrainingRequest, train_into_store
 from s2rtools.training.training_frames import DiskArray
+from s2rtools.translator_evaluation.fit_into_store import FitRequest, fit_into_store
+from tests.support.copies import copy_store
 
-N, CONTRACT, ACCEPTED = 70, InputContract(size=(24, 24)), InputContract(size=(128, 128))
+N, CONTRACT = 70, InputContract(size=(24, 24))
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +44,9 @@ def test_copied_and_streamed_frames_are_those_in_memory(images, rows, tmp_path: 
     assert np.array_equal(copied.inputs(chosen), expected)
     assert np.array_equal(streamed.inputs(chosen), expected)
     assert not list(tmp_path.iterdir())  # the copies have no names
+    assert copied.depth.dtype == np.uint16
+    with pytest.raises(ValueError, match=f"expected {N + 1}"):
+        CopiedFrames.from_blocks("sim", blocks(images), N + 1, CONTRACT, 0.001, tmp_path)
 
 
 def test_neighbouring_rows_are_read_together(images) -> None:
@@ -53,18 +59,6 @@ def test_neighbouring_rows_are_read_together(images) -> None:
 
     StreamedFrames("sim", read, CONTRACT, 0.001).inputs(np.array([3, 4, 5, 9, 2, 3]))
     assert reads == [(3, 6), (9, 10), (2, 4)]
-
-
-def test_copies_give_the_same_weights_as_images_in_memory(images, tmp_path: Path) -> None:
-    in_memory = CopiedFrames("sim", *images, 0.001, ACCEPTED)
-    copied = CopiedFrames.from_blocks("sim", blocks(images), N, ACCEPTED, 0.001, tmp_path)
-    poses = np.random.default_rng(1).uniform(0, 3, (N, 3))
-    weights = []
-    for frames in (in_memory, copied):
-        given = TrainingFrames({"sim": frames}, poses, np.zeros(N, dtype=np.int32))
-        weights.append(train(given, "vanilla", budget=Budget(steps=2)).network.state_dict())
-    assert weights[0].keys() == weights[1].keys()
-    assert all((weights[0][name] == weights[1][name]).all() for name in weights[0])
 
 
 def test_a_full_disk_is_an_error_that_names_the_folder(tmp_path: Path) -> None:
@@ -98,3 +92,51 @@ def test_every_domain_that_is_needed_is_read_once(
     train_into_store(store_copy, TrainingRequest("vanilla", name="v", steps=3), print, "s2r train")
     used = {domain for domain, kind in kinds.items() if kind == "sim"} | {"real"}
     assert reads == {(domain, row): 1 for domain in used for row in range(count)}
+
+
+def train_translated(root: Path, **settings: object) -> str:
+    request = TrainingRequest(**{"recipe": "translated", "steps": 2, **settings})
+    return train_into_store(root, request, lambda *_: None, "s2r train_translated")
+
+
+def test_the_run_shows_the_images_that_the_model_was_trained_on(store_copy: Path):
+    for method, name, run in (("mkl", "to_real", "shifted"), ("identity", "same", "plain")):
+        fit_into_store(store_copy, FitRequest(method, name), "")
+        assert train_translated(store_copy, translator=name, name=run, force=True) == run
+    with s2rstore.open(store_copy) as store:
+        steps = store.runs["shifted"].sim_adjustments
+        assert [step["name"] for step in steps] == ["translate:to_real"]
+        weights = {name: store.models[name].sha256 for name in ("shifted", "plain")}
+    assert weights["shifted"] != weights["plain"]
+
+
+def test_stores_with_other_translators_do_not_resume_each_others_training(
+    tiny_store: Path, tmp_path: Path, monkeypatch
+):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    request = TrainingRequest("translated", translator="to_real", steps=2)
+    done: list[float] = []
+
+    def interrupted(fraction: float, *_: float) -> None:
+        done.append(fraction)
+        raise KeyboardInterrupt
+
+    for method in ("mkl", "reinhard"):
+        root = copy_store(tiny_store, tmp_path / f"{method}.s2r")
+        fit_into_store(root, FitRequest(method, "to_real"), "")
+        with pytest.raises(KeyboardInterrupt):
+            train_into_store(root, request, interrupted, "s2r train_translated")
+    assert done == [0.5, 0.5]
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({}, "name a --translator"),
+        ({"translator": "nothing"}, "translators: none"),
+        ({"recipe": "vanilla", "translator": "to_real"}, "not with --recipe vanilla"),
+    ],
+)
+def test_wrong_requests_say_what_is_needed(store_copy: Path, settings, message):
+    with pytest.raises(RequestError, match=message):
+        train_translated(store_copy, **{"name": "new", **settings})
