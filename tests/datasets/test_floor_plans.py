@@ -221,10 +221,11 @@ def test_a_grid_may_be_any_valid_yaml(tmp_path: Path, text: str) -> None:
     ("text", "message"),
     [("image: map.pgm\nimage: other.pgm\n", "not valid YAML .*duplicate key"),
      ("image: !!bool map.pgm\n", "not valid YAML"),
+     ("image: " + "[" * 1000, "nested too deeply"),
      ("a0: &a [x, x]\n" + "".join(f"a{n}: &{chr(97 + n)} [*{chr(96 + n)}, *{chr(96 + n)}]\n"
                                  for n in range(1, 25)), "more than 65,536 values"),
      ("image: &a [*a]\n", "more than 65,536 values")],
-    ids=["duplicate", "wrong tag", "aliases", "circle"],
+    ids=["duplicate", "wrong tag", "nested", "aliases", "circle"],
 )  # fmt: skip
 def test_hostile_yaml_is_refused_in_one_line(tmp_path: Path, text: str, message: str) -> None:
     path = write_grid(tmp_path, np.zeros((3, 3), np.uint8))

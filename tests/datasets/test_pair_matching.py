@@ -132,8 +132,8 @@ def test_tolerances_are_read_in_their_units() -> None:
 
 @pytest.mark.parametrize(
     ("text", "match"),
-    [("0.2,10deg", "pose"), ("0.2m,0deg", "pose"), ("nanm,5deg", "pose"), ("1m,1m,5deg", "pose"),
-     ("0.2m", "time"), ("0.1s", "name"), ("1e999s", "time")],
+    [("0.2m", "pose"), ("0.2,10deg", "pose"), ("0.2m,0deg", "pose"), ("nanm,5deg", "pose"),
+     ("1m,1m,5deg", "pose"), ("0.2m", "time"), ("0.1s", "name"), ("1e999s", "time")],
 )  # fmt: skip
 def test_other_tolerances_are_refused_in_one_line(text: str, match: str) -> None:
     with pytest.raises(RequestError, match="--tolerance") as refusal:

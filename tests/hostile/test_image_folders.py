@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -97,6 +99,30 @@ def test_doubtful_rows_are_left_out_and_reported(
     assert "real_day (1)" in captured.out
     for kind in ("duplicate row: 1", "incomplete row: 1", "missing image: 1", "unlisted image: 6"):
         assert kind in captured.err
+
+
+def flipped(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 0x40
+    path.write_bytes(content)
+
+
+def bomb(path: Path) -> None:
+    """A PNG file whose header declares 30000 x 30000 pixels."""
+    data = b"IHDR" + struct.pack(">IIBBBBB", 30_000, 30_000, 8, 2, 0, 0, 0)
+    chunk = struct.pack(">I", 13) + data + struct.pack(">I", zlib.crc32(data))
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk)
+
+
+@pytest.mark.parametrize("damage", [flipped, bomb])
+def test_a_damaged_image_is_left_out_and_reported(
+    data: Path, capsys: pytest.CaptureFixture[str], damage: Callable[[Path], None]
+) -> None:
+    damage(data / "sim" / "loop" / "2.png")
+    assert run(data) == 0
+    captured = capsys.readouterr()
+    assert "sim_loop (4)" in captured.out
+    assert "sim/loop/2.png" in captured.err
 
 
 def test_two_folders_of_one_trajectory_are_refused(

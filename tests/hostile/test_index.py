@@ -92,6 +92,8 @@ def test_a_write_ahead_log_beside_the_index_is_rejected(store_copy: Path) -> Non
 
 INVALID_ROWS = {
     "adjustments that are no JSON": "UPDATE run SET sim_adjustments = '[{' WHERE run = 'vanilla'",
+    "adjustments that are no list": "UPDATE run SET real_adjustments = '{}'",
+    "adjustments that are NULL": "UPDATE run SET real_adjustments = NULL",
     "adjustments without a name": "UPDATE run SET real_adjustments = '[1]'",
     "a bound that is NaN": "UPDATE dataset SET bounds_y1 = 'NaN'",
     "bounds without a size": "UPDATE dataset SET bounds_x1 = bounds_x0",
@@ -172,6 +174,7 @@ def test_verify_detects_dangling_names(store_copy: Path, capsys) -> None:
 INVALID_ARRAYS = {
     "a shape that is no JSON": "UPDATE zarr_array SET shape = '[40'",
     "a shape of 10^18 rows": "UPDATE zarr_array SET shape = '[1000000000000000000]'",
+    "axes of another number": "UPDATE zarr_array SET axes = '[]'",
     "a scale that is NaN": "UPDATE zarr_array SET scale = 'NaN'",
     "a kind with an escape sequence": "UPDATE zarr_array SET kind = chr(27) || ']52;c;eA=='",
     "a path that leads out": "UPDATE zarr_array SET path = '../../../etc'",

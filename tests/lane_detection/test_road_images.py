@@ -67,10 +67,12 @@ def _index(text: str) -> Callable[[Path], None]:
         (_colour_mask, "one channel"),
         (_broken_image, "cannot be decoded"),
         (_index("file\na.jpg\n"), "condition"),
+        (_index("file,condition\n"), "no images"),
         (_index("file,condition,labelled\na_1.jpg,day,perhaps\n"), "yes or no"),
         (_index("file,condition\n../a.jpg,day\n"), "inside images/"),
         (_index("file,condition,labelled\na.jpg,day,no\na.jpg,day,no\n"), "twice"),
         (_index("file,condition,offset\na.jpg,day,x\n"), "not a number"),
+        (lambda folder: (folder / "index.csv").unlink(), "missing"),
     ],
 )
 def test_damaged_folders_are_refused_in_one_line(
