@@ -76,8 +76,7 @@ class DatasetReader(IndexCatalog):
     def instances(self) -> InstanceColumns:
         """Ground truth, aligned by iid; each column is loaded at its first use."""
         names = tuple(trajectory.trajectory for trajectory in self.trajectories)
-        missing = self.missing_columns("instance")
-        return column_loader.load_instances(self._column_loader, names, self.stored_rooms, missing)
+        return column_loader.load_instances(self._column_loader, names, self.stored_rooms)
 
     def poses(self, domain: str) -> NDArray[np.float64]:
         """The true poses of a domain's frames: x, y in metres and heading in radians, (N, 3).
@@ -99,8 +98,6 @@ class DatasetReader(IndexCatalog):
 
     def has_own_poses(self, domain: str, start: int = 0, stop: int | None = None) -> bool:
         """Whether frames of iids [start, stop) have other poses than their instances."""
-        if not self.has_table("frame_pose"):
-            return False
         query = """
             SELECT 1 FROM frame_pose f JOIN instance i USING (iid)
             WHERE domain = ? AND iid >= ? AND iid < ?

@@ -100,9 +100,8 @@ class Store(DatasetReader):
                     message = f"run {run!r}: not computed yet; run `s2r precompute`"
                     raise NotComputedError(message)
                 self._runs_columns[run] = column_loader.load_run_columns(
-                    self._column_loader, run, self.instances, self.rooms,
-                    self.missing_columns("prediction"),
-                )  # fmt: skip
+                    self._column_loader, run, self.instances, self.rooms
+                )
             return self._runs_columns[run]
 
     def coverage(self, run: str) -> Coverage:

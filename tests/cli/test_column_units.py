@@ -17,7 +17,6 @@ from s2rtui.charts.registry import STORED
 from s2rtui.cli import main
 from s2rtui.export.rows.formats import with_deprecated
 from s2rtui.export.rows.selected_instances import DEPRECATED
-from tests.support.older_stores import without
 
 UNIT = re.compile(r"_(m|deg|rad|s)$")
 PHYSICAL = re.compile(
@@ -121,21 +120,6 @@ def test_expressions_take_fields_with_their_units(tiny_store: Path) -> None:
             assert stored == chosen.nonzero()[0].tolist()
         text = 'run("dataaug").real.error_m > 0.5 & heading_deg:90+-45'
         assert to_text(parse(text)) == 'run("dataaug").real.error > 0.5 & heading:90+-45'
-
-
-@pytest.mark.parametrize("missing", [(), ("outlier",)])
-def test_stores_of_earlier_versions_have_columns_with_units(
-    store_copy: Path, missing: tuple[str, ...]
-) -> None:
-    path = without(store_copy, missing)
-    with s2rstore.open(path) as store:
-        columns = ("x", "real_heading_error", "gap", "sim_error", "curvature")
-        listed = ", ".join(f"{name}, {pair_view.column_name(name)}" for name in columns)
-        table = store.execute(f"SELECT {listed} FROM pair ORDER BY run, iid")
-        assert len(table) == 80
-        assert all(row[::2] == row[1::2] for row in table)
-        assert len(store.connection().execute("SELECT gap_m FROM pair").fetchall()) == 80
-        assert len(evaluation.select(store, "gap_m > 0")) == 40
 
 
 def test_columns_and_sort_take_the_names_that_rows_have(

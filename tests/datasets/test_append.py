@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import tarfile
 from pathlib import Path
 
 import pytest
@@ -144,34 +143,3 @@ def test_images_without_poses_can_be_appended(tmp_path: Path) -> None:
         assert opened.imaged_trajectories["real"] == {"real_day", "real_night"}
         assert opened.imaged("real").tolist() == [True] * 4 + [False] * 5 + [True] * 3 + [False] * 2
         assert opened.frames("real", 9, 12)["rgb"].shape == (3, 32, 64, 3)
-
-
-def test_a_store_of_version_0_1_0_can_be_appended_to(tmp_path: Path) -> None:
-    archive = Path(__file__).parents[1] / "fixtures" / "store-0.1.0" / "store.tar.xz"
-    with tarfile.open(archive) as packed:
-        packed.extractall(tmp_path, filter="data")
-    (store,) = tmp_path.glob("*.s2r")
-    before = files(store)
-    with s2rstore.open(store) as opened:
-        old, domains = opened.dataset, dict(opened.domains)
-        count, bounds = len(opened.instances), old.bounds
-        runs = list(opened.runs)
-    assert verify(store) == []
-    header = pairs.sim2realviz(tmp_path / "data", n=N, trajectories=("zz",))
-    added = scan_of("sim2realviz", tmp_path / "data", header=header,
-                    frame=(old.frame_height, old.frame_width))  # fmt: skip
-    added.y_down, added.bounds, added.accuracy_scale = old.y_down, bounds, old.accuracy_scale
-    added.domains = domains
-    for name in ("sim", "real"):
-        assert name in added.trajectories["zz"][0].sources
-    assert add(added, store) == {"zz": N}
-    after = files(store)
-    assert {path: after[path] for path in before} == before
-    assert verify(store) == []
-    with s2rstore.open(store) as opened:
-        assert len(opened.instances) == count + N
-        assert opened.identity == old.hash != opened.dataset.hash
-        valid = opened.run_columns(runs[0]).valid
-        assert valid[:count].any()
-        assert not valid[count:].any()
-    assert any("computed for" in note for note in check(store).notes)

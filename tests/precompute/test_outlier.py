@@ -1,4 +1,4 @@
-"""Outlier scores: compared with brute force, and added alone to older stores."""
+"""Outlier scores: compared with brute force, and computed alone where they are missing."""
 
 from __future__ import annotations
 
@@ -94,9 +94,7 @@ def test_distances_are_not_offered_as_heatmaps(computed: Path) -> None:
         assert heatmap_choices(store, "vanilla") == [("feature_distance", None)]
 
 
-@pytest.mark.parametrize("column", [True, False])
-def test_only_missing_scores_are_computed(computed: Path, tmp_path: Path, column: bool) -> None:
-    """A store of an earlier release without scores, with or without their column."""
+def test_only_missing_scores_are_computed(computed: Path, tmp_path: Path) -> None:
     path = copy_store(computed, tmp_path / "s.s2r")
     with s2rstore.open(path) as store:
         before = store.execute("SELECT * FROM pair ORDER BY iid")
@@ -105,11 +103,7 @@ def test_only_missing_scores_are_computed(computed: Path, tmp_path: Path, column
         shutil.rmtree(folder)
     with edit(path) as draft:
         draft.delete("zarr_array", kind=outliers.KIND)
-        if column:
-            draft._connection.execute("UPDATE prediction SET outlier = NULL")
-        else:
-            draft._connection.execute("DROP VIEW pair")
-            draft._connection.execute("ALTER TABLE prediction DROP COLUMN outlier")
+        draft._connection.execute("UPDATE prediction SET outlier = NULL")
     written = {p: p.stat().st_mtime_ns for p in (path / "runs.zarr").rglob("*") if p.is_file()}
     reporter = SilentReporter()
     assert precompute(path, reporter, ["vanilla"], FEATURE_DISTANCE_ONLY) == ["vanilla"]

@@ -549,46 +549,6 @@ def test_a_reader_of_a_removed_generation_is_told_to_open_the_store_again(filed:
             store.run_columns("vanilla").real.error.sum()
 
 
-@pytest.fixture
-def wider(filed: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A store whose files of rows lack a column that tables have in this release."""
-    for name, kind in (("prediction", "FLOAT"), ("frame", "VARCHAR")):
-        table = schema.BY_NAME[name]
-        columns = (*table.columns[:3], Column("added", kind, "new", True), *table.columns[3:])
-        monkeypatch.setitem(schema.BY_NAME, name, replace(table, columns=columns))
-    return filed
-
-
-def test_rows_in_files_gain_a_column(wider: Path) -> None:
-    before = _files(wider)
-    with s2rstore.open(wider) as store:
-        assert store.missing_columns("prediction") == {"added"}
-        assert store.execute("SELECT DISTINCT added FROM prediction") == [(None,)]
-        assert store.execute("SELECT count(*), count(added) FROM frame") == [(80, 0)]
-        (error,) = store.execute("SELECT sum(error) FROM prediction WHERE run = 'vanilla'")
-    assert verify(wider) == []
-    with edit(wider) as draft:
-        draft.insert("prediction", {"run": ["new"], "iid": [1], "side": ["sim"], "added": [2.5]})
-        draft.insert("frame", {"iid": [77], "domain": ["sim"], "added": ["a"]})
-        draft.update("prediction", {"run": "dataaug", "iid": 3}, {"added": 1.0})
-    assert {path: _files(wider)[path] for path in before} == before
-    with s2rstore.open(wider) as store:
-        assert store.missing_columns("prediction") == frozenset()
-        query = "SELECT run, count(*), count(added) FROM prediction GROUP BY run ORDER BY run"
-        assert store.execute(query) == [("dataaug", 80, 2), ("new", 1, 1), ("vanilla", 80, 0)]
-        assert store.execute("SELECT sum(error) FROM prediction WHERE run = 'vanilla'") == [error]
-        assert store.execute("SELECT added FROM frame WHERE iid = 77") == [("a",)]
-
-
-def test_a_store_with_a_further_column_is_read(
-    wider: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with edit(wider) as draft:
-        draft.update("prediction", {"run": "dataaug"}, {"added": 1.0})
-    monkeypatch.undo()
-    assert _rows_of(wider, "SELECT count(*) FROM pair") == [(80,)]
-
-
 def test_rows_in_files_without_a_needed_column_are_refused(
     filed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

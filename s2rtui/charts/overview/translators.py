@@ -28,11 +28,10 @@ _GAINS = (
 def translator_rows(store: Store) -> tuple[TranslatorRow, ...]:
     """A row per translator with its gains, in the order of the store."""
     gains: dict[str, list[TranslatorGain]] = {}
-    if store.has_table("translator_metric"):
-        for name, run, value, low, high, trained in store.execute(_GAINS):
-            interval = None if low is None or high is None else (low, high)
-            gain = TranslatorGain(str(run), float(value), interval, bool(trained))
-            gains.setdefault(name, []).append(gain)
+    for name, run, value, low, high, trained in store.execute(_GAINS):
+        interval = None if low is None or high is None else (low, high)
+        gain = TranslatorGain(str(run), float(value), interval, bool(trained))
+        gains.setdefault(name, []).append(gain)
     return tuple(
         TranslatorRow(name, record.direction, record.accepted, tuple(gains.get(name, ())))
         for name, record in islice(store.translators.items(), MOST_READ)

@@ -105,8 +105,6 @@ def of_shares(store: Store, run: str, new: NDArray[np.bool_]) -> Finding | None:
 
 def of_translators(store: Store, run: str) -> Finding | None:
     """The translator that decreases the real error of a run most."""
-    if not store.has_table("translator_metric"):
-        return None
     rows = store.execute(_GAINS, [run])
     if not rows:
         return None

@@ -16,7 +16,6 @@ from s2rstore.files import input_files, layout, safe_files
 from s2rstore.files.store_files import Stamp
 from s2rstore.gap_history import schema
 from s2rstore.index import locked_connection
-from s2rstore.index.table_definition import Table
 from s2rstore.metrics.bootstrap import Interval
 from s2rstore.security.printable_text import printable_values
 
@@ -150,9 +149,9 @@ def file_stamp(path: Path) -> Stamp | None:
 def read(path: Path) -> History:
     """Everything but the reports. Raises RequestError for a file that is missing or no history."""
     with _opened(path) as connection:
-        names = [table.name for table in tables_of(connection, "history")]
+        names = [table.name for table in schema.TABLES]
         rows = {name: _rows(connection, name) for name in names if name != "report"}
-    used = [*rows["night"], *rows.get(schema.WITHDRAWN.name, ())]
+    used = [*rows["night"], *rows[schema.WITHDRAWN.name]]
     last_id = max((row["id"] for row in used), default=0)
     axes = _grouped(rows["axis"], _axis)
     estimates = _grouped(rows["estimate"], _estimate)
@@ -213,13 +212,6 @@ def _opened(path: Path) -> Iterator[duckdb.DuckDBPyConnection]:
         raise RequestError(message) from error
     finally:
         connection.close()
-
-
-def tables_of(connection: duckdb.DuckDBPyConnection, database: str) -> tuple[Table, ...]:
-    """The known tables that an attached history has; old ones lack those of withdrawn nights."""
-    query = "SELECT table_name FROM duckdb_tables() WHERE database_name = ?"
-    present = {row[0] for row in connection.execute(query, [database]).fetchall()}
-    return tuple(table for table in schema.TABLES if table.name in present)
 
 
 def _rows(connection: duckdb.DuckDBPyConnection, table: str) -> list[Row]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 from s2rstore.gap_history.gate_status import EXIT_CODES_TEXT
 from s2rstore.index.table_definition import (
     Column,
-    ColumnData,
     Table,
     statements_of,
     table_of,
@@ -19,7 +18,7 @@ BOUNDS = {"": "", "_low": f", lower {LEVEL_TEXT} bound", "_high": f", upper {LEV
 """Suffixes of the columns of a figure and its interval, and of their comments."""
 
 
-def _bounds(name: str, comment: str) -> tuple[ColumnData, ...]:
+def _bounds(name: str, comment: str) -> tuple[tuple[str, str, str], ...]:
     return tuple((f"{name}{end}", "DOUBLE", f"{comment}{suffix}") for end, suffix in BOUNDS.items())
 
 
@@ -115,7 +114,6 @@ def _withdrawn(name: str, *added: Column) -> Table:
         f"rows of `{name}` of nights that were taken back",
         (*table.columns, *added),
         table.order,
-        optional=True,
     )
 
 

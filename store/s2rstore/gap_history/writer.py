@@ -72,7 +72,7 @@ def _write(path: Path, base: Path | None, change: Change) -> None:
             locked_connection.attach_read_only(
                 connection, base, "base", schema.TABLES, schema.VIEWS
             )
-            for table in reader.tables_of(connection, "base"):
+            for table in schema.TABLES:
                 names = ", ".join(f'"{column}"' for column in table.column_names)
                 rows = f'SELECT {names} FROM base."{table.name}"'
                 connection.execute(f'INSERT INTO history."{table.name}" ({names}) {rows}')

@@ -58,8 +58,6 @@ class IndexCatalog(OpenIndex):
         filled = self.execute("SELECT count(*) FROM dataset") != [(0,)]
         tables = ["trajectories", "rooms", "domains", "models", "translators", "runs"]
         for name, most in row_check.MAX_ROWS.items():
-            if schema.BY_NAME[name].optional and not self.has_table(name):
-                continue
             (count,) = self.execute(f'SELECT count(*) FROM "{name}"')[0]
             if count > most:
                 raise RequestError(f"{self._index}: table {name}: {count} rows, at most {most}")
@@ -175,7 +173,7 @@ class IndexCatalog(OpenIndex):
 
     @cached_property
     def translators(self) -> dict[str, TranslatorRecord]:
-        """In order of creation; empty in stores that earlier releases wrote."""
+        """In order of creation."""
         rows = row_check.check_translators(self._index, self._rows("translator"))
         return {row["translator"]: TranslatorRecord(**row) for row in rows}
 

@@ -92,10 +92,7 @@ def _check_views(
 ) -> None:
     present = dict(connection.execute(_VIEWS, [database]).fetchall())
     known: dict[str, list[str]] = {}
-    over_files = (
-        row_files.view(table, files[table], columns=row_files.columns_of_view(present[table]))
-        for table in files if table in present
-    )  # fmt: skip
+    over_files = (row_files.view(table, files[table]) for table in files)
     for statement in (*views, *over_files):
         known.setdefault(_parts(statement)[0], []).append(_tree(connection, statement))
     for name, sql in present.items():
@@ -139,14 +136,10 @@ def _table_columns(
 def _check_table(
     known: Table, present: dict[str, dict[str, tuple[str, str | None]]], path: Path
 ) -> None:
-    if known.name not in present and known.optional:
-        return
     if known.name not in present:
         raise RequestError(f"{path}: no table {known.name}; run `s2r verify`")
     for expected in known.columns:
         kind, default = present[known.name].get(expected.name, ("", None))
-        if not kind and expected.optional:
-            continue
         if kind != expected.type or default is not None:
             has = f"{kind} {default or ''}".strip() or "missing"
             raise RequestError(

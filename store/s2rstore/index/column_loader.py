@@ -74,20 +74,12 @@ class ColumnLoader:
 
 
 def load_instances(
-    loader: ColumnLoader,
-    trajectories: tuple[str, ...],
-    rooms: Mapping[str, str],
-    missing: frozenset[str] = frozenset(),
+    loader: ColumnLoader, trajectories: tuple[str, ...], rooms: Mapping[str, str]
 ) -> InstanceColumns:
-    """All instances in iid order; `rooms` maps displayed names to those in the index.
-
-    `missing` are columns of table `instance` that the index does not have.
-    """
+    """All instances in iid order; `rooms` maps displayed names to those in the index."""
     stored = {"trajectory": trajectories, "room": tuple(rooms.values())}
 
     def read(name: str) -> NDArray[Any]:
-        if name in missing:
-            return loader.cache.get(("instance", name), lambda: np.zeros(loader.n))
         return loader.cache.get(("instance", name), partial(_instance_column, loader, name, stored))
 
     return InstanceColumns(read, loader.n, trajectories, tuple(rooms))
@@ -106,16 +98,9 @@ def _instance_column(
 
 
 def load_run_columns(
-    loader: ColumnLoader,
-    run: str,
-    truth: InstanceColumns,
-    rooms: Sequence[Room],
-    missing: frozenset[str] = frozenset(),
+    loader: ColumnLoader, run: str, truth: InstanceColumns, rooms: Sequence[Room]
 ) -> RunColumns:
-    """Both sides of one run; instances without a prediction are NaN and not valid.
-
-    `missing` are columns of table `prediction` that the index does not have.
-    """
+    """Both sides of one run; instances without a prediction are NaN and not valid."""
 
     def cached(side: Side | None, load: Callable[[str], NDArray[Any]]) -> Callable[[str], Any]:
         return lambda name: loader.cache.get(("run", run, side, name), partial(load, name))
@@ -126,7 +111,7 @@ def load_run_columns(
             return room_geometry.room_codes(part.x, part.y, rooms, truth.room_names)
         if name in _PROJECTED:
             return _projected(loader, run, side, name, part.x)
-        return _predicted(loader, run, side, name, missing)
+        return _predicted(loader, run, side, name)
 
     sides: dict[Side, SideColumns] = {
         side: SideColumns(cached(side, partial(of_side, side))) for side in SIDES
@@ -174,14 +159,11 @@ def unpredicted(n: int) -> RunColumns:
     return RunColumns(read, NO_RUN, SideColumns(read), SideColumns(read))
 
 
-def _predicted(
-    loader: ColumnLoader, run: str, side: Side, name: str, missing: frozenset[str]
-) -> NDArray[Any]:
+def _predicted(loader: ColumnLoader, run: str, side: Side, name: str) -> NDArray[Any]:
     if name == "split":
         sql = _SELECT.format("list_position(?, split) - 1", "prediction")
         return loader.column(sql, (list(SPLITS), run, side), -1)
-    value = "NULL::DOUBLE" if name in missing else f'"{name}"'
-    return loader.of_side(value, "prediction", run, side, 0 if name == "rank" else None)
+    return loader.of_side(f'"{name}"', "prediction", run, side, 0 if name == "rank" else None)
 
 
 def _projected(

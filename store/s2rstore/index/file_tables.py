@@ -49,7 +49,7 @@ class FileTables:
             self._connection.execute(f"CREATE TABLE {self.target(table)} ({columns})")
             self._show(table)
         if self._kept:
-            self._connection.execute(pair_view.temporary_view_statement(()))
+            self._connection.execute(pair_view.temporary_view_statement())
 
     def target(self, table: str) -> str:
         """The name of the table, for SQL, that takes rows of `table`."""

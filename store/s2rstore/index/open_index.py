@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Collection, Iterator
-from functools import cached_property
-from itertools import chain
 from pathlib import Path
 from threading import RLock
 from typing import Any
@@ -15,7 +13,7 @@ import duckdb
 from s2rstore.errors import DamagedStoreError, RequestError, first_line
 from s2rstore.files import layout
 from s2rstore.files.store_files import StoreFiles
-from s2rstore.index import locked_connection, pair_view, reading_statements, row_files, schema
+from s2rstore.index import locked_connection, reading_statements, row_files, schema
 from s2rstore.remote.open_files import open_files
 from s2rstore.security.printable_text import printable, printable_lines
 
@@ -42,10 +40,9 @@ class OpenIndex:
         self.files = open_files(path)
         self.path = self.files.path
         current = layout.current_of(self.files)
-        if current.schema not in schema.VERSIONS:
-            known = " and ".join(map(str, schema.VERSIONS))
+        if current.schema != schema.VERSION:
             raise RequestError(
-                f"{path}: schema {current.schema}, this program reads {known}; "
+                f"{path}: schema {current.schema}, this program reads {schema.VERSION}; "
                 "use the release that wrote it, or ingest again"
             )
         self.generation = current.generation if generation is None else generation
@@ -57,8 +54,6 @@ class OpenIndex:
             current.bytes if is_published else None,
         )
         self._lock = RLock()
-        self._left_out = frozenset(left_out)
-        self._file_columns: dict[str, frozenset[str]] = {}
         self._opened: duckdb.DuckDBPyConnection | None = locked_connection.connect(
             self._index, memory, left_out=left_out, place=self._place_rows
         )
@@ -96,40 +91,11 @@ class OpenIndex:
         Where rows are in files, check other statements than own ones by `reading_statements`.
         """
         with self._lock:
-            connection = self._connection.cursor()
-            if self._pair_view:
-                connection.execute(self._pair_view)
-        return connection
-
-    def _connection_for(self, sql: str) -> duckdb.DuckDBPyConnection:
-        """A connection for one statement: `connection`, unless it does not read view `pair`."""
-        if "pair" in sql.lower():
-            return self.connection()
-        with self._lock:
             return self._connection.cursor()
-
-    @cached_property
-    def _pair_view(self) -> str:
-        """The statement that makes view `pair` with units in a connection; empty if it has them.
-
-        Temporary views belong to one connection.
-        """
-        connection = self._connection
-        try:
-            connection.execute("SELECT gap_m FROM pair LIMIT 0")
-            return ""
-        except duckdb.CatalogException:  # the index has no such view
-            return ""
-        except duckdb.BinderException:
-            missing: set[str] = set()
-            for table in ("instance", "prediction"):
-                stored = connection.execute(f"SELECT * FROM {table} LIMIT 0").description
-                missing |= set(schema.BY_NAME[table].column_names) - {name[0] for name in stored}
-            return pair_view.temporary_view_statement(missing)
 
     def execute(self, sql: str, parameters: list[Any] | None = None) -> list[tuple[Any, ...]]:
         """All rows of a query."""
-        connection = self._connection_for(sql)
+        connection = self.connection()
         if self.row_files:
             reading_statements.check(connection, sql)
         with self._explained():
@@ -157,47 +123,16 @@ class OpenIndex:
         ]
 
     def _stored_rows(self, table: str) -> list[dict[str, Any]]:
-        """The rows of a table; columns that an earlier release did not write are None."""
+        """The rows of a table in its order, as they are stored."""
         known = schema.BY_NAME[table]
-        if known.optional and not self.has_table(table):
-            return []
-        missing = self.missing_columns(table)
-        names = ("NULL" if name in missing else f'"{name}"' for name in known.column_names)
-        query = f'SELECT {", ".join(names)} FROM "{table}" ORDER BY {", ".join(known.order)}'
+        names = ", ".join(f'"{name}"' for name in known.column_names)
+        query = f'SELECT {names} FROM "{table}" ORDER BY {", ".join(known.order)}'
         try:
             rows = self.execute(query)
         except duckdb.Error as error:
             message = f"{self._index}: table {table}: {first_line(error)}; run `s2r verify`"
             raise RequestError(message) from error
         return [dict(zip(known.column_names, row, strict=True)) for row in rows]
-
-    def has_table(self, table: str) -> bool:
-        """Whether the index has an optional table."""
-        query = "SELECT count(*) FROM duckdb_tables() WHERE table_name = ? AND NOT internal"
-        return self.execute(query, [table]) != [(0,)]
-
-    def missing_columns(self, table: str) -> frozenset[str]:
-        """The columns that an index of an earlier release does not have."""
-        optional = {c.name for c in schema.BY_NAME[table].columns if c.optional}
-        if not optional:
-            return frozenset()
-        if table in self.row_files:
-            return frozenset(optional - self._columns_of_files(table))
-        with self._explained():
-            query = f'SELECT * FROM "{table}" LIMIT 0'
-            cursor = self._connection_for(query).execute(query)
-        return frozenset(optional - {column[0] for column in cursor.description})
-
-    def _columns_of_files(self, table: str) -> frozenset[str]:
-        """The columns that any file of rows of a table has."""
-        if table not in self._file_columns:
-            files = [f for f in self.row_files[table] if f.path not in self._left_out]
-            with self._explained(), self._lock:
-                found = row_files.stored_columns(
-                    self._connection.cursor(), self._index.parent, files
-                )
-            self._file_columns[table] = frozenset(chain.from_iterable(found.values()))
-        return self._file_columns[table]
 
 
 def _printable(column: str, value: Any) -> Any:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-
 from s2rstore.index.schema import BY_NAME, GAP_SHARES, PAIR_OFFSETS
 from s2rstore.index.table_definition import quoted
 
@@ -35,12 +33,12 @@ _Terms = list[tuple[str, str]]
 """Expressions in SQL, and the names of their columns."""
 
 
-def _truth(alias: str, missing: Collection[str]) -> _Terms:
-    """The columns of table `instance` in view `pair`; those of `missing` are not in the index."""
+def _truth(alias: str) -> _Terms:
+    """The columns of table `instance` in view `pair`."""
     return [
         (f"coalesce({alias}{name}, 0)" if name in PAIR_OFFSETS else f"{alias}{name}", name)
         for name in BY_NAME["instance"].column_names
-        if name != "iid" and name not in missing
+        if name != "iid"
     ]
 
 
@@ -55,21 +53,14 @@ def _select_list(terms: _Terms) -> str:
     )
 
 
-def view_statement(missing: frozenset[str] = frozenset(), with_units: bool = True) -> str:
-    """The statement that makes the view; `missing` are columns to leave out.
-
-    `with_units`: whether it has columns whose names have a unit, as releases up to 0.2.0 had not.
-    """
-    terms = [("s.run", "run"), ("s.iid", "iid"), *_truth("i.", missing)]
+def _view_statement() -> str:
+    terms = [("s.run", "run"), ("s.iid", "iid"), *_truth("i.")]
     for side, alias in (("sim", "s"), ("real", "r")):
-        names = [name for name in _SIDE_COLUMNS if name not in missing]
-        terms += [(f"{alias}.{name}", f"{side}_{name}") for name in names]
+        terms += [(f"{alias}.{name}", f"{side}_{name}") for name in _SIDE_COLUMNS]
         terms += [(f"{alias}p.{axis}", f"{side}_{axis}") for axis in "uv"]
     terms.append(("r.error - s.error", "gap"))
     terms.append(("sqrt((r.x - s.x) * (r.x - s.x) + (r.y - s.y) * (r.y - s.y))", "shift"))
-    if with_units:
-        shares = (name for name in GAP_SHARES if name not in missing)
-        terms = [*_with_units(terms), *((f"r.{name}", f"{name}_m") for name in shares)]
+    terms = [*_with_units(terms), *((f"r.{name}", f"{name}_m") for name in GAP_SHARES)]
     return f"""
         CREATE VIEW pair AS SELECT {_select_list(terms)}
         FROM instance i
@@ -80,16 +71,15 @@ def view_statement(missing: frozenset[str] = frozenset(), with_units: bool = Tru
     """
 
 
-def unpredicted(missing: Collection[str] = ()) -> str:
+def unpredicted() -> str:
     """A relation with the columns of view `pair` and a row per instance, without predictions.
 
     It takes the place of that view where no run is computed; `run` is `records.NO_RUN`.
-    `missing` are columns of table `instance` that the index does not have.
     """
     types = {
         c.name: c.type for table in ("prediction", "projection") for c in BY_NAME[table].columns
     }
-    terms = [("''", "run"), ("iid", "iid"), *_truth("", missing)]
+    terms = [("''", "run"), ("iid", "iid"), *_truth("")]
     for side in ("sim", "real"):
         names = (*_SIDE_COLUMNS, "u", "v")
         terms += [(f"NULL::{types[name]}", f"{side}_{name}") for name in names]
@@ -98,23 +88,13 @@ def unpredicted(missing: Collection[str] = ()) -> str:
     return f"(SELECT {_select_list(terms)} FROM instance)"
 
 
-VIEWS: tuple[str, ...] = (
-    view_statement(),
-    view_statement(frozenset(GAP_SHARES)),
-    view_statement(with_units=False),
-    view_statement(frozenset(PAIR_OFFSETS), with_units=False),
-    view_statement(frozenset({*PAIR_OFFSETS, "outlier"}), with_units=False),
-)
-"""The statements with which this release and earlier ones make the views of an index."""
+VIEWS: tuple[str, ...] = (_view_statement(),)
+"""The statements that make the views of an index."""
 
 
-def temporary_view_statement(missing: Collection[str]) -> str:
-    """The statement that makes view `pair` for one connection, in place of that of the index.
-
-    It gives the columns with units to an index that an earlier release wrote; `missing` are columns
-    of tables `instance` and `prediction` that it does not have.
-    """
-    return view_statement(frozenset(missing)).replace("VIEW", "TEMP VIEW", 1)
+def temporary_view_statement() -> str:
+    """The statement that makes view `pair` for one connection alone."""
+    return VIEWS[0].replace("VIEW", "TEMP VIEW", 1)
 
 
 def column_comments() -> dict[str, str]:

@@ -42,7 +42,6 @@ _NAME = re.compile(r"[0-9a-f]{16}\.parquet\Z")
 _SHA256 = re.compile(r"[0-9a-f]{64}\Z")
 _OPTIONS = "hive_partitioning = false, union_by_name = true"
 _FOLDER_NAME = "parse_filename(parse_dirpath(filename))"
-_EMPTY_COLUMN = re.compile(r'CAST\(NULL AS (\w+)\) AS "?(\w+)"?')
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +71,7 @@ def path_of(table: str, run: str | None, sha256: str) -> str:
 def listed(
     connection: duckdb.DuckDBPyConnection, path: Path, database: str | None = None
 ) -> dict[str, list[RowFile]]:
-    """The files that the index at `path` lists; none where it has no such table.
+    """The files that the index at `path` lists.
 
     Read table `row_file` of an attached `database`, or of the connection's own. Its columns must
     have been checked. Raises RequestError for a row that no store of this program has.
@@ -80,10 +79,7 @@ def listed(
     columns = ", ".join(schema.BY_NAME[TABLE].column_names)
     name = f'"{database}".{TABLE}' if database else TABLE
     query = f"SELECT {columns} FROM {name} ORDER BY table_name, run, path LIMIT {_MAX_FILES + 1}"
-    try:
-        rows = connection.execute(query).fetchall()
-    except duckdb.CatalogException:
-        return {}
+    rows = connection.execute(query).fetchall()
     if len(rows) > _MAX_FILES:
         raise RequestError(f"{path}: table row_file: more than {_MAX_FILES} rows")
     files: dict[str, list[RowFile]] = {}
@@ -118,21 +114,14 @@ def _is_valid(file: RowFile) -> bool:
     )
 
 
-def select(
-    table: str,
-    files: Iterable[RowFile],
-    folder: Path | None = None,
-    columns: Sequence[tuple[str, str]] | None = None,
-) -> str:
-    """The SELECT over the rows of `files`, with `columns` (name, type), by default the table's.
+def select(table: str, files: Iterable[RowFile], folder: Path | None = None) -> str:
+    """The SELECT over the rows of `files`, with the table's columns.
 
-    A column that a file does not have is NULL in its rows. Paths are relative, or below `folder`,
-    the absolute folder of the index. A filter on the run reads the files of that run alone, since
-    the run is the name of the folder that holds a file.
+    Paths are relative, or below `folder`, the absolute folder of the index. A filter on the run
+    reads the files of that run alone, since the run is the name of the folder that holds a file.
     """
-    if columns is None:
-        columns = [(column.name, column.type) for column in schema.BY_NAME[table].columns]
-    empty = ", ".join(f'NULL::{kind} AS "{name}"' for name, kind in columns)
+    columns = schema.BY_NAME[table].columns
+    empty = ", ".join(f'NULL::{column.type} AS "{column.name}"' for column in columns)
     files = list(files)
     if not files:
         return f"SELECT {empty} WHERE false"
@@ -141,26 +130,16 @@ def select(
     partition = PARTITIONS[table]
     stored = "*" if partition is None else f"*, {_FOLDER_NAME} AS {partition}"
     options = _OPTIONS if partition is None else f"filename = true, {_OPTIONS}"
-    names = ", ".join(f'"{name}"' for name, _ in columns)
+    names = ", ".join(f'"{column.name}"' for column in columns)
     return (
         f"SELECT {names} FROM (SELECT {empty} WHERE false UNION ALL BY NAME "
         f"SELECT {stored} FROM read_parquet([{literals}], {options}))"
     )
 
 
-def view(
-    table: str,
-    files: Iterable[RowFile],
-    folder: Path | None = None,
-    columns: Sequence[tuple[str, str]] | None = None,
-) -> str:
+def view(table: str, files: Iterable[RowFile], folder: Path | None = None) -> str:
     """The statement that makes the view in place of a table, see `select`."""
-    return f"CREATE VIEW {table} AS {select(table, files, folder, columns)}"
-
-
-def columns_of_view(sql: str) -> list[tuple[str, str]]:
-    """The columns (name, type) of a view that `view` has made, from its statement."""
-    return [(name, kind) for kind, name in _EMPTY_COLUMN.findall(sql)]
+    return f"CREATE VIEW {table} AS {select(table, files, folder)}"
 
 
 def stored_columns(
@@ -220,8 +199,7 @@ def check_present(index: Path, files: RowFiles) -> None:
 def check_files(connection: duckdb.DuckDBPyConnection, index: Path, files: RowFiles) -> None:
     """Raise RequestError where a file has other columns or rows than the index lists.
 
-    Only columns that earlier releases did not write may be missing. A file of repeated values could
-    otherwise hold far more rows than its size lets expect.
+    A file of repeated values could otherwise hold far more rows than its size lets expect.
     """
     expected = {
         f"{index.parent.absolute()}/{file.path}": file for group in files.values() for file in group
@@ -251,7 +229,7 @@ def _has_columns(stored: Mapping[str, str], table: str) -> bool:
     if partition in stored:
         return False
     return all(
-        stored.get(column.name, column.type if column.optional else "") == column.type
+        stored.get(column.name) == column.type
         for column in schema.BY_NAME[table].columns
         if column.name != partition
     )

@@ -11,21 +11,17 @@ from s2rstore.index.table_definition import Table, statements_of, table_of
 from s2rstore.records import GAP_FACTORS
 
 VERSION = 2
-"""The schema number that every written index has, in `CURRENT.json`.
+"""The schema number that every written index has, in `CURRENT.json`; others are refused.
 
-Releases up to 0.2.0, which expect another view `pair` and one frame array per trajectory, refuse
-such a store.
+A new table or column needs a new number.
 """
-VERSIONS = (1, VERSION)
-"""The schema numbers that can be read; 1 is that of releases up to 0.2.0."""
 
 CHECKSUMS = "checksums"
 """Value of `provenance.what`: `key` is a file's path inside the store, `value` its SHA-256."""
 
 IMAGE_SIZES = "image sizes"
 """Value of `provenance.what`: `key` is a trajectory, `value` the rows and columns of its images as
-networks see them, by domain and image. Releases up to 0.2.0 wrote none: they kept resized frames
-alone."""
+networks see them, by domain and image."""
 CONVENTIONS = "conventions"
 """Value of `provenance.what`: `key` is a domain, or DOMAIN@PART for the instances of an appended
 part, `value` the check of its headings and depth."""
@@ -64,7 +60,6 @@ TABLES: tuple[Table, ...] = (
             "BOOLEAN",
             "false: images without poses, depth, cameras and map, whose columns are NULL; "
             "NULL = true",
-            True,
         ),
     ),
     table_of(
@@ -114,14 +109,12 @@ TABLES: tuple[Table, ...] = (
             "has_depth",
             "BOOLEAN",
             "false: RGB images without depth, whose columns are NULL; NULL = true",
-            True,
         ),
         (
             "hash",
             "VARCHAR",
             "SHA-256 over the frames and calibration of a domain that was added to the instances "
             "of a store; NULL = covered by the hashes of the parts",
-            True,
         ),
     ),
     table_of(
@@ -152,13 +145,11 @@ TABLES: tuple[Table, ...] = (
             "pair_offset_m",
             "DOUBLE",
             "distance between the poses of the sim and the real image, m; NULL = 0",
-            True,
         ),
         (
             "pair_offset_deg",
             "DOUBLE",
             "angle between the headings of the sim and the real image, degrees; NULL = 0",
-            True,
         ),
     ),
     table_of(
@@ -199,7 +190,6 @@ TABLES: tuple[Table, ...] = (
             )
             for axis in "xyzw"
         ),
-        optional=True,
     ),
     table_of(
         "part",
@@ -210,7 +200,6 @@ TABLES: tuple[Table, ...] = (
         ("instances", "INTEGER", "number of instances"),
         ("hash", "VARCHAR", "SHA-256 over poses, frames and calibration of its instances"),
         ("added_at", "VARCHAR", "UTC, ISO 8601; NULL = not recorded"),
-        optional=True,
     ),
     table_of(
         "model",
@@ -228,7 +217,6 @@ TABLES: tuple[Table, ...] = (
             "VARCHAR",
             "JSON: how images become the network's input; NULL = resized by area, RGB and depth "
             "in [-1, 1]",
-            True,
         ),
     ),
     table_of(
@@ -275,14 +263,12 @@ TABLES: tuple[Table, ...] = (
             "outlier",
             "DOUBLE",
             "mean distance to the nearest embeddings over the side's median; NULL = unknown",
-            True,
         ),
         *(
             (
                 f"share_{factor}",
                 "FLOAT",
                 f"real side: share of the gap due to {factor}, m; NULL = not computed",
-                True,
             )
             for factor in GAP_FACTORS
         ),
@@ -312,8 +298,8 @@ TABLES: tuple[Table, ...] = (
         ("scale", "DOUBLE", "see the table's comment"),
         ("zero", "DOUBLE", "see the table's comment"),
         ("unit", "VARCHAR", "of the real value"),
-        ("metadata_sha256", "VARCHAR", "SHA-256 of its zarr.json; NULL = not recorded", True),
-        ("first_iid", "INTEGER", "first instance that it covers; NULL = 0", True),
+        ("metadata_sha256", "VARCHAR", "SHA-256 of its zarr.json; NULL = not recorded"),
+        ("first_iid", "INTEGER", "first instance that it covers; NULL = 0"),
     ),
     table_of(
         "translator",
@@ -328,7 +314,6 @@ TABLES: tuple[Table, ...] = (
         ("accepted", "BOOLEAN", "whether it passed every check of its content; NULL = not checked"),
         ("reasons", "VARCHAR", "JSON list: why it is not accepted"),
         ("created_at", "VARCHAR", "UTC, ISO 8601"),
-        optional=True,
     ),
     table_of(
         "translator_metric",
@@ -342,7 +327,6 @@ TABLES: tuple[Table, ...] = (
         ("low", "DOUBLE", "95 % interval; NULL = unknown"),
         ("high", "DOUBLE", "95 % interval; NULL = unknown"),
         ("unit", "VARCHAR", "unit of value, low and high"),
-        optional=True,
     ),
     table_of(
         "row_file",
@@ -355,7 +339,6 @@ TABLES: tuple[Table, ...] = (
         ("sha256", "VARCHAR", "of the file"),
         ("bytes", "BIGINT", "size of the file"),
         ("row_count", "BIGINT", "number of rows in the file"),
-        optional=True,
     ),
     table_of(
         "provenance",

@@ -8,38 +8,29 @@ from typing import Literal
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """`optional` ones are missing in stores that an earlier release wrote."""
-
     name: str
     type: str
     comment: str
-    optional: bool = False
-
-
-ColumnData = tuple[str, str, str] | tuple[str, str, str, bool]
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table; files of older releases may lack an `optional` one."""
+    """A table; the columns of `order` sort its rows."""
 
     name: str
     comment: str
     columns: tuple[Column, ...]
     order: tuple[str, ...]
-    optional: bool = False
 
     @property
     def column_names(self) -> tuple[str, ...]:
         return tuple(column.name for column in self.columns)
 
 
-def table_of(
-    name: str, comment: str, order: str, *columns: ColumnData, optional: bool = False
-) -> Table:
+def table_of(name: str, comment: str, order: str, *columns: tuple[str, str, str]) -> Table:
     """A table of columns (name, type, comment); `order` names the columns that sort its rows."""
     declared = tuple(Column(*column) for column in columns)
-    return Table(name, comment, declared, tuple(order.split()), optional)
+    return Table(name, comment, declared, tuple(order.split()))
 
 
 def statements_of(table: Table) -> list[str]:

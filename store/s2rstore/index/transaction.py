@@ -19,8 +19,6 @@ from s2rstore.files import atomic_writes, layout, locks, safe_files
 from s2rstore.index import locked_connection, pair_view, row_files, schema
 from s2rstore.index.file_tables import FileTables
 
-_TABLES = "SELECT table_name FROM duckdb_tables() WHERE database_name = ?"
-
 Check = Callable[[], None]
 ColumnData = Mapping[str, NDArray[Any] | Sequence[Any]]
 
@@ -212,16 +210,10 @@ def _copy_tables(
     connection: duckdb.DuckDBPyConnection, source: str, target: str, without: Sequence[str]
 ) -> None:
     """Copy the known tables of an attached index, apart from `without` and the list of files."""
-    stored = {row[0] for row in connection.execute(_TABLES, [source]).fetchall()}
     for table in schema.TABLES:
         if table.name in (*without, row_files.TABLE):
             continue
-        if table.optional and table.name not in stored:
-            continue
-        described = connection.execute(f'SELECT * FROM {source}."{table.name}" LIMIT 0').description
-        present = {column[0] for column in described}
-        columns = [c.name for c in table.columns if c.name in present or not c.optional]
-        names = ", ".join(f'"{name}"' for name in columns)
+        names = ", ".join(f'"{name}"' for name in table.column_names)
         rows = f'SELECT {names} FROM {source}."{table.name}"'
         connection.execute(f'INSERT INTO {target}."{table.name}" ({names}) {rows}')
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.index import pair_view
 from s2rstore.index.population import Population
-from s2rstore.index.schema import GAP_SHARES
 from s2rstore.language import (
     MaskContext,
     Node,
@@ -28,7 +27,7 @@ from s2rstore.language.name_resolution import used_fields
 from s2rstore.language.syntax_tree import Field, Like, Named, Training, leaves
 from s2rstore.metrics import nearest_neighbours
 from s2rstore.reader import Store
-from s2rstore.records import NO_RUN, SIDES, TRAINING_SPLITS, Side
+from s2rstore.records import NO_RUN, TRAINING_SPLITS, Side
 
 Saved = Mapping[str, Node]
 
@@ -120,13 +119,10 @@ def sql(
     node, name = parse(expression), store.run_name(run)
     if name == NO_RUN and store.has_poses:
         _require_no_run(store, expand(node, vocabulary(store, saved)))
-    lacking = store.missing_columns("prediction")
-    missing = {f"{side}_{name}" for name in lacking for side in SIDES}
-    missing |= {f"{name}_m" for name in lacking & set(GAP_SHARES)}
     context = SqlContext(
         name, vocabulary(store, saved),
         _population(trajectories, with_trained), partial(_neighbours, store),
-        frozenset(missing | store.missing_columns("instance")), store.stored_rooms, pairs(store),
+        store.stored_rooms, pairs(store),
     )  # fmt: skip
     return to_sql(node, context)
 
@@ -145,7 +141,7 @@ def pairs(store: Store) -> str:
     """The relation of instances with their predictions: view `pair`, or one without any."""
     if store.has_computed_run:
         return "pair"
-    return pair_view.unpredicted(store.missing_columns("instance"))
+    return pair_view.unpredicted()
 
 
 def _neighbours(

@@ -15,7 +15,6 @@ class Numeric:
     """A field of numbers: `column` in view `pair`, `path` in the dense columns.
 
     `scale` converts `unit` to that of the index. `angle` marks values whose ranges wrap around.
-    `default` is the value in stores of earlier releases, which do not have the column; None = NULL.
     """
 
     column: str
@@ -24,7 +23,6 @@ class Numeric:
     description: str
     scale: float = 1.0
     angle: bool = False
-    default: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,18 +65,13 @@ NUMERIC: dict[str, Numeric] = {
     "curvature": Numeric("curvature_deg", "instances.curvature", "degrees", "heading change"),
     "timestamp": Numeric("timestamp_s", "instances.timestamp", "s", "of the recording"),
     "pair_offset_m": Numeric(
-        "pair_offset_m",
-        "instances.pair_offset_m",
-        "m",
-        "between the poses of both images",
-        default=0.0,
+        "pair_offset_m", "instances.pair_offset_m", "m", "between the poses of both images"
     ),
     "pair_offset_deg": Numeric(
         "pair_offset_deg",
         "instances.pair_offset_deg",
         "degrees",
         "between the headings of both images",
-        default=0.0,
     ),
     "gap": Numeric("gap_m", "gap", "m", "real error - sim error"),
     "shift": Numeric("shift_m", "shift", "m", "between the sim and the real prediction"),

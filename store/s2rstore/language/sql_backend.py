@@ -26,17 +26,15 @@ from s2rstore.records import NO_RUN, SIDES
 class SqlContext:
     """The current run and the population that counts.
 
-    `neighbours` resolves `like`; `missing` are columns of view `pair` that the index,
-    written by an earlier release, does not have. `stored_rooms` gives the index's own name of a
-    room for the one that is shown, where they differ. `pairs` is the relation of instances: view
-    `pair`, or `pair_view.unpredicted` where there are no predictions.
+    `neighbours` resolves `like`. `stored_rooms` gives the index's own name of a room for the one
+    that is shown, where they differ. `pairs` is the relation of instances: view `pair`, or
+    `pair_view.unpredicted` where there are no predictions.
     """
 
     run: str
     words: Vocabulary
     population: Population = NEW_INSTANCES
     neighbours: Neighbours | None = None
-    missing: frozenset[str] = frozenset()
     stored_rooms: Mapping[str, str] = field(default_factory=dict)
     pairs: str = "pair"
 
@@ -53,11 +51,8 @@ class _Writer:
         return "?"
 
     def column(self, field: tree.Field) -> str:
-        """A numeric column on alias q; its default where the index does not have it."""
-        known = fields.NUMERIC[field.name]
-        if known.column not in self.context.missing:
-            return f"q.{known.column}"
-        return "NULL::DOUBLE" if known.default is None else f"{known.default}::DOUBLE"
+        """A numeric column on alias q."""
+        return f"q.{fields.NUMERIC[field.name].column}"
 
 
 def to_sql(node: tree.Node, context: SqlContext) -> tuple[str, list[Any]]:

@@ -61,7 +61,7 @@ def prune(root: Path, keep: int = 3, dry_run: bool = False) -> PruneResult:
         _locked_histories(root) as histories,
     ):
         current = layout.read_current(root)
-        if current.schema not in schema.VERSIONS:
+        if current.schema != schema.VERSION:
             raise RequestError(f"{root}: schema {current.schema}; prune it with its own release")
         path = safe_files.checked_path(root, current.index)
         if safe_files.kind(root, current.index) is None:

@@ -82,6 +82,16 @@ _RULES = (
         )
         for name in ("run", "model")
     ),
+    ("prediction", "outlier is no distance", "isnan(outlier) OR outlier < 0"),
+    ("frame_pose", "no such instance", "iid NOT IN (SELECT iid FROM instance)"),
+    ("frame_pose", "domain without a row in domain", "domain NOT IN (SELECT domain FROM domain)"),
+    ("frame_pose", *_POSE_RULE[1:]),
+    (
+        "instance",
+        "a pair offset is no distance or no angle",
+        "isnan(pair_offset_m) OR pair_offset_m < 0 OR isnan(pair_offset_deg) "
+        "OR pair_offset_deg < 0 OR pair_offset_deg > 180.001",
+    ),
 )
 
 # Readers find an instance's row in the frames of its trajectory and part by this order.
@@ -99,19 +109,6 @@ _ORDER = """
     WHERE t.instances IS DISTINCT FROM n OR first < 0 OR seqs <> n OR mixed
 """
 
-_OWN_POSE_RULES = (
-    ("frame_pose", "no such instance", "iid NOT IN (SELECT iid FROM instance)"),
-    ("frame_pose", "domain without a row in domain", "domain NOT IN (SELECT domain FROM domain)"),
-    ("frame_pose", *_POSE_RULE[1:]),
-)
-_OFFSET_RULE = (
-    "instance",
-    "a pair offset is no distance or no angle",
-    "isnan(pair_offset_m) OR pair_offset_m < 0 OR isnan(pair_offset_deg) OR pair_offset_deg < 0 "
-    "OR pair_offset_deg > 180.001",
-)
-_OUTLIER_RULE = ("prediction", "outlier is no distance", "isnan(outlier) OR outlier < 0")
-
 _FORMULAS = (
     ("error is not the distance to the truth", "error", "sqrt(dx * dx + dy * dy)"),
     (
@@ -125,25 +122,20 @@ _TOLERANCE = 1e-9
 """Relative; absolute for figures below 1."""
 _FIGURES = """WITH figures AS (
     SELECT p.error, p.loss, p.accuracy, p.rank, p.heading_error AS turn,
-           p.x - {x} AS dx, p.y - {y} AS dy, (SELECT accuracy_scale FROM dataset) AS scale,
+           p.x - coalesce(f.x, i.x) AS dx, p.y - coalesce(f.y, i.y) AS dy,
+           (SELECT accuracy_scale FROM dataset) AS scale,
            CASE WHEN p.error IS NOT NULL THEN row_number() OVER (
                PARTITION BY p.side ORDER BY p.error NULLS LAST, p.iid) END AS place
-    FROM prediction p JOIN instance i USING (iid) {own} WHERE p.run = ?)
-    SELECT """
-_OWN_POSES = """
+    FROM prediction p JOIN instance i USING (iid)
     JOIN run r ON r.run = p.run LEFT JOIN frame_pose f ON f.iid = p.iid
     AND f.domain = CASE WHEN p.side = 'sim' THEN r.sim_domain ELSE r.real_domain END
-"""
+    WHERE p.run = ?)
+    SELECT """
+"""The figures of the predictions of a run, from the true pose of each frame."""
 
 
 def table_damages(store: Store, current: layout.Current) -> Iterator[Damage]:
-    rules = [*((_POSE_RULE,) if store.has_poses else _IMAGE_RULES), *_RULES]
-    if "outlier" not in store.missing_columns("prediction"):
-        rules.append(_OUTLIER_RULE)
-    has_own_poses = store.has_table("frame_pose")
-    rules += _OWN_POSE_RULES if has_own_poses else ()
-    if not store.missing_columns("instance"):
-        rules.append(_OFFSET_RULE)
+    rules = (*((_POSE_RULE,) if store.has_poses else _IMAGE_RULES), *_RULES)
     for name, what, condition in rules:
         count = store.execute(f'SELECT count(*) FROM "{name}" WHERE {condition}')[0][0]
         if count:
@@ -166,28 +158,16 @@ def table_damages(store: Store, current: layout.Current) -> Iterator[Damage]:
         ("rank is not that of its error", "rank IS DISTINCT FROM place"),
     ]
     counts = ", ".join(f"count(*) FILTER ({condition})" for _, condition in comparisons)
-    figures = _figures(has_own_poses)
     for run in store.runs:  # one at a time: ranks of all runs would not fit into DuckDB's memory
-        row = store.execute(f"{figures} {counts} FROM figures", [run])[0]
+        row = store.execute(f"{_FIGURES} {counts} FROM figures", [run])[0]
         for count, (what, _) in zip(row, comparisons, strict=True):
             if count:
                 yield Damage("table prediction", f"run {run}: {count} rows: {what}")
     if store.dataset.hash != current.dataset_hash:
         yield Damage(layout.CURRENT, "names another data set than the index")
     for table in schema.TABLES:
-        if table.optional and not store.has_table(table.name):
-            continue
-        missing = store.missing_columns(table.name)
-        names = ", ".join(name for name in table.column_names if name not in missing)
+        names = ", ".join(table.column_names)
         store.execute(f'SELECT {names} FROM "{table.name}" LIMIT 0')
-
-
-def _figures(has_own_poses: bool) -> str:
-    """The figures of the predictions of a run, from the true pose of each frame."""
-    if not has_own_poses:
-        return _FIGURES.format(x="i.x", y="i.y", own="")
-    truth = {axis: f"coalesce(f.{axis}, i.{axis})" for axis in "xy"}
-    return _FIGURES.format(**truth, own=_OWN_POSES)
 
 
 def _differs(name: str, formula: str) -> str:

@@ -63,7 +63,7 @@ def publish_run(
     if backend is None and not same:
         raise RequestError(f"run {run!r}: was imported again meanwhile; run the command again")
     listed = listed if same else []
-    if _are_listed(store, run, specs, listed) and not store.missing_columns("prediction"):
+    if _are_listed(store, run, specs, listed):
         return False
     root = store.path
     keeps_shares = any(record.kind == gap_shares.KIND for record in listed)

@@ -168,16 +168,13 @@ def _stored_instances(store: Store, trajectory: str) -> Iterator[_StoredInstance
         WHERE iid >= ? AND iid < ? GROUP BY iid ORDER BY iid
     """
     pose_query = "SELECT iid, domain, x, y, heading FROM frame_pose WHERE iid >= ? AND iid < ?"
-    has_poses = store.has_table("frame_pose")
     for part in store.trajectory_parts:
         if part.trajectory != trajectory:
             continue
         for start in range(part.first_iid, part.stop, _BLOCK):
             stop = min(start + _BLOCK, part.stop)
             frame_poses: dict[int, dict[str, tuple[float, float, float]]] = defaultdict(dict)
-            for iid, domain, *of_frame in (
-                store.execute(pose_query, [start, stop]) if has_poses else ()
-            ):
+            for iid, domain, *of_frame in store.execute(pose_query, [start, stop]):
                 frame_poses[iid][domain] = (of_frame[0], of_frame[1], of_frame[2])
             for iid, seq, x, y, heading, domains, sums in store.execute(query, [start, stop]):
                 known = None not in (x, y, heading)

@@ -39,7 +39,7 @@ def fingerprint(scan: Scan, places: Mapping[str, FramePlace] | None = None) -> s
     """
     digest = hashlib.sha256()
     facts = [domain.facts() for domain in scan.domains.values()]
-    releases = schema.VERSIONS, cv2.__version__, numcodecs.__version__
+    releases = schema.VERSION, cv2.__version__, numcodecs.__version__
     _add(digest, releases, os.path.abspath(scan.root), scan.frame, scan.has_poses, facts)
     _add(digest, [(name, astuple(place)) for name, place in sorted((places or {}).items())])
     folders: dict[Path, str] = {}
