@@ -191,7 +191,7 @@ def test_a_shard_that_is_too_large_is_rejected(store_copy: Path) -> None:
 
 
 def test_flipped_metadata_without_checksum_is_rejected_or_has_no_effect(tmp_path: Path) -> None:
-    """As in stores of version 0.1.0; every byte is changed in turn."""
+    """Every byte is changed in turn."""
     root = tiny.build(tmp_path / "t.s2r", n=6, runs=("vanilla",))
     undetected = []
     with s2rstore.open(root) as store:

@@ -286,5 +286,4 @@ def read_rows(array: RowArray, start: int, stop: int) -> NDArray[Any]:
 
 def shard_name(layout: Layout, shard: int) -> str:
     """The file of a shard within the folder of its array."""
-    separator = "." if layout.is_flat else "/"
-    return separator.join(("c", str(shard), *["0"] * (len(layout.shape) - 1)))
+    return ".".join(("c", str(shard), *["0"] * (len(layout.shape) - 1)))

@@ -41,15 +41,13 @@ _DIMENSIONS = 5
 class Layout:
     """Shape (rows first), type and the rows of one shard; `rows_per_chunk` divides it.
 
-    Shard 5 is the file `c.5.0` in the array's folder, with a 0 for each further axis, or `c/5/0`
-    if not `is_flat`, as releases up to 0.2.0 wrote it.
+    Shard 5 is the file `c.5.0` in the array's folder, with a 0 for each further axis.
     """
 
     shape: tuple[int, ...]
     dtype: str
     shard_rows: int
     rows_per_chunk: int
-    is_flat: bool = True
 
     @property
     def shards(self) -> int:
@@ -105,10 +103,7 @@ def _document(layout: Layout, attributes: dict[str, Any]) -> dict[str, Any]:
             "name": "regular",
             "configuration": {"chunk_shape": [layout.shard_rows, *item]},
         },
-        "chunk_key_encoding": {
-            "name": "default",
-            "configuration": {"separator": "." if layout.is_flat else "/"},
-        },
+        "chunk_key_encoding": {"name": "default", "configuration": {"separator": "."}},
         "fill_value": 0 if dtype.kind == "u" else 0.0,
         "codecs": [{"name": "sharding_indexed", "configuration": sharding}],
         "attributes": attributes,
@@ -158,8 +153,7 @@ def _layout(stored: Any) -> Layout:
     if stored["data_type"] not in DATA_TYPES:
         raise ValueError(f"data type {str(stored['data_type'])[:40]!r}")
     shard_rows, rows_per_chunk = _sizes(grid, least=1)[0], _sizes(chunks, least=1)[0]
-    is_flat = stored["chunk_key_encoding"]["configuration"]["separator"] == "."
-    return Layout(shape, stored["data_type"], shard_rows, rows_per_chunk, is_flat)
+    return Layout(shape, stored["data_type"], shard_rows, rows_per_chunk)
 
 
 def _sizes(shape: Any, least: int) -> tuple[int, ...]:

@@ -1,9 +1,9 @@
 """The ledger: one JSON line per finished file; nothing else proves that a file is complete.
 
 The lines of computed arrays lie in `ledger/arrays/RUN/KEY.*.jsonl`, so that those of one key can be
-read without the others; all other lines lie in `ledger/*.jsonl`, and so do those that releases up
-to 0.2.0 wrote. Each process appends to files with a random name, so that no two processes, also of
-two hosts, share one. Lines that a killed process left unfinished do not count.
+read without the others; all other lines lie in `ledger/*.jsonl`. Each process appends to files with
+a random name, so that no two processes, also of two hosts, share one. Lines that a killed process
+left unfinished do not count.
 """
 
 from __future__ import annotations
@@ -30,8 +30,7 @@ _MAX_FILE = 2 << 30
 class LedgerEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """A finished file: `key` names the work unit, `path` the file inside the store.
 
-    `environment` is what computed it; None for files that were not computed, and in entries of
-    earlier releases.
+    `environment` is what computed it; None for files that were not computed.
     """
 
     key: str
@@ -68,18 +67,11 @@ class LedgerReader:
         return self._parsed(files)
 
     def array_entries(self, array_key: str) -> dict[str, list[LedgerEntry]]:
-        """The entries of the arrays of one key, given as RUN/KEY, by file.
-
-        Without those that releases up to 0.2.0 wrote, see `shared_entries`.
-        """
+        """The entries of the arrays of one key, given as RUN/KEY, by file."""
         run, _, key = array_key.partition("/")
         folder = f"{_ARRAYS}/{run}"
         files = [p for p in self._files_in(folder) if p.startswith(f"{folder}/{key}.")]
         return _by_path(self._parsed(files))
-
-    def shared_entries(self) -> dict[str, list[LedgerEntry]]:
-        """The entries that do not lie in a file of their array key, by file."""
-        return _by_path(self._parsed(self._files_in(layout.LEDGER)))
 
     def by_path(self) -> dict[str, list[LedgerEntry]]:
         """All entries by file; a file that was written several times has several."""

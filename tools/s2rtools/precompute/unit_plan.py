@@ -7,7 +7,6 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any, Self
@@ -20,7 +19,7 @@ from s2rstore.arrays import array_writer
 from s2rstore.arrays.array_writer import UnnamedShard
 from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.errors import RequestError
-from s2rstore.files import atomic_writes, layout, safe_files
+from s2rstore.files import atomic_writes, safe_files
 from s2rstore.files.compute_environment import ComputeEnvironment
 from s2rstore.files.ledger import Ledger, LedgerEntry, LedgerReader
 from s2rstore.geometry.map_grid import TOTALS
@@ -138,7 +137,7 @@ class UnitPlan:
         is_published = spec.path(stage.run) in published
         if is_published and files.keys() >= set(names):
             return
-        entries = self._entries(spec, stage.run, array)
+        entries = self._ledger.array_entries(spec.folder(stage.run))
         self._bind(spec.folder(stage.run), entries, is_published)
         per_shard, per_unit = array.layout.shard_rows, stage.unit_rows
         for number, name in enumerate(names):
@@ -157,21 +156,6 @@ class UnitPlan:
                 units = range(number * per_shard // per_unit, -(-stop // per_unit))
             yield _Shard.of(stage, array, spec, number, units)
 
-    @cached_property
-    def _shared_entries(self) -> dict[str, list[LedgerEntry]]:
-        return self._ledger.shared_entries()
-
-    def _entries(
-        self, spec: ArraySpec, run: str, array: StoredArray
-    ) -> dict[str, list[LedgerEntry]]:
-        """The ledger's entries of the arrays of a key, by file."""
-        entries = self._ledger.array_entries(spec.folder(run))
-        if array.layout.is_flat:
-            return entries
-        shared = self._shared_entries
-        paths = entries.keys() | shared.keys()
-        return {path: [*shared.get(path, ()), *entries.get(path, ())] for path in paths}
-
     def _bind(
         self, folder: str, entries: Mapping[str, list[LedgerEntry]], is_published: bool
     ) -> None:
@@ -180,12 +164,7 @@ class UnitPlan:
         Of arrays that are not published, only shards that exist count.
         """
         if folder not in self._environments:
-            of_key = (
-                recorded
-                for path, recorded in entries.items()
-                if path.startswith(f"{layout.RUNS}/{folder}/")
-            )
-            found = recorded_environment(self._ledger, of_key, is_published)
+            found = recorded_environment(self._ledger, entries.values(), is_published)
             if found is not None:
                 self._environments[folder] = found
 
@@ -354,8 +333,4 @@ def _chunk_range(shard: _Shard) -> tuple[int, int]:
 def _file_sizes(root: Path, array: StoredArray) -> dict[str, int]:
     """The sizes of the shards of an array that exist, by their paths inside the store."""
     folder = array.path.relative_to(root)
-    if array.layout.is_flat:
-        return {e.path: e.bytes for e in safe_files.names(root, folder) if e.kind == "file"}
-    return {
-        entry.path: entry.bytes for entry in safe_files.walk(root, folder) if entry.kind == "file"
-    }
+    return {e.path: e.bytes for e in safe_files.names(root, folder) if e.kind == "file"}
