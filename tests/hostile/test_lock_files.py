@@ -32,7 +32,7 @@ CONTENTS = {
     "markup": text(since="[red]now[/red] "),
     "a path as id": text(lease="../../../outside"),
     "a huge process id": text(holder=_HOLDER | {"process": 10**400}),
-    "like an earlier release": b"process 5 on \x1b[31mlab",
+    "a line of text": b"process 5 on \x1b[31mlab",
 }
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import subprocess
@@ -323,29 +322,6 @@ def test_a_claim_that_a_killed_taker_left_is_removed(
         assert (clock.now < 1) == is_ended
         lease.check()
         assert names(tmp_path) == {"compute.lock"}
-
-
-@pytest.mark.parametrize("is_held", [True, False])
-def test_locks_of_earlier_releases_are_respected(
-    tmp_path: Path, clock: LockClock, is_held: bool
-) -> None:
-    lock = compute_file(tmp_path)
-    lock.parent.mkdir()
-    lock.write_text("process 123 on lab")
-    with lock.open("r+") as file:
-        if not is_held:
-            with compute_lock(tmp_path, 0.0, timing=clock.timing) as lease:
-                lease.check()
-            assert clock.now == 0.0
-            return
-        fcntl.flock(file, fcntl.LOCK_EX)
-        with (
-            pytest.raises(StoreBusyError, match="process 123 on lab"),
-            compute_lock(tmp_path, 1000.0, timing=clock.timing),
-        ):
-            pass
-    with compute_lock(tmp_path, 0.0, timing=clock.timing):
-        pass
 
 
 def test_a_lease_is_released_on_a_full_disk(

@@ -27,7 +27,6 @@ from __future__ import annotations
 import datetime
 import hashlib
 import os
-import re
 import threading
 import time
 import uuid
@@ -46,8 +45,6 @@ from s2rstore.files.safe_files import LinkError
 
 ReportLine = Callable[[str], object]
 _TIME = Annotated[str, msgspec.Meta(pattern=r"\A\d{4}-\d\d-\d\d \d\d:\d\d:\d\d UTC\Z")]
-_EARLIER_RELEASE = re.compile(rb"process \d{1,10} on [A-Za-z0-9_.-]{1,255}")
-"""Content of the lock files of version 0.2.0 and earlier, which were held by `flock`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,8 +257,6 @@ class _Observer:
 def _is_stale(file: LockFile, found: Found, observer: _Observer) -> bool:
     seen = observer.observe(file, found)
     content = _decoded(found.content)
-    if _EARLIER_RELEASE.fullmatch(found.content):
-        return not file.is_locked_by_flock()
     if content is not None and process_identity.has_ended(content.holder):
         return True
     return seen.silent >= observer.timing.limit
@@ -321,11 +316,7 @@ def _seems_stale(found: Found, timing: Timing) -> bool:
 
 def _holder(found: Found) -> str:
     content = _decoded(found.content)
-    if content is not None:
-        return str(content)
-    if _EARLIER_RELEASE.fullmatch(found.content):
-        return f"{found.content.decode()} (version 0.2.0 or earlier)"
-    return "an unknown process"
+    return "an unknown process" if content is None else str(content)
 
 
 def _busy_message(what: str, file: LockFile, found: Found, timing: Timing) -> str:

@@ -7,7 +7,6 @@ links are not followed, only regular files are opened, and at most `SIZE` bytes 
 from __future__ import annotations
 
 import errno
-import fcntl
 import os
 import secrets
 from collections.abc import Callable, Iterator
@@ -18,7 +17,7 @@ from typing import NamedTuple
 from s2rstore.files import safe_files
 
 SIZE = 1024
-"""Bytes of a lock file that this version writes, and the most that are read of any."""
+"""Bytes of a lock file, and the most that are read of any."""
 _GONE = (errno.ENOENT, errno.ESTALE)
 
 
@@ -115,19 +114,6 @@ class LockFile:
             with suppress(FileNotFoundError):
                 os.unlink(names[1], dir_fd=folder)
             return is_same
-
-    def is_locked_by_flock(self) -> bool:
-        """Whether a process of version 0.2.0 or earlier holds this file by `flock`."""
-        with self._opened(os.O_RDWR) as descriptor:
-            if descriptor is None:
-                return False
-            try:
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                return True
-            except OSError:  # a file system without such locks
-                return False
-            return False
 
     def _name(self, folder: int | None) -> str:
         return str(self.path) if folder is None else self.path.name
