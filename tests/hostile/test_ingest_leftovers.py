@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from msgspec import structs
@@ -20,6 +21,7 @@ from s2rstore.errors import RequestError
 from s2rstore.files import process_identity
 from s2rstore.files.ingest_folder import building_folder, building_folders
 from s2rstore.files.layout import read_current
+from s2rstore.files.process_identity import ProcessIdentity
 from s2rstore.maintenance.verify import verify
 from s2rtools.datasets.writing import ingest_journal
 from s2rtui.cli import main
@@ -42,9 +44,14 @@ def ended_process_id() -> int:
     return process.pid
 
 
-def make_leftover(store: Path, host: str, process: int) -> Path:
-    folder = store.with_name(f".{store.name}.building-{host}-{process}")
+def make_leftover(store: Path, identity: ProcessIdentity, days: float = 0.0) -> Path:
+    """The building folder of a process with a file's folder, both last changed `days` ago."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(process_identity, "this_process", lambda: identity)
+        folder = building_folder(store)
     (folder / "frames.zarr").mkdir(parents=True)
+    for path in (folder / "frames.zarr", folder):
+        os.utime(path, (time.time() - days * 86_400,) * 2)
     return folder
 
 
@@ -52,43 +59,32 @@ def test_leftovers_of_an_ended_process_are_removed_and_reported(
     manifest: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     store = tmp_path / "s.s2r"
-    building = make_leftover(store, socket.gethostname(), ended_process_id())
+    ended = structs.replace(process_identity.this_process(), process=ended_process_id())
+    building = make_leftover(store, ended)
     assert main(arguments(manifest, store)) == 0
     assert not building.exists()
     assert f"{building}: removed; an interrupted ingest" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("host", "is_running"), [("another-host", False), (None, True)])
+@pytest.mark.parametrize("changes", [{"host": "another-host", "process": 7}, {}])
 def test_leftovers_of_a_possibly_running_process_are_kept_and_reported(
-    manifest: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], host: str | None,
-    is_running: bool,
-) -> None:  # fmt: skip
+    manifest: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], changes: dict[str, Any]
+) -> None:
     store = tmp_path / "s.s2r"
-    process_id = os.getppid() if is_running else ended_process_id()
-    building = make_leftover(store, host or socket.gethostname(), process_id)
+    identity = structs.replace(process_identity.this_process(), **changes)
+    building = make_leftover(store, identity)
     assert main(arguments(manifest, store)) == 0
     assert building.exists()
     error = capsys.readouterr().err
-    assert f"process {process_id}" in error
+    assert f"process {identity.process}" in error
     assert f"rm -r {building}" in error
-
-
-def leave_folder(name: str, days: float = 0.0) -> Path:
-    """A building folder with a file's folder, both last changed `days` ago."""
-    folder = Path(name)
-    (folder / "frames.zarr").mkdir(parents=True)
-    for path in (folder / "frames.zarr", folder):
-        os.utime(path, (time.time() - days * 86_400,) * 2)
-    return folder
 
 
 def abandoned(store: Path) -> set[str]:
     return {folder.path.name for folder in building_folders(store) if folder.is_abandoned}
 
 
-def test_the_name_of_a_building_folder_identifies_its_process(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_name_of_a_building_folder_identifies_its_process(tmp_path: Path) -> None:
     """Also where the number of a process is used again, by any host, boot or container."""
     store = tmp_path / "s.s2r"
     own, ended = process_identity.this_process(), ended_process_id()
@@ -101,26 +97,16 @@ def test_the_name_of_a_building_folder_identifies_its_process(
         "host": structs.replace(own, process=ended, host="another-host-7"),
     }
     for days in (0.0, 2.0):
-        folders = {}
-        for name, identity in identities.items():
-            with monkeypatch.context() as patch:
-                patch.setattr(process_identity, "this_process", lambda found=identity: found)
-                folders[name] = leave_folder(str(building_folder(store)), days)
+        folders = {name: make_leftover(store, each, days) for name, each in identities.items()}
         expected = {"ended", "reused"} | ({"container", "boot"} if days else set())
         assert abandoned(store) == {folders[name].name for name in expected}
         builders = {folder.path: folder.builder for folder in building_folders(store)}
         assert builders[folders["host"]] == f"process {ended} on another-host-7"
         assert builders[folders["running"]] == f"process {os.getpid()} on {own.host}"
+        (folders["boot"] / "frames.zarr" / "new").touch()
+        assert folders["boot"].name not in abandoned(store)
         for folder in folders.values():
             shutil.rmtree(folder)
-
-
-def test_a_folder_without_a_host_is_abandoned_after_a_day_without_changes(tmp_path: Path) -> None:
-    store = tmp_path / "s.s2r"
-    folder = leave_folder(f"{tmp_path}/.s.s2r.building-{ended_process_id()}", days=2.0)
-    assert abandoned(store) == {folder.name}
-    (folder / "frames.zarr" / "new").touch()
-    assert abandoned(store) == set()
 
 
 def test_two_ingests_of_one_process_build_in_separate_folders(tmp_path: Path) -> None:

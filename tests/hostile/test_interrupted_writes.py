@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import resource
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rstore.files import process_identity
+from s2rstore.files.ingest_folder import building_folder
 from s2rstore.files.locks import file_lock
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import check
@@ -22,7 +23,6 @@ LEFTOVERS = (
     "frames.zarr/sim/a/rgb/.c.0.0.0.0.0123456789abcdef.partial",
     "runs.zarr/vanilla/key0/activation.real/zarr.0123456789abcdef0123456789abcdef.partial",
     "index/.building-99999999.duckdb",
-    ".CURRENT.json.99999999",
     ".CURRENT.json.0123456789abcdef.partial",
 )
 UNUSED_PROCESS_ID = 2**22 + 1
@@ -30,11 +30,12 @@ UNUSED_PROCESS_ID = 2**22 + 1
 
 
 def leave_building_folder(store: Path) -> Path:
-    """A folder that version 0.1.0 left two days ago."""
-    folder = store.with_name(f".{store.name}.building-{UNUSED_PROCESS_ID}")
+    """The folder of an ingest whose process has ended."""
+    ended = structs.replace(process_identity.this_process(), process=UNUSED_PROCESS_ID)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(process_identity, "this_process", lambda: ended)
+        folder = building_folder(store)
     (folder / "frames.zarr").mkdir(parents=True)
-    for path in (folder / "frames.zarr", folder):
-        os.utime(path, (time.time() - 2 * 86_400,) * 2)
     return folder
 
 

@@ -21,12 +21,10 @@ from s2rstore.files.safe_files import NO_FOLLOW, errors_of, parent_folder
 
 PARTIAL = ".partial"
 
-# The names that this version gives to unfinished files, and those that versions up to 0.2.0 gave.
 _PARTIAL_NAME = re.compile(
-    r".*\.partial|\.building-.*|\.(CURRENT\.json|compacted\.jsonl|[0-9a-f]{64}\.\w+)\.\d+"
-    r"|\..*\.duckdb\.[0-9a-f]+\.new(\.wal)?",
-    re.DOTALL,
+    r".*\.partial|\.building-.*|\..*\.duckdb\.[0-9a-f]+\.new(\.wal)?", re.DOTALL
 )
+"""The names of unfinished files."""
 
 Content = bytes | bytearray | memoryview | Iterator[bytes]
 """What a file shall hold; an iterator is written piece by piece."""

@@ -5,10 +5,7 @@ ids, start time, and random digits, so that two ingests never share one. A folde
 
 - when its process was started under the present boot and namespace, and has certainly ended;
 - when its name states this host and another boot or namespace, and nothing in it has changed for a
-  day: another machine may have the same name;
-- when its name states this host and a process id alone (version 0.2.0), and no such process runs;
-- when its name states a process id alone (version 0.1.0), no such process runs here, and nothing in
-  it has changed for a day.
+  day: another machine may have the same name.
 
 The folder of another host is never abandoned: whether it is in use cannot be known here.
 """
@@ -24,12 +21,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from s2rstore.files import layout, process_identity
-from s2rstore.files.process_identity import ProcessIdentity, host_name, is_running
+from s2rstore.files.process_identity import ProcessIdentity, host_name
 
 _MARK = ".building-"
 _BUILDER = re.compile(
-    r"(?:(?P<host>.+?)-)?(?P<process>\d{1,10})"
-    r"(?:-(?P<boot>[0-9a-f]{8})-(?P<start>\d{1,18})-[0-9a-f]{16})?"
+    r"(?P<host>.+?)-(?P<process>\d{1,10})-(?P<boot>[0-9a-f]{8})-(?P<start>\d{1,18})-[0-9a-f]{16}"
 )
 _DAY = 86_400.0
 
@@ -61,23 +57,18 @@ def building_folders(target: Path) -> list[BuildingFolder]:
     for path in paths:
         named = path.name.startswith(start) and _BUILDER.fullmatch(path.name.removeprefix(start))
         if named and path.is_dir() and not path.is_symlink():
-            on_host = "" if named["host"] is None else f" on {named['host']}"
-            builder = f"process {named['process']}{on_host}"
+            builder = f"process {named['process']} on {named['host']}"
             folders.append(BuildingFolder(path, builder, _is_abandoned(path, named)))
     return folders
 
 
 def _is_abandoned(path: Path, named: re.Match[str]) -> bool:
-    own, host, process = process_identity.this_process(), named["host"], int(named["process"])
-    if host not in (None, own.host):
+    own = process_identity.this_process()
+    if named["host"] != own.host:
         return False
-    if named["boot"] is None:
-        has_ended = process == os.getpid() or not is_running(process)
-        return has_ended and (host is not None or _is_unchanged_for_a_day(path))
     if own.boot and own.namespace and named["boot"] == _boot_hash(own):
-        builder = ProcessIdentity(
-            host_name(), own.boot, own.namespace, process, int(named["start"])
-        )
+        process, start = int(named["process"]), int(named["start"])
+        builder = ProcessIdentity(host_name(), own.boot, own.namespace, process, start)
         return process_identity.has_ended(builder)
     return _is_unchanged_for_a_day(path)
 

@@ -54,7 +54,7 @@ def has_ended(identity: ProcessIdentity) -> bool:
     here = (host_name(), _boot_id(), _namespace())
     if (identity.host, identity.boot, identity.namespace) != here or not all(here):
         return False
-    if not is_running(identity.process):
+    if not _is_running(identity.process):
         return True
     status = _start_and_state(identity.process)
     if status is None:  # of another user, and hidden
@@ -63,7 +63,7 @@ def has_ended(identity: ProcessIdentity) -> bool:
     return state in "ZX" or (0 not in (start, identity.start) and start != identity.start)
 
 
-def is_running(process: int) -> bool:
+def _is_running(process: int) -> bool:
     """Whether this machine has a process of that number."""
     try:
         os.kill(process, 0)

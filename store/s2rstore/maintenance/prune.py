@@ -171,10 +171,7 @@ def _used_translators(connection: duckdb.DuckDBPyConnection) -> set[str]:
         '\'"sha256":"([0-9a-f]{64})"\', 1)) FROM run'
     )
     used = {row[0] for row in connection.execute(query).fetchall()}
-    tables = "SELECT 1 FROM duckdb_tables() WHERE table_name = 'translator'"
-    if connection.execute(tables).fetchall():
-        used |= {row[0] for row in connection.execute("SELECT sha256 FROM translator").fetchall()}
-    return used
+    return used | {row[0] for row in connection.execute("SELECT sha256 FROM translator").fetchall()}
 
 
 @contextmanager
