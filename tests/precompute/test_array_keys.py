@@ -13,7 +13,7 @@ import s2rstore
 from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import verify
-from s2rtools.precompute.array_keys import ArrayKeys, content_key
+from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.input_hashes import InputHashes
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import add_run
@@ -132,23 +132,6 @@ def test_shared_arrays_stay_as_long_as_a_run_uses_them(two_runs: Path, tmp_path:
         prune(path, keep=1)
         assert verify(path) == []
         assert len(list((path / "runs.zarr/_shared").iterdir())) == shared
-
-
-def test_arrays_of_earlier_releases_keep_their_keys_and_are_continued(small_copy: Path) -> None:
-    path = small_copy
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ArrayKeys, "_key", lambda self, facts, earlier: (content_key(earlier), False))
-        precompute(path, SilentReporter(), [], PrecomputeOptions(KINDS))
-    assert not (path / "runs.zarr/_shared").exists()
-    reporter = SilentReporter()
-    assert precompute(path, reporter, [], PrecomputeOptions(KINDS)) == []
-    with edit(path) as draft:
-        for table in ("zarr_array", "prediction", "projection"):
-            draft.delete(table, run="vanilla")
-        draft.update("run", {"run": "vanilla"}, {"key": None})
-    assert precompute(path, reporter, [], PrecomputeOptions(KINDS)) == ["vanilla"]
-    assert reporter.steps == 0
-    assert verify(path) == []
 
 
 def test_a_lost_array_is_computed_and_listed_again(two_runs: Path, tmp_path: Path) -> None:

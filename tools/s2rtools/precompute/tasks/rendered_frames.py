@@ -28,13 +28,13 @@ def frames_stages(store: Store, keys: ArrayKeys, run: Run, part: Part) -> list[S
         first = part.first_iid
         depth = store.frames(domain.domain, first, first + 1, ("depth",))["depth"].dtype.name
         frame = store.dataset.frame_height, store.dataset.frame_width
-        key, is_shared = keys.frames(side, move, renderer_version(store))
+        key = keys.frames(side, move, renderer_version(store))
         n, axes = part.instances, ("iid", "row", "column")
         specs += [
             ArraySpec(FRAME_KINDS["rgb"], side, None, (*frame, 3), "uint8", (*axes, "channel"), "",
-                      key, n, first_iid=first, is_shared=is_shared),
+                      key, n, first_iid=first, is_shared=True),
             ArraySpec(FRAME_KINDS["depth"], side, None, frame, depth, axes, "raw", key, n,
-                      first_iid=first, is_shared=is_shared),
+                      first_iid=first, is_shared=True),
         ]  # fmt: skip
     return [Stage("frames", run.run, tuple(specs), FRAME_ROWS)] if specs else []
 
