@@ -11,7 +11,6 @@ import pytest
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rstore.index.transaction import edit
 from s2rtools.inference import MeasuredBackend, open_backend
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute import backend_choice, pipeline
@@ -77,19 +76,6 @@ def test_a_run_in_float32_stays_in_float32_unless_a_backend_is_named(store: Path
     assert record(store)["name"] == "torch"
     compute(store, "torch-bfloat16")
     assert record(store)["name"] == "torch-bfloat16"
-
-
-@pytest.mark.usefixtures("bfloat16_is_preferred")
-def test_records_of_earlier_versions_are_kept(store: Path) -> None:
-    compute(store, "torch")
-    with s2rstore.open(store) as opened:
-        keys = {array.path for array in opened.array_kinds("vanilla")}
-    with edit(store) as draft:
-        old = {"name": "torch", "precision": "float32"}
-        draft.set_provenance("run:vanilla", {"backend": old})
-    assert compute(store) == ["vanilla: up to date"]
-    with s2rstore.open(store) as opened:
-        assert {array.path for array in opened.array_kinds("vanilla")} == keys
 
 
 def test_heatmaps_stay_in_float32_where_reduced_precision_changes_them(

@@ -69,7 +69,7 @@ class _Record(msgspec.Struct, frozen=True):
 
     name: str
     precision: str
-    heatmaps: BackendIdentity | None = None
+    heatmaps: BackendIdentity
     differences: Literal["float32", "bfloat16", "bfloat16-broad"] | None = None
 
 
@@ -88,7 +88,7 @@ class RunBackends:
 
     @classmethod
     def from_record(cls, record: dict[str, Any], where: str) -> RunBackends:
-        """From the provenance of a run; earlier versions recorded one backend for everything.
+        """From the provenance of a run.
 
         Raises RequestError, which begins with `where`, for a malformed record.
         """
@@ -97,10 +97,8 @@ class RunBackends:
         except msgspec.ValidationError as error:
             raise RequestError(f"{where}: the backend is not valid ({error})") from error
         predictions = BackendIdentity(known.name, known.precision)
-        heatmaps = known.heatmaps or predictions
-        differences = known.differences if known.heatmaps else FLOAT32
         facts = {k: v for k, v in record.items() if k not in ("name", "precision", "heatmaps")}
-        return cls(predictions, heatmaps, differences, facts)
+        return cls(predictions, known.heatmaps, known.differences, facts)
 
     @property
     def heatmaps_reuse_activations(self) -> bool:
