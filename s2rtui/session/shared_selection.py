@@ -49,7 +49,7 @@ def shared_text(saved: SavedSelection, identity: str) -> str:
     """One line that `parse_shared` reads: the expression, and after a `#` its evaluation.
 
     `identity` is that of the store, which appending instances does not change. Without the word
-    `new`, as in lines of earlier releases, trained instances were included.
+    `new`, trained instances were included.
     """
     names = ", ".join(json.dumps(name, ensure_ascii=False) for name in saved.trajectories or ())
     return (

@@ -159,8 +159,6 @@ def _entries(
 def _selection(name: str, entry: Any) -> tuple[str, SavedSelection]:
     if valid_name(name, "name") != name:
         raise ValueError("name: blanks at its ends or a leading @ are not allowed")
-    if isinstance(entry, dict):  # entries of earlier releases included trained instances
-        entry = {"with_trained": True, **entry}
     saved = msgspec.convert(entry, SavedSelection, strict=False)
     names = saved.trajectories
     return name, replace(
