@@ -17,7 +17,6 @@ _DIGEST = 32
 class StoredTrajectory:
     """The stored ones of a trajectory's records, in recording order.
 
-    `image_sizes` are rows and columns of the largest stored form of each image, by domain.
     An instance takes 4 bytes of memory, and 40 for each of its domains.
     """
 
@@ -26,7 +25,6 @@ class StoredTrajectory:
         self._rows = array("i")
         self._digests: dict[str, bytearray] = {}
         self._valid_fractions: dict[str, array[float]] = {}
-        self.image_sizes: dict[str, dict[str, list[int]]] = {}
 
     def __len__(self) -> int:
         return len(self._rows)

@@ -18,7 +18,6 @@ from s2rtools.datasets.scan import InputIssue, InstanceRecord, Scan
 from s2rtools.datasets.stored_instances import StoredTrajectory
 from s2rtools.datasets.writing.frame_writing import FramePlace, ReportProgress, write_trajectory
 from s2rtools.datasets.writing.index_rows import (
-    add_image_sizes,
     domain_hash,
     insert_domain,
     insert_frames,
@@ -82,9 +81,6 @@ def insert_domains(
         insert_domain(draft, scan.domains[name], scan.has_poses, sha256)
         for part, stored in written:
             insert_frames(draft, scan, stored, name, part.first_iid)
-    for part, stored in written:
-        if part.row == 0:
-            add_image_sizes(draft, part.trajectory, stored.image_sizes)
 
 
 def _records(

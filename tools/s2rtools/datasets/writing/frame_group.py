@@ -71,16 +71,12 @@ class FrameGroup:
             for name, each in images.items():
                 self._arrays[domain][name].add(each.content, each.shape, each.dtype)
         self.stored.add(row, frames)
-        for domain, frame in frames.items():
-            if domain not in self.stored.image_sizes:
-                self.stored.image_sizes[domain] = _image_sizes(frame, sources[domain])
 
     def take(self, row: int, block: Block) -> None:
         """Count a record of a block as stored, and its files with its first record."""
         position = len(self.stored) - self._recorded
         self.stored.add_checksums(row, block.checksums(position))
         if position == 0:
-            self.stored.image_sizes |= block.image_sizes
             for domain, shards in block.shards.items():
                 for image, shard in shards.items():
                     self._arrays[domain][image].take(shard, len(block.rows))
@@ -90,7 +86,7 @@ class FrameGroup:
     def fill(self, block: Block, with_shards: bool) -> None:
         """Put the instances that are in no block yet into one, with the shards that hold them."""
         start, self._recorded = self._recorded, len(self.stored)
-        block.number, block.image_sizes = self.number, self.stored.image_sizes
+        block.number = self.number
         block.add_rows(self.stored, start)
         if not (with_shards and block.rows):
             return
@@ -134,15 +130,3 @@ def _frame_array(root: Path, folder: str) -> GrowingArray[NDArray[Any]]:
         return array_writer.encode_chunks(layout, np.stack(rows))
 
     return GrowingArray(root, folder, plan, encode)
-
-
-def _image_sizes(frame: DecodedFrame, source: CompressedImages) -> dict[str, list[int]]:
-    """Rows and columns of the images that networks see, by image."""
-    if source:
-        return {
-            image: list(source[name].shape[:2])
-            for image, name in SOURCE_IMAGES.items()
-            if name in source
-        }
-    images = {"rgb": frame.rgb, "depth": frame.depth}
-    return {k: list(image.shape[:2]) for k, image in images.items() if image is not None}

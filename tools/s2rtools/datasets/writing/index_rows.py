@@ -147,12 +147,6 @@ def insert_instances(
                 },
             )
         iid += len(trajectory)
-    if scan.has_poses:
-        new = [name for name in stored if name not in ends]
-        sizes = [json.dumps(stored[name].image_sizes, sort_keys=True) for name in new]
-        draft.insert(
-            "provenance", {"what": [schema.IMAGE_SIZES] * len(new), "key": new, "value": sizes}
-        )
     for domain in scan.domains:
         iid = first_iid
         for _, trajectory in sorted(stored.items()):
@@ -168,19 +162,6 @@ def _seq(record: InstanceRecord, position: int, end: TrajectoryEnd | None) -> in
     if record.seq is None or (end is not None and end.counts_on):
         return position if end is None else end.seq + position
     return record.seq
-
-
-def add_image_sizes(
-    draft: IndexTransaction, trajectory: str, sizes: Mapping[str, Mapping[str, Sequence[int]]]
-) -> None:
-    """Add the sizes of a trajectory's images in further domains, where those of others are known.
-
-    Releases up to 0.2.0 recorded none.
-    """
-    query = "SELECT value FROM provenance WHERE what = ? AND key = ?"
-    for (text,) in draft.rows(query, [schema.IMAGE_SIZES, trajectory]):
-        together = json.dumps(json.loads(text) | dict(sizes), sort_keys=True)
-        draft.set_provenance(schema.IMAGE_SIZES, {trajectory: together})
 
 
 def insert_frames(

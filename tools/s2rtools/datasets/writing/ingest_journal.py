@@ -68,7 +68,6 @@ class Block(msgspec.Struct, forbid_unknown_fields=True):
     digests: dict[str, str] = {}
     valid_fractions: dict[str, list[float]] = {}
     conversions: dict[int, tuple[InputIssue, ...]] = {}
-    image_sizes: dict[str, dict[str, list[int]]] = {}
     source_sizes: dict[str, tuple[tuple[int, ...], ...]] = {}
     shards: dict[str, dict[str, Shard]] = {}
 
