@@ -6,6 +6,7 @@ Sixteen trajectories lead through twelve rooms; the errors differ between runs a
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from s2rstore.geometry.rooms import room_codes
 from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.metrics import pose_metrics
 from s2rstore.records import Room
+from s2rtools.models.input_contract import InputContract
 
 WIDTH, HEIGHT = 40.0, 24.0
 RUNS = ("vanilla", "perlin", "dataaug", "finetune", "bright", "dark", "warm", "translated")
@@ -101,7 +103,8 @@ def _dataset(draft: IndexTransaction, n: int, per: int) -> None:
         "model",
         {"model": "posest", "architecture": "posest", "sha256": "0" * 64, "input_height": 64,
          "input_width": 64,
-         "convention": {"heading": "cos_sin", "frame": "map"}, "trained_by": None},
+         "convention": {"heading": "cos_sin", "frame": "map"}, "trained_by": None,
+         "input": asdict(InputContract(size=(64, 64)))},
     )  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from s2rstore.arrays import array_writer
 from s2rstore.files import layout
 from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import IndexTransaction, edit
+from s2rtools.datasets.writing.build import unlisted_checksums
 from s2rtools.models import build_network
 from s2rtools.models.conventions import OutputConvention
 from s2rtools.models.model_registration import pack_weights, register_model
@@ -66,6 +67,8 @@ def frames_store(path: Path, n: int, size: int, network: PoseNetwork) -> Path:
                 count = min(SHARD, n - shard * SHARD)
                 file = array_writer.write_shard(path / relative, shard, rows[:count])
                 ledger.add(f"{relative}:{shard}", [(file.path, count)])
+    with edit(path) as draft:
+        draft.record_checksums(unlisted_checksums(path))
     return path
 
 

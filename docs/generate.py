@@ -249,11 +249,10 @@ def names_page() -> str:
             "## Numbers of an instance\n",
             table(("field", "with its unit", "column of `pair`", "meaning"), numbers),
             "## Deprecated names\n",
-            "The names without units keep their values in this version. View `pair` has them, too, "
-            "also in stores of earlier versions that this version opens. In CSV, JSON and Parquet "
-            "of `s2r query` and `s2r show` they follow the other columns; `--column-names new` "
-            "leaves them out, `--column-names old` prints them in place of the others. A later "
-            "version removes them.\n",
+            "The names without units keep their values in this version. View `pair` has them, too. "
+            "In CSV, JSON and Parquet of `s2r query` and `s2r show` they follow the other columns; "
+            "`--column-names new` leaves them out, `--column-names old` prints them in place of "
+            "the others. A later version removes them.\n",
             table(
                 ("where", "deprecated", "use"),
                 ((where, code(name), code(new)) for where, name, new in old if name != new),

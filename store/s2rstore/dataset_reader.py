@@ -346,7 +346,7 @@ def check_metadata(
             f"{array.path}: {array.layout.dtype} {array.shape} instead of {' or '.join(types)} "
             f"{shape}, which the index states; run `s2r verify`"
         )
-    if sha256 is not None and array.metadata_sha256 != sha256:
+    if array.metadata_sha256 != sha256:
         raise DamagedStoreError(f"{array.path}: metadata is not as published; run `s2r verify`")
 
 

@@ -216,10 +216,7 @@ class TrajectoryPart:
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """A network in the store; `input` is its input contract.
-
-    Releases up to 0.2.0 recorded none: there `input` is None.
-    """
+    """A network in the store; `input` is its input contract."""
 
     model: str
     architecture: str
@@ -228,7 +225,7 @@ class Model:
     input_width: int
     convention: str
     trained_by: str | None
-    input: dict[str, Any] | None = None
+    input: dict[str, Any]
 
     @property
     def needs_trust(self) -> bool:
@@ -238,7 +235,7 @@ class Model:
     @property
     def channels(self) -> str:
         """What the network sees: `rgb`, `depth` or `rgbd`."""
-        return "rgbd" if self.input is None else str(self.input["channels"])
+        return str(self.input["channels"])
 
 
 @dataclass(frozen=True, slots=True)
@@ -318,8 +315,7 @@ class ArrayRecord:
     """One published Zarr array of a run, for the instances from `first_iid` on.
 
     `side` is None where both sides share it. Real value = (stored - zero) * scale. `path` is
-    relative to `runs.zarr`. `metadata_sha256` is that of its `zarr.json`, None in stores that
-    version 0.1.0 wrote.
+    relative to `runs.zarr`. `metadata_sha256` is that of its `zarr.json`.
     """
 
     run: str
@@ -333,5 +329,5 @@ class ArrayRecord:
     scale: float
     zero: float
     unit: str
-    metadata_sha256: str | None = None
+    metadata_sha256: str
     first_iid: int = 0

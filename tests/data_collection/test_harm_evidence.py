@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 
 import s2rstore
-from s2rstore.arrays import array_writer
 from s2rstore.errors import RequestError
-from s2rstore.files import layout
-from s2rstore.index.transaction import edit
 from s2rtools.data_collection import evidence
-from tests.support import tiny
+from tests.support import embeddings, tiny
 
 N = 40
 PLANES = ("position", "heading", "loss")
@@ -31,21 +28,8 @@ def maps(side: str) -> np.ndarray:
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tiny.build(tmp_path_factory.mktemp("harm") / "s.s2r", n=N, runs=("vanilla",))
-    with edit(path) as draft:
-        for side in ("sim", "real"):
-            relative, rows = f"vanilla/key0/harm.{side}", maps(side)
-            plan = array_writer.plan_layout(N, rows.shape[1:], "float32", 16)
-            array_writer.create(path / layout.RUNS / relative, plan)
-            for number, start in enumerate(range(0, N, 16)):
-                shard = rows[start : start + 16]
-                array_writer.write_shard(path / layout.RUNS / relative, number, shard)
-            draft.insert_row(
-                "zarr_array",
-                {"run": "vanilla", "kind": "harm", "side": side, "mode": None, "path": relative,
-                 "dtype": "float32", "shape": list(rows.shape),
-                 "axes": ["iid", "output", "row", "column"], "scale": 1.0, "zero": 0.0,
-                 "unit": "m rad loss"},
-            )  # fmt: skip
+    sides = {side: maps(side) for side in ("sim", "real")}
+    embeddings.add(path, "vanilla", sides, "harm", ("output", "row", "column"), 16)
     return path
 
 

@@ -92,7 +92,7 @@ def test_a_store_that_counts_its_instances_goes_on_counting(tmp_path: Path) -> N
     whole = path.read_text()
     renumber(path, lambda seq: seq, stop=23)
     ingest("csv", path, store)
-    with edit(store) as draft:  # as releases up to 0.2.0 wrote it
+    with edit(store) as draft:  # as of a manifest without numbers
         for trajectory, rows in stored(store).items():
             for position, (seq, _) in enumerate(rows):
                 key = {"trajectory": trajectory, "seq": seq}

@@ -121,7 +121,7 @@ def test_the_hash_of_a_data_set_is_that_of_one_json_document(tmp_path: Path) -> 
             rows.append((name, seq, record.x, record.y, record.heading, sums))
     domains = [asdict(domain) for domain in scan.domains.values()]
     for domain in domains:
-        assert domain.pop("has_depth")  # hashes of earlier releases do not have it
+        assert domain.pop("has_depth")  # hashed only where it is false
     facts = {
         "frame": scan.frame, "y_down": scan.y_down, "accuracy_scale": scan.accuracy_scale,
         "bounds": asdict(scan.bounds), "rooms": [asdict(room) for room in scan.rooms],

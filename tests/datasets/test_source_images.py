@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
 import cv2
@@ -13,19 +12,13 @@ import s2rstore
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import check, verify
 from s2rtools.datasets import IMPORTERS
-from s2rtools.datasets.appending.append import append
-from s2rtools.datasets.files.image_decoding import ImageFiles
-from s2rtools.datasets.scan import DecodedFrame, InputIssue, ScanOptions
+from s2rtools.datasets.scan import ScanOptions
 from s2rtools.datasets.writing.build import build
 from s2rtools.models import build_network
-from s2rtools.models.input_contract import contract_of
 from s2rtools.models.model_registration import pack_weights, register_model
-from s2rtools.models.preprocessing import preprocess
 from s2rtools.precompute.frame_reader import read_pairs
-from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import insert_run
 from tests.support import pairs
-from tests.support.silent_reporter import SilentReporter
 
 FRAME = (32, 32)
 SOURCE = pairs.HEIGHT, pairs.WIDTH
@@ -88,78 +81,6 @@ def test_damage_of_source_images_is_found(data: Path, tmp_path: Path) -> None:
     shard.unlink()
     (damage,) = verify(path)
     assert damage.what == "missing; restore it from a copy of the store, or ingest again"
-
-
-@pytest.fixture
-def earlier(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A store of one trajectory as release 0.2.0 wrote it: frames and model without more facts."""
-    decode = ImageFiles.decode
-
-    def without_source(*arguments: object) -> DecodedFrame | InputIssue:
-        frame = decode(*arguments)
-        assert isinstance(frame, DecodedFrame)
-        return dataclasses.replace(frame, source=None)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(ImageFiles, "decode", without_source)
-        path = ingested(data, tmp_path / "s.s2r", "a")
-    network = build_network("resposenet").eval()
-    with edit(path) as draft:
-        draft.delete("provenance", what="image sizes")
-        register_model(path, draft, "m", pack_weights(network), network.convention)
-        draft.update("model", {"model": "m"}, {"input": None})
-        insert_run(draft, "r", "m", ("sim", "real"))
-    return path
-
-
-def test_stores_of_earlier_releases_open_with_a_note(earlier: Path) -> None:
-    report = check(earlier)
-    assert report.damages == ()
-    (note,) = (note for note in report.notes if "resized" in note)
-    assert "frames of a: " in note
-    assert "32 x 32" in note
-
-
-def test_an_appended_trajectory_is_seen_at_its_own_size(earlier: Path, data: Path) -> None:
-    """Instances of both kinds are computed, and those of the first keep their arrays."""
-    precompute(earlier, SilentReporter(), [], PrecomputeOptions(("activation",)))
-    with s2rstore.open(earlier) as store:
-        before = {record.path for record in store.array_kinds("r") if record.kind == "activation"}
-    append(scan_of(data), earlier, "", False, lambda steps: None)
-    network = build_network("resposenet").eval()
-    with edit(earlier) as draft:
-        register_model(earlier, draft, "new", pack_weights(network), network.convention)
-        insert_run(draft, "new", "new", ("sim", "real"))
-    precompute(earlier, SilentReporter(), [], PrecomputeOptions(("activation",)))
-    with s2rstore.open(earlier) as store:
-        parts = [record for record in store.array_parts("r") if record.kind == "activation"]
-        assert before < {record.path for record in parts}
-        assert (store.source_size("sim", 4), store.source_size("sim", 5)) != (None, None)
-        sizes = [images["rgb"].shape[1:3] for _, images in store.source_frames("sim", 0, 10)]
-        assert sizes == [FRAME, SOURCE]
-        batches = read_pairs(store, store.run("new"), network.contract, 0, 10, 10)
-        x = np.concatenate([frames["sim"].x for _, frames in batches])
-        ((_, _), (_, images)) = store.source_frames("sim", 4, 6)
-        large = cv2.resize(images["rgb"][0], (128, 128), interpolation=cv2.INTER_LINEAR)
-        np.testing.assert_allclose(x[5, :3], large.transpose(2, 0, 1) / 127.5 - 1, atol=1e-6)
-    notes = [note for note in check(earlier).notes if "resized" in note]
-    assert "frames of a: " in notes[0]
-
-
-def test_a_model_without_a_contract_sees_the_stored_frames_of_every_part(
-    earlier: Path, data: Path
-) -> None:
-    append(scan_of(data), earlier, "", False, lambda steps: None)
-    with s2rstore.open(earlier) as store:
-        contract = contract_of(store.models["m"], "store")
-        ((_, pair),) = read_pairs(store, store.run("r"), contract, 0, 10, 10)
-        stored = store.frames("real", 0, 10)
-        domain = store.domain("real")
-        raw = stored["depth"]
-        valid = (raw >= domain.depth_raw_min) & (raw <= domain.depth_raw_max)
-        expected = preprocess(stored["rgb"], raw, domain.depth_scale, contract, valid)
-        assert store.has_source_images("real", 5, 10)
-        np.testing.assert_array_equal(pair["real"].x, expected)
 
 
 def test_adjustments_apply_before_the_images_are_resized(data: Path, tmp_path: Path) -> None:

@@ -15,8 +15,8 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rtools.models import build_network
-from s2rtools.models.input_contract import InputContract, contract_of, read_override
-from s2rtools.models.load_model import load_model, model_outline
+from s2rtools.models.input_contract import InputContract, read_override
+from s2rtools.models.load_model import load_model
 from s2rtools.models.model_registration import add_model, read_weights
 from s2rtui.cli.main import main
 
@@ -143,18 +143,6 @@ def test_a_convention_is_given_once(store_copy: Path, tmp_path: Path) -> None:
     given = toml(tmp_path, "channels = 'rgb'\nsize = [24, 24]\nconvention = 'degrees'\n")
     with pytest.raises(RequestError, match=r"--convention: .*net\.toml names one, too"):
         add_model(store_copy, "rgb", file, "torchscript", "degrees", True, given)
-
-
-def test_models_of_earlier_releases_keep_their_input(store_copy: Path, tmp_path: Path) -> None:
-    torch.save(build_network("posest").state_dict(), tmp_path / "w.pth")
-    add_model(store_copy, "old", tmp_path / "w.pth", "posest", None, False)
-    with edit(store_copy) as draft:
-        draft.update("model", {"model": "old"}, {"input": None})
-    with s2rstore.open(store_copy) as store:
-        contract = contract_of(store.models["old"], "store")
-        assert contract == InputContract(size=(256, 256))
-        assert model_outline(store, "old").contract == contract
-        assert store.models["old"].channels == "rgbd"
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,10 @@ def with_hostile_texts(source: Path, target: Path, text: str = HOSTILE) -> Path:
     for table, column in FREE_TEXT_COLUMNS:
         if column == "room":
             statements.append((f"UPDATE {table} SET room = ? || room", [text]))
-        elif (table, column) != ("provenance", "what"):
+        elif table == "provenance" and column != "what":
+            changed = f"UPDATE provenance SET {column} = ? WHERE what <> '{schema.CHECKSUMS}'"
+            statements.append((changed, [text]))
+        elif column != "what":
             statements.append((f'UPDATE "{table}" SET "{column}" = ?', [text]))
     adjustments = json.dumps([{"name": text, "value": 1.5}])
     statements += [

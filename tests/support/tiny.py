@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,8 @@ from s2rstore.index.schema import GAP_SHARES
 from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.metrics import pose_metrics
 from s2rstore.records import Room
+from s2rtools.datasets.writing.build import unlisted_checksums
+from s2rtools.models.input_contract import InputContract
 
 ROOMS = (Room("left hall", 0, 0.0, 0.0, 5.0, 8.0), Room("right", 1, 5.0, 0.0, 10.0, 8.0))
 RUNS = ("vanilla", "dataaug")
@@ -117,7 +120,8 @@ def _run(
         "model",
         {"model": run, "architecture": "resposenet", "sha256": f"{number:064d}",
          "input_height": SIZE, "input_width": SIZE,
-         "convention": {"heading": "cos_sin", "frame": "map"}, "trained_by": None},
+         "convention": {"heading": "cos_sin", "frame": "map"}, "trained_by": None,
+         "input": asdict(InputContract(size=(SIZE, SIZE)))},
     )  # fmt: skip
     draft.insert_row(
         "run",
@@ -176,6 +180,7 @@ def _frames(path: Path, n: int, first: int, rng) -> None:
 def _heatmaps(path: Path, n: int, runs: tuple[str, ...], rng) -> None:
     ledger = Ledger(path)
     with edit(path) as draft:
+        draft.record_checksums(unlisted_checksums(path))
         for number, run in enumerate(runs):
             specs = [
                 ("activation", "sim", None, (4, 4, 4), "output x row x column"),
@@ -192,7 +197,7 @@ def _heatmaps(path: Path, n: int, runs: tuple[str, ...], rng) -> None:
                 name = ".".join(part for part in (kind, mode, side) if part)
                 relative = f"{run}/key{number}/{name}"
                 plan = array_writer.plan_layout(n, shape, "float32", 16)
-                array_writer.create(path / layout.RUNS / relative, plan)
+                array = array_writer.create(path / layout.RUNS / relative, plan)
                 drawn = kind != "gap_shares"
                 rows = rng.normal(0, 1, (n, *shape)) if drawn else np.zeros((n, *shape))
                 rows = rows.astype(np.float32)
@@ -201,7 +206,8 @@ def _heatmaps(path: Path, n: int, runs: tuple[str, ...], rng) -> None:
                     "zarr_array",
                     {"run": run, "kind": kind, "side": side, "mode": mode, "path": relative,
                      "dtype": "float32", "shape": [n, *shape],
-                     "axes": ["iid", *axes.split(" x ")], "scale": 1.0, "zero": 0.0, "unit": "m"},
+                     "axes": ["iid", *axes.split(" x ")], "scale": 1.0, "zero": 0.0, "unit": "m",
+                     "metadata_sha256": array.metadata_sha256},
                 )  # fmt: skip
 
 

@@ -18,8 +18,6 @@ _NAMES = (
 _JSON_NAMES = (
     "model", "architecture", "input", "convention", "trained_by", "runs", "sha256"
 )  # fmt: skip
-_EARLIER = "area"
-"""How releases that recorded no input contract resized images."""
 EXAMPLE = "s2r models lab.s2r --json"
 
 
@@ -47,13 +45,13 @@ def _document(model: Model, runs: list[str]) -> tuple[Any, ...]:
 
 
 def _row(model: Model, runs: list[str]) -> tuple[Any, ...]:
-    table = model.input or {}
+    table = model.input
     has_rgb, has_depth = model.channels != "depth", model.channels != "rgb"
     convention = json.loads(model.convention)
     return (
         model.model, model.architecture, model.channels, model.input_height, model.input_width,
-        table.get("rgb_interpolation", _EARLIER) if has_rgb else None,
-        table.get("depth_interpolation", _EARLIER) if has_depth else None,
+        table["rgb_interpolation"] if has_rgb else None,
+        table["depth_interpolation"] if has_depth else None,
         _colours(table) if has_rgb else None, _depth(table) if has_depth else None,
         f"{convention.get('heading')}, {convention.get('frame', 'map')}",
         model.trained_by, ", ".join(runs) or None, model.sha256[:12],
@@ -62,22 +60,17 @@ def _row(model: Model, runs: list[str]) -> tuple[Any, ...]:
 
 def _colours(table: dict[str, Any]) -> str:
     """Order, mean and deviation of the colours, in units of the whole range."""
-    if not table:
-        return "rgb -1..1"
-    mean, std = (_list(table.get(key, ())) for key in ("mean", "std"))
-    scale = table.get("rgb_scale", 1.0)
+    mean, std = (_list(table[key]) for key in ("mean", "std"))
+    scale = table["rgb_scale"]
     factor = "" if scale == 1 else f" x {scale:g}"
-    return f"{table.get('colour_order')}{factor} mean {mean} std {std}"
+    return f"{table['colour_order']}{factor} mean {mean} std {std}"
 
 
 def _depth(table: dict[str, Any]) -> str:
-    if not table:
-        return "0..10 m -> -1..1"
-    low, high = table.get("depth_range", (0, 10))
+    low, high = table["depth_range"]
     missing = table.get("missing_depth")
     missing = "" if missing is None else f", missing = {missing:g} m"
-    mean, std = table.get("depth_mean", 0.0), table.get("depth_std", 1.0)
-    unit = table.get("depth_unit", 1.0)
+    mean, std, unit = table["depth_mean"], table["depth_std"], table["depth_unit"]
     return f"{low:g}..{high:g} m / {unit:g} m mean {mean:g} std {std:g}{missing}"
 
 

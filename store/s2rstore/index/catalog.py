@@ -268,7 +268,7 @@ class IndexCatalog(OpenIndex):
 
     @cached_property
     def checksums(self) -> dict[str, str]:
-        """SHA-256 of files by their paths inside the store; empty where version 0.1.0 wrote it."""
+        """SHA-256 of files by their paths inside the store."""
         return self.provenance(schema.CHECKSUMS)
 
     def provenance_object(self, what: str, key: str) -> dict[str, Any]:

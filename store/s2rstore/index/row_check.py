@@ -216,7 +216,7 @@ def check_parts(index: Path, rows: Sequence[Row], instances: int) -> None:
 
 
 def check_models(index: Path, rows: Sequence[Row]) -> list[Row]:
-    """Rows with `input` as an object, or None where an earlier release wrote them."""
+    """Rows with `input` as an object."""
     checked = []
     for row, check in _checkers(index, "model", rows, "model", "model"):
         check.name("model")
@@ -225,10 +225,8 @@ def check_models(index: Path, rows: Sequence[Row]) -> list[Row]:
         check.numbers(1, MAX_IMAGE_SIZE, "input_height", "input_width")
         check.parsed("convention", dict)
         check.text("trained_by", optional=True, longest=MAX_JSON)
-        contract = None
-        if row["input"] is not None:
-            contract = check.parsed("input", dict)
-            _check_input(check, contract)
+        contract = check.parsed("input", dict)
+        _check_input(check, contract)
         checked.append({**row, "input": contract})
     return checked
 
@@ -326,10 +324,7 @@ def check_arrays(index: Path, rows: Sequence[Row]) -> list[Row]:
         if len(axes) != len(shape) or not all(isinstance(axis, str) for axis in axes):
             check.refuse("axes", f"{row['axes']} does not name the axes of {row['shape']}")
         check.numbers(-1e9, 1e9, "scale", "zero")
-        if row["metadata_sha256"] is not None:
-            layout.checked_hash(
-                row["metadata_sha256"], f"{index}: table zarr_array: metadata_sha256"
-            )
+        layout.checked_hash(row["metadata_sha256"], f"{index}: table zarr_array: metadata_sha256")
         first_iid = row["first_iid"]
         if first_iid is not None:
             check.number("first_iid", 0, 2**31 - 1)

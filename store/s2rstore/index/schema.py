@@ -19,9 +19,6 @@ A new table or column needs a new number.
 CHECKSUMS = "checksums"
 """Value of `provenance.what`: `key` is a file's path inside the store, `value` its SHA-256."""
 
-IMAGE_SIZES = "image sizes"
-"""Value of `provenance.what`: `key` is a trajectory, `value` the rows and columns of its images as
-networks see them, by domain and image."""
 CONVENTIONS = "conventions"
 """Value of `provenance.what`: `key` is a domain, or DOMAIN@PART for the instances of an appended
 part, `value` the check of its headings and depth."""
@@ -215,8 +212,7 @@ TABLES: tuple[Table, ...] = (
         (
             "input",
             "VARCHAR",
-            "JSON: how images become the network's input; NULL = resized by area, RGB and depth "
-            "in [-1, 1]",
+            "JSON: how images become the network's input",
         ),
     ),
     table_of(
@@ -298,7 +294,7 @@ TABLES: tuple[Table, ...] = (
         ("scale", "DOUBLE", "see the table's comment"),
         ("zero", "DOUBLE", "see the table's comment"),
         ("unit", "VARCHAR", "of the real value"),
-        ("metadata_sha256", "VARCHAR", "SHA-256 of its zarr.json; NULL = not recorded"),
+        ("metadata_sha256", "VARCHAR", "SHA-256 of its zarr.json"),
         ("first_iid", "INTEGER", "first instance that it covers; NULL = 0"),
     ),
     table_of(
@@ -347,7 +343,7 @@ TABLES: tuple[Table, ...] = (
         (
             "what",
             "VARCHAR",
-            "dataset, model:NAME, run:NAME, translator:NAME, statistics, image sizes, ...",
+            "dataset, model:NAME, run:NAME, translator:NAME, statistics, ...",
         ),
         ("key", "VARCHAR", "name of the figure"),
         ("value", "VARCHAR", "its value as text or JSON"),

@@ -53,8 +53,7 @@ def _checksums(store: Store, current: layout.Current) -> dict[str, str]:
     known = {current.index: current.sha256, **store.checksums}
     for run in store.runs:
         for record in store.array_parts(run):
-            if record.metadata_sha256 is not None:
-                known[f"{layout.RUNS}/{record.path}/{METADATA}"] = record.metadata_sha256
+            known[f"{layout.RUNS}/{record.path}/{METADATA}"] = record.metadata_sha256
     for group in store.row_files.values():
         known.update((f"{layout.INDEX}/{file.path}", file.sha256) for file in group)
     return known

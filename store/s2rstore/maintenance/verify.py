@@ -2,9 +2,7 @@
 
 Every file that can change a figure or an image is compared with a checksum: shards against the
 ledger; metadata of arrays, weights, floor plan, drives and files of rows against the index; the
-index against `CURRENT.json`; the gap history against the checksums of its blocks. Stores of version
-0.1.0 have only some of the checksums: there the structure of arrays and floor plan is checked, with
-a note.
+index against `CURRENT.json`; the gap history against the checksums of its blocks.
 """
 
 from __future__ import annotations
@@ -22,7 +20,6 @@ from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.dataset_reader import SOURCE_IMAGES
 from s2rstore.errors import RequestError, counted, first_line
 from s2rstore.files import atomic_writes, layout, safe_files
-from s2rstore.files.image_header import floor_plan_bytes
 from s2rstore.files.ingest_folder import appending_folders, building_folders
 from s2rstore.files.ledger import LedgerReader
 from s2rstore.files.store_files import LocalFiles, StoreFiles
@@ -42,8 +39,6 @@ _FAILURES = (
     OverflowError, RecursionError,
 )  # fmt: skip
 _MAX_NAMED = 3
-_RENDERED = "world"
-"""Provenance of a data set whose frames were rendered, not resized."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,8 +149,7 @@ def _damaged_row_files(files: StoreFiles, current: layout.Current) -> dict[str, 
 class _Verification:
     """The checks of an open store; they add to `damages` and `notes`.
 
-    `uncovered` names the kinds of files without a checksum, `uncompared` counts the shards whose
-    checksum is not known because the server lists no files.
+    `uncompared` counts the shards whose checksum is not known because the server lists no files.
     """
 
     files: StoreFiles
@@ -163,7 +157,6 @@ class _Verification:
     current: layout.Current
     damages: list[Damage] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    uncovered: dict[str, None] = field(default_factory=dict)
     uncompared: int = 0
 
     def run(self) -> None:
@@ -185,12 +178,6 @@ class _Verification:
 
     def all_notes(self) -> list[str]:
         notes = list(self.notes)
-        if self.uncovered:
-            notes.insert(
-                0,
-                f"the store carries no checksums of {', '.join(self.uncovered)} "
-                "(version 0.1.0 wrote none); damage in them is found only where it breaks a format",
-            )
         if self.uncompared:
             notes.insert(
                 0,
@@ -211,16 +198,16 @@ class _Verification:
         self.notes.extend(uncomputed_parts(self.store))
 
     def _check_weights(self) -> None:
-        """Compare each model's file with the checksum of the index, or else of the ledger."""
+        """Compare each model's file with the checksum of the index."""
         files = {e.path for e in self.files.names(layout.MODELS) if e.kind == "file"}
-        known = files | self._entries.keys() | self.store.checksums.keys()
+        known = files | self.store.checksums.keys()
         for model in self.store.models.values():
             start = f"{layout.MODELS}/{model.sha256}."
             paths = sorted(path for path in known if path.startswith(start))
             if not paths:
                 self.notes.append(f"model {model.model}: no weights in the store")
             for path in paths:
-                self._check_weights_file(path, model.sha256)
+                self._check_file(path, "not the registered weights")
 
     def _check_translators(self) -> None:
         """The file of every translator is listed and exists; its content is a listed file's."""
@@ -229,22 +216,13 @@ class _Verification:
             if self.store.checksums.get(path) != record.sha256:
                 self._add(path, f"translator {record.translator}: no checksum proves its file")
 
-    def _check_weights_file(self, path: str, sha256: str) -> None:
-        expected = self.store.checksums.get(path)
-        if expected is not None:
-            self._check_file(path, expected, "not the registered weights")
-            return
-        self.uncovered["weights"] = None
-        entries = self._entries.get(path, [])
-        if self.files.kind(path) is None:
-            self._add(path, "missing")
-        elif not self._ledger.proves(entries) and (entries or self.files.sha256(path) != sha256):
-            self._add(path, "not the registered weights")
-
-    def _check_file(self, path: str, expected: str, difference: str) -> None:
+    def _check_file(self, path: str, difference: str) -> None:
         """Compare a file with its checksum; links are reported among the foreign files, too."""
+        expected = self.store.checksums.get(path)
         try:
-            if self.files.sha256(path) != expected:
+            if expected is None:
+                self._add(path, "no checksum proves it")
+            elif self.files.sha256(path) != expected:
                 self._add(path, difference)
         except FileNotFoundError:
             self._add(path, "missing")
@@ -252,41 +230,18 @@ class _Verification:
             self._add(path, first_line(error))
 
     def _check_frames(self) -> None:
-        self._note_resized_frames()
         imaged = self.store.imaged_trajectories
         for domain, part in product(imaged, self.store.trajectory_parts):
             if part.trajectory not in imaged[domain]:
                 continue
             for image in ("rgb", "depth") if self.store.domain(domain).has_depth else ("rgb",):
                 relative = f"{layout.FRAMES}/{domain}/{part.folder}/{image}"
-                is_covered = f"{relative}/{stored_array.METADATA}" in self.store.checksums
-                if not is_covered:
-                    self.uncovered["the metadata of frames"] = None
-                open_array = partial(self.store.frames_array, domain, part, image)
-                self._check_array(relative, open_array, is_covered)
+                self._check_array(relative, partial(self.store.frames_array, domain, part, image))
             for image, array in SOURCE_IMAGES.items():
                 relative = f"{layout.FRAMES}/{domain}/{part.folder}/{array}"
                 if f"{relative}/{stored_array.METADATA}" in self.store.checksums:
                     open_array = partial(self.store.source_array, domain, part, image)
-                    self._check_array(relative, open_array, True)
-
-    def _note_resized_frames(self) -> None:
-        """Note the trajectories of which a release up to 0.2.0 kept resized frames alone."""
-        if not self.store.has_poses or self.store.provenance(_RENDERED):
-            return
-        known = self.store.provenance(schema.IMAGE_SIZES)
-        names = [t.trajectory for t in self.store.trajectories if t.trajectory not in known]
-        if not names:
-            return
-        more = len(names) - _MAX_NAMED
-        listed = ", ".join(names[:_MAX_NAMED]) + (f" and {more} more" if more > 0 else "")
-        size = f"{self.store.dataset.frame_height} x {self.store.dataset.frame_width}"
-        self.notes.append(
-            f"frames of {listed}: an earlier release kept no images of the source's size but those "
-            f"resized to {size} (RGB by area, depth by the nearest pixel); a network that resizes "
-            "otherwise, such as posest, sees other pixels than in its own program; ingest again to "
-            "compare it"
-        )
+                    self._check_array(relative, open_array)
 
     def _check_arrays(self) -> None:
         """Check every array once; several runs may list one."""
@@ -296,15 +251,10 @@ class _Verification:
                 if record.path in checked:
                     continue
                 checked.add(record.path)
-                is_covered = record.metadata_sha256 is not None
-                if not is_covered:
-                    self.uncovered["the metadata of computed arrays"] = None
                 relative = f"{layout.RUNS}/{record.path}"
-                self._check_array(relative, partial(self.store.stored, record), is_covered)
+                self._check_array(relative, partial(self.store.stored, record))
 
-    def _check_array(
-        self, relative: str, open_array: Callable[[], StoredArray], is_covered: bool
-    ) -> None:
+    def _check_array(self, relative: str, open_array: Callable[[], StoredArray]) -> None:
         """Every shard must have an intact entry in the ledger."""
         try:
             array = open_array()
@@ -328,8 +278,6 @@ class _Verification:
                 )
             elif not any(entry.count == rows for entry in entries):
                 self._add(path, f"the ledger counts {entries[0].count} rows, not {rows}")
-            elif not is_covered:
-                self._check_structure(array, shard)
 
     def _cure(self, path: str) -> str:
         """How a missing array, or a missing file of one, is replaced."""
@@ -346,19 +294,10 @@ class _Verification:
             self._add(array.file(shard), first_line(error))
 
     def _check_floor_plan(self) -> None:
-        """Check the format of a floor plan that has no checksum."""
+        """The floor plan has a checksum, by which it is compared among the listed files."""
         name = self.store.dataset.floor_plan
-        if name is None or name in self.store.checksums:
-            return
-        self.uncovered["the floor plan"] = None
-        path = self.files.local_file(name)
-        if not path.exists():
-            self._add(name, "the floor plan is missing")
-            return
-        try:
-            floor_plan_bytes(path)
-        except RequestError as error:
-            self._add(name, str(error))
+        if name is not None and name not in self.store.checksums:
+            self._add(name, "no checksum proves the floor plan")
 
     def _note_conventions(self) -> None:
         """Note the domains whose conventions the ingest found doubtful."""
@@ -380,18 +319,16 @@ class _Verification:
         """Note the drives that no checksum covers; the others are checked as listed files."""
         files = [e.path for e in self.files.walk(layout.DRIVES) if e.kind == "file"]
         unlisted = [path for path in files if path not in self.store.checksums]
-        if unlisted and len(unlisted) == len(files):
-            self.uncovered["drives"] = None
-        elif unlisted:
+        if unlisted:
             more = len(unlisted) - _MAX_NAMED
             listed = ", ".join(unlisted[:_MAX_NAMED]) + (f" and {more} more" if more > 0 else "")
             self.notes.append(f"{listed}: added later, no checksum covers it")
 
     def _check_listed_files(self) -> None:
         """Check the files whose checksums the index lists and that no other check reads."""
-        for path, expected in self.store.checksums.items():
+        for path in self.store.checksums:
             if not path.startswith((f"{layout.FRAMES}/", f"{layout.MODELS}/")):
-                self._check_file(path, expected, "its checksum is not the published one")
+                self._check_file(path, "its checksum is not the published one")
 
     def _check_history(self) -> None:
         if self.files.kind(layout.GAP_HISTORY) is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,7 @@ from s2rtools.gap.report import plain
 from s2rtools.gap.visual import visual_axis
 from s2rtools.gap.visual.inception import FidInception
 from s2rtools.gap.visual.visual_axis import MIN_INSTANCES, VisualAxis
+from s2rtools.models.input_contract import InputContract
 from s2rtui.cli import main
 from s2rtui.cli.formatting.gap_details import details
 from tests.support import embeddings, tiny
@@ -61,7 +62,8 @@ def add_run_like_far(root: Path, name: str, changes: dict[str, object]) -> None:
         draft.insert_row(
             "model",
             {"model": f"of-{name}", "architecture": "resposenet", "sha256": "1" * 64,
-             "input_height": 16, "input_width": 16, "convention": {}, "trained_by": None},
+             "input_height": 16, "input_width": 16, "convention": {}, "trained_by": None,
+             "input": asdict(InputContract(size=(16, 16)))},
         )  # fmt: skip
         draft.insert_row(
             "run",

@@ -196,12 +196,8 @@ def parse_contract(stored: dict[str, Any], where: str) -> InputContract:
 def contract_of(model: Model, where: str) -> InputContract:
     """The contract of a registered model.
 
-    Models that releases up to 0.2.0 registered have none in the index: these releases resized by
-    area means and gave all networks RGB and depth in [-1, 1]. Raises RequestError, which begins
-    with `where`, for a contract that is not valid.
+    Raises RequestError, which begins with `where`, for a contract that is not valid.
     """
-    if model.input is None:
-        return InputContract(size=(model.input_height, model.input_width))
     contract = parse_contract(model.input, where)
     if contract.size != (model.input_height, model.input_width):
         raise RequestError(f"{where}: input: size differs from the model's; add the model again")

@@ -103,7 +103,7 @@ def _kept(store: Store, run: Run, requested: str, inputs: str) -> RunBackends | 
         if run.key is None or begun.get("requested") == requested:
             records.insert(0, begun)
     for record in records:
-        if record and record.get("inputs", inputs) == inputs:
+        if record and record.get("inputs") == inputs:
             kept = RunBackends.from_record(record, f"{store.path}: run {run.run}")
             if requested in (AUTO, kept.predictions.name):
                 return kept
@@ -114,10 +114,8 @@ def _input_key(store: Store, run: Run) -> str:
     """Key of the model and of what it looks at: the choice holds for these."""
     model = store.models[run.network("the choice of a backend")]
     sides = [[run.domain(side), run.adjustments(side)] for side in SIDES]
-    facts: dict[str, Any] = {"model": model.sha256, "convention": model.convention, "sides": sides}
-    if model.input is not None:
-        facts["input"] = model.input
-    return content_key(facts)
+    facts = {"model": model.sha256, "convention": model.convention, "sides": sides}
+    return content_key({**facts, "input": model.input})
 
 
 class _Sample:

@@ -103,7 +103,6 @@ class RunFrames:
         self._store, self._run, self._rendered = store, run, rendered
         self._moves = {side: run_render_change(store, run, side) for side in SIDES}
         self._renderers = {} if renderers is None else renderers
-        self._has_contract = run.model is None or store.models[run.model].input is not None
 
     def read(
         self, side: Side, start: int, stop: int, images: tuple[str, ...] = ("rgb", "depth")
@@ -122,12 +121,11 @@ class RunFrames:
     def read_source(self, side: Side, start: int, stop: int) -> list[SourceBlock] | None:
         """The images of iids [start, stop) at the size of their source.
 
-        None where the network gets those that `read` gives: the store holds no others, they are
-        rendered, or the model has no contract. Releases up to 0.2.0, which registered such models,
-        gave them the stored frames.
+        None where the network gets those that `read` gives: the store holds no others, or they
+        are rendered.
         """
         domain = self._run.domain(side)
-        if self._moves[side] != UNCHANGED or not self._has_contract:
+        if self._moves[side] != UNCHANGED:
             return None
         return read_source(self._store, domain, start, stop)
 

@@ -120,7 +120,7 @@ def _are_listed(
     if not checksums.keys() >= {spec.path(run) for spec in specs}:
         return False
     return all(
-        checksums[spec.path(run)] in (None, spec.open_array(store.path, run).metadata_sha256)
+        checksums[spec.path(run)] == spec.open_array(store.path, run).metadata_sha256
         for spec in specs
     )
 
