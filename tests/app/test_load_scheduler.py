@@ -50,11 +50,11 @@ def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
     released, ui_thread = threading.Event(), threading.current_thread()
     predicted = column_loader._predicted
 
-    def blocking_read(index, run, side, name, missing):
+    def blocking_read(index, run, side, name):
         if run != "vanilla":
             assert threading.current_thread() is not ui_thread, f"{run} {side} {name} is read here"
             assert released.wait(20)
-        return predicted(index, run, side, name, missing)
+        return predicted(index, run, side, name)
 
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     monkeypatch.setattr(column_loader, "_predicted", blocking_read)
@@ -128,9 +128,9 @@ async def test_columns_of_an_expression_are_read_in_the_background(
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     predicted, ui_thread, reads = column_loader._predicted, threading.current_thread(), []
 
-    def recorded_read(index, run, side, name, missing):
+    def recorded_read(index, run, side, name):
         reads.append((name, threading.current_thread() is ui_thread))
-        return predicted(index, run, side, name, missing)
+        return predicted(index, run, side, name)
 
     app = make_app(store)
     async with app.run_test(size=(80, 24)) as pilot:
@@ -160,10 +160,10 @@ async def delayed_losses(
         threading.Event(),
     )
 
-    def blocking_read(index, run, side, name, missing):
+    def blocking_read(index, run, side, name):
         assert threading.current_thread() is not ui_thread, f"{name} is read here"
         assert released.wait(20)
-        return predicted(index, run, side, name, missing)
+        return predicted(index, run, side, name)
 
     app = make_app(store)
     async with app.run_test(size=(80, 24)) as pilot:

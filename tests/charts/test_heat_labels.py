@@ -43,7 +43,7 @@ def records() -> list[ArrayRecord]:
     return [
         ArrayRecord(
             RUN, name, output.side, output.mode, f"{name}/{output.side}/{output.mode}", "float16",
-            (40, *output.shape), ("iid", *output.axes), 1.0, 0.0, output.unit,
+            (40, *output.shape), ("iid", *output.axes), 1.0, 0.0, output.unit, "0" * 64,
         )
         for name, kind in HEATMAP_KINDS.items()
         for output in kind.outputs(model)

@@ -271,13 +271,16 @@ def test_undo_restores_the_population_of_a_selection(session: Session) -> None:
     session.select("room:right")
     session.dispatch(navigation.toggle_trained)
     session.select("straight")
-    for expression, with_trained in (("room:right", False), ("worst(20%, real.error)", True)):
+    for expression, with_trained in (
+        ("room:right", False), ("room:right", True), ("worst(20%, real.error)", True),
+    ):  # fmt: skip
         state = session.dispatch(undo_history.undo)
         assert (state.expression, state.with_trained) == (expression, with_trained)
     np.testing.assert_array_equal(session.state.selected, included)
-    assert "included and marked" in session.state.message
+    session.dispatch(undo_history.redo)
     state = session.dispatch(undo_history.redo)
     assert (state.expression, state.with_trained) == ("room:right", False)
+    assert "left out" in state.message
 
 
 def test_a_shared_expression_keeps_its_population(session: Session) -> None:

@@ -249,12 +249,3 @@ def test_a_data_set_with_poses_still_needs_them(tiny_store: Path, tmp_path: Path
     edit(store, "UPDATE dataset SET has_poses = false")
     with pytest.raises(RequestError, match="in a data set without poses"):
         s2rstore.open(store)
-
-
-def test_a_store_of_an_earlier_release_has_poses(tiny_store: Path, tmp_path: Path) -> None:
-    store = copy_store(tiny_store, tmp_path / "tiny.s2r")
-    edit(store, "ALTER TABLE dataset DROP COLUMN has_poses")
-    assert damages(store) == ""
-    with s2rstore.open(store) as opened:
-        assert opened.has_poses
-        assert opened.imaged("sim").all()
