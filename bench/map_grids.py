@@ -65,9 +65,9 @@ def _filled_stage(store: Store, run: Run) -> Stage:
     model = load_model(store, run.model)
     torch = BackendIdentity("torch", "float32")
     backends = RunBackends(torch, torch)
-    part = store.parts[0]
-    keys = ArrayKeys(InputHashes(store), run, part)
-    forward, others = network_stages(keys, run, part, model, backends, tuple(HEATMAP_KINDS))
+    iids = store.parts[0].iids
+    keys = ArrayKeys(InputHashes(store), run, iids)
+    forward, others = network_stages(keys, run, iids, model, backends, tuple(HEATMAP_KINDS))
     rng = np.random.default_rng(0)
     for stage in (forward, *others):
         for spec in stage.specs:

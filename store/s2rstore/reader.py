@@ -262,8 +262,7 @@ class Store(DatasetReader):
         is mean, max, sum or count.
         """
         records = self._records_of(run, f"map:{kind}", side, mode or self.default_mode(run, kind))
-        computed = {r.first_iid for r in self._records_of(run, "prediction", side, None)}
-        if computed - {record.first_iid for record in records}:
+        if not self._covers_predictions(run, kind, side, {record.first_iid for record in records}):
             raise NotComputedError(_incomplete(run, kind))
         grids = []
         for array in map(self.stored, records):
@@ -272,6 +271,18 @@ class Store(DatasetReader):
                 raise RequestError(f"aggregate {aggregate!r}: one of {', '.join(known)}")
             grids.append(dict(zip(known, np.asarray(array[:], dtype=np.float32), strict=True)))
         return merged_aggregate(grids, aggregate)
+
+    def _covers_predictions(self, run: str, kind: str, side: Side, firsts: set[int]) -> bool:
+        """Whether heatmaps and map grids, which begin at `firsts`, exist for all predictions.
+
+        A map grid does not state its instances: they are those of the heatmaps of its kind.
+        """
+        predicted = self._records_of(run, "prediction", side, None)
+        heat = [r for r in self.array_parts(run) if r.kind == kind and r.side in (side, None)]
+        counts = {record.first_iid: record.shape[0] for record in heat}
+        return firsts == counts.keys() and sum(counts.values()) == sum(
+            record.shape[0] for record in predicted
+        )
 
 
 def _incomplete(run: str, kind: str) -> str:

@@ -185,6 +185,10 @@ class Part:
     def stop(self) -> int:
         return self.first_iid + self.instances
 
+    @property
+    def iids(self) -> range:
+        return range(self.first_iid, self.stop)
+
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryPart:

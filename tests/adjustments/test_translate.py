@@ -152,9 +152,9 @@ def test_the_name_of_a_translator_changes_no_array_key(fitted: Path):
         run = store.run("vanilla")
         chains = [chain_of(fitted, "real:translate=to_sim")]
         chains.append([{**chains[0][0], "name": "translate:renamed"}])
-        hashes, part = InputHashes(store), store.parts[0]
+        hashes, iids = InputHashes(store), store.parts[0].iids
         runs = [replace(run, real_adjustments=chain) for chain in chains]
-        keys = [ArrayKeys(hashes, each, part).prediction({}, []) for each in runs]
+        keys = [ArrayKeys(hashes, each, iids).prediction({}, []) for each in runs]
     assert keys[0] == keys[1]
 
 

@@ -93,9 +93,9 @@ def test_occlusion_goes_on_from_a_pass_that_keeps_its_outputs(
 ) -> None:
     keys = SimpleNamespace(prediction=lambda *given: "a" * 16,
                            heatmap=lambda *given: ("b" * 16, False))  # fmt: skip
-    run, part = SimpleNamespace(run="r"), SimpleNamespace(instances=600, first_iid=0)
+    run, iids = SimpleNamespace(run="r"), range(600)
     forward, others = network_outputs.network_stages(
-        keys, run, part, networks.build_model("posest"), backends, ["occlusion"]
+        keys, run, iids, networks.build_model("posest"), backends, ["occlusion"]
     )  # type: ignore[arg-type]
     assert any(spec.kind == "occlusion" for spec in forward.specs) == joined
     assert [stage.name for stage in others] == ([] if joined else ["occlusion"])

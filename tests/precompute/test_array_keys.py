@@ -28,7 +28,7 @@ BACKEND = {"name": "torch", "precision": "float32"}
 
 def keys_of(path: Path) -> dict[str, str]:
     with s2rstore.open(path) as store:
-        keys = ArrayKeys(InputHashes(store), store.run("vanilla"), store.parts[0])
+        keys = ArrayKeys(InputHashes(store), store.run("vanilla"), store.parts[0].iids)
         prediction = keys.prediction(BACKEND, [])
         heatmaps = {kind: keys.heatmap(kind, BACKEND, [])[0] for kind in KINDS}
         grids = keys.map("heat", prediction, {"cells": 264})

@@ -228,7 +228,7 @@ def test_keys_of_aligned_heatmaps_have_the_entries_of_0_1_0(
 
     monkeypatch.setattr(array_keys, "content_key", recorded_key)
     run = store.run("vanilla")
-    keys = array_keys.ArrayKeys(InputHashes(store), run, store.parts[0])
+    keys = array_keys.ArrayKeys(InputHashes(store), run, store.parts[0].iids)
     keys.heatmap("harmonised_distance", {}, [])
     assert contents[0]["correction"].keys() == {"height", "zoom"}
     section = f"alignment:{run.sim_domain}|{run.real_domain}"

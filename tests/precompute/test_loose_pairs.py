@@ -170,7 +170,7 @@ def test_keys_change_with_the_poses_of_the_frames(
 ) -> None:
     def keys(path: Path) -> tuple[str, str]:
         with s2rstore.open(path) as store:
-            made = ArrayKeys(InputHashes(store), store.run("r"), store.parts[0])
+            made = ArrayKeys(InputHashes(store), store.run("r"), store.parts[0].iids)
             backend = {"name": "torch", "precision": "float32"}
             return made.heatmap("activation", backend, [])[0], made.prediction(backend, [])
 

@@ -37,13 +37,13 @@ def store(moved_camera_store: Path) -> Store:
 
 def map_stage(store: Store, name: str, kinds: tuple[str, ...] = KINDS) -> Stage:
     """The stage of the map grids of a run of the store."""
-    run, part = store.run(name), store.parts[0]
-    keys = ArrayKeys(InputHashes(store), run, part)
-    rendered = tuple(s for stage in frames_stages(store, keys, run, part) for s in stage.specs)
+    run, iids = store.run(name), store.parts[0].iids
+    keys = ArrayKeys(InputHashes(store), run, iids)
+    rendered = tuple(s for stage in frames_stages(store, keys, run, iids) for s in stage.specs)
     torch = BackendIdentity("torch", str(run.precision))
     backends = RunBackends(torch, torch)
     model = load_model(store, run.model)
-    forward, others = network_stages(keys, run, part, model, backends, kinds, rendered)
+    forward, others = network_stages(keys, run, iids, model, backends, kinds, rendered)
     (stage,) = map_stages(store, keys, forward, others)
     return stage
 
@@ -171,6 +171,6 @@ def test_runs_without_heatmaps_have_no_maps(store: Store) -> None:
     run, model = store.run("vanilla"), load_model(store, "vanilla")
     torch = BackendIdentity("torch", str(run.precision))
     backends = RunBackends(torch, torch)
-    keys = ArrayKeys(InputHashes(store), run, store.parts[0])
-    forward, others = network_stages(keys, run, store.parts[0], model, backends, ())
+    keys = ArrayKeys(InputHashes(store), run, store.parts[0].iids)
+    forward, others = network_stages(keys, run, store.parts[0].iids, model, backends, ())
     assert map_stages(store, keys, forward, others) == []

@@ -1,9 +1,10 @@
-"""Precompute of a data set of several parts: each part has arrays of its own."""
+"""Precompute of a data set of several segments, each with arrays of its own."""
 
 from __future__ import annotations
 
 import hashlib
 import shutil
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise, product
 from pathlib import Path
@@ -23,10 +24,9 @@ from s2rstore.maintenance.verify import verify
 from s2rstore.metrics.nearest_neighbours import neighbours
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, TrajectoryPart
-from s2rtools.precompute import pipeline, publish_results
+from s2rtools.precompute import pipeline, publish_results, run_stages
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.tasks import umap_projection
-from s2rtools.precompute.tasks.umap_projection import projection_stages
 from s2rtui.cli import main
 from tests.conftest import BuildOnce
 from tests.support.copies import copy_store
@@ -87,6 +87,13 @@ def withdraw_later_arrays(path: Path, condition: str) -> None:
             draft.delete("zarr_array", path=name)
 
 
+@pytest.fixture(autouse=True, scope="module")
+def unmerged_parts() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run_stages, "segments", list)
+        yield
+
+
 @pytest.fixture(scope="module")
 def whole(trained_store: Path, build_once: BuildOnce) -> Path:
     """A computed store of one part."""
@@ -107,11 +114,7 @@ def parted(trained_store: Path, build_once: BuildOnce) -> Path:
 def _compute_parts(path: Path) -> None:
     split_into_parts(path, FIRST, 40)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            pipeline,
-            "_projections",
-            lambda store, run, forwards, refit: projection_stages(forwards, FIRST),
-        )
+        patch.setattr(run_stages, "_fitted", lambda *arguments: FIRST)
         precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS))
 
 
@@ -217,11 +220,7 @@ def test_later_parts_are_transformed_by_the_fit_to_a_sample_and_nothing_else_is(
     split_into_parts(path, FIRST, 40)
     settings = replace(umap_projection.SETTINGS, fit_instances=12, neighbours=4)
     monkeypatch.setattr(umap_projection, "SETTINGS", settings)
-    monkeypatch.setattr(
-        pipeline,
-        "_projections",
-        lambda store, run, forwards, refit: projection_stages(forwards, FIRST),
-    )
+    monkeypatch.setattr(run_stages, "_fitted", lambda *arguments: FIRST)
 
     def counted(points, settings):
         embedded, transform = fit_points(points, settings)

@@ -108,6 +108,19 @@ class StoredArray(RowArray):
             for first in range(0, chunks, self._chunks_at_once):
                 _parts(file, index[first : first + self._chunks_at_once], self.layout, where)
 
+    def chunks(self, first: int, last: int) -> Iterator[bytes]:
+        """The compressed chunks [first, last), counted over all shards."""
+        per_shard = self.layout.shard_chunks
+        while first < last:
+            shard, begin = divmod(first, per_shard)
+            stop = min(per_shard, begin + last - first, begin + self._chunks_at_once)
+            name = self.file(shard)
+            where = self._files.path / name
+            with _reading(where), self._files.open(name) as file:
+                index = self._index(file, where)
+                yield from map(bytes, _parts(file, index[begin:stop], self.layout, where))
+            first += stop - begin
+
     @property
     def _chunks_at_once(self) -> int:
         return max(1, _READ_BYTES // self.layout.chunk_bytes)

@@ -205,6 +205,23 @@ def move(root: Path, old: str | Path, new: str | Path) -> None:
         os.fsync(old_parent)
 
 
+def link(root: Path, old: str, new: str) -> None:
+    """Give a file below `root` a second name, in place of a file that has it; folders are made.
+
+    The name reaches the disk with a later `sync`. Raises OSError that names `new` where the file
+    system has no hard links, and where `old` is no regular file.
+    """
+    with (
+        parent_folder(root, old) as (old_parent, old_name),
+        parent_folder(root, new, create=True) as (parent, name),
+        errors_of(root / new),
+    ):
+        os.close(safe_files.open_regular_at(root / old, os.O_RDONLY, old_parent))
+        with suppress(FileNotFoundError):
+            os.unlink(name, dir_fd=parent)
+        os.link(old_name, name, src_dir_fd=old_parent, dst_dir_fd=parent, follow_symlinks=False)
+
+
 def remove(root: Path, relative: str | Path) -> None:
     """Remove a file or a folder with its content; a link is removed, not its target."""
     with (

@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any
 
 from s2rstore.geometry.camera_offset import RenderChange
-from s2rstore.records import SIDES, Part, Run, Side
+from s2rstore.records import SIDES, Run, Side
 from s2rtools.counterfactual import gap_shares
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.precompute.depth_calibration import load_tolerance
@@ -28,10 +28,10 @@ def content_key(facts: Facts) -> str:
 
 
 class ArrayKeys:
-    """The keys of a run's arrays in one part of the data set."""
+    """The keys of a run's arrays for some instances, which are whole parts of the data set."""
 
-    def __init__(self, hashes: InputHashes, run: Run, part: Part) -> None:
-        self._store, self._hashes, self._run, self._part = hashes.store, hashes, run, part
+    def __init__(self, hashes: InputHashes, run: Run, iids: range) -> None:
+        self._store, self._hashes, self._run, self._iids = hashes.store, hashes, run, iids
 
     def frames(self, side: Side, move: RenderChange, renderer: Any) -> str:
         """The key of rendered frames, which all runs share."""
@@ -42,8 +42,8 @@ class ArrayKeys:
                 "move": _move(move),
                 "renderer": renderer,
                 "kind": "frames",
-                "frames": self._hashes.frames(domain, self._part),
-                "poses": self._hashes.poses(self._part, domain),
+                "frames": self._hashes.frames(domain, self._iids),
+                "poses": self._hashes.poses(self._iids, domain),
                 "cameras": self._hashes.cameras(domain),
                 "size": [dataset.frame_height, dataset.frame_width],
             }
@@ -109,14 +109,14 @@ class ArrayKeys:
     def _images(self, rendered: Sequence[str]) -> Facts:
         domains = self._run.sim_domain, self._run.real_domain
         return {
-            "frames": [self._hashes.frames(domain, self._part) for domain in domains],
+            "frames": [self._hashes.frames(domain, self._iids) for domain in domains],
             "adjustments": [_without_names(self._run.adjustments(side)) for side in SIDES],
             "rendered": sorted(set(rendered)),
         }
 
     @cached_property
     def _poses(self) -> str:
-        return self._hashes.poses(self._part, *(self._run.domain(side) for side in SIDES))
+        return self._hashes.poses(self._iids, *(self._run.domain(side) for side in SIDES))
 
     @cached_property
     def _cameras(self) -> list[str]:
@@ -139,11 +139,17 @@ class ArrayKeys:
     def _source_sizes(self) -> Facts:
         """The sizes of the images from which the input of networks is made.
 
-        Empty where they are the stored frames.
+        Empty where they are the stored frames; a list where they differ between parts.
         """
-        first = self._part.first_iid
-        sizes = [self._store.source_size(self._run.domain(side), first) for side in SIDES]
-        return {"source": sizes} if any(sizes) else {}
+        domains = [self._run.domain(side) for side in SIDES]
+        sizes = [
+            [self._store.source_size(domain, part.first_iid) for domain in domains]
+            for part in self._store.parts
+            if part.first_iid in self._iids
+        ]
+        if all(of_part == sizes[0] for of_part in sizes):
+            return {"source": sizes[0]} if any(sizes[0]) else {}
+        return {"source": sizes}
 
 
 def _without_names(chain: list[dict[str, Any]]) -> list[dict[str, Any]]:

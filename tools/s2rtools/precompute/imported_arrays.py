@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from s2rstore.arrays import array_writer
 from s2rstore.files.ledger import Ledger, LedgerEntry
 from s2rstore.reader import Store
-from s2rstore.records import SIDES, Part, Run, Side
+from s2rstore.records import SIDES, Run, Side
 from s2rtools.precompute.array_keys import content_key
 from s2rtools.precompute.tasks.network_outputs import FORWARD_ROWS
 from s2rtools.precompute.work_units import FORWARD, ArraySpec, Stage
@@ -36,16 +36,16 @@ class InstanceRows(Protocol):
 SideArrays = Mapping[Side, InstanceRows]
 
 
-def imported_specs(part: Part, poses: SideArrays, embeddings: SideArrays) -> list[ArraySpec]:
-    """The arrays of a part, with a key of their values; `embeddings` may be empty.
+def imported_specs(iids: range, poses: SideArrays, embeddings: SideArrays) -> list[ArraySpec]:
+    """The arrays of some instances, with a key of their values; `embeddings` may be empty.
 
     `poses` (N, 3) as of `write_arrays`, `embeddings` (N, D).
     """
     digest = hashlib.sha256()
     for values in (*_by_side(poses), *_by_side(embeddings)):
         digest.update(f"{values.dtype.str} {values.shape[1:]}".encode())
-        for start in range(part.first_iid, part.stop, _HASHED_ROWS):
-            digest.update(values[start : min(start + _HASHED_ROWS, part.stop)].tobytes())
+        for start in range(iids.start, iids.stop, _HASHED_ROWS):
+            digest.update(values[start : min(start + _HASHED_ROWS, iids.stop)].tobytes())
     key = content_key({"kind": "prediction", "imported": digest.hexdigest()})
     described = [("prediction", poses, "x y heading", "m m rad")]
     if embeddings:
@@ -53,7 +53,7 @@ def imported_specs(part: Part, poses: SideArrays, embeddings: SideArrays) -> lis
     return [
         ArraySpec(
             kind, side, None, arrays[side].shape[1:], arrays[side].dtype.name, ("iid", axis), unit,
-            key, part.instances, first_iid=part.first_iid,
+            key, len(iids), first_iid=iids.start,
         )
         for kind, arrays, axis, unit in described
         for side in SIDES
@@ -63,7 +63,7 @@ def imported_specs(part: Part, poses: SideArrays, embeddings: SideArrays) -> lis
 def write_arrays(
     root: Path, run: str, specs: Sequence[ArraySpec], poses: SideArrays, embeddings: SideArrays
 ) -> None:
-    """Write the arrays of a part durably; those that the ledger proves are left as they are.
+    """Write the arrays of a segment durably; those that the ledger proves are left as they are.
 
     `poses` (N, 3): x and y in metres, heading in radians, NaN where there is no prediction.
     `embeddings` (N, D) are NaN there.
@@ -87,21 +87,24 @@ def write_arrays(
         ledger.add_array_entries(spec.folder(run), written)
 
 
-def imported_stage(store: Store, run: Run, part: Part) -> Stage | None:
-    """The published arrays of a part as a stage that others are computed from.
+def imported_stages(store: Store, run: Run) -> list[Stage]:
+    """The published arrays of an import as stages that others are computed from, one a segment.
 
-    None where the part was appended after the import.
+    Instances that were appended after the import have none.
     """
-    specs = tuple(
-        ArraySpec(
-            record.kind, record.side, None, record.shape[1:], record.dtype, record.axes,
-            record.unit, record.path.split("/")[1], record.shape[0], first_iid=record.first_iid,
-        )
-        for kind, side in product(_KINDS, SIDES)
-        for record in store.array_parts(run.run)
-        if (record.kind, record.side, record.first_iid) == (kind, side, part.first_iid)
-    )  # fmt: skip
-    return Stage(FORWARD, run.run, specs, FORWARD_ROWS) if specs else None
+    grouped: dict[int, list[ArraySpec]] = {}
+    for kind, side in product(_KINDS, SIDES):
+        for record in store.array_parts(run.run):
+            if (record.kind, record.side) == (kind, side):
+                spec = ArraySpec(
+                    record.kind, record.side, None, record.shape[1:], record.dtype, record.axes,
+                    record.unit, record.path.split("/")[1], record.shape[0],
+                    first_iid=record.first_iid,
+                )  # fmt: skip
+                grouped.setdefault(record.first_iid, []).append(spec)
+    return [
+        Stage(FORWARD, run.run, tuple(grouped[first]), FORWARD_ROWS) for first in sorted(grouped)
+    ]
 
 
 def _by_side(arrays: SideArrays) -> list[InstanceRows]:

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from s2rstore.reader import Store
-from s2rstore.records import Part
 
 _FRAMES = """
     SELECT count(*), sha256(string_agg(sha256, ' ' ORDER BY iid)) FROM frame
@@ -28,36 +27,36 @@ class InputHashes:
     def __init__(self, store: Store, earlier: InputHashes | None = None) -> None:
         """`earlier` are those of an earlier generation, used if the data set is the same."""
         self.store = store
-        self._known: dict[tuple[str, str, int], str] = {}
+        self._known: dict[tuple[str, str, range], str] = {}
         self._dataset = store.dataset, store.parts, store.domains
         if earlier is not None and earlier._dataset == self._dataset:
             self._known = earlier._known
 
-    def frames(self, domain: str, part: Part) -> str:
-        """The images of a domain in a part, as stored, and what gives depth its unit."""
-        key = "frames", domain, part.first_iid
+    def frames(self, domain: str, iids: range) -> str:
+        """The images of some instances in a domain, as stored, and what gives depth its unit."""
+        key = "frames", domain, iids
         if key not in self._known:
             dataset, record = self.store.dataset, self.store.domain(domain)
-            rows = self.store.execute(_FRAMES, [domain, part.first_iid, part.stop])
+            rows = self.store.execute(_FRAMES, [domain, iids.start, iids.stop])
             size = dataset.frame_height, dataset.frame_width
             depth = record.depth_scale, record.depth_raw_min, record.depth_raw_max
             self._known[key] = _digest([*rows[0], size, depth])
         return self._known[key]
 
-    def poses(self, part: Part, *domains: str) -> str:
-        """The ground truth of a part: of its instances, and of frames with other poses."""
+    def poses(self, iids: range, *domains: str) -> str:
+        """The ground truth of some instances, and of their frames with other poses."""
         own = [
             domain
             for domain in domains
             if domain in self.store.domains_with_own_poses
-            and self.store.has_own_poses(domain, part.first_iid, part.stop)
+            and self.store.has_own_poses(domain, iids.start, iids.stop)
         ]
-        key = "poses", "|".join(own), part.first_iid
+        key = "poses", "|".join(own), iids
         if key not in self._known:
             truth = self.store.instances
             columns = [truth.x, truth.y, truth.heading]
             columns += [column for domain in own for column in self.store.poses(domain).T]
-            rows = np.stack([column[part.first_iid : part.stop] for column in columns])
+            rows = np.stack([column[iids.start : iids.stop] for column in columns])
             content = rows.astype("<f8").tobytes()
             self._known[key] = hashlib.sha256(content).hexdigest()
         return self._known[key]

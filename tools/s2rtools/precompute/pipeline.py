@@ -18,7 +18,6 @@ from s2rtools.inference.cuda_backend import CudaBackend
 from s2rtools.models.load_model import model_outline
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute import depth_calibration, rig_calibration
-from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.backend_choice import run_backends
 from s2rtools.precompute.current_store import CurrentStore
 from s2rtools.precompute.executors.executor import Executor, Task, by_threads, largest_first
@@ -28,20 +27,15 @@ from s2rtools.precompute.executors.local_executors import (
     usual_threads,
     usual_workers,
 )
-from s2rtools.precompute.imported_arrays import imported_stage
-from s2rtools.precompute.input_hashes import InputHashes
+from s2rtools.precompute.merged_arrays import merge_arrays
 from s2rtools.precompute.publish_results import publish_run
-from s2rtools.precompute.restart import discard_incomplete, is_complete
+from s2rtools.precompute.restart import discard_incomplete
 from s2rtools.precompute.run_backends import RunBackends
-from s2rtools.precompute.tasks.image_heatmaps import image_stages
-from s2rtools.precompute.tasks.map_grids import map_stages, merge_grids
-from s2rtools.precompute.tasks.network_outputs import network_stages
-from s2rtools.precompute.tasks.outliers import outlier_stages
-from s2rtools.precompute.tasks.rendered_frames import frames_stages
-from s2rtools.precompute.tasks.umap_projection import projection_stages
+from s2rtools.precompute.run_stages import RunStages, imported_run_stages, model_run_stages
+from s2rtools.precompute.tasks.map_grids import merge_grids
 from s2rtools.precompute.unit_computer import Computation
 from s2rtools.precompute.unit_plan import UnitPlan
-from s2rtools.precompute.usable_kinds import domains_without_depth, usable_kinds
+from s2rtools.precompute.usable_kinds import usable_kinds
 from s2rtools.precompute.work_units import Stage, WorkUnit
 
 
@@ -161,20 +155,16 @@ def _compute_run(
     )
     store = current.get()
     planned = store.parts
-    groups = _stage_groups(store, current.hashes, run, model, backends, allowed, options.refit)
-    frames, network, *others = groups
-    stages = [stage for group in (network, *others, frames) for stage in group]
-    if options.restart:
-        discard_incomplete(store, stages, lease.check)
-        store = current.get()
-    for group in groups:
-        lease.check()
-        _compute_stages(store, group, backends, options, reporter, lease, pool)
+    stages = model_run_stages(store, current.hashes, run, model, backends, allowed, options.refit)
+    _compute_groups(current, stages, backends, options, reporter, lease, pool)
     if current.get().parts != planned:
         reporter.say(f"{name}: instances were added meanwhile; computing them, too")
         options = replace(options, restart=False)
         return _compute_run(current, name, kinds, options, reporter, lease, pool)
-    is_new = publish_run(current.get(), run, stages, backends.record(), lease.check)
+    _merge(root, stages, reporter, lease)
+    is_new = publish_run(
+        current.get(), run, stages.published, backends.record(), lease.check, stages.earlier
+    )
     atomic_writes.remove(root, f"{layout.UNITS}/{name}")  # with the choice of backends
     reporter.say(f"{name}: {'published' if is_new else 'up to date'}")
     return is_new
@@ -242,84 +232,39 @@ def _compute_imported(
     Computes what needs no network: the heatmaps of `kinds` and their map grids, and with embeddings
     projection and outliers. Instances that were appended after the import stay without predictions.
     """
-    store, forwards = current.get(), list[Stage]()
-    heatmaps: list[Stage] = []
-    maps: list[Stage] = []
-    for part in store.parts:
-        forward = imported_stage(store, run, part)
-        if forward is not None:
-            keys = ArrayKeys(current.hashes, run, part)
-            has_depth = not domains_without_depth(store, run)
-            images = image_stages(keys, run, part, kinds, has_depth)
-            forwards.append(forward)
-            heatmaps += images
-            maps += map_stages(store, keys, forward, images)
-    imported = [spec for forward in forwards for spec in forward.specs]
-    if not imported or not all(is_complete(store, run.run, spec) for spec in imported):
-        raise RequestError(f"run {run.run!r}: its imported arrays are missing; import it again")
-    groups = [heatmaps, maps]
-    if forwards[0].specs_of_kind("embedding"):
-        fit, *later = projections = _projections(store, run, forwards, options.refit)
-        groups += [[fit], later, outlier_stages(projections)]
-    if options.restart:
-        discard_incomplete(store, [stage for group in groups for stage in group], lease.check)
-        store = current.get()
-    for group in groups:
-        lease.check()
-        _compute_stages(store, group, None, options, reporter, lease, pool)
-    stages = [*forwards, *(stage for group in groups for stage in group)]
-    is_new = publish_run(current.get(), run, stages, None, lease.check)
+    stages = imported_run_stages(current.get(), current.hashes, run, kinds, options.refit)
+    _compute_groups(current, stages, None, options, reporter, lease, pool)
+    _merge(current.root, stages, reporter, lease)
+    is_new = publish_run(current.get(), run, stages.published, None, lease.check)
     atomic_writes.remove(current.root, f"{layout.UNITS}/{run.run}")
     reporter.say(f"{run.run}: {'published' if is_new else 'up to date'}")
     return is_new
 
 
-def _stage_groups(
-    store: Store,
-    hashes: InputHashes,
-    run: Run,
-    model: LoadedModel,
-    backends: RunBackends,
-    kinds: Sequence[str],
-    refit: bool,
-) -> list[list[Stage]]:
-    """All stages of a run in groups; a group needs those before it. The second is the network's.
-
-    Each part of the data set has stages of its own, so that nothing of earlier parts is computed
-    again where one is appended.
-    """
-    frames: list[Stage] = []
-    forwards: list[Stage] = []
-    heatmaps: list[Stage] = []
-    maps: list[Stage] = []
-    for part in store.parts:
-        keys = ArrayKeys(hashes, run, part)
-        rendered = frames_stages(store, keys, run, part)
-        specs = tuple(spec for stage in rendered for spec in stage.specs)
-        forward, others = network_stages(
-            keys, run, part, model, backends, kinds, specs, not domains_without_depth(store, run)
-        )
-        frames += rendered
-        forwards.append(forward)
-        heatmaps += others
-        maps += map_stages(store, keys, forward, others)
-    fit, *later = projections = _projections(store, run, forwards, refit)
-    network = [*forwards, *heatmaps]
-    return [frames, network, [fit, *maps], later, outlier_stages(projections)]
+def _compute_groups(
+    current: CurrentStore,
+    stages: RunStages,
+    backends: RunBackends | None,
+    options: PrecomputeOptions,
+    reporter: ProgressReporter,
+    lease: Lease,
+    pool: WorkerPool,
+) -> None:
+    """Compute what is missing of the stages of a run, group by group."""
+    store = current.get()
+    if options.restart:
+        discard_incomplete(store, [*stages.computed, *stages.published], lease.check)
+        store = current.get()
+    for group in stages.groups:
+        lease.check()
+        _compute_stages(store, group, backends, options, reporter, lease, pool)
 
 
-def _projections(store: Store, run: Run, forwards: Sequence[Stage], refit: bool) -> list[Stage]:
-    """The stages of the run's projection, fitted on the instances of the published one.
-
-    So points stay where they are. Fitted on all with `refit`, and where no projection of the same
-    embeddings is published.
-    """
-    for record in store.array_parts(run.run):
-        if record.kind == "umap" and record.first_iid == 0 and not refit:
-            stages = projection_stages(forwards, record.shape[0])
-            if record.path in {spec.path(run.run) for spec in stages[0].specs}:
-                return stages
-    return projection_stages(forwards, sum(forward.rows for forward in forwards))
+def _merge(root: Path, stages: RunStages, reporter: ProgressReporter, lease: Lease) -> None:
+    """Merge the arrays of parts to those of segments."""
+    if stages.merges:
+        reporter.begin(f"{stages.run}: merging parts", len(stages.merges))
+        merge_arrays(root, stages.run, stages.merges, lease.check, reporter.advance)
 
 
 def _compute_stages(

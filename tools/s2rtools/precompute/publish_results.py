@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
@@ -28,7 +28,7 @@ from s2rtools.precompute.array_keys import content_key
 from s2rtools.precompute.prediction_rows import decode_split, prediction_columns
 from s2rtools.precompute.tasks import outliers
 from s2rtools.precompute.tasks.umap_projection import SETTINGS
-from s2rtools.precompute.unit_plan import recorded_environment
+from s2rtools.precompute.unit_plan import recorded_environments
 from s2rtools.precompute.work_units import ArraySpec, Stage, open_parts
 
 ARRAY_FACTS = "arrays"
@@ -43,13 +43,15 @@ def publish_run(
     stages: Sequence[Stage],
     backend: dict[str, Any] | None,
     check: Callable[[], None] = lambda: None,
+    earlier: Collection[str] = (),
 ) -> bool:
     """Publish a run whose stages are complete; False if the index is already up to date.
 
     `planned` is the run as the stages were planned. `backend` is None for imported predictions,
     which may cover the first parts only. `check` is called before anything is published, see
     `edit`. Arrays of other heatmap kinds stay listed as long as they belong to the same
-    predictions. Raises RequestError where the run was removed or registered anew meanwhile.
+    predictions: those of the stages, or those of fewer instances at the `earlier` paths. Raises
+    RequestError where the run was removed or registered anew meanwhile.
     """
     run = planned.run
     specs = [spec for stage in stages for spec in stage.specs]
@@ -59,7 +61,9 @@ def publish_run(
     if backend is not None and count != len(store.instances):
         raise RequestError(f"{store.path}: instances were added meanwhile; run the command again")
     listed = store.array_parts(run)
-    same = bool(predicted & {record.path for record in listed})
+    same = any(
+        record.kind == "prediction" and record.path in predicted.union(earlier) for record in listed
+    )
     if backend is None and not same:
         raise RequestError(f"run {run!r}: was imported again meanwhile; run the command again")
     listed = listed if same else []
@@ -86,7 +90,10 @@ def publish_run(
             draft.insert_row("zarr_array", array_row(root, run, spec))
         if backend is not None:
             draft.update("run", {"run": run}, {"key": key, "precision": backend["precision"]})
-        draft.set_provenance(f"run:{run}", _provenance(root, run, specs, backend, ranges, previous))
+        facts = _provenance(root, run, specs, backend, ranges, previous)
+        keys = {spec.key for spec in specs} | {r.path.split("/")[1] for r in other_arrays}
+        facts[ARRAY_FACTS] = {key: each for key, each in facts[ARRAY_FACTS].items() if key in keys}
+        draft.set_provenance(f"run:{run}", facts)
     return True
 
 
@@ -230,22 +237,21 @@ def _environments(
 ) -> dict[str, Any]:
     """For each array key, the device, precision, threads and library versions that computed it.
 
-    None where they are not recorded: of imported arrays, and of those of early releases.
+    A list of several for merged arrays; None where none is recorded, as of imported arrays.
     """
     known = parse_object(previous.get(ARRAY_FACTS, "{}"), ARRAY_FACTS)
     folders = {spec.key: spec.folder(run) for spec in specs if spec.key not in known}
     return known | {key: _environment(root, folder) for key, folder in folders.items()}
 
 
-def _environment(root: Path, folder: str) -> dict[str, Any] | None:
+def _environment(root: Path, folder: str) -> dict[str, Any] | list[dict[str, Any]] | None:
     """What the ledger states of the arrays in a folder of runs.zarr; None where it is nothing."""
     ledger = Ledger(root)
-    found = recorded_environment(ledger, ledger.array_entries(folder).values())
-    if found is None:
-        return None
-    facts: dict[str, Any] = msgspec.to_builtins(found)
-    facts["libraries"] = facts.pop("versions")
-    return facts
+    found = recorded_environments(ledger, ledger.array_entries(folder).values())
+    facts: list[dict[str, Any]] = [msgspec.to_builtins(environment) for environment in found]
+    for each in facts:
+        each["libraries"] = each.pop("versions")
+    return facts if len(facts) > 1 else next(iter(facts), None)
 
 
 def _provenance(

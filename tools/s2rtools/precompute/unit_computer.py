@@ -121,15 +121,15 @@ class UnitComputer:
 
     def _compute(self, unit: WorkUnit) -> dict[ArraySpec, Any]:
         run = self._store.run(unit.stage.run)
-        if unit.stage.name == "projection":
+        if unit.stage.name == umap_projection.NAME:
             return umap_projection.compute_projection(self._root, unit)
-        if unit.stage.name == "outlier":
+        if unit.stage.name == outliers.NAME:
             return dict(outliers.compute_distances(self._root, unit, self._threads))
         if unit.stage.name == map_grids.STAGE:
             return dict(
                 map_grids.compute_grids(self._store, run, unit.stage, unit.instances, unit.missing)
             )
-        if unit.stage.name == "frames":
+        if unit.stage.name == rendered_frames.NAME:
             frames = RunFrames(self._store, run, renderers=self._renderers)
             return rendered_frames.render_frames(frames, unit)
         if unit.stage.name == image_heatmaps.STAGE:

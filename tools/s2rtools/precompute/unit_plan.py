@@ -164,9 +164,9 @@ class UnitPlan:
         Of arrays that are not published, only shards that exist count.
         """
         if folder not in self._environments:
-            found = recorded_environment(self._ledger, entries.values(), is_published)
-            if found is not None:
-                self._environments[folder] = found
+            found = recorded_environments(self._ledger, entries.values(), is_published)
+            if len(found) == 1:  # the parts of merged arrays may have several
+                (self._environments[folder],) = found
 
     def _chunk_sizes(self, unit: WorkUnit) -> dict[str, ChunkSizes]:
         """What the result of a unit holds of its missing arrays, by their paths."""
@@ -295,19 +295,26 @@ class UnitPlan:
         return file, LedgerEntry(unit, written.path, size, checksum, count, environment)
 
 
-def recorded_environment(
+def recorded_environments(
     ledger: LedgerReader, entries: Iterable[list[LedgerEntry]], may_be_lost: bool = True
-) -> ComputeEnvironment | None:
-    """The environment recorded in ledger entries of an array key; None if none is recorded.
+) -> list[ComputeEnvironment]:
+    """The environments recorded in ledger entries of an array key, each once.
 
-    Entries that fit existing files count first, and those of lost files only if they `may_be_lost`.
+    Arrays that were merged may have several. Entries that fit existing files count first, and those
+    of lost files only if they `may_be_lost`.
     """
-    known = [entry for recorded in entries for entry in recorded if entry.environment is not None]
-    existing = [entry for entry in known if ledger.states_size([entry])]
-    if len({msgspec.json.encode(entry.environment) for entry in existing}) > 1:
-        existing = [entry for entry in existing if ledger.proves([entry])]
-    chosen = existing or (known if may_be_lost else [])
-    return chosen[0].environment if chosen else None
+    existing: list[LedgerEntry] = []
+    lost: list[LedgerEntry] = []
+    for of_file in entries:
+        known = [entry for entry in of_file if entry.environment is not None]
+        fitting = [entry for entry in known if ledger.states_size([entry])]
+        if len({entry.checksum for entry in fitting}) > 1:
+            fitting = [entry for entry in fitting if ledger.proves([entry])]
+        existing += fitting
+        lost += known
+    chosen = existing or (lost[:1] if may_be_lost else [])
+    found = {msgspec.json.encode(entry.environment): entry.environment for entry in chosen}
+    return [environment for environment in found.values() if environment is not None]
 
 
 def _of_array(spec: ArraySpec, environment: ComputeEnvironment) -> ComputeEnvironment:

@@ -79,7 +79,7 @@ class Stage:
 
     `sources` are the complete arrays of the same run that they are computed from. Where something
     is fitted, it is fitted on the instances [0, `fitted`). The rows of the arrays are instances,
-    or, if `is_aggregate`, aggregates over the instances of the sources.
+    or, if there are `aggregated` ones, aggregates over these.
     """
 
     name: str
@@ -88,7 +88,11 @@ class Stage:
     unit_rows: int
     sources: tuple[ArraySpec, ...] = ()
     fitted: int = 0
-    is_aggregate: bool = False
+    aggregated: range | None = None
+
+    @property
+    def is_aggregate(self) -> bool:
+        return self.aggregated is not None
 
     @property
     def rows(self) -> int:
@@ -101,8 +105,8 @@ class Stage:
     @property
     def instances(self) -> range:
         """The instances that the stage is computed for."""
-        if self.is_aggregate:
-            return self.source_range("prediction")
+        if self.aggregated is not None:
+            return self.aggregated
         return range(self.first_iid, self.first_iid + self.rows)
 
     def unit_instances(self, number: int) -> range:
@@ -150,13 +154,6 @@ class Stage:
         if not specs:
             raise KeyError(f"stage {self.name} has no source {kind} {side} {mode}")
         return open_parts(specs, root, self.run)
-
-    def source_range(self, kind: str) -> range:
-        """Instances of the sources of a kind, which follow one another."""
-        specs = [spec for spec in self.sources if spec.kind == kind]
-        return range(
-            min(spec.first_iid for spec in specs), max(spec.first_iid + spec.rows for spec in specs)
-        )
 
     def valid_instances(self, root: Path, instances: range) -> NDArray[np.bool_]:
         """Whether both sides predicted a pose, for each of `instances`, (n,)."""

@@ -22,6 +22,7 @@ from s2rtools.precompute.imported_arrays import imported_specs, write_arrays
 from s2rtools.precompute.prediction_rows import UNSEEN, encode_split, prediction_columns
 from s2rtools.precompute.publish_results import array_row, run_key
 from s2rtools.precompute.run_registration import find_domain, insert_run
+from s2rtools.precompute.segments import segments
 from s2rtools.precompute.work_units import ArraySpec
 from s2rtools.prediction_import.embedding_file import InstanceEmbeddings
 from s2rtools.prediction_import.file_predictions import ReadingOptions, read_predictions
@@ -199,10 +200,10 @@ def _publish(
     with edit(root) as draft:
         created_at = _created_at(draft, store, name)
         specs: list[ArraySpec] = []
-        for part in store.parts:
-            of_part = imported_specs(part, poses, embeddings)
-            write_arrays(root, name, of_part, poses, embeddings)
-            specs += of_part
+        for iids in segments([part.iids for part in store.parts]):
+            of_segment = imported_specs(iids, poses, embeddings)
+            write_arrays(root, name, of_segment, poses, embeddings)
+            specs += of_segment
         for table in _TABLES:
             draft.delete(table, run=name)
         draft.delete("provenance", what=f"run:{name}")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from s2rstore.dataset_reader import Frame
 from s2rstore.reader import Store
-from s2rstore.records import SIDES, Part, Run
+from s2rstore.records import SIDES, Run
 from s2rtools.heatmaps import IMAGE_KINDS
 from s2rtools.heatmaps.heatmap_method import ImageBatch, SideImages
 from s2rtools.precompute.alignment import load_alignment
@@ -24,9 +24,9 @@ _READ_ROWS = 32
 
 
 def image_stages(
-    keys: ArrayKeys, run: Run, part: Part, kinds: Sequence[str], has_depth: bool = True
+    keys: ArrayKeys, run: Run, iids: range, kinds: Sequence[str], has_depth: bool = True
 ) -> list[Stage]:
-    """The stage of the requested heatmap kinds of a part; none where none is requested.
+    """The stage of the requested heatmap kinds of some instances; none where none is requested.
 
     `has_depth` tells whether both domains have depth.
     The arrays equal those that the forward stage of other runs computes, so that all runs of the
@@ -36,7 +36,7 @@ def image_stages(
         spec
         for kind in kinds
         for spec in heatmap_specs(
-            part, kind, IMAGE_KINDS[kind].outputs(None), {}, *keys.heatmap(kind, {}, ()), has_depth
+            iids, kind, IMAGE_KINDS[kind].outputs(None), {}, *keys.heatmap(kind, {}, ()), has_depth
         )
     ]
     return [Stage(STAGE, run.run, tuple(specs), FORWARD_ROWS)] if specs else []

@@ -39,7 +39,7 @@ _Source = tuple[str, str | None, str | None]
 def map_stages(
     store: Store, keys: ArrayKeys, forward: Stage, others: Sequence[Stage]
 ) -> list[Stage]:
-    """The stage of the map grids of every heatmap of the stages of a part; none without heatmaps.
+    """The stage of the map grids of every heatmap of some stages; none without heatmaps.
 
     Heat of a domain without depth is not projected.
     One stage for both sides and all kinds, because they read the same images.
@@ -61,7 +61,8 @@ def map_stages(
     if not specs:
         return []
     sources = (*forward.specs_of_kind("prediction"), *heat, *forward.sources)
-    return [Stage(STAGE, forward.run, tuple(specs), RANGE_INSTANCES, sources, is_aggregate=True)]
+    iids = range(heat[0].first_iid, heat[0].first_iid + heat[0].rows)
+    return [Stage(STAGE, forward.run, tuple(specs), RANGE_INSTANCES, sources, aggregated=iids)]
 
 
 def _projected_sides(store: Store, run: Run, kind: str) -> list[Side]:

@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from s2rstore.reader import Store
-from s2rstore.records import SIDES, Part, Run, Side
+from s2rstore.records import SIDES, Run, Side
 from s2rtools.counterfactual import gap_shares
 from s2rtools.counterfactual.factor_composites import FACTORS
 from s2rtools.heatmaps import HEATMAP_KINDS, HeatmapKind, PairBatch, SideBatch, harm
@@ -40,14 +40,14 @@ _DESCRIBED: WeakKeyDictionary[Any, dict[tuple[str, str, InputContract], Any]] = 
 def network_stages(
     keys: ArrayKeys,
     run: Run,
-    part: Part,
+    iids: range,
     model: LoadedModel,
     backends: RunBackends,
     kinds: Sequence[str],
     frames: tuple[ArraySpec, ...] = (),
     has_depth: bool = True,
 ) -> tuple[Stage, list[Stage]]:
-    """The forward stage of a part, and the stages of the heatmap kinds that need many passes.
+    """The forward stage of some instances, and the stages of heatmap kinds that need many passes.
 
     The forward stage computes predictions, embeddings, every heatmap kind that needs one pass
     only, and those that go on from that pass. The shares of the gap belong to the stage of the
@@ -67,8 +67,8 @@ def network_stages(
             ("iid", axis),
             unit,
             key,
-            part.instances,
-            first_iid=part.first_iid,
+            len(iids),
+            first_iid=iids.start,
         )
         for kind, item, dtype, axis, unit in (
             ("prediction", (3,), "float64", "x y heading", "m m rad"),
@@ -80,7 +80,7 @@ def network_stages(
     for kind in kinds:
         described = _described(HEATMAP_KINDS[kind], model, backends.differences or "float32")
         key_of_kind = keys.heatmap(kind, backends.kind_facts(kind), rendered)
-        heatmaps = heatmap_specs(part, kind, *described, *key_of_kind, has_depth)
+        heatmaps = heatmap_specs(iids, kind, *described, *key_of_kind, has_depth)
         reuses = backends.heatmaps_reuse_activations and HEATMAP_KINDS[kind].uses_base(described[1])
         if HEATMAP_KINDS[kind].cost == "forward" or reuses:
             specs += heatmaps
@@ -88,22 +88,22 @@ def network_stages(
             grouped.setdefault(HEATMAP_KINDS[kind].stage or kind, []).extend(heatmaps)
     if harm.STAGE in grouped:
         facts = backends.kind_facts(gap_shares.KIND)
-        grouped[harm.STAGE].append(_share_spec(part, keys.gap_shares(facts, rendered)))
+        grouped[harm.STAGE].append(_share_spec(iids, keys.gap_shares(facts, rendered)))
     stages = [
         Stage(name, run.run, tuple(of_stage), HEATMAP_ROWS, frames)
         for name, of_stage in grouped.items()
     ]
     rows = FORWARD_ROWS
     if backends.predictions.keeps_activations:
-        rows = min(rows, SMALL_ROWS if part.instances <= _SMALL_PART else HEATMAP_ROWS)
+        rows = min(rows, SMALL_ROWS if len(iids) <= _SMALL_PART else HEATMAP_ROWS)
     return Stage(FORWARD, run.run, tuple(specs), rows, frames), stages
 
 
-def _share_spec(part: Part, key: str) -> ArraySpec:
-    """The array of the shares of the gap in a part."""
+def _share_spec(iids: range, key: str) -> ArraySpec:
+    """The array of the shares of the gap of some instances."""
     item, axes = (len(FACTORS),), ("iid", "factor")
-    return ArraySpec(gap_shares.KIND, None, None, item, "float32", axes, "m", key, part.instances,
-                     first_iid=part.first_iid)  # fmt: skip
+    return ArraySpec(gap_shares.KIND, None, None, item, "float32", axes, "m", key, len(iids),
+                     first_iid=iids.start)  # fmt: skip
 
 
 def _described(
@@ -118,7 +118,7 @@ def _described(
 
 
 def heatmap_specs(
-    part: Part,
+    iids: range,
     name: str,
     outputs: Sequence[OutputSpec],
     attributes: Mapping[str, str],
@@ -126,14 +126,14 @@ def heatmap_specs(
     is_shared: bool,
     has_depth: bool,
 ) -> list[ArraySpec]:
-    """The arrays of a heatmap kind in a part, for its `outputs`.
+    """The arrays of a heatmap kind for some instances, for its `outputs`.
 
     Without depth on both sides, those of modes that compare depth are left out.
     """
     return [
         ArraySpec(name, out.side, out.mode, tuple(out.shape), out.dtype, ("iid", *out.axes),
-                  out.unit, key, part.instances, tuple(sorted(attributes.items())),
-                  part.first_iid, is_shared)
+                  out.unit, key, len(iids), tuple(sorted(attributes.items())),
+                  iids.start, is_shared)
         for out in outputs if has_depth or out.mode not in DEPTH_MODES
     ]  # fmt: skip
 

@@ -8,7 +8,6 @@ feasible for a million instances.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -21,6 +20,8 @@ from s2rtools.precompute.tasks.umap_projection import sample_rows
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 
 KIND = "neighbour_distance"
+NAME = "outlier"
+"""Name of the stages of these distances."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,28 +39,22 @@ OUTLIER_ROWS = 32_768
 _RESOLUTION = 1e-6
 
 
-def outlier_stages(projections: Sequence[Stage]) -> list[Stage]:
-    """Stages that compute distances of instances to their nearest neighbours, one per projection.
+def outlier_stage(fit: Stage, projection: Stage) -> Stage:
+    """The stage that computes distances of instances of a projection to their nearest neighbours.
 
-    Neighbours are instances of the same side that the first projection was fitted on; distances
+    Neighbours are instances of the same side that the projection `fit` was fitted on; distances
     are those of principal components.
     """
-    fit = projections[0].specs_of_kind("pca")
-    stages = []
-    for projection in projections:
-        components = projection.specs_of_kind("pca")
-        key = content_key({"pca": components[0].key, **asdict(SETTINGS)})
-        specs = tuple(
-            ArraySpec(KIND, side, None, (), "float32", ("iid",), "", key, projection.rows,
-                      first_iid=projection.first_iid)
-            for side in SIDES
-        )  # fmt: skip
-        predictions = (spec for spec in projection.sources if spec.kind == "prediction")
-        sources = tuple(dict.fromkeys((*predictions, *fit, *components)))
-        stages.append(
-            Stage("outlier", projection.run, specs, OUTLIER_ROWS, sources, projection.fitted)
-        )
-    return stages
+    components = projection.specs_of_kind("pca")
+    key = content_key({"pca": components[0].key, **asdict(SETTINGS)})
+    specs = tuple(
+        ArraySpec(KIND, side, None, (), "float32", ("iid",), "", key, projection.rows,
+                  first_iid=projection.first_iid)
+        for side in SIDES
+    )  # fmt: skip
+    predictions = (spec for spec in projection.sources if spec.kind == "prediction")
+    sources = tuple(dict.fromkeys((*predictions, *fit.specs_of_kind("pca"), *components)))
+    return Stage(NAME, projection.run, specs, OUTLIER_ROWS, sources, projection.fitted)
 
 
 def compute_distances(

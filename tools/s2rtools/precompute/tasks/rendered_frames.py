@@ -8,35 +8,37 @@ from numpy.typing import NDArray
 
 from s2rstore.geometry.camera_offset import UNCHANGED
 from s2rstore.reader import Store
-from s2rstore.records import SIDES, Part, Run
+from s2rstore.records import SIDES, Run
 from s2rstore.run_inputs import FRAME_KINDS, run_render_change
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.frame_reader import RunFrames
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 from s2rtools.rendering import renderer_version
 
+NAME = "frames"
+"""Name of the stages of rendered frames."""
 FRAME_ROWS = 32
 
 
-def frames_stages(store: Store, keys: ArrayKeys, run: Run, part: Part) -> list[Stage]:
+def frames_stages(store: Store, keys: ArrayKeys, run: Run, iids: range) -> list[Stage]:
     """One stage for the sides whose cameras are moved; none if no camera is moved."""
     specs = []
     for side in SIDES:
         domain, move = store.domain(run.domain(side)), run_render_change(store, run, side)
         if move == UNCHANGED:
             continue
-        first = part.first_iid
+        first = iids.start
         depth = store.frames(domain.domain, first, first + 1, ("depth",))["depth"].dtype.name
         frame = store.dataset.frame_height, store.dataset.frame_width
         key = keys.frames(side, move, renderer_version(store))
-        n, axes = part.instances, ("iid", "row", "column")
+        n, axes = len(iids), ("iid", "row", "column")
         specs += [
             ArraySpec(FRAME_KINDS["rgb"], side, None, (*frame, 3), "uint8", (*axes, "channel"), "",
                       key, n, first_iid=first, is_shared=True),
             ArraySpec(FRAME_KINDS["depth"], side, None, frame, depth, axes, "raw", key, n,
                       first_iid=first, is_shared=True),
         ]  # fmt: skip
-    return [Stage("frames", run.run, tuple(specs), FRAME_ROWS)] if specs else []
+    return [Stage(NAME, run.run, tuple(specs), FRAME_ROWS)] if specs else []
 
 
 def render_frames(frames: RunFrames, unit: WorkUnit) -> dict[ArraySpec, NDArray[Any]]:

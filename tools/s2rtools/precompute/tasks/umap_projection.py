@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from sklearn.decomposition import IncrementalPCA
 
 Pair = tuple[NDArray[np.float32], NDArray[np.float32]]
+NAME = "projection"
+"""Name of the stages of projections."""
 Transform = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 _BATCH = 512
 _TRANSFORMED = 4096
@@ -54,42 +56,37 @@ class ProjectionSettings:
 SETTINGS = ProjectionSettings()
 
 
-def projection_stages(forwards: Sequence[Stage], fitted: int) -> list[Stage]:
-    """PCA and joint UMAP of the embeddings of the forward stages of all parts.
+def projection_stage(
+    run: str,
+    iids: range,
+    fitted: int,
+    embedding_key: Callable[[range], Any],
+    sources: tuple[ArraySpec, ...],
+) -> Stage:
+    """PCA and joint UMAP of the embeddings of some instances, by the fit on [0, `fitted`).
 
-    One stage, of a single unit, for the instances [0, `fitted`), which are whole parts, and one for
-    each later part.
+    These are the fitted instances themselves, as a stage of a single unit, or later ones.
+    `embedding_key` gives what identifies the embeddings of some instances; `sources` are the
+    predictions and embeddings of all.
     """
-    early = [forward for forward in forwards if forward.first_iid < fitted]
-    keys = [_embedding_key(forward) for forward in early]
-    facts: dict[str, Any] = {"embedding": keys[0] if len(keys) == 1 else keys, **asdict(SETTINGS)}
-    stages = [_stage(early, content_key(facts), 0, fitted, fitted)]
-    for forward in forwards[len(early) :]:
-        key = content_key({**facts, "transformed": _embedding_key(forward)})
-        stage = _stage([*early, forward], key, forward.first_iid, forward.rows, fitted)
-        stages.append(replace(stage, sources=stage.sources + stages[0].specs))
-    return stages
+    fit = range(fitted)
+    facts: dict[str, Any] = {"embedding": embedding_key(fit), **asdict(SETTINGS)}
+    if iids == fit:
+        return Stage(NAME, run, _specs(content_key(facts), fit), max(fitted, 1), sources, fitted)
+    key = content_key({**facts, "transformed": embedding_key(iids)})
+    sources += _specs(content_key(facts), fit)
+    return Stage(NAME, run, _specs(key, iids), len(iids), sources, fitted)
 
 
-def _embedding_key(forward: Stage) -> str:
-    return forward.specs_of_kind("embedding")[0].key
-
-
-def _stage(forwards: Sequence[Stage], key: str, first: int, count: int, fitted: int) -> Stage:
-    specs = tuple(
+def _specs(key: str, iids: range) -> tuple[ArraySpec, ...]:
+    return tuple(
         ArraySpec(
-            kind, side, None, (width,), "float32", ("iid", axis), "", key, count, first_iid=first
+            kind, side, None, (width,), "float32", ("iid", axis), "", key, len(iids),
+            first_iid=iids.start,
         )
         for kind, width, axis in (("pca", SETTINGS.components, "component"), ("umap", 2, "u v"))
         for side in SIDES
-    )
-    sources = tuple(
-        spec
-        for kind in ("prediction", "embedding")
-        for forward in forwards
-        for spec in forward.specs_of_kind(kind)
-    )
-    return Stage("projection", forwards[0].run, specs, max(count, 1), sources, fitted)
+    )  # fmt: skip
 
 
 def compute_projection(root: Path, unit: WorkUnit) -> dict[ArraySpec, NDArray[Any]]:
@@ -104,7 +101,8 @@ def compute_projection(root: Path, unit: WorkUnit) -> dict[ArraySpec, NDArray[An
     if stage.first_iid:
         computed = _project_later(root, stage, (embeddings[0], embeddings[1]), fitted)
     else:
-        sim, real, _ = principal_components((embeddings[0], embeddings[1]), fitted, SETTINGS)
+        early = [_Rows(side, slice(0, stage.fitted)) for side in embeddings]
+        sim, real, _ = principal_components((early[0], early[1]), fitted, SETTINGS)
         computed = {"pca": (sim, real), "umap": joint_umap((sim, real), fitted, SETTINGS)}
     return {spec: computed[spec.kind][spec.side == "real"] for spec in unit.missing}
 

@@ -1,0 +1,190 @@
+"""All stages of a run: those that are computed, in groups, and those that are published."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+from s2rstore.errors import RequestError
+from s2rstore.reader import Store
+from s2rstore.records import Run
+from s2rtools.models.pose_network import LoadedModel
+from s2rtools.precompute.array_keys import ArrayKeys
+from s2rtools.precompute.imported_arrays import imported_stages
+from s2rtools.precompute.input_hashes import InputHashes
+from s2rtools.precompute.restart import is_complete
+from s2rtools.precompute.run_backends import RunBackends
+from s2rtools.precompute.segment_plan import (
+    ArrayMerge,
+    SegmentPlan,
+    plan_segments,
+    published_ranges,
+)
+from s2rtools.precompute.segments import segments
+from s2rtools.precompute.tasks import map_grids, outliers, rendered_frames, umap_projection
+from s2rtools.precompute.tasks.image_heatmaps import image_stages
+from s2rtools.precompute.tasks.map_grids import map_stages
+from s2rtools.precompute.tasks.network_outputs import network_stages
+from s2rtools.precompute.tasks.outliers import outlier_stage
+from s2rtools.precompute.tasks.rendered_frames import frames_stages
+from s2rtools.precompute.tasks.umap_projection import projection_stage
+from s2rtools.precompute.usable_kinds import domains_without_depth
+from s2rtools.precompute.work_units import ArraySpec, Stage
+
+
+@dataclass(frozen=True, slots=True)
+class RunStages:
+    """The stages of a run in `groups`, each of which needs those before it, and the arrays merged
+    from them.
+
+    `published` are the stages with the arrays of all segments. `earlier` are the paths that these
+    arrays have for the ranges of instances that are published.
+    """
+
+    run: str
+    groups: Sequence[Sequence[Stage]]
+    merges: Sequence[ArrayMerge]
+    published: Sequence[Stage]
+    earlier: frozenset[str] = frozenset()
+
+    @property
+    def computed(self) -> list[Stage]:
+        return [stage for group in self.groups for stage in group]
+
+
+def model_run_stages(
+    store: Store,
+    hashes: InputHashes,
+    run: Run,
+    model: LoadedModel,
+    backends: RunBackends,
+    kinds: Sequence[str],
+    refit: bool,
+) -> RunStages:
+    """The stages of a run of a model; projections are fitted again with `refit`."""
+    has_depth = not domains_without_depth(store, run)
+
+    @cache
+    def stages_of(iids: range) -> list[Stage]:
+        keys = ArrayKeys(hashes, run, iids)
+        rendered = frames_stages(store, keys, run, iids)
+        frames = tuple(spec for stage in rendered for spec in stage.specs)
+        forward, others = network_stages(keys, run, iids, model, backends, kinds, frames, has_depth)
+        return [*rendered, forward, *others, *map_stages(store, keys, forward, others)]
+
+    def embedding_key(iids: range) -> str:
+        return next(
+            spec.key for stage in stages_of(iids) for spec in stage.specs_of_kind("embedding")
+        )
+
+    parts = [part.iids for part in store.parts]
+    network = plan_segments(store, run.run, stages_of, parts, segments(parts))
+    computed = [spec for stage in network.computed for spec in stage.specs]
+    projections = _projections(store, run, computed, parts, embedding_key, refit)
+    earlier = frozenset(
+        spec.path(run.run)
+        for iids in published_ranges(store, [run.run])
+        for stage in stages_of(iids)
+        for spec in stage.specs_of_kind("prediction")
+    )
+    return _run_stages(run.run, network, projections, earlier)
+
+
+def imported_run_stages(
+    store: Store, hashes: InputHashes, run: Run, kinds: Sequence[str], refit: bool
+) -> RunStages:
+    """The stages of a run of imported predictions: what needs no network.
+
+    These are the heatmaps of `kinds` and their map grids, and with embeddings projection and
+    outliers, for the instances of the import. Raises RequestError where imported arrays are
+    missing.
+    """
+    forwards = imported_stages(store, run)
+    imported = [spec for forward in forwards for spec in forward.specs]
+    if not imported or not all(is_complete(store, run.run, spec) for spec in imported):
+        raise RequestError(f"run {run.run!r}: its imported arrays are missing; import it again")
+    has_depth = not domains_without_depth(store, run)
+
+    @cache
+    def stages_of(iids: range) -> list[Stage]:
+        keys = ArrayKeys(hashes, run, iids)
+        images = image_stages(keys, run, iids, kinds, has_depth)
+        forward = next(each for each in forwards if iids.start in each.instances)
+        return [*images, *map_stages(store, keys, forward, images)]
+
+    def embedding_key(iids: range) -> str | list[str]:
+        keys = [each.specs[0].key for each in forwards if each.first_iid in iids]
+        return keys[0] if len(keys) == 1 else keys
+
+    imports = [forward.instances for forward in forwards]
+    parts = [part.iids for part in store.parts if part.first_iid < imports[-1].stop]
+    network = plan_segments(store, run.run, stages_of, parts, imports)
+    projections = SegmentPlan()
+    if forwards[0].specs_of_kind("embedding"):
+        projections = _projections(store, run, imported, parts, embedding_key, refit)
+    stages = _run_stages(run.run, network, projections)
+    return replace(stages, published=[*forwards, *stages.published])
+
+
+def _projections(
+    store: Store,
+    run: Run,
+    embeddings: Sequence[ArraySpec],
+    parts: Sequence[range],
+    embedding_key: Callable[[range], Any],
+    refit: bool,
+) -> SegmentPlan:
+    """The stages of the run's projection, and of outliers, of some parts of the data set.
+
+    `embeddings` are the arrays of predictions and embeddings.
+    """
+    sources = tuple(spec for spec in embeddings if spec.kind in ("prediction", "embedding"))
+
+    def projected(iids: range, fitted: int) -> Stage:
+        return projection_stage(run.run, iids, fitted, embedding_key, sources)
+
+    fitted = parts[-1].stop if refit else _fitted(store, run, parts[-1].stop, projected)
+    first, later = range(fitted), [part for part in parts if part.start >= fitted]
+    fit = projected(first, fitted)
+
+    def stages_of(iids: range) -> list[Stage]:
+        stage = projected(iids, fitted)
+        return [stage, outlier_stage(fit, stage)]
+
+    ranges = [first, *segments(later)]
+    return plan_segments(store, run.run, stages_of, [first, *later], ranges)
+
+
+def _fitted(store: Store, run: Run, count: int, projected: Callable[[range, int], Stage]) -> int:
+    """How many instances the projection is fitted on: those of the published one.
+
+    So points stay where they are. All `count` where none of the same embeddings is published.
+    """
+    for record in store.array_parts(run.run):
+        if record.kind == "umap" and record.first_iid == 0:
+            fitted = record.shape[0]
+            stage = projected(range(fitted), fitted)
+            if record.path in {spec.path(run.run) for spec in stage.specs}:
+                return fitted
+    return count
+
+
+def _run_stages(
+    run: str, network: SegmentPlan, projections: SegmentPlan, earlier: frozenset[str] = frozenset()
+) -> RunStages:
+    def named(plan: SegmentPlan, *names: str) -> list[Stage]:
+        return [stage for stage in plan.computed if stage.name in names]
+
+    frames, maps = named(network, rendered_frames.NAME), named(network, map_grids.STAGE)
+    fits = named(projections, umap_projection.NAME)
+    groups = [
+        frames,
+        [stage for stage in network.computed if stage not in (*frames, *maps)],
+        [*maps, *fits[:1]],
+        fits[1:],
+        named(projections, outliers.NAME),
+    ]
+    merges = [*network.merges, *projections.merges]
+    return RunStages(run, groups, merges, [*network.published, *projections.published], earlier)

@@ -1,0 +1,33 @@
+"""Which instances share arrays: consecutive parts of a data set, merged to few segments.
+
+An append adds a part. If every part kept arrays of its own, the number of files of a run would grow
+with every append. So parts are merged, like the runs of a log-structured merge tree (O'Neil et al.,
+1996): a segment takes in the one before it where this copies few rows for each that is added.
+
+Whole shards are never copied, they get a second name (`merged_arrays`). What a merge copies are the
+rows of the earlier segment behind its last whole shard, and those of the later one. A segment stays
+apart while the earlier one has more than `COPIED_ROWS` such rows for each of its own. So each
+segment but the first has at most 1 / `COPIED_ROWS` of a shard, and of the rows of the one before
+it: a store of any size has at most three segments, and a row is copied a limited number of times.
+
+Segments depend on the parts alone, so that all runs have the same and can share arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from s2rstore.arrays.array_writer import SHARD_ROWS
+
+COPIED_ROWS = 32
+"""Earlier rows that may be copied for each later one."""
+
+
+def segments(parts: Iterable[range]) -> list[range]:
+    """The segments of parts, which are ranges of instances that follow one another."""
+    merged: list[range] = []
+    for each in parts:
+        while merged and len(merged[-1]) % SHARD_ROWS <= COPIED_ROWS * len(each):
+            each = range(merged.pop().start, each.stop)
+        merged.append(each)
+    return merged
