@@ -31,6 +31,7 @@ from s2rtools.counterfactual.depth_tolerance import DepthTolerance
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.models.load_model import model_outline
 from s2rtools.precompute import (
+    backend_choice,
     depth_calibration,
     pipeline,
     publish_results,
@@ -41,6 +42,7 @@ from s2rtools.precompute.input_hashes import InputHashes
 from s2rtools.precompute.machine import this_machine
 from s2rtools.precompute.receipts import Receipt
 from s2rtools.precompute.run_backends import BackendIdentity, RunBackends
+from s2rtools.precompute.run_stages import RunStages, model_run_stages
 from s2rtools.precompute.unit_computer import encoded
 from s2rtools.precompute.unit_plan import UnitPlan
 from s2rtools.precompute.work_units import ArraySpec, Stage
@@ -49,7 +51,7 @@ RUNS = 100
 NEW_RUN = "unfinished"
 _TORCH = BackendIdentity("torch", "float32")
 _BACKENDS = RunBackends(_TORCH, _TORCH, "float32")
-_APPENDED_RUNS, _PARTS = 4, 52
+_APPENDED_RUNS, _PARTS, _LAST = 4, 52, 10
 _UNIT_ROWS, _UNITS, _ARRAYS = 64, 256, 13
 
 
@@ -64,7 +66,7 @@ def figures(folder: Path) -> Iterator[BudgetRow]:
     yield BudgetRow(f"{store}: memory of planning", measured["megabytes"], "MB", 2_000)
     count, measured = _planned(folder / "appended.s2r", _APPENDED_RUNS, _PARTS)
     store = f"{_PARTS} parts of 1e+06 instances"
-    yield BudgetRow(f"{store}: files of one run for each part", count / _PARTS, "files", 200)
+    yield BudgetRow(f"{store}: files of one run", count, "files", 2_000)
     taken = measured["complete"] / (_APPENDED_RUNS - 1)
     yield BudgetRow(f"{store}: plan a complete run", taken, "s", 5.0)
 
@@ -81,19 +83,20 @@ def _planned(path: Path, runs: int, parts: int) -> tuple[int, dict[str, float]]:
 
 
 def _split(root: Path, parts: int) -> None:
-    """Declare that the instances were ingested in some parts of equal size."""
-    ends = [growth.INSTANCES * part // parts for part in range(parts + 1)]
+    """Declare that the instances were ingested in some parts, the last of which is not merged."""
+    ends = [(growth.INSTANCES - _LAST) * part // (parts - 1) for part in range(parts)]
+    ends.append(growth.INSTANCES)
     with edit(root) as draft:
         for part, (first, stop) in enumerate(pairwise(ends)):
             row = {"part": part, "first_iid": first, "instances": stop - first}
             draft.insert_row("part", {**row, "hash": f"{part:064x}"})
 
 
-def _groups(store: Store, hashes: InputHashes, name: str) -> list[list[Stage]]:
+def _stages(store: Store, hashes: InputHashes, name: str) -> RunStages:
     run = store.run(name)
     model = model_outline(store, run.model)
     kinds = [kind for kind in HEATMAP_KINDS if HEATMAP_KINDS[kind].suits(model)]
-    return pipeline._stage_groups(store, hashes, run, model, _BACKENDS, kinds, False)
+    return model_run_stages(store, hashes, run, model, _BACKENDS, kinds, False)
 
 
 def _create_arrays(root: Path, runs: int) -> int:
@@ -110,11 +113,14 @@ def _create_arrays(root: Path, runs: int) -> int:
     with s2rstore.open(root) as store, edit(root) as draft:
         hashes = InputHashes(store)
         for name in store.runs:
-            draft.set_provenance(f"run:{name}", {"backend": _BACKENDS.record()})
+            inputs = backend_choice._input_key(store, store.run(name))
+            draft.set_provenance(
+                f"run:{name}", {"backend": _BACKENDS.record() | {"inputs": inputs}}
+            )
             if name == NEW_RUN:
                 continue
             created = 0
-            for stage in (stage for group in _groups(store, hashes, name) for stage in group):
+            for stage in _stages(store, hashes, name).published:
                 for spec in stage.specs:
                     array = stage.create(root, spec)
                     for shard in range(array.layout.shards):
@@ -151,9 +157,9 @@ def measure(root: Path) -> dict[str, float]:
         raise SystemExit(f"not up to date: {reporter.lines[:3]}")
     with s2rstore.open(root) as store:
         hashes = InputHashes(store)
-        _groups(store, hashes, complete[0])
+        _stages(store, hashes, complete[0])
         planned = time.perf_counter()
-        for group in _groups(store, hashes, NEW_RUN):
+        for group in _stages(store, hashes, NEW_RUN).groups:
             UnitPlan(root, group, store.array_paths, dict)
         end = time.perf_counter()
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -168,7 +168,7 @@ def test_damaged_results_are_computed_again(tmp_path: Path, defect: str) -> None
 def test_totals_of_another_size_are_not_decompressed(tmp_path: Path) -> None:
     heat = spec_of("x", kind="prediction")
     grid = replace(spec_of("x", 4, "map:heat"), axes=("aggregate", "row", "column"))
-    stage = Stage("maps", "run", (grid,), 64, (heat,), aggregated=range(64))
+    stage = Stage("maps", "run", (grid,), 64, (heat,), aggregated=range(ROWS))
     path = grid.path("run")
     assert len(plan_of(tmp_path, stage).units) == 1
     result_file(tmp_path, stage, {path: [bomb()]}, instances=ROWS)
