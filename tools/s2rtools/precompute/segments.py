@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from s2rstore.arrays.array_writer import SHARD_ROWS
+from s2rstore.arrays import array_writer
 
 COPIED_ROWS = 32
 """Earlier rows that may be copied for each later one."""
@@ -27,7 +27,7 @@ def segments(parts: Iterable[range]) -> list[range]:
     """The segments of parts, which are ranges of instances that follow one another."""
     merged: list[range] = []
     for each in parts:
-        while merged and len(merged[-1]) % SHARD_ROWS <= COPIED_ROWS * len(each):
+        while merged and len(merged[-1]) % array_writer.SHARD_ROWS <= COPIED_ROWS * len(each):
             each = range(merged.pop().start, each.stop)
         merged.append(each)
     return merged
