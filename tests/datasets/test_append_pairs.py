@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -28,6 +27,7 @@ TURN, SHIFT, UNITS = 0.7, np.array([5.0, -3.0]), 2.5
 """Where the sim world lies on the floor, and how many metres its unit is where it has a scale."""
 FLOORS = "--sim-floor", "ground=0", "--real-floor", "ground=0"
 Floats = np.ndarray
+MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0]).tolist()
 
 
 def scaled(path: Path, options: ReadOptions) -> Recording:
@@ -252,41 +252,33 @@ def aligned(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
         yield store
 
 
-@contextmanager
-def with_fact(store: Store, section: str, key: str, value: str) -> Iterator[None]:
-    """The store answers as if its index had this value."""
-    provenance = store.provenance
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            store, "provenance",
-            lambda name: provenance(name) | ({key: value} if name == section else {}),
-        )  # fmt: skip
-        yield
-
-
 @pytest.mark.parametrize(
-    ("key", "value", "words"),
+    ("section", "key", "value", "words"),
     [
-        ("world_to_floor", "[[1, 0], [0, 1]]", "no rotation"),
-        ("world_to_floor", "{}", "recording:real"),
-        ("world_to_floor", str(np.diag([-1.0, 1.0, 1.0, 1.0]).tolist()), "no rotation"),
-        ("metres_per_unit", "0", "no rotation and scale"),
-        ("tilt_median", "[]", "tilt_median"),
-        ("height_spread", "1e300", "implausible"),
+        ("recording:real", "world_to_floor", "[[1, 0], [0, 1]]", "no rotation"),
+        ("recording:real", "world_to_floor", "{}", "recording:real"),
+        ("recording:real", "world_to_floor", str(MIRROR), "no rotation"),
+        ("recording:real", "metres_per_unit", "0", "no rotation and scale"),
+        ("recording:real", "tilt_median", "[]", "tilt_median"),
+        ("recording:real", "height_spread", "1e300", "implausible"),
+        ("pairs", "alignment", {"scale": 0.0}, "pairs: alignment"),
+        ("pairs", "alignment", {"x": 1e308}, "pairs: alignment"),
+        ("pairs", "alignment", {"angle": "a"}, "pairs: alignment"),
     ],
 )
-def test_damaged_worlds_are_refused(aligned: Store, key: str, value: str, words: str) -> None:
-    with with_fact(aligned, "recording:real", key, value), pytest.raises(RequestError, match=words):
-        stored_worlds(aligned)
-
-
-@pytest.mark.parametrize("fact", [{"scale": 0.0}, {"x": 1e308}, {"angle": "a"}])
-def test_a_damaged_alignment_is_refused(aligned: Store, fact: dict[str, object]) -> None:
-    facts = aligned.provenance_object("pairs", "alignment")
-    with (
-        with_fact(aligned, "pairs", "alignment", json.dumps(facts | fact)),
-        pytest.raises(RequestError, match="pairs: alignment"),
-    ):
+def test_damaged_worlds_are_refused(
+    aligned: Store, monkeypatch: pytest.MonkeyPatch, section: str, key: str, value: object,
+    words: str,
+) -> None:  # fmt: skip
+    """The store answers as if its index had this value."""
+    if isinstance(value, dict):
+        value = json.dumps(aligned.provenance_object(section, key) | value)
+    facts = aligned.provenance
+    changed = facts(section) | {key: value}
+    monkeypatch.setattr(
+        aligned, "provenance", lambda name: changed if name == section else facts(name)
+    )
+    with pytest.raises(RequestError, match=words):
         stored_worlds(aligned)
 
 

@@ -25,6 +25,7 @@ from s2rtools.datasets.floor.floor_plans import (
 )
 from tests.datasets.helpers import scan_of
 from tests.support import pairs
+from tests.support.refusals import refused
 
 GRID = """# a map
 image: map.pgm
@@ -118,22 +119,6 @@ def test_cells_of_a_grid_are_occupied_free_or_unknown(tmp_path: Path) -> None:
     assert 130 < scaled.image[0, 0, 0] < 160
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [("image: map.pgm\norigin: [0, 0, 0]\n", "resolution: missing"),
-     ("image: map.pgm\nresolution: -1\norigin: [0, 0, 0]\n", "resolution"),
-     ("image: map.pgm\nresolution: 1\norigin: [0, 0, 0]\nmode: raw\n", "trinary or scale"),
-     ("image: none.pgm\nresolution: 1\norigin: [0, 0, 0]\n", "none.pgm"),
-     ("<html>\n", "expected KEY: VALUE")],
-)  # fmt: skip
-def test_unusable_grids_are_refused_in_one_line(tmp_path: Path, text: str, message: str) -> None:
-    path = write_grid(tmp_path, np.zeros((3, 3), np.uint8))
-    path.write_text(text)
-    with pytest.raises(RequestError, match=message) as error:
-        read_grid(path)
-    assert "\n" not in str(error.value)
-
-
 def test_large_plans_are_averaged(tmp_path: Path) -> None:
     pixels = (np.indices((3000, 3000)).sum(axis=0) % 2 * 254).astype(np.uint8)
     pixels[:, :1500] = 254
@@ -187,9 +172,8 @@ def test_unusable_plans_of_a_configuration_are_refused(
     tmp_path: Path, plan: str, message: str
 ) -> None:
     path = header_of(tmp_path, plan, bounds=False)
-    with pytest.raises(RequestError, match=message) as error:
+    with refused(match=message):
         scan_of("csv", path)
-    assert "\n" not in str(error.value)
 
 
 def test_image_of_a_grid_outside_the_folder_is_refused(tmp_path: Path) -> None:
@@ -219,17 +203,21 @@ def test_a_grid_may_be_any_valid_yaml(tmp_path: Path, text: str) -> None:
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [("image: map.pgm\nimage: other.pgm\n", "not valid YAML .*duplicate key"),
+    [("image: map.pgm\norigin: [0, 0, 0]\n", "resolution: missing"),
+     ("image: map.pgm\nresolution: -1\norigin: [0, 0, 0]\n", "resolution"),
+     ("image: map.pgm\nresolution: 1\norigin: [0, 0, 0]\nmode: raw\n", "trinary or scale"),
+     ("image: none.pgm\nresolution: 1\norigin: [0, 0, 0]\n", "none.pgm"),
+     ("<html>\n", "expected KEY: VALUE"),
+     ("image: map.pgm\nimage: other.pgm\n", "not valid YAML .*duplicate key"),
      ("image: !!bool map.pgm\n", "not valid YAML"),
      ("image: " + "[" * 1000, "nested too deeply"),
      ("a0: &a [x, x]\n" + "".join(f"a{n}: &{chr(97 + n)} [*{chr(96 + n)}, *{chr(96 + n)}]\n"
                                  for n in range(1, 25)), "more than 65,536 values"),
      ("image: &a [*a]\n", "more than 65,536 values")],
-    ids=["duplicate", "wrong tag", "nested", "aliases", "circle"],
+    ids=range(10),
 )  # fmt: skip
-def test_hostile_yaml_is_refused_in_one_line(tmp_path: Path, text: str, message: str) -> None:
+def test_unusable_grids_are_refused_in_one_line(tmp_path: Path, text: str, message: str) -> None:
     path = write_grid(tmp_path, np.zeros((3, 3), np.uint8))
     path.write_text(text)
-    with pytest.raises(RequestError, match=message) as error:
+    with refused(match=message):
         read_grid(path)
-    assert "\n" not in str(error.value)

@@ -39,20 +39,13 @@ def expected(number: int, size: tuple[int, int]) -> np.ndarray:
     return cv2.resize(picture(number, size), FRAME[::-1], interpolation=cv2.INTER_AREA)
 
 
-def test_every_image_is_an_instance_of_the_trajectory_of_its_folder_or_condition(
-    store_path: Path,
-) -> None:
+def test_images_become_instances_without_poses_and_map(store_path: Path) -> None:
     with s2rstore.open(store_path) as store:
         counts = {each.trajectory: each.instances for each in store.trajectories}
         assert counts == {"real_day": 4, "real_night": 3, "sim_city": 2, "sim_loop": 5}
         assert {name: domain.kind for name, domain in store.domains.items()} == {
             "real": "real", "sim": "sim",
         }  # fmt: skip
-        assert not store.runs
-
-
-def test_the_data_set_says_that_it_has_no_poses_and_no_map(store_path: Path) -> None:
-    with s2rstore.open(store_path) as store:
         dataset, domain = store.dataset, store.domain("real")
         assert not dataset.has_poses
         assert np.isnan([dataset.bounds.x0, dataset.bounds.y1, dataset.accuracy_scale]).all()
@@ -62,6 +55,18 @@ def test_the_data_set_says_that_it_has_no_poses_and_no_map(store_path: Path) -> 
             assert np.isnan(getattr(store.instances, name)).all()
         stored = store.execute("SELECT count(*) FROM instance WHERE x IS NULL AND heading IS NULL")
         assert stored == [(14,)]
+        assert store.imaged("real").tolist() == [True] * 7 + [False] * 7
+        assert store.imaged("sim").tolist() == [False] * 7 + [True] * 7
+        with pytest.raises(RequestError, match=r"real has no images of trajectory sim_city"):
+            store.frames("real", 6, 8)
+        assert store.execute("SELECT rgb_path FROM frame WHERE iid = 0") == [
+            ("real/images/day_3.png",)
+        ]
+        assert not store.runs
+        assert store.run_name() == NO_RUN
+        for run in (None, "vanilla"):
+            with pytest.raises(RequestError, match="the data set has no poses; a run needs poses"):
+                store.run(run)
 
 
 def test_frames_are_averaged_over_areas_to_one_size_in_the_order_of_the_index(
@@ -74,17 +79,6 @@ def test_frames_are_averaged_over_areas_to_one_size_in_the_order_of_the_index(
         sim = store.frames("sim", loop, loop + 5, ("rgb",))["rgb"]
     assert np.array_equal(real, [expected(100 + n, REAL_SIZE) for n in range(3)])
     assert np.array_equal(sim, [expected(n, SIM_SIZE) for n in range(5)])
-
-
-def test_a_domain_images_its_own_trajectories_only(store_path: Path) -> None:
-    with s2rstore.open(store_path) as store:
-        assert store.imaged("real").tolist() == [True] * 7 + [False] * 7
-        assert store.imaged("sim").tolist() == [False] * 7 + [True] * 7
-        with pytest.raises(RequestError, match=r"real has no images of trajectory sim_city"):
-            store.frames("real", 6, 8)
-        assert store.execute("SELECT rgb_path FROM frame WHERE iid = 0") == [
-            ("real/images/day_3.png",)
-        ]
 
 
 def test_small_images_are_not_enlarged(tmp_path: Path) -> None:
@@ -126,14 +120,6 @@ def test_expressions_select_alike_in_both_back_ends(store_path: Path) -> None:
             assert len(chosen) == count, expression
 
 
-def test_a_run_is_refused_with_the_reason(store_path: Path) -> None:
-    with s2rstore.open(store_path) as store:
-        assert store.run_name() == NO_RUN
-        for name in (None, "vanilla"):
-            with pytest.raises(RequestError, match="the data set has no poses; a run needs poses"):
-                store.run(name)
-
-
 def test_image_sets_hold_the_images_of_one_domain(store_path: Path) -> None:
     with s2rstore.open(store_path) as store:
         everything = np.arange(14)
@@ -146,9 +132,6 @@ def test_image_sets_hold_the_images_of_one_domain(store_path: Path) -> None:
     assert len(set(real.groups.tolist())) == 2
     assert some.names == ("sim/8", "sim/9", "sim/13")
     assert np.array_equal(some.images[1], expected(0, SIM_SIZE))
-
-
-# --- images that a program makes -------------------------------------------------------------
 
 
 def stream(count: int = 70) -> object:
@@ -203,9 +186,6 @@ def test_an_unusable_stream_makes_no_store(tmp_path: Path, instances, reason: st
     with pytest.raises(RequestError, match=reason):
         build_from_images(instances(), KINDS, tmp_path / "s.s2r", "bag", "s2r", 30)
     assert list(tmp_path.iterdir()) == []
-
-
-# --- verification ----------------------------------------------------------------------------
 
 
 def damages(path: Path) -> str:

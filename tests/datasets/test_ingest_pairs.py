@@ -183,20 +183,6 @@ def test_align_fits_the_scale_and_keeps_what_is_in_metres(
     assert found.scan.part_provenance["recording:sim"]["metres_per_unit"] == pytest.approx(2.5)
 
 
-def test_a_declared_scale_applies_to_depth_in_units_of_the_world(tmp_path: Path) -> None:
-    truth = recordings.walk(N)
-    sim, real = (
-        layouts.read("test", recordings.write(tmp_path / name, recordings.side(truth)))
-        for name in ("sim", "real")
-    )
-    sim.depth_in_world_units = True
-    floors = {side: FloorOptions(ground=0.0, metres_per_unit=2.0) for side in ("sim", "real")}
-    options = PairOptions("name", None, (16, 16), floors=floors)  # type: ignore[arg-type]
-    domains = scan_pairs(sim, real, options).scan.domains
-    assert domains["sim"].depth_scale == pytest.approx(0.002)
-    assert domains["real"].depth_scale == pytest.approx(0.001)
-
-
 def test_images_without_depth_make_domains_without_depth(tmp_path: Path) -> None:
     sim, real, _ = loose_recordings(tmp_path, has_depth=False)
     path = tmp_path / "s.s2r"
@@ -248,13 +234,9 @@ def test_a_lens_is_undistorted_and_invalid_depth_stays_invalid(tmp_path: Path) -
         assert set(values.tolist()) <= {0, 2000}
 
 
-@pytest.mark.parametrize("coefficients", [(), (0.0, 0.0, 0.0, 0.0)])
-def test_a_fisheye_lens_without_coefficients_is_undistorted(
-    coefficients: tuple[float, ...],
-) -> None:
-    size, focal = 96, 40.0
-    camera = PinholeCamera(size, size, focal, focal, 48.0, 48.0, coefficients, is_fisheye=True)
-    angle = 0.8
+def test_a_fisheye_lens_without_coefficients_is_undistorted() -> None:
+    size, focal, angle = 96, 40.0, 0.8
+    camera = PinholeCamera(size, size, focal, focal, 48.0, 48.0, (), is_fisheye=True)
     image = np.zeros((size, size, 3), dtype=np.uint8)
     cv2.circle(image, (48, 48), round(focal * angle), (255, 255, 255), 1)
 
@@ -306,12 +288,16 @@ def test_unusable_images_are_reported_and_left_out(
         (("--sim-option", "a"), "give KEY=VALUE"),
         (("--real-option", "a=1"), "no option 'a'"),
         (("--size", "2"), "must be 16 to 2048"),
+        (("--match", "name", "--header", "cam.toml"), "camera=FILE"),
     ],
 )
 def test_unusable_requests_end_in_one_line(
-    arguments: tuple[str, ...], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+    arguments: tuple[str, ...], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
     sim, real, _ = loose_recordings(tmp_path)
+    Path("cam.toml").write_text("[camera]\nwidth = 32\nheight = 24\nhfov = 90\n")
     assert ingest(sim, real, tmp_path / "s.s2r", *arguments) == 2
     errors = capsys.readouterr().err.strip().splitlines()
     assert len(errors) == 1
@@ -336,28 +322,6 @@ def test_a_strict_ingest_lists_all_issues(
     assert not (tmp_path / "s.s2r").exists()
 
 
-def test_recordings_without_times_are_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    timeless = recordings.side(recordings.walk(N))
-    timeless = replace(timeless, times={"walk": [math.nan] * N})
-    sim = recordings.write(tmp_path / "sim", timeless)
-    real = recordings.write(tmp_path / "real", recordings.side(recordings.walk(N)))
-    assert ingest(sim, real, tmp_path / "s.s2r", "--match", "time") == 2
-    line = capsys.readouterr().err.splitlines()[-1]
-    assert "the sim recording (layout test) has no times; match by pose or name" in line
-
-
-def test_a_description_of_a_camera_is_no_calibration_file(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    sim, real, _ = loose_recordings(tmp_path)
-    (tmp_path / "cam.toml").write_text("[camera]\nwidth = 32\nheight = 24\nhfov = 90\n")
-    more = "--match", "name", "--header", str(tmp_path / "cam.toml")
-    assert ingest(sim, real, tmp_path / "s.s2r", *more) == 2
-    assert "camera=FILE" in capsys.readouterr().err
-
-
 def test_a_calibration_file_gives_bounds_and_rooms(tmp_path: Path) -> None:
     sim, real, _ = loose_recordings(tmp_path)
     (tmp_path / "lab.toml").write_text(
@@ -374,7 +338,9 @@ def test_a_calibration_file_gives_bounds_and_rooms(tmp_path: Path) -> None:
         np.testing.assert_array_equal(store.instances.room >= 0, store.instances.x >= 0)
 
 
-def test_several_trajectories_are_paired_by_name_within_their_own(tmp_path: Path) -> None:
+def test_several_trajectories_without_times_are_paired_by_name_within_their_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     truth = recordings.walk(N)
     both = {"a": truth[:10], "b": truth[10:]}
     names = {"a": [f"{i}" for i in range(10)], "b": [f"{i}" for i in range(N - 10)]}
@@ -382,6 +348,9 @@ def test_several_trajectories_are_paired_by_name_within_their_own(tmp_path: Path
     side = Side(both, names, times)
     sim = recordings.write(tmp_path / "sim", side)
     real = recordings.write(tmp_path / "real", side)
+    assert ingest(sim, real, tmp_path / "s.s2r", "--match", "time") == 2
+    line = capsys.readouterr().err.splitlines()[-1]
+    assert "the sim recording (layout test) has no times; match by pose or name" in line
     assert ingest(sim, real, tmp_path / "s.s2r", "--match", "name") == 0
     with s2rstore.open(tmp_path / "s.s2r") as store:
         assert [(t.trajectory, t.instances) for t in store.trajectories] == [("a", 10), ("b", 14)]

@@ -13,7 +13,6 @@ from s2rstore.arrays import array_writer
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout
 from s2rstore.files.ingest_folder import appending_folder, appending_folders
-from s2rstore.index import transaction
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import verify
 from s2rstore.records import Domain
@@ -46,16 +45,6 @@ from tests.datasets.helpers import (
         (build, "write_trajectory", 1),
         (atomic_writes, "move", 3),
         (layout, "write_current", 0),
-        *(
-            pytest.param(*point, marks=pytest.mark.deep)
-            for point in (
-                (append, "write_frames", 0),
-                (atomic_writes, "move", 1),
-                (append.Ledger, "add_entries", 0),
-                (append, "insert_instances", 0),
-                (transaction, "_publish", 0),
-            )
-        ),
     ],
 )
 def test_a_kill_leaves_the_old_generation_and_a_rerun_succeeds(

@@ -159,14 +159,8 @@ def all_processes_have_ended(monkeypatch: pytest.MonkeyPatch) -> None:
         (Ledger, "add_entries", 1),
         (Path, "rename", 0),
         *(
-            pytest.param(owner, name, calls, marks=pytest.mark.deep)
-            for owner, name, calls in (
-                *((array_writer, "write_chunks", calls) for calls in (3, 4, 9, 30, 41)),
-                (atomic_writes, "move", 0),
-                (atomic_writes, "remove", 0),
-                (Ledger, "add_entries", 0),
-                (build_module, "write_index", 0),
-            )
+            pytest.param(array_writer, "write_chunks", calls, marks=pytest.mark.deep)
+            for calls in (3, 4, 9, 30, 41)
         ),
     ],
 )
@@ -202,12 +196,11 @@ def test_a_damaged_journal_counts_up_to_the_damage(
     begun.check_resumed()
 
 
-@pytest.mark.parametrize("which", [0, pytest.param(5, marks=pytest.mark.deep)])
-def test_a_missing_or_shortened_shard_is_written_again(begun: Ingest, which: int) -> None:
+def test_a_missing_or_shortened_shard_is_written_again(begun: Ingest) -> None:
     folder = begun.interrupt(array_writer, "write_chunks", 36)
     shards = sorted(path for path in folder.rglob("c.*") if path.is_file())
-    shards[which].unlink()
-    shards[which - 3].write_bytes(shards[which - 3].read_bytes()[:-1])
+    shards[0].unlink()
+    shards[-3].write_bytes(shards[-3].read_bytes()[:-1])
     begun.check_resumed()
 
 

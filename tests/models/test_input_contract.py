@@ -19,6 +19,7 @@ from s2rtools.models.input_contract import InputContract, read_override
 from s2rtools.models.load_model import load_model
 from s2rtools.models.model_registration import add_model, read_weights
 from s2rtui.cli.main import main
+from tests.support.refusals import refused
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
 
@@ -86,9 +87,8 @@ WRONG = {
 
 @pytest.mark.parametrize("text", list(WRONG))
 def test_a_wrong_key_or_value_is_named(tmp_path: Path, text: str) -> None:
-    with pytest.raises(RequestError, match=WRONG[text]) as error:
+    with refused(match=WRONG[text]):
         read_override(toml(tmp_path, text))
-    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -107,9 +107,8 @@ def test_what_does_not_fit_the_network_names_the_key_to_set(
     tmp_path: Path, network: Callable[[int], nn.Module], size: int, text: str, message: str
 ) -> None:
     file = script(tmp_path, network(size), (3, size, size))
-    with pytest.raises(RequestError, match=message) as error:
+    with refused(match=message):
         read_weights(file, "torchscript", True, read_override(toml(tmp_path, text)))
-    assert "\n" not in str(error.value)
 
 
 def test_a_built_in_network_is_checked_too(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
 from s2rtools.motion_logs import Log, read
 from tests.support.bags import ODOMETRY, POSE, write
+from tests.support.refusals import refused
 
 
 @pytest.fixture(scope="module")
@@ -78,9 +79,8 @@ def test_damaged_and_missing_bags_are_rejected_in_one_line(tmp_path: Path, log: 
         ("", r"no metadata\.yaml"),
         ("gone.bag", "no such bag"),
     ):
-        with pytest.raises(RequestError, match=message) as caught:
+        with refused(match=message):
             read(tmp_path / name)
-        assert "\n" not in str(caught.value)
 
 
 def test_a_bag_whose_z_does_not_point_up_is_refused(tmp_path: Path, log: Log) -> None:

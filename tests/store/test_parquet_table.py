@@ -11,6 +11,7 @@ import pytest
 from s2rstore.errors import RequestError
 from s2rstore.index import parquet_table
 from s2rstore.index.parquet_table import read_columns
+from tests.support.refusals import refused
 
 
 def write(path: Path, query: str) -> Path:
@@ -47,9 +48,8 @@ def test_rows_keep_the_order_of_the_file(tmp_path: Path) -> None:
 def test_other_files_are_refused_in_one_line(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "p.parquet"
     file.write_bytes(content)
-    with pytest.raises(RequestError, match=r"p\.parquet: ") as caught:
+    with refused(match=r"p\.parquet: "):
         read_columns(file, ["iid"], [])
-    assert "\n" not in str(caught.value)
 
 
 def test_a_pattern_in_a_name_reads_no_other_file(tmp_path: Path) -> None:

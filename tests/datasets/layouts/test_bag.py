@@ -31,6 +31,7 @@ from tests.datasets.layouts.bag_writer import (
     walk_bag,
 )
 from tests.datasets.layouts.rooms import HEIGHT, WIDTH, Walk, assert_poses, image, walk
+from tests.support.refusals import refused
 
 
 @pytest.fixture
@@ -121,9 +122,8 @@ def test_a_damaged_schema_of_a_database_ends_in_one_line(tmp_path: Path, scene: 
     content = file.read_bytes()
     assert b"name TEXT NOT NULL" in content
     file.write_bytes(content.replace(b"name TEXT NOT NULL", b"name TEXT NOT \x88ULL"))
-    with pytest.raises(RequestError, match="cannot be read as a ROS bag") as error:
+    with refused("cannot be read as a ROS bag"):
         read("bag", path)
-    assert "\n" not in str(error.value)
 
 
 def test_what_is_no_bag_ends_in_one_line(tmp_path: Path) -> None:
@@ -136,9 +136,8 @@ def test_what_is_no_bag_ends_in_one_line(tmp_path: Path) -> None:
         (tmp_path / "pipe.bag", "a pipe, not a regular file"),
         (tmp_path / "missing.bag", "no such bag"),
     ):
-        with pytest.raises(RequestError, match=message) as error:
+        with refused(match=message):
             read("bag", path)
-        assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -555,36 +554,6 @@ def test_damaged_images_are_reported(tmp_path: Path, scene: Walk) -> None:
     ]
 
 
-def read_or_message(path: Path) -> tuple[Recording | None, str]:
-    try:
-        return read("bag", path), ""
-    except RequestError as error:
-        return None, str(error)
-
-
-@pytest.mark.parametrize("name", ["one.bag", "one.mcap", "one.db3"])
-@pytest.mark.parametrize("share", [0.3, 0.999])
-def test_cut_bags_end_in_one_line_or_their_images_are_reported(
-    tmp_path: Path, scene: Walk, name: str, share: float
-) -> None:
-    kind = name.split(".")[1]
-    whole = walk_bag(tmp_path / (name if kind == "bag" else f"folder-{kind}"), scene).write()
-    if whole.is_dir():
-        (whole,) = whole.glob(f"*.{kind}")
-    cut = tmp_path / f"cut-{name}"
-    content = whole.read_bytes()
-    cut.write_bytes(content[: int(len(content) * share)])
-    recording, message = read_or_message(cut)
-    if recording is None:
-        assert str(cut) in message
-        assert "\n" not in message
-        return
-    (trajectory,) = recording.trajectories.values()
-    for frame in trajectory.frames:
-        found = frame.rgb.read()
-        assert isinstance(found, InputIssue) or found.pixels.shape == (HEIGHT, WIDTH, 3)
-
-
 def test_bags_that_change_after_they_were_opened_are_reported(tmp_path: Path, scene: Walk) -> None:
     path = walk_bag(tmp_path / "folder-mcap", scene).write()
     (trajectory,) = read("bag", path).trajectories.values()
@@ -707,6 +676,5 @@ def test_a_topic_that_is_listed_with_another_type_ends_in_one_line(
     path = walk_bag(tmp_path / "folder", walk(2)).write()
     listed_with(path, topic, kind, is_added)
     reason = "listed with types|cannot be read as" if is_added else "declared type|no topic with"
-    with pytest.raises(RequestError, match=f"folder.*({reason})") as error:
+    with refused(match=f"folder.*({reason})"):
         read("bag", path)
-    assert "\n" not in str(error.value)

@@ -20,6 +20,7 @@ from tests.datasets.layouts.rooms import (
     walk,
     write_png,
 )
+from tests.support.refusals import refused
 
 MODELS = {
     "SIMPLE_PINHOLE": (0, (20.0, 12.0, 8.0)),
@@ -155,12 +156,8 @@ def test_several_cameras_are_named_and_one_can_be_chosen(tmp_path: Path, scene: 
         read("colmap", tmp_path, ReadOptions({"camera_id": "9"}))
     recording = read("colmap", tmp_path, ReadOptions({"camera_id": "1"}))
     assert_poses(recording, scene.poses[::3])
-
-
-def test_equal_cameras_are_one(tmp_path: Path, scene: Walk) -> None:
     write_text(tmp_path, scene, {1: "PINHOLE", 2: "PINHOLE"}, of=lambda row: 1 + row % 2)
-    write_images(tmp_path / "images", scene)
-    assert_poses(read("colmap", tmp_path), scene.poses)
+    assert_poses(read("colmap", tmp_path), scene.poses)  # equal cameras are one
 
 
 def test_subfolders_are_trajectories(tmp_path: Path, scene: Walk) -> None:
@@ -187,36 +184,30 @@ def test_bad_images_are_reported_and_the_others_are_read(tmp_path: Path, scene: 
     assert_poses(recording, scene.poses[2:-1])
 
 
-@pytest.mark.parametrize("length", [0, 30, 80, -1])
-def test_cut_binary_models_end_in_one_line(tmp_path: Path, scene: Walk, length: int) -> None:
+def test_binary_models_that_are_cut_or_declare_more_end_in_one_line(
+    tmp_path: Path, scene: Walk
+) -> None:
     write_binary(tmp_path, scene, "PINHOLE")
     write_images(tmp_path / "images", scene)
     whole = (tmp_path / "images.bin").read_bytes()
-    (tmp_path / "images.bin").write_bytes(whole[:length])
-    with pytest.raises(RequestError, match=r"images\.bin: it ends before its last entry"):
-        read("colmap", tmp_path)
-
-
-def test_declared_sizes_are_not_allocated(tmp_path: Path, scene: Walk) -> None:
-    write_binary(tmp_path, scene, "PINHOLE")
-    write_images(tmp_path / "images", scene)
-    content = bytearray((tmp_path / "images.bin").read_bytes())
-    struct.pack_into("<Q", content, 8 + 64 + len(names(scene)[0]) + 1, 1 << 60)
-    (tmp_path / "images.bin").write_bytes(content)
-    with pytest.raises(RequestError, match="ends before its last entry"):
-        read("colmap", tmp_path)
+    declaring = bytearray(whole)
+    struct.pack_into("<Q", declaring, 8 + 64 + len(names(scene)[0]) + 1, 1 << 60)
+    for content in (b"", whole[:30], whole[:80], whole[:-1], declaring):
+        (tmp_path / "images.bin").write_bytes(content)
+        with refused("images.bin: it ends before its last entry"):
+            read("colmap", tmp_path)
 
 
 @pytest.mark.parametrize(
     ("file", "old", "new", "message"),
     [
-        ("cameras.txt", "PINHOLE", "FOV", r"cameras\.txt:2: model FOV is not read"),
+        ("cameras.txt", "PINHOLE", "FOV", "cameras.txt:2: model FOV is not read"),
         ("cameras.txt", " 8.0", "", "3 parameters; PINHOLE has 4"),
-        ("cameras.txt", " 24 ", " many ", r"cameras\.txt:2: not `id model width"),
+        ("cameras.txt", " 24 ", " many ", "cameras.txt:2: not `id model width"),
         ("cameras.txt", "\n1 ", "\n2 ", "of camera 1, unknown"),
-        ("images.txt", "1.5 2.5 -1 3.0 4.0 17\n", "", r"images\.txt:\d+: no line of 2D points"),
-        ("images.txt", "\n12 ", "\ntwelve ", r"images\.txt:2: not `id qw"),
-        ("images.txt", "frame 3.png", "../../etc/passwd", r"without `\.\.`"),
+        ("images.txt", "1.5 2.5 -1 3.0 4.0 17\n", "", ": no line of 2D points"),
+        ("images.txt", "\n12 ", "\ntwelve ", "images.txt:2: not `id qw"),
+        ("images.txt", "frame 3.png", "../../etc/passwd", "without `..`"),
     ],
 )
 def test_damaged_text_models_end_in_one_line(
@@ -227,9 +218,8 @@ def test_damaged_text_models_end_in_one_line(
     text = (tmp_path / file).read_text()
     assert old in text
     (tmp_path / file).write_text(text.replace(old, new, 1))
-    with pytest.raises(RequestError, match=message) as error:
+    with refused(message):
         read("colmap", tmp_path)
-    assert "\n" not in str(error.value)
 
 
 def test_folders_that_are_missing_are_named(tmp_path: Path, scene: Walk) -> None:

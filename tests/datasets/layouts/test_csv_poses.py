@@ -12,6 +12,7 @@ from tests.datasets.helpers import kinds
 from tests.datasets.layouts import recordings
 from tests.datasets.layouts.checks import assert_found, only, read_with, reported
 from tests.datasets.layouts.recordings import Frame, drive, quaternion
+from tests.support.refusals import refused
 
 TIMES = [0.5 * number for number in range(4)]
 POSES = drive(TIMES)
@@ -69,10 +70,10 @@ def test_the_camera_is_that_of_the_description(recording) -> None:
     assert (found.depth_scale, found.depth_raw_max) == (0.0002, 50000)
 
 
-def test_a_description_in_json_or_elsewhere_is_read(recording, tmp_path: Path, one_line) -> None:
+def test_a_description_in_json_or_elsewhere_is_read(recording, tmp_path: Path) -> None:
     path, frames = recording
     path.with_suffix(".toml").unlink()
-    with one_line("lab.toml", "missing"):
+    with refused("lab.toml", "missing"):
         read_with("csv", path)
     camera = {"camera": {"width": 32, "height": 24, "hfov": 90}}
     other = tmp_path / "elsewhere.json"
@@ -122,11 +123,11 @@ def test_rows_of_several_trajectories_are_separated(recording) -> None:
     assert list(read_with("csv", path, trajectories=["a"]).trajectories) == ["a"]
 
 
-def test_names_that_a_trajectory_cannot_have_are_refused(recording, one_line) -> None:
+def test_names_that_a_trajectory_cannot_have_are_refused(recording) -> None:
     path, _ = recording
     lines = rows(path)
     recordings.write_lines(path, [lines[0] + ",trajectory", lines[1] + ",../up"])
-    with one_line("trajectory '../up'"):
+    with refused("trajectory '../up'"):
         read_with("csv", path)
 
 
@@ -144,7 +145,7 @@ def test_depth_may_be_left_out(recording, column: bool) -> None:
     assert_found(only(read_with("csv", path)), frames)
 
 
-def test_depth_in_some_rows_is_reported_or_refused(recording, one_line) -> None:
+def test_depth_in_some_rows_is_reported_or_refused(recording) -> None:
     path, frames = recording
     lines = rows(path)
     without = [line.replace(str(frames[1].depth), "") for line in lines]
@@ -153,7 +154,7 @@ def test_depth_in_some_rows_is_reported_or_refused(recording, one_line) -> None:
     assert_found(only(found), frames[:1] + frames[2:])
     assert reported(found, "incomplete row") == ["lab.csv:3"]
     recordings.write_lines(path, [line.replace(str(frames[0].depth), "") for line in lines])
-    with one_line("lab.csv:3", "depth"):
+    with refused("lab.csv:3", "depth"):
         read_with("csv", path)
 
 
@@ -182,9 +183,9 @@ def test_unusable_poses_are_reported_with_their_line(recording, pose: str) -> No
         ("rgb,x,y,z,qx,qy,qz\na,1,2,3,0,0,0\n", "no column qw"),
     ],
 )
-def test_missing_columns_are_named(recording, content: str, text: str, one_line) -> None:
+def test_missing_columns_are_named(recording, content: str, text: str) -> None:
     recording[0].write_text(content)
-    with one_line("lab.csv", text):
+    with refused("lab.csv", text):
         read_with("csv", recording[0])
 
 
@@ -204,9 +205,9 @@ CAMERA = "[camera]\nwidth = 32\nheight = 24\n"
         ("name = 'a'\n[bounds]\nx0 = 1\n", "a configuration of `s2r ingest csv`"),
     ],
 )
-def test_unusable_descriptions_are_refused(recording, text: str, key: str, one_line) -> None:
+def test_unusable_descriptions_are_refused(recording, text: str, key: str) -> None:
     describe(recording[0], text)
-    with one_line("lab.toml", key):
+    with refused("lab.toml", key):
         read_with("csv", recording[0])
 
 

@@ -9,6 +9,7 @@ from tests.datasets.helpers import kinds
 from tests.datasets.layouts import recordings
 from tests.datasets.layouts.checks import assert_found, only, read_with, reported
 from tests.datasets.layouts.recordings import Frame, drive
+from tests.support.refusals import refused
 
 POSES = drive(0.1 * k for k in range(5))
 
@@ -66,24 +67,24 @@ def test_each_sequence_is_a_trajectory(recording) -> None:
     assert_found(only(alone), second)
 
 
-def test_sequences_of_other_cameras_are_read_one_by_one(recording, one_line) -> None:
+def test_sequences_of_other_cameras_are_read_one_by_one(recording) -> None:
     folder, first = recording
     recordings.kitti(folder, POSES, sequence="03")
     calibration = folder / "sequences/03/calib.txt"
     calibration.write_text(calibration.read_text().replace("3.0", "3.1"))
-    with one_line("sequences 03 and 07", "sequences/03"):
+    with refused("sequences 03 and 07", "sequences/03"):
         read_with("kitti", folder)
     assert_found(only(read_with("kitti", folder / "sequences/07")), first)
 
 
-def test_sequences_without_poses_are_reported(recording, one_line) -> None:
+def test_sequences_without_poses_are_reported(recording) -> None:
     folder, frames = recording
     recordings.kitti(folder, POSES, sequence="11")
     (folder / "poses/11.txt").unlink()
     found = read_with("kitti", folder)
     assert_found(only(found), frames)
     assert reported(found, "no poses") == ["sequences/11"]
-    with one_line("11.txt"):
+    with refused("11.txt"):
         read_with("kitti", folder / "sequences/11")
 
 
@@ -137,18 +138,16 @@ def test_times_that_do_not_ascend_are_reported(recording) -> None:
         ("P2: 3.0", "P2: -3.0", "no projection"),
     ],
 )
-def test_unusable_calibrations_are_refused(
-    recording, old: str, new: str, text: str, one_line
-) -> None:
+def test_unusable_calibrations_are_refused(recording, old: str, new: str, text: str) -> None:
     path = recording[0] / "sequences/07/calib.txt"
     assert old in path.read_text()
     path.write_text(path.read_text().replace(old, new))
-    with one_line("calib.txt", text):
+    with refused("calib.txt", text):
         read_with("kitti", recording[0])
 
 
-def test_an_unknown_camera_is_refused(recording, one_line) -> None:
-    with one_line("camera=5"):
+def test_an_unknown_camera_is_refused(recording) -> None:
+    with refused("camera=5"):
         read_with("kitti", recording[0], camera="5")
-    with one_line("image_1"):
+    with refused("image_1"):
         read_with("kitti", recording[0], camera="1")

@@ -12,6 +12,7 @@ from tests.datasets.helpers import kinds
 from tests.datasets.layouts import recordings
 from tests.datasets.layouts.checks import assert_found, only, read_with, reported
 from tests.datasets.layouts.recordings import Frame, drive, matrix_text, write_lines
+from tests.support.refusals import refused
 
 POSES = drive(0.1 * k for k in range(4))
 
@@ -40,19 +41,19 @@ def test_each_sequence_is_a_trajectory(scene) -> None:
     assert list(chosen.trajectories) == ["seq-02"]
 
 
-def test_a_split_names_its_sequences(scene, one_line) -> None:
+def test_a_split_names_its_sequences(scene) -> None:
     folder, _ = scene
     assert list(read_with("7scenes", folder, split="train").trajectories) == ["seq-01", "seq-03"]
     assert list(read_with("7scenes", folder, split="test").trajectories) == ["seq-02"]
     write_lines(folder / "TestSplit.txt", ["sequence2", "sequence9"])
     assert reported(read_with("7scenes", folder, split="test"), "missing sequence") == ["seq-09"]
-    with one_line("split=all", "train"):
+    with refused("split=all", "train"):
         read_with("7scenes", folder, split="all")
     write_lines(folder / "TestSplit.txt", ["all of them"])
-    with one_line("TestSplit.txt:1"):
+    with refused("TestSplit.txt:1"):
         read_with("7scenes", folder, split="test")
     (folder / "TestSplit.txt").unlink()
-    with one_line("TestSplit.txt"):
+    with refused("TestSplit.txt"):
         read_with("7scenes", folder, split="test")
 
 
@@ -134,21 +135,21 @@ def test_scannet_has_the_exported_intrinsics(scan) -> None:
     assert found.issues == []
 
 
-def test_intrinsics_beside_the_folders_are_read(scan, one_line) -> None:
+def test_intrinsics_beside_the_folders_are_read(scan) -> None:
     folder, _frames = scan
     for kind in ("color", "depth"):
         (folder / f"intrinsic/intrinsic_{kind}.txt").rename(folder / f"intrinsics_{kind}.txt")
     assert read_with("scannet", folder).camera.fx == 30
     (folder / "intrinsics_depth.txt").unlink()
-    with one_line("intrinsic_depth.txt", "missing"):
+    with refused("intrinsic_depth.txt", "missing"):
         read_with("scannet", folder)
 
 
 @pytest.mark.parametrize("value", ["nan", "-30", "x"])
-def test_unusable_intrinsics_are_refused(scan, value: str, one_line) -> None:
+def test_unusable_intrinsics_are_refused(scan, value: str) -> None:
     path = scan[0] / "intrinsic/intrinsic_color.txt"
     path.write_text(path.read_text().replace("3.00000000e+01", value, 1))
-    with one_line("intrinsic_color.txt"):
+    with refused("intrinsic_color.txt"):
         read_with("scannet", scan[0])
 
 
@@ -168,11 +169,11 @@ def test_images_of_a_repeated_number_are_reported(scan) -> None:
     assert reported(found, "repeated image") == ["color/1.jpg"]
 
 
-def test_the_usual_size_of_depth_images_counts(scan, one_line) -> None:
+def test_the_usual_size_of_depth_images_counts(scan) -> None:
     folder, frames = scan
     Image.new("I;16", (9, 9)).save(folder / str(frames[0].depth))
     assert read_with("scannet", folder).depth_camera.width == 32
     for frame in frames:
         (folder / str(frame.depth)).write_bytes(b"")
-    with one_line("no depth image can be read"):
+    with refused("no depth image can be read"):
         read_with("scannet", folder)

@@ -11,6 +11,7 @@ from tests.datasets.helpers import kinds
 from tests.datasets.layouts import recordings
 from tests.datasets.layouts.checks import assert_found, only, read_with, reported
 from tests.datasets.layouts.recordings import Frame, drive, tum_pose
+from tests.support.refusals import refused
 
 TIMES = [1305031102.175304 + 0.1 * number for number in range(5)]
 OTHER_SIZE = {"intrinsics of another size": 1}
@@ -75,14 +76,14 @@ def test_an_image_whose_pose_is_unusable_is_left_out(recording) -> None:
 
 
 @pytest.mark.parametrize(("offset", "count"), [(0.019, 5), (-0.019, 5), (0.021, 0)])
-def test_single_poses_count_within_20_ms(recording, offset: float, count: int, one_line) -> None:
+def test_single_poses_count_within_20_ms(recording, offset: float, count: int) -> None:
     folder, frames = recording
     rows = [f"{frame.time + offset:.6f} {tum_pose(frame.pose)}" for frame in frames]
     recordings.write_lines(folder / "groundtruth.txt", rows)
     if count:
         assert_found(only(read_with("tum", folder)), frames)
     else:
-        with one_line("no pose", "20 ms", "0.021 s"):
+        with refused("no pose", "20 ms", "0.021 s"):
             read_with("tum", folder)
 
 
@@ -106,15 +107,13 @@ def test_one_depth_image_belongs_to_one_rgb_image(recording) -> None:
 
 
 @pytest.mark.parametrize("name", ["rgb.txt", "groundtruth.txt"])
-def test_a_list_that_is_missing_or_of_other_content_is_named(
-    recording, name: str, one_line
-) -> None:
+def test_a_list_that_is_missing_or_of_other_content_is_named(recording, name: str) -> None:
     (recording[0] / name).unlink()
-    with one_line(name):
+    with refused(name):
         read_with("tum", recording[0])
     for content in (b"# nothing\n", "1 rgb/a.png".encode("utf-16"), b"\0" * 99):
         (recording[0] / name).write_bytes(content)
-        with one_line(name):
+        with refused(name):
             read_with("tum", recording[0])
 
 
@@ -138,7 +137,7 @@ def test_the_calibration_follows_the_folder_name(tmp_path: Path, folder: str, ca
     assert found.issues == []
 
 
-def test_the_calibration_is_scaled_to_the_usual_size_of_images(recording, one_line) -> None:
+def test_the_calibration_is_scaled_to_the_usual_size_of_images(recording) -> None:
     folder, frames = recording
     Image.new("RGB", (64, 48)).save(folder / frames[0].rgb)
     (folder / frames[1].rgb).write_bytes(b"no image")
@@ -149,7 +148,7 @@ def test_the_calibration_is_scaled_to_the_usual_size_of_images(recording, one_li
     assert kinds(found) == OTHER_SIZE
     for frame in frames:
         (folder / frame.rgb).write_bytes(b"no image")
-    with one_line("no RGB image can be read"):
+    with refused("no RGB image can be read"):
         read_with("tum", folder)
 
 
@@ -163,11 +162,11 @@ def test_option_camera_states_another(recording) -> None:
     assert (scaled.fx, scaled.cx, scaled.width) == (30, 16, 32)
 
 
-def test_unusable_options_are_refused(recording, one_line) -> None:
+def test_unusable_options_are_refused(recording) -> None:
     for text in ("1,2,3", "a,b,c,d", "0,1,2,3", "nan,1,2,3", "1,1,1,1,0,2", ""):
-        with one_line("camera"):
+        with refused("camera"):
             read_with("tum", recording[0], camera=text)
-    with one_line("no option 'cam'", "camera"):
+    with refused("no option 'cam'", "camera"):
         read_with("tum", recording[0], cam="1")
 
 
