@@ -17,7 +17,6 @@ from textual.screen import ModalScreen
 import s2rstore
 from bench.support.screen import Screen
 from s2rstore.errors import RequestError
-from s2rstore.gap_history import reader
 from s2rstore.language import complete, evaluation
 from s2rstore.language.canonical_text import string
 from s2rstore.security.printable_text import (
@@ -107,14 +106,6 @@ def test_records_contain_no_control_characters(hostile_store: Path) -> None:
         values = [*store.provenance("dataset"), *store.provenance("dataset").values()]
     assert not control_characters("".join(texts))
     assert control_characters("".join(values)) <= {"\t"}
-
-
-def test_nights_contain_no_control_characters(hostile_store: Path) -> None:
-    history = reader.read(reader.history_path(hostile_store))
-    night = history.nights[0]
-    texts = [night.dataset, night.reason, night.axes[0].axis, str(night.worst), night.name]
-    assert all("CLICK" in text for text in texts)
-    assert not control_characters("".join(texts))
 
 
 # --- inside the application ------------------------------------------------------------------

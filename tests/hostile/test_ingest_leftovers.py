@@ -6,7 +6,6 @@ import os
 import re
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -17,15 +16,14 @@ import pytest
 from msgspec import structs
 
 import s2rstore
-from s2rstore.errors import RequestError
 from s2rstore.files import process_identity
 from s2rstore.files.ingest_folder import building_folder, building_folders
-from s2rstore.files.layout import read_current
 from s2rstore.files.process_identity import ProcessIdentity
 from s2rstore.maintenance.verify import verify
 from s2rtools.datasets.writing import ingest_journal
 from s2rtui.cli import main
 from tests.support import pairs
+from tests.support.refusals import RunCommand
 
 
 @pytest.fixture
@@ -128,24 +126,26 @@ def start_ingest(manifest: Path, store: Path) -> tuple[subprocess.Popen[bytes], 
     raise AssertionError("does not begin")
 
 
-@pytest.mark.parametrize(
-    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.deep)]
-)
-def test_an_interrupted_ingest_says_how_to_resume_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], number: signal.Signals
-) -> None:
+def test_an_interrupted_ingest_says_how_to_resume_it(tmp_path: Path, s2r: RunCommand) -> None:
     manifest, store = pairs.manifest(tmp_path / "data", n=300), tmp_path / "s.s2r"
     process, folder = start_ingest(manifest, store)
     wait_for_shards(process, folder)
-    process.send_signal(number)
+    process.send_signal(signal.SIGINT)
     error = process.communicate(timeout=300)[1].decode()
     assert process.returncode == 130
     assert error.strip().endswith(
         f"s2r was not created; the same command resumes, and begins anew after: rm -r {folder}"
     )
     assert not store.exists()
-    assert main(arguments(manifest, store)) == 0
-    check_resumed(store, capsys.readouterr().err)
+    resumed = s2r(*arguments(manifest, store))
+    (line,) = (each for each in resumed.err.splitlines() if "is resumed" in each)
+    taken = re.search(r"(\d+) of 300 instances are not decoded again", line)
+    assert taken is not None
+    assert int(taken[1]) >= 64
+    assert verify(store) == []
+    assert not building_folders(store)
+    with s2rstore.open(store) as opened:
+        assert len(opened.instances) == 300
 
 
 def wait_for_shards(process: subprocess.Popen[bytes], folder: Path) -> None:
@@ -157,33 +157,3 @@ def wait_for_shards(process: subprocess.Popen[bytes], folder: Path) -> None:
         assert process.poll() is None
         time.sleep(0.002)
     raise AssertionError("writes no shards")
-
-
-def check_resumed(store: Path, error: str) -> None:
-    """Check the message of the second ingest, and its store."""
-    (line,) = (each for each in error.splitlines() if "is resumed" in each)
-    taken = re.search(r"(\d+) of 300 instances are not decoded again", line)
-    assert taken is not None
-    assert int(taken[1]) >= 64
-    assert verify(store) == []
-    assert not building_folders(store)
-    with s2rstore.open(store) as opened:
-        assert len(opened.instances) == 300
-
-
-@pytest.mark.deep
-def test_a_killed_ingest_leaves_no_valid_store(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    manifest, store = pairs.manifest(tmp_path / "data", n=300), tmp_path / "s.s2r"
-    process, folder = start_ingest(manifest, store)
-    wait_for_shards(process, folder)
-    process.kill()
-    process.communicate(timeout=300)
-    assert not store.exists()
-    assert socket.gethostname() in folder.name
-    with pytest.raises(RequestError, match="not a store"):
-        read_current(folder)
-    assert main(arguments(manifest, store)) == 0
-    assert not folder.exists()
-    check_resumed(store, capsys.readouterr().err)

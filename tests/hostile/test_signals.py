@@ -144,19 +144,6 @@ def test_sigterm_ends_a_query(tiny_store: Path) -> None:
     assert (process.returncode, out, error) == (-signal.SIGTERM, "", "")
 
 
-@pytest.mark.deep
-@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_sigterm_ends_a_snapshot_without_a_file(tiny_store: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out.png"
-    size = ("--size", "1000x500")
-    process = _start("snapshot", str(tiny_store), *size, "--keys", "w,w,w,w", "--out", str(out))
-    assert wait_until(lambda: processor_seconds(process.pid) > 1.5, 60)
-    process.terminate()
-    process.communicate(timeout=300)
-    assert process.returncode == -signal.SIGTERM
-    assert not out.exists()
-
-
 @pytest.mark.parametrize(
     ("command", "expected"),
     [

@@ -40,12 +40,6 @@ def test_a_wrong_current_file_is_detected_and_prevents_pruning(store_copy: Path,
         assert sorted(store_copy.rglob("*")) == before
 
 
-def test_prune_refuses_an_unknown_schema(store_copy: Path) -> None:
-    _change_current(store_copy, schema=99)
-    with pytest.raises(RequestError, match="schema 99"):
-        prune(store_copy)
-
-
 def _publish_slowly(root: Path, started) -> None:
     with edit(root) as draft:
         draft.set_provenance("late", {"a": 1})

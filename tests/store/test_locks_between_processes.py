@@ -33,28 +33,6 @@ def wait_for_line(process: subprocess.Popen[str]) -> None:
     assert line == "inside\n", process.communicate()
 
 
-_HOLD_SCRIPT = """
-import sys
-from pathlib import Path
-from s2rstore.files.locks import compute_lock
-with compute_lock(Path(sys.argv[1])):
-    print("inside", flush=True)
-    sys.stdin.read()
-"""
-
-
-def test_the_lock_of_a_killed_process_is_free_at_once(tmp_path: Path) -> None:
-    process = start(_HOLD_SCRIPT, tmp_path)
-    wait_for_line(process)
-    with pytest.raises(StoreBusyError, match=f"process {process.pid}"), compute_lock(tmp_path):
-        pass
-    process.kill()
-    process.communicate()
-    assert (tmp_path / "ledger" / "compute.lock").exists()
-    with compute_lock(tmp_path) as lease:
-        lease.check()
-
-
 _TAKERS_SCRIPT = """
 import os, sys
 from pathlib import Path
@@ -145,15 +123,6 @@ def test_a_suspended_process_publishes_nothing_after_its_lock_was_taken_over(
         assert store.provenance("writer") == ({"name": "taker"} if publishes else {})
     assert verify(store_copy) == []
     assert not [path for path in (store_copy / "index").iterdir() if path.name.startswith(".")]
-
-
-def test_a_suspended_process_keeps_a_lock_that_nobody_took_over(store_copy: Path) -> None:
-    process = start(_PUBLISH_SCRIPT, store_copy)
-    wait_for_line(process)
-    suspend(process)
-    before = layout.read_current(store_copy).generation
-    assert resume(process) == ""
-    assert layout.read_current(store_copy).generation == before + 1
 
 
 def test_a_process_that_lost_a_further_lock_publishes_nothing(store_copy: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from s2rstore.errors import RequestError
 from s2rstore.index.parquet_table import read_blobs, read_vectors
+from tests.support.refusals import refused
 
 
 @pytest.fixture
@@ -52,9 +53,7 @@ def test_what_cannot_be_read_ends_in_one_line(table: Path, tmp_path: Path) -> No
     pipe = tmp_path / "pipe.parquet"
     os.mkfifo(pipe)
     for path, column in ((table, "none"), (table, "image"), (damaged, "fixed"), (pipe, "fixed")):
-        with pytest.raises(RequestError) as error:
+        with refused(str(path)):
             read_vectors(path, column, [0])
-        assert str(path) in str(error.value)
-        assert "\n" not in str(error.value)
     with pytest.raises(RequestError, match="cannot be read"):
         read_blobs(table, "fixed", "bytes", 0, 1)

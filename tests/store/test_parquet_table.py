@@ -48,8 +48,11 @@ def test_rows_keep_the_order_of_the_file(tmp_path: Path) -> None:
 def test_other_files_are_refused_in_one_line(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "p.parquet"
     file.write_bytes(content)
-    with refused(match=r"p\.parquet: "):
+    with refused("p.parquet: "):
         read_columns(file, ["iid"], [])
+    for path in (tmp_path / "none.parquet", tmp_path):
+        with refused():
+            read_columns(path, ["iid"], [])
 
 
 def test_a_pattern_in_a_name_reads_no_other_file(tmp_path: Path) -> None:
@@ -57,12 +60,6 @@ def test_a_pattern_in_a_name_reads_no_other_file(tmp_path: Path) -> None:
     (tmp_path / "*.parquet").write_bytes(b"no Parquet")
     with pytest.raises(RequestError):
         read_columns(tmp_path / "*.parquet", ["iid"], [])
-
-
-def test_missing_and_special_files_are_refused(tmp_path: Path) -> None:
-    for path in (tmp_path / "none.parquet", tmp_path):
-        with pytest.raises(RequestError):
-            read_columns(path, ["iid"], [])
 
 
 def test_too_many_rows_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import os
 import shutil
 import subprocess
@@ -30,6 +29,7 @@ from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import verify
 from tests.conftest import BuildOnce
 from tests.support.copies import copy_store
+from tests.support.refusals import refused
 
 _TABLES = ("instance", "frame", "prediction", "projection", "run", "part", "pair", "provenance")
 
@@ -172,14 +172,8 @@ def test_rows_are_added_to_those_of_a_file(filed: Path) -> None:
         query = "SELECT count(*) FROM {} WHERE iid = 77"
         assert store.execute(query.format("prediction")) == [(1,)]
         assert store.execute(query.format("frame")) == [(1,)]
-
-
-def test_the_same_rows_twice_are_refused(filed: Path) -> None:
-    row = {"iid": [77], "domain": ["sim"]}
-    with edit(filed) as draft:
-        draft.insert("frame", row)
     with pytest.raises(RequestError, match="already"), edit(filed) as draft:
-        draft.insert("frame", row)
+        draft.insert("frame", {"iid": [77], "domain": ["sim"]})
     with s2rstore.open(filed) as store:
         assert len(store.row_files["frame"]) == 2
 
@@ -263,10 +257,8 @@ def test_a_damaged_file_is_refused_and_named(
 ) -> None:
     path = _file(filed)
     damage(path)
-    with pytest.raises(RequestError, match=hint) as raised:
+    with refused(path.name, match=hint):
         s2rstore.open(filed)
-    assert path.name in str(raised.value)
-    assert "\n" not in str(raised.value)
     found = {damage.where: damage.what for damage in verify(filed)}
     assert f"index/rows/prediction/vanilla/{path.name}" in found
     assert not any("dataaug" in what for what in (*found, *found.values()))
@@ -364,6 +356,8 @@ def test_a_failed_edit_leaves_neither_generation_nor_files(filed: Path) -> None:
         draft.insert("prediction", {"run": ["a", "../x"], "iid": [1, 1], "side": ["sim", "sim"]})
     assert layout.read_current(filed) == current
     assert _files(filed) == before
+    assert not list((filed / "index").glob(".building*"))
+    assert verify(filed) == []
 
 
 _KILLED = """
@@ -426,9 +420,8 @@ def test_a_list_of_files_that_no_store_has_is_refused(filed: Path, statement: st
         connection.execute(f"SET file_search_path = '{index.parent}'")
         connection.execute(statement)
     edited(filed, [])
-    with pytest.raises(RequestError) as raised:
+    with refused():
         s2rstore.open(filed)
-    assert "\n" not in str(raised.value)
     with pytest.raises(RequestError), edit(filed):
         pass
 
@@ -436,36 +429,6 @@ def test_a_list_of_files_that_no_store_has_is_refused(filed: Path, statement: st
 def test_another_number_of_rows_than_listed_is_refused(filed: Path) -> None:
     edited(filed, ["UPDATE row_file SET row_count = 81 WHERE run = 'vanilla'"])
     with pytest.raises(RequestError, match="80 rows instead of 81"):
-        s2rstore.open(filed)
-
-
-def test_a_file_with_other_columns_is_refused(filed: Path) -> None:
-    path = _file(filed, "dataaug")
-    other = f"SELECT * REPLACE (x::FLOAT AS x) FROM '{path}'"
-    duckdb.sql(f"COPY ({other}) TO '{path}x' (FORMAT parquet)")
-    content = Path(f"{path}x")
-    digest = hashlib.sha256(content.read_bytes()).hexdigest()
-    name = path.with_name(f"{digest[:16]}.parquet")
-    content.rename(name)
-    with s2rstore.open(filed) as store:
-        files = [
-            replace(file, path=f"rows/prediction/dataaug/{name.name}") if file.run == "dataaug"
-            else file for file in store.row_files["prediction"]
-        ]  # fmt: skip
-    listed = [digest, name.stat().st_size, f"rows/prediction/dataaug/{name.name}"]
-    edited(
-        filed,
-        [
-            f"SET file_search_path = '{filed}/index'",
-            (
-                "UPDATE row_file SET sha256 = ?, bytes = ?, path = ? "
-                "WHERE run = 'dataaug' AND table_name = 'prediction'",
-                [*listed],
-            ),
-            row_files.view("prediction", files).replace("CREATE", "CREATE OR REPLACE", 1),
-        ],
-    )
-    with pytest.raises(RequestError, match="other columns"):
         s2rstore.open(filed)
 
 
