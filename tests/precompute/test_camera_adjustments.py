@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -25,8 +24,6 @@ from s2rtools.inference import open_backend
 from s2rtools.models.input_contract import InputContract
 from s2rtools.models.load_model import load_model
 from s2rtools.models.preprocessing import preprocess
-from s2rtools.precompute import array_keys
-from s2rtools.precompute.input_hashes import InputHashes
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import add_run
 from s2rtools.rendering import no_renderer_reason, open_renderer
@@ -215,21 +212,3 @@ def test_uncomputed_frames_are_an_error(moved_camera_store: Path, tmp_path: Path
     add_run(path, "later", "vanilla", None, None, parse_adjustment("sim:camera_pitch=3"))
     with s2rstore.open(path) as opened, pytest.raises(RequestError, match="s2r precompute"):
         run_frame(opened, opened.run("later"), "sim", 0)
-
-
-def test_keys_of_aligned_heatmaps_have_the_entries_of_0_1_0(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    contents: list[dict[str, Any]] = []
-
-    def recorded_key(content: dict[str, Any]) -> str:
-        contents.append(content)
-        return "0" * 16
-
-    monkeypatch.setattr(array_keys, "content_key", recorded_key)
-    run = store.run("vanilla")
-    keys = array_keys.ArrayKeys(InputHashes(store), run, store.parts[0])
-    keys.heatmap("harmonised_distance", {}, [])
-    assert contents[0]["correction"].keys() == {"height", "zoom"}
-    section = f"alignment:{run.sim_domain}|{run.real_domain}"
-    assert store.provenance(section).keys() == {"height", "zoom", "frames", "version"}

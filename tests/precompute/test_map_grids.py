@@ -115,14 +115,6 @@ def test_parts_of_different_arrays_are_not_merged(store: Store) -> None:
         merge_grids([part, {stage.specs[0]: part[stage.specs[0]]}])
 
 
-def test_merging_leaves_the_parts_unchanged(store: Store) -> None:
-    stage, run = map_stage(store, "vanilla"), store.run("vanilla")
-    part = compute_grids(store, run, stage, range(2), stage.specs[:1])
-    before = part[stage.specs[0]].copy()
-    merge_grids([part, part])
-    np.testing.assert_array_equal(part[stage.specs[0]], before)
-
-
 def test_a_range_without_valid_instances_adds_nothing(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -157,14 +149,6 @@ def test_missing_arrays_alone_are_computed(moved_camera_store: Path, tmp_path: P
     precompute(path, SilentReporter(), ["up"], PrecomputeOptions(KINDS))
     for spec, values in before.items():
         np.testing.assert_allclose(spec.open_array(path, "up")[:], values, rtol=1e-6, atol=1e-6)
-
-
-def test_map_grids_have_the_paths_that_are_published(store: Store) -> None:
-    stage = map_stage(store, "vanilla")
-    assert map_stage(store, "vanilla", KINDS[:1]).specs[0] in stage.specs
-    for spec in stage.specs:
-        record, _ = store.array("vanilla", spec.kind, spec.side, spec.mode)
-        assert record.path == spec.path("vanilla")
 
 
 def test_runs_without_heatmaps_have_no_maps(store: Store) -> None:

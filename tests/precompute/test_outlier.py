@@ -87,10 +87,6 @@ def test_the_index_contains_the_outlier_scores(computed: Path) -> None:
         stored_row = store.execute("SELECT max(abs(sim_outlier)), count(real_outlier) FROM pair")[0]
         assert stored_row[0] == pytest.approx(store.run_columns("vanilla").sim.outlier.max())
         assert stored_row[1] == len(store.instances)
-
-
-def test_distances_are_not_offered_as_heatmaps(computed: Path) -> None:
-    with s2rstore.open(computed) as store:
         assert heatmap_choices(store, "vanilla") == [("feature_distance", None)]
 
 

@@ -27,10 +27,10 @@ from s2rtools.precompute import pipeline, publish_results
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.tasks import umap_projection
 from s2rtools.precompute.tasks.umap_projection import projection_stages
-from s2rtui.cli import main
 from tests.conftest import BuildOnce
 from tests.support.copies import copy_store
 from tests.support.plain_maps import plain_map_grid
+from tests.support.refusals import RunCommand
 from tests.support.silent_reporter import SilentReporter
 
 KINDS = ("activation", "pixel_difference")
@@ -254,26 +254,6 @@ def test_heat_ranges_do_not_depend_on_the_parts(
         np.testing.assert_allclose(ranges[1][name], (low, high), atol=0.01 * (high - low))
 
 
-def test_maps_of_some_parts_are_refused(parted: Path, tmp_path: Path) -> None:
-    path = copy_store(parted, tmp_path / "s.s2r")
-    withdraw_later_arrays(path, "kind LIKE 'map:pixel%'")
-    with s2rstore.open(path) as store:
-        assert np.isfinite(store.map_grid("vanilla", "activation", "sim")).any()
-        with pytest.raises(RequestError, match="not computed for all instances"):
-            store.map_grid("vanilla", "pixel_difference", "sim")
-
-
-def test_verify_notes_heatmaps_of_some_parts(
-    parted: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = copy_store(parted, tmp_path / "s.s2r")
-    withdraw_later_arrays(path, "kind = 'activation'")
-    assert main(["verify", str(path)]) == 0
-    output = capsys.readouterr()
-    note = "run vanilla: computed for some instances only: activation real, activation sim"
-    assert note in output.out + output.err
-
-
 def test_a_data_set_that_grows_meanwhile_is_planned_again(
     trained_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -294,20 +274,28 @@ def test_a_data_set_that_grows_meanwhile_is_planned_again(
         assert store.run_columns("vanilla").valid.all()
 
 
-def test_reading_a_part_that_is_not_computed_is_refused(
-    parted: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_what_is_computed_for_some_parts_is_noted_and_refused_for_others(
+    parted: Path, tmp_path: Path, s2r: RunCommand
 ) -> None:
     path = copy_store(parted, tmp_path / "s.s2r")
-    withdraw_later_arrays(path, "true")
+    withdraw_later_arrays(path, "kind = 'activation' OR kind LIKE 'map:pixel%'")
+    verified = s2r("verify", path)
+    assert verified.code == 0
+    note = "run vanilla: computed for some instances only: activation real, activation sim"
+    assert note in verified.out + verified.err
     with s2rstore.open(path) as store:
+        assert np.isfinite(store.map_grid("vanilla", "activation", "sim")).any()
+        with pytest.raises(RequestError, match="not computed for all instances"):
+            store.map_grid("vanilla", "pixel_difference", "sim")
         assert store.heatmap("vanilla", "activation", "sim", FIRST - 1).ndim == 2
         with pytest.raises(NotComputedError, match=f"instance {FIRST}: activation of"):
             store.heatmap("vanilla", "activation", "sim", FIRST)
+    withdraw_later_arrays(path, "true")
+    with s2rstore.open(path) as store:
         assert len(neighbours(store, "vanilla", "sim", FIRST, 5)[0]) == 0
         near, _ = neighbours(store, "vanilla", "sim", 0, 40)
         assert near.max() < FIRST
-    assert main(["runs", str(path)]) == 0
-    assert f"computed for {FIRST} of 40 instances" in capsys.readouterr().out
+    assert f"computed for {FIRST} of 40 instances" in s2r("runs", path).out
 
 
 @pytest.mark.parametrize(

@@ -180,18 +180,6 @@ def test_totals_of_another_size_are_not_decompressed(tmp_path: Path) -> None:
     assert np.isnan(grid.open_array(tmp_path, "run")[:3]).all()
 
 
-def test_a_lost_shard_of_a_published_array_is_computed_again(tmp_path: Path) -> None:
-    stage = stage_of(8)
-    finish(tmp_path, plan_of(tmp_path, stage))
-    published = tuple(spec.path("run") for spec in stage.specs)
-    lost = stage.specs[0].open_array(tmp_path, "run")
-    (tmp_path / lost.file(0)).unlink()
-    plan = plan_of(tmp_path, stage, published)
-    assert {unit.missing for unit in plan.units} == {stage.specs[:1]}
-    finish(tmp_path, plan)
-    assert_complete(tmp_path, stage)
-
-
 def test_a_shard_of_another_size_than_recorded_is_computed_again(tmp_path: Path) -> None:
     stage = stage_of(8)
     finish(tmp_path, plan_of(tmp_path, stage))
@@ -250,7 +238,7 @@ def test_an_array_is_not_computed_in_two_environments(
     assert all(entry.environment == HERE for found in entries for entry in found)
 
 
-def test_a_lost_shard_of_a_published_array_is_computed_in_its_environment(
+def test_a_lost_shard_of_a_published_array_is_computed_again_in_its_environment(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(array_writer, "SHARD_ROWS", 16)
@@ -259,6 +247,7 @@ def test_a_lost_shard_of_a_published_array_is_computed_in_its_environment(
     published = tuple(spec.path("run") for spec in stage.specs)
     (tmp_path / stage.specs[0].open_array(tmp_path, "run").file(1)).unlink()
     plan = plan_of(tmp_path, stage, published)
+    assert {unit.missing for unit in plan.units} == {stage.specs[:1]}
     assert [plan.environment(unit, "float32") for unit in plan.units] == [HERE, HERE]
     other = msgspec.structs.replace(HERE, device="GPU")
     with pytest.raises(RequestError, match="heat: device GPU instead of processor"):

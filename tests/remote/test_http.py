@@ -20,6 +20,7 @@ from s2rstore.remote.object_client import MAX_RETRIES
 from s2rstore.remote.open_files import open_files
 from s2rtui.cli import main
 from tests.remote.conftest import ServedStore
+from tests.support.refusals import RunCommand
 
 SHARD = "runs.zarr/vanilla/key0/feature_distance/c.0.0.0"
 COMMANDS = (
@@ -175,16 +176,12 @@ def test_a_cut_connection_is_one_line(
     ]
 
 
-def test_a_server_that_is_gone_is_one_line(served: ServedStore, capsys) -> None:
-    assert main(["runs", "http://127.0.0.1:9/own.s2r"]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "no connection to the server" in line
-
-
-def test_a_folder_without_a_store_is_one_line(served: ServedStore, capsys) -> None:
-    assert main(["runs", f"{served.url}/nothing"]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert f"{served.url}/nothing: not a store (no CURRENT.json there)" in line
+def test_a_server_that_is_gone_and_a_folder_without_a_store_are_one_line(
+    served: ServedStore, s2r: RunCommand
+) -> None:
+    s2r("runs", "http://127.0.0.1:9/own.s2r").assert_refused("no connection to the server")
+    url = f"{served.url}/nothing"
+    s2r("runs", url).assert_refused(f"{url}: not a store (no CURRENT.json there)")
 
 
 def test_a_shard_that_is_replaced_between_two_requests_is_noticed(served: ServedStore) -> None:
@@ -225,20 +222,17 @@ def test_an_index_that_is_not_as_published_is_refused(
     assert "its size or checksum is not the published one" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("stated", [-1, 1])
-def test_an_index_of_another_size_is_refused(served: ServedStore, stated: int) -> None:
+def test_an_index_of_another_size_or_beyond_the_disk_is_refused(served: ServedStore) -> None:
     current = layout.read_current(served.path)
-    other = msgspec.structs.replace(current, bytes=current.bytes + stated)
-    layout.write_current(served.path, other)
-    with pytest.raises(DamagedStoreError, match=f"instead of the published {other.bytes}"):
-        s2rstore.open(served.url)
-
-
-def test_an_index_that_does_not_fit_the_disk_is_not_fetched(served: ServedStore) -> None:
-    current = msgspec.structs.replace(layout.read_current(served.path), bytes=2**60)
-    layout.write_current(served.path, current)
-    with pytest.raises(RequestError, match="do not fit"):
-        s2rstore.open(served.url)
+    for size, message in (
+        (current.bytes - 1, f"instead of the published {current.bytes - 1}"),
+        (current.bytes + 1, f"instead of the published {current.bytes + 1}"),
+        (2**60, "do not fit"),
+    ):
+        served.server.requests.clear()
+        layout.write_current(served.path, msgspec.structs.replace(current, bytes=size))
+        with pytest.raises(RequestError, match=message):
+            s2rstore.open(served.url)
     assert not [path for _, path in served.server.requests if path.endswith(".duckdb")]
 
 
