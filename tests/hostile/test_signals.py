@@ -20,20 +20,6 @@ _LONG_QUERY = "SELECT count(*) FROM range(100000000000)"
 _LONG_CHUNK_QUERY = (
     "SELECT sum(list_sum(list_transform(range(20000000), lambda x: x % 7))) FROM range(400)"
 )
-_WORKERS_SCRIPT = """
-import os, signal, sys, threading
-from s2rtools.precompute.executors.executor import Task
-from s2rtools.precompute.executors.local_executors import ProcessExecutor
-from tests.hostile.interrupted_units import InterruptedComputation
-
-if __name__ == "__main__":
-    tasks = [Task(InterruptedComputation(), unit) for unit in (1, 2)]
-    try:
-        list(ProcessExecutor(2, 1).run(tasks))
-    except KeyboardInterrupt:
-        sys.exit(130)
-"""
-
 _LONG_UNITS_SCRIPT = """
 import sys, time
 from collections.abc import Callable
@@ -188,14 +174,6 @@ def _started(folder: Path, content: str) -> subprocess.Popen[str]:
         [sys.executable, str(script)], env=_environment(), text=True, start_new_session=True,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip
-
-
-@pytest.mark.deep
-def test_ctrl_c_while_workers_start_prints_no_traceback(tmp_path: Path) -> None:
-    process = _started(tmp_path, _WORKERS_SCRIPT)
-    _, error = process.communicate(timeout=300)
-    assert process.returncode == 130
-    assert "KeyboardInterrupt" not in error
 
 
 def test_ctrl_c_waits_for_units_in_progress_and_again_drops_them(tmp_path: Path) -> None:

@@ -23,10 +23,6 @@ def _run(command: list[str]) -> subprocess.CompletedProcess[str]:
     )
 
 
-def _files(folder: Path) -> dict[Path, int]:
-    return {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
-
-
 @pytest.mark.parametrize("command", ["/bin/sh", "s2r sql S.s2r 'SELECT 1'", "internal-sftp", ""])
 def test_without_a_terminal_every_command_is_rejected(server: Sshd, command: str) -> None:
     arguments = [command] if command else []
@@ -128,34 +124,6 @@ def test_keys_during_startup_open_no_shell(
         screen.wait_for("│ 40 of 40 │")
     assert b"42: " not in screen.raw
     assert _shells(server) == []
-
-
-def test_models_are_neither_offered_nor_loaded(server: Sshd, open_screen: OpenScreen) -> None:
-    screen = open_screen(server.login(forced=True), (200, 60))
-    screen.wait_for("3 instance")
-    assert "adjust" not in screen.lines[-1]
-    for key, action in {"a": "adjust images live", "S": "save the adjustments"}.items():
-        screen.press(key)
-        screen.wait_for(f"not in a restricted session: {action}")
-    screen.press("?")
-    assert "adjust images live" not in screen.wait_for("all other instances").replace(
-        "not in a restricted session: adjust images live", ""
-    )
-
-
-def test_screenshots_are_written_only_to_the_user_data_folder(
-    server: Sshd, tiny_store: Path, open_screen: OpenScreen
-) -> None:
-    before = _files(tiny_store)
-    screen = open_screen(server.login(forced=True), (100, 30))
-    screen.wait_for("of 40")
-    screen.press("s")
-    screen.wait_for("wrote")
-    screen.press("q")
-    assert screen.wait_for_end() == 0
-    assert _files(tiny_store) == before
-    assert (server.data_home / "s2rtui" / "s2r-001.png").is_file()
-    assert [path.name for path in server.data_home.iterdir()] == ["s2rtui"]
 
 
 def _shells(server: Sshd) -> list[list[str]]:
