@@ -31,7 +31,7 @@ def script(tmp_path: Path, s2r: RunCommand) -> Script:
     return show
 
 
-def test_the_job_script_has_what_the_settings_say(tmp_path: Path, script: Script) -> None:
+def test_the_job_script_has_what_the_settings_say(tmp_path, script):
     result = script(
         f"""[slurm]
         jobs = 3
@@ -60,7 +60,7 @@ def test_the_job_script_has_what_the_settings_say(tmp_path: Path, script: Script
         assert option in worker
 
 
-def test_an_edited_job_script_keeps_its_changes(tmp_path: Path, script: Script) -> None:
+def test_an_edited_job_script_keeps_its_changes(tmp_path, script):
     from s2rtools.precompute.executors.slurm_settings import with_worker
 
     printed = script("[slurm]\njobs = 1\n").out
@@ -86,7 +86,7 @@ def test_an_edited_job_script_keeps_its_changes(tmp_path: Path, script: Script) 
         ('[slurm]\njobs = 1\nscript = "none.sh"\n', "none.sh: cannot be read"),
     ],
 )
-def test_invalid_settings_are_named(script: Script, text: str, message: str) -> None:
+def test_invalid_settings_are_named(script, text, message):
     script(text).assert_refused("slurm.toml", message)
 
 
@@ -109,9 +109,7 @@ def test_invalid_settings_are_named(script: Script, text: str, message: str) -> 
         (["--scheduler", "tcp://127.0.0.1:1"], "no Dask scheduler answers there"),
     ],
 )
-def test_invalid_options_are_named(
-    store_copy: Path, s2r: RunCommand, arguments: list[str], message: str
-) -> None:
+def test_invalid_options_are_named(store_copy, s2r, arguments, message):
     s2r("precompute", store_copy, *arguments).assert_refused(message)
 
 
@@ -120,9 +118,7 @@ def test_invalid_options_are_named(
     [(bytes(range(256)), "not UTF-8 at byte 128"), (None, "a folder, not a regular file")],
     ids=["bytes", "folder"],
 )
-def test_a_file_that_has_no_settings_is_named(
-    tmp_path: Path, s2r: RunCommand, content: bytes | None, message: str
-) -> None:
+def test_a_file_that_has_no_settings_is_named(tmp_path, s2r, content, message):
     path = tmp_path / "bin.csv"
     path.mkdir() if content is None else path.write_bytes(content)
     s2r("precompute", "s.s2r", "--cluster", path, "--show-job-script").assert_refused(
@@ -142,9 +138,7 @@ class _Answering(socketserver.BaseRequestHandler):
 
 
 @pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\nContent-Length: 0\r\n\r\n"])
-def test_a_port_without_dask_is_told_soon(
-    store_copy: Path, s2r: RunCommand, monkeypatch: pytest.MonkeyPatch, answer: bytes
-) -> None:
+def test_a_port_without_dask_is_told_soon(store_copy, s2r, monkeypatch, answer):
     from s2rtools.precompute.executors import clusters
 
     monkeypatch.setattr(clusters, "_ANSWER_SECONDS", 1)
@@ -173,9 +167,7 @@ def test_a_port_without_dask_is_told_soon(
         ("wss://node1:8786", False),
     ],
 )
-def test_a_scheduler_without_encryption_is_warned_of(
-    monkeypatch: pytest.MonkeyPatch, address: str, is_warned: bool
-) -> None:
+def test_a_scheduler_without_encryption_is_warned_of(monkeypatch, address, is_warned):
     from s2rtools.precompute.executors import clusters
 
     monkeypatch.setattr(clusters, "_require_scheduler", lambda address: None)

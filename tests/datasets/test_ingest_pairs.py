@@ -26,7 +26,6 @@ from s2rtools.datasets.recordings.recorded_frame_source import CameraImages
 from s2rtui.cli import main
 from tests.support import recordings
 from tests.support.recordings import Side
-from tests.support.refusals import RunCommand
 
 N = 24
 
@@ -64,9 +63,7 @@ def ingest(sim: Path, real: Path, store: Path, *more: str) -> int:
     return main(ingest_words(sim, real, store, *more))
 
 
-def test_loose_pairs_are_found_stored_with_their_offsets_and_selected(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_loose_pairs_are_found_stored_with_their_offsets_and_selected(tmp_path, capsys):
     sim, real, sim_poses = loose_recordings(tmp_path)
     path = tmp_path / "s.s2r"
     assert ingest(sim, real, path, "--tolerance", "0.45m,10deg") == 0
@@ -110,9 +107,7 @@ def test_loose_pairs_are_found_stored_with_their_offsets_and_selected(
     assert verify(path) == []
 
 
-def test_unmatched_images_are_all_reported_with_the_nearest_one(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_unmatched_images_are_all_reported_with_the_nearest_one(tmp_path, capsys):
     truth = recordings.walk(N)
     sim = recordings.write(tmp_path / "sim", recordings.side(truth, np.arange(3, N)))
     real = recordings.write(tmp_path / "real", recordings.side(truth, np.arange(N - 1)))
@@ -132,9 +127,7 @@ def test_unmatched_images_are_all_reported_with_the_nearest_one(
     assert first["sim"] == "walk/image-0003.png"
 
 
-def test_times_and_names_pair_recordings_of_other_worlds_and_align_fits_them(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_times_and_names_pair_recordings_of_other_worlds_and_align_fits_them(tmp_path, capsys):
     truth = recordings.walk(N)
     turned = truth.copy()
     angle, cos, sin = 0.7, math.cos(0.7), math.sin(0.7)
@@ -162,9 +155,7 @@ def test_times_and_names_pair_recordings_of_other_worlds_and_align_fits_them(
 @pytest.mark.parametrize(
     ("declared", "depth_in_world_units"), [({"camera_height": 0.6}, False), ({"ground": 0.0}, True)]
 )
-def test_align_fits_the_scale_and_keeps_what_is_in_metres(
-    declared: dict[str, float], depth_in_world_units: bool, tmp_path: Path
-) -> None:
+def test_align_fits_the_scale_and_keeps_what_is_in_metres(declared, depth_in_world_units, tmp_path):
     truth = recordings.walk(N)
     sim, real = (
         layouts.read("test", recordings.write(tmp_path / name, recordings.side(truth)))
@@ -187,7 +178,7 @@ def test_align_fits_the_scale_and_keeps_what_is_in_metres(
     assert found.scan.part_provenance["recording:sim"]["metres_per_unit"] == pytest.approx(2.5)
 
 
-def test_images_without_depth_make_domains_without_depth(tmp_path: Path) -> None:
+def test_images_without_depth_make_domains_without_depth(tmp_path):
     sim, real, _ = loose_recordings(tmp_path, has_depth=False)
     path = tmp_path / "s.s2r"
     assert main(
@@ -210,7 +201,7 @@ def test_images_without_depth_make_domains_without_depth(tmp_path: Path) -> None
     assert verify(path) == []
 
 
-def test_a_lens_is_undistorted_and_invalid_depth_stays_invalid(tmp_path: Path) -> None:
+def test_a_lens_is_undistorted_and_invalid_depth_stays_invalid(tmp_path):
     """A straight line of the scene is straight in the stored image."""
     size, k = 96, -0.25
     camera = PinholeCamera(size, size, 60.0, 60.0, size / 2, size / 2, (k, 0.0, 0.0, 0.0))
@@ -238,7 +229,7 @@ def test_a_lens_is_undistorted_and_invalid_depth_stays_invalid(tmp_path: Path) -
         assert set(values.tolist()) <= {0, 2000}
 
 
-def test_a_fisheye_lens_without_coefficients_is_undistorted() -> None:
+def test_a_fisheye_lens_without_coefficients_is_undistorted():
     size, focal, angle = 96, 40.0, 0.8
     camera = PinholeCamera(size, size, focal, focal, 48.0, 48.0, (), is_fisheye=True)
     image = np.zeros((size, size, 3), dtype=np.uint8)
@@ -256,9 +247,7 @@ def test_a_fisheye_lens_without_coefficients_is_undistorted() -> None:
     assert radius == pytest.approx(focal * math.tan(angle), abs=2)
 
 
-def test_unusable_images_are_reported_and_left_out(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_unusable_images_are_reported_and_left_out(tmp_path, capsys):
     sim, real, _ = loose_recordings(tmp_path)
     files = [sim / "walk" / f"image-{number:04d}.png" for number in range(4, 8)]
     files[0].unlink()
@@ -295,10 +284,7 @@ def test_unusable_images_are_reported_and_left_out(
         (("--match", "name", "--header", "cam.toml"), "camera=FILE"),
     ],
 )
-def test_unusable_requests_end_in_one_line(
-    arguments: tuple[str, ...], words: str, tmp_path: Path, s2r: RunCommand,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+def test_unusable_requests_end_in_one_line(arguments, words, tmp_path, s2r, monkeypatch):
     monkeypatch.chdir(tmp_path)
     sim, real, _ = loose_recordings(tmp_path)
     Path("cam.toml").write_text("[camera]\nwidth = 32\nheight = 24\nhfov = 90\n")
@@ -306,9 +292,7 @@ def test_unusable_requests_end_in_one_line(
     assert not (tmp_path / "s.s2r").exists()
 
 
-def test_a_strict_ingest_lists_all_issues(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_strict_ingest_lists_all_issues(tmp_path, capsys):
     truth = recordings.walk(N)
     sim = recordings.write(tmp_path / "sim", recordings.side(truth, np.arange(3, N)))
     real = recordings.write(tmp_path / "real", recordings.side(truth))
@@ -323,7 +307,7 @@ def test_a_strict_ingest_lists_all_issues(
     assert not (tmp_path / "s.s2r").exists()
 
 
-def test_a_calibration_file_gives_bounds_and_rooms(tmp_path: Path) -> None:
+def test_a_calibration_file_gives_bounds_and_rooms(tmp_path):
     sim, real, _ = loose_recordings(tmp_path)
     (tmp_path / "lab.toml").write_text(
         'name = "lab"\n[bounds]\nx0 = -9\ny0 = -9\nx1 = 9\ny1 = 9\n'
@@ -339,9 +323,7 @@ def test_a_calibration_file_gives_bounds_and_rooms(tmp_path: Path) -> None:
         np.testing.assert_array_equal(store.instances.room >= 0, store.instances.x >= 0)
 
 
-def test_several_trajectories_without_times_are_paired_by_name_within_their_own(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_several_trajectories_without_times_are_paired_by_name_within_their_own(tmp_path, capsys):
     truth = recordings.walk(N)
     both = {"a": truth[:10], "b": truth[10:]}
     names = {"a": [f"{i}" for i in range(10)], "b": [f"{i}" for i in range(N - 10)]}
@@ -374,7 +356,7 @@ def recordings_of_own_worlds(folder: Path) -> tuple[Recording, Recording]:
     return found[0], found[1]
 
 
-def test_poses_of_different_worlds_are_not_compared(tmp_path: Path) -> None:
+def test_poses_of_different_worlds_are_not_compared(tmp_path):
     sim, real = recordings_of_own_worlds(tmp_path)
     del real.trajectories["a"]
     real.trajectories["c"] = sim.trajectories["a"]
@@ -390,7 +372,7 @@ def test_poses_of_different_worlds_are_not_compared(tmp_path: Path) -> None:
     assert issue.file == "real: real"
 
 
-def test_align_refuses_several_worlds(tmp_path: Path) -> None:
+def test_align_refuses_several_worlds(tmp_path):
     sim, real = recordings_of_own_worlds(tmp_path)
     options = PairOptions("name", None, (16, 16), align=True)
     with pytest.raises(RequestError, match="choose one by --sim-trajectory and --real-trajectory"):

@@ -50,7 +50,7 @@ def of_manifest(path: Path) -> dict[str, list[tuple[int, str]]]:
     return {name: sorted(rows) for name, rows in found.items()}
 
 
-def test_instances_keep_their_seq_where_others_are_left_out(tmp_path: Path) -> None:
+def test_instances_keep_their_seq_where_others_are_left_out(tmp_path):
     path, store = pairs.manifest(tmp_path / "data"), tmp_path / "s.s2r"
     rows = of_manifest(path)
     name = next(iter(rows))
@@ -62,7 +62,7 @@ def test_instances_keep_their_seq_where_others_are_left_out(tmp_path: Path) -> N
     assert verify(store) == []
 
 
-def test_rows_with_a_seq_that_the_index_cannot_hold_are_reported(tmp_path: Path) -> None:
+def test_rows_with_a_seq_that_the_index_cannot_hold_are_reported(tmp_path):
     path = pairs.manifest(tmp_path / "data")
     text = path.read_text()
     for seq in ("-1", "2147483648"):
@@ -84,7 +84,7 @@ def grown(tmp_path: Path) -> tuple[Path, Path]:
     return path, store
 
 
-def test_appended_instances_have_the_seq_of_the_manifest(grown: tuple[Path, Path]) -> None:
+def test_appended_instances_have_the_seq_of_the_manifest(grown):
     path, store = grown
     lines: list[str] = []
     assert sum(add(scan_of("csv", path), store, strict=True, lines=lines).values()) > 0
@@ -93,7 +93,7 @@ def test_appended_instances_have_the_seq_of_the_manifest(grown: tuple[Path, Path
     assert verify(store) == []
 
 
-def test_a_store_that_counts_its_instances_goes_on_counting(grown: tuple[Path, Path]) -> None:
+def test_a_store_that_counts_its_instances_goes_on_counting(grown):
     path, store = grown
     with edit(store) as draft:  # as of a manifest without numbers
         for trajectory, rows in stored(store).items():
@@ -112,7 +112,7 @@ def test_a_store_that_counts_its_instances_goes_on_counting(grown: tuple[Path, P
     assert verify(store) == []
 
 
-def test_a_column_that_exists_twice_is_rejected(tmp_path: Path) -> None:
+def test_a_column_that_exists_twice_is_rejected(tmp_path):
     path = pairs.manifest(tmp_path / "data")
     head, *rows = path.read_text().splitlines()
     path.write_text("\n".join([f"{head},seq", *(f"{row},7" for row in rows)]))
@@ -120,7 +120,7 @@ def test_a_column_that_exists_twice_is_rejected(tmp_path: Path) -> None:
         ingest("csv", path, tmp_path / "s.s2r")
 
 
-def test_rows_of_stored_images_under_another_seq_are_named(tmp_path: Path) -> None:
+def test_rows_of_stored_images_under_another_seq_are_named(tmp_path):
     path, store = pairs.manifest(tmp_path / "data"), tmp_path / "s.s2r"
     ingest("csv", path, store)
     before, count = stored(store), len(stored(store)["a"])

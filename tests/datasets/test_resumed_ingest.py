@@ -164,30 +164,26 @@ def all_processes_have_ended(monkeypatch: pytest.MonkeyPatch) -> None:
         ),
     ],
 )
-def test_a_kill_is_resumed(begun: Ingest, owner: object, name: str, calls: int) -> None:
+def test_a_kill_is_resumed(begun, owner, name, calls):
     begun.interrupt(owner, name, calls)
     line = begun.check_resumed()
     assert "is resumed" in line or name != "write_chunks"
 
 
-def test_a_resume_that_is_killed_is_resumed(begun: Ingest) -> None:
+def test_a_resume_that_is_killed_is_resumed(begun):
     for calls in (9, 6, 7):
         begun.interrupt(array_writer, "write_chunks", calls)
     begun.check_resumed()
 
 
-def test_a_finished_trajectory_is_not_decoded_again(
-    begun: Ingest, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_finished_trajectory_is_not_decoded_again(begun, monkeypatch):
     begun.interrupt(build_module, "write_index", 0)
     monkeypatch.setattr(ImageFiles, "decode", lambda *arguments: pytest.fail("decoded"))
     assert f"{N} of {N} instances are not decoded again" in begun.check_resumed()
 
 
 @pytest.mark.parametrize(("cut", "is_changed"), [(1, False), (700, True)])
-def test_a_damaged_journal_counts_up_to_the_damage(
-    begun: Ingest, cut: int, is_changed: bool
-) -> None:
+def test_a_damaged_journal_counts_up_to_the_damage(begun, cut, is_changed):
     journal = begun.interrupt(array_writer, "write_chunks", 36) / ingest_journal.NAME
     whole = journal.read_bytes()
     place = len(whole) - cut
@@ -196,7 +192,7 @@ def test_a_damaged_journal_counts_up_to_the_damage(
     begun.check_resumed()
 
 
-def test_a_missing_or_shortened_shard_is_written_again(begun: Ingest) -> None:
+def test_a_missing_or_shortened_shard_is_written_again(begun):
     folder = begun.interrupt(array_writer, "write_chunks", 36)
     shards = sorted(path for path in folder.rglob("c.*") if path.is_file())
     shards[0].unlink()
@@ -205,9 +201,7 @@ def test_a_missing_or_shortened_shard_is_written_again(begun: Ingest) -> None:
 
 
 @pytest.mark.parametrize("change", ["image", "size", "journal"])
-def test_the_folder_of_other_data_is_removed_instead(
-    begun: Ingest, tmp_path: Path, change: str
-) -> None:
+def test_the_folder_of_other_data_is_removed_instead(begun, tmp_path, change):
     source, store, manifest = tmp_path / "data", begun.store, begun.manifest
     shutil.copytree(manifest.parent, source)
     other = replace(begun, manifest=source / manifest.name)
@@ -225,7 +219,7 @@ def test_the_folder_of_other_data_is_removed_instead(
     assert verify(store) == []
 
 
-def test_a_refused_ingest_leaves_no_folder(manifest: Path, tmp_path: Path) -> None:
+def test_a_refused_ingest_leaves_no_folder(manifest, tmp_path):
     store = tmp_path / "s.s2r"
     with pytest.raises(RequestError, match="nothing was ingested"):
         build(scan_of("csv", manifest), store, "", True, lambda steps: None)

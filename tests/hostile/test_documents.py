@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import pytest
 
@@ -11,7 +10,6 @@ from s2rstore.errors import RequestError
 from s2rstore.files import input_files
 from tests.hostile.inputs import deadline
 from tests.support import pairs
-from tests.support.refusals import RunCommand
 
 DEEP_JSON = "[" * 100_000 + "]" * 100_000
 DEEP_TOML = "a = " + "[" * 100_000 + "]" * 100_000
@@ -32,9 +30,7 @@ LONG_KEY = ".".join("a" * 20_000) + " = 1"
     ],
     ids=["deep json", "deep toml", "dotted", "inline", "twice", "digits", "list", "large"],
 )
-def test_an_invalid_header_is_rejected_in_one_line(
-    tmp_path: Path, s2r: RunCommand, suffix: str, text: str, expected: str
-) -> None:
+def test_an_invalid_header_is_rejected_in_one_line(tmp_path, s2r, suffix, text, expected):
     path = tmp_path / f"header{suffix}"
     path.write_text(text)
     manifest = pairs.manifest(tmp_path / "data", n=2)
@@ -43,9 +39,7 @@ def test_an_invalid_header_is_rejected_in_one_line(
     result.assert_refused(f"s2r: {path}", expected)
 
 
-def test_a_pipe_in_place_of_a_document_is_rejected(
-    tmp_path: Path, tiny_store: Path, s2r: RunCommand
-) -> None:
+def test_a_pipe_in_place_of_a_document_is_rejected(tmp_path, tiny_store, s2r):
     pipe = tmp_path / "pipe.json"
     os.mkfifo(pipe)
     manifest = pairs.manifest(tmp_path / "data", n=2)
@@ -61,7 +55,7 @@ def test_a_pipe_in_place_of_a_document_is_rejected(
             s2r(*arguments).assert_refused(f"{pipe}: a pipe, not a regular file")
 
 
-def test_a_huge_sparse_file_is_rejected_unread(tmp_path: Path) -> None:
+def test_a_huge_sparse_file_is_rejected_unread(tmp_path):
     path = tmp_path / "huge.json"
     with path.open("wb") as file:
         file.truncate(1 << 40)
@@ -70,7 +64,7 @@ def test_a_huge_sparse_file_is_rejected_unread(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["pipe", "folder", "device", "socket"])
-def test_only_regular_files_are_opened(tmp_path: Path, kind: str) -> None:
+def test_only_regular_files_are_opened(tmp_path, kind):
     import socket
 
     path = tmp_path / "x.json"
@@ -86,7 +80,7 @@ def test_only_regular_files_are_opened(tmp_path: Path, kind: str) -> None:
         input_files.read_json(path)
 
 
-def test_dotted_numbers_and_strings_are_accepted(tmp_path: Path) -> None:
+def test_dotted_numbers_and_strings_are_accepted(tmp_path):
     path = tmp_path / "x.toml"
     numbers = ", ".join("1.5" for _ in range(500))
     lines = "1.2.3\n" * 99

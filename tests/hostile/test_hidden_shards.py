@@ -191,27 +191,23 @@ def check_functions(family: Callable[[Store], Iterable[Function]], path: Path) -
 
 
 @pytest.mark.parametrize("family", [stored_arrays, whole_arrays, frames], ids=lambda f: f.__name__)
-def test_functions_name_a_hidden_shard_of_a_small_store(
-    family: Callable[[Store], Iterable[Function]], store_copy: Path
-) -> None:
+def test_functions_name_a_hidden_shard_of_a_small_store(family, store_copy):
     check_functions(family, store_copy)
 
 
-def test_a_command_names_a_hidden_shard(store_copy: Path) -> None:
+def test_a_command_names_a_hidden_shard(store_copy):
     words = (*EXPORT, "map", "--heat", "feature_distance", "--on", "selection", "--clip")
     assert check([command(store_copy, *words)], store_copy, most=1)
 
 
 @pytest.mark.deep
 @pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.__name__)
-def test_functions_name_a_hidden_shard(
-    family: Callable[[Store], Iterable[Function]], computed: Path
-) -> None:
+def test_functions_name_a_hidden_shard(family, computed):
     check_functions(family, computed)
 
 
 @pytest.mark.deep
-def test_every_kind_of_array_is_covered(computed: Path) -> None:
+def test_every_kind_of_array_is_covered(computed):
     with s2rstore.open(computed) as store, files_read(computed) as read:
         for function in (*stored_arrays(store), *frames(store)):
             function()

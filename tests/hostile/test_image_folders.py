@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -54,9 +53,7 @@ def linked_index(data: Path) -> None:
 
 
 @pytest.mark.parametrize("redirect", [relative_to_parent, linked_file, linked_index])
-def test_files_outside_the_folder_are_refused_unless_allowed(
-    data: Path, run: RunCommand, redirect: Callable[[Path], None]
-) -> None:
+def test_files_outside_the_folder_are_refused_unless_allowed(data, run, redirect):
     redirect(data)
     run().assert_refused("--allow-outside")
     assert not list(data.parent.glob("*.s2r*"))
@@ -65,7 +62,7 @@ def test_files_outside_the_folder_are_refused_unless_allowed(
     assert "read from outside the data folder: " in allowed.err
 
 
-def test_a_linked_folder_is_not_followed(data: Path, run: RunCommand) -> None:
+def test_a_linked_folder_is_not_followed(data, run):
     outside(data)
     (data / "sim" / "linked").symlink_to(data.parent / "elsewhere")
     assert run("--trajectory", "sim_linked").code == 2
@@ -80,15 +77,13 @@ def test_a_linked_folder_is_not_followed(data: Path, run: RunCommand) -> None:
         ("file,condition\nday_9.png,day\n", "no usable image"),
     ],
 )
-def test_a_malformed_index_ends_in_one_line(
-    data: Path, run: RunCommand, text: str, reason: str
-) -> None:
+def test_a_malformed_index_ends_in_one_line(data, run, text, reason):
     index(data, text)
     run().assert_refused(reason)
     assert not list(data.parent.glob("*.s2r*"))
 
 
-def test_doubtful_rows_are_left_out_and_reported(data: Path, run: RunCommand) -> None:
+def test_doubtful_rows_are_left_out_and_reported(data, run):
     index(data, "file,condition\nday_0.png,day\nday_0.png,day\nday_1.png,\nday_7.png,day\n")
     result = run()
     assert result.code == 0
@@ -111,9 +106,7 @@ def bomb(path: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", [flipped, bomb])
-def test_a_damaged_image_is_left_out_and_reported(
-    data: Path, run: RunCommand, damage: Callable[[Path], None]
-) -> None:
+def test_a_damaged_image_is_left_out_and_reported(data, run, damage):
     damage(data / "sim" / "loop" / "2.png")
     result = run()
     assert result.code == 0
@@ -121,13 +114,13 @@ def test_a_damaged_image_is_left_out_and_reported(
     assert "sim/loop/2.png" in result.err
 
 
-def test_two_folders_of_one_trajectory_are_refused(data: Path, run: RunCommand) -> None:
+def test_two_folders_of_one_trajectory_are_refused(data, run):
     for name in ("a_b", "a/b"):
         write(data / "sim" / name / "0.png", picture(1, REAL_SIZE))
     run().assert_refused("make one trajectory, a_b; rename one")
 
 
-def test_a_missing_folder_and_an_existing_store_are_refused(data: Path, run: RunCommand) -> None:
+def test_a_missing_folder_and_an_existing_store_are_refused(data, run):
     run("--real", data / "none").assert_refused("none: no such folder")
     assert run().code == 0
     run().assert_refused("exists; choose another --store")

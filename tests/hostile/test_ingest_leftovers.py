@@ -10,7 +10,6 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import pytest
 from msgspec import structs
@@ -23,7 +22,6 @@ from s2rstore.maintenance.verify import verify
 from s2rtools.datasets.writing import ingest_journal
 from s2rtui.cli import main
 from tests.support import pairs
-from tests.support.refusals import RunCommand
 
 
 @pytest.fixture
@@ -53,9 +51,7 @@ def make_leftover(store: Path, identity: ProcessIdentity, days: float = 0.0) -> 
     return folder
 
 
-def test_leftovers_of_an_ended_process_are_removed_and_reported(
-    manifest: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_leftovers_of_an_ended_process_are_removed_and_reported(manifest, tmp_path, capsys):
     store = tmp_path / "s.s2r"
     ended = structs.replace(process_identity.this_process(), process=ended_process_id())
     building = make_leftover(store, ended)
@@ -66,8 +62,8 @@ def test_leftovers_of_an_ended_process_are_removed_and_reported(
 
 @pytest.mark.parametrize("changes", [{"host": "another-host", "process": 7}, {}])
 def test_leftovers_of_a_possibly_running_process_are_kept_and_reported(
-    manifest: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], changes: dict[str, Any]
-) -> None:
+    manifest, tmp_path, capsys, changes
+):
     store = tmp_path / "s.s2r"
     identity = structs.replace(process_identity.this_process(), **changes)
     building = make_leftover(store, identity)
@@ -82,7 +78,7 @@ def abandoned(store: Path) -> set[str]:
     return {folder.path.name for folder in building_folders(store) if folder.is_abandoned}
 
 
-def test_the_name_of_a_building_folder_identifies_its_process(tmp_path: Path) -> None:
+def test_the_name_of_a_building_folder_identifies_its_process(tmp_path):
     """Also where the number of a process is used again, by any host, boot or container."""
     store = tmp_path / "s.s2r"
     own, ended = process_identity.this_process(), ended_process_id()
@@ -107,7 +103,7 @@ def test_the_name_of_a_building_folder_identifies_its_process(tmp_path: Path) ->
             shutil.rmtree(folder)
 
 
-def test_two_ingests_of_one_process_build_in_separate_folders(tmp_path: Path) -> None:
+def test_two_ingests_of_one_process_build_in_separate_folders(tmp_path):
     assert building_folder(tmp_path / "s.s2r") != building_folder(tmp_path / "s.s2r")
 
 
@@ -126,7 +122,7 @@ def start_ingest(manifest: Path, store: Path) -> tuple[subprocess.Popen[bytes], 
     raise AssertionError("does not begin")
 
 
-def test_an_interrupted_ingest_says_how_to_resume_it(tmp_path: Path, s2r: RunCommand) -> None:
+def test_an_interrupted_ingest_says_how_to_resume_it(tmp_path, s2r):
     manifest, store = pairs.manifest(tmp_path / "data", n=300), tmp_path / "s.s2r"
     process, folder = start_ingest(manifest, store)
     wait_for_shards(process, folder)

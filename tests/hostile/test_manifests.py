@@ -56,8 +56,8 @@ def linked(manifest: Path) -> None:
 
 @pytest.mark.parametrize("redirect", [absolute, relative_to_parent, linked])
 def test_a_row_with_an_outside_path_is_rejected_with_its_line_number_unless_allowed(
-    manifest: Path, ingest: RunCommand, redirect
-) -> None:
+    manifest, ingest, redirect
+):
     redirect(manifest)
     ingest(manifest).assert_refused(f"{manifest}:2: rgb", "--allow-outside")
     assert not (manifest.parent.parent / "s.s2r").exists()
@@ -67,7 +67,7 @@ def test_a_row_with_an_outside_path_is_rejected_with_its_line_number_unless_allo
     assert f"read from outside the data folder: {elsewhere} (" in allowed.err
 
 
-def test_a_link_inside_the_folder_is_followed(manifest: Path, ingest: RunCommand) -> None:
+def test_a_link_inside_the_folder_is_followed(manifest, ingest):
     folder = manifest.parent
     (folder / "sim" / "0_rgb.png").rename(folder / "kept.png")
     (folder / "sim" / "0_rgb.png").symlink_to(folder / "kept.png")
@@ -75,7 +75,7 @@ def test_a_link_inside_the_folder_is_followed(manifest: Path, ingest: RunCommand
 
 
 @pytest.mark.parametrize("link", [False, True])
-def test_an_outside_floor_plan_is_rejected(manifest: Path, ingest: RunCommand, link: bool) -> None:
+def test_an_outside_floor_plan_is_rejected(manifest, ingest, link):
     header = manifest.with_suffix(".toml")
     target = move_outside(manifest, "sim/0_rgb.png")
     name = "plan.png" if link else str(target)
@@ -86,9 +86,7 @@ def test_an_outside_floor_plan_is_rejected(manifest: Path, ingest: RunCommand, l
 
 
 @pytest.mark.parametrize("moved_part", ["image", "folder", "match.csv", "map.jpg"])
-def test_outside_links_in_the_sim2realviz_layout_are_rejected(
-    tmp_path: Path, ingest: RunCommand, moved_part: str
-) -> None:
+def test_outside_links_in_the_sim2realviz_layout_are_rejected(tmp_path, ingest, moved_part):
     header = pairs.sim2realviz(tmp_path / "data", n=4)
     sim = tmp_path / "data" / "traj1" / "sim"
     if moved_part == "map.jpg":
@@ -122,9 +120,7 @@ COLUMNS = b"trajectory,seq,domain,rgb,depth,x,y,heading"
     ],
     ids=["nul", "columns", "line", "field", "encoding"],
 )
-def test_an_invalid_csv_file_is_rejected_in_one_line(
-    tmp_path: Path, ingest: RunCommand, content: bytes, expected: str
-) -> None:
+def test_an_invalid_csv_file_is_rejected_in_one_line(tmp_path, ingest, content, expected):
     (tmp_path / "data").mkdir()
     path = tmp_path / "data" / "m.csv"
     path.write_bytes(content)

@@ -63,7 +63,7 @@ def _run_redirected(arguments: Sequence[str], streams: str) -> subprocess.Comple
 
 
 @pytest.mark.parametrize("piped", [(True, False, False), (False, True, False), (True, True, True)])
-def test_the_application_requires_a_terminal(tiny_store: Path, piped: tuple[bool, ...]) -> None:
+def test_the_application_requires_a_terminal(tiny_store, piped):
     """Standard input, output or all streams are pipes."""
     primary, secondary = os.openpty()
     streams = [subprocess.PIPE if pipe else secondary for pipe in piped]
@@ -85,20 +85,20 @@ def test_the_application_requires_a_terminal(tiny_store: Path, piped: tuple[bool
 
 
 @pytest.mark.parametrize("streams", ["<&- 2>&-"])
-def test_a_closed_input_or_error_stream_has_no_effect(tiny_store: Path, streams: str) -> None:
+def test_a_closed_input_or_error_stream_has_no_effect(tiny_store, streams):
     process = _run_redirected(("query", str(tiny_store), "worst15", "--count"), streams)
     assert (process.returncode, process.stdout, process.stderr) == (0, "6\n", "")
 
 
 @pytest.mark.parametrize("streams", [">&-"])
-def test_a_closed_output_stream_is_reported_in_one_line(tiny_store: Path, streams: str) -> None:
+def test_a_closed_output_stream_is_reported_in_one_line(tiny_store, streams):
     process = _run_redirected(("query", str(tiny_store), "worst15"), streams)
     assert (process.returncode, process.stdout) == (2, "")
     assert process.stderr == "s2r: the standard output is closed\n"
 
 
 @pytest.mark.parametrize("streams", ["<&-", "<&- >&- 2>&-"])
-def test_the_application_rejects_closed_streams(tiny_store: Path, streams: str) -> None:
+def test_the_application_rejects_closed_streams(tiny_store, streams):
     process = _run_redirected(("tui", str(tiny_store)), streams)
     assert process.returncode == 2
     assert process.stderr.count("\n") <= 1
@@ -113,7 +113,7 @@ def _start(*arguments: str) -> subprocess.Popen[str]:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_ctrl_c_ends_a_query(tiny_store: Path) -> None:
+def test_ctrl_c_ends_a_query(tiny_store):
     process = _start("sql", str(tiny_store), "--memory", "4GB", _LONG_CHUNK_QUERY)
     assert wait_until(lambda: processor_seconds(process.pid) > 2, 60)
     os.killpg(process.pid, signal.SIGINT)
@@ -122,7 +122,7 @@ def test_ctrl_c_ends_a_query(tiny_store: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_sigterm_ends_a_query(tiny_store: Path) -> None:
+def test_sigterm_ends_a_query(tiny_store):
     process = _start("sql", str(tiny_store), _LONG_QUERY)
     assert wait_until(lambda: processor_seconds(process.pid) > 2, 60)
     process.terminate()
@@ -140,12 +140,8 @@ def test_sigterm_ends_a_query(tiny_store: Path) -> None:
     ],
 )
 def test_an_interrupted_command_reports_what_is_retained(
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    command: str,
-    expected: str,
-) -> None:
+    tmp_path, capsys, monkeypatch, command, expected
+):
     import importlib
 
     def interrupted(options: object) -> int:
@@ -176,7 +172,7 @@ def _started(folder: Path, content: str) -> subprocess.Popen[str]:
     )  # fmt: skip
 
 
-def test_ctrl_c_waits_for_units_in_progress_and_again_drops_them(tmp_path: Path) -> None:
+def test_ctrl_c_waits_for_units_in_progress_and_again_drops_them(tmp_path):
     process = _started(tmp_path, _LONG_UNITS_SCRIPT)
     assert process.stdout is not None
     try:

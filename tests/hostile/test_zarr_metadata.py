@@ -76,7 +76,7 @@ def _is_rejected(store: Store) -> bool:
     return False
 
 
-def test_changed_and_invalid_metadata_is_rejected_with_the_array_name(store_copy: Path) -> None:
+def test_changed_and_invalid_metadata_is_rejected_with_the_array_name(store_copy):
     path = store_copy / ARRAY / "zarr.json"
     content = path.read_bytes()
     for name, change in CHANGES.items():
@@ -91,7 +91,7 @@ def test_changed_and_invalid_metadata_is_rejected_with_the_array_name(store_copy
     assert any("activation.real" in damage.where for damage in verify(store_copy))
 
 
-def test_an_array_of_format_2_is_rejected(store_copy: Path, tmp_path: Path) -> None:
+def test_an_array_of_format_2_is_rejected(store_copy, tmp_path):
     (store_copy / ARRAY / "zarr.json").unlink()
     document = {
         "zarr_format": 2, "shape": [40, 4, 4, 4], "chunks": [16, 4, 4, 4], "dtype": "<f4",
@@ -102,7 +102,7 @@ def test_an_array_of_format_2_is_rejected(store_copy: Path, tmp_path: Path) -> N
         _read(store_copy)
 
 
-def test_an_excessive_shape_is_rejected_even_if_the_index_agrees(store_copy: Path) -> None:
+def test_an_excessive_shape_is_rejected_even_if_the_index_agrees(store_copy):
     shape = [40, 4, 100_000, 100_000]
 
     def enlarge(document: dict[str, Any]) -> None:
@@ -119,7 +119,7 @@ def test_an_excessive_shape_is_rejected_even_if_the_index_agrees(store_copy: Pat
 
 
 @pytest.mark.parametrize("column", ["shape", "dtype"])
-def test_metadata_that_differs_from_the_index_is_rejected(store_copy: Path, column: str) -> None:
+def test_metadata_that_differs_from_the_index_is_rejected(store_copy, column):
     value = {"shape": "[40, 4, 2, 8]", "dtype": "float64"}[column]
     path = ARRAY.removeprefix("runs.zarr/")
     with edit(store_copy) as draft:
@@ -128,7 +128,7 @@ def test_metadata_that_differs_from_the_index_is_rejected(store_copy: Path, colu
         _read(store_copy)
 
 
-def test_frames_must_have_the_size_in_the_index(store_copy: Path) -> None:
+def test_frames_must_have_the_size_in_the_index(store_copy):
     with edit(store_copy) as draft:
         draft.update("dataset", {"name": "tiny"}, {"frame_width": 32})
     with (
@@ -168,7 +168,7 @@ def _reindex(content: bytearray, offset: int, size: int) -> None:
 @pytest.mark.parametrize(
     "damage", [_bomb, _cut_chunk, _far_chunk, _long_chunk, _missing_chunk], ids=lambda f: f.__name__
 )
-def test_a_damaged_chunk_is_rejected(store_copy: Path, damage: Callable[[bytearray], None]) -> None:
+def test_a_damaged_chunk_is_rejected(store_copy, damage):
     shard = store_copy / ARRAY / "c.0.0.0.0"
     content = bytearray(shard.read_bytes())
     damage(content)
@@ -177,7 +177,7 @@ def test_a_damaged_chunk_is_rejected(store_copy: Path, damage: Callable[[bytearr
         _read(store_copy)
 
 
-def test_a_shard_that_is_too_large_is_rejected(store_copy: Path) -> None:
+def test_a_shard_that_is_too_large_is_rejected(store_copy):
     shard = store_copy / ARRAY / "c.0.0.0.0"
     content = shard.read_bytes()
     with shard.open("wb") as file:
@@ -195,9 +195,8 @@ def test_a_shard_that_is_too_large_is_rejected(store_copy: Path) -> None:
     seed=st.integers(0, 99),
 )  # fmt: skip
 def test_the_zarr_library_reads_the_written_arrays(
-    tmp_path_factory: pytest.TempPathFactory, rows: int, shard: int, shape: tuple[int, ...],
-    dtype: str, seed: int,
-) -> None:  # fmt: skip
+    tmp_path_factory, rows, shard, shape, dtype, seed
+):
     path = tmp_path_factory.mktemp("array") / "a"
     plan = array_writer.plan_layout(rows, shape, dtype, shard)
     array_writer.create(path, plan, {"method": "as tested"})

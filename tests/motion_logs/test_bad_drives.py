@@ -85,9 +85,8 @@ FAULTS: dict[str, tuple[Damage, str, str, int]] = {
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_invalid_or_incompatible_logs_are_named_in_one_line(
-    valid_drives: Path, tiny_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-    fault: str,
-) -> None:  # fmt: skip
+    valid_drives, tiny_store, tmp_path, capsys, fault
+):
     damage, gap, sysid, sysid_code = FAULTS[fault]
     drives, out = damaged_copy(valid_drives, tmp_path / "drives", damage), tmp_path / "out"
     for command, expected, code in ((GAP, gap, 2), (SYSID, sysid, sysid_code)):
@@ -127,9 +126,8 @@ def millimetres(drive: Path) -> None:
     ],
 )
 def test_doubtful_logs_are_reported_with_the_results(
-    valid_drives: Path, tiny_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-    damage: Damage, expected: str,
-) -> None:  # fmt: skip
+    valid_drives, tiny_store, tmp_path, capsys, damage, expected
+):
     drives = damaged_copy(valid_drives, tmp_path / "drives", damage)
     options = ["--dynamics", "horizons=0.5,1"]
     command = ["gap", str(tiny_store), "--drives", str(drives), "--replicates", "100", *options]

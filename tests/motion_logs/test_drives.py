@@ -30,7 +30,7 @@ def write_drive(folder: Path, seed: int, untuned: bool = True) -> Path:
     return folder
 
 
-def test_drives_are_read_in_name_order_with_optional_logs(tmp_path: Path) -> None:
+def test_drives_are_read_in_name_order_with_optional_logs(tmp_path):
     write_drive(tmp_path / "b", 1, untuned=False)
     write_drive(tmp_path / "a", 2)
     (tmp_path / "a" / "real.png").write_bytes(b"a picture")
@@ -45,7 +45,7 @@ def test_drives_are_read_in_name_order_with_optional_logs(tmp_path: Path) -> Non
     assert second.commands is None
 
 
-def test_invalid_folders_are_explained(tmp_path: Path) -> None:
+def test_invalid_folders_are_explained(tmp_path):
     with pytest.raises(RequestError, match=r"nowhere: no such folder"):
         read_drives(tmp_path / "nowhere")
     with pytest.raises(RequestError, match="no drive in it"):
@@ -99,7 +99,7 @@ def store_with_odometry(tmp_path: Path) -> Path:
     return store_of_instances(tmp_path / "s.s2r", columns, ["a"] * n + ["b"] * 5)
 
 
-def test_mirrored_odometry_is_aligned_with_the_ground_truth(store_with_odometry: Path) -> None:
+def test_mirrored_odometry_is_aligned_with_the_ground_truth(store_with_odometry):
     with s2rstore.open(store_with_odometry) as store:
         (drive,) = odometry(store)
         assert drive.name == "a"
@@ -116,9 +116,7 @@ def test_mirrored_odometry_is_aligned_with_the_ground_truth(store_with_odometry:
             odometry(store, rate=0.0)
 
 
-def test_missing_timestamps_or_odometry_are_reported(
-    store_with_odometry: Path, tiny_store: Path
-) -> None:
+def test_missing_timestamps_or_odometry_are_reported(store_with_odometry, tiny_store):
     with s2rstore.open(tiny_store) as store, pytest.raises(RequestError, match="no trajectory has"):
         odometry(store, rate=1.0)
     with edit(store_with_odometry) as draft:
@@ -130,7 +128,7 @@ def test_missing_timestamps_or_odometry_are_reported(
         odometry(store)
 
 
-def test_constant_positions_cannot_be_aligned() -> None:
+def test_constant_positions_cannot_be_aligned():
     constant_position = (np.full(9, 2.0), np.full(9, 1.0))
     with pytest.raises(InconclusiveError, match="nothing to align by"):
         fit(constant_position, constant_position)

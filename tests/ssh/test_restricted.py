@@ -24,7 +24,7 @@ def _run(command: list[str]) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize("command", ["/bin/sh", "s2r sql S.s2r 'SELECT 1'", "internal-sftp", ""])
-def test_without_a_terminal_every_command_is_rejected(server: Sshd, command: str) -> None:
+def test_without_a_terminal_every_command_is_rejected(server, command):
     arguments = [command] if command else []
     process = _run(server.login(*arguments, forced=True, tty=False))
     assert process.returncode == 2
@@ -33,7 +33,7 @@ def test_without_a_terminal_every_command_is_rejected(server: Sshd, command: str
     assert "ssh -t" in process.stderr
 
 
-def test_files_cannot_be_copied(server: Sshd, tmp_path: Path) -> None:
+def test_files_cannot_be_copied(server, tmp_path):
     target, uploaded = tmp_path / "fetched", tmp_path / "left"
     local_file = tmp_path / "mine"
     local_file.write_text("content")
@@ -50,7 +50,7 @@ def test_files_cannot_be_copied(server: Sshd, tmp_path: Path) -> None:
     assert uploaded.exists()
 
 
-def test_port_forwarding_is_disabled(server: Sshd) -> None:
+def test_port_forwarding_is_disabled(server):
     def greeting(forced: bool) -> str:
         forward_option = ["-W", f"127.0.0.1:{server.port}"]
         command = server.login(forced=forced, tty=False, options=forward_option)[:-1]
@@ -69,9 +69,7 @@ def test_port_forwarding_is_disabled(server: Sshd) -> None:
 
 
 @pytest.mark.parametrize("command", ["cat /etc/passwd", ""])
-def test_with_a_terminal_every_command_opens_the_application(
-    server: Sshd, open_screen: OpenScreen, command: str
-) -> None:
+def test_with_a_terminal_every_command_opens_the_application(server, open_screen, command):
     arguments = [command] if command else []
     screen = open_screen(server.login(*arguments, forced=True))
     screen.wait_for("of 40")
@@ -80,7 +78,7 @@ def test_with_a_terminal_every_command_opens_the_application(
     assert screen.wait_for_end() == 0
 
 
-def test_no_key_opens_a_shell(server: Sshd, open_screen: OpenScreen) -> None:
+def test_no_key_opens_a_shell(server, open_screen):
     screen = open_screen(server.login("/bin/sh", forced=True), (100, 30))
     screen.wait_for("of 40")
     running = applications_below(server.pid)
@@ -108,9 +106,7 @@ def test_no_key_opens_a_shell(server: Sshd, open_screen: OpenScreen) -> None:
 
 
 @pytest.mark.parametrize("keys", [CTRL_Z, CTRL_C, b"\x1c"], ids=["ctrl-z", "ctrl-c", "ctrl-\\"])
-def test_keys_during_startup_open_no_shell(
-    server: Sshd, open_screen: OpenScreen, keys: bytes
-) -> None:
+def test_keys_during_startup_open_no_shell(server, open_screen, keys):
     screen = open_screen(server.login(forced=True))
     assert wait_until(lambda: bool(commands_below(server.pid)))
     limit = time.monotonic() + 30

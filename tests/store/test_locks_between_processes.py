@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -60,7 +59,7 @@ for _ in range(rounds):
 """
 
 
-def test_of_several_takers_of_a_stale_lock_one_gets_it(tmp_path: Path) -> None:
+def test_of_several_takers_of_a_stale_lock_one_gets_it(tmp_path):
     processes = [start(_TAKERS_SCRIPT, tmp_path, 12) for _ in range(3)]
     for process in processes:
         wait_for_line(process)
@@ -103,9 +102,7 @@ def resume(process: subprocess.Popen[str]) -> str:
 
 
 @pytest.mark.parametrize("publishes", [True, False], ids=["has published", "still holds the lock"])
-def test_a_suspended_process_publishes_nothing_after_its_lock_was_taken_over(
-    store_copy: Path, publishes: bool
-) -> None:
+def test_a_suspended_process_publishes_nothing_after_its_lock_was_taken_over(store_copy, publishes):
     process = start(_PUBLISH_SCRIPT, store_copy)
     wait_for_line(process)
     suspend(process)
@@ -125,7 +122,7 @@ def test_a_suspended_process_publishes_nothing_after_its_lock_was_taken_over(
     assert not [path for path in (store_copy / "index").iterdir() if path.name.startswith(".")]
 
 
-def test_a_process_that_lost_a_further_lock_publishes_nothing(store_copy: Path) -> None:
+def test_a_process_that_lost_a_further_lock_publishes_nothing(store_copy):
     before = layout.read_current(store_copy)
 
     def publish() -> None:
@@ -148,9 +145,7 @@ Ledger(Path(sys.argv[1])).add(sys.argv[2], [("file", 1)])
 """
 
 
-def test_processes_with_one_id_on_two_hosts_of_one_name_write_separate_ledger_files(
-    tmp_path: Path,
-) -> None:
+def test_processes_with_one_id_on_two_hosts_of_one_name_write_separate_ledger_files(tmp_path):
     (tmp_path / "file").write_bytes(b"content")
     for key in ("first", "second"):
         process = start(_LEDGER_SCRIPT, tmp_path, key)

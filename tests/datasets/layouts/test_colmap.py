@@ -91,9 +91,7 @@ def scene() -> Walk:
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("kind", ["text", "binary"])
-def test_poses_and_cameras_are_those_that_were_written(
-    tmp_path: Path, scene: Walk, model: str, kind: str
-) -> None:
+def test_poses_and_cameras_are_those_that_were_written(tmp_path, scene, model, kind):
     if kind == "text":
         write_text(tmp_path / "sparse/0", scene, {1: model})
     else:
@@ -110,7 +108,7 @@ def test_poses_and_cameras_are_those_that_were_written(
     assert not recording.is_metric
 
 
-def test_images_are_in_the_order_of_their_numbers(tmp_path: Path, scene: Walk) -> None:
+def test_images_are_in_the_order_of_their_numbers(tmp_path, scene):
     write_text(tmp_path, scene, {1: "PINHOLE"})
     write_images(tmp_path / "images", scene)
     (trajectory,) = read("colmap", tmp_path).trajectories.values()
@@ -120,9 +118,7 @@ def test_images_are_in_the_order_of_their_numbers(tmp_path: Path, scene: Walk) -
         assert frame.rgb.checksum() == checksum(tmp_path / "images" / frame.rgb.name)
 
 
-def test_a_scale_makes_poses_metric_and_depth_has_the_names_of_images(
-    tmp_path: Path, scene: Walk
-) -> None:
+def test_a_scale_makes_poses_metric_and_depth_has_the_names_of_images(tmp_path, scene):
     write_binary(tmp_path / "model", scene, "PINHOLE")
     write_images(tmp_path / "photos", scene)
     for name, pixels in zip(names(scene), scene.depth, strict=True):
@@ -146,7 +142,7 @@ def test_a_scale_makes_poses_metric_and_depth_has_the_names_of_images(
     np.testing.assert_array_equal(image(frame.depth.read()).pixels, scene.depth[3])
 
 
-def test_several_cameras_are_named_and_one_can_be_chosen(tmp_path: Path, scene: Walk) -> None:
+def test_several_cameras_are_named_and_one_can_be_chosen(tmp_path, scene):
     cameras = {1: "PINHOLE", 7: "OPENCV", 9: "RADIAL"}
     write_text(tmp_path, scene, cameras, of=lambda row: 7 if row % 3 else 1)
     write_images(tmp_path / "images", scene)
@@ -160,7 +156,7 @@ def test_several_cameras_are_named_and_one_can_be_chosen(tmp_path: Path, scene: 
     assert_poses(read("colmap", tmp_path), scene.poses)  # equal cameras are one
 
 
-def test_subfolders_are_trajectories(tmp_path: Path, scene: Walk) -> None:
+def test_subfolders_are_trajectories(tmp_path, scene):
     write_text(tmp_path, scene, {1: "PINHOLE"})
     path = tmp_path / "images.txt"
     path.write_text(path.read_text().replace("frame 1", "seq/2/frame 1"))
@@ -171,7 +167,7 @@ def test_subfolders_are_trajectories(tmp_path: Path, scene: Walk) -> None:
     assert_poses(recording, scene.poses[[1, 10, 11]], "seq_2")
 
 
-def test_bad_images_are_reported_and_the_others_are_read(tmp_path: Path, scene: Walk) -> None:
+def test_bad_images_are_reported_and_the_others_are_read(tmp_path, scene):
     write_binary(tmp_path, scene, "PINHOLE")
     content = bytearray((tmp_path / "images.bin").read_bytes())
     struct.pack_into("<d", content, 8 + 4 + 32, float("nan"))
@@ -184,9 +180,7 @@ def test_bad_images_are_reported_and_the_others_are_read(tmp_path: Path, scene: 
     assert_poses(recording, scene.poses[2:-1])
 
 
-def test_binary_models_that_are_cut_or_declare_more_end_in_one_line(
-    tmp_path: Path, scene: Walk
-) -> None:
+def test_binary_models_that_are_cut_or_declare_more_end_in_one_line(tmp_path, scene):
     write_binary(tmp_path, scene, "PINHOLE")
     write_images(tmp_path / "images", scene)
     whole = (tmp_path / "images.bin").read_bytes()
@@ -210,9 +204,7 @@ def test_binary_models_that_are_cut_or_declare_more_end_in_one_line(
         ("images.txt", "frame 3.png", "../../etc/passwd", "without `..`"),
     ],
 )
-def test_damaged_text_models_end_in_one_line(
-    tmp_path: Path, scene: Walk, file: str, old: str, new: str, message: str
-) -> None:
+def test_damaged_text_models_end_in_one_line(tmp_path, scene, file, old, new, message):
     write_text(tmp_path, scene, {1: "PINHOLE"})
     write_images(tmp_path / "images", scene)
     text = (tmp_path / file).read_text()
@@ -222,7 +214,7 @@ def test_damaged_text_models_end_in_one_line(
         read("colmap", tmp_path)
 
 
-def test_folders_that_are_missing_are_named(tmp_path: Path, scene: Walk) -> None:
+def test_folders_that_are_missing_are_named(tmp_path, scene):
     with pytest.raises(RequestError, match=r"no cameras\.txt with images\.txt"):
         read("colmap", tmp_path)
     for model in ("0", "1"):

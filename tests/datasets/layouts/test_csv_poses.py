@@ -32,7 +32,7 @@ def rows(path: Path) -> list[str]:
     return path.read_text().splitlines()
 
 
-def test_the_camera_is_that_of_the_description(recording) -> None:
+def test_the_camera_is_that_of_the_description(recording):
     path, _ = recording
     found = read_with("csv", path)
     camera = found.camera
@@ -70,7 +70,7 @@ def test_the_camera_is_that_of_the_description(recording) -> None:
     assert (found.depth_scale, found.depth_raw_max) == (0.0002, 50000)
 
 
-def test_a_description_in_json_or_elsewhere_is_read(recording, tmp_path: Path) -> None:
+def test_a_description_in_json_or_elsewhere_is_read(recording, tmp_path):
     path, frames = recording
     path.with_suffix(".toml").unlink()
     with refused("lab.toml", "missing"):
@@ -84,7 +84,7 @@ def test_a_description_in_json_or_elsewhere_is_read(recording, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("heading", [0.0, 90.0, -135.0, 725.0])
-def test_headings_are_anticlockwise_from_x(recording, heading: float) -> None:
+def test_headings_are_anticlockwise_from_x(recording, heading):
     path, _ = recording
     path.write_text(f"rgb,depth,x,y,heading\nrgb/0.png,depth/0.png,1.5,-2,{heading}\n")
     describe(path, "camera_height = 1.2\n[camera]\nwidth = 32\nheight = 24\nhfov = 90\n")
@@ -96,7 +96,7 @@ def test_headings_are_anticlockwise_from_x(recording, heading: float) -> None:
     assert np.linalg.det(pose[:3, :3]) == pytest.approx(1)
 
 
-def test_quaternions_may_turn_the_axes_of_a_robot(recording) -> None:
+def test_quaternions_may_turn_the_axes_of_a_robot(recording):
     path, frames = recording
     robot_in_optical = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]])
     lines = rows(path)[:1]
@@ -108,7 +108,7 @@ def test_quaternions_may_turn_the_axes_of_a_robot(recording) -> None:
     assert_found(only(read_with("csv", path)), frames)
 
 
-def test_rows_of_several_trajectories_are_separated(recording) -> None:
+def test_rows_of_several_trajectories_are_separated(recording):
     path, frames = recording
     lines = rows(path)
     names = ["b", "a", "b", "a"]
@@ -123,7 +123,7 @@ def test_rows_of_several_trajectories_are_separated(recording) -> None:
     assert list(read_with("csv", path, trajectories=["a"]).trajectories) == ["a"]
 
 
-def test_names_that_a_trajectory_cannot_have_are_refused(recording) -> None:
+def test_names_that_a_trajectory_cannot_have_are_refused(recording):
     path, _ = recording
     lines = rows(path)
     recordings.write_lines(path, [lines[0] + ",trajectory", lines[1] + ",../up"])
@@ -132,7 +132,7 @@ def test_names_that_a_trajectory_cannot_have_are_refused(recording) -> None:
 
 
 @pytest.mark.parametrize("column", [True, False])
-def test_depth_may_be_left_out(recording, column: bool) -> None:
+def test_depth_may_be_left_out(recording, column):
     path, frames = recording
     lines = []
     for line in rows(path):
@@ -145,7 +145,7 @@ def test_depth_may_be_left_out(recording, column: bool) -> None:
     assert_found(only(read_with("csv", path)), frames)
 
 
-def test_depth_in_some_rows_is_reported_or_refused(recording) -> None:
+def test_depth_in_some_rows_is_reported_or_refused(recording):
     path, frames = recording
     lines = rows(path)
     without = [line.replace(str(frames[1].depth), "") for line in lines]
@@ -162,7 +162,7 @@ def test_depth_in_some_rows_is_reported_or_refused(recording) -> None:
     "pose",
     ["nan,0,0,0,0,0,1", "x,0,0,0,0,0,1", "0,0,0,0,0,0,2", "1"],
 )
-def test_unusable_poses_are_reported_with_their_line(recording, pose: str) -> None:
+def test_unusable_poses_are_reported_with_their_line(recording, pose):
     path, frames = recording
     with path.open("a") as file:
         file.write(f"{frames[0].rgb},{frames[0].depth},{pose},7\n")
@@ -183,7 +183,7 @@ def test_unusable_poses_are_reported_with_their_line(recording, pose: str) -> No
         ("rgb,x,y,z,qx,qy,qz\na,1,2,3,0,0,0\n", "no column qw"),
     ],
 )
-def test_missing_columns_are_named(recording, content: str, text: str) -> None:
+def test_missing_columns_are_named(recording, content, text):
     recording[0].write_text(content)
     with refused("lab.csv", text):
         read_with("csv", recording[0])
@@ -205,13 +205,13 @@ CAMERA = "[camera]\nwidth = 32\nheight = 24\n"
         ("name = 'a'\n[bounds]\nx0 = 1\n", "a configuration of `s2r ingest csv`"),
     ],
 )
-def test_unusable_descriptions_are_refused(recording, text: str, key: str) -> None:
+def test_unusable_descriptions_are_refused(recording, text, key):
     describe(recording[0], text)
     with refused("lab.toml", key):
         read_with("csv", recording[0])
 
 
-def test_memory_of_a_recording_is_a_few_hundred_bytes_an_image(recording) -> None:
+def test_memory_of_a_recording_is_a_few_hundred_bytes_an_image(recording):
     path, frames = recording
     read_with("csv", path)
     count = 2000

@@ -26,7 +26,7 @@ def edit(path: Path, change) -> None:
 
 
 @pytest.mark.parametrize("camera", [0, 1, 2])
-def test_each_camera_has_its_own_place(tmp_path: Path, camera: int) -> None:
+def test_each_camera_has_its_own_place(tmp_path, camera):
     frames = recordings.kitti(tmp_path, POSES, camera)
     found = read_with("kitti", tmp_path, camera=str(camera))
     assert_found(only(found), frames)
@@ -34,7 +34,7 @@ def test_each_camera_has_its_own_place(tmp_path: Path, camera: int) -> None:
     assert moved == pytest.approx(np.linalg.norm(recordings.KITTI_OFFSETS[camera]), abs=1e-5)
 
 
-def test_the_camera_is_that_of_its_projection(recording) -> None:
+def test_the_camera_is_that_of_its_projection(recording):
     found = read_with("kitti", recording[0])
     camera = found.camera
     assert (camera.fx, camera.fy, camera.cx, camera.cy) == (30, 30, 16, 12)
@@ -45,14 +45,14 @@ def test_the_camera_is_that_of_its_projection(recording) -> None:
     assert found.issues == []
 
 
-def test_grey_images_are_read_where_there_are_no_others(tmp_path: Path) -> None:
+def test_grey_images_are_read_where_there_are_no_others(tmp_path):
     frames = recordings.kitti(tmp_path, POSES, 0)
     found = read_with("kitti", tmp_path)
     assert_found(only(found), frames)
     assert found.provenance["camera"] == "image_0"
 
 
-def test_each_sequence_is_a_trajectory(recording) -> None:
+def test_each_sequence_is_a_trajectory(recording):
     folder, first = recording
     second = recordings.kitti(folder, drive(0.2 * k for k in range(3)), sequence="08")
     found = read_with("kitti", folder)
@@ -67,7 +67,7 @@ def test_each_sequence_is_a_trajectory(recording) -> None:
     assert_found(only(alone), second)
 
 
-def test_sequences_of_other_cameras_are_read_one_by_one(recording) -> None:
+def test_sequences_of_other_cameras_are_read_one_by_one(recording):
     folder, first = recording
     recordings.kitti(folder, POSES, sequence="03")
     calibration = folder / "sequences/03/calib.txt"
@@ -77,7 +77,7 @@ def test_sequences_of_other_cameras_are_read_one_by_one(recording) -> None:
     assert_found(only(read_with("kitti", folder / "sequences/07")), first)
 
 
-def test_sequences_without_poses_are_reported(recording) -> None:
+def test_sequences_without_poses_are_reported(recording):
     folder, frames = recording
     recordings.kitti(folder, POSES, sequence="11")
     (folder / "poses/11.txt").unlink()
@@ -88,7 +88,7 @@ def test_sequences_without_poses_are_reported(recording) -> None:
         read_with("kitti", folder / "sequences/11")
 
 
-def test_a_bad_row_does_not_shift_the_others(recording) -> None:
+def test_a_bad_row_does_not_shift_the_others(recording):
     folder, frames = recording
     edit(folder / "poses/07.txt", lambda lines: lines.__setitem__(1, "1 0 0"))
     edit(folder / "sequences/07/times.txt", lambda lines: lines.__setitem__(3, "soon"))
@@ -99,7 +99,7 @@ def test_a_bad_row_does_not_shift_the_others(recording) -> None:
     assert reported(found, "no time") == [frames[3].rgb]
 
 
-def test_an_unusable_pose_is_reported_with_its_line(recording) -> None:
+def test_an_unusable_pose_is_reported_with_its_line(recording):
     folder, frames = recording
 
     def spoil(lines: list[str]) -> None:
@@ -112,7 +112,7 @@ def test_an_unusable_pose_is_reported_with_its_line(recording) -> None:
     assert reported(found, "bad pose") == ["poses/07.txt:3"]
 
 
-def test_fewer_poses_and_times_than_images_are_reported(recording) -> None:
+def test_fewer_poses_and_times_than_images_are_reported(recording):
     folder, frames = recording
     edit(folder / "poses/07.txt", lambda lines: lines.pop())
     edit(folder / "sequences/07/times.txt", lambda lines: lines.__delitem__(slice(3, 5)))
@@ -121,7 +121,7 @@ def test_fewer_poses_and_times_than_images_are_reported(recording) -> None:
     assert kinds(found) == {"no pose": 1, "no time": 1}
 
 
-def test_times_that_do_not_ascend_are_reported(recording) -> None:
+def test_times_that_do_not_ascend_are_reported(recording):
     folder, frames = recording
     edit(folder / "sequences/07/times.txt", lambda lines: lines.reverse())
     found = read_with("kitti", folder)
@@ -138,7 +138,7 @@ def test_times_that_do_not_ascend_are_reported(recording) -> None:
         ("P2: 3.0", "P2: -3.0", "no projection"),
     ],
 )
-def test_unusable_calibrations_are_refused(recording, old: str, new: str, text: str) -> None:
+def test_unusable_calibrations_are_refused(recording, old, new, text):
     path = recording[0] / "sequences/07/calib.txt"
     assert old in path.read_text()
     path.write_text(path.read_text().replace(old, new))
@@ -146,7 +146,7 @@ def test_unusable_calibrations_are_refused(recording, old: str, new: str, text: 
         read_with("kitti", recording[0])
 
 
-def test_an_unknown_camera_is_refused(recording) -> None:
+def test_an_unknown_camera_is_refused(recording):
     with refused("camera=5"):
         read_with("kitti", recording[0], camera="5")
     with refused("image_1"):

@@ -44,7 +44,7 @@ pose_parts = st.lists(st.tuples(coordinates, axes, st.floats(-3.14, 3.14)), min_
 @pytest.mark.parametrize("layout", NAMES)
 @given(parts=pose_parts)
 @settings(max_examples=15)
-def test_any_pose_is_found(layout: str, parts: list) -> None:
+def test_any_pose_is_found(layout, parts):
     poses = []
     for position, axis, angle in parts:
         pose = np.eye(4)
@@ -69,7 +69,7 @@ def test_any_pose_is_found(layout: str, parts: list) -> None:
         ("kitti", "read_kitti_poses_file", "poses/07.txt"),
     ],
 )
-def test_evo_reads_the_written_poses(layout: str, reader: str, file: str, tmp_path: Path) -> None:
+def test_evo_reads_the_written_poses(layout, reader, file, tmp_path):
     file_interface = pytest.importorskip("evo.tools.file_interface")
     poses = np.array(drive(0.1 * k for k in range(COUNT)))
     write(layout, tmp_path, list(poses))
@@ -79,7 +79,7 @@ def test_evo_reads_the_written_poses(layout: str, reader: str, file: str, tmp_pa
 
 
 @pytest.mark.parametrize("layout", NAMES)
-def test_a_folder_of_something_else_is_refused(layout: str, tmp_path: Path) -> None:
+def test_a_folder_of_something_else_is_refused(layout, tmp_path):
     (tmp_path / "notes.txt").write_text("hello")
     with refused():
         read_with(layout, tmp_path)
@@ -90,14 +90,14 @@ def test_a_folder_of_something_else_is_refused(layout: str, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("layout", NAMES)
-def test_an_unknown_trajectory_is_refused(layout: str, tmp_path: Path) -> None:
+def test_an_unknown_trajectory_is_refused(layout, tmp_path):
     path, _ = write(layout, tmp_path / "recording", drive([0.0]))
     with refused("no_such"):
         read_with(layout, path, trajectories=["no_such"])
 
 
 @pytest.mark.parametrize("layout", ["csv", "scannet"], ids=["png", "jpeg"])
-def test_a_cut_image_is_reported_when_it_is_read(layout: str, tmp_path: Path) -> None:
+def test_a_cut_image_is_reported_when_it_is_read(layout, tmp_path):
     path, frames = write(layout, tmp_path / "recording", drive(0.1 * k for k in range(COUNT)))
     recording = read_with(layout, path)
     image = only(recording).frames[1].rgb
@@ -109,7 +109,7 @@ def test_a_cut_image_is_reported_when_it_is_read(layout: str, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("layout", NAMES)
-def test_a_link_out_of_the_recording_is_refused(layout: str, tmp_path: Path) -> None:
+def test_a_link_out_of_the_recording_is_refused(layout, tmp_path):
     path, frames = write(layout, tmp_path / "recording", drive(0.1 * k for k in range(COUNT)))
     root = read_with(layout, path).root
     image = root / frames[0].rgb
@@ -124,7 +124,7 @@ def test_a_link_out_of_the_recording_is_refused(layout: str, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("layout", NAMES)
-def test_a_missing_image_is_reported_and_left_out(layout: str, tmp_path: Path) -> None:
+def test_a_missing_image_is_reported_and_left_out(layout, tmp_path):
     path, frames = write(layout, tmp_path / "recording", drive(0.1 * k for k in range(COUNT)))
     root = read_with(layout, path).root
     lost = frames[2].depth or frames[2].rgb

@@ -29,7 +29,7 @@ def edit(path: Path, change) -> None:
     path.write_text("\n".join(lines) + "\n")
 
 
-def test_depth_is_in_metres_with_z_up(recording) -> None:
+def test_depth_is_in_metres_with_z_up(recording):
     found = read_with("tum", recording[0])
     assert found.depth_scale == pytest.approx(1 / 5000)
     assert found.up == (0, 0, 1)
@@ -50,7 +50,7 @@ def test_depth_is_in_metres_with_z_up(recording) -> None:
         ("1305031102.5 1 2 x 0 0 0 1", "bad row"),
     ],
 )
-def test_unusable_poses_are_reported_with_their_line(recording, row: str, kind: str) -> None:
+def test_unusable_poses_are_reported_with_their_line(recording, row, kind):
     folder, frames = recording
     edit(folder / "groundtruth.txt", lambda lines: lines.append(row))
     found = read_with("tum", folder)
@@ -59,7 +59,7 @@ def test_unusable_poses_are_reported_with_their_line(recording, row: str, kind: 
     assert reported(found, kind) == ["groundtruth.txt:7"]
 
 
-def test_an_image_whose_pose_is_unusable_is_left_out(recording) -> None:
+def test_an_image_whose_pose_is_unusable_is_left_out(recording):
     folder, frames = recording
 
     def spoil(lines: list[str]) -> None:
@@ -76,7 +76,7 @@ def test_an_image_whose_pose_is_unusable_is_left_out(recording) -> None:
 
 
 @pytest.mark.parametrize(("offset", "count"), [(0.019, 5), (-0.019, 5), (0.021, 0)])
-def test_single_poses_count_within_20_ms(recording, offset: float, count: int) -> None:
+def test_single_poses_count_within_20_ms(recording, offset, count):
     folder, frames = recording
     rows = [f"{frame.time + offset:.6f} {tum_pose(frame.pose)}" for frame in frames]
     recordings.write_lines(folder / "groundtruth.txt", rows)
@@ -87,7 +87,7 @@ def test_single_poses_count_within_20_ms(recording, offset: float, count: int) -
             read_with("tum", folder)
 
 
-def test_an_image_without_depth_within_20_ms_is_reported(recording) -> None:
+def test_an_image_without_depth_within_20_ms_is_reported(recording):
     folder, frames = recording
     edit(folder / "depth.txt", lambda lines: lines.pop(3))
     found = read_with("tum", folder)
@@ -97,7 +97,7 @@ def test_an_image_without_depth_within_20_ms_is_reported(recording) -> None:
     assert "0.096 s" in issue.detail
 
 
-def test_one_depth_image_belongs_to_one_rgb_image(recording) -> None:
+def test_one_depth_image_belongs_to_one_rgb_image(recording):
     folder, frames = recording
     recordings.write_rgb(folder / "rgb/extra.png", 99)
     edit(folder / "rgb.txt", lambda lines: lines.append(f"{TIMES[4] + 0.010:.6f} rgb/extra.png"))
@@ -107,7 +107,7 @@ def test_one_depth_image_belongs_to_one_rgb_image(recording) -> None:
 
 
 @pytest.mark.parametrize("name", ["rgb.txt", "groundtruth.txt"])
-def test_a_list_that_is_missing_or_of_other_content_is_named(recording, name: str) -> None:
+def test_a_list_that_is_missing_or_of_other_content_is_named(recording, name):
     (recording[0] / name).unlink()
     with refused(name):
         read_with("tum", recording[0])
@@ -125,7 +125,7 @@ def test_a_list_that_is_missing_or_of_other_content_is_named(recording, name: st
         ("fr12", (525.0, 525.0, 319.5, 239.5)),
     ],
 )
-def test_the_calibration_follows_the_folder_name(tmp_path: Path, folder: str, camera) -> None:
+def test_the_calibration_follows_the_folder_name(tmp_path, folder, camera):
     path = tmp_path / folder
     frames = recordings.tum(path, drive([0.0]), TIMES[:1])
     Image.new("RGB", (640, 480), (9, 90, 200)).save(path / frames[0].rgb)
@@ -137,7 +137,7 @@ def test_the_calibration_follows_the_folder_name(tmp_path: Path, folder: str, ca
     assert found.issues == []
 
 
-def test_the_calibration_is_scaled_to_the_usual_size_of_images(recording) -> None:
+def test_the_calibration_is_scaled_to_the_usual_size_of_images(recording):
     folder, frames = recording
     Image.new("RGB", (64, 48)).save(folder / frames[0].rgb)
     (folder / frames[1].rgb).write_bytes(b"no image")
@@ -152,7 +152,7 @@ def test_the_calibration_is_scaled_to_the_usual_size_of_images(recording) -> Non
         read_with("tum", folder)
 
 
-def test_option_camera_states_another(recording) -> None:
+def test_option_camera_states_another(recording):
     found = read_with("tum", recording[0], camera="30,31,15.5,11.5")
     camera = found.camera
     assert (camera.fx, camera.fy, camera.cx, camera.cy) == (30, 31, 16, 12)
@@ -162,7 +162,7 @@ def test_option_camera_states_another(recording) -> None:
     assert (scaled.fx, scaled.cx, scaled.width) == (30, 16, 32)
 
 
-def test_unusable_options_are_refused(recording) -> None:
+def test_unusable_options_are_refused(recording):
     for text in ("1,2,3", "a,b,c,d", "0,1,2,3", "nan,1,2,3", "1,1,1,1,0,2", ""):
         with refused("camera"):
             read_with("tum", recording[0], camera=text)
@@ -170,7 +170,7 @@ def test_unusable_options_are_refused(recording) -> None:
         read_with("tum", recording[0], cam="1")
 
 
-def test_colours_of_16_bits_are_told(recording) -> None:
+def test_colours_of_16_bits_are_told(recording):
     folder, frames = recording
     pixels = np.random.default_rng(0).integers(0, 65535, (24, 32, 3), dtype=np.uint16)
     assert cv2.imwrite(str(folder / frames[0].rgb), pixels)
