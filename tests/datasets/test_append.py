@@ -12,7 +12,7 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.files.ingest_folder import appending_folders
-from s2rstore.maintenance.verify import check, verify
+from s2rstore.maintenance.verify import verify
 from s2rtools.datasets.appending import append
 from s2rtools.datasets.files.image_decoding import ImageFiles
 from tests.datasets.conftest import N
@@ -20,25 +20,9 @@ from tests.datasets.helpers import (
     add,
     files,
     ingest,
-    rows_by_trajectory,
     scan_of,
 )
 from tests.support import image_folders, pairs
-
-
-def test_appending_equals_ingesting_at_once_except_for_the_iids(source, scan, store, tmp_path):
-    ingest("sim2realviz", source[0], tmp_path / "once.s2r", header=source[1])
-    assert add(scan, store) == {"a": N, "b": N}
-    once = tmp_path / "once.s2r"
-    assert rows_by_trajectory(store) == rows_by_trajectory(once)
-    with s2rstore.open(store) as opened, s2rstore.open(once) as other:
-        listed, expected = (
-            {file: sum for file, sum in each.checksums.items() if not file.startswith("assets/")}
-            for each in (opened, other)
-        )
-        assert listed == expected
-    assert verify(store) == []
-    assert check(store).notes == ()
 
 
 def test_what_is_stored_stays_and_what_is_new_is_added_once(scan, store, monkeypatch):

@@ -15,7 +15,7 @@ from bench.support import robot
 from s2rstore.errors import RequestError
 from s2rtools.motion_logs import read
 from tests.hostile.inputs import MAX_MEGABYTES, deadline, limits, s2r
-from tests.support import bags
+from tests.support import bag_file, bags
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,7 @@ def test_a_decompression_bomb_is_rejected(tmp_path, topics, monkeypatch):
     drive = tmp_path / "drives" / "one"
     drive.mkdir(parents=True)
     bags.write(drive / "sim.bag", topics)
-    monkeypatch.setattr(bags, "Writer1", BombWriter)
+    monkeypatch.setattr(bag_file, "Writer1", BombWriter)
     bags.write(drive / "real.bag", topics)
     assert (drive / "real.bag").stat().st_size < 100_000
     result = s2r(tmp_path, "sysid", tmp_path / "drives", "--out", tmp_path / "out")

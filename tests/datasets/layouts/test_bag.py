@@ -23,7 +23,7 @@ from tests.datasets.layouts.bag_writer import (
     FORMATS,
     INFO,
     RGB,
-    BagFile,
+    CameraBag,
     K,
     compressed_depth,
     nanoseconds,
@@ -85,7 +85,7 @@ MOUNT[:3, 3] = 0.2, 0.01, 0.3
 OPTICAL = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
 
-def without_poses(path: Path, scene: Walk) -> BagFile:
+def without_poses(path: Path, scene: Walk) -> CameraBag:
     return walk_bag(path, scene, pose="")
 
 
@@ -235,7 +235,7 @@ def test_odometry_without_transforms_needs_a_declared_frame(tmp_path, scene):
 
 
 def test_axes_that_look_forward_along_x_are_turned(tmp_path, scene):
-    bag = BagFile(tmp_path / "one.bag")
+    bag = CameraBag(tmp_path / "one.bag")
     for row, time in enumerate(nanoseconds(scene)):
         bag.image(RGB, time, scene.rgb[row], "rgb8", frame="camera_link")
         bag.info(INFO, time)
@@ -264,7 +264,7 @@ def colour_of(encoding: str, pixels: np.ndarray) -> np.ndarray:
     ("encoding", "padding"), [("rgb8", 0), ("bgr8", 5), ("8UC3", 0), ("rgba8", 5), ("rgb16", 5)]
 )
 def test_encodings_of_colour(tmp_path, scene, encoding, padding):
-    bag = BagFile(tmp_path / "one.bag")
+    bag = CameraBag(tmp_path / "one.bag")
     for row, time in enumerate(nanoseconds(scene)):
         bag.image(RGB, time, colour_of(encoding, scene.rgb[row]), encoding, padding=padding)
         bag.info(INFO, time)
@@ -286,7 +286,7 @@ def test_grey_and_bayer_patterns(tmp_path, scene):
         ("a.bag", "bayer_rggb8", mosaic, (200, 100, 30)),
         ("b.bag", "mono8", np.full((HEIGHT, WIDTH), 77, np.uint8), (77, 77, 77)),
     ):
-        bag = BagFile(tmp_path / name)
+        bag = CameraBag(tmp_path / name)
         time = nanoseconds(scene)[0]
         bag.image(RGB, time, pixels, encoding)
         bag.info(INFO, time)
@@ -304,7 +304,7 @@ def test_depth_in_metres_becomes_millimetres(tmp_path, scene):
     expected = scene.depth.copy()
     expected[:, 0, :6] = 0
     for name, order in (("a.bag", "<f4"), ("b.bag", ">f4")):
-        bag = BagFile(tmp_path / name)
+        bag = CameraBag(tmp_path / name)
         for row, time in enumerate(nanoseconds(scene)):
             bag.image(RGB, time, scene.rgb[row], "rgb8")
             big = int(order == ">f4")
@@ -326,7 +326,7 @@ def test_depth_in_metres_becomes_millimetres(tmp_path, scene):
 def test_compressed_images(tmp_path, scene, name, form):
     """Inverse depth as `compressed_depth_image_transport` writes it: v = a / depth + b."""
     a, b = np.float32(100 * 101), np.float32(1 - 100 * 101 / 10)
-    bag = BagFile(tmp_path / name)
+    bag = CameraBag(tmp_path / name)
     for row, time in enumerate(nanoseconds(scene)):
         bag.compressed(f"{RGB}/compressed", time, png(scene.rgb[row]), "rgb8; png compressed bgr8")
         if form == "png":
@@ -360,7 +360,7 @@ def test_compressed_images(tmp_path, scene, name, form):
 
 
 def test_depth_that_is_compressed_otherwise_is_reported(tmp_path, scene):
-    bag = BagFile(tmp_path / "one.bag")
+    bag = CameraBag(tmp_path / "one.bag")
     time = nanoseconds(scene)[0]
     bag.image(RGB, time, scene.rgb[0], "rgb8")
     bag.compressed("/depth", time, compressed_depth(scene.depth[0]), "16UC1; compressedDepth png")
@@ -379,7 +379,7 @@ def test_depth_that_is_compressed_otherwise_is_reported(tmp_path, scene):
 
 
 def test_camera_info_with_distortion_binning_and_a_region(tmp_path, scene):
-    bag = BagFile(tmp_path / "one.bag")
+    bag = CameraBag(tmp_path / "one.bag")
     for row, time in enumerate(nanoseconds(scene)):
         bag.image(RGB, time, scene.rgb[row], "rgb8")
         bag.image("/cam/rgb/image_rect", time, scene.rgb[row], "rgb8")
@@ -399,7 +399,7 @@ def test_camera_info_with_distortion_binning_and_a_region(tmp_path, scene):
 
 
 def test_fisheye_cameras_and_stated_intrinsics(tmp_path, scene):
-    bag = BagFile(tmp_path / "one.bag")
+    bag = CameraBag(tmp_path / "one.bag")
     for row, time in enumerate(nanoseconds(scene)):
         bag.image(RGB, time, scene.rgb[row], "rgb8")
         bag.info(INFO, time, d=[0.1, 0.2, 0.3, 0.4], distortion_model="equidistant")
@@ -446,7 +446,7 @@ def test_what_a_bag_lacks_is_named(tmp_path, scene):
         ("no topic with poses", lambda bag: bag.pose("/pose", time, scene.poses[0])),
     )
     for number, (message, _) in enumerate(steps):
-        bag = BagFile(tmp_path / f"{number}.bag")
+        bag = CameraBag(tmp_path / f"{number}.bag")
         bag.image(DEPTH, time, scene.depth[0], "16UC1")
         for _, add in steps[:number]:
             add(bag)
@@ -455,7 +455,7 @@ def test_what_a_bag_lacks_is_named(tmp_path, scene):
 
 
 def test_stamps_out_of_order_are_sorted_and_reported(tmp_path, scene):
-    bag = BagFile(tmp_path / "one.bag")
+    bag = CameraBag(tmp_path / "one.bag")
     times = nanoseconds(scene)
     for row in (0, 2, 1, 3, 4, 6, 5, 7):
         bag.image(RGB, times[row], scene.rgb[row], "rgb8")
@@ -472,7 +472,7 @@ def test_stamps_out_of_order_are_sorted_and_reported(tmp_path, scene):
 
 
 def test_headers_without_stamps_take_the_times_of_the_recording(tmp_path, scene):
-    bag = BagFile(tmp_path / "one.bag")
+    bag = CameraBag(tmp_path / "one.bag")
     for row, time in enumerate(nanoseconds(scene)):
         bag.image(RGB, 0, scene.rgb[row], "rgb8")
         bag.info(INFO, 0)
@@ -487,7 +487,7 @@ def test_headers_without_stamps_take_the_times_of_the_recording(tmp_path, scene)
 
 def test_images_without_pose_or_depth_are_reported(tmp_path, scene):
     """Poses 3 to 5 are not usable; 0.2 s of gap would need pose 4 to be interpolated."""
-    bag = BagFile(tmp_path / "one.bag")
+    bag = CameraBag(tmp_path / "one.bag")
     for row, time in enumerate(nanoseconds(scene)):
         bag.image(RGB, time, scene.rgb[row], "rgb8")
         if row != 1:
@@ -514,7 +514,7 @@ def test_images_without_pose_or_depth_are_reported(tmp_path, scene):
 
 
 def test_damaged_images_are_reported(tmp_path, scene):
-    bag = BagFile(tmp_path / "one.bag")
+    bag = CameraBag(tmp_path / "one.bag")
     times = nanoseconds(scene)
     for row, time in enumerate(times):
         content = png(scene.rgb[row])
@@ -606,7 +606,7 @@ def test_images_are_found_in_any_order_with_little_memory(tmp_path, name, monkey
     scene = walk(24)
     monkeypatch.setattr(messages, "_RECENT_BYTES", 2 * scene.rgb[0].nbytes)
     monkeypatch.setattr(messages, "_AHEAD", 300_000_000)
-    bag = BagFile(tmp_path / name)
+    bag = CameraBag(tmp_path / name)
     for row, time in enumerate(nanoseconds(scene)):
         bag.image(RGB, time, scene.rgb[row], "rgb8")
         bag.image(DEPTH, time, scene.depth[row], "16UC1")
