@@ -8,6 +8,7 @@ import signal
 import sys
 import tomllib
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,7 @@ from textual import _wait
 
 from tests.support import linear_umap, tiny
 from tests.support.copies import copy_store
+from tests.support.refusals import RunCommand, run_command
 
 settings.register_profile("suite", deadline=None, max_examples=30, derandomize=True)
 settings.register_profile("deep", deadline=None, max_examples=400, print_blob=True)
@@ -113,6 +115,12 @@ def user_data_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A separate folder per test for the user's selections, notes and tags."""
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "share"))
     return tmp_path / "share" / "s2rtui"
+
+
+@pytest.fixture
+def s2r(capsys: pytest.CaptureFixture[str]) -> RunCommand:
+    """Call `s2r("verify", path)` to run the command in this process; gives code and outputs."""
+    return partial(run_command, capsys)
 
 
 @pytest.fixture

@@ -4,32 +4,35 @@ from __future__ import annotations
 
 import socketserver
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from unittest.mock import MagicMock
 
 import pytest
 
-from s2rtui.cli import main
+from tests.support.refusals import CommandResult, RunCommand
 
 pytest.importorskip("dask_jobqueue")
 pytestmark = pytest.mark.xdist_group("cluster")
 
 
-def script_of(tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str) -> tuple[int, str]:
-    """Exit code and output of `--show-job-script` with a file of settings."""
+Script = Callable[[str], CommandResult]
+
+
+@pytest.fixture
+def script(tmp_path: Path, s2r: RunCommand) -> Script:
+    """The result of `--show-job-script` with a file of settings."""
     file = tmp_path / "slurm.toml"
-    file.write_text(text)
-    code = main(["precompute", "s.s2r", "--cluster", str(file), "--show-job-script"])
-    captured = capsys.readouterr()
-    return code, captured.out if code == 0 else captured.err
+
+    def show(settings: str) -> CommandResult:
+        file.write_text(settings)
+        return s2r("precompute", "s.s2r", "--cluster", file, "--show-job-script")
+
+    return show
 
 
-def test_the_job_script_has_what_the_settings_say(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    code, script = script_of(
-        tmp_path,
-        capsys,
+def test_the_job_script_has_what_the_settings_say(tmp_path, script):
+    result = script(
         f"""[slurm]
         jobs = 3
         cores = 4
@@ -42,59 +45,49 @@ def test_the_job_script_has_what_the_settings_say(
         prologue = ["module load python"]
         python = "/opt/python"
         log_folder = "{tmp_path}/logs"
-        """,
+        """
     )
-    assert code == 0
-    for line in (
+    assert result.code == 0
+    lines = result.out.splitlines()
+    assert {
         "#SBATCH -p cpu", "#SBATCH -A lab", "#SBATCH --cpus-per-task=4", "#SBATCH -t 1-00:00:00",
         "#SBATCH --constraint=icelake", "module load python",
-    ):  # fmt: skip
-        assert line in script.splitlines()
-    assert "--mem=" not in script
-    (worker,) = (line for line in script.splitlines() if "dask_worker" in line)
+    } <= set(lines)  # fmt: skip
+    assert "--mem=" not in result.out
+    (worker,) = (line for line in lines if "dask_worker" in line)
     assert worker.startswith("/opt/python -m distributed.cli.dask_worker ")
     for option in ("--nthreads 4", "--no-dashboard", "--lifetime 79488s", "--lifetime-stagger"):
         assert option in worker
 
 
-def test_an_edited_job_script_keeps_its_changes(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_edited_job_script_keeps_its_changes(tmp_path, script):
     from s2rtools.precompute.executors.slurm_settings import with_worker
 
-    code, printed = script_of(tmp_path, capsys, "[slurm]\njobs = 1\n")
-    assert code == 0
+    printed = script("[slurm]\njobs = 1\n").out
     edited = printed.replace("#SBATCH -n 1", "#SBATCH -n 1\n#SBATCH --exclusive")
     (tmp_path / "job.sh").write_text(edited)
-    code, script = script_of(tmp_path, capsys, '[slurm]\njobs = 1\nscript = "job.sh"\n')
-    assert code == 0
-    assert "#SBATCH --exclusive" in script
+    settings = '[slurm]\njobs = 1\nscript = "job.sh"\n'
+    assert "#SBATCH --exclusive" in script(settings).out
     assert with_worker(edited, "the worker").splitlines()[-1] == "the worker"
     (tmp_path / "job.sh").write_text("#!/bin/sh\n")
-    code, error = script_of(tmp_path, capsys, '[slurm]\njobs = 1\nscript = "job.sh"\n')
-    assert code == 2
-    assert f"{tmp_path / 'job.sh'}: needs one line with distributed.cli.dask_worker" in error
+    message = f"{tmp_path / 'job.sh'}: needs one line with distributed.cli.dask_worker"
+    script(settings).assert_refused(message)
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("jobs = 1\n", "has no table [slurm]"),
+        ("jobs = 1\n", "has no table [slurm]; name a TOML file with a table [slurm]"),
+        ("iid,x,y\n1,2,3\n", "not valid TOML (Expected '='"),
         ("[slurm]\n", "missing required field `jobs`"),
         ("[slurm]\njobs = 0\n", ">= 1"),
         ("[slurm]\njobs = 1\nspeed = 2\n", "unknown field `speed`"),
         ('[slurm]\njobs = 1\nwalltime = "soon"\n', "walltime 'soon': write it as hh:mm:ss"),
         ('[slurm]\njobs = 1\nscript = "none.sh"\n', "none.sh: cannot be read"),
-        ("[slurm\n", "slurm.toml"),
     ],
 )
-def test_invalid_settings_are_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, message: str
-) -> None:
-    code, error = script_of(tmp_path, capsys, text)
-    assert code == 2
-    assert message in error
-    assert error.count("\n") == 1
+def test_invalid_settings_are_named(script, text, message):
+    script(text).assert_refused("slurm.toml", message)
 
 
 @pytest.mark.parametrize(
@@ -116,34 +109,21 @@ def test_invalid_settings_are_named(
         (["--scheduler", "tcp://127.0.0.1:1"], "no Dask scheduler answers there"),
     ],
 )
-def test_invalid_options_are_named(
-    store_copy: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
-) -> None:
-    assert main(["precompute", str(store_copy), *arguments]) == 2
-    error = capsys.readouterr().err
-    assert message in error
-    assert error.count("\n") == 1
+def test_invalid_options_are_named(store_copy, s2r, arguments, message):
+    s2r("precompute", store_copy, *arguments).assert_refused(message)
 
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [
-        (bytes(range(256)), "not UTF-8 at byte 128"),
-        (b"iid,x,y\n1,2,3\n", "not valid TOML (Expected '='"),
-        (b"jobs = 1\n", "has no table [slurm]"),
-        (None, "a folder, not a regular file"),
-    ],
+    [(bytes(range(256)), "not UTF-8 at byte 128"), (None, "a folder, not a regular file")],
+    ids=["bytes", "folder"],
 )
-def test_a_file_that_has_no_settings_is_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: bytes | None, message: str
-) -> None:
+def test_a_file_that_has_no_settings_is_named(tmp_path, s2r, content, message):
     path = tmp_path / "bin.csv"
     path.mkdir() if content is None else path.write_bytes(content)
-    assert main(["precompute", "s.s2r", "--cluster", str(path), "--show-job-script"]) == 2
-    error = capsys.readouterr().err
-    assert error.startswith(f"s2r: --cluster {path}: {message}")
-    assert error.endswith("; name a TOML file with a table [slurm]\n")
-    assert error.count("\n") == 1
+    s2r("precompute", "s.s2r", "--cluster", path, "--show-job-script").assert_refused(
+        f"s2r: --cluster {path}: {message}", "; name a TOML file with a table [slurm]"
+    )
 
 
 class _Answering(socketserver.BaseRequestHandler):
@@ -158,12 +138,7 @@ class _Answering(socketserver.BaseRequestHandler):
 
 
 @pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\nContent-Length: 0\r\n\r\n"])
-def test_a_port_without_dask_is_told_soon(
-    store_copy: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    answer: bytes,
-) -> None:
+def test_a_port_without_dask_is_told_soon(store_copy, s2r, monkeypatch, answer):
     from s2rtools.precompute.executors import clusters
 
     monkeypatch.setattr(clusters, "_ANSWER_SECONDS", 1)
@@ -172,13 +147,10 @@ def test_a_port_without_dask_is_told_soon(
         server.answer, server.is_over = answer, threading.Event()  # type: ignore[attr-defined]
         threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
         address = f"tcp://127.0.0.1:{server.server_address[1]}"
-        code = main(["precompute", str(store_copy), "--scheduler", address])
+        result = s2r("precompute", store_copy, "--scheduler", address)
         server.is_over.set()  # type: ignore[attr-defined]
         server.shutdown()
-    error = capsys.readouterr().err
-    assert code == 2
-    assert f"--scheduler {address}: no Dask scheduler answers there" in error
-    assert error.count("\n") == 1
+    result.assert_refused(f"--scheduler {address}: no Dask scheduler answers there")
 
 
 @pytest.mark.parametrize(
@@ -195,9 +167,7 @@ def test_a_port_without_dask_is_told_soon(
         ("wss://node1:8786", False),
     ],
 )
-def test_a_scheduler_without_encryption_is_warned_of(
-    monkeypatch: pytest.MonkeyPatch, address: str, is_warned: bool
-) -> None:
+def test_a_scheduler_without_encryption_is_warned_of(monkeypatch, address, is_warned):
     from s2rtools.precompute.executors import clusters
 
     monkeypatch.setattr(clusters, "_require_scheduler", lambda address: None)

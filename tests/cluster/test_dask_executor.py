@@ -84,16 +84,14 @@ def close(started: Any, worker: Any) -> None:
     started.sync(worker.close, timeout=2, executor_wait=False)
 
 
-def test_every_task_is_computed_once(tmp_path: Path) -> None:
+def test_every_task_is_computed_once(tmp_path):
     with cluster(1, 1) as (_, client):
         run(client, CountedComputation(tmp_path), "x", "y")
     assert sorted(counted_units.started) == sorted(2 * [*range(16)])
     assert not list((tmp_path / "units").iterdir())
 
 
-def test_long_units_do_not_wait_in_a_slow_worker(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_long_units_do_not_wait_in_a_slow_worker(tmp_path, monkeypatch):
     """While one worker computes the first unit, the other gets all but the one that waits there."""
     monkeypatch.setattr(dask_executor, "_AHEAD_SECONDS", 0.001)
     is_shared: list[bool] = []
@@ -112,7 +110,7 @@ def test_long_units_do_not_wait_in_a_slow_worker(
 
 
 @pytest.mark.parametrize("reason", ["threads 2 instead of 1", "threads 1 instead of 2"])
-def test_workers_of_another_kind_are_left_out_of_an_array(tmp_path: Path, reason: str) -> None:
+def test_workers_of_another_kind_are_left_out_of_an_array(tmp_path, reason):
     lines: list[str] = []
     threads = (1, 2, 1) if reason.startswith("threads 2") else (2, 1, 2)
     with cluster(*threads) as (_, client):
@@ -123,7 +121,7 @@ def test_workers_of_another_kind_are_left_out_of_an_array(tmp_path: Path, reason
     assert {e.environment.threads for found in entries for e in found} == {threads[0]}
 
 
-def test_an_array_that_is_begun_refuses_all_workers_of_another_kind(tmp_path: Path) -> None:
+def test_an_array_that_is_begun_refuses_all_workers_of_another_kind(tmp_path):
     plan = plan_of(tmp_path, stage_of("x"))
     plan.finish(CountedComputation(tmp_path).open(3)(plan.units[0]))
     with (
@@ -134,7 +132,7 @@ def test_an_array_that_is_begun_refuses_all_workers_of_another_kind(tmp_path: Pa
     assert "(`--threads` of local:N, " in str(error.value)
 
 
-def test_units_of_a_gpu_go_to_workers_with_one(tmp_path: Path) -> None:
+def test_units_of_a_gpu_go_to_workers_with_one(tmp_path):
     with (
         cluster(1) as (_, client),
         pytest.raises(RequestError, match="run: x: no GPU that torch can use"),
@@ -142,7 +140,7 @@ def test_units_of_a_gpu_go_to_workers_with_one(tmp_path: Path) -> None:
         run(client, CountedComputation(tmp_path, gpu_stage="x"))
 
 
-def test_tasks_of_a_lost_worker_go_to_others(tmp_path: Path) -> None:
+def test_tasks_of_a_lost_worker_go_to_others(tmp_path):
     lines: list[str] = []
 
     def lose(count: int) -> None:
@@ -154,9 +152,7 @@ def test_tasks_of_a_lost_worker_go_to_others(tmp_path: Path) -> None:
     assert any("was lost" in line for line in lines)
 
 
-def test_a_unit_that_ends_its_workers_is_told_after_all_others(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_unit_that_ends_its_workers_is_told_after_all_others(tmp_path, monkeypatch):
     """Each of its workers is replaced, as SLURM and nannies do."""
     monkeypatch.setattr(dask_executor, "NO_WORKERS_SECONDS", 30.0)
     with cluster(1) as (started, client):
@@ -180,7 +176,7 @@ async def _new_worker(address: str) -> Any:
     return await distributed.Worker(address, nthreads=1)
 
 
-def test_an_error_of_a_unit_names_its_worker(tmp_path: Path) -> None:
+def test_an_error_of_a_unit_names_its_worker(tmp_path):
     with (
         cluster(1) as (_, client),
         pytest.raises(RequestError, match=r"No space left.*\(worker .* on "),
@@ -189,7 +185,7 @@ def test_an_error_of_a_unit_names_its_worker(tmp_path: Path) -> None:
     assert len(plan_of(tmp_path, stage_of("x")).units) <= 16
 
 
-def test_a_scheduler_without_workers_is_told(tmp_path: Path) -> None:
+def test_a_scheduler_without_workers_is_told(tmp_path):
     lines: list[str] = []
     with (
         cluster() as (_, client),
@@ -199,7 +195,7 @@ def test_a_scheduler_without_workers_is_told(tmp_path: Path) -> None:
     assert lines == ["waiting for the workers to start"]
 
 
-def test_workers_that_see_another_store_compute_nothing(tmp_path: Path) -> None:
+def test_workers_that_see_another_store_compute_nothing(tmp_path):
     root = tmp_path / "s.s2r"
     stage = stage_of("x")
     plan = plan_of(root, stage)
@@ -214,7 +210,7 @@ def test_workers_that_see_another_store_compute_nothing(tmp_path: Path) -> None:
                 list(executor.run(tasks))
 
 
-def test_a_lost_scheduler_is_told_and_the_rerun_computes_the_rest(tmp_path: Path) -> None:
+def test_a_lost_scheduler_is_told_and_the_rerun_computes_the_rest(tmp_path):
     def lose(count: int) -> None:
         if count == 4:
             started.sync(started.scheduler.close)
@@ -232,7 +228,7 @@ def test_a_lost_scheduler_is_told_and_the_rerun_computes_the_rest(tmp_path: Path
     assert len(counted_units.started) == left
 
 
-def test_leaving_the_iterator_cancels_what_is_assigned(tmp_path: Path) -> None:
+def test_leaving_the_iterator_cancels_what_is_assigned(tmp_path):
     """The second unit is computed until the scheduler and the worker have dropped the others."""
     is_left = threading.Event()
     counted_units.on_start[1] = lambda: is_left.wait(30)
@@ -270,9 +266,7 @@ def _describe_late(root: Path, identity: StoreIdentity) -> dask_worker.WorkerFac
 _DESCRIBE = dask_worker.describe
 
 
-def test_a_worker_whose_facts_come_too_late_is_asked_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_worker_whose_facts_come_too_late_is_asked_again(tmp_path, monkeypatch):
     """It connects during the first step, which ends before its facts are there."""
     monkeypatch.setattr(dask_worker, "describe", _describe_late)
     late: list[Any] = []
@@ -299,7 +293,7 @@ def test_a_worker_whose_facts_come_too_late_is_asked_again(
     assert_complete(tmp_path, stage_of("x"), stage_of("y"))
 
 
-def test_the_last_job_that_is_refused_is_told(tmp_path: Path) -> None:
+def test_the_last_job_that_is_refused_is_told(tmp_path):
     """Its cluster has submitted two jobs again, and SLURM has refused both."""
     plan = plan_of(tmp_path, stage_of("x"))
     tasks = [Task(CountedComputation(tmp_path), unit) for unit in plan.units]
@@ -314,7 +308,7 @@ def test_the_last_job_that_is_refused_is_told(tmp_path: Path) -> None:
     assert lines == ["2 of 2 jobs were refused (sbatch: error: QOSMaxJobs)"]
 
 
-def test_workers_of_this_machine_keep_the_threads_of_a_begun_array(tmp_path: Path) -> None:
+def test_workers_of_this_machine_keep_the_threads_of_a_begun_array(tmp_path):
     """The cluster starts processes, which import the modules that this process finds."""
     stages = [stage_of(name) for name in ("x", "y")]
     plan = plan_of(tmp_path, *stages)
@@ -337,7 +331,7 @@ def test_workers_of_this_machine_keep_the_threads_of_a_begun_array(tmp_path: Pat
     assert threads == {"x": {2}, "y": {usual_threads(1)}}
 
 
-def test_a_worker_that_connects_after_an_append_sees_the_same_store(tmp_path: Path) -> None:
+def test_a_worker_that_connects_after_an_append_sees_the_same_store(tmp_path):
     root = tmp_path / "s.s2r"
     plan_of(root, stage_of("x"))
     with s2rstore.open(root) as store:

@@ -60,9 +60,7 @@ def tasks_in(root: Path) -> list[Task]:
     return [Task(CountedComputation(root), unit) for unit in plan.units]
 
 
-def test_a_refused_submission_is_told_with_the_words_of_sbatch(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_refused_submission_is_told_with_the_words_of_sbatch(tmp_path, monkeypatch):
     settings = Sbatch(tmp_path, accepted=0).settings(2, monkeypatch)
     lines: list[str] = []
     with (
@@ -74,7 +72,7 @@ def test_a_refused_submission_is_told_with_the_words_of_sbatch(
     assert lines == []
 
 
-def test_a_missing_sbatch_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_sbatch_is_told(tmp_path, monkeypatch):
     settings = Sbatch(tmp_path, accepted=0).settings(1, monkeypatch)
     (tmp_path / "bin" / "sbatch").unlink()
     with (
@@ -88,9 +86,7 @@ class SeenError(Exception):
     """Ends a run that waits for workers."""
 
 
-def test_only_accepted_jobs_are_told_as_submitted(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_accepted_jobs_are_told_as_submitted(tmp_path, monkeypatch):
     settings = Sbatch(tmp_path, accepted=1).settings(3, monkeypatch)
     lines: list[str] = []
 
@@ -109,9 +105,7 @@ def test_only_accepted_jobs_are_told_as_submitted(
 
 
 @pytest.mark.parametrize("cluster", ["slurm", "local:2"])
-def test_nothing_is_started_where_nothing_is_to_be_computed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cluster: str
-) -> None:
+def test_nothing_is_started_where_nothing_is_to_be_computed(tmp_path, monkeypatch, cluster):
     sbatch = Sbatch(tmp_path, accepted=2)
     settings = sbatch.settings(2, monkeypatch)
     monkeypatch.setattr("distributed.deploy.SpecCluster.__init__", None)
@@ -123,7 +117,7 @@ def test_nothing_is_started_where_nothing_is_to_be_computed(
     assert not sbatch.calls.exists()
 
 
-def test_ctrl_c_stays_as_it_was() -> None:
+def test_ctrl_c_stays_as_it_was():
     """dask_jobqueue makes it end the process with 0 as soon as it is imported."""
     program = (
         "import signal\n"

@@ -124,9 +124,7 @@ def _shards(path: Path) -> dict[str, str]:
     }  # fmt: skip
 
 
-def test_a_cancelled_job(
-    precompute: Precompute, slurm: SlurmMachine, serial: Path, stores: Path
-) -> None:
+def test_a_cancelled_job(precompute, slurm, serial, stores):
     gate = stores / "gate"
     gate.mkdir()
     process = precompute.start(gate=str(gate))
@@ -144,7 +142,7 @@ def test_a_cancelled_job(
 
 
 @pytest.mark.deep
-def test_a_killed_driver(precompute: Precompute, slurm: SlurmMachine, serial: Path) -> None:
+def test_a_killed_driver(precompute, slurm, serial):
     process = precompute.start(seconds=0.3)
     precompute.wait_for_units(3, process)
     process.send_signal(signal.SIGKILL)

@@ -92,9 +92,7 @@ def slurm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Slurm:
 
 
 @pytest.mark.parametrize(("status", "state"), [(0, "COMPLETED"), (1, "FAILED"), (3, "FAILED")])
-def test_the_output_and_the_exit_code_are_those_of_the_job(
-    slurm: Slurm, status: int, state: str
-) -> None:
+def test_the_output_and_the_exit_code_are_those_of_the_job(slurm, status, state):
     slurm.ends(status, state)
     lines: list[str] = []
     code, out, err = slurm.run(lines)
@@ -117,15 +115,13 @@ def test_the_output_and_the_exit_code_are_those_of_the_job(
         (127, "FAILED", "NonZeroExitCode", r"job 7: its script failed with 127; see .*-7.err"),
     ],
 )
-def test_a_job_that_does_not_end_by_itself_is_told(
-    slurm: Slurm, status: int, state: str, reason: str, message: str
-) -> None:
+def test_a_job_that_does_not_end_by_itself_is_told(slurm, status, state, reason, message):
     slurm.ends(status, state, reason)
     with pytest.raises(RequestError, match=message):
         slurm.run([])
 
 
-def test_a_refused_job_is_told_with_the_words_of_sbatch(slurm: Slurm) -> None:
+def test_a_refused_job_is_told_with_the_words_of_sbatch(slurm):
     slurm.write("bin/sbatch", "echo 'sbatch: error: Invalid account' >&2; exit 1")
     with pytest.raises(RequestError) as error:
         slurm.run([])
@@ -133,7 +129,7 @@ def test_a_refused_job_is_told_with_the_words_of_sbatch(slurm: Slurm) -> None:
     assert str(error.value) == expected
 
 
-def test_an_interrupt_cancels_the_job(slurm: Slurm) -> None:
+def test_an_interrupt_cancels_the_job(slurm):
     def report_line(line: str) -> None:
         if "runs on" in line:
             raise KeyboardInterrupt
@@ -143,7 +139,7 @@ def test_an_interrupt_cancels_the_job(slurm: Slurm) -> None:
     assert (slurm.folder / "cancelled").read_text() == "7\n"
 
 
-def test_a_link_to_a_configuration_keeps_its_folder(tmp_path: Path) -> None:
+def test_a_link_to_a_configuration_keeps_its_folder(tmp_path):
     """The paths in a configuration are relative to the link, not to its target."""
     (tmp_path / "live").mkdir()
     link = tmp_path / "live" / "nightly.toml"
@@ -151,13 +147,13 @@ def test_a_link_to_a_configuration_keeps_its_folder(tmp_path: Path) -> None:
     assert parsed(nightly.command_arguments(parsed(["nightly", str(link)]))).config == link
 
 
-def test_a_wrong_date_to_withdraw_is_refused_before_the_job() -> None:
+def test_a_wrong_date_to_withdraw_is_refused_before_the_job():
     options = parsed(["nightly", "--withdraw", "2026-99-99", "n.toml"])
     with pytest.raises(RequestError, match="--withdraw 2026-99-99"):
         nightly.command_arguments(options)
 
 
-def test_a_job_that_slurm_has_forgotten_is_told(slurm: Slurm) -> None:
+def test_a_job_that_slurm_has_forgotten_is_told(slurm):
     slurm.write(
         "bin/scontrol", "echo 'slurm_load_jobs error: Invalid job id specified' >&2; exit 1"
     )
@@ -182,7 +178,7 @@ _IN_JOB = {"cluster", "show_job_script", "debug", "store", "config", "night"}
          "--arch", "resposenet", "--minutes", "1.5", "--steps", "7", "--seed", "3"],
     ],
 )  # fmt: skip
-def test_a_job_trains_with_all_options(given: list[str]) -> None:
+def test_a_job_trains_with_all_options(given):
     options = parsed(["train", "--store", "s.s2r", *given])
     in_job = parsed(train.command_arguments(options, "/nodes/s.s2r"))
     assert in_job.store == Path("/nodes/s.s2r")
@@ -190,7 +186,7 @@ def test_a_job_trains_with_all_options(given: list[str]) -> None:
         assert getattr(in_job, name) == getattr(options, name), name
 
 
-def test_a_job_measures_the_named_night_with_all_options(tmp_path: Path) -> None:
+def test_a_job_measures_the_named_night_with_all_options(tmp_path):
     for given in (["--night", "2026-11-21", "--far-night", "--json"], ["--withdraw", "2026-11-20"]):
         options = parsed(["nightly", *given, "n.toml"])
         in_job = parsed(nightly.command_arguments(options))
@@ -200,7 +196,7 @@ def test_a_job_measures_the_named_night_with_all_options(tmp_path: Path) -> None
     assert parsed(nightly.command_arguments(parsed(["nightly", "n.toml"]))).night is not None
 
 
-def test_train_submits_a_job(slurm: Slurm, store_copy: Path, capsys) -> None:
+def test_train_submits_a_job(slurm, store_copy, capsys):
     command = ["train", "--recipe", "vanilla", "--name", "new", "--store", str(store_copy)]
     assert main([*command, "--cluster", str(slurm.file), "--show-job-script"]) == 0
     script = capsys.readouterr().out
@@ -223,9 +219,7 @@ def test_train_submits_a_job(slurm: Slurm, store_copy: Path, capsys) -> None:
         (["--show-job-script"], "--show-job-script: needs --cluster FILE"),
     ],
 )
-def test_wrong_requests_submit_nothing(
-    slurm: Slurm, store_copy: Path, capsys, given: list[str], message: str
-) -> None:
+def test_wrong_requests_submit_nothing(slurm, store_copy, capsys, given, message):
     words = [word.replace("FILE", str(slurm.file)) for word in given]
     command = ["train", "--recipe", "vanilla", "--name", "new", "--store", str(store_copy)]
     assert main([*command, *words]) == 2

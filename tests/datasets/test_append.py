@@ -12,41 +12,20 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.files.ingest_folder import appending_folders
-from s2rstore.maintenance.verify import check, verify
+from s2rstore.maintenance.verify import verify
 from s2rtools.datasets.appending import append
 from s2rtools.datasets.files.image_decoding import ImageFiles
-from s2rtools.datasets.scan import Scan
 from tests.datasets.conftest import N
 from tests.datasets.helpers import (
     add,
     files,
     ingest,
-    rows_by_trajectory,
     scan_of,
 )
 from tests.support import image_folders, pairs
 
 
-def test_appending_equals_ingesting_at_once_except_for_the_iids(
-    source: tuple[Path, Path], scan: Scan, store: Path, tmp_path: Path
-) -> None:
-    ingest("sim2realviz", source[0], tmp_path / "once.s2r", header=source[1])
-    assert add(scan, store) == {"a": N, "b": N}
-    once = tmp_path / "once.s2r"
-    assert rows_by_trajectory(store) == rows_by_trajectory(once)
-    with s2rstore.open(store) as opened, s2rstore.open(once) as other:
-        listed, expected = (
-            {file: sum for file, sum in each.checksums.items() if not file.startswith("assets/")}
-            for each in (opened, other)
-        )
-        assert listed == expected
-    assert verify(store) == []
-    assert check(store).notes == ()
-
-
-def test_what_is_stored_stays_and_what_is_new_is_added_once(
-    scan: Scan, store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_stored_stays_and_what_is_new_is_added_once(scan, store, monkeypatch):
     before = files(store)
     with s2rstore.open(store) as opened:
         rows = opened.execute("FROM instance ORDER BY iid"), opened.execute("FROM frame")
@@ -86,7 +65,7 @@ def test_what_is_stored_stays_and_what_is_new_is_added_once(
     assert files(store) == after
 
 
-def test_parts_hash_and_provenance(scan: Scan, store: Path, source: tuple[Path, Path]) -> None:
+def test_parts_hash_and_provenance(scan, store, source):
     with s2rstore.open(store) as opened:
         original, facts = opened.dataset.hash, opened.provenance("dataset")
         assert opened.identity == original
@@ -111,7 +90,7 @@ def test_parts_hash_and_provenance(scan: Scan, store: Path, source: tuple[Path, 
         assert added["problems"] == {}
 
 
-def test_an_unusable_pair_is_left_out_and_strict_refuses_it(tmp_path: Path) -> None:
+def test_an_unusable_pair_is_left_out_and_strict_refuses_it(tmp_path):
     header = pairs.sim2realviz(tmp_path / "data", n=N, trajectories=("a", "b"))
     store = tmp_path / "s.s2r"
     ingest("sim2realviz", tmp_path / "data", store, header=header, trajectories=("a",))
@@ -127,7 +106,7 @@ def test_an_unusable_pair_is_left_out_and_strict_refuses_it(tmp_path: Path) -> N
     assert verify(store) == []
 
 
-def test_images_without_poses_can_be_appended(tmp_path: Path) -> None:
+def test_images_without_poses_can_be_appended(tmp_path):
     sources = image_folders.folders(tmp_path / "data")
     frame = (64, 64)
     names = ("real_day", "sim_loop")

@@ -80,9 +80,7 @@ def plain(plain_store: Path, tmp_path: Path) -> Path:
     return copy_store(plain_store, tmp_path / "plain.s2r")
 
 
-def test_a_domain_of_all_instances_is_added_and_nothing_else_changes(
-    whole: Scan, once: Path, plain: Path
-) -> None:
+def test_a_domain_of_all_instances_is_added_and_nothing_else_changes(whole, once, plain):
     store = plain
     before = files(store)
     query = "FROM frame WHERE domain <> 'sim_edit' ORDER BY ALL"
@@ -108,9 +106,7 @@ def test_a_domain_of_all_instances_is_added_and_nothing_else_changes(
         assert json.loads(opened.provenance("dataset")[f"domain:{EDIT}"])["problems"] == {}
 
 
-def test_a_domain_and_further_instances_are_added_at_once(
-    whole: Scan, once: Path, tmp_path: Path
-) -> None:
+def test_a_domain_and_further_instances_are_added_at_once(whole, once, tmp_path):
     store = start(whole, tmp_path / "s.s2r", a=2)
     add(without(whole, a=5, b=3), store)
     with s2rstore.open(store) as opened:
@@ -129,9 +125,7 @@ def test_a_domain_and_further_instances_are_added_at_once(
     assert verify(store) == []
 
 
-def test_the_hash_of_the_data_set_depends_on_the_images_of_an_added_domain(
-    whole: Scan, tmp_path: Path
-) -> None:
+def test_the_hash_of_the_data_set_depends_on_the_images_of_an_added_domain(whole, tmp_path):
     hashes, first = [], start(whole, tmp_path / "first.s2r", a=3)
     for number in range(3):
         store = copy_store(first, tmp_path / f"{number}.s2r")
@@ -146,7 +140,7 @@ def test_the_hash_of_the_data_set_depends_on_the_images_of_an_added_domain(
     assert hashes[0] == hashes[1] != hashes[2]
 
 
-def test_instances_that_are_added_later_need_the_domain(whole: Scan, tmp_path: Path) -> None:
+def test_instances_that_are_added_later_need_the_domain(whole, tmp_path):
     store = start(whole, tmp_path / "s.s2r", a=4)
     add(replace(whole, trajectories={"a": whole.trajectories["a"][:4]}), store)
     with s2rstore.open(store) as opened:
@@ -160,9 +154,7 @@ def test_instances_that_are_added_later_need_the_domain(whole: Scan, tmp_path: P
         assert opened.frame(N + 3, EDIT).rgb.any()
 
 
-def test_a_domain_of_some_instances_is_refused_by_name(
-    whole: Scan, edited: tuple[Path, Path], tmp_path: Path
-) -> None:
+def test_a_domain_of_some_instances_is_refused_by_name(whole, edited, tmp_path):
     store = start(whole, tmp_path / "s.s2r", a=N, b=4)
     before = files(store)
     for trajectories, message in (
@@ -183,7 +175,7 @@ def test_a_domain_of_some_instances_is_refused_by_name(
     assert files(store) == before
 
 
-def test_an_unusable_image_of_a_new_domain_is_refused_by_name(tmp_path: Path) -> None:
+def test_an_unusable_image_of_a_new_domain_is_refused_by_name(tmp_path):
     header = pairs.sim2realviz(tmp_path / "data", n=N, trajectories=("a",), edit=True)
     whole = scan_of("sim2realviz", tmp_path / "data", header=header)
     store = start(whole, tmp_path / "s.s2r", a=N)
@@ -204,7 +196,7 @@ def test_an_unusable_image_of_a_new_domain_is_refused_by_name(tmp_path: Path) ->
     assert verify(store) == []
 
 
-def test_images_without_poses_take_no_further_domain(tmp_path: Path) -> None:
+def test_images_without_poses_take_no_further_domain(tmp_path):
     sources, store = image_folders.folders(tmp_path / "data"), tmp_path / "s.s2r"
     image_folders.ingest(sources, store)
     scan = scan_of("images", Path(), folders=sources, frame=(64, 64))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -28,6 +27,7 @@ TURN, SHIFT, UNITS = 0.7, np.array([5.0, -3.0]), 2.5
 """Where the sim world lies on the floor, and how many metres its unit is where it has a scale."""
 FLOORS = "--sim-floor", "ground=0", "--real-floor", "ground=0"
 Floats = np.ndarray
+MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0]).tolist()
 
 
 def scaled(path: Path, options: ReadOptions) -> Recording:
@@ -108,8 +108,8 @@ def rows_of(path: Path, trajectory: str) -> list[tuple]:
 
 
 def test_a_further_trajectory_is_stored_as_if_it_were_ingested_with_the_first(
-    tmp_path: Path, walks: dict[str, Floats], capsys: pytest.CaptureFixture[str]
-) -> None:
+    tmp_path, walks, capsys
+):
     loose = {name: poses + np.array([0.03, -0.02, 0.01]) for name, poses in walks.items()}
     parts = [
         (write(tmp_path / f"sim-{name}", {name: loose[name]}, 1),
@@ -141,9 +141,7 @@ def test_a_further_trajectory_is_stored_as_if_it_were_ingested_with_the_first(
         assert len(store.instances) == N + MORE
 
 
-def test_a_longer_recording_adds_its_further_pairs(
-    tmp_path: Path, walks: dict[str, Floats]
-) -> None:
+def test_a_longer_recording_adds_its_further_pairs(tmp_path, walks):
     path, poses = tmp_path / "s.s2r", walks["second"]
     short = [write(tmp_path / f"{k}-short", {"walk": poses[:N]}, k) for k in (1, 2)]
     long = [write(tmp_path / f"{k}-long", {"walk": poses}, k) for k in (1, 2)]
@@ -159,9 +157,7 @@ def test_a_longer_recording_adds_its_further_pairs(
     assert verify(path) == []
 
 
-def test_other_sim_poses_of_stored_images_are_refused(
-    tmp_path: Path, walks: dict[str, Floats], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_other_sim_poses_of_stored_images_are_refused(tmp_path, walks, capsys):
     path, poses = tmp_path / "s.s2r", walks["first"]
     moved = poses.copy()
     moved[3, 0] += 0.02
@@ -175,10 +171,7 @@ def test_other_sim_poses_of_stored_images_are_refused(
 
 
 @pytest.mark.parametrize(("layout", "match"), [("test", "name"), ("scaled", "pose")])
-def test_worlds_stay_aligned_as_they_are_stored(
-    tmp_path: Path, walks: dict[str, Floats], layout: str, match: str,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+def test_worlds_stay_aligned_as_they_are_stored(tmp_path, walks, layout, match, capsys):
     """The further pairs alone would be aligned otherwise: their sim poses are off by 5 cm."""
     path = tmp_path / "s.s2r"
     off = {"first": np.zeros(3), "second": np.array([0.05, 0.0, 0.0])}
@@ -208,10 +201,7 @@ def test_worlds_stay_aligned_as_they_are_stored(
     np.testing.assert_allclose(offsets, [0.0] * N + [0.05] * MORE, atol=1e-9)
 
 
-def test_recordings_of_another_world_or_camera_are_refused(
-    tmp_path: Path, walks: dict[str, Floats], capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+def test_recordings_of_another_world_or_camera_are_refused(tmp_path, walks, capsys, monkeypatch):
     path = tmp_path / "s.s2r"
     sims, reals = both_sides(tmp_path, walks)
     more = sims[1], reals[1], path, "--append"
@@ -252,48 +242,36 @@ def aligned(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
         yield store
 
 
-@contextmanager
-def with_fact(store: Store, section: str, key: str, value: str) -> Iterator[None]:
-    """The store answers as if its index had this value."""
-    provenance = store.provenance
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            store, "provenance",
-            lambda name: provenance(name) | ({key: value} if name == section else {}),
-        )  # fmt: skip
-        yield
-
-
 @pytest.mark.parametrize(
-    ("key", "value", "words"),
+    ("section", "key", "value", "words"),
     [
-        ("world_to_floor", "[[1, 0], [0, 1]]", "no rotation"),
-        ("world_to_floor", "{}", "recording:real"),
-        ("world_to_floor", str(np.diag([-1.0, 1.0, 1.0, 1.0]).tolist()), "no rotation"),
-        ("metres_per_unit", "0", "no rotation and scale"),
-        ("tilt_median", "[]", "tilt_median"),
-        ("height_spread", "1e300", "implausible"),
+        ("recording:real", "world_to_floor", "[[1, 0], [0, 1]]", "no rotation"),
+        ("recording:real", "world_to_floor", "{}", "recording:real"),
+        ("recording:real", "world_to_floor", str(MIRROR), "no rotation"),
+        ("recording:real", "metres_per_unit", "0", "no rotation and scale"),
+        ("recording:real", "tilt_median", "[]", "tilt_median"),
+        ("recording:real", "height_spread", "1e300", "implausible"),
+        ("pairs", "alignment", {"scale": 0.0}, "pairs: alignment"),
+        ("pairs", "alignment", {"x": 1e308}, "pairs: alignment"),
+        ("pairs", "alignment", {"angle": "a"}, "pairs: alignment"),
     ],
 )
-def test_damaged_worlds_are_refused(aligned: Store, key: str, value: str, words: str) -> None:
-    with with_fact(aligned, "recording:real", key, value), pytest.raises(RequestError, match=words):
-        stored_worlds(aligned)
-
-
-@pytest.mark.parametrize("fact", [{"scale": 0.0}, {"x": 1e308}, {"angle": "a"}])
-def test_a_damaged_alignment_is_refused(aligned: Store, fact: dict[str, object]) -> None:
-    facts = aligned.provenance_object("pairs", "alignment")
-    with (
-        with_fact(aligned, "pairs", "alignment", json.dumps(facts | fact)),
-        pytest.raises(RequestError, match="pairs: alignment"),
-    ):
+def test_damaged_worlds_are_refused(aligned, monkeypatch, section, key, value, words):
+    """The store answers as if its index had this value."""
+    if isinstance(value, dict):
+        value = json.dumps(aligned.provenance_object(section, key) | value)
+    facts = aligned.provenance
+    changed = facts(section) | {key: value}
+    monkeypatch.setattr(
+        aligned, "provenance", lambda name: changed if name == section else facts(name)
+    )
+    with pytest.raises(RequestError, match=words):
         stored_worlds(aligned)
 
 
 def test_a_trajectory_in_a_world_of_its_own_is_continued_but_not_added(
-    tmp_path: Path, walks: dict[str, Floats], capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+    tmp_path, walks, capsys, monkeypatch
+):
     def odometry(path: Path, options: ReadOptions) -> Recording:
         recording = recordings.LAYOUT.read(path, options)
         recording.has_own_worlds = True
@@ -310,9 +288,7 @@ def test_a_trajectory_in_a_world_of_its_own_is_continued_but_not_added(
     assert "trajectory second has no known place in the store" in capsys.readouterr().err
 
 
-def test_depth_is_not_added_to_a_domain_without(
-    tmp_path: Path, walks: dict[str, Floats], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_depth_is_not_added_to_a_domain_without(tmp_path, walks, capsys):
     path, walk = tmp_path / "s.s2r", recordings.side(walks["first"])
     flat = [recordings.write(tmp_path / str(k), walk, has_depth=False, seed=k) for k in (1, 2)]
     deep = [write(tmp_path / f"deep-{k}", {"second": walks["second"]}, k) for k in (1, 2)]
@@ -321,6 +297,6 @@ def test_depth_is_not_added_to_a_domain_without(
     assert "has depth, domain sim of the store has none" in capsys.readouterr().err
 
 
-def test_a_store_of_another_origin_is_refused(tiny_store: Path) -> None:
+def test_a_store_of_another_origin_is_refused(tiny_store):
     with s2rstore.open(tiny_store) as store, pytest.raises(RequestError, match="ingest pairs"):
         stored_worlds(store)

@@ -15,13 +15,12 @@ from s2rstore.errors import RequestError
 from s2rstore.maintenance.room_names import rename_room
 from s2rstore.maintenance.verify import verify
 from s2rtools.datasets.appending import append as append_module
-from s2rtools.datasets.scan import Scan
 from tests.datasets.conftest import N
 from tests.datasets.helpers import add, files, ingest, kinds, scan_of
 from tests.support import image_folders, pairs
 
 
-def test_other_images_or_poses_of_a_stored_trajectory_are_refused(tmp_path: Path) -> None:
+def test_other_images_or_poses_of_a_stored_trajectory_are_refused(tmp_path):
     manifest = pairs.manifest(tmp_path / "data")
     store = tmp_path / "s.s2r"
     ingest("csv", manifest, store, trajectories=("a",))
@@ -49,9 +48,7 @@ def test_other_images_or_poses_of_a_stored_trajectory_are_refused(tmp_path: Path
         ('kind = "sim"', 'kind = "real"', "another kind of domain sim: real, the store sim"),
     ],
 )
-def test_another_calibration_is_refused_by_name(
-    source: tuple[Path, Path], store: Path, tmp_path: Path, old: str, new: str, message: str
-) -> None:
+def test_another_calibration_is_refused_by_name(source, store, tmp_path, old, new, message):
     header = tmp_path / "other.toml"
     header.write_text(source[1].read_text().replace(old, new))
     before = files(store)
@@ -60,9 +57,7 @@ def test_another_calibration_is_refused_by_name(
     assert files(store) == before
 
 
-def test_another_frame_size_and_another_kind_of_data_are_refused(
-    source: tuple[Path, Path], store: Path, tmp_path: Path
-) -> None:
+def test_another_frame_size_and_another_kind_of_data_are_refused(source, store, tmp_path):
     with pytest.raises(RequestError, match=r"frame size \(--size\): 48x48, the store 32x32"):
         add(scan_of("sim2realviz", source[0], header=source[1], frame=(48, 48)), store)
     folders = image_folders.folders(tmp_path / "images")
@@ -70,21 +65,21 @@ def test_another_frame_size_and_another_kind_of_data_are_refused(
         add(scan_of("images", Path(), folders=folders), store)
 
 
-def test_cameras_that_differ_by_rounding_agree(scan: Scan, store: Path) -> None:
+def test_cameras_that_differ_by_rounding_agree(scan, store):
     domain = scan.domains["sim"]
     scan.domains["sim"] = replace(domain, depth_scale=np.nextafter(domain.depth_scale, 1))
     assert add(scan, store) == {"a": N, "b": N}
 
 
-def test_no_store_is_made(scan: Scan, tmp_path: Path) -> None:
+def test_no_store_is_made(scan, tmp_path):
     with pytest.raises(RequestError, match="leave out --append"):
         add(scan, tmp_path / "missing.s2r")
     assert not (tmp_path / "missing.s2r").exists()
 
 
 def test_bounds_rooms_and_floor_plan_of_the_store_are_kept_and_others_reported(
-    source: tuple[Path, Path], store: Path, tmp_path: Path
-) -> None:
+    source, store, tmp_path
+):
     text = source[1].read_text().replace("x1 = 8.0", "x1 = 6.0")
     text = text.replace("0.0, 4.0, 6.0", "0.0, 3.0, 6.0")
     header = tmp_path / "other.toml"
@@ -107,9 +102,7 @@ def test_bounds_rooms_and_floor_plan_of_the_store_are_kept_and_others_reported(
         assert recorded == kinds(other)
 
 
-def test_other_names_of_rooms_are_not_reported(
-    source: tuple[Path, Path], store: Path, tmp_path: Path
-) -> None:
+def test_other_names_of_rooms_are_not_reported(source, store, tmp_path):
     header = tmp_path / "other.toml"
     header.write_text(source[1].read_text().replace('"west"', '"front"'))
     other = scan_of("sim2realviz", source[0], header=header)
@@ -119,9 +112,7 @@ def test_other_names_of_rooms_are_not_reported(
         assert list(opened.stored_rooms) == ["west", "east"]
 
 
-def test_a_room_that_is_renamed_meanwhile_is_noticed(
-    scan: Scan, store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_room_that_is_renamed_meanwhile_is_noticed(scan, store, monkeypatch):
     write_frames = append_module.write_frames
 
     def rename_and_write(*arguments):
@@ -138,7 +129,7 @@ def test_a_room_that_is_renamed_meanwhile_is_noticed(
     assert verify(store) == []
 
 
-def test_poses_outside_the_bounds_of_the_store_are_reported(scan: Scan, store: Path) -> None:
+def test_poses_outside_the_bounds_of_the_store_are_reported(scan, store):
     first, *others = scan.trajectories["a"]
     scan.trajectories["a"] = [replace(first, x=99.0), *others]
     add(scan, store)

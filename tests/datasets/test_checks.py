@@ -94,8 +94,8 @@ def _damage_rows(root: Path) -> None:
     ],
 )  # fmt: skip
 def test_invalid_input_is_reported_and_skipped_or_rejected_if_strict(
-    tmp_path: Path, damage, expected: dict[str, int], remaining: int
-) -> None:
+    tmp_path, damage, expected, remaining
+):
     root = tmp_path / "data"
     header = pairs.sim2realviz(root, n=10)
     damage(root)
@@ -111,7 +111,7 @@ def test_invalid_input_is_reported_and_skipped_or_rejected_if_strict(
     assert verify(tmp_path / "s.s2r") == []
 
 
-def test_empty_folders_are_rejected(tmp_path: Path) -> None:
+def test_empty_folders_are_rejected(tmp_path):
     root = tmp_path / "data"
     for content in ("nothing", "empty", "no images"):
         if content == "empty":
@@ -136,7 +136,7 @@ def manifest(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return pairs.manifest(tmp_path_factory.mktemp("manifest") / "data")
 
 
-def test_problems_of_a_manifest_are_reported(manifest: Path, tmp_path: Path) -> None:
+def test_problems_of_a_manifest_are_reported(manifest, tmp_path):
     text = manifest.read_text()
     path = manifest.with_name("other.csv")
     shutil.copy(manifest.with_suffix(".toml"), path.with_suffix(".toml"))
@@ -178,9 +178,7 @@ def test_problems_of_a_manifest_are_reported(manifest: Path, tmp_path: Path) -> 
         ("[0.0, 0.0, 4.0, 6.0]", "[0.0, 0.0, 4.0]", "a list of length 4, got 3"),
     ],
 )
-def test_an_invalid_header_is_rejected(
-    manifest: Path, tmp_path: Path, old: str, new: str, hint: str
-) -> None:
+def test_an_invalid_header_is_rejected(manifest, tmp_path, old, new, hint):
     header = tmp_path / "data.toml"
     shutil.copy(manifest.with_suffix(".toml"), header)
     _edit(header, old, new)
@@ -188,7 +186,7 @@ def test_an_invalid_header_is_rejected(
         ingest("csv", manifest, tmp_path / "s.s2r", header=header)
 
 
-def test_the_example_of_a_header_in_the_documentation_is_valid(tmp_path: Path) -> None:
+def test_the_example_of_a_header_in_the_documentation_is_valid(tmp_path):
     page = (Path(__file__).parents[2] / "docs/how-to/your-data.md").read_text()
     (example,) = (
         block for block in re.findall(r"```toml\n(.*?)```", page, re.S) if "[domains.sim]" in block

@@ -73,7 +73,7 @@ def undone(error: Convention) -> Convention:
 
 
 @pytest.mark.parametrize("side", ["sim", "real"])
-def test_right_conventions_are_the_sharpest(side: str) -> None:
+def test_right_conventions_are_the_sharpest(side):
     check = check_conventions(frames(side))
     assert check.verdict == "as declared"
     assert check.lead > check.margin + 0.1
@@ -90,20 +90,20 @@ def test_right_conventions_are_the_sharpest(side: str) -> None:
     ],
     ids=str,
 )
-def test_wrong_conventions_are_named(error: Convention) -> None:
+def test_wrong_conventions_are_named(error):
     check = check_conventions(wrongly_declared(frames("sim"), error))
     assert check.verdict == "doubtful"
     assert check.best_other == undone(error)
 
 
-def test_conventions_are_distinct_and_have_their_own_names() -> None:
+def test_conventions_are_distinct_and_have_their_own_names():
     points = DepthPoints(frames("sim"))
     places = [np.stack(each.on_floor(points))[:, :50].round(6).tobytes() for each in CONVENTIONS]
     assert len(set(places)) == len(CONVENTIONS)
     assert len({str(convention) for convention in CONVENTIONS}) == len(CONVENTIONS)
 
 
-def test_few_frames_decide_nothing() -> None:
+def test_few_frames_decide_nothing():
     source = frames("sim")
     few = replace(source, raw=source.raw[:12], poses=source.poses[:12])
     check = check_conventions(wrongly_declared(few, Convention(quarters=1)))
@@ -111,13 +111,13 @@ def test_few_frames_decide_nothing() -> None:
     assert check.text == f"sim not decided (12 frames, {check.points} points)"
 
 
-def test_small_differences_decide_nothing() -> None:
+def test_small_differences_decide_nothing():
     found = check_conventions(frames("sim"))
     even = dict.fromkeys(found.sharpness, found.sharpness[DECLARED])
     assert ConventionCheck("sim", COUNT, 9999, even).verdict == "not decided"
 
 
-def test_doubts_name_the_sharper_convention() -> None:
+def test_doubts_name_the_sharper_convention():
     checks = [check_conventions(frames("sim")), check_conventions(frames("real"))]
     assert doubts(checks) == []
     wrong = wrongly_declared(frames("real"), Convention(sign=-1))
@@ -136,7 +136,7 @@ def ingested(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]
     return path, lines
 
 
-def test_ingest_draws_and_reports_the_check(ingested: tuple[Path, list[str]]) -> None:
+def test_ingest_draws_and_reports_the_check(ingested):
     path, lines = ingested
     assert len(lines) == 1
     assert lines[0].endswith(f"; picture {path / PICTURE}")
@@ -154,7 +154,7 @@ def test_ingest_draws_and_reports_the_check(ingested: tuple[Path, list[str]]) ->
     assert picture.shape[1] == 2 * 480
 
 
-def test_drawn_floor_plan_shows_the_walls_of_the_world(ingested: tuple[Path, list[str]]) -> None:
+def test_drawn_floor_plan_shows_the_walls_of_the_world(ingested):
     drawn = cv2.imread(str(ingested[0] / "assets/floor_plan.png"), cv2.IMREAD_GRAYSCALE)
     options = ScanOptions(("traj1",), frame=(FRAME, FRAME), world={"seed": 3, "count": COUNT})
     plan = synthetic_world.scan(Path(), options).floor_plan
@@ -166,7 +166,7 @@ def test_drawn_floor_plan_shows_the_walls_of_the_world(ingested: tuple[Path, lis
     assert truth[dark].mean() < truth[dark[:, ::-1]].mean() - 10
 
 
-def test_an_append_checks_its_instances_before_it_publishes_them(tmp_path: Path) -> None:
+def test_an_append_checks_its_instances_before_it_publishes_them(tmp_path):
     path, scan, first = tmp_path / "a.s2r", world_scan(count=COUNT), 2
     records = list(scan.trajectories["traj1"])[: CHECKED + first]
     scan.trajectories["traj1"] = records[:first]
@@ -187,9 +187,7 @@ def test_an_append_checks_its_instances_before_it_publishes_them(tmp_path: Path)
     assert all(f", instances from iid {first} on: " in note for note in notes)
 
 
-def test_verify_notes_doubtful_conventions(
-    ingested: tuple[Path, list[str]], tmp_path: Path
-) -> None:
+def test_verify_notes_doubtful_conventions(ingested, tmp_path):
     store = copy_store(ingested[0], tmp_path / "copy.s2r")
     assert verified(store).notes == ()
     with edit(store) as draft:
@@ -200,7 +198,7 @@ def test_verify_notes_doubtful_conventions(
     assert note.endswith(PICTURE)
 
 
-def test_frames_ten_centimetres_apart_are_compared_despite_rounding() -> None:
+def test_frames_ten_centimetres_apart_are_compared_despite_rounding():
     poses = [(0.1 * number, 0.0, 0.0) for number in range(40)]
     turns = [(0.0, 0.0, np.radians(5 * number)) for number in range(40)]
     for each in (poses, turns):

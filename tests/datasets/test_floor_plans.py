@@ -25,6 +25,7 @@ from s2rtools.datasets.floor.floor_plans import (
 )
 from tests.datasets.helpers import scan_of
 from tests.support import pairs
+from tests.support.refusals import refused
 
 GRID = """# a map
 image: map.pgm
@@ -59,9 +60,7 @@ def colour_at(image: NDArray[np.uint8], bounds: Bounds, y_down: bool, x: float, 
     st.floats(-math.pi, math.pi), st.floats(0.005, 0.2), st.floats(-50, 50), st.floats(-50, 50),
     st.booleans(), st.integers(2, 5), st.integers(0, 99),
 )  # fmt: skip
-def test_similarity_maps_known_points(
-    turn: float, scale: float, x: float, y: float, y_down: bool, count: int, seed: int
-) -> None:
+def test_similarity_maps_known_points(turn, scale, x, y, y_down, count, seed):
     pixels = np.random.default_rng(seed).uniform(0, 800, (count, 2))
     v = pixels[:, 1] * (1 if y_down else -1)
     cos, sin = scale * math.cos(turn), scale * math.sin(turn)
@@ -70,7 +69,7 @@ def test_similarity_maps_known_points(
     assert np.column_stack([pixels, np.ones(count)]) @ fitted.T == pytest.approx(metres, abs=1e-6)
 
 
-def test_points_that_do_not_fit_are_refused() -> None:
+def test_points_that_do_not_fit_are_refused():
     pixels = np.array([[0.0, 0.0], [100, 0], [0, 100]])
     metres = np.array([[0.0, 0.0], [5, 0], [0, 5]])
     fit_similarity(pixels, metres, True, "plan")
@@ -80,7 +79,7 @@ def test_points_that_do_not_fit_are_refused() -> None:
         fit_similarity(pixels[[0, 0]], metres[:2], True, "plan")
 
 
-def test_image_with_two_points_fills_the_bounds(tmp_path: Path) -> None:
+def test_image_with_two_points_fills_the_bounds(tmp_path):
     plan = np.full((200, 300, 3), 250, np.uint8)
     plan[40:60, 100:140] = 10
     cv2.imwrite(str(tmp_path / "plan.png"), plan)
@@ -97,7 +96,7 @@ def test_image_with_two_points_fills_the_bounds(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("yaw", [0.0, 0.5, -2.0])
 @pytest.mark.parametrize("y_down", [False, True])
-def test_occupancy_grid_lies_at_its_origin(tmp_path: Path, yaw: float, y_down: bool) -> None:
+def test_occupancy_grid_lies_at_its_origin(tmp_path, yaw, y_down):
     pixels = np.full((80, 120), 254, np.uint8)
     pixels[10:20, 30:50] = 0  # x 1.5 .. 2.5, y 3.0 .. 3.5 from the lower left corner
     placed = read_grid(write_grid(tmp_path, pixels, yaw))
@@ -109,7 +108,7 @@ def test_occupancy_grid_lies_at_its_origin(tmp_path: Path, yaw: float, y_down: b
         assert (colour_at(image, bounds, y_down, at_x, at_y) < 100) == occupied
 
 
-def test_cells_of_a_grid_are_occupied_free_or_unknown(tmp_path: Path) -> None:
+def test_cells_of_a_grid_are_occupied_free_or_unknown(tmp_path):
     pixels = np.repeat(np.array([[0, 205, 254]], np.uint8), 3, 0)
     assert read_grid(write_grid(tmp_path, pixels)).image[0, :, 0].tolist() == [40, 205, 254]
     negated = read_grid(write_grid(tmp_path, 255 - pixels, negate=1))
@@ -118,23 +117,7 @@ def test_cells_of_a_grid_are_occupied_free_or_unknown(tmp_path: Path) -> None:
     assert 130 < scaled.image[0, 0, 0] < 160
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [("image: map.pgm\norigin: [0, 0, 0]\n", "resolution: missing"),
-     ("image: map.pgm\nresolution: -1\norigin: [0, 0, 0]\n", "resolution"),
-     ("image: map.pgm\nresolution: 1\norigin: [0, 0, 0]\nmode: raw\n", "trinary or scale"),
-     ("image: none.pgm\nresolution: 1\norigin: [0, 0, 0]\n", "none.pgm"),
-     ("<html>\n", "expected KEY: VALUE")],
-)  # fmt: skip
-def test_unusable_grids_are_refused_in_one_line(tmp_path: Path, text: str, message: str) -> None:
-    path = write_grid(tmp_path, np.zeros((3, 3), np.uint8))
-    path.write_text(text)
-    with pytest.raises(RequestError, match=message) as error:
-        read_grid(path)
-    assert "\n" not in str(error.value)
-
-
-def test_large_plans_are_averaged(tmp_path: Path) -> None:
+def test_large_plans_are_averaged(tmp_path):
     pixels = (np.indices((3000, 3000)).sum(axis=0) % 2 * 254).astype(np.uint8)
     pixels[:, :1500] = 254
     placed = PlacedPlan(cv2.cvtColor(pixels, cv2.COLOR_GRAY2RGB), np.eye(3)[:2] * 0.01)
@@ -158,9 +141,7 @@ TABLE = '[floor_plan]\nimage = "plan.png"\npoints = [[0, 0, 0, 0], [120, 80, 6.0
 
 
 @pytest.mark.parametrize("plan", ['floor_plan = "map.yaml"', TABLE])
-def test_placed_plan_of_a_configuration_fills_its_bounds_or_defines_them(
-    tmp_path: Path, plan: str
-) -> None:
+def test_placed_plan_of_a_configuration_fills_its_bounds_or_defines_them(tmp_path, plan):
     path = header_of(tmp_path, plan)
     pixels = np.full((80, 120), 254, np.uint8)
     write_grid(tmp_path, pixels)
@@ -183,16 +164,13 @@ def test_placed_plan_of_a_configuration_fills_its_bounds_or_defines_them(
      ('[floor_plan]\nimage = "no.png"\npoints = [[0, 0, 0, 0], [9, 9, 1, 1]]\n', r"no\.png"),
      ("floor_plan = 3", "floor_plan"), ("", "bounds: missing")],
 )  # fmt: skip
-def test_unusable_plans_of_a_configuration_are_refused(
-    tmp_path: Path, plan: str, message: str
-) -> None:
+def test_unusable_plans_of_a_configuration_are_refused(tmp_path, plan, message):
     path = header_of(tmp_path, plan, bounds=False)
-    with pytest.raises(RequestError, match=message) as error:
+    with refused(match=message):
         scan_of("csv", path)
-    assert "\n" not in str(error.value)
 
 
-def test_image_of_a_grid_outside_the_folder_is_refused(tmp_path: Path) -> None:
+def test_image_of_a_grid_outside_the_folder_is_refused(tmp_path):
     path = header_of(tmp_path / "data", 'floor_plan = "map.yaml"')
     grid = write_grid(tmp_path / "data", np.full((8, 8), 254, np.uint8))
     grid.write_text(grid.read_text().replace("map.pgm", "/etc/hostname"))
@@ -210,7 +188,7 @@ def test_image_of_a_grid_outside_the_folder_is_refused(tmp_path: Path) -> None:
     ],
     ids=["lines", "escape", "folded and alias", "directive"],
 )
-def test_a_grid_may_be_any_valid_yaml(tmp_path: Path, text: str) -> None:
+def test_a_grid_may_be_any_valid_yaml(tmp_path, text):
     write_grid(tmp_path, np.zeros((4, 6), np.uint8))
     (tmp_path / "map.pgm").rename(tmp_path / "map#1.pgm")
     (tmp_path / "map.yaml").write_text(text)
@@ -219,17 +197,21 @@ def test_a_grid_may_be_any_valid_yaml(tmp_path: Path, text: str) -> None:
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [("image: map.pgm\nimage: other.pgm\n", "not valid YAML .*duplicate key"),
+    [("image: map.pgm\norigin: [0, 0, 0]\n", "resolution: missing"),
+     ("image: map.pgm\nresolution: -1\norigin: [0, 0, 0]\n", "resolution"),
+     ("image: map.pgm\nresolution: 1\norigin: [0, 0, 0]\nmode: raw\n", "trinary or scale"),
+     ("image: none.pgm\nresolution: 1\norigin: [0, 0, 0]\n", "none.pgm"),
+     ("<html>\n", "expected KEY: VALUE"),
+     ("image: map.pgm\nimage: other.pgm\n", "not valid YAML .*duplicate key"),
      ("image: !!bool map.pgm\n", "not valid YAML"),
      ("image: " + "[" * 1000, "nested too deeply"),
      ("a0: &a [x, x]\n" + "".join(f"a{n}: &{chr(97 + n)} [*{chr(96 + n)}, *{chr(96 + n)}]\n"
                                  for n in range(1, 25)), "more than 65,536 values"),
      ("image: &a [*a]\n", "more than 65,536 values")],
-    ids=["duplicate", "wrong tag", "nested", "aliases", "circle"],
+    ids=range(10),
 )  # fmt: skip
-def test_hostile_yaml_is_refused_in_one_line(tmp_path: Path, text: str, message: str) -> None:
+def test_unusable_grids_are_refused_in_one_line(tmp_path, text, message):
     path = write_grid(tmp_path, np.zeros((3, 3), np.uint8))
     path.write_text(text)
-    with pytest.raises(RequestError, match=message) as error:
+    with refused(match=message):
         read_grid(path)
-    assert "\n" not in str(error.value)

@@ -127,9 +127,7 @@ ROTATIONS = st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: np.linalg.norm(q
 @example((0.0, 1.0, 5.057877700090312e-06, 0.0), 187, 0.0, True)  # up is nearly -z
 @example((0.0, 1.0, 0.0, 0.0), 187, 0.0, True)
 @example((1.0, 0.125, 5.782451535377022e-164, 0.0), 0, 0.0625, False)
-def test_poses_of_any_world_are_recovered_up_to_a_rigid_motion(
-    quaternion: tuple[float, ...], seed: int, pitch: float, declared: bool
-) -> None:
+def test_poses_of_any_world_are_recovered_up_to_a_rigid_motion(quaternion, seed, pitch, declared):
     truth = random_poses(30, seed)
     rotation = Rotation.from_quat(quaternion).as_matrix()
     offset = np.random.default_rng(seed).uniform(-50, 50, 3)
@@ -152,7 +150,7 @@ def test_poses_of_any_world_are_recovered_up_to_a_rigid_motion(
     [("z", [1, 0, 0], [0, 1, 0]), ("y", [1, 0, 0], [0, 0, -1]), ("-y", [1, 0, 0], [0, 0, 1]),
      ("-z", [1, 0, 0], [0, -1, 0]), ("x", [0, 0, -1], [0, 1, 0])],
 )  # fmt: skip
-def test_axes_of_the_floor_follow_from_the_up_axis(up: str, x: list[int], y: list[int]) -> None:
+def test_axes_of_the_floor_follow_from_the_up_axis(up, x, y):
     turn = np.stack([x, y, parse_up(up)], axis=1).astype(float)
     cameras = in_world(level_cameras(random_poses(5, 1)), turn, np.zeros(3))
     found = project_to_floor(recording(cameras), FloorOptions(up=up, ground=0.0))
@@ -160,7 +158,7 @@ def test_axes_of_the_floor_follow_from_the_up_axis(up: str, x: list[int], y: lis
     assert found.poses["walk"] == pytest.approx(random_poses(5, 1))
 
 
-def test_up_axis_of_the_layout_is_used_and_a_declared_one_replaces_it() -> None:
+def test_up_axis_of_the_layout_is_used_and_a_declared_one_replaces_it():
     cameras = level_cameras(random_poses(5, 2))
     known = recording(cameras, up=(0.0, 0.0, 1.0))
     assert project_to_floor(known).up == pytest.approx([0, 0, 1])
@@ -169,7 +167,7 @@ def test_up_axis_of_the_layout_is_used_and_a_declared_one_replaces_it() -> None:
     )
 
 
-def test_floor_and_camera_height_come_from_depth() -> None:
+def test_floor_and_camera_height_come_from_depth():
     cameras = level_cameras(random_poses(12, 3), pitch=-0.2)
     cameras[:, 2, 3] += 5.0
     depth = room_depth(level_cameras(random_poses(12, 3), pitch=-0.2), table=True)
@@ -179,7 +177,7 @@ def test_floor_and_camera_height_come_from_depth() -> None:
     assert not found.issues
 
 
-def test_up_axis_of_a_handheld_camera_is_fitted_to_the_floor_in_depth() -> None:
+def test_up_axis_of_a_handheld_camera_is_fitted_to_the_floor_in_depth():
     rng = np.random.default_rng(4)
     truth = random_poses(24, 4)
     cameras = level_cameras(truth, 1.4, -0.5)
@@ -194,27 +192,27 @@ def test_up_axis_of_a_handheld_camera_is_fitted_to_the_floor_in_depth() -> None:
     assert math.degrees(found.tilt_median) == pytest.approx(9, abs=4)
 
 
-def test_floor_inclined_to_the_declared_up_axis_is_reported() -> None:
+def test_floor_inclined_to_the_declared_up_axis_is_reported():
     cameras = level_cameras(random_poses(12, 5), pitch=-0.2)
     wrong = [0.0, math.sin(0.15), math.cos(0.15)]
     found = project_to_floor(recording(cameras, room_depth(cameras)), FloorOptions(wrong))
     assert "floor inclined" in {issue.kind for issue in found.issues}
 
 
-def test_level_motion_determines_the_up_axis_of_a_camera_that_does_not_turn() -> None:
+def test_level_motion_determines_the_up_axis_of_a_camera_that_does_not_turn():
     truth = np.column_stack([np.linspace(0, 4, 9), np.zeros(9), np.zeros(9)])
     found = project_to_floor(recording(level_cameras(truth)), FloorOptions(camera_height=1.0))
     assert found.up == pytest.approx([0, 0, 1], abs=1e-9)
     assert found.camera_height == pytest.approx(1.0)
 
 
-def test_undetermined_up_axis_names_the_option() -> None:
+def test_undetermined_up_axis_names_the_option():
     truth = np.column_stack([np.zeros(9), np.linspace(0, 4, 9), np.zeros(9)])
     with pytest.raises(RequestError, match="give up, such as z"):
         project_to_floor(recording(level_cameras(truth)))
 
 
-def test_frames_that_look_straight_down_have_no_heading() -> None:
+def test_frames_that_look_straight_down_have_no_heading():
     cameras = level_cameras(random_poses(6, 6))
     cameras[2] = level_cameras(random_poses(6, 6)[2:3], HEIGHT, math.radians(-88))[0]
     found = project_to_floor(recording(cameras), FloorOptions("z", ground=0.0))
@@ -222,7 +220,7 @@ def test_frames_that_look_straight_down_have_no_heading() -> None:
     assert [(i.kind, i.file) for i in found.issues] == [("no heading", "rgb/2.png")]
 
 
-def test_world_in_other_units_is_scaled_to_metres() -> None:
+def test_world_in_other_units_is_scaled_to_metres():
     truth = random_poses(8, 7)
     cameras = level_cameras(truth)
     cameras[:, :3, 3] *= 4.0
@@ -239,7 +237,7 @@ def test_world_in_other_units_is_scaled_to_metres() -> None:
 
 
 @pytest.mark.parametrize("depth_in_world_units", [False, True])
-def test_height_from_depth_follows_the_unit_of_depth(depth_in_world_units: bool) -> None:
+def test_height_from_depth_follows_the_unit_of_depth(depth_in_world_units):
     truth = level_cameras(random_poses(30, 4), pitch=-0.3)
     depth = room_depth(truth)
     cameras = truth.copy()
@@ -251,13 +249,13 @@ def test_height_from_depth_follows_the_unit_of_depth(depth_in_world_units: bool)
     assert found.camera_height == pytest.approx(HEIGHT, abs=0.01)
 
 
-def test_height_of_the_cameras_stays_unknown_without_depth_and_declaration() -> None:
+def test_height_of_the_cameras_stays_unknown_without_depth_and_declaration():
     found = project_to_floor(recording(level_cameras(random_poses(8, 8))), FloorOptions("z"))
     assert math.isnan(found.camera_height)
     assert "give ground or camera_height" in found.report[0]
 
 
-def test_positions_in_millimetres_are_refused_unless_their_unit_is_stated() -> None:
+def test_positions_in_millimetres_are_refused_unless_their_unit_is_stated():
     cameras = level_cameras(random_poses(20, 1))
     cameras[:, :3, 3] *= 1000
     with pytest.raises(RequestError, match=r"7,\d\d\d m x 5,\d\d\d m: hardly metres.*millimetres"):
@@ -270,7 +268,7 @@ def test_positions_in_millimetres_are_refused_unless_their_unit_is_stated() -> N
     assert np.ptp(found.poses["walk"][:, 0]) > 7000
 
 
-def test_a_drive_of_kilometres_is_accepted() -> None:
+def test_a_drive_of_kilometres_is_accepted():
     ahead = np.arange(3000.0)
     cameras = level_cameras(np.stack([ahead, 0 * ahead, 0 * ahead], 1))
     assert (
@@ -279,7 +277,7 @@ def test_a_drive_of_kilometres_is_accepted() -> None:
 
 
 @pytest.mark.parametrize("up", ["q", "1 2", "0,0,0", "nan 0 1"])
-def test_invalid_up_axis_is_refused(up: str) -> None:
+def test_invalid_up_axis_is_refused(up):
     with pytest.raises(RequestError, match="give x, y or z"):
         parse_up(up)
 
@@ -289,6 +287,6 @@ def test_invalid_up_axis_is_refused(up: str) -> None:
     [FloorOptions("z", ground=math.nan), FloorOptions("z", camera_height=-1.0),
      FloorOptions("z", metres_per_unit=0.0), FloorOptions("z", ground=1e300)],
 )  # fmt: skip
-def test_invalid_figures_are_refused(options: FloorOptions) -> None:
+def test_invalid_figures_are_refused(options):
     with pytest.raises(RequestError, match="must be a"):
         project_to_floor(recording(level_cameras(random_poses(8, 8))), options)

@@ -39,20 +39,13 @@ def expected(number: int, size: tuple[int, int]) -> np.ndarray:
     return cv2.resize(picture(number, size), FRAME[::-1], interpolation=cv2.INTER_AREA)
 
 
-def test_every_image_is_an_instance_of_the_trajectory_of_its_folder_or_condition(
-    store_path: Path,
-) -> None:
+def test_images_become_instances_without_poses_and_map(store_path):
     with s2rstore.open(store_path) as store:
         counts = {each.trajectory: each.instances for each in store.trajectories}
         assert counts == {"real_day": 4, "real_night": 3, "sim_city": 2, "sim_loop": 5}
         assert {name: domain.kind for name, domain in store.domains.items()} == {
             "real": "real", "sim": "sim",
         }  # fmt: skip
-        assert not store.runs
-
-
-def test_the_data_set_says_that_it_has_no_poses_and_no_map(store_path: Path) -> None:
-    with s2rstore.open(store_path) as store:
         dataset, domain = store.dataset, store.domain("real")
         assert not dataset.has_poses
         assert np.isnan([dataset.bounds.x0, dataset.bounds.y1, dataset.accuracy_scale]).all()
@@ -62,11 +55,21 @@ def test_the_data_set_says_that_it_has_no_poses_and_no_map(store_path: Path) -> 
             assert np.isnan(getattr(store.instances, name)).all()
         stored = store.execute("SELECT count(*) FROM instance WHERE x IS NULL AND heading IS NULL")
         assert stored == [(14,)]
+        assert store.imaged("real").tolist() == [True] * 7 + [False] * 7
+        assert store.imaged("sim").tolist() == [False] * 7 + [True] * 7
+        with pytest.raises(RequestError, match=r"real has no images of trajectory sim_city"):
+            store.frames("real", 6, 8)
+        assert store.execute("SELECT rgb_path FROM frame WHERE iid = 0") == [
+            ("real/images/day_3.png",)
+        ]
+        assert not store.runs
+        assert store.run_name() == NO_RUN
+        for run in (None, "vanilla"):
+            with pytest.raises(RequestError, match="the data set has no poses; a run needs poses"):
+                store.run(run)
 
 
-def test_frames_are_averaged_over_areas_to_one_size_in_the_order_of_the_index(
-    store_path: Path,
-) -> None:
+def test_frames_are_averaged_over_areas_to_one_size_in_the_order_of_the_index(store_path):
     with s2rstore.open(store_path) as store:
         assert (store.dataset.frame_height, store.dataset.frame_width) == FRAME
         night, loop = (store.iids_of(name)[0] for name in ("real_night", "sim_loop"))
@@ -76,24 +79,13 @@ def test_frames_are_averaged_over_areas_to_one_size_in_the_order_of_the_index(
     assert np.array_equal(sim, [expected(n, SIM_SIZE) for n in range(5)])
 
 
-def test_a_domain_images_its_own_trajectories_only(store_path: Path) -> None:
-    with s2rstore.open(store_path) as store:
-        assert store.imaged("real").tolist() == [True] * 7 + [False] * 7
-        assert store.imaged("sim").tolist() == [False] * 7 + [True] * 7
-        with pytest.raises(RequestError, match=r"real has no images of trajectory sim_city"):
-            store.frames("real", 6, 8)
-        assert store.execute("SELECT rgb_path FROM frame WHERE iid = 0") == [
-            ("real/images/day_3.png",)
-        ]
-
-
-def test_small_images_are_not_enlarged(tmp_path: Path) -> None:
+def test_small_images_are_not_enlarged(tmp_path):
     ingest(folders(tmp_path), tmp_path / "s.s2r", long_edge=500)
     with s2rstore.open(tmp_path / "s.s2r") as store:
         assert (store.dataset.frame_height, store.dataset.frame_width) == REAL_SIZE
 
 
-def test_an_image_of_another_aspect_ratio_is_stretched_and_reported(tmp_path: Path) -> None:
+def test_an_image_of_another_aspect_ratio_is_stretched_and_reported(tmp_path):
     sources = folders(tmp_path)
     write(sources["sim"] / "loop" / "9.png", picture(9, (96, 96)))
     scan = ingest(sources, tmp_path / "s.s2r")
@@ -105,7 +97,7 @@ def test_an_image_of_another_aspect_ratio_is_stretched_and_reported(tmp_path: Pa
     assert not (tmp_path / "strict.s2r").exists()
 
 
-def test_files_of_a_folder_itself_are_a_trajectory_named_after_the_domain(tmp_path: Path) -> None:
+def test_files_of_a_folder_itself_are_a_trajectory_named_after_the_domain(tmp_path):
     sources = folders(tmp_path)
     sources["sim"] = sources["sim"] / "loop"
     ingest(sources, tmp_path / "s.s2r", trajectories=("sim", "real_day"))
@@ -113,7 +105,7 @@ def test_files_of_a_folder_itself_are_a_trajectory_named_after_the_domain(tmp_pa
         assert [t.trajectory for t in store.trajectories] == ["real_day", "sim"]
 
 
-def test_expressions_select_alike_in_both_back_ends(store_path: Path) -> None:
+def test_expressions_select_alike_in_both_back_ends(store_path):
     with s2rstore.open(store_path) as store:
         for expression, count in (
             ("all", 14), ("traj:real_night", 3), ("traj:sim_loop & seq < 2", 2),
@@ -126,15 +118,7 @@ def test_expressions_select_alike_in_both_back_ends(store_path: Path) -> None:
             assert len(chosen) == count, expression
 
 
-def test_a_run_is_refused_with_the_reason(store_path: Path) -> None:
-    with s2rstore.open(store_path) as store:
-        assert store.run_name() == NO_RUN
-        for name in (None, "vanilla"):
-            with pytest.raises(RequestError, match="the data set has no poses; a run needs poses"):
-                store.run(name)
-
-
-def test_image_sets_hold_the_images_of_one_domain(store_path: Path) -> None:
+def test_image_sets_hold_the_images_of_one_domain(store_path):
     with s2rstore.open(store_path) as store:
         everything = np.arange(14)
         real = image_set.from_store(store, "real", everything, FRAME)
@@ -148,9 +132,6 @@ def test_image_sets_hold_the_images_of_one_domain(store_path: Path) -> None:
     assert np.array_equal(some.images[1], expected(0, SIM_SIZE))
 
 
-# --- images that a program makes -------------------------------------------------------------
-
-
 def stream(count: int = 70) -> object:
     for number in range(count):
         rgb = picture(number, (40, 60))
@@ -162,7 +143,7 @@ def stream(count: int = 70) -> object:
 KINDS = {"camera": "real", "mkl": "sim"}
 
 
-def test_a_generator_of_images_in_two_domains_becomes_a_store(tmp_path: Path) -> None:
+def test_a_generator_of_images_in_two_domains_becomes_a_store(tmp_path):
     store_path = tmp_path / "new" / "bag.s2r"
     build_from_images(stream(), KINDS, store_path, "bag", "s2r ros replay", 30)
     assert not verify(store_path)
@@ -199,13 +180,10 @@ def bad_name() -> object:
         (lambda: iter(()), "no images; nothing was ingested"),
     ],
 )
-def test_an_unusable_stream_makes_no_store(tmp_path: Path, instances, reason: str) -> None:
+def test_an_unusable_stream_makes_no_store(tmp_path, instances, reason):
     with pytest.raises(RequestError, match=reason):
         build_from_images(instances(), KINDS, tmp_path / "s.s2r", "bag", "s2r", 30)
     assert list(tmp_path.iterdir()) == []
-
-
-# --- verification ----------------------------------------------------------------------------
 
 
 def damages(path: Path) -> str:
@@ -221,7 +199,7 @@ def damages(path: Path) -> str:
         ("UPDATE frame SET domain = 'other' WHERE iid = 3", "domain without a row in domain"),
     ],
 )
-def test_wrong_rows_are_found(copied: Path, statement: str, what: str) -> None:
+def test_wrong_rows_are_found(copied, statement, what):
     edit(copied, statement)
     assert what in damages(copied)
 
@@ -236,13 +214,13 @@ def test_wrong_rows_are_found(copied: Path, statement: str, what: str) -> None:
         "created_at) VALUES ('a', 'b', 'sim', 'real', '[]', '[]', 'now')",
     ],
 )
-def test_an_index_that_contradicts_itself_is_not_opened(copied: Path, statement: str) -> None:
+def test_an_index_that_contradicts_itself_is_not_opened(copied, statement):
     edit(copied, statement)
     with pytest.raises(RequestError, match="s2r verify"):
         s2rstore.open(copied)
 
 
-def test_a_data_set_with_poses_still_needs_them(tiny_store: Path, tmp_path: Path) -> None:
+def test_a_data_set_with_poses_still_needs_them(tiny_store, tmp_path):
     store = copy_store(tiny_store, tmp_path / "tiny.s2r")
     edit(store, "UPDATE instance SET x = NULL WHERE iid = 3")
     assert "pose is NULL or not finite" in damages(store)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 import s2rstore
@@ -15,9 +13,7 @@ from tests.support import pairs
 TOO_LONG = "a" * 100_000 + ".png"
 
 
-def test_a_manifest_with_a_too_long_name_loses_that_pair(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_manifest_with_a_too_long_name_loses_that_pair(tmp_path, capsys):
     manifest = pairs.manifest(tmp_path / "data", n=3)
     text = manifest.read_text().replace("sim/1_rgb.png", TOO_LONG)
     manifest.write_text(text)
@@ -35,9 +31,7 @@ def test_a_manifest_with_a_too_long_name_loses_that_pair(
     [TOO_LONG, "a/" * 50_000, "a\0b", "\0/b", "\ud800"],
     ids=["long", "deep", "nul", "nul folder", "surrogate"],
 )
-def test_a_name_that_no_file_can_have_is_not_found_and_not_repeated_in_full(
-    tmp_path: Path, name: str
-) -> None:
+def test_a_name_that_no_file_can_have_is_not_found_and_not_repeated_in_full(tmp_path, name):
     containment = PathContainment(tmp_path)
     assert containment.find_file(name, "list.txt:3") is None
     with pytest.raises(RequestError, match=r"list\.txt:3: .* is not a file name") as error:

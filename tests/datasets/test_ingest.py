@@ -6,7 +6,6 @@ import json
 import shutil
 import tomllib
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -23,7 +22,7 @@ from tests.datasets.helpers import SIZE, ingest, kinds
 from tests.support import pairs
 
 
-def test_pairs_are_stored_in_recording_order(tmp_path: Path) -> None:
+def test_pairs_are_stored_in_recording_order(tmp_path):
     header = pairs.sim2realviz(tmp_path / "data", n=8, trajectories=("t2", "t1"), edit=True)
     store_path = tmp_path / "s.s2r"
     scan = ingest("sim2realviz", tmp_path / "data", store_path, header=header)
@@ -50,7 +49,7 @@ def test_pairs_are_stored_in_recording_order(tmp_path: Path) -> None:
         assert (frame.rgb == cv2.resize(rgb, SIZE[::-1], interpolation=cv2.INTER_AREA)).all()
 
 
-def test_intrinsics_follow_the_resize(data, tmp_path: Path) -> None:
+def test_intrinsics_follow_the_resize(data, tmp_path):
     ingest("sim2realviz", data[0], tmp_path / "s.s2r", header=data[1])
     with s2rstore.open(tmp_path / "s.s2r") as store:
         camera = store.domains["sim"].depth
@@ -61,7 +60,7 @@ def test_intrinsics_follow_the_resize(data, tmp_path: Path) -> None:
         assert store.domains["real"].rgb.pitch == pytest.approx(np.radians(2))
 
 
-def test_the_repository_root_and_a_chosen_trajectory_can_be_ingested(tmp_path: Path) -> None:
+def test_the_repository_root_and_a_chosen_trajectory_can_be_ingested(tmp_path):
     root = tmp_path / "repo"
     header = pairs.sim2realviz(root / "data_source" / "traj_cap", 6, ("traj1", "traj2"))
     (root / "static" / "assets" / "images").mkdir(parents=True)
@@ -77,14 +76,14 @@ def test_the_repository_root_and_a_chosen_trajectory_can_be_ingested(tmp_path: P
         ingest("sim2realviz", root, tmp_path / "t.s2r", header=header, trajectories=("traj9",))
 
 
-def test_match_csv_may_have_a_bom_spaces_blank_lines_and_crlf(data, tmp_path: Path) -> None:
+def test_match_csv_may_have_a_bom_spaces_blank_lines_and_crlf(data, tmp_path):
     path = data[0] / "traj1" / "sim" / "match.csv"
     rows = [row.replace(",", " , ") for row in path.read_text().splitlines()]
     path.write_bytes("\r\n".join(["\ufeff " + rows[0], *rows[1:], "", " , ", ""]).encode())
     assert ingest("sim2realviz", data[0], tmp_path / "s.s2r", header=data[1]).issues == []
 
 
-def test_two_real_images_may_share_a_sim_image(data, tmp_path: Path) -> None:
+def test_two_real_images_may_share_a_sim_image(data, tmp_path):
     path = data[0] / "traj1" / "sim" / "match.csv"
     rows = path.read_text().splitlines()
     rows[2] = f"{rows[2].split(',')[0]},{rows[1].split(',')[1]}"
@@ -96,9 +95,7 @@ def test_two_real_images_may_share_a_sim_image(data, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("leftover", ["nothing", "an empty folder"])
-def test_an_incomplete_domain_is_skipped_unless_its_trajectory_is_chosen(
-    tmp_path: Path, leftover: str
-) -> None:
+def test_an_incomplete_domain_is_skipped_unless_its_trajectory_is_chosen(tmp_path, leftover):
     header = pairs.sim2realviz(tmp_path / "data", 6, ("traj1", "traj2"), edit=True)
     edited = tmp_path / "data" / "traj2" / "sim_edit"
     shutil.rmtree(edited)
@@ -121,7 +118,7 @@ def test_an_incomplete_domain_is_skipped_unless_its_trajectory_is_chosen(
 
 
 @pytest.mark.parametrize(("bits", "dtype"), [(8, "uint8"), (16, "uint16")])
-def test_a_manifest_is_ingested(tmp_path: Path, bits: int, dtype: str) -> None:
+def test_a_manifest_is_ingested(tmp_path, bits, dtype):
     path = pairs.manifest(tmp_path / "data", 12, bits)
     scan = ingest("csv", path, tmp_path / "s.s2r")
     assert scan.issues == []
@@ -136,7 +133,7 @@ def test_a_manifest_is_ingested(tmp_path: Path, bits: int, dtype: str) -> None:
     assert verify(tmp_path / "s.s2r") == []
 
 
-def test_depth_images_may_have_another_size(tmp_path: Path) -> None:
+def test_depth_images_may_have_another_size(tmp_path):
     path = pairs.manifest(tmp_path / "data")
     for file in path.parent.glob("*/*_depth.png"):
         image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
@@ -150,7 +147,7 @@ def test_depth_images_may_have_another_size(tmp_path: Path) -> None:
         assert camera.depth == camera.rgb
 
 
-def test_a_json_header_is_equivalent(tmp_path: Path) -> None:
+def test_a_json_header_is_equivalent(tmp_path):
     path = pairs.manifest(tmp_path / "data")
     header = path.with_suffix(".toml")
     path.with_suffix(".json").write_text(json.dumps(tomllib.loads(header.read_text())))
@@ -161,7 +158,7 @@ def test_a_json_header_is_equivalent(tmp_path: Path) -> None:
         assert a.dataset.hash == b.dataset.hash
 
 
-def test_prefetched_work_is_ordered_and_bounded() -> None:
+def test_prefetched_work_is_ordered_and_bounded():
     started: list[int] = []
 
     def work(item: int) -> int:
@@ -176,7 +173,7 @@ def test_prefetched_work_is_ordered_and_bounded() -> None:
 
 
 @pytest.mark.real
-def test_the_real_data_set_is_ingested(real_data: Path, tmp_path: Path) -> None:
+def test_the_real_data_set_is_ingested(real_data, tmp_path):
     scan = IMPORTERS["sim2realviz"](real_data, ScanOptions())
     assert kinds(scan) == {}
     assert {name: len(rows) for name, rows in scan.trajectories.items()} == {"traj1": 542}

@@ -53,16 +53,17 @@ def loose_recordings(folder: Path, **settings: object) -> tuple[Path, Path, np.n
     return one, other, sim
 
 
+def ingest_words(sim: Path, real: Path, store: Path, *more: str) -> list[str]:
+    return ["ingest", "pairs", "--sim", f"test:{sim}", "--real", f"test:{real}", "--size", "16",
+            "--sim-floor", "ground=0", "--real-floor", "ground=0", "--store", str(store), *more
+            ]  # fmt: skip
+
+
 def ingest(sim: Path, real: Path, store: Path, *more: str) -> int:
-    return main(
-        ["ingest", "pairs", "--sim", f"test:{sim}", "--real", f"test:{real}", "--size", "16",
-         "--sim-floor", "ground=0", "--real-floor", "ground=0", "--store", str(store), *more]
-    )  # fmt: skip
+    return main(ingest_words(sim, real, store, *more))
 
 
-def test_loose_pairs_are_found_stored_with_their_offsets_and_selected(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_loose_pairs_are_found_stored_with_their_offsets_and_selected(tmp_path, capsys):
     sim, real, sim_poses = loose_recordings(tmp_path)
     path = tmp_path / "s.s2r"
     assert ingest(sim, real, path, "--tolerance", "0.45m,10deg") == 0
@@ -106,9 +107,7 @@ def test_loose_pairs_are_found_stored_with_their_offsets_and_selected(
     assert verify(path) == []
 
 
-def test_unmatched_images_are_all_reported_with_the_nearest_one(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_unmatched_images_are_all_reported_with_the_nearest_one(tmp_path, capsys):
     truth = recordings.walk(N)
     sim = recordings.write(tmp_path / "sim", recordings.side(truth, np.arange(3, N)))
     real = recordings.write(tmp_path / "real", recordings.side(truth, np.arange(N - 1)))
@@ -128,9 +127,7 @@ def test_unmatched_images_are_all_reported_with_the_nearest_one(
     assert first["sim"] == "walk/image-0003.png"
 
 
-def test_times_and_names_pair_recordings_of_other_worlds_and_align_fits_them(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_times_and_names_pair_recordings_of_other_worlds_and_align_fits_them(tmp_path, capsys):
     truth = recordings.walk(N)
     turned = truth.copy()
     angle, cos, sin = 0.7, math.cos(0.7), math.sin(0.7)
@@ -158,9 +155,7 @@ def test_times_and_names_pair_recordings_of_other_worlds_and_align_fits_them(
 @pytest.mark.parametrize(
     ("declared", "depth_in_world_units"), [({"camera_height": 0.6}, False), ({"ground": 0.0}, True)]
 )
-def test_align_fits_the_scale_and_keeps_what_is_in_metres(
-    declared: dict[str, float], depth_in_world_units: bool, tmp_path: Path
-) -> None:
+def test_align_fits_the_scale_and_keeps_what_is_in_metres(declared, depth_in_world_units, tmp_path):
     truth = recordings.walk(N)
     sim, real = (
         layouts.read("test", recordings.write(tmp_path / name, recordings.side(truth)))
@@ -183,21 +178,7 @@ def test_align_fits_the_scale_and_keeps_what_is_in_metres(
     assert found.scan.part_provenance["recording:sim"]["metres_per_unit"] == pytest.approx(2.5)
 
 
-def test_a_declared_scale_applies_to_depth_in_units_of_the_world(tmp_path: Path) -> None:
-    truth = recordings.walk(N)
-    sim, real = (
-        layouts.read("test", recordings.write(tmp_path / name, recordings.side(truth)))
-        for name in ("sim", "real")
-    )
-    sim.depth_in_world_units = True
-    floors = {side: FloorOptions(ground=0.0, metres_per_unit=2.0) for side in ("sim", "real")}
-    options = PairOptions("name", None, (16, 16), floors=floors)  # type: ignore[arg-type]
-    domains = scan_pairs(sim, real, options).scan.domains
-    assert domains["sim"].depth_scale == pytest.approx(0.002)
-    assert domains["real"].depth_scale == pytest.approx(0.001)
-
-
-def test_images_without_depth_make_domains_without_depth(tmp_path: Path) -> None:
+def test_images_without_depth_make_domains_without_depth(tmp_path):
     sim, real, _ = loose_recordings(tmp_path, has_depth=False)
     path = tmp_path / "s.s2r"
     assert main(
@@ -220,7 +201,7 @@ def test_images_without_depth_make_domains_without_depth(tmp_path: Path) -> None
     assert verify(path) == []
 
 
-def test_a_lens_is_undistorted_and_invalid_depth_stays_invalid(tmp_path: Path) -> None:
+def test_a_lens_is_undistorted_and_invalid_depth_stays_invalid(tmp_path):
     """A straight line of the scene is straight in the stored image."""
     size, k = 96, -0.25
     camera = PinholeCamera(size, size, 60.0, 60.0, size / 2, size / 2, (k, 0.0, 0.0, 0.0))
@@ -248,13 +229,9 @@ def test_a_lens_is_undistorted_and_invalid_depth_stays_invalid(tmp_path: Path) -
         assert set(values.tolist()) <= {0, 2000}
 
 
-@pytest.mark.parametrize("coefficients", [(), (0.0, 0.0, 0.0, 0.0)])
-def test_a_fisheye_lens_without_coefficients_is_undistorted(
-    coefficients: tuple[float, ...],
-) -> None:
-    size, focal = 96, 40.0
-    camera = PinholeCamera(size, size, focal, focal, 48.0, 48.0, coefficients, is_fisheye=True)
-    angle = 0.8
+def test_a_fisheye_lens_without_coefficients_is_undistorted():
+    size, focal, angle = 96, 40.0, 0.8
+    camera = PinholeCamera(size, size, focal, focal, 48.0, 48.0, (), is_fisheye=True)
     image = np.zeros((size, size, 3), dtype=np.uint8)
     cv2.circle(image, (48, 48), round(focal * angle), (255, 255, 255), 1)
 
@@ -270,9 +247,7 @@ def test_a_fisheye_lens_without_coefficients_is_undistorted(
     assert radius == pytest.approx(focal * math.tan(angle), abs=2)
 
 
-def test_unusable_images_are_reported_and_left_out(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_unusable_images_are_reported_and_left_out(tmp_path, capsys):
     sim, real, _ = loose_recordings(tmp_path)
     files = [sim / "walk" / f"image-{number:04d}.png" for number in range(4, 8)]
     files[0].unlink()
@@ -306,22 +281,18 @@ def test_unusable_images_are_reported_and_left_out(
         (("--sim-option", "a"), "give KEY=VALUE"),
         (("--real-option", "a=1"), "no option 'a'"),
         (("--size", "2"), "must be 16 to 2048"),
+        (("--match", "name", "--header", "cam.toml"), "camera=FILE"),
     ],
 )
-def test_unusable_requests_end_in_one_line(
-    arguments: tuple[str, ...], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_unusable_requests_end_in_one_line(arguments, words, tmp_path, s2r, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     sim, real, _ = loose_recordings(tmp_path)
-    assert ingest(sim, real, tmp_path / "s.s2r", *arguments) == 2
-    errors = capsys.readouterr().err.strip().splitlines()
-    assert len(errors) == 1
-    assert words in errors[0]
+    Path("cam.toml").write_text("[camera]\nwidth = 32\nheight = 24\nhfov = 90\n")
+    s2r(*ingest_words(sim, real, tmp_path / "s.s2r", *arguments)).assert_refused(words)
     assert not (tmp_path / "s.s2r").exists()
 
 
-def test_a_strict_ingest_lists_all_issues(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_strict_ingest_lists_all_issues(tmp_path, capsys):
     truth = recordings.walk(N)
     sim = recordings.write(tmp_path / "sim", recordings.side(truth, np.arange(3, N)))
     real = recordings.write(tmp_path / "real", recordings.side(truth))
@@ -336,29 +307,7 @@ def test_a_strict_ingest_lists_all_issues(
     assert not (tmp_path / "s.s2r").exists()
 
 
-def test_recordings_without_times_are_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    timeless = recordings.side(recordings.walk(N))
-    timeless = replace(timeless, times={"walk": [math.nan] * N})
-    sim = recordings.write(tmp_path / "sim", timeless)
-    real = recordings.write(tmp_path / "real", recordings.side(recordings.walk(N)))
-    assert ingest(sim, real, tmp_path / "s.s2r", "--match", "time") == 2
-    line = capsys.readouterr().err.splitlines()[-1]
-    assert "the sim recording (layout test) has no times; match by pose or name" in line
-
-
-def test_a_description_of_a_camera_is_no_calibration_file(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    sim, real, _ = loose_recordings(tmp_path)
-    (tmp_path / "cam.toml").write_text("[camera]\nwidth = 32\nheight = 24\nhfov = 90\n")
-    more = "--match", "name", "--header", str(tmp_path / "cam.toml")
-    assert ingest(sim, real, tmp_path / "s.s2r", *more) == 2
-    assert "camera=FILE" in capsys.readouterr().err
-
-
-def test_a_calibration_file_gives_bounds_and_rooms(tmp_path: Path) -> None:
+def test_a_calibration_file_gives_bounds_and_rooms(tmp_path):
     sim, real, _ = loose_recordings(tmp_path)
     (tmp_path / "lab.toml").write_text(
         'name = "lab"\n[bounds]\nx0 = -9\ny0 = -9\nx1 = 9\ny1 = 9\n'
@@ -374,7 +323,7 @@ def test_a_calibration_file_gives_bounds_and_rooms(tmp_path: Path) -> None:
         np.testing.assert_array_equal(store.instances.room >= 0, store.instances.x >= 0)
 
 
-def test_several_trajectories_are_paired_by_name_within_their_own(tmp_path: Path) -> None:
+def test_several_trajectories_without_times_are_paired_by_name_within_their_own(tmp_path, capsys):
     truth = recordings.walk(N)
     both = {"a": truth[:10], "b": truth[10:]}
     names = {"a": [f"{i}" for i in range(10)], "b": [f"{i}" for i in range(N - 10)]}
@@ -382,6 +331,10 @@ def test_several_trajectories_are_paired_by_name_within_their_own(tmp_path: Path
     side = Side(both, names, times)
     sim = recordings.write(tmp_path / "sim", side)
     real = recordings.write(tmp_path / "real", side)
+    assert ingest(sim, real, tmp_path / "s.s2r", "--match", "time") == 2
+    line = capsys.readouterr().err.splitlines()[-1]
+    assert "the sim recording (layout test) has no times" in line
+    assert line.endswith("match by pose or name")
     assert ingest(sim, real, tmp_path / "s.s2r", "--match", "name") == 0
     with s2rstore.open(tmp_path / "s.s2r") as store:
         assert [(t.trajectory, t.instances) for t in store.trajectories] == [("a", 10), ("b", 14)]
@@ -403,7 +356,7 @@ def recordings_of_own_worlds(folder: Path) -> tuple[Recording, Recording]:
     return found[0], found[1]
 
 
-def test_poses_of_different_worlds_are_not_compared(tmp_path: Path) -> None:
+def test_poses_of_different_worlds_are_not_compared(tmp_path):
     sim, real = recordings_of_own_worlds(tmp_path)
     del real.trajectories["a"]
     real.trajectories["c"] = sim.trajectories["a"]
@@ -419,7 +372,7 @@ def test_poses_of_different_worlds_are_not_compared(tmp_path: Path) -> None:
     assert issue.file == "real: real"
 
 
-def test_align_refuses_several_worlds(tmp_path: Path) -> None:
+def test_align_refuses_several_worlds(tmp_path):
     sim, real = recordings_of_own_worlds(tmp_path)
     options = PairOptions("name", None, (16, 16), align=True)
     with pytest.raises(RequestError, match="choose one by --sim-trajectory and --real-trajectory"):

@@ -13,7 +13,6 @@ from s2rstore.arrays import array_writer
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout
 from s2rstore.files.ingest_folder import appending_folder, appending_folders
-from s2rstore.index import transaction
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import verify
 from s2rstore.records import Domain
@@ -46,21 +45,11 @@ from tests.datasets.helpers import (
         (build, "write_trajectory", 1),
         (atomic_writes, "move", 3),
         (layout, "write_current", 0),
-        *(
-            pytest.param(*point, marks=pytest.mark.deep)
-            for point in (
-                (append, "write_frames", 0),
-                (atomic_writes, "move", 1),
-                (append.Ledger, "add_entries", 0),
-                (append, "insert_instances", 0),
-                (transaction, "_publish", 0),
-            )
-        ),
     ],
 )
 def test_a_kill_leaves_the_old_generation_and_a_rerun_succeeds(
-    scan: Scan, store: Path, monkeypatch: pytest.MonkeyPatch, owner: object, name: str, calls: int
-) -> None:
+    scan, store, monkeypatch, owner, name, calls
+):
     """The building folder stays, too, as after a real kill."""
     before, current = files(store), layout.read_current(store)
     with monkeypatch.context() as patch:
@@ -78,9 +67,7 @@ def test_a_kill_leaves_the_old_generation_and_a_rerun_succeeds(
         assert len(opened.instances) == 3 * N
 
 
-def test_prune_removes_unreferenced_frames_and_keeps_all_others(
-    scan: Scan, store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_prune_removes_unreferenced_frames_and_keeps_all_others(scan, store, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(append, "insert_instances", kill)
         with pytest.raises(Killed):
@@ -96,7 +83,7 @@ def test_prune_removes_unreferenced_frames_and_keeps_all_others(
         assert opened.frame(0, "sim").rgb.any()
 
 
-def test_prune_keeps_the_folder_in_which_another_process_appends(store: Path) -> None:
+def test_prune_keeps_the_folder_in_which_another_process_appends(store):
     folder = appending_folder(store)
     (folder / "ledger").mkdir(parents=True)
     (folder / ".x.partial").write_bytes(b"1")
@@ -105,7 +92,7 @@ def test_prune_keeps_the_folder_in_which_another_process_appends(store: Path) ->
     assert verify(store) == []
 
 
-def test_frames_of_a_kept_generation_are_never_replaced(scan: Scan, store: Path) -> None:
+def test_frames_of_a_kept_generation_are_never_replaced(scan, store):
     """A user has put back an older generation of the data under a new number."""
     old = layout.read_current(store)
     add(scan, store)
@@ -121,9 +108,7 @@ def test_frames_of_a_kept_generation_are_never_replaced(scan: Scan, store: Path)
     assert files(store) == before
 
 
-def test_two_appends_do_not_mix(
-    scan: Scan, source: tuple[Path, Path], store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_two_appends_do_not_mix(scan, source, store, monkeypatch):
     other = scan_of("sim2realviz", source[0], header=source[1], trajectories=("a",))
     checked = append._checked_entries
 
@@ -144,9 +129,7 @@ def _is_shard(path: Path) -> bool:
     return path.is_file() and path.name != "zarr.json"
 
 
-def test_damaged_frames_are_not_moved(
-    scan: Scan, store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_damaged_frames_are_not_moved(scan, store, monkeypatch):
     write = append.write_frames
 
     def damaged(*arguments: object) -> object:
@@ -161,9 +144,7 @@ def test_damaged_frames_are_not_moved(
     assert verify(store) == []
 
 
-def test_an_interrupted_append_is_resumed(
-    source: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupted_append_is_resumed(source, tmp_path, monkeypatch):
     """It equals an append that was not interrupted, and decodes what was not written alone."""
     for module in (frame_group, frame_writing, growing_array, ingest_journal, source_arrays):
         monkeypatch.setattr(module, "SHARD_ROWS", 4)

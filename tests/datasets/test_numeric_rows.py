@@ -26,7 +26,7 @@ from tests.datasets.layouts.recordings import drive
 
 
 @given(st.lists(st.tuples(*[st.floats(allow_nan=False)] * 3), min_size=1, max_size=20))
-def test_numbers_are_read_exactly(rows: list) -> None:
+def test_numbers_are_read_exactly(rows):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rows.txt"
         path.write_text("\n".join(" ".join(map(repr, row)) for row in rows))
@@ -38,7 +38,7 @@ def test_numbers_are_read_exactly(rows: list) -> None:
 
 
 @given(st.lists(st.one_of(st.floats(), st.sampled_from([0.0, 1.0, 2.0])), max_size=20))
-def test_times_are_sorted_and_each_row_is_kept_or_reported(times: list[float]) -> None:
+def test_times_are_sorted_and_each_row_is_kept_or_reported(times):
     rows = NumericRows("t", np.array(times).reshape(-1, 1), np.arange(1, len(times) + 1))
     issues: list[InputIssue] = []
     order = in_time_order(rows, issues)
@@ -51,7 +51,7 @@ def test_times_are_sorted_and_each_row_is_kept_or_reported(times: list[float]) -
     assert all(first[rows.values[row, 0]] == row for row in order.tolist())
 
 
-def test_bad_rows_are_kept_as_nan_on_request(tmp_path: Path) -> None:
+def test_bad_rows_are_kept_as_nan_on_request(tmp_path):
     path = tmp_path / "rows.txt"
     path.write_text("# comment\n1 2\n\n3 x\n5 6\n")
     issues: list[InputIssue] = []
@@ -61,14 +61,14 @@ def test_bad_rows_are_kept_as_nan_on_request(tmp_path: Path) -> None:
     assert len(read_numbers(path, "rows.txt", 2, []).values) == 2
 
 
-def test_names_may_contain_spaces_and_lines_may_end_as_on_windows(tmp_path: Path) -> None:
+def test_names_may_contain_spaces_and_lines_may_end_as_on_windows(tmp_path):
     path = tmp_path / "list.txt"
     path.write_bytes(b"\xef\xbb\xbf1.5 a b.png\r\n2.5   c.png  \r\n")
     found = read_stamped_names(path, "list.txt", [])
     assert [found.file_name(row) for row in range(2)] == ["a b.png", "c.png"]
 
 
-def test_a_pipe_is_refused_without_waiting(tmp_path: Path) -> None:
+def test_a_pipe_is_refused_without_waiting(tmp_path):
     os.mkfifo(tmp_path / "rows.txt")
     with pytest.raises(RequestError, match="pipe"):
         read_numbers(tmp_path / "rows.txt", "rows.txt", 1, [])
@@ -76,7 +76,7 @@ def test_a_pipe_is_refused_without_waiting(tmp_path: Path) -> None:
         read_matrix(tmp_path / "rows.txt", 4, 4)
 
 
-def test_numbers_of_files_are_found_with_any_padding(tmp_path: Path) -> None:
+def test_numbers_of_files_are_found_with_any_padding(tmp_path):
     for name in ("10.png", "0009.png", "9.png", "x.png", "1.txt", "-1.png", "9" * 30 + ".png"):
         (tmp_path / name).touch()
     files = NumberedFiles(tmp_path, re.compile(r"([0-9]+)\.png"))
@@ -97,11 +97,11 @@ def test_numbers_of_files_are_found_with_any_padding(tmp_path: Path) -> None:
         ("ä" * 99, "recording"),
     ],
 )
-def test_trajectories_are_named_by_folders(text: str, name: str) -> None:
+def test_trajectories_are_named_by_folders(text, name):
     assert trajectory_name(text) == name
 
 
-def test_a_pose_near_on_one_side_only_is_taken_as_it_is() -> None:
+def test_a_pose_near_on_one_side_only_is_taken_as_it_is():
     known = np.array([0.0, 0.03, 0.06])
     poses = np.array(drive(known))
     found = poses_near(np.array([-0.01, 0.005, 0.015, 0.2]), known, poses, 0.02)
@@ -110,7 +110,7 @@ def test_a_pose_near_on_one_side_only_is_taken_as_it_is() -> None:
     assert np.isnan(found[3]).all()
 
 
-def test_poses_are_held_only_as_long_as_asked() -> None:
+def test_poses_are_held_only_as_long_as_asked():
     known = np.array([0.0, 0.1])
     times = np.array([-0.04, -0.01, 0.0, 0.1, 0.14])
     held = poses_at(times, known, np.array(drive(known)), 0.1, max_hold=0.02)

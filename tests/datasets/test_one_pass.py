@@ -47,9 +47,7 @@ def _images(folder: Path, store: Path) -> None:
 
 
 @pytest.mark.parametrize("make", [_mixed, _images])
-def test_every_source_image_is_read_and_decoded_once(
-    make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_source_image_is_read_and_decoded_once(make, tmp_path, monkeypatch):
     read: Counter[Path] = Counter()
     decoded = []
     read_bytes, decode = image_decoding.read_bytes, cv2.imdecode
@@ -70,9 +68,7 @@ def test_every_source_image_is_read_and_decoded_once(
     assert len(decoded) == len(files)
 
 
-def test_every_view_of_the_world_is_rendered_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_view_of_the_world_is_rendered_once(tmp_path, monkeypatch):
     rendered: Counter[tuple[str, int]] = Counter()
     decode = RenderedFrameSource.decode
 
@@ -87,9 +83,7 @@ def test_every_view_of_the_world_is_rendered_once(
 
 
 @pytest.mark.parametrize("odd", [(0, 1, 5), (5,)])
-def test_the_most_common_depth_type_is_kept_wherever_the_others_are(
-    tmp_path: Path, odd: tuple[int, ...]
-) -> None:
+def test_the_most_common_depth_type_is_kept_wherever_the_others_are(tmp_path, odd):
     manifest = pairs.manifest(tmp_path / "data", n=14, bits=16)
     for number in odd:
         _write_depth(tmp_path / "data" / "real" / f"{number}_depth.png", np.uint8)
@@ -111,7 +105,7 @@ def test_the_most_common_depth_type_is_kept_wherever_the_others_are(
     }  # fmt: skip
 
 
-def test_the_hash_of_a_data_set_is_that_of_one_json_document(tmp_path: Path) -> None:
+def test_the_hash_of_a_data_set_is_that_of_one_json_document(tmp_path):
     scan = ingest("csv", pairs.manifest(tmp_path / "data", n=12), tmp_path / "s.s2r")
     rows = []
     for name in sorted(scan.trajectories):
@@ -149,7 +143,7 @@ def _manifest(folder: Path, count: int) -> Path:
 
 
 @pytest.mark.deep
-def test_an_instance_takes_little_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_instance_takes_little_memory(tmp_path, monkeypatch):
     """The difference of two sizes, because buffers and caches have a fixed size.
 
     What only waits for the garbage collector does not count.

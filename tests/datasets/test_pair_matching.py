@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
 from s2rtools.datasets.pairing import pair_matching
 from s2rtools.datasets.pairing.pair_matching import Candidates, PoseTolerance, assign, match_poses
 from s2rtools.datasets.pairing.recording_pairs import parse_tolerance
+from tests.support.refusals import refused
 
 TOLERANCE = PoseTolerance(0.5, math.radians(20))
 
@@ -49,9 +49,7 @@ def dense_total(cost: NDArray[np.float64]) -> float:
     side=st.sampled_from([0.6, 1.5, 4.0]),
 )  # fmt: skip
 @pytest.mark.parametrize("dense_cells", [1 << 16, 0])
-def test_the_total_cost_is_that_of_the_dense_assignment(
-    dense_cells: int, n: int, m: int, seed: int, side: float
-) -> None:
+def test_the_total_cost_is_that_of_the_dense_assignment(dense_cells, n, m, seed, side):
     rng = np.random.default_rng(seed)
     first, second = (
         np.column_stack([rng.uniform(0, side, (size, 2)), rng.uniform(-0.6, 0.6, size)])
@@ -69,7 +67,7 @@ def test_the_total_cost_is_that_of_the_dense_assignment(
         assert total(cost, *found) == pytest.approx(dense_total(cost), abs=1e-6)
 
 
-def test_a_chain_of_images_is_not_shifted_for_one_more_pair() -> None:
+def test_a_chain_of_images_is_not_shifted_for_one_more_pair():
     """Each side has one image beyond the other's end; shifting all pairs would match it, too."""
     line = np.column_stack([np.arange(12) * 0.3, np.zeros(12), np.zeros(12)])
     a, b = match_poses(line[:-1], line[1:], TOLERANCE)
@@ -77,28 +75,26 @@ def test_a_chain_of_images_is_not_shifted_for_one_more_pair() -> None:
     assert len(a) == 10
 
 
-def test_headings_near_the_turn_are_near() -> None:
+def test_headings_near_the_turn_are_near():
     first, second = np.array([[0, 0, np.pi - 0.01]]), np.array([[0, 0, -np.pi + 0.01]])
     assert len(match_poses(first, second, TOLERANCE)[0]) == 1
     assert len(match_poses(first, np.add(second, [0, 0, 1]), TOLERANCE)[0]) == 0
 
 
-def test_equal_poses_of_a_robot_that_stands_still_are_all_paired() -> None:
+def test_equal_poses_of_a_robot_that_stands_still_are_all_paired():
     first, second = np.zeros((300, 3)), np.zeros((400, 3))
     a, b = match_poses(first, second, TOLERANCE)
     assert len(a) == len(set(b.tolist())) == 300
 
 
 @pytest.mark.parametrize("counts", [(0, 3), (3, 0), (0, 0)])
-def test_nothing_is_paired_without_images(counts: tuple[int, int]) -> None:
+def test_nothing_is_paired_without_images(counts):
     a, b = match_poses(np.zeros((counts[0], 3)), np.zeros((counts[1], 3)), TOLERANCE)
     assert len(a) == len(b) == 0
 
 
 @pytest.mark.parametrize(("spread", "recall", "precision"), [(0.05, 1.0, 1.0), (0.5, 0.98, 0.98)])
-def test_known_pairs_of_poses_that_are_apart_are_found(
-    spread: float, recall: float, precision: float
-) -> None:
+def test_known_pairs_of_poses_that_are_apart_are_found(spread, recall, precision):
     """Images 1 m apart, a tenth of them missing on either side, poses off by up to `spread`."""
     rng = np.random.default_rng(3)
     n = 2000
@@ -116,14 +112,14 @@ def test_known_pairs_of_poses_that_are_apart_are_found(
     assert right / len(a) >= precision
 
 
-def test_times_are_paired_one_to_one_within_the_tolerance() -> None:
+def test_times_are_paired_one_to_one_within_the_tolerance():
     first = np.array([0.0, 0.1, 0.2, np.nan, 5.0]) + 1.6e9
     second = np.array([0.21, 0.02, 0.12, 4.9]) + 1.6e9
     a, b = pair_matching.match_times(first, second, 0.05)
     assert list(zip(a.tolist(), b.tolist(), strict=True)) == [(0, 1), (1, 2), (2, 0)]
 
 
-def test_tolerances_are_read_in_their_units() -> None:
+def test_tolerances_are_read_in_their_units():
     assert parse_tolerance("25cm, 0.5rad", "pose") == PoseTolerance(0.25, 0.5)
     assert parse_tolerance("50ms", "time") == pytest.approx(0.05)
     assert parse_tolerance(None, "name") is None
@@ -135,7 +131,6 @@ def test_tolerances_are_read_in_their_units() -> None:
     [("0.2m", "pose"), ("0.2,10deg", "pose"), ("0.2m,0deg", "pose"), ("nanm,5deg", "pose"),
      ("1m,1m,5deg", "pose"), ("0.2m", "time"), ("0.1s", "name"), ("1e999s", "time")],
 )  # fmt: skip
-def test_other_tolerances_are_refused_in_one_line(text: str, match: str) -> None:
-    with pytest.raises(RequestError, match="--tolerance") as refusal:
+def test_other_tolerances_are_refused_in_one_line(text, match):
+    with refused(match="--tolerance"):
         parse_tolerance(text, match)  # type: ignore[arg-type]
-    assert "\n" not in str(refusal.value)

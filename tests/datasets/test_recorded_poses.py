@@ -24,19 +24,19 @@ def turning(times: np.ndarray) -> np.ndarray:
     return poses
 
 
-def test_poses_between_known_ones_are_interpolated() -> None:
+def test_poses_between_known_ones_are_interpolated():
     known = np.arange(0, 2, 0.1)
     times = np.array([0.0, 0.05, 0.333, 1.9])
     np.testing.assert_allclose(poses_at(times, known, turning(known), 0.2), turning(times))
 
 
-def test_no_pose_is_made_up_across_a_gap_or_far_outside() -> None:
+def test_no_pose_is_made_up_across_a_gap_or_far_outside():
     known = np.array([0.0, 0.1, 5.0])
     found = poses_at(np.array([-0.05, -0.2, 2.0, 5.0, 5.3]), known, turning(known), 0.2)
     assert np.isfinite(found).all(axis=(1, 2)).tolist() == [True, False, False, True, False]
 
 
-def test_without_known_poses_there_are_none() -> None:
+def test_without_known_poses_there_are_none():
     assert np.isnan(poses_at(np.zeros(2), np.zeros(0), np.zeros((0, 4, 4)), 1.0)).all()
     assert nearest_times(np.zeros(2), np.zeros(0), 1.0).tolist() == [-1, -1]
 
@@ -46,9 +46,7 @@ def test_without_known_poses_there_are_none() -> None:
     arrays(np.float64, st.integers(1, 20), elements=st.floats(-1, 11)),
     st.floats(0, 2),
 )
-def test_nearest_times_equal_a_full_search(
-    known: np.ndarray, times: np.ndarray, tolerance: float
-) -> None:
+def test_nearest_times_equal_a_full_search(known, times, tolerance):
     known = np.sort(known)
     found = nearest_times(times, known, tolerance)
     distances = np.abs(times[:, None] - known)
@@ -59,26 +57,26 @@ def test_nearest_times_equal_a_full_search(
 
 
 @given(arrays(np.float64, (3, 4), elements=st.floats(-1, 1)))
-def test_quaternions_that_are_not_of_length_one_are_unusable(quaternions: np.ndarray) -> None:
+def test_quaternions_that_are_not_of_length_one_are_unusable(quaternions):
     poses = poses_from_quaternions(np.zeros((3, 3)), quaternions)
     proper = np.abs(np.linalg.norm(quaternions, axis=1) - 1) <= 1e-2
     assert (usable_poses(poses) == proper).all()
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1e9])
-def test_positions_that_are_no_places_are_unusable(value: float) -> None:
+def test_positions_that_are_no_places_are_unusable(value):
     poses = turning(np.arange(3.0))
     poses[1, 2, 3] = value
     assert usable_poses(poses).tolist() == [True, False, True]
 
 
-def test_mirrored_rotations_are_unusable() -> None:
+def test_mirrored_rotations_are_unusable():
     poses = turning(np.arange(2.0))
     poses[1, :3, 0] *= -1
     assert usable_poses(poses).tolist() == [True, False]
 
 
-def test_rounded_rotations_become_exact() -> None:
+def test_rounded_rotations_become_exact():
     poses = turning(np.arange(5.0))
     exact = orthonormal(np.round(poses, 4))
     np.testing.assert_allclose(exact, poses, atol=1e-3)

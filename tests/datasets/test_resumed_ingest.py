@@ -159,41 +159,31 @@ def all_processes_have_ended(monkeypatch: pytest.MonkeyPatch) -> None:
         (Ledger, "add_entries", 1),
         (Path, "rename", 0),
         *(
-            pytest.param(owner, name, calls, marks=pytest.mark.deep)
-            for owner, name, calls in (
-                *((array_writer, "write_chunks", calls) for calls in (3, 4, 9, 30, 41)),
-                (atomic_writes, "move", 0),
-                (atomic_writes, "remove", 0),
-                (Ledger, "add_entries", 0),
-                (build_module, "write_index", 0),
-            )
+            pytest.param(array_writer, "write_chunks", calls, marks=pytest.mark.deep)
+            for calls in (3, 4, 9, 30, 41)
         ),
     ],
 )
-def test_a_kill_is_resumed(begun: Ingest, owner: object, name: str, calls: int) -> None:
+def test_a_kill_is_resumed(begun, owner, name, calls):
     begun.interrupt(owner, name, calls)
     line = begun.check_resumed()
     assert "is resumed" in line or name != "write_chunks"
 
 
-def test_a_resume_that_is_killed_is_resumed(begun: Ingest) -> None:
+def test_a_resume_that_is_killed_is_resumed(begun):
     for calls in (9, 6, 7):
         begun.interrupt(array_writer, "write_chunks", calls)
     begun.check_resumed()
 
 
-def test_a_finished_trajectory_is_not_decoded_again(
-    begun: Ingest, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_finished_trajectory_is_not_decoded_again(begun, monkeypatch):
     begun.interrupt(build_module, "write_index", 0)
     monkeypatch.setattr(ImageFiles, "decode", lambda *arguments: pytest.fail("decoded"))
     assert f"{N} of {N} instances are not decoded again" in begun.check_resumed()
 
 
 @pytest.mark.parametrize(("cut", "is_changed"), [(1, False), (700, True)])
-def test_a_damaged_journal_counts_up_to_the_damage(
-    begun: Ingest, cut: int, is_changed: bool
-) -> None:
+def test_a_damaged_journal_counts_up_to_the_damage(begun, cut, is_changed):
     journal = begun.interrupt(array_writer, "write_chunks", 36) / ingest_journal.NAME
     whole = journal.read_bytes()
     place = len(whole) - cut
@@ -202,19 +192,16 @@ def test_a_damaged_journal_counts_up_to_the_damage(
     begun.check_resumed()
 
 
-@pytest.mark.parametrize("which", [0, pytest.param(5, marks=pytest.mark.deep)])
-def test_a_missing_or_shortened_shard_is_written_again(begun: Ingest, which: int) -> None:
+def test_a_missing_or_shortened_shard_is_written_again(begun):
     folder = begun.interrupt(array_writer, "write_chunks", 36)
     shards = sorted(path for path in folder.rglob("c.*") if path.is_file())
-    shards[which].unlink()
-    shards[which - 3].write_bytes(shards[which - 3].read_bytes()[:-1])
+    shards[0].unlink()
+    shards[-3].write_bytes(shards[-3].read_bytes()[:-1])
     begun.check_resumed()
 
 
 @pytest.mark.parametrize("change", ["image", "size", "journal"])
-def test_the_folder_of_other_data_is_removed_instead(
-    begun: Ingest, tmp_path: Path, change: str
-) -> None:
+def test_the_folder_of_other_data_is_removed_instead(begun, tmp_path, change):
     source, store, manifest = tmp_path / "data", begun.store, begun.manifest
     shutil.copytree(manifest.parent, source)
     other = replace(begun, manifest=source / manifest.name)
@@ -232,7 +219,7 @@ def test_the_folder_of_other_data_is_removed_instead(
     assert verify(store) == []
 
 
-def test_a_refused_ingest_leaves_no_folder(manifest: Path, tmp_path: Path) -> None:
+def test_a_refused_ingest_leaves_no_folder(manifest, tmp_path):
     store = tmp_path / "s.s2r"
     with pytest.raises(RequestError, match="nothing was ingested"):
         build(scan_of("csv", manifest), store, "", True, lambda steps: None)

@@ -10,7 +10,7 @@ from tests.datasets.helpers import scan_of
 from tests.support import pairs
 
 
-def test_equal_scans_have_one_fingerprint_and_other_sources_another(tmp_path: Path) -> None:
+def test_equal_scans_have_one_fingerprint_and_other_sources_another(tmp_path):
     manifest = pairs.manifest(tmp_path / "data", n=4)
     found = {fingerprint(scan_of("csv", manifest)) for _ in range(2)}
     assert len(found) == 1
@@ -31,7 +31,7 @@ def test_equal_scans_have_one_fingerprint_and_other_sources_another(tmp_path: Pa
     assert len(found) == 6
 
 
-def test_the_fingerprint_of_a_world_is_that_of_its_recipe() -> None:
+def test_the_fingerprint_of_a_world_is_that_of_its_recipe():
     found = [
         fingerprint(scan_of("world", Path(), frame=(32, 32), world={"count": 3, "seed": seed}))
         for seed in (1, 1, 2)
@@ -41,7 +41,7 @@ def test_the_fingerprint_of_a_world_is_that_of_its_recipe() -> None:
     assert found[0] != found[2]
 
 
-def test_a_source_of_unknown_origin_has_no_fingerprint(tmp_path: Path) -> None:
+def test_a_source_of_unknown_origin_has_no_fingerprint(tmp_path):
     scan = scan_of("csv", pairs.manifest(tmp_path / "data", n=4))
     records = scan.trajectories["a"]
     scan.trajectories["a"] = list(records)

@@ -41,7 +41,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_images_are_kept_as_the_files_hold_them(data: Path, tmp_path: Path) -> None:
+def test_images_are_kept_as_the_files_hold_them(data, tmp_path):
     path = ingested(data, tmp_path / "s.s2r")
     with s2rstore.open(path) as store:
         assert store.source_size("sim", 0) == {"rgb": list(SOURCE), "depth": list(SOURCE)}
@@ -61,7 +61,7 @@ def test_images_are_kept_as_the_files_hold_them(data: Path, tmp_path: Path) -> N
     assert (report.damages, report.notes) == ((), ())
 
 
-def test_frames_of_the_size_of_their_source_are_stored_once(data: Path, tmp_path: Path) -> None:
+def test_frames_of_the_size_of_their_source_are_stored_once(data, tmp_path):
     path = ingested(data, tmp_path / "s.s2r", frame=SOURCE)
     assert not list(path.glob("frames.zarr/*/*/source_*"))
     with s2rstore.open(path) as store:
@@ -71,7 +71,7 @@ def test_frames_of_the_size_of_their_source_are_stored_once(data: Path, tmp_path
     assert check(path).notes == ()
 
 
-def test_damage_of_source_images_is_found(data: Path, tmp_path: Path) -> None:
+def test_damage_of_source_images_is_found(data, tmp_path):
     path = ingested(data, tmp_path / "s.s2r")
     (shard,) = path.glob("frames.zarr/sim/a/source_rgb/c.*")
     content = bytearray(shard.read_bytes())
@@ -83,7 +83,7 @@ def test_damage_of_source_images_is_found(data: Path, tmp_path: Path) -> None:
     assert damage.what == "missing; restore it from a copy of the store, or ingest again"
 
 
-def test_adjustments_apply_before_the_images_are_resized(data: Path, tmp_path: Path) -> None:
+def test_adjustments_apply_before_the_images_are_resized(data, tmp_path):
     path = ingested(data, tmp_path / "s.s2r")
     network = build_network("resposenet").eval()
     chain = [{"name": "brightness", "value": 2.5}, {"name": "depth_blur", "value": 1.0}]

@@ -58,7 +58,7 @@ def entropy(record: Domain, depth: np.ndarray, poses: np.ndarray, y_down: bool =
     return float(-(share * np.log(share)).sum())
 
 
-def test_the_declared_camera_of_sim_edit_gives_the_sharpest_map(views) -> None:
+def test_the_declared_camera_of_sim_edit_gives_the_sharpest_map(views):
     depth, poses = views[0]["sim_edit"], views[1]
     record = declared("sim_edit")
     best = entropy(record, depth, poses)
@@ -69,7 +69,7 @@ def test_the_declared_camera_of_sim_edit_gives_the_sharpest_map(views) -> None:
     assert entropy(replace(record, forward_offset=0.0), depth, poses) > best
 
 
-def test_sim_and_sim_edit_depth_agree(views) -> None:
+def test_sim_and_sim_edit_depth_agree(views):
     """Both render the same scan from the same poses; the median error is within one quantum."""
     depths, _ = views
     sim, edit = declared("sim"), declared("sim_edit")
@@ -96,7 +96,7 @@ def test_sim_and_sim_edit_depth_agree(views) -> None:
     assert abs(np.median(error)) < 0.01
 
 
-def test_match_csv_is_in_recording_order(real_data: Path) -> None:
+def test_match_csv_is_in_recording_order(real_data):
     folder = real_data / "traj1"
     with (folder / "sim" / "match.csv").open() as file:
         pairs = [row["REAL_RGB"] for row in csv.DictReader(file)]
@@ -106,7 +106,7 @@ def test_match_csv_is_in_recording_order(real_data: Path) -> None:
     assert order == sorted(order)
 
 
-def test_images_have_the_calibrated_sizes_and_grey_depth(real_data: Path) -> None:
+def test_images_have_the_calibrated_sizes_and_grey_depth(real_data):
     scan = IMPORTERS["sim2realviz"](real_data, ScanOptions(("traj1",)))
     for row in scan.trajectories["traj1"][::60]:
         for images in row.sources.values():

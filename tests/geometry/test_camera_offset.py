@@ -26,7 +26,7 @@ def chain(**values: float) -> list[dict[str, object]]:
     return [{"name": name, "value": value} for name, value in values.items()]
 
 
-def test_neutral_adjustments_return_the_same_domain() -> None:
+def test_neutral_adjustments_return_the_same_domain():
     original = domain()
     for steps in ([], chain(brightness=1.4), chain(camera_height=0.0, camera_fov=0.0)):
         move = render_change(steps, original, WIDTH)
@@ -38,9 +38,7 @@ def test_neutral_adjustments_return_the_same_domain() -> None:
     st.floats(-0.5, 1.0), st.floats(-30, 30), st.floats(-30, 30), st.floats(50, 90),
     st.floats(-0.2, 0.2),
 )  # fmt: skip
-def test_camera_parameters_change_by_the_adjustments(
-    up: float, pitch: float, hfov_change: float, hfov_before: float, tilt: float
-) -> None:
+def test_camera_parameters_change_by_the_adjustments(up, pitch, hfov_change, hfov_before, tilt):
     original = domain(hfov_before, pitch=tilt)
     steps = chain(camera_height=up, camera_pitch=pitch, camera_fov=hfov_change)
     moved = render_change(steps, original, WIDTH).applied(original)
@@ -57,7 +55,7 @@ def test_camera_parameters_change_by_the_adjustments(
     )
 
 
-def test_repeated_camera_adjustments_add_up_and_others_are_ignored() -> None:
+def test_repeated_camera_adjustments_add_up_and_others_are_ignored():
     steps = [*chain(camera_height=0.1), *chain(contrast=2.0), *chain(camera_height=0.25)]
     assert render_change(steps, domain(), WIDTH) == RenderChange(height=pytest.approx(0.35))
     cancelling = [*chain(camera_fov=5.0), *chain(camera_fov=-5.0)]
@@ -73,6 +71,6 @@ def test_repeated_camera_adjustments_add_up_and_others_are_ignored() -> None:
         (chain(camera_pitch=85.0), "at most 80 degrees"),
     ],
 )
-def test_impossible_cameras_are_rejected(steps: list[dict], expected: str) -> None:
+def test_impossible_cameras_are_rejected(steps, expected):
     with pytest.raises(RequestError, match=expected.replace("+", r"\+")):
         render_change(steps, domain(), WIDTH)

@@ -40,7 +40,7 @@ def heat(shape: tuple[int, int], seed: int) -> np.ndarray:
 
 @pytest.mark.parametrize("side", ["sim", "real"])
 @pytest.mark.parametrize("surface", [None, "own", "nearer"])
-def test_samples_of_a_batch_serve_heat_of_any_size_and_ray(side: str, surface: str | None) -> None:
+def test_samples_of_a_batch_serve_heat_of_any_size_and_ray(side, surface):
     view, other = (SIM, REAL) if side == "sim" else (REAL, SIM)
     own_depth, other_depth, grid = depths(1), depths(2), MapGrid(BOUNDS)
     floor_heat = FloorHeat(view, other, DATASET, side, OFFSET, surface)
@@ -64,7 +64,7 @@ def test_samples_of_a_batch_serve_heat_of_any_size_and_ray(side: str, surface: s
             assert np.isfinite(found).all()
 
 
-def test_samples_of_one_ray_refuse_heat_of_another() -> None:
+def test_samples_of_one_ray_refuse_heat_of_another():
     grid, values = MapGrid(BOUNDS), heat((6, 6), 3)
     every = FloorHeat(SIM, REAL, DATASET, "sim", None, None).samples(depths(1), None, POSES, grid)
     rgb = FloorHeat(SIM, REAL, DATASET, "sim", None, None, "rgb")
@@ -77,13 +77,13 @@ def test_samples_of_one_ray_refuse_heat_of_another() -> None:
         samples.values(values, "depth")
 
 
-def test_the_nearer_surface_needs_the_depth_of_the_other_side() -> None:
+def test_the_nearer_surface_needs_the_depth_of_the_other_side():
     floor_heat = FloorHeat(SIM, REAL, DATASET, "sim", OFFSET, "nearer")
     with pytest.raises(ValueError, match="depth of both sides"):
         floor_heat.samples(depths(1), None, POSES, MapGrid(BOUNDS))
 
 
-def test_the_nearer_surface_of_some_pixels_equals_that_of_all() -> None:
+def test_the_nearer_surface_of_some_pixels_equals_that_of_all():
     own, other = depths(1), depths(2)
     whole = NearerSurface(SIM, REAL, FRAME)(own, other)
     assert (whole != own).any()
@@ -93,7 +93,7 @@ def test_the_nearer_surface_of_some_pixels_equals_that_of_all() -> None:
     assert some.dtype == own.dtype
 
 
-def test_merged_totals_equal_those_of_all_values_at_once() -> None:
+def test_merged_totals_equal_those_of_all_values_at_once():
     rng = np.random.default_rng(5)
     whole, parts = MapGrid(BOUNDS, 20), []
     for count in (300, 0, 50):

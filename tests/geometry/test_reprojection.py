@@ -80,7 +80,7 @@ def project_pixel_by_pixel(
 @pytest.mark.parametrize("ray", ["rgb", "depth"])
 @pytest.mark.parametrize("y_down", [True, False])
 @pytest.mark.parametrize("pitch", [0.0, 0.05])
-def test_projection_equals_the_explicit_loop(ray: str, y_down: bool, pitch: float) -> None:
+def test_projection_equals_the_explicit_loop(ray, y_down, pitch):
     rng = np.random.default_rng(1)
     depth = rng.integers(0, 256, FRAME).astype(np.uint8)
     heat = rng.normal(0, 1, (16, 16)).astype(np.float32)
@@ -100,9 +100,7 @@ def test_projection_equals_the_explicit_loop(ray: str, y_down: bool, pitch: floa
     x=st.floats(-2, 6), y=st.floats(-2, 4), heading=st.floats(-3.1, 3.1),
     raw=st.integers(20, 80), hfov=st.floats(50, 90),
 )  # fmt: skip
-def test_a_wall_ahead_is_a_perpendicular_line(
-    x: float, y: float, heading: float, raw: int, hfov: float
-) -> None:
+def test_a_wall_ahead_is_a_perpendicular_line(x, y, heading, raw, hfov):
     record = domain(hfov, forward_offset=0.0)
     projector = Projector(record, FRAME, True, (-9, 9))
     depth = np.full((1, *FRAME), raw, np.uint8)
@@ -119,9 +117,7 @@ def test_a_wall_ahead_is_a_perpendicular_line(
     pitch=st.floats(-0.3, 0.3), height=st.floats(-0.5, 2.5), low=st.floats(-1, 1),
     band=st.floats(0.01, 2), first=st.integers(0, 255), extra=st.integers(0, 255),
 )  # fmt: skip
-def test_points_are_valid_by_depth_and_height(
-    pitch: float, height: float, low: float, band: float, first: int, extra: int
-) -> None:
+def test_points_are_valid_by_depth_and_height(pitch, height, low, band, first, extra):
     record = domain(pitch=pitch, camera_height=height, depth_raw_min=first)
     record = replace(record, depth_raw_max=min(first + extra, 255))
     depth = np.random.default_rng(3).integers(0, 256, (1, *FRAME)).astype(np.uint8)
@@ -139,7 +135,7 @@ def test_points_are_valid_by_depth_and_height(
 
 
 @pytest.mark.parametrize(("height", "is_visible"), [(0.6, True), (0.05, False), (2.5, False)])
-def test_a_level_ray_has_the_height_of_the_camera(height: float, is_visible: bool) -> None:
+def test_a_level_ray_has_the_height_of_the_camera(height, is_visible):
     record = domain(camera_height=height)
     level = replace(record, depth=replace(record.depth, cy=127.5))
     depth = np.full((1, *FRAME), 100, np.uint8)
@@ -147,7 +143,7 @@ def test_a_level_ray_has_the_height_of_the_camera(height: float, is_visible: boo
     assert (valid[0, 63] == is_visible).all()
 
 
-def test_a_batch_equals_its_single_images() -> None:
+def test_a_batch_equals_its_single_images():
     rng = np.random.default_rng(7)
     depth = rng.integers(0, 65536, (3, 60, 100)).astype(np.uint16)
     heat = rng.normal(0, 1, (3, 6, 6)).astype(np.float32)
@@ -169,14 +165,14 @@ def test_a_batch_equals_its_single_images() -> None:
     assert [part.size for part in empty] == [0, 0]
 
 
-def test_points_outside_the_bounds_have_no_cell() -> None:
+def test_points_outside_the_bounds_have_no_cell():
     grid = MapGrid(BOUNDS, 16)
     x = np.array([-6.0, 9.999, 10.0, -6.001, np.nan, np.inf, 0.0])
     y = np.array([-5.0, 6.999, 0.0, 0.0, 0.0, 0.0, np.nan])
     assert grid.cell(x, y).tolist() == [0, grid.rows * grid.cols - 1, -1, -1, -1, -1, -1]
 
 
-def test_grid_aggregates_equal_explicit_aggregation() -> None:
+def test_grid_aggregates_equal_explicit_aggregation():
     rng = np.random.default_rng(5)
     grid = MapGrid(BOUNDS, 20)
     values_of_cell: dict[int, list[float]] = {}
@@ -199,13 +195,13 @@ def test_grid_aggregates_equal_explicit_aggregation() -> None:
             assert planes["sum"][row, col] == pytest.approx(sum(cell_values), rel=1e-4, abs=1e-6)
 
 
-def test_the_first_of_overlapping_rooms_is_used_and_edges_are_inside() -> None:
+def test_the_first_of_overlapping_rooms_is_used_and_edges_are_inside():
     rooms = [Room("b", 1, 0, 0, 4, 4), Room("a", 0, 2, 2, 6, 6), Room("a", 2, 8, 8, 9, 9)]
     x = np.array([1.0, 2.0, 3.0, 6.0, 7.0, 9.0, np.nan])
     assert room_codes(x, x, rooms, ["a", "b"]).tolist() == [1, 0, 0, 0, -1, 0, -1]
 
 
-def test_curvature_is_the_heading_change_over_seven_instances() -> None:
+def test_curvature_is_the_heading_change_over_seven_instances():
     heading = np.radians([170.0, 175, 180, -175, -170, -165, -160, -160])
     expected = [15, 20, 25, 30, 25, 20, 15, 10]
     assert np.allclose(curvature(angles.wrap(heading)), expected)

@@ -43,7 +43,7 @@ def changed() -> PairBatch:
     return pair_of(image, with_box(dimmed(image)))
 
 
-def test_maps_of_segments_sum_to_the_gains_of_their_repair(changed: PairBatch) -> None:
+def test_maps_of_segments_sum_to_the_gains_of_their_repair(changed):
     gains = repair_gains(changed.backend, changed.counterfactuals[0], TRUTH[0])
     maps = HEATMAP_KINDS["harm"].compute(changed)["real", None][0]
     assert np.abs(gains).max() > 0
@@ -51,13 +51,13 @@ def test_maps_of_segments_sum_to_the_gains_of_their_repair(changed: PairBatch) -
 
 
 @pytest.mark.parametrize("side", ["sim", "real"])
-def test_the_changed_object_has_most_of_the_harm(changed: PairBatch, side: str) -> None:
+def test_the_changed_object_has_most_of_the_harm(changed, side):
     for name in KINDS:
         heat = np.abs(HEATMAP_KINDS[name].compute(changed)[side, None][0, 0])
         assert heat[PATCH].sum() > 0.6 * heat.sum()
 
 
-def test_equal_images_have_no_harm() -> None:
+def test_equal_images_have_no_harm():
     image = rendered("sim", CAMERA)[2]
     pair = pair_of(image, image)
     assert not HEATMAP_KINDS["harm"].compute(pair)["real", None].any()

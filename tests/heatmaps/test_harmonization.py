@@ -43,7 +43,7 @@ def rig(data: WorldData, name: str) -> Domain:
     return Domain(name, name, camera.lens, camera.lens, camera.height, 0.0, 0.001, 1, 10_000)
 
 
-def test_equal_rigs_and_images_are_unchanged(data: WorldData) -> None:
+def test_equal_rigs_and_images_are_unchanged(data):
     sim_image = images(data, "sim")[0]
     sim, real = rig(data, "sim"), rig(data, "real")
     harmonised = ImageAlignment(sim, real, FRAME, RigOffset()).sim_view.harmonise(
@@ -55,7 +55,7 @@ def test_equal_rigs_and_images_are_unchanged(data: WorldData) -> None:
     assert np.abs(harmonised.real_depth - harmonised.sim_depth).max() < 1e-3
 
 
-def test_a_colour_cast_is_removed(data: WorldData) -> None:
+def test_a_colour_cast_is_removed(data):
     rgb, depth, valid = images(data, "sim")[1]
     cast = np.clip(rgb * np.array([0.9, 0.7, 0.5]) + 20, 0, 255).astype(np.uint8)
     sim, real = rig(data, "sim"), rig(data, "real")
@@ -66,7 +66,7 @@ def test_a_colour_cast_is_removed(data: WorldData) -> None:
     assert np.abs(harmonised.real - harmonised.sim).mean() < 0.15 * before
 
 
-def test_the_true_offset_is_estimated_and_reduces_the_misfit(data: WorldData) -> None:
+def test_the_true_offset_is_estimated_and_reduces_the_misfit(data):
     pairs = list(zip(images(data, "sim"), images(data, "real"), strict=True))
     sim, real = rig(data, "sim"), rig(data, "real")
     offset = calibrate(sim, real, FRAME, pairs)
@@ -81,7 +81,7 @@ def test_the_true_offset_is_estimated_and_reduces_the_misfit(data: WorldData) ->
     assert misfit(offset) < 0.75 * misfit(RigOffset())
 
 
-def test_warping_to_the_other_view_and_back_restores_the_map(data: WorldData) -> None:
+def test_warping_to_the_other_view_and_back_restores_the_map(data):
     """The map lies on surfaces."""
     sim, real = rig(data, "sim"), rig(data, "real")
     aligned = ImageAlignment(sim, real, FRAME, RigOffset(-0.09, 1.06))
@@ -96,7 +96,7 @@ def test_warping_to_the_other_view_and_back_restores_the_map(data: WorldData) ->
     assert np.median(np.abs(restored - columns)[is_known]) < 0.6
 
 
-def test_reprojection_keeps_the_point_in_space() -> None:
+def test_reprojection_keeps_the_point_in_space():
     other = replace(RIG, camera_height=0.4, forward_offset=0.1)
     metres = np.full(FRAME, 2.5)
     u, v, depth, inside = Reprojection(RIG, LENS, other, FRAME).targets(metres, LENS)
@@ -111,9 +111,7 @@ def test_reprojection_keeps_the_point_in_space() -> None:
 
 @given(arrays.arrays(np.uint16, (2, 12, 12), elements=RAW),
        arrays.arrays(np.uint16, (2, 12, 12), elements=RAW))  # fmt: skip
-def test_the_nearer_surface_is_the_minimum_of_both_depths(
-    first: np.ndarray, second: np.ndarray
-) -> None:
+def test_the_nearer_surface_is_the_minimum_of_both_depths(first, second):
     lens = Intrinsics(8.0, 8.0, 6.0, 6.0, 0.0)
     a = replace(RIG, rgb=lens, depth=lens)
     b = replace(a, domain="real", kind="real")

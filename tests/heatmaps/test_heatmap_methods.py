@@ -50,7 +50,7 @@ def pair() -> PairBatch:
 
 
 @pytest.mark.parametrize("name", list(HEATMAP_KINDS))
-def test_outputs_match_their_declaration(pair: PairBatch, name: str) -> None:
+def test_outputs_match_their_declaration(pair, name):
     kind = HEATMAP_KINDS[name]
     maps = kind.compute(pair)
     declared = kind.outputs(pair.model)
@@ -77,9 +77,7 @@ def model_of(channels: str) -> LoadedModel:
 
 
 @pytest.mark.parametrize("channels", ["rgb", "depth"])
-def test_models_without_depth_or_colours_have_all_heatmaps_of_what_they_take(
-    channels: str,
-) -> None:
+def test_models_without_depth_or_colours_have_all_heatmaps_of_what_they_take(channels):
     pair = make_pair(model_of(channels))
     for kind in HEATMAP_KINDS.values():
         assert kind.suits(pair.model)
@@ -96,7 +94,7 @@ def test_models_without_depth_or_colours_have_all_heatmaps_of_what_they_take(
     np.testing.assert_allclose(maps[:, 0, 0, 0], errors[1] - errors[0], atol=1e-5)
 
 
-def test_activation_is_gradient_times_features(pair: PairBatch) -> None:
+def test_activation_is_gradient_times_features(pair):
     maps = HEATMAP_KINDS["activation"].compute(pair)["real", None]
     network, convention = pair.model.network, pair.model.convention
     features = pair.real.features.clone()
@@ -110,14 +108,14 @@ def test_activation_is_gradient_times_features(pair: PairBatch) -> None:
         assert np.allclose(maps[:, output], expected, atol=1e-4 * np.abs(expected).max())
 
 
-def test_the_pose_loss_equals_its_formula() -> None:
+def test_the_pose_loss_equals_its_formula():
     pose = torch.tensor([[3.0, 4.0, -3.1]])
     truth = torch.tensor([[0.0, 0.0, 3.1]])
     turn = 2 * np.pi - 6.2
     assert float(pose_loss(pose, truth)) == pytest.approx(0.7 * 25 + 0.3 * turn, rel=1e-5)
 
 
-def test_feature_distance_is_cosine_distance_times_l1(pair: PairBatch) -> None:
+def test_feature_distance_is_cosine_distance_times_l1(pair):
     maps = HEATMAP_KINDS["feature_distance"].compute(pair)[None, None]
     sim, real = pair.sim.features.numpy(), pair.real.features.numpy()
     for b, r, c in ((0, 0, 0), (1, 5, 7), (0, 17, 17)):
@@ -129,7 +127,7 @@ def test_feature_distance_is_cosine_distance_times_l1(pair: PairBatch) -> None:
     assert np.abs(HEATMAP_KINDS["feature_distance"].compute(same)[None, None]).max() < 1e-5
 
 
-def test_pixel_difference_ignores_brightness_and_invalid_depth(pair: PairBatch) -> None:
+def test_pixel_difference_ignores_brightness_and_invalid_depth(pair):
     maps = HEATMAP_KINDS["pixel_difference"].compute(pair)
     assert np.isfinite(maps[None, "rgb"]).all()
     assert maps[None, "rgb"].min() >= 0
@@ -146,7 +144,7 @@ def test_pixel_difference_ignores_brightness_and_invalid_depth(pair: PairBatch) 
     assert np.isnan(darker_maps[None, "depth"]).all()
 
 
-def test_occlusion_is_the_change_of_the_error_towards_the_gap(pair: PairBatch) -> None:
+def test_occlusion_is_the_change_of_the_error_towards_the_gap(pair):
     maps = HEATMAP_KINDS["occlusion"].compute(pair)
     backend = pair.backend
     for mode, channels in (("rgb", [0, 1, 2]), ("depth", [3]), ("rgbd", [0, 1, 2, 3])):
@@ -160,7 +158,7 @@ def test_occlusion_is_the_change_of_the_error_towards_the_gap(pair: PairBatch) -
             assert maps[side, mode][:, 0, 1, 5] == pytest.approx(sign * expected, abs=1e-4)
 
 
-def test_a_non_local_network_is_computed_in_full() -> None:
+def test_a_non_local_network_is_computed_in_full():
     pair = make_pair(networks.small_model(*networks.nonlocal_trunks()["group norm"], (24, 24)))
     maps = HEATMAP_KINDS["occlusion"].compute(pair)["real", "rgbd"]
     x = pair.real.x.clone()
@@ -171,6 +169,6 @@ def test_a_non_local_network_is_computed_in_full() -> None:
     assert maps[:, 0, 0, 0] == pytest.approx(expected, abs=1e-5)
 
 
-def test_the_store_knows_the_kinds_that_need_a_network() -> None:
+def test_the_store_knows_the_kinds_that_need_a_network():
     assert HEATMAP_KINDS.keys() - IMAGE_KINDS.keys() == NETWORK_KINDS
     assert IMAGE_KINDS.keys() == {name for name, kind in HEATMAP_KINDS.items() if kind.model_free}

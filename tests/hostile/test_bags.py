@@ -15,7 +15,7 @@ from bench.support import robot
 from s2rstore.errors import RequestError
 from s2rtools.motion_logs import read
 from tests.hostile.inputs import MAX_MEGABYTES, deadline, limits, s2r
-from tests.support import bags
+from tests.support import bag_file, bags
 
 
 @pytest.fixture(scope="module")
@@ -34,13 +34,11 @@ class BombWriter(Writer):
         self.compressor = lambda data: bz2.compress(data) + 48 * zeros
 
 
-def test_a_decompression_bomb_is_rejected(
-    tmp_path: Path, topics: bags.Topics, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_decompression_bomb_is_rejected(tmp_path, topics, monkeypatch):
     drive = tmp_path / "drives" / "one"
     drive.mkdir(parents=True)
     bags.write(drive / "sim.bag", topics)
-    monkeypatch.setattr(bags, "Writer1", BombWriter)
+    monkeypatch.setattr(bag_file, "Writer1", BombWriter)
     bags.write(drive / "real.bag", topics)
     assert (drive / "real.bag").stat().st_size < 100_000
     result = s2r(tmp_path, "sysid", tmp_path / "drives", "--out", tmp_path / "out")
@@ -48,9 +46,7 @@ def test_a_decompression_bomb_is_rejected(
     assert result.megabytes < MAX_MEGABYTES
 
 
-def test_resource_limits_are_restored_after_reading_a_bag(
-    tmp_path: Path, topics: bags.Topics
-) -> None:
+def test_resource_limits_are_restored_after_reading_a_bag(tmp_path, topics):
     before = limits()
     read(bags.write(tmp_path / "a.bag", topics))
     (tmp_path / "b.bag").write_bytes(b"#ROSBAG V2.0\n" + bytes(100))
@@ -60,13 +56,13 @@ def test_resource_limits_are_restored_after_reading_a_bag(
 
 
 @pytest.mark.parametrize("name", ["a.bag", "a.db3", "a.mcap", "a.csv", "a.tum"])
-def test_a_pipe_in_place_of_a_log_is_rejected(tmp_path: Path, name: str) -> None:
+def test_a_pipe_in_place_of_a_log_is_rejected(tmp_path, name):
     os.mkfifo(tmp_path / name)
     with deadline(), pytest.raises(RequestError, match=f"{name}: a pipe, not a regular file"):
         read(tmp_path / name)
 
 
-def test_a_pipe_or_a_link_inside_a_bag_is_rejected(tmp_path: Path, topics: bags.Topics) -> None:
+def test_a_pipe_or_a_link_inside_a_bag_is_rejected(tmp_path, topics):
     folder = bags.write(tmp_path / "folder", topics)
     (database,) = folder.glob("*.db3")
     database.rename(tmp_path / "moved.db3")
@@ -80,9 +76,7 @@ def test_a_pipe_or_a_link_inside_a_bag_is_rejected(tmp_path: Path, topics: bags.
 
 
 @pytest.mark.parametrize("table", ["messages", "topics"])
-def test_an_endless_view_in_place_of_a_table_is_rejected(
-    tmp_path: Path, topics: bags.Topics, table: str
-) -> None:
+def test_an_endless_view_in_place_of_a_table_is_rejected(tmp_path, topics, table):
     folder = bags.write(tmp_path / "folder", topics)
     (database,) = folder.glob("*.db3")
     with sqlite3.connect(database) as opened:

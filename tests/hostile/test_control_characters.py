@@ -17,7 +17,6 @@ from textual.screen import ModalScreen
 import s2rstore
 from bench.support.screen import Screen
 from s2rstore.errors import RequestError
-from s2rstore.gap_history import reader
 from s2rstore.language import complete, evaluation
 from s2rstore.language.canonical_text import string
 from s2rstore.security.printable_text import (
@@ -70,19 +69,19 @@ def command(arguments: tuple[str, ...], store: Path) -> list[str]:
         ("\xa0", "\\xa0"),
     ],
 )
-def test_unprintable_characters_are_escaped(raw: str, screen_text_of: str) -> None:
+def test_unprintable_characters_are_escaped(raw, screen_text_of):
     assert printable(raw) == screen_text_of
     assert printable(printable(raw)) == screen_text_of
 
 
-def test_every_character_is_printable_or_escaped() -> None:
+def test_every_character_is_printable_or_escaped():
     all_characters = "".join(chr(code) for code in range(0x30000))
     assert printable(all_characters).isprintable()
     assert control_characters(printable_lines(all_characters)) == {"\t"}
     assert printable_values({"\x1b": ["\x9b", 1, None]}) == {"\\x1b": ["\\x9b", 1, None]}
 
 
-def test_a_stream_escapes_its_text() -> None:
+def test_a_stream_escapes_its_text():
     underlying = io.StringIO()
     stream = printable_stream(underlying)
     print("a\x1b[31m\n\tb\u202e", file=stream)
@@ -93,7 +92,7 @@ def test_a_stream_escapes_its_text() -> None:
 # --- reading -----------------------------------------------------------------------------------
 
 
-def test_records_contain_no_control_characters(hostile_store: Path) -> None:
+def test_records_contain_no_control_characters(hostile_store):
     with s2rstore.open(hostile_store) as store:
         listed = [store.dataset, store.rooms, store.trajectories, store.domains, store.models,
                   store.runs, store.provenance("dataset"), store.instances.room_names,
@@ -107,14 +106,6 @@ def test_records_contain_no_control_characters(hostile_store: Path) -> None:
         values = [*store.provenance("dataset"), *store.provenance("dataset").values()]
     assert not control_characters("".join(texts))
     assert control_characters("".join(values)) <= {"\t"}
-
-
-def test_nights_contain_no_control_characters(hostile_store: Path) -> None:
-    history = reader.read(reader.history_path(hostile_store))
-    night = history.nights[0]
-    texts = [night.dataset, night.reason, night.axes[0].axis, str(night.worst), night.name]
-    assert all("CLICK" in text for text in texts)
-    assert not control_characters("".join(texts))
 
 
 # --- inside the application ------------------------------------------------------------------
@@ -131,8 +122,8 @@ def screen_text_of(app: S2RApp) -> str:
 
 
 async def test_views_and_screens_show_no_control_characters_and_parse_no_markup(
-    hostile_store: Path, user_data_folder: Path, tmp_path: Path, no_foreign_markup: list[str]
-) -> None:
+    hostile_store, user_data_folder, tmp_path, no_foreign_markup
+):
     entry = hostile.saved_entry(f'room:"{HOSTILE}"', run=HOSTILE, trajectories=[HOSTILE])
     names = ("mine", "[ @click=app.quit]CLICK", "[b")
     hostile.notebook(user_data_folder, selections=dict.fromkeys(names, entry), history=[HOSTILE],
@@ -175,7 +166,7 @@ async def test_views_and_screens_show_no_control_characters_and_parse_no_markup(
     assert not control_characters(screen_text)
 
 
-async def test_pasted_text_is_escaped(hostile_store: Path) -> None:
+async def test_pasted_text_is_escaped(hostile_store):
     from textual import events
 
     app = S2RApp(Session(hostile_store), RenderOptions())
@@ -190,9 +181,7 @@ async def test_pasted_text_is_escaped(hostile_store: Path) -> None:
         assert not control_characters(text)
 
 
-def test_the_terminal_receives_no_forbidden_sequence(
-    hostile_store: Path, user_data_folder: Path
-) -> None:
+def test_the_terminal_receives_no_forbidden_sequence(hostile_store, user_data_folder):
     entry = hostile.saved_entry(f'room:"{HOSTILE}"', run=HOSTILE)
     hostile.notebook(user_data_folder, selections={"mine": entry}, history=[HOSTILE])
     user_data_folder.joinpath("toured").touch()
@@ -228,8 +217,8 @@ def test_the_terminal_receives_no_forbidden_sequence(
 
 @pytest.mark.parametrize("arguments", TABLES, ids=" ".join)
 def test_tables_summaries_and_errors_contain_no_control_characters(
-    hostile_store: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]
-) -> None:
+    hostile_store, capsys, arguments
+):
     main(command(arguments, hostile_store))
     output = capsys.readouterr()
     assert output.out + output.err
@@ -246,9 +235,7 @@ class Terminal(io.StringIO):
 
 @pytest.mark.parametrize("form", ["table", "csv", "json"])
 @pytest.mark.parametrize("command_line", [("query", "all"), ("sql", "SELECT room FROM room")])
-def test_every_format_is_escaped_on_a_terminal(
-    hostile_store: Path, monkeypatch: pytest.MonkeyPatch, form: str, command_line: tuple[str, str]
-) -> None:
+def test_every_format_is_escaped_on_a_terminal(hostile_store, monkeypatch, form, command_line):
     out = Terminal()
     monkeypatch.setattr(sys, "stdout", out)
     assert main([command_line[0], str(hostile_store), command_line[1], "--format", form]) == 0
@@ -256,9 +243,7 @@ def test_every_format_is_escaped_on_a_terminal(
     assert control_characters(out.getvalue()) <= {"\t"}
 
 
-def test_csv_and_json_in_a_pipe_contain_the_original_text(
-    hostile_store: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_csv_and_json_in_a_pipe_contain_the_original_text(hostile_store, capsys):
     expression = f"room:{string(HOSTILE + 'right')}"
     for arguments in (("query", expression), ("query", "all", "--columns", "room")):
         command_line = [arguments[0], str(hostile_store), *arguments[1:]]
@@ -289,9 +274,7 @@ def test_csv_and_json_in_a_pipe_contain_the_original_text(
     ],
     ids=lambda arguments: " ".join(arguments)[:40],
 )
-def test_errors_are_one_line_without_control_characters(
-    hostile_store: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]
-) -> None:
+def test_errors_are_one_line_without_control_characters(hostile_store, capsys, arguments):
     try:
         code = main([word.replace("{store}", str(hostile_store)) for word in arguments])
     except SystemExit as stopped:
@@ -305,7 +288,7 @@ def test_errors_are_one_line_without_control_characters(
 # --- identity --------------------------------------------------------------------------------
 
 
-def test_displayed_room_names_can_be_used_in_expressions(hostile_store: Path) -> None:
+def test_displayed_room_names_can_be_used_in_expressions(hostile_store):
     with s2rstore.open(hostile_store) as store:
         arguments = evaluation.vocabulary(store)
         candidates = [text for text, _ in complete("room:", arguments)]
@@ -324,9 +307,7 @@ def test_displayed_room_names_can_be_used_in_expressions(hostile_store: Path) ->
                 assert [row[0] for row in store.execute(sql, parameters)] == selected.tolist()
 
 
-def test_names_with_equal_display_texts_are_rejected(
-    store_copy: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_names_with_equal_display_texts_are_rejected(store_copy, capsys):
     hostile.edit(store_copy, ("UPDATE room SET room = ? WHERE room = 'right'", ["a\x1b"]),
                  ("UPDATE room SET room = ? WHERE room <> ?", ["a\\x1b", "a\x1b"]))  # fmt: skip
     assert main(["query", str(store_copy), "all"]) == 2
@@ -342,9 +323,7 @@ def test_names_with_equal_display_texts_are_rejected(
     [("run", "run"), ("model", "model"), ("domain", "domain"), ("dataset", "floor_plan"),
      ("zarr_array", "mode"), ("prediction", "split")],
 )  # fmt: skip
-def test_hostile_identifiers_are_rejected_or_escaped(
-    tiny_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], table: str, column: str
-) -> None:
+def test_hostile_identifiers_are_rejected_or_escaped(tiny_store, tmp_path, capsys, table, column):
     store = copy_store(tiny_store, tmp_path / "bad.s2r")
     hostile.edit(store, (f'UPDATE "{table}" SET "{column}" = ?', [HOSTILE]))
     for arguments in (["query", "all"], ["show", "instance"], ["verify"]):
@@ -357,9 +336,7 @@ def test_hostile_identifiers_are_rejected_or_escaped(
 # --- files -----------------------------------------------------------------------------------
 
 
-def test_figures_contain_no_control_characters(
-    hostile_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_figures_contain_no_control_characters(hostile_store, tmp_path, monkeypatch):
     from matplotlib.text import Text
 
     drawn_texts: list[str] = []
@@ -379,7 +356,7 @@ def test_figures_contain_no_control_characters(
     assert not control_characters("".join(drawn_texts))
 
 
-def test_a_dollar_sign_in_a_name_starts_no_formula(store_copy: Path, tmp_path: Path) -> None:
+def test_a_dollar_sign_in_a_name_starts_no_formula(store_copy, tmp_path):
     hostile.edit(store_copy, ("UPDATE room SET room = '$\\frac$' || room", []),
                  ("UPDATE instance SET room = '$\\frac$' || room", []))  # fmt: skip
     for view in ("rooms", "overview", "instance"):
@@ -388,7 +365,7 @@ def test_a_dollar_sign_in_a_name_starts_no_formula(store_copy: Path, tmp_path: P
         assert main([*arguments, "--select", 'room:"$\\\\frac$right"']) == 0, view
 
 
-def test_a_report_contains_no_control_characters(hostile_store: Path, tmp_path: Path) -> None:
+def test_a_report_contains_no_control_characters(hostile_store, tmp_path):
     out = tmp_path / "r.html"
     assert main(["report", str(hostile_store), "--run", "vanilla", "--select", "worst15",
                  "--title", HOSTILE, "--out", str(out)]) == 0  # fmt: skip

@@ -3,26 +3,17 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import pytest
 
 from s2rstore.errors import RequestError
 from s2rstore.files import input_files
-from s2rtui.cli import main
 from tests.hostile.inputs import deadline
 from tests.support import pairs
 
 DEEP_JSON = "[" * 100_000 + "]" * 100_000
 DEEP_TOML = "a = " + "[" * 100_000 + "]" * 100_000
 LONG_KEY = ".".join("a" * 20_000) + " = 1"
-
-
-def header(folder: Path, text: str, suffix: str) -> tuple[Path, Path]:
-    """A manifest and the header file for it."""
-    path = folder / f"header{suffix}"
-    path.write_text(text)
-    return pairs.manifest(folder / "data", n=2), path
 
 
 @pytest.mark.parametrize(
@@ -39,22 +30,16 @@ def header(folder: Path, text: str, suffix: str) -> tuple[Path, Path]:
     ],
     ids=["deep json", "deep toml", "dotted", "inline", "twice", "digits", "list", "large"],
 )
-def test_an_invalid_header_is_rejected_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], suffix: str, text: str, expected: str
-) -> None:
-    manifest, path = header(tmp_path, text, suffix)
-    words = ["ingest", "csv", str(manifest), "--header", str(path)]
+def test_an_invalid_header_is_rejected_in_one_line(tmp_path, s2r, suffix, text, expected):
+    path = tmp_path / f"header{suffix}"
+    path.write_text(text)
+    manifest = pairs.manifest(tmp_path / "data", n=2)
     with deadline():
-        assert main([*words, "--store", str(tmp_path / "s")]) == 2
-    error = capsys.readouterr().err
-    assert error.startswith(f"s2r: {path}")
-    assert expected in error
-    assert len(error.splitlines()) == 1
+        result = s2r("ingest", "csv", manifest, "--header", path, "--store", tmp_path / "s")
+    result.assert_refused(f"s2r: {path}", expected)
 
 
-def test_a_pipe_in_place_of_a_document_is_rejected(
-    tmp_path: Path, tiny_store: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_pipe_in_place_of_a_document_is_rejected(tmp_path, tiny_store, s2r):
     pipe = tmp_path / "pipe.json"
     os.mkfifo(pipe)
     manifest = pairs.manifest(tmp_path / "data", n=2)
@@ -67,11 +52,10 @@ def test_a_pipe_in_place_of_a_document_is_rejected(
         ("gap", tiny_store, "--features", pipe),
     ):
         with deadline():
-            assert main([str(expected) for expected in arguments]) == 2
-        assert f"{pipe}: a pipe, not a regular file" in capsys.readouterr().err
+            s2r(*arguments).assert_refused(f"{pipe}: a pipe, not a regular file")
 
 
-def test_a_huge_sparse_file_is_rejected_unread(tmp_path: Path) -> None:
+def test_a_huge_sparse_file_is_rejected_unread(tmp_path):
     path = tmp_path / "huge.json"
     with path.open("wb") as file:
         file.truncate(1 << 40)
@@ -80,7 +64,7 @@ def test_a_huge_sparse_file_is_rejected_unread(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["pipe", "folder", "device", "socket"])
-def test_only_regular_files_are_opened(tmp_path: Path, kind: str) -> None:
+def test_only_regular_files_are_opened(tmp_path, kind):
     import socket
 
     path = tmp_path / "x.json"
@@ -96,7 +80,7 @@ def test_only_regular_files_are_opened(tmp_path: Path, kind: str) -> None:
         input_files.read_json(path)
 
 
-def test_dotted_numbers_and_strings_are_accepted(tmp_path: Path) -> None:
+def test_dotted_numbers_and_strings_are_accepted(tmp_path):
     path = tmp_path / "x.toml"
     numbers = ", ".join("1.5" for _ in range(500))
     lines = "1.2.3\n" * 99

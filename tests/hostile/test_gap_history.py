@@ -35,9 +35,7 @@ def measure_reset_night(week: nights.Week) -> None:
     nightly(week.config, RESET, week.measure, week.estimate, nights.clock(), far=True)
 
 
-def test_far_dates_and_withdrawals_of_missing_nights_are_rejected(
-    week: nights.Week, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_far_dates_and_withdrawals_of_missing_nights_are_rejected(week, capsys):
     week.night(1)
     before = week.config.history.read_bytes()
     for date in ("1970-01-01", "2026-09-01"):
@@ -51,15 +49,13 @@ def test_far_dates_and_withdrawals_of_missing_nights_are_rejected(
     assert week.config.history.read_bytes() == before
 
 
-def test_a_night_after_a_wrongly_dated_one_is_rejected_with_advice(week: nights.Week) -> None:
+def test_a_night_after_a_wrongly_dated_one_is_rejected_with_advice(week):
     measure_reset_night(week)
     with pytest.raises(RequestError, match="--withdraw 1970-01-01"):
         week.night(1)
 
 
-def test_a_withdrawn_night_stays_recorded_and_no_longer_dates_evidence(
-    week: nights.Week, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_withdrawn_night_stays_recorded_and_no_longer_dates_evidence(week, capsys):
     week.night(1)
     measure_reset_night(week)
     undated = week.night(2, new_log=False)
@@ -84,9 +80,7 @@ def test_a_withdrawn_night_stays_recorded_and_no_longer_dates_evidence(
     assert not week.night(2, new_log=False).new
 
 
-def test_latest_refers_to_the_newest_remaining_night_and_no_id_is_used_again(
-    week: nights.Week,
-) -> None:
+def test_latest_refers_to_the_newest_remaining_night_and_no_id_is_used_again(week):
     week.night(1)
     last = week.night(2).night.id
     day = str(nights.day(2))

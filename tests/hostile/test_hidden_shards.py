@@ -18,12 +18,9 @@ from s2rstore.run_inputs import run_frames
 from s2rtools.datasets import IMPORTERS
 from s2rtools.datasets.scan import ScanOptions
 from s2rtools.datasets.writing.build import build
-from s2rtools.gap.visual import visual_axis
 from s2rtools.synthetic_world.factors import complete_severities
 from s2rtools.training import pretrained
-from s2rtools.translator_evaluation import report
 from s2rtui.charts.instance.model import instance_input
-from s2rtui.charts.registry import STORED
 from s2rtui.cli import main
 from s2rtui.session import HeatChoice, heatmaps
 from tests.conftest import BuildOnce
@@ -77,8 +74,6 @@ def _compute(store: Path) -> None:
     assert main(["ingest", "world", "--instances", str(COUNT), "--store", str(store),
                  "--append"]) == 0  # fmt: skip
     assert main(["precompute", str(store), *runs]) == 0
-    fit = "translate", "fit", "levels", "--store", str(store), "--name", "T"
-    assert main(list(fit)) == 0
 
 
 # --- functions of an open store, in families that read the same arrays in the same way ------------
@@ -157,29 +152,7 @@ FAMILIES = (
     maps_of_instances, maps_of_selections, seen_floor, similar,
 )  # fmt: skip
 
-# --- commands -------------------------------------------------------------------------------------
-
-
 EXPORT = "export", "{store}", "--out", "{out}", "--view"
-COMMANDS = (
-    ("query", "{store}", 'run("up").real.error > 0 & like(1, 3)', "--trajectory", "traj2"),
-    *(("show", "{store}", view, "--select", "like(1, 3)") for view in STORED),
-    (*EXPORT, "instance", "--heat", "pixel_difference", "--iid", str(COUNT)),
-    (*EXPORT, "workbench", "--heat", "activation:x", "--on", "run"),
-    ("snapshot", "{store}", "--size", "160x48", "--keys", "3", "--out", "{out}"),
-    ("report", "{store}", "--select", "like(2, 2)", "--heat", "activation:x", "--light", "--out",
-     "{out}"),
-    ("gap", "{store}", "--axis", "visual", "--json"),
-    ("translate", "report", "--store", "{store}", "--no-keep", "--json", "--run", "up", "T"),
-)  # fmt: skip
-
-
-@pytest.fixture
-def small_scale(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Allow the few instances of the store, few replicates, and measure no time."""
-    monkeypatch.setattr(visual_axis, "MIN_INSTANCES", 2)
-    monkeypatch.setattr(visual_axis, "MIN_BLOCKS", 2)
-    monkeypatch.setattr(report, "milliseconds_per_image", lambda *arguments: 1.0)
 
 
 def check(functions: Iterable[Function], path: Path, most: int = 1000) -> set[str]:
@@ -218,35 +191,23 @@ def check_functions(family: Callable[[Store], Iterable[Function]], path: Path) -
 
 
 @pytest.mark.parametrize("family", [stored_arrays, whole_arrays, frames], ids=lambda f: f.__name__)
-def test_functions_name_a_hidden_shard_of_a_small_store(
-    family: Callable[[Store], Iterable[Function]], store_copy: Path
-) -> None:
+def test_functions_name_a_hidden_shard_of_a_small_store(family, store_copy):
     check_functions(family, store_copy)
 
 
-def test_a_command_names_a_hidden_shard(store_copy: Path) -> None:
+def test_a_command_names_a_hidden_shard(store_copy):
     words = (*EXPORT, "map", "--heat", "feature_distance", "--on", "selection", "--clip")
     assert check([command(store_copy, *words)], store_copy, most=1)
 
 
 @pytest.mark.deep
-@pytest.mark.usefixtures("small_scale")
 @pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.__name__)
-def test_functions_name_a_hidden_shard(
-    family: Callable[[Store], Iterable[Function]], computed: Path
-) -> None:
+def test_functions_name_a_hidden_shard(family, computed):
     check_functions(family, computed)
 
 
 @pytest.mark.deep
-@pytest.mark.usefixtures("small_scale")
-@pytest.mark.parametrize("words", COMMANDS, ids=lambda words: " ".join(words))
-def test_commands_name_a_hidden_shard(words: tuple[str, ...], computed: Path) -> None:
-    check([command(computed, *words)], computed, most=2 if words[0] == "report" else 4)
-
-
-@pytest.mark.deep
-def test_every_kind_of_array_is_covered(computed: Path) -> None:
+def test_every_kind_of_array_is_covered(computed):
     with s2rstore.open(computed) as store, files_read(computed) as read:
         for function in (*stored_arrays(store), *frames(store)):
             function()
@@ -266,30 +227,3 @@ def test_every_kind_of_array_is_covered(computed: Path) -> None:
     owned = {len(keys) for (owner, _), keys in parts.items() if owner != "_shared"}
     assert owned == {2}
     assert {len(keys) for (owner, _), keys in parts.items() if owner == "_shared"} == {2, 4}
-
-
-@pytest.mark.deep
-@pytest.mark.parametrize("image", ["rgb", "depth"])
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("translate", "fit", "levels", "--store", "{store}", "--name", "U", "--depth-noise"),
-        ("train", "--recipe", "vanilla", "--steps", "1", "--name", "U", "--store", "{store}"),
-        ("precompute", "{store}", "--run", "new"),
-    ],
-    ids=lambda words: words[0],
-)
-def test_commands_that_write_name_missing_frames_and_write_nothing(
-    words: tuple[str, ...], image: str, computed: Path, tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    store = linked_copy(computed, tmp_path / "w.s2r")
-    assert main(["run", "add", "new", "--model", "dataaug", "--store", str(store)]) == 0
-    before = set(store.rglob("*.duckdb"))
-    shards = [name for name in shard_files(store) if f"frames.zarr/real/traj2/{image}" in name]
-    with hidden(store, shards):
-        found = outcome(command(store, *words))
-    assert (found.code, found.result) == (2, None)
-    assert str(store / shards[0]) in found.error
-    assert set(store.rglob("*.duckdb")) == before

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from s2rtui.cli import main
 from tests.support import image_folders
 from tests.support.image_folders import REAL_SIZE, picture, write
+from tests.support.refusals import RunCommand
 
 
 @pytest.fixture
@@ -20,9 +20,11 @@ def data(tmp_path: Path) -> Path:
     return tmp_path / "data"
 
 
-def run(data: Path, *more: str) -> int:
-    arguments = ["--sim", str(data / "sim"), "--real", str(data / "real"), "--size", "64"]
-    return main(["ingest", "images", *arguments, "--store", str(data.parent / "s.s2r"), *more])
+@pytest.fixture
+def run(data: Path, s2r: RunCommand) -> RunCommand:
+    """Ingest the folders of images with further options."""
+    folders = "--sim", data / "sim", "--real", data / "real", "--size", 64
+    return partial(s2r, "ingest", "images", *folders, "--store", data.parent / "s.s2r")
 
 
 def index(data: Path, text: str | bytes) -> None:
@@ -51,23 +53,19 @@ def linked_index(data: Path) -> None:
 
 
 @pytest.mark.parametrize("redirect", [relative_to_parent, linked_file, linked_index])
-def test_files_outside_the_folder_are_refused_unless_allowed(
-    data: Path, capsys: pytest.CaptureFixture[str], redirect: Callable[[Path], None]
-) -> None:
+def test_files_outside_the_folder_are_refused_unless_allowed(data, run, redirect):
     redirect(data)
-    assert run(data) == 2
-    error = capsys.readouterr().err
-    assert "--allow-outside" in error
-    assert error.count("\n") == 1
+    run().assert_refused("--allow-outside")
     assert not list(data.parent.glob("*.s2r*"))
-    assert run(data, "--allow-outside") == 0
-    assert "read from outside the data folder: " in capsys.readouterr().err
+    allowed = run("--allow-outside")
+    assert allowed.code == 0
+    assert "read from outside the data folder: " in allowed.err
 
 
-def test_a_linked_folder_is_not_followed(data: Path) -> None:
+def test_a_linked_folder_is_not_followed(data, run):
     outside(data)
     (data / "sim" / "linked").symlink_to(data.parent / "elsewhere")
-    assert run(data, "--trajectory", "sim_linked") == 2
+    assert run("--trajectory", "sim_linked").code == 2
 
 
 @pytest.mark.parametrize(
@@ -79,26 +77,19 @@ def test_a_linked_folder_is_not_followed(data: Path) -> None:
         ("file,condition\nday_9.png,day\n", "no usable image"),
     ],
 )
-def test_a_malformed_index_ends_in_one_line(
-    data: Path, capsys: pytest.CaptureFixture[str], text: str | bytes, reason: str
-) -> None:
+def test_a_malformed_index_ends_in_one_line(data, run, text, reason):
     index(data, text)
-    assert run(data) == 2
-    error = capsys.readouterr().err
-    assert reason in error
-    assert error.count("\n") == 1
+    run().assert_refused(reason)
     assert not list(data.parent.glob("*.s2r*"))
 
 
-def test_doubtful_rows_are_left_out_and_reported(
-    data: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_doubtful_rows_are_left_out_and_reported(data, run):
     index(data, "file,condition\nday_0.png,day\nday_0.png,day\nday_1.png,\nday_7.png,day\n")
-    assert run(data) == 0
-    captured = capsys.readouterr()
-    assert "real_day (1)" in captured.out
+    result = run()
+    assert result.code == 0
+    assert "real_day (1)" in result.out
     for kind in ("duplicate row: 1", "incomplete row: 1", "missing image: 1", "unlisted image: 6"):
-        assert kind in captured.err
+        assert kind in result.err
 
 
 def flipped(path: Path) -> None:
@@ -115,30 +106,21 @@ def bomb(path: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", [flipped, bomb])
-def test_a_damaged_image_is_left_out_and_reported(
-    data: Path, capsys: pytest.CaptureFixture[str], damage: Callable[[Path], None]
-) -> None:
+def test_a_damaged_image_is_left_out_and_reported(data, run, damage):
     damage(data / "sim" / "loop" / "2.png")
-    assert run(data) == 0
-    captured = capsys.readouterr()
-    assert "sim_loop (4)" in captured.out
-    assert "sim/loop/2.png" in captured.err
+    result = run()
+    assert result.code == 0
+    assert "sim_loop (4)" in result.out
+    assert "sim/loop/2.png" in result.err
 
 
-def test_two_folders_of_one_trajectory_are_refused(
-    data: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_two_folders_of_one_trajectory_are_refused(data, run):
     for name in ("a_b", "a/b"):
         write(data / "sim" / name / "0.png", picture(1, REAL_SIZE))
-    assert run(data) == 2
-    assert "make one trajectory, a_b; rename one" in capsys.readouterr().err
+    run().assert_refused("make one trajectory, a_b; rename one")
 
 
-def test_a_missing_folder_and_an_existing_store_are_refused(
-    data: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(data, "--real", str(data / "none")) == 2
-    assert "none: no such folder" in capsys.readouterr().err
-    assert run(data) == 0
-    assert run(data) == 2
-    assert "exists; choose another --store" in capsys.readouterr().err
+def test_a_missing_folder_and_an_existing_store_are_refused(data, run):
+    run("--real", data / "none").assert_refused("none: no such folder")
+    assert run().code == 0
+    run().assert_refused("exists; choose another --store")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import duckdb
 import pytest
 
@@ -55,9 +53,7 @@ CODE_STATEMENTS = {
 
 
 @pytest.mark.parametrize("statements", CODE_STATEMENTS.values(), ids=CODE_STATEMENTS.keys())
-def test_an_index_with_code_is_rejected_and_never_copied(
-    store_copy: Path, statements: tuple[str, ...], capsys
-) -> None:
+def test_an_index_with_code_is_rejected_and_never_copied(store_copy, statements, capsys):
     index = edited(store_copy, statements)
     with pytest.raises(RequestError, match=layout.INDEX):
         s2rstore.open(store_copy)
@@ -75,7 +71,7 @@ def test_an_index_with_code_is_rejected_and_never_copied(
     ]
 
 
-def test_a_write_ahead_log_beside_the_index_is_rejected(store_copy: Path) -> None:
+def test_a_write_ahead_log_beside_the_index_is_rejected(store_copy):
     current = layout.read_current(store_copy)
     index = store_copy / current.index
     copy = store_copy.parent / index.name
@@ -120,7 +116,7 @@ INVALID_ROWS = {
 
 
 @pytest.mark.parametrize("statements", INVALID_ROWS.values(), ids=INVALID_ROWS.keys())
-def test_invalid_rows_are_rejected_in_one_line(store_copy: Path, statements: str, capsys) -> None:
+def test_invalid_rows_are_rejected_in_one_line(store_copy, statements, capsys):
     edited(store_copy, statements.split("; "))
     assert main(["sql", str(store_copy), "SELECT 1"]) == 2
     output = capsys.readouterr()
@@ -136,9 +132,7 @@ EXCESSIVE_ROWS = {
 
 
 @pytest.mark.parametrize("statement", EXCESSIVE_ROWS.values(), ids=EXCESSIVE_ROWS.keys())
-def test_excessive_row_counts_are_rejected_in_one_line(
-    store_copy: Path, statement: str, capsys
-) -> None:
+def test_excessive_row_counts_are_rejected_in_one_line(store_copy, statement, capsys):
     edited(store_copy, [statement])
     assert main(["runs", str(store_copy)]) == 2
     assert "rows, at most" in capsys.readouterr().err
@@ -155,14 +149,14 @@ INCONSISTENT_TRAJECTORIES = {
 @pytest.mark.parametrize(
     "statement", INCONSISTENT_TRAJECTORIES.values(), ids=INCONSISTENT_TRAJECTORIES.keys()
 )
-def test_frames_of_inconsistent_trajectories_are_rejected(store_copy: Path, statement: str) -> None:
+def test_frames_of_inconsistent_trajectories_are_rejected(store_copy, statement):
     edited(store_copy, [statement])
     assert main(["verify", str(store_copy)]) == 1
     with s2rstore.open(store_copy) as store, pytest.raises(RequestError, match="verify"):
         store.frame(30, "sim")
 
 
-def test_verify_detects_dangling_names(store_copy: Path, capsys) -> None:
+def test_verify_detects_dangling_names(store_copy, capsys):
     edited(store_copy, ["UPDATE instance SET room = 'nowhere' WHERE iid = 3",
                         "UPDATE run SET sim_domain = 'nowhere' WHERE run = 'vanilla'"])  # fmt: skip
     assert main(["verify", str(store_copy)]) == 1
@@ -183,9 +177,7 @@ INVALID_ARRAYS = {
 
 
 @pytest.mark.parametrize("statement", INVALID_ARRAYS.values(), ids=INVALID_ARRAYS.keys())
-def test_invalid_array_records_are_rejected_in_one_line(
-    store_copy: Path, statement: str, tmp_path: Path, capsys
-) -> None:
+def test_invalid_array_records_are_rejected_in_one_line(store_copy, statement, tmp_path, capsys):
     edited(store_copy, [statement])
     out = tmp_path / "out.png"
     arguments = ["export", str(store_copy), "--view", "instance", "--heat", "activation"]
@@ -197,9 +189,7 @@ def test_invalid_array_records_are_rejected_in_one_line(
 
 
 @pytest.mark.parametrize("name", ["md:x", "~", "a'b", "[*]"])
-def test_a_store_may_have_an_unusual_name(
-    tiny_store: Path, tmp_path: Path, name: str, monkeypatch, capsys
-) -> None:
+def test_a_store_may_have_an_unusual_name(tiny_store, tmp_path, name, monkeypatch, capsys):
     copy_store(tiny_store, tmp_path / name)
     monkeypatch.chdir(tmp_path)
     assert main(["verify", name]) == 0
@@ -211,8 +201,8 @@ def test_a_store_may_have_an_unusual_name(
 
 @pytest.mark.parametrize("name", ["a?access_mode=read_write", "a\\b"])
 def test_a_name_that_duckdb_cannot_open_is_rejected_with_advice(
-    tiny_store: Path, tmp_path: Path, name: str, monkeypatch, capsys
-) -> None:
+    tiny_store, tmp_path, name, monkeypatch, capsys
+):
     copy_store(tiny_store, tmp_path / name)
     monkeypatch.chdir(tmp_path)
     add = ["run", "add", "more", "--model", "vanilla", "--store", name]

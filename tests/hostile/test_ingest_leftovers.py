@@ -6,21 +6,17 @@ import os
 import re
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import pytest
 from msgspec import structs
 
 import s2rstore
-from s2rstore.errors import RequestError
 from s2rstore.files import process_identity
 from s2rstore.files.ingest_folder import building_folder, building_folders
-from s2rstore.files.layout import read_current
 from s2rstore.files.process_identity import ProcessIdentity
 from s2rstore.maintenance.verify import verify
 from s2rtools.datasets.writing import ingest_journal
@@ -55,9 +51,7 @@ def make_leftover(store: Path, identity: ProcessIdentity, days: float = 0.0) -> 
     return folder
 
 
-def test_leftovers_of_an_ended_process_are_removed_and_reported(
-    manifest: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_leftovers_of_an_ended_process_are_removed_and_reported(manifest, tmp_path, capsys):
     store = tmp_path / "s.s2r"
     ended = structs.replace(process_identity.this_process(), process=ended_process_id())
     building = make_leftover(store, ended)
@@ -68,8 +62,8 @@ def test_leftovers_of_an_ended_process_are_removed_and_reported(
 
 @pytest.mark.parametrize("changes", [{"host": "another-host", "process": 7}, {}])
 def test_leftovers_of_a_possibly_running_process_are_kept_and_reported(
-    manifest: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], changes: dict[str, Any]
-) -> None:
+    manifest, tmp_path, capsys, changes
+):
     store = tmp_path / "s.s2r"
     identity = structs.replace(process_identity.this_process(), **changes)
     building = make_leftover(store, identity)
@@ -84,7 +78,7 @@ def abandoned(store: Path) -> set[str]:
     return {folder.path.name for folder in building_folders(store) if folder.is_abandoned}
 
 
-def test_the_name_of_a_building_folder_identifies_its_process(tmp_path: Path) -> None:
+def test_the_name_of_a_building_folder_identifies_its_process(tmp_path):
     """Also where the number of a process is used again, by any host, boot or container."""
     store = tmp_path / "s.s2r"
     own, ended = process_identity.this_process(), ended_process_id()
@@ -109,7 +103,7 @@ def test_the_name_of_a_building_folder_identifies_its_process(tmp_path: Path) ->
             shutil.rmtree(folder)
 
 
-def test_two_ingests_of_one_process_build_in_separate_folders(tmp_path: Path) -> None:
+def test_two_ingests_of_one_process_build_in_separate_folders(tmp_path):
     assert building_folder(tmp_path / "s.s2r") != building_folder(tmp_path / "s.s2r")
 
 
@@ -128,24 +122,26 @@ def start_ingest(manifest: Path, store: Path) -> tuple[subprocess.Popen[bytes], 
     raise AssertionError("does not begin")
 
 
-@pytest.mark.parametrize(
-    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.deep)]
-)
-def test_an_interrupted_ingest_says_how_to_resume_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], number: signal.Signals
-) -> None:
+def test_an_interrupted_ingest_says_how_to_resume_it(tmp_path, s2r):
     manifest, store = pairs.manifest(tmp_path / "data", n=300), tmp_path / "s.s2r"
     process, folder = start_ingest(manifest, store)
     wait_for_shards(process, folder)
-    process.send_signal(number)
+    process.send_signal(signal.SIGINT)
     error = process.communicate(timeout=300)[1].decode()
     assert process.returncode == 130
     assert error.strip().endswith(
         f"s2r was not created; the same command resumes, and begins anew after: rm -r {folder}"
     )
     assert not store.exists()
-    assert main(arguments(manifest, store)) == 0
-    check_resumed(store, capsys.readouterr().err)
+    resumed = s2r(*arguments(manifest, store))
+    (line,) = (each for each in resumed.err.splitlines() if "is resumed" in each)
+    taken = re.search(r"(\d+) of 300 instances are not decoded again", line)
+    assert taken is not None
+    assert int(taken[1]) >= 64
+    assert verify(store) == []
+    assert not building_folders(store)
+    with s2rstore.open(store) as opened:
+        assert len(opened.instances) == 300
 
 
 def wait_for_shards(process: subprocess.Popen[bytes], folder: Path) -> None:
@@ -157,33 +153,3 @@ def wait_for_shards(process: subprocess.Popen[bytes], folder: Path) -> None:
         assert process.poll() is None
         time.sleep(0.002)
     raise AssertionError("writes no shards")
-
-
-def check_resumed(store: Path, error: str) -> None:
-    """Check the message of the second ingest, and its store."""
-    (line,) = (each for each in error.splitlines() if "is resumed" in each)
-    taken = re.search(r"(\d+) of 300 instances are not decoded again", line)
-    assert taken is not None
-    assert int(taken[1]) >= 64
-    assert verify(store) == []
-    assert not building_folders(store)
-    with s2rstore.open(store) as opened:
-        assert len(opened.instances) == 300
-
-
-@pytest.mark.deep
-def test_a_killed_ingest_leaves_no_valid_store(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    manifest, store = pairs.manifest(tmp_path / "data", n=300), tmp_path / "s.s2r"
-    process, folder = start_ingest(manifest, store)
-    wait_for_shards(process, folder)
-    process.kill()
-    process.communicate(timeout=300)
-    assert not store.exists()
-    assert socket.gethostname() in folder.name
-    with pytest.raises(RequestError, match="not a store"):
-        read_current(folder)
-    assert main(arguments(manifest, store)) == 0
-    assert not folder.exists()
-    check_resumed(store, capsys.readouterr().err)

@@ -39,7 +39,7 @@ def leave_building_folder(store: Path) -> Path:
     return folder
 
 
-def test_leftovers_are_reported_and_removed(store_copy: Path) -> None:
+def test_leftovers_are_reported_and_removed(store_copy):
     for path in LEFTOVERS:
         (store_copy / path).write_bytes(b"half")
     building = leave_building_folder(store_copy)
@@ -54,13 +54,13 @@ def test_leftovers_are_reported_and_removed(store_copy: Path) -> None:
     assert not [note for note in check(store_copy).notes if "killed" in note]
 
 
-def test_prune_removes_an_unfinished_ingest_without_a_store(tmp_path: Path) -> None:
+def test_prune_removes_an_unfinished_ingest_without_a_store(tmp_path):
     building = leave_building_folder(tmp_path / "s.s2r")
     assert prune(tmp_path / "s.s2r").paths == (f"../{building.name}",)
     assert not building.exists()
 
 
-def test_unfinished_histories_are_removed_unless_one_is_being_written(store_copy: Path) -> None:
+def test_unfinished_histories_are_removed_unless_one_is_being_written(store_copy):
     history = store_copy / "history" / "gap.duckdb"
     history.parent.mkdir(exist_ok=True)
     leftover = history.with_name(".gap.duckdb.0123456789abcdef.new")
@@ -72,7 +72,7 @@ def test_unfinished_histories_are_removed_unless_one_is_being_written(store_copy
     assert not leftover.exists()
 
 
-def test_errors_of_the_current_file_are_explained(store_copy: Path) -> None:
+def test_errors_of_the_current_file_are_explained(store_copy):
     current = store_copy / "CURRENT.json"
     content = current.read_bytes()
     current.unlink()
@@ -108,7 +108,7 @@ raise SystemExit(execute_command(Namespace(execute=write, debug=False)))
 """
 
 
-def test_a_full_disk_names_the_file_of_the_store(store_copy: Path) -> None:
+def test_a_full_disk_names_the_file_of_the_store(store_copy):
     assert resource.RLIMIT_FSIZE is not None
     command = [sys.executable, "-c", _FULL_DISK_SCRIPT, str(store_copy)]
     process = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
@@ -141,7 +141,7 @@ if __name__ == "__main__":
 """
 
 
-def test_a_killed_worker_is_reported_in_one_line(tmp_path: Path) -> None:
+def test_a_killed_worker_is_reported_in_one_line(tmp_path):
     assert callable(ProcessExecutor)
     (tmp_path / "killed.py").write_text(_KILLED_WORKER_SCRIPT)
     command = [sys.executable, str(tmp_path / "killed.py")]
@@ -151,7 +151,7 @@ def test_a_killed_worker_is_reported_in_one_line(tmp_path: Path) -> None:
     assert process.stderr == ""
 
 
-def test_a_folder_in_place_of_a_lock_is_named(store_copy: Path) -> None:
+def test_a_folder_in_place_of_a_lock_is_named(store_copy):
     (store_copy / "ledger" / "compute.lock").unlink(missing_ok=True)
     (store_copy / "ledger" / "compute.lock").mkdir()
     with pytest.raises(RequestError, match=rf"{store_copy}: the compute lock cannot be opened"):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -51,9 +50,7 @@ def _read(root: Path) -> None:
         "runs.zarr/vanilla", f"{ARRAY}/zarr.json", f"{ARRAY}/c.0.0.0.0",
     ],
 )  # fmt: skip
-def test_links_inside_a_store_are_not_followed(
-    store_copy: Path, tmp_path: Path, relative: str
-) -> None:
+def test_links_inside_a_store_are_not_followed(store_copy, tmp_path, relative):
     _replace_by_link(store_copy, relative, tmp_path / "outside")
     with pytest.raises(RequestError, match="symbolic link"):
         _read(store_copy)
@@ -61,14 +58,14 @@ def test_links_inside_a_store_are_not_followed(
     assert any("symbolic link" in damage.what for damage in damages)
 
 
-def test_a_linked_index_is_rejected(store_copy: Path, tmp_path: Path) -> None:
+def test_a_linked_index_is_rejected(store_copy, tmp_path):
     _replace_by_link(store_copy, _index_name(store_copy), tmp_path / "outside")
     assert verify(store_copy)
     with pytest.raises(RequestError, match="symbolic link"), edit(store_copy) as draft:
         draft.set_provenance("a", {"b": 1})
 
 
-def test_a_store_can_be_opened_through_a_link(store_copy: Path, tmp_path: Path) -> None:
+def test_a_store_can_be_opened_through_a_link(store_copy, tmp_path):
     (tmp_path / "link.s2r").symlink_to(store_copy)
     _read(tmp_path / "link.s2r")
     assert verify(tmp_path / "link.s2r") == []
@@ -105,9 +102,7 @@ def _nested(root: Path, outside: Path) -> None:
 @pytest.mark.parametrize(
     "add_link", [_keys, _key, _models, _runs, _building, _nested], ids=lambda f: f.__name__
 )
-def test_prune_removes_nothing_outside(
-    store_copy: Path, tmp_path: Path, add_link: Callable[[Path, Path], None]
-) -> None:
+def test_prune_removes_nothing_outside(store_copy, tmp_path, add_link):
     outside = tmp_path / "outside"
     subfolder = outside / "folder" / "sub"
     subfolder.mkdir(parents=True)
@@ -127,8 +122,8 @@ def test_prune_removes_nothing_outside(
 @pytest.mark.parametrize("replacement", ["link", "pipe", "folder", "other content"])
 @pytest.mark.parametrize("generation", ["published", "old"])
 def test_prune_removes_nothing_if_an_index_is_unreadable(
-    store_copy: Path, tmp_path: Path, replacement: str, generation: str
-) -> None:
+    store_copy, tmp_path, replacement, generation
+):
     published = store_copy / layout.read_current(store_copy).index
     index = published if generation == "published" else published.with_name("index-000001.duckdb")
     moved_index = index.rename(tmp_path / "kept.duckdb")
@@ -147,14 +142,14 @@ def test_prune_removes_nothing_if_an_index_is_unreadable(
     assert moved_index.exists()
 
 
-def test_prune_reports_the_links_that_it_keeps(store_copy: Path, tmp_path: Path) -> None:
+def test_prune_reports_the_links_that_it_keeps(store_copy, tmp_path):
     _keys(store_copy, tmp_path)
     pruned = prune(store_copy)
     assert pruned.links == ("runs.zarr/x",)
     assert (store_copy / "runs.zarr" / "x").is_symlink()
 
 
-def test_nothing_is_written_through_a_link(store_copy: Path, tmp_path: Path) -> None:
+def test_nothing_is_written_through_a_link(store_copy, tmp_path):
     outside = tmp_path / "outside"
     _replace_by_link(store_copy, "runs.zarr/vanilla", outside)
     before = sorted(outside.rglob("*"))
@@ -168,9 +163,7 @@ def test_nothing_is_written_through_a_link(store_copy: Path, tmp_path: Path) -> 
     assert sorted(outside.rglob("*")) == before
 
 
-def test_the_ledger_and_locks_are_not_written_through_links(
-    store_copy: Path, tmp_path: Path
-) -> None:
+def test_the_ledger_and_locks_are_not_written_through_links(store_copy, tmp_path):
     outside = tmp_path / "outside"
     outside.mkdir()
     (outside / "lock").write_text("a secret that a lock would overwrite")
@@ -191,7 +184,7 @@ def test_the_ledger_and_locks_are_not_written_through_links(
 @pytest.mark.parametrize(
     "relative", ["CURRENT.json", SHARD, f"{ARRAY}/zarr.json", "ledger/a.jsonl"]
 )
-def test_a_pipe_is_rejected_without_blocking(store_copy: Path, relative: str, capsys) -> None:
+def test_a_pipe_is_rejected_without_blocking(store_copy, relative, capsys):
     (store_copy / relative).unlink(missing_ok=True)
     os.mkfifo(store_copy / relative)
     with deadline():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -37,7 +36,7 @@ CONTENTS = {
 
 
 @pytest.mark.parametrize("content", CONTENTS.values(), ids=CONTENTS.keys())
-def test_an_unreadable_lock_counts_as_held_until_the_limit(tmp_path: Path, content: bytes) -> None:
+def test_an_unreadable_lock_counts_as_held_until_the_limit(tmp_path, content):
     lock = tmp_path / "ledger" / "compute.lock"
     lock.parent.mkdir()
     lock.write_bytes(content)
@@ -69,9 +68,7 @@ def make_pipe(lock: Path, outside: Path) -> None:
 @pytest.mark.parametrize("make", [make_link, make_folder, make_pipe], ids=lambda f: f.__name__)
 @pytest.mark.parametrize("is_claim", [False, True], ids=["lock", "claim"])
 @pytest.mark.parametrize("in_store", [True, False], ids=["store", "file"])
-def test_only_regular_files_are_opened(
-    tmp_path: Path, make: Callable[[Path, Path], None], is_claim: bool, in_store: bool
-) -> None:
+def test_only_regular_files_are_opened(tmp_path, make, is_claim, in_store):
     outside = tmp_path / "outside"
     outside.write_text("kept")
     folder = tmp_path / "folder"

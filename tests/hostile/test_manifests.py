@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from s2rtui.cli import main
 from tests.support import pairs
+from tests.support.refusals import CommandResult, RunCommand
 
 
 @pytest.fixture
@@ -15,9 +15,15 @@ def manifest(tmp_path: Path) -> Path:
     return pairs.manifest(tmp_path / "data", n=4)
 
 
-def ingest(path: Path, *more: str, layout: str = "csv") -> int:
-    store = (path if path.is_dir() else path.parent).parent / "s.s2r"
-    return main(["ingest", layout, str(path), "--store", str(store), "--size", "32", *more])
+@pytest.fixture
+def ingest(s2r: RunCommand) -> RunCommand:
+    """Ingest a manifest, or a folder, into a store beside its folder."""
+
+    def run(path: Path, *more: object, layout: str = "csv") -> CommandResult:
+        store = (path if path.is_dir() else path.parent).parent / "s.s2r"
+        return s2r("ingest", layout, path, "--store", store, "--size", 32, *more)
+
+    return run
 
 
 def replace(path: Path, old: str, new: str) -> None:
@@ -50,44 +56,37 @@ def linked(manifest: Path) -> None:
 
 @pytest.mark.parametrize("redirect", [absolute, relative_to_parent, linked])
 def test_a_row_with_an_outside_path_is_rejected_with_its_line_number_unless_allowed(
-    manifest: Path, capsys: pytest.CaptureFixture[str], redirect
-) -> None:
+    manifest, ingest, redirect
+):
     redirect(manifest)
-    assert ingest(manifest) == 2
-    error = capsys.readouterr().err
-    assert f"{manifest}:2: rgb" in error
-    assert "--allow-outside" in error
+    ingest(manifest).assert_refused(f"{manifest}:2: rgb", "--allow-outside")
     assert not (manifest.parent.parent / "s.s2r").exists()
-    assert ingest(manifest, "--allow-outside") == 0
+    allowed = ingest(manifest, "--allow-outside")
     elsewhere = manifest.parent.parent.resolve() / "elsewhere"
-    assert f"read from outside the data folder: {elsewhere} (" in capsys.readouterr().err
+    assert allowed.code == 0
+    assert f"read from outside the data folder: {elsewhere} (" in allowed.err
 
 
-def test_a_link_inside_the_folder_is_followed(manifest: Path) -> None:
+def test_a_link_inside_the_folder_is_followed(manifest, ingest):
     folder = manifest.parent
     (folder / "sim" / "0_rgb.png").rename(folder / "kept.png")
     (folder / "sim" / "0_rgb.png").symlink_to(folder / "kept.png")
-    assert ingest(manifest) == 0
+    assert ingest(manifest).code == 0
 
 
 @pytest.mark.parametrize("link", [False, True])
-def test_an_outside_floor_plan_is_rejected(
-    manifest: Path, capsys: pytest.CaptureFixture[str], link: bool
-) -> None:
+def test_an_outside_floor_plan_is_rejected(manifest, ingest, link):
     header = manifest.with_suffix(".toml")
     target = move_outside(manifest, "sim/0_rgb.png")
     name = "plan.png" if link else str(target)
     if link:
         (manifest.parent / name).symlink_to(target)
     header.write_text(f'floor_plan = "{name}"\n' + header.read_text())
-    assert ingest(manifest) == 2
-    assert f"{header}: floor_plan" in capsys.readouterr().err
+    ingest(manifest).assert_refused(f"{header}: floor_plan")
 
 
 @pytest.mark.parametrize("moved_part", ["image", "folder", "match.csv", "map.jpg"])
-def test_outside_links_in_the_sim2realviz_layout_are_rejected(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], moved_part: str
-) -> None:
+def test_outside_links_in_the_sim2realviz_layout_are_rejected(tmp_path, ingest, moved_part):
     header = pairs.sim2realviz(tmp_path / "data", n=4)
     sim = tmp_path / "data" / "traj1" / "sim"
     if moved_part == "map.jpg":
@@ -102,10 +101,9 @@ def test_outside_links_in_the_sim2realviz_layout_are_rejected(
         moved = names[moved_part]
         moved.rename(tmp_path / "secret.jpg")
     moved.symlink_to(tmp_path / "secret.jpg")
-    options = "--header", str(header)
-    assert ingest(tmp_path / "data", *options, layout="sim2realviz") == 2
-    assert "leads out of this folder" in capsys.readouterr().err
-    assert ingest(tmp_path / "data", *options, "--allow-outside", layout="sim2realviz") == 0
+    words = tmp_path / "data", "--header", header
+    ingest(*words, layout="sim2realviz").assert_refused("leads out of this folder")
+    assert ingest(*words, "--allow-outside", layout="sim2realviz").code == 0
 
 
 COLUMNS = b"trajectory,seq,domain,rgb,depth,x,y,heading"
@@ -122,14 +120,8 @@ COLUMNS = b"trajectory,seq,domain,rgb,depth,x,y,heading"
     ],
     ids=["nul", "columns", "line", "field", "encoding"],
 )
-def test_an_invalid_csv_file_is_rejected_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: bytes, expected: str
-) -> None:
+def test_an_invalid_csv_file_is_rejected_in_one_line(tmp_path, ingest, content, expected):
     (tmp_path / "data").mkdir()
     path = tmp_path / "data" / "m.csv"
     path.write_bytes(content)
-    assert ingest(path) == 2
-    error = capsys.readouterr().err
-    assert error.startswith(f"s2r: {path}")
-    assert expected in error
-    assert len(error.splitlines()) == 1
+    ingest(path).assert_refused(f"s2r: {path}", expected)

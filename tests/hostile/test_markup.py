@@ -61,7 +61,7 @@ def is_content(call: ast.Call) -> bool:
     return function in ("Content", "Content.assemble", "dict", "dict.fromkeys")
 
 
-def test_no_widget_receives_a_string_with_markup_enabled() -> None:
+def test_no_widget_receives_a_string_with_markup_enabled():
     violations = []
     for location, name, call in calls():
         if (name in WIDGETS or (name == "notify" and call.args)) and not disables_markup(call):
@@ -79,7 +79,7 @@ def test_no_widget_receives_a_string_with_markup_enabled() -> None:
     assert not violations
 
 
-def test_no_widget_sets_a_title_or_tooltip() -> None:
+def test_no_widget_sets_a_title_or_tooltip():
     attributes = {"tooltip", "border_title", "border_subtitle", "title", "sub_title"}
     violations = []
     for path in sorted(SOURCES.rglob("*.py")):
@@ -93,7 +93,7 @@ def test_no_widget_sets_a_title_or_tooltip() -> None:
     assert not violations
 
 
-async def test_a_room_name_is_not_an_action(store_copy: Path) -> None:
+async def test_a_room_name_is_not_an_action(store_copy):
     name = "[ @click=app.quit]CLICK"
     hostile.edit(store_copy, ("UPDATE room SET room = ? || room", [name]),
                  ("UPDATE instance SET room = ? || room", [name]))  # fmt: skip
@@ -114,9 +114,7 @@ async def test_a_room_name_is_not_an_action(store_copy: Path) -> None:
         assert app.fault is None
 
 
-async def test_names_of_folders_tags_and_selections_are_not_markup(
-    tiny_store: Path, tmp_path: Path
-) -> None:
+async def test_names_of_folders_tags_and_selections_are_not_markup(tiny_store, tmp_path):
     store = copy_store(tiny_store, tmp_path / "[ [@click=app.quit].s2r")
     notebook = Notebook("0" * 64)
     for name in BAD_NAMES:
@@ -137,7 +135,7 @@ async def test_names_of_folders_tags_and_selections_are_not_markup(
     assert app.fault is None
 
 
-async def test_a_bar_shows_its_texts_verbatim() -> None:
+async def test_a_bar_shows_its_texts_verbatim():
     content = Bar("status")
     content.show("[b]a[/b]", ("[ @click=app.quit]", "bold"), "\x1b[31m")
     shown = content.visual

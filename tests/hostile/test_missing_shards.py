@@ -27,7 +27,7 @@ def store_with_embeddings(store_copy: Path) -> Path:
 
 
 @pytest.mark.parametrize("missing", ["c.1.0", "c.*"])
-def test_every_reader_names_the_missing_shard(store_with_embeddings: Path, missing: str) -> None:
+def test_every_reader_names_the_missing_shard(store_with_embeddings, missing):
     for side in ("sim", "real"):
         folder = store_with_embeddings / f"runs.zarr/vanilla/made/embedding.{side}"
         for path in folder.glob(missing):

@@ -31,18 +31,18 @@ def formula_store(store_copy: Path) -> Path:
 
 
 @pytest.mark.parametrize("text", ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", "\r=1", "\n=1", "＝1"])
-def test_formulas_are_prefixed(text: str) -> None:
+def test_formulas_are_prefixed(text):
     ((cell, *_),) = csv.reader(io.StringIO(csv_text((text,), [], safe=True), newline=""))
     assert cell == f"'{text}"
 
 
-def test_numbers_are_unchanged() -> None:
+def test_numbers_are_unchanged():
     row = (-1, -0.5, Decimal("-2.5"), None, True, "plain", "a=b")
     written = csv_text(("a", "b", "c", "d", "e", "f", "g"), [row], safe=True)
     assert written.splitlines()[1] == '-1,-0.5,-2.5,"",True,"plain","a=b"'
 
 
-def test_without_the_option_text_is_unchanged() -> None:
+def test_without_the_option_text_is_unchanged():
     assert csv_text(("=a",), [("=1",), (None,)]) == '=a\n=1\n""\n'
 
 
@@ -57,9 +57,7 @@ def test_without_the_option_text_is_unchanged() -> None:
     ],
     ids=lambda arguments: arguments[0],
 )
-def test_commands_write_safe_csv(
-    formula_store: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]
-) -> None:
+def test_commands_write_safe_csv(formula_store, capsys, arguments):
     command = [arguments[0], str(formula_store), *arguments[1:], "--format", "csv", "--safe-csv"]
     assert main(command) == 0
     text = capsys.readouterr().out
@@ -79,9 +77,7 @@ def _number(cell: str) -> bool:
 
 
 @pytest.mark.parametrize("safe", [False, True])
-async def test_the_application_writes_safe_csv(
-    formula_store: Path, tmp_path: Path, safe: bool
-) -> None:
+async def test_the_application_writes_safe_csv(formula_store, tmp_path, safe):
     app = S2RApp(Session(formula_store), RenderOptions(), tmp_path)
     app.export.safe_csv = safe
     app.load_scheduler.debounce_seconds = 0.001
@@ -93,7 +89,7 @@ async def test_the_application_writes_safe_csv(
     assert ("'=HYPERLINK" in written.read_text()) == safe
 
 
-def test_the_option_is_documented(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_option_is_documented(capsys):
     for command in ("query", "sql", "show", "runs", "verify", "tui"):
         with pytest.raises(SystemExit):
             main([command, "--help"])

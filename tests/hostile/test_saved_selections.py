@@ -51,9 +51,7 @@ def chain(kind: str, depth: int = DEPTH) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("kind", CHAINS)
-def test_a_query_of_chained_selections_is_rejected(
-    tiny_store: Path, user_data_folder: Path, capsys: pytest.CaptureFixture[str], kind: str
-) -> None:
+def test_a_query_of_chained_selections_is_rejected(tiny_store, user_data_folder, capsys, kind):
     entries = {name: hostile.saved_entry(text) for name, text in chain(kind).items()}
     hostile.notebook(user_data_folder, selections=entries)
     for arguments in (["@s0"], ["worst15 & !@s0"]) if kind == "and" else (["@s0"],):
@@ -63,9 +61,7 @@ def test_a_query_of_chained_selections_is_rejected(
         assert error.count("\n") == 1
 
 
-async def test_the_application_rejects_chained_selections(
-    tiny_store: Path, user_data_folder: Path
-) -> None:
+async def test_the_application_rejects_chained_selections(tiny_store, user_data_folder):
     entries = {name: hostile.saved_entry(text) for name, text in chain("doubling").items()}
     hostile.notebook(user_data_folder, selections=entries)
     app = S2RApp(Session(tiny_store, notebooks=Notebook), RenderOptions())
@@ -84,7 +80,7 @@ async def test_the_application_rejects_chained_selections(
         assert app.is_running
 
 
-def test_a_name_is_expanded_once(tiny_store: Path) -> None:
+def test_a_name_is_expanded_once(tiny_store):
     with s2rstore.open(tiny_store) as store:
         texts = {**chain("doubling", 8), "s8": "gap > 1"}
         saved: dict[str, Node] = {name: parse(text) for name, text in texts.items()}
@@ -94,7 +90,7 @@ def test_a_name_is_expanded_once(tiny_store: Path) -> None:
         assert to_text(node).count("gap > 1") == 2**8
 
 
-def test_large_expressions_are_evaluated_equally_by_numpy_and_sql(tiny_store: Path) -> None:
+def test_large_expressions_are_evaluated_equally_by_numpy_and_sql(tiny_store):
     links = {f"s{i}": f"@s{i + 1} | ids({i % 40})" for i in range(95)}
     long = {f"t{i}": " | ".join(f"sim.error > {i}.{j:03d}" for j in range(MAX_TERMS // 6 - 10))
             for i in range(6)}  # fmt: skip
@@ -115,9 +111,7 @@ def test_large_expressions_are_evaluated_equally_by_numpy_and_sql(tiny_store: Pa
 
 
 @pytest.mark.parametrize("name", EXTREME_EXPRESSIONS)
-def test_extreme_expressions_give_one_line(
-    tiny_store: Path, capsys: pytest.CaptureFixture[str], name: str
-) -> None:
+def test_extreme_expressions_give_one_line(tiny_store, capsys, name):
     assert main(["query", str(tiny_store), EXTREME_EXPRESSIONS[name]]) in (0, 2)
     output = capsys.readouterr()
     assert "fault" not in output.err
@@ -125,7 +119,7 @@ def test_extreme_expressions_give_one_line(
     assert len(output.err) < 2000
 
 
-def test_nesting_of_negations_is_limited() -> None:
+def test_nesting_of_negations_is_limited():
     assert parse(" & ".join(["!all"] * 150))
     with pytest.raises(ExpressionError, match="within each other"):
         parse("!" * 101 + "all")
@@ -141,7 +135,7 @@ def test_nesting_of_negations_is_limited() -> None:
     ["../../../../tmp/x", "/tmp/evil", "", "0" * 15, "0" * 65, "A" * 64, "g" * 64, "0" * 20 + "\n",
      "00000000/0000000", ".." * 8, None, 5],
 )  # fmt: skip
-def test_an_invalid_hash_is_rejected(user_data_folder: Path, text: object) -> None:
+def test_an_invalid_hash_is_rejected(user_data_folder, text):
     with pytest.raises(RequestError, match="hexadecimal"):
         layout.checked_hash(text, "hash")
     with pytest.raises(RequestError, match="hexadecimal"):
@@ -189,9 +183,7 @@ def _odd(path: Path) -> None:
     "make_file",
     [os.mkfifo, Path.mkdir, _link, _huge, _nested, _deep_rest, _number, _bytes, _odd],
 )
-def test_an_invalid_notebook_is_rejected(
-    tiny_store: Path, user_data_folder: Path, capsys: pytest.CaptureFixture[str], make_file: object
-) -> None:
+def test_an_invalid_notebook_is_rejected(tiny_store, user_data_folder, capsys, make_file):
     user_data_folder.mkdir(parents=True)
     path = user_data_folder / f"{'0' * 16}.json"
     make_file(path)  # type: ignore[operator]

@@ -55,7 +55,7 @@ def _request(
     return int(head.split()[1]), head, body
 
 
-def test_hosts_are_parsed_strictly(server: ServerProcess) -> None:
+def test_hosts_are_parsed_strictly(server):
     page = f"/?token={server.token}"
     for host in ("127.0.0.1", "localhost", "localhost:9999", "[::1]", f"127.0.0.1:{server.port}"):
         assert _request(server, page, f"Host: {host}")[0] == 200, host
@@ -67,7 +67,7 @@ def test_hosts_are_parsed_strictly(server: ServerProcess) -> None:
     assert _request(server, page, "Host: localhost", "Host: localhost")[0] == 400
 
 
-def test_pages_of_other_origins_are_rejected(server: ServerProcess) -> None:
+def test_pages_of_other_origins_are_rejected(server):
     page = f"/?token={server.token}"
     for origin in ("null", "https://localhost", "http://localhost:1", "http://evil.example", "x"):
         for target in (page, f"/ws?token={server.token}"):
@@ -78,7 +78,7 @@ def test_pages_of_other_origins_are_rejected(server: ServerProcess) -> None:
     assert _request(server, page, "Host: localhost", "Origin: http://localhost")[0] == 200
 
 
-def test_requests_without_the_token_are_rejected(server: ServerProcess, serve: StartServer) -> None:
+def test_requests_without_the_token_are_rejected(server, serve):
     other = serve()
     assert len(server.token) >= 32
     assert server.token != other.token
@@ -90,7 +90,7 @@ def test_requests_without_the_token_are_rejected(server: ServerProcess, serve: S
     assert server.applications == []
 
 
-def test_only_the_page_and_its_files_are_served(server: ServerProcess) -> None:
+def test_only_the_page_and_its_files_are_served(server):
     static_paths = ("", "/", "/js/", "/images/background.png", "/../server.py", "/%2e%2e/server.py")
     for target in (*(f"/static{rest}" for rest in static_paths), "/download/x", "/x"):
         assert _request(server, target, "Host: localhost")[0] == 404, target
@@ -106,7 +106,7 @@ def test_only_the_page_and_its_files_are_served(server: ServerProcess) -> None:
         assert "aiohttp" not in head
 
 
-def test_oversized_requests_are_rejected(server: ServerProcess) -> None:
+def test_oversized_requests_are_rejected(server):
     assert _request(server, "/" + "a" * 50_000, "Host: localhost")[0] == 400
     headers = [f"X-{number}: 1" for number in range(2000)]
     assert _request(server, "/", "Host: localhost", *headers)[0] == 400
@@ -152,14 +152,14 @@ MALFORMED = [
 
 
 @pytest.mark.parametrize("text", MALFORMED, ids=lambda text: text[:30])
-def test_malformed_messages_are_rejected(text: str) -> None:
+def test_malformed_messages_are_rejected(text):
     from s2rtui.web.protocol import MessageError, read_message
 
     with pytest.raises(MessageError):
         read_message(text)
 
 
-async def test_a_malformed_message_ends_only_its_session(serve: StartServer) -> None:
+async def test_a_malformed_message_ends_only_its_session(serve):
     server = serve()
     messages = ("no JSON", "[" * 60_000, b"binary")
     async with aiohttp.ClientSession() as session:
@@ -180,7 +180,7 @@ async def test_a_malformed_message_ends_only_its_session(serve: StartServer) -> 
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-async def test_a_huge_page_uses_little_memory(serve: StartServer) -> None:
+async def test_a_huge_page_uses_little_memory(serve):
     server = serve()
     async with aiohttp.ClientSession() as session:
         first = await _open_page(session, server, f"?width={HUGE_SIZE}&height={HUGE_SIZE}")
@@ -202,9 +202,7 @@ async def test_a_huge_page_uses_little_memory(serve: StartServer) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-async def test_a_flood_of_keys_uses_little_memory_and_does_not_affect_others(
-    serve: StartServer,
-) -> None:
+async def test_a_flood_of_keys_uses_little_memory_and_does_not_affect_others(serve):
     server = serve()
     async with aiohttp.ClientSession() as session:
         unaffected, flooding = await _open_page(session, server), await _open_page(session, server)
@@ -221,7 +219,7 @@ async def test_a_flood_of_keys_uses_little_memory_and_does_not_affect_others(
         assert await _eventually(lambda: len(server.applications) == 1)
 
 
-async def test_simultaneous_pages_never_exceed_the_number_of_users(serve: StartServer) -> None:
+async def test_simultaneous_pages_never_exceed_the_number_of_users(serve):
     server = serve("--users", "2")
     async with aiohttp.ClientSession() as session:
         attempts = [session.ws_connect(server.socket) for _ in range(12)]
@@ -235,7 +233,7 @@ async def test_simultaneous_pages_never_exceed_the_number_of_users(serve: StartS
     "number", [*(pytest.param(n, marks=pytest.mark.deep) for n in (signal.SIGTERM, signal.SIGINT)),
                signal.SIGKILL],
 )  # fmt: skip
-async def test_busy_sessions_end_with_the_server(serve: StartServer, number: int) -> None:
+async def test_busy_sessions_end_with_the_server(serve, number):
     server = serve("--users", "3")
     async with aiohttp.ClientSession() as session:
         busy, stopped = await _open_page(session, server), await _open_page(session, server)
@@ -253,7 +251,7 @@ async def test_busy_sessions_end_with_the_server(serve: StartServer, number: int
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the kernel must tell of a parent's end")
-def test_a_session_does_not_start_after_its_server_has_ended(tiny_store: Path) -> None:
+def test_a_session_does_not_start_after_its_server_has_ended(tiny_store):
     path = os.pathsep.join(part for part in sys.path if part)
     driver = "textual.drivers.web_driver:WebDriver"
     variables = {"TEXTUAL_DRIVER": driver, "S2R_SERVER": "1", "PYTHONPATH": path}
@@ -273,7 +271,7 @@ def _ends(process: subprocess.Popen[bytes]) -> bool:
     return wait_until(lambda: process.poll() is not None, 300)
 
 
-async def test_a_page_that_reads_nothing_ends_with_its_connection(serve: StartServer) -> None:
+async def test_a_page_that_reads_nothing_ends_with_its_connection(serve):
     server = serve()
     path = re.sub(r"^http://[^/]*", "", server.socket)
     key = "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA=="

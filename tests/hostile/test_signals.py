@@ -20,20 +20,6 @@ _LONG_QUERY = "SELECT count(*) FROM range(100000000000)"
 _LONG_CHUNK_QUERY = (
     "SELECT sum(list_sum(list_transform(range(20000000), lambda x: x % 7))) FROM range(400)"
 )
-_WORKERS_SCRIPT = """
-import os, signal, sys, threading
-from s2rtools.precompute.executors.executor import Task
-from s2rtools.precompute.executors.local_executors import ProcessExecutor
-from tests.hostile.interrupted_units import InterruptedComputation
-
-if __name__ == "__main__":
-    tasks = [Task(InterruptedComputation(), unit) for unit in (1, 2)]
-    try:
-        list(ProcessExecutor(2, 1).run(tasks))
-    except KeyboardInterrupt:
-        sys.exit(130)
-"""
-
 _LONG_UNITS_SCRIPT = """
 import sys, time
 from collections.abc import Callable
@@ -77,7 +63,7 @@ def _run_redirected(arguments: Sequence[str], streams: str) -> subprocess.Comple
 
 
 @pytest.mark.parametrize("piped", [(True, False, False), (False, True, False), (True, True, True)])
-def test_the_application_requires_a_terminal(tiny_store: Path, piped: tuple[bool, ...]) -> None:
+def test_the_application_requires_a_terminal(tiny_store, piped):
     """Standard input, output or all streams are pipes."""
     primary, secondary = os.openpty()
     streams = [subprocess.PIPE if pipe else secondary for pipe in piped]
@@ -99,20 +85,20 @@ def test_the_application_requires_a_terminal(tiny_store: Path, piped: tuple[bool
 
 
 @pytest.mark.parametrize("streams", ["<&- 2>&-"])
-def test_a_closed_input_or_error_stream_has_no_effect(tiny_store: Path, streams: str) -> None:
+def test_a_closed_input_or_error_stream_has_no_effect(tiny_store, streams):
     process = _run_redirected(("query", str(tiny_store), "worst15", "--count"), streams)
     assert (process.returncode, process.stdout, process.stderr) == (0, "6\n", "")
 
 
 @pytest.mark.parametrize("streams", [">&-"])
-def test_a_closed_output_stream_is_reported_in_one_line(tiny_store: Path, streams: str) -> None:
+def test_a_closed_output_stream_is_reported_in_one_line(tiny_store, streams):
     process = _run_redirected(("query", str(tiny_store), "worst15"), streams)
     assert (process.returncode, process.stdout) == (2, "")
     assert process.stderr == "s2r: the standard output is closed\n"
 
 
 @pytest.mark.parametrize("streams", ["<&-", "<&- >&- 2>&-"])
-def test_the_application_rejects_closed_streams(tiny_store: Path, streams: str) -> None:
+def test_the_application_rejects_closed_streams(tiny_store, streams):
     process = _run_redirected(("tui", str(tiny_store)), streams)
     assert process.returncode == 2
     assert process.stderr.count("\n") <= 1
@@ -127,7 +113,7 @@ def _start(*arguments: str) -> subprocess.Popen[str]:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_ctrl_c_ends_a_query(tiny_store: Path) -> None:
+def test_ctrl_c_ends_a_query(tiny_store):
     process = _start("sql", str(tiny_store), "--memory", "4GB", _LONG_CHUNK_QUERY)
     assert wait_until(lambda: processor_seconds(process.pid) > 2, 60)
     os.killpg(process.pid, signal.SIGINT)
@@ -136,25 +122,12 @@ def test_ctrl_c_ends_a_query(tiny_store: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_sigterm_ends_a_query(tiny_store: Path) -> None:
+def test_sigterm_ends_a_query(tiny_store):
     process = _start("sql", str(tiny_store), _LONG_QUERY)
     assert wait_until(lambda: processor_seconds(process.pid) > 2, 60)
     process.terminate()
     out, error = process.communicate(timeout=300)
     assert (process.returncode, out, error) == (-signal.SIGTERM, "", "")
-
-
-@pytest.mark.deep
-@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_sigterm_ends_a_snapshot_without_a_file(tiny_store: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out.png"
-    size = ("--size", "1000x500")
-    process = _start("snapshot", str(tiny_store), *size, "--keys", "w,w,w,w", "--out", str(out))
-    assert wait_until(lambda: processor_seconds(process.pid) > 1.5, 60)
-    process.terminate()
-    process.communicate(timeout=300)
-    assert process.returncode == -signal.SIGTERM
-    assert not out.exists()
 
 
 @pytest.mark.parametrize(
@@ -167,12 +140,8 @@ def test_sigterm_ends_a_snapshot_without_a_file(tiny_store: Path, tmp_path: Path
     ],
 )
 def test_an_interrupted_command_reports_what_is_retained(
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    command: str,
-    expected: str,
-) -> None:
+    tmp_path, capsys, monkeypatch, command, expected
+):
     import importlib
 
     def interrupted(options: object) -> int:
@@ -203,15 +172,7 @@ def _started(folder: Path, content: str) -> subprocess.Popen[str]:
     )  # fmt: skip
 
 
-@pytest.mark.deep
-def test_ctrl_c_while_workers_start_prints_no_traceback(tmp_path: Path) -> None:
-    process = _started(tmp_path, _WORKERS_SCRIPT)
-    _, error = process.communicate(timeout=300)
-    assert process.returncode == 130
-    assert "KeyboardInterrupt" not in error
-
-
-def test_ctrl_c_waits_for_units_in_progress_and_again_drops_them(tmp_path: Path) -> None:
+def test_ctrl_c_waits_for_units_in_progress_and_again_drops_them(tmp_path):
     process = _started(tmp_path, _LONG_UNITS_SCRIPT)
     assert process.stdout is not None
     try:

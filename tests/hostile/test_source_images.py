@@ -29,14 +29,12 @@ def folder(ingested: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(ingested, tmp_path / "own"))
 
 
-def test_unchanged_images_are_no_damage(folder: Path) -> None:
+def test_unchanged_images_are_no_damage(folder):
     assert main(["verify", str(folder / "s.s2r"), "--source", str(folder / "s-data")]) == 0
 
 
 @pytest.mark.parametrize("image", ["rgb", "depth"])
-def test_every_changed_byte_of_a_jpeg_is_found(
-    folder: Path, image: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_changed_byte_of_a_jpeg_is_found(folder, image, capsys):
     path = sorted((folder / "s-data" / "traj1" / "real").glob(f"*_{image}.jpeg"))[1]
     content = bytearray(path.read_bytes())
     decoded = False
@@ -51,9 +49,7 @@ def test_every_changed_byte_of_a_jpeg_is_found(
     assert decoded
 
 
-def test_a_missing_image_and_another_folder_are_told(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_missing_image_and_another_folder_are_told(folder, tmp_path, capsys):
     store, data = str(folder / "s.s2r"), folder / "s-data"
     path = min((data / "traj1" / "sim").glob("*_depth.jpeg"))
     path.unlink()
@@ -69,9 +65,7 @@ def test_a_missing_image_and_another_folder_are_told(
         assert reason in capsys.readouterr().err
 
 
-def test_no_file_outside_the_folder_is_read(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_no_file_outside_the_folder_is_read(folder, capsys):
     store = copy_store(folder / "s.s2r", folder / "other.s2r")
     with edit(store) as draft:
         draft.update("frame", {"iid": 0, "domain": "sim"}, {"rgb_path": "../secret.jpeg"})
@@ -80,9 +74,7 @@ def test_no_file_outside_the_folder_is_read(
     assert capsys.readouterr().out.count("; it is not read") == 2
 
 
-def test_images_of_recordings_are_compared(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_images_of_recordings_are_compared(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(LAYOUTS, "test", recordings.LAYOUT)
     side = recordings.side(recordings.walk(4))
     sim, real = (recordings.write(tmp_path / n, side, seed=i) for i, n in enumerate("sr"))

@@ -36,7 +36,7 @@ CHECKED_FILES = (
 )  # fmt: skip
 
 
-def test_flipped_bits_and_removed_files_are_detected(store: Path) -> None:
+def test_flipped_bits_and_removed_files_are_detected(store):
     assert verify(store) == []
     for path in CHECKED_FILES:
         content = (store / path).read_bytes()
@@ -50,7 +50,7 @@ def test_flipped_bits_and_removed_files_are_detected(store: Path) -> None:
         (store / path).write_bytes(content)
 
 
-def test_readers_check_metadata_when_they_open_an_array(store: Path) -> None:
+def test_readers_check_metadata_when_they_open_an_array(store):
     path = store / "frames.zarr/sim/traj1/rgb/zarr.json"
     document = json.loads(path.read_text())
     path.write_text(json.dumps(document))
@@ -59,7 +59,7 @@ def test_readers_check_metadata_when_they_open_an_array(store: Path) -> None:
     assert verify(store)
 
 
-def test_the_metadata_of_computed_arrays_is_checked(store_copy: Path) -> None:
+def test_the_metadata_of_computed_arrays_is_checked(store_copy):
     path = store_copy / "runs.zarr/vanilla/key0/activation.real"
     assert verify(store_copy) == []
     document = json.loads((path / "zarr.json").read_text())
@@ -77,7 +77,7 @@ def _change_entries(root: Path, change: Callable[[dict[str, object]], None]) -> 
         file.write_text("".join(json.dumps(line) + "\n" for line in lines))
 
 
-def test_a_wrong_row_count_in_the_ledger_is_detected(store_copy: Path) -> None:
+def test_a_wrong_row_count_in_the_ledger_is_detected(store_copy):
     _change_entries(store_copy, lambda entry: entry.update(count=7))
     assert verify(store_copy)
 
@@ -86,7 +86,7 @@ def test_a_wrong_row_count_in_the_ledger_is_detected(store_copy: Path) -> None:
     "line", ["[]", "[" * 5000, '{"key": 1}', "\0", "null"],
     ids=["list", "nested", "object", "NUL", "null"],
 )  # fmt: skip
-def test_an_unreadable_ledger_line_is_ignored(store_copy: Path, line: str) -> None:
+def test_an_unreadable_ledger_line_is_ignored(store_copy, line):
     file = next((store_copy / "ledger").glob("*.jsonl"))
     lines = file.read_text().splitlines()
     lines[0] = line
@@ -95,7 +95,7 @@ def test_an_unreadable_ledger_line_is_ignored(store_copy: Path, line: str) -> No
 
 
 @pytest.mark.parametrize("factor", [1e3, 1e150])
-def test_large_predictions_are_not_damage(store_copy: Path, factor: float) -> None:
+def test_large_predictions_are_not_damage(store_copy, factor):
     """For example those of a model that predicts millimetres."""
     with edit(store_copy) as draft:
         run = draft._connection.execute
@@ -114,14 +114,14 @@ def test_large_predictions_are_not_damage(store_copy: Path, factor: float) -> No
     assert verify(store_copy) == []
 
 
-def test_a_slightly_wrong_loss_is_damage(store_copy: Path) -> None:
+def test_a_slightly_wrong_loss_is_damage(store_copy):
     with edit(store_copy) as draft:
         draft._connection.execute("UPDATE prediction SET loss = loss * 1.000001 WHERE iid = 3")
     assert any("loss" in damage.what for damage in verify(store_copy))
 
 
 @pytest.mark.parametrize("options", [(), ("--json",)])
-def test_an_unwritable_verdict_is_an_error(tiny_store: Path, options: tuple[str, ...]) -> None:
+def test_an_unwritable_verdict_is_an_error(tiny_store, options):
     command = [sys.executable, "-m", "s2rtui", "verify", str(tiny_store), *options]
     with Path("/dev/full").open("w") as full:
         process = subprocess.run(
@@ -131,7 +131,7 @@ def test_an_unwritable_verdict_is_an_error(tiny_store: Path, options: tuple[str,
     assert "standard output: No space left on device" in process.stderr
 
 
-def test_files_without_a_checksum_are_damage(store: Path) -> None:
+def test_files_without_a_checksum_are_damage(store):
     paths = [path for path in CHECKED_FILES if not path.startswith("drives/")]
     with edit(store) as draft:
         for path in paths:
@@ -140,7 +140,7 @@ def test_files_without_a_checksum_are_damage(store: Path) -> None:
     assert found == {path.removesuffix("/zarr.json") for path in paths}
 
 
-def test_deeply_nested_folders_are_rejected_in_one_line(store_copy: Path, capsys) -> None:
+def test_deeply_nested_folders_are_rejected_in_one_line(store_copy, capsys):
     folder = store_copy / "runs.zarr"
     for _ in range(60):
         folder = folder / "d"
@@ -150,7 +150,7 @@ def test_deeply_nested_folders_are_rejected_in_one_line(store_copy: Path, capsys
         assert "nested too deeply" in capsys.readouterr().err
 
 
-def test_a_huge_sparse_ledger_is_rejected(store_copy: Path, capsys, monkeypatch) -> None:
+def test_a_huge_sparse_ledger_is_rejected(store_copy, capsys, monkeypatch):
     monkeypatch.setattr(ledger, "_MAX_FILE", 2 << 20)
     (store_copy / "ledger" / "zeros.jsonl").touch()
     os.truncate(store_copy / "ledger" / "zeros.jsonl", 3 << 20)

@@ -8,7 +8,6 @@ import pickle
 import struct
 import warnings
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -48,10 +47,7 @@ def truncated(path: Path) -> None:
 
 @pytest.mark.parametrize("suffix", [".safetensors", ".pt"])
 @pytest.mark.parametrize("make_file", [pipe, device, sparse])
-def test_an_invalid_weights_file_is_rejected(
-    tmp_path: Path, tiny_store: Path, capsys: pytest.CaptureFixture[str],
-    make_file: Callable[[Path], None], suffix: str,
-) -> None:  # fmt: skip
+def test_an_invalid_weights_file_is_rejected(tmp_path, tiny_store, capsys, make_file, suffix):
     path = tmp_path / f"w{suffix}"
     make_file(path)
     with deadline():
@@ -65,10 +61,7 @@ def add(store: Path, path: Path, *more: str) -> int:
 
 
 @pytest.mark.parametrize("make_file", [long_header, truncated])
-def test_damaged_safetensors_are_rejected(
-    tmp_path: Path, tiny_store: Path, capsys: pytest.CaptureFixture[str],
-    make_file: Callable[[Path], None],
-) -> None:  # fmt: skip
+def test_damaged_safetensors_are_rejected(tmp_path, tiny_store, capsys, make_file):
     path = tmp_path / "w.safetensors"
     make_file(path)
     assert add(tiny_store, path) == 2
@@ -91,9 +84,7 @@ def archive(state: dict[str, torch.Tensor], method: int, extra: int = 0) -> byte
     return packed.getvalue()
 
 
-def test_a_compressed_archive_is_rejected(
-    tmp_path: Path, tiny_store: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_compressed_archive_is_rejected(tmp_path, tiny_store, capsys):
     path = tmp_path / "w.pt"
     path.write_bytes(
         archive(build_network("resposenet").state_dict(), zipfile.ZIP_DEFLATED, 64 << 20)
@@ -114,9 +105,7 @@ def test_a_compressed_archive_is_rejected(
     ],
     ids=["sparse", "complex", "integers", "empty", "expanded", "meta"],
 )
-def test_unexpected_tensors_are_rejected(
-    tmp_path: Path, tiny_store: Path, capsys: pytest.CaptureFixture[str], change, expected: str
-) -> None:
+def test_unexpected_tensors_are_rejected(tmp_path, tiny_store, capsys, change, expected):
     state = build_network("resposenet").state_dict()
     key = next(key for key, value in state.items() if value.ndim == 4)
     path = tmp_path / "w.pt"
@@ -132,9 +121,7 @@ class RunsCommand:
         return os.system, ("exit 1",)
 
 
-def test_a_malicious_or_truncated_pickle_is_rejected(
-    tmp_path: Path, tiny_store: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_malicious_or_truncated_pickle_is_rejected(tmp_path, tiny_store, capsys):
     path = tmp_path / "w.pt"
     before = limits()
     malicious = [pickle.dumps(RunsCommand(), protocol) for protocol in (0, 2, 5)]
@@ -173,9 +160,7 @@ def fails() -> nn.Module:
 
 
 @pytest.mark.parametrize("factory", ["one_row", "fails"])
-def test_a_model_that_does_not_support_batches_is_named(
-    trained_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], factory: str
-) -> None:
+def test_a_model_that_does_not_support_batches_is_named(trained_store, tmp_path, capsys, factory):
     store, path = copy_store(trained_store, tmp_path / "s.s2r"), tmp_path / "w.safetensors"
     save_file({}, path)
     arch = f"tests.hostile.test_weights:{factory}"

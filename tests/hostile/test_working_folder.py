@@ -87,16 +87,12 @@ def program(tmp_path: Path) -> Path:
     return path
 
 
-def test_the_command_imports_nothing_from_the_folder(
-    hostile: HostileFolder, program: Path, tiny_store: Path
-) -> None:
+def test_the_command_imports_nothing_from_the_folder(hostile, program, tiny_store):
     process = hostile.command(program, "query", str(tiny_store), "worst15", "--count")
     assert (process.returncode, process.stdout, process.stderr) == (0, "6\n", "")
 
 
-def test_python_m_imports_no_library_from_the_folder(
-    hostile: HostileFolder, tiny_store: Path
-) -> None:
+def test_python_m_imports_no_library_from_the_folder(hostile, tiny_store):
     """Standard modules and the program are deleted: the interpreter imports those from there."""
     for name in (*_STANDARD_MODULES, *_PROJECT):
         for file in (hostile.folder / f"{name}.py", hostile.folder / name / "__init__.py"):
@@ -107,9 +103,7 @@ def test_python_m_imports_no_library_from_the_folder(
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the names of the libraries are Linux's")
-def test_worker_processes_import_and_load_nothing_from_the_folder(
-    hostile: HostileFolder, tmp_path: Path
-) -> None:
+def test_worker_processes_import_and_load_nothing_from_the_folder(hostile, tmp_path):
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
     for name in ("libc.so.6", "libm.so.6", f"libpython{version}.so.1.0"):
         (hostile.folder / name).write_text("not a library")
@@ -119,9 +113,7 @@ def test_worker_processes_import_and_load_nothing_from_the_folder(
     assert (process.returncode, process.stdout, process.stderr) == (0, "[1, 2]\n", "")
 
 
-def test_figures_ignore_the_matplotlibrc_of_the_folder(
-    hostile: HostileFolder, program: Path, tiny_store: Path, tmp_path: Path
-) -> None:
+def test_figures_ignore_the_matplotlibrc_of_the_folder(hostile, program, tiny_store, tmp_path):
     images = [tmp_path / "before.png", tmp_path / "after.png"]
     for image in images:
         arguments = ("--view", "rooms", "--size", "400x300", "--out", str(image))
@@ -131,9 +123,7 @@ def test_figures_ignore_the_matplotlibrc_of_the_folder(
     assert images[0].read_bytes() == images[1].read_bytes()
 
 
-def test_numba_ignores_the_settings_of_the_folder(
-    hostile: HostileFolder, tiny_store: Path, tmp_path: Path
-) -> None:
+def test_numba_ignores_the_settings_of_the_folder(hostile, tiny_store, tmp_path):
     (hostile.folder / ".numba_config.yaml").write_text("opt: [\n")
     script = tmp_path / "compiling.py"
     script.write_text(_COMPILATION)
@@ -141,9 +131,7 @@ def test_numba_ignores_the_settings_of_the_folder(
     assert (process.returncode, process.stdout) == (0, "6\n4\n"), process.stderr
 
 
-async def test_a_served_session_imports_nothing_from_the_folder(
-    hostile: HostileFolder, tiny_store: Path, tmp_path: Path
-) -> None:
+async def test_a_served_session_imports_nothing_from_the_folder(hostile, tiny_store, tmp_path):
     aiohttp = pytest.importorskip("aiohttp")
     pytest.importorskip("textual_serve")
     with servers(tiny_store, tmp_path / "data") as serve:

@@ -32,7 +32,7 @@ def images(size: tuple[int, int], n: int = 3) -> torch.Tensor:
 
 @pytest.mark.parametrize("name", list(networks.local_trunks()))
 @pytest.mark.parametrize("size", [(37, 45)])
-def test_all_outputs_equal_those_of_single_operations(name: str, size: tuple[int, int]) -> None:
+def test_all_outputs_equal_those_of_single_operations(name, size):
     backend = Backend(networks.small_model(*networks.local_trunks()[name], size))
     graph = LocalGraph(backend.trunk)
     x = images(size).contiguous(memory_format=torch.channels_last)
@@ -48,7 +48,7 @@ def test_all_outputs_equal_those_of_single_operations(name: str, size: tuple[int
             torch.testing.assert_close(value, reference[key], rtol=1e-5, atol=1e-5)
 
 
-def test_an_image_has_the_same_features_in_every_batch() -> None:
+def test_an_image_has_the_same_features_in_every_batch():
     backend = open_backend(networks.build_model("posest"), "winograd")
     x = images(backend.model.contract.size).numpy()
     together = backend.forward_all(x)
@@ -59,7 +59,7 @@ def test_an_image_has_the_same_features_in_every_batch() -> None:
 
 
 @pytest.mark.parametrize("precision", ["float32", "bfloat16-broad"])
-def test_changed_poses_are_the_same_with_a_kept_base(precision: str) -> None:
+def test_changed_poses_are_the_same_with_a_kept_base(precision):
     size = (36, 36)
     model = networks.small_model(*next(iter(networks.local_trunks().values())), size)
     backend = Backend(model)
@@ -74,7 +74,7 @@ def test_changed_poses_are_the_same_with_a_kept_base(precision: str) -> None:
         np.testing.assert_allclose(values, expected, rtol=0, atol=1e-5)
 
 
-def test_trunks_that_are_not_local_are_refused() -> None:
+def test_trunks_that_are_not_local_are_refused():
     trunk = nn.Sequential(nn.Conv2d(4, 8, 3, padding=1), nn.AdaptiveAvgPool2d(4))
     with pytest.raises(RequestError, match="winograd"):
         open_backend(networks.small_model(trunk, 8, (20, 24)), "winograd")
@@ -88,9 +88,7 @@ def test_trunks_that_are_not_local_are_refused() -> None:
         (RunBackends(TORCH, TORCH, "float32"), False),
     ],
 )
-def test_occlusion_goes_on_from_a_pass_that_keeps_its_outputs(
-    backends: RunBackends, joined: bool
-) -> None:
+def test_occlusion_goes_on_from_a_pass_that_keeps_its_outputs(backends, joined):
     keys = SimpleNamespace(prediction=lambda *given: "a" * 16,
                            heatmap=lambda *given: ("b" * 16, False))  # fmt: skip
     run, iids = SimpleNamespace(run="r"), range(600)

@@ -36,14 +36,14 @@ def poses_by_differences(model: LoadedModel, precision: str) -> tuple[np.ndarray
 
 @pytest.mark.parametrize("name", list(networks.local_trunks()))
 @pytest.mark.parametrize("size", [(37, 45)])
-def test_differences_in_float32_equal_full_inference(name: str, size: tuple[int, int]) -> None:
+def test_differences_in_float32_equal_full_inference(name, size):
     model = networks.small_model(*networks.local_trunks()[name], size)
     changed, full, before = poses_by_differences(model, "float32")
     effect = np.abs(full - before[:, None, None]).max()
     assert np.abs(changed - full).max() <= 1e-4 * max(effect, 1)
 
 
-def test_differences_in_bfloat16_have_errors_relative_to_the_effect() -> None:
+def test_differences_in_bfloat16_have_errors_relative_to_the_effect():
     model = networks.build_model("resposenet")
     changed, full, before = poses_by_differences(model, "bfloat16")
     effect, error = full - before[:, None, None], changed - full
@@ -51,7 +51,7 @@ def test_differences_in_bfloat16_have_errors_relative_to_the_effect() -> None:
     assert np.abs(error).max() > 0
 
 
-def test_the_method_depends_on_the_estimated_cost() -> None:
+def test_the_method_depends_on_the_estimated_cost():
     kind = occlusion.Occlusion()
     assert kind.attributes(networks.build_model("posest")) == {"method": "by locality"}
     wide = nn.Sequential(*(nn.Conv2d(4, 4, 47, padding=23) for _ in range(2)))
@@ -59,7 +59,7 @@ def test_the_method_depends_on_the_estimated_cost() -> None:
     assert kind.attributes(model) == {"method": "in full: locality does not save time"}
 
 
-def test_narrow_receptive_fields_cost_less() -> None:
+def test_narrow_receptive_fields_cost_less():
     patches = cut_patches(48, 48)
     narrow, wide = (
         local_cost(LocalGraph(nn.Sequential(nn.Conv2d(4, 8, k, padding=k // 2)).eval()),
@@ -71,7 +71,7 @@ def test_narrow_receptive_fields_cost_less() -> None:
 
 @pytest.mark.parametrize("tile", winograd.TILES)
 @pytest.mark.parametrize("size", [(1, 1), (7, 7), (9, 14)])
-def test_winograd_equals_direct_convolution(tile: int, size: tuple[int, int]) -> None:
+def test_winograd_equals_direct_convolution(tile, size):
     generator = torch.Generator().manual_seed(tile)
     weight = torch.randn(24, 16, 3, 3, generator=generator)
     x = torch.randn(5, 16, size[0] + 2, size[1] + 2, generator=generator)
@@ -82,7 +82,7 @@ def test_winograd_equals_direct_convolution(tile: int, size: tuple[int, int]) ->
     assert error < 1e-4
 
 
-def test_winograd_is_chosen_for_many_channels_and_not_for_few() -> None:
+def test_winograd_is_chosen_for_many_channels_and_not_for_few():
     wide, narrow = (
         winograd.WinogradConvolution(torch.zeros(2 * channels, channels, 3, 3))
         for channels in (256, 4)
@@ -91,7 +91,7 @@ def test_winograd_is_chosen_for_many_channels_and_not_for_few() -> None:
     assert narrow.tile((14, 14)) is None
 
 
-def test_differences_of_wide_convolutions_equal_full_inference() -> None:
+def test_differences_of_wide_convolutions_equal_full_inference():
     layers = [
         nn.Conv2d(4, 64, 3, padding=1), nn.ReLU(), nn.MaxPool2d(2),
         nn.Conv2d(64, 128, 3, padding=1), nn.ReLU(), nn.Conv2d(128, 128, 3, padding=1),

@@ -29,9 +29,7 @@ def channels_last(*shape: int) -> Tensor:
      (RectifiedPool((3, 2), (2, 1)), (2, 3))],
 )  # fmt: skip
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
-def test_update_equals_the_same_steps_in_torch(
-    pool: RectifiedPool, size: tuple[int, int], dtype: torch.dtype
-) -> None:
+def test_update_equals_the_same_steps_in_torch(pool, size, dtype):
     height, width = ((n - 1) * s + k for n, s, k in zip(size, pool.stride, pool.size, strict=True))
     count = IMAGES * len(STARTS) * MODES
     change = channels_last(count, CHANNELS, height, width).to(dtype)
@@ -52,7 +50,7 @@ def test_update_equals_the_same_steps_in_torch(
     assert torch.equal(target, expected.to(dtype))
 
 
-def test_changed_values_outside_of_the_target_are_left_out() -> None:
+def test_changed_values_outside_of_the_target_are_left_out():
     change, sums = channels_last(1, CHANNELS, 4, 4), channels_last(1, CHANNELS, 4, 4)
     outputs, starts = channels_last(1, CHANNELS, 4, 4), np.zeros((1, 4), dtype=np.int64)
     whole, cut = (torch.empty(1, n, n, CHANNELS).permute(0, 3, 1, 2) for n in (4, 2))
@@ -61,7 +59,7 @@ def test_changed_values_outside_of_the_target_are_left_out() -> None:
     assert torch.equal(cut, whole[..., 1:3, 2:4])
 
 
-def test_only_a_rectifier_and_a_pooling_are_fused() -> None:
+def test_only_a_rectifier_and_a_pooling_are_fused():
     pool = partial(
         functional.max_pool2d, kernel_size=(2, 2), stride=(2, 2), padding=0, dilation=(1, 1)
     )

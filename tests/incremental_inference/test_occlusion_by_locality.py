@@ -54,20 +54,20 @@ def assert_equal_results(model: LoadedModel, patch_indices: list[int] | None = N
 
 @pytest.mark.parametrize("name", list(networks.local_trunks()))
 @pytest.mark.parametrize("size", [(37, 45)])
-def test_small_trunks_are_computed_incrementally(name: str, size: tuple[int, int]) -> None:
+def test_small_trunks_are_computed_incrementally(name, size):
     assert_equal_results(networks.small_model(*networks.local_trunks()[name], size))
 
 
-def test_resposenet_every_patch_mode_and_direction() -> None:
+def test_resposenet_every_patch_mode_and_direction():
     assert_equal_results(networks.build_model("resposenet"))
 
 
-def test_posest_corner_edge_and_inner_patches() -> None:
+def test_posest_corner_edge_and_inner_patches():
     assert_equal_results(networks.build_model("posest"), [0, 3, 5, 14, 21, 35])
 
 
 @pytest.mark.parametrize("name", list(networks.nonlocal_trunks()))
-def test_non_local_trunks_are_detected(name: str) -> None:
+def test_non_local_trunks_are_detected(name):
     model = networks.small_model(*networks.nonlocal_trunks()[name], (24, 24))
     reason = non_local_reason(fold_batch_norm(model.network.trunk))
     assert reason
@@ -75,7 +75,7 @@ def test_non_local_trunks_are_detected(name: str) -> None:
 
 
 @given(st.integers(6, 300), st.integers(6, 300), st.integers(1, 6))
-def test_patches_cover_the_image_once(height: int, width: int, count: int) -> None:
+def test_patches_cover_the_image_once(height, width, count):
     coverage = np.zeros((height, width), int)
     for r in cut_patches(height, width, count):
         coverage[r.r0 : r.r1, r.c0 : r.c1] += 1
@@ -85,9 +85,7 @@ def test_patches_cover_the_image_once(height: int, width: int, count: int) -> No
 @given(
     st.integers(1, 5), st.integers(1, 3), st.integers(0, 2), st.integers(8, 30), st.data(),
 )  # fmt: skip
-def test_affected_outputs_are_exact(
-    extent: int, stride: int, padding: int, size: int, data: st.DataObject
-) -> None:
+def test_affected_outputs_are_exact(extent, stride, padding, size, data):
     window = SlidingWindow(extent, stride, min(padding, extent // 2))
     start = data.draw(st.integers(0, size - 1))
     stop = data.draw(st.integers(start + 1, size))
@@ -103,5 +101,5 @@ def test_affected_outputs_are_exact(
         assert low == high
 
 
-def test_regions_can_be_united() -> None:
+def test_regions_can_be_united():
     assert PixelRegion(1, 3, 4, 6).union(PixelRegion(2, 8, 0, 5)) == PixelRegion(1, 8, 0, 6)

@@ -26,7 +26,7 @@ def batch(model, n: int = 3) -> np.ndarray:
 
 
 @pytest.mark.parametrize("architecture", ["posest", "resposenet"])
-def test_folding_does_not_change_the_outputs(architecture: str) -> None:
+def test_folding_does_not_change_the_outputs(architecture):
     model = networks.build_model(architecture)
     x = batch(model, 2)
     with torch.no_grad():
@@ -39,7 +39,7 @@ def test_folding_does_not_change_the_outputs(architecture: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["torch-bfloat16", "openvino-float32"])
-def test_reduced_networks_take_the_channels_of_their_contract(name: str) -> None:
+def test_reduced_networks_take_the_channels_of_their_contract(name):
     if name.startswith("openvino") and importlib.util.find_spec("openvino") is None:
         pytest.skip("openvino is not installed")
     trunk = nn.Sequential(nn.Conv2d(3, 8, 3, padding=1), nn.BatchNorm2d(8), nn.ReLU())
@@ -51,7 +51,7 @@ def test_reduced_networks_take_the_channels_of_their_contract(name: str) -> None
     np.testing.assert_allclose(poses, Backend(model).forward_all(x).pose, atol=0.05)
 
 
-def test_torch_is_float32_and_deterministic() -> None:
+def test_torch_is_float32_and_deterministic():
     model = networks.build_model("resposenet")
     x = batch(model)
     backend = choose_backend(model, x, "torch").backend
@@ -59,7 +59,7 @@ def test_torch_is_float32_and_deterministic() -> None:
     assert (backend.forward_all(x).pose == Backend(model).forward_all(x).pose).all()
 
 
-def test_an_inaccurate_backend_is_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_inaccurate_backend_is_rejected(monkeypatch):
     model = networks.build_model("resposenet")
     x = batch(model)
     monkeypatch.setattr(Bfloat16Backend, "features", lambda self, x: Backend.features(self, x) * 2)
@@ -68,7 +68,7 @@ def test_an_inaccurate_backend_is_rejected(monkeypatch: pytest.MonkeyPatch) -> N
         choose_backend(model, x, "torch-bfloat16")
 
 
-def test_auto_selects_only_accurate_backends() -> None:
+def test_auto_selects_only_accurate_backends():
     model = networks.build_model("resposenet")
     x = batch(model)
     chosen = choose_backend(model, x, "auto")
@@ -104,16 +104,14 @@ def imitation(label: str, accelerated: bool, factor: float) -> type[Backend]:
     ],
 )
 def test_auto_takes_the_first_backend_that_the_machine_has_and_that_is_accurate(
-    preferred: list[tuple[str, bool, float]], expected: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    preferred, expected, monkeypatch
+):
     model = networks.build_model("resposenet")
     monkeypatch.setattr(calibration, "PREFERENCE", [imitation(*each) for each in preferred])
     assert choose_backend(model, batch(model), "auto").backend.name == expected
 
 
-def test_the_choice_does_not_depend_on_the_load_of_the_machine(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_choice_does_not_depend_on_the_load_of_the_machine(monkeypatch):
     """By one clock all passes take the same time, by the other each is faster than the last."""
     model = networks.build_model("resposenet")
     x, chosen = batch(model), []
@@ -131,14 +129,14 @@ def test_the_choice_does_not_depend_on_the_load_of_the_machine(
     assert chosen[0] == chosen[1]
 
 
-def test_unknown_and_missing_backends_are_named() -> None:
+def test_unknown_and_missing_backends_are_named():
     model = networks.build_model("resposenet")
     with pytest.raises(RequestError, match="torch-bfloat16"):
         open_backend(model, "abacus")
 
 
 @pytest.mark.skipif(importlib.util.find_spec("openvino") is None, reason="openvino not installed")
-def test_openvino_gives_the_same_poses() -> None:
+def test_openvino_gives_the_same_poses():
     model = networks.build_model("resposenet")
     x = batch(model)
     reference, result = (
@@ -150,7 +148,7 @@ def test_openvino_gives_the_same_poses() -> None:
 
 
 @pytest.mark.parametrize("architecture", ["posest", "resposenet"])
-def test_a_trunk_is_split_after_its_first_convolution(architecture: str) -> None:
+def test_a_trunk_is_split_after_its_first_convolution(architecture):
     model = networks.build_model(architecture)
     backend = Backend(model)
     first, rest = backend.split_trunk
@@ -161,7 +159,7 @@ def test_a_trunk_is_split_after_its_first_convolution(architecture: str) -> None
 
 
 @pytest.mark.parametrize("trunk", [networks.ResidualBlock(4), networks.Branches(), nn.ReLU()])
-def test_trunks_whose_input_has_other_readers_stay_whole(trunk: nn.Module) -> None:
+def test_trunks_whose_input_has_other_readers_stay_whole(trunk):
     folded = fold_batch_norm(trunk)
     first, rest = split_first_convolution(folded)
     assert isinstance(first, nn.Identity)

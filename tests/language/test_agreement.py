@@ -136,12 +136,8 @@ def store_with_missing_values(tmp_path_factory: pytest.TempPathFactory) -> Store
 @given(node=EXPRESSIONS, run=st.sampled_from(["vanilla", "dataaug"]), with_trained=st.booleans(),
        view=st.sampled_from([None, ("a",), ("b",), ("a", "b")]))  # fmt: skip
 def test_masks_and_sql_select_the_same_instances(
-    store_with_missing_values: Store,
-    node: n.Node,
-    run: str,
-    with_trained: bool,
-    view: tuple[str, ...] | None,
-) -> None:
+    store_with_missing_values, node, run, with_trained, view
+):
     text, store = to_text(node), store_with_missing_values
     mask = evaluation.select(store, text, run, view, with_trained=with_trained)
     selected = np.flatnonzero(mask)
@@ -154,12 +150,12 @@ def test_masks_and_sql_select_the_same_instances(
 
 
 @given(node=EXPRESSIONS)
-def test_the_text_of_a_tree_parses_to_the_same_tree(node: n.Node) -> None:
+def test_the_text_of_a_tree_parses_to_the_same_tree(node):
     assert parse(to_text(node)) == node
 
 
 @given(text=st.text(alphabet='worst15&|!-()@%:.,"<>=0123456789 aberlmox+', max_size=30))
-def test_any_text_parses_or_reports_a_column(text: str) -> None:
+def test_any_text_parses_or_reports_a_column(text):
     column = 1
     try:
         parse(text)
@@ -169,9 +165,7 @@ def test_any_text_parses_or_reports_a_column(text: str) -> None:
 
 
 @given(node=EXPRESSIONS)
-def test_the_complement_is_the_base_population_minus_the_selection(
-    store_with_missing_values: Store, node: n.Node
-) -> None:
+def test_the_complement_is_the_base_population_minus_the_selection(store_with_missing_values, node):
     text = to_text(node)
     selected, complement = (
         evaluation.select(store_with_missing_values, e, "vanilla") for e in (text, f"!({text})")

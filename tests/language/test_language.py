@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -40,7 +39,7 @@ def store(tiny_store) -> Store:
         ("gap > -1 - all", "(gap > -1) - all"),
     ],
 )
-def test_precedence(text: str, explicit: str | None) -> None:
+def test_precedence(text, explicit):
     if explicit is None:
         with pytest.raises(ExpressionError):
             parse(text)
@@ -69,7 +68,7 @@ def test_precedence(text: str, explicit: str | None) -> None:
         ("worst15 | lasso", 16, "needs ("),
     ],
 )
-def test_a_syntax_error_reports_its_column_and_a_hint(text: str, column: int, hint: str) -> None:
+def test_a_syntax_error_reports_its_column_and_a_hint(text, column, hint):
     with pytest.raises(ExpressionError, match="column") as caught:
         parse(text)
     assert caught.value.column == column
@@ -80,12 +79,12 @@ def test_a_syntax_error_reports_its_column_and_a_hint(text: str, column: int, hi
     ("text", "hint"),
     [("room:rihgt", "right"), ("traj:c", "a"), ('run("x").gap > 1', "vanilla"), ("@no", "saved")],
 )
-def test_unknown_names_are_rejected_with_a_suggestion(store: Store, text: str, hint: str) -> None:
+def test_unknown_names_are_rejected_with_a_suggestion(store, text, hint):
     with pytest.raises(ExpressionError, match=hint):
         evaluation.select(store, text)
 
 
-def test_worst15_rounds_up_within_the_chosen_trajectories(store: Store) -> None:
+def test_worst15_rounds_up_within_the_chosen_trajectories(store):
     errors = store.run_columns("vanilla").real.error
     for view, members in ((None, range(40)), (("a",), range(25)), (("b",), range(25, 40))):
         expected = sorted(members, key=lambda i: (-errors[i], i))[: math.ceil(0.15 * len(members))]
@@ -93,7 +92,7 @@ def test_worst15_rounds_up_within_the_chosen_trajectories(store: Store) -> None:
         assert selected.tolist() == sorted(expected)
 
 
-def test_heading_intervals_wrap_around(store: Store) -> None:
+def test_heading_intervals_wrap_around(store):
     degrees = np.degrees(store.instances.heading)
     for text, expected in (
         ("heading:170+-20", (np.abs((degrees - 170 + 180) % 360 - 180) <= 20)),
@@ -103,7 +102,7 @@ def test_heading_intervals_wrap_around(store: Store) -> None:
         assert (evaluation.select(store, text) == expected).all(), text
 
 
-def test_saved_selections_are_expanded_and_recursion_is_rejected(store: Store) -> None:
+def test_saved_selections_are_expanded_and_recursion_is_rejected(store):
     saved_expressions = {
         "bad": parse("worst15 & @far"),
         "far": parse("near(5, 4, 3)"),
@@ -115,12 +114,12 @@ def test_saved_selections_are_expanded_and_recursion_is_rejected(store: Store) -
         evaluation.select(store, "@loop", saved=saved_expressions)
 
 
-def test_fields_of_another_run_can_be_used(store: Store) -> None:
+def test_fields_of_another_run_can_be_used(store):
     other = store.run_columns("dataaug").real.error > 1
     assert (evaluation.select(store, 'run("dataaug").real.error > 1', "vanilla") == other).all()
 
 
-def test_completion_offers_only_matching_terms() -> None:
+def test_completion_offers_only_matching_terms():
     vocabulary = Vocabulary(("vanilla",), ("left hall", "right"), ("a",), {"bad": parse("all")})
     assert [line for line, _ in complete("worst15 & room:", vocabulary)] == [
         'worst15 & room:"left hall"',
@@ -145,14 +144,14 @@ def test_completion_offers_only_matching_terms() -> None:
         ("all & (", "all", ")"),
     ],
 )
-def test_completion_depends_on_the_context(text: str, offered: str, excluded: str) -> None:
+def test_completion_depends_on_the_context(text, offered, excluded):
     vocabulary = Vocabulary(("vanilla",), (), ())
     lines = [line for line, _ in complete(text, vocabulary)]
     assert any(line.endswith(offered) for line in lines)
     assert not any(line.endswith(excluded) for line in lines)
 
 
-def test_numbers_are_not_completed() -> None:
+def test_numbers_are_not_completed():
     vocabulary = Vocabulary(("vanilla",), ("left (hall",), ())
     for text in ("like(", "like(12, ", "real.lasso(1, 2, ", "ids(3, "):
         assert complete(text, vocabulary) == []
@@ -172,7 +171,7 @@ def test_numbers_are_not_completed() -> None:
         ('curved | @"two w', 'curved | @"two words"'),
     ],
 )
-def test_names_with_spaces_are_completed_and_quoted(text: str, completed: str) -> None:
+def test_names_with_spaces_are_completed_and_quoted(text, completed):
     saved_expressions = {"two words": parse("all"), "other": parse("all")}
     vocabulary = Vocabulary(("vanilla",), ("left hall", "right"), ("a",), saved_expressions)
     assert [line for line, _ in complete(text, vocabulary)] == [completed]
@@ -183,7 +182,7 @@ def test_names_with_spaces_are_completed_and_quoted(text: str, completed: str) -
     "text", ["worst15", "worst15 ", "room:right ", 'room:"left hall" ', "near(1, 2, 3)",
              "real.error > 0.8 ", "(all) ", "@bad "],
 )  # fmt: skip
-def test_operators_are_offered_after_a_complete_term(text: str) -> None:
+def test_operators_are_offered_after_a_complete_term(text):
     vocabulary = Vocabulary(("vanilla",), ("left hall", "right"), ("a",), {"bad": parse("all")})
     lines = [line for line, _ in complete(text, vocabulary)]
     assert len(lines) == 3
@@ -191,7 +190,7 @@ def test_operators_are_offered_after_a_complete_term(text: str) -> None:
         parse(f"{line}all")
 
 
-def test_shapes_have_short_names(store: Store) -> None:
+def test_shapes_have_short_names(store):
     for short, long in (
         ("umap.sim(0, 0, 3, 3)", "umap.sim.box(0, 0, 3, 3)"),
         ("real.like(3, 4)", "like(3, 4)"),
@@ -201,7 +200,7 @@ def test_shapes_have_short_names(store: Store) -> None:
     assert to_text(parse("umap.sim.box(0, 0, 3, 3)")) == "umap.sim(0, 0, 3, 3)"
 
 
-def test_a_returned_mask_is_a_copy(store: Store) -> None:
+def test_a_returned_mask_is_a_copy(store):
     first = evaluation.select(store, "real.error > 1")
     first[:] = False
     assert evaluation.select(store, "real.error > 1").any()
@@ -210,7 +209,7 @@ def test_a_returned_mask_is_a_copy(store: Store) -> None:
         base[0] = False
 
 
-def test_cached_masks_are_separate_per_run_and_trajectories(store_copy: Path) -> None:
+def test_cached_masks_are_separate_per_run_and_trajectories(store_copy):
     requests = [
         (text, run, view)
         for text in ("worst15", "gap > 0", "seq:3..9", "room:right", "real.lasso(0,0,9,0,5,8)")

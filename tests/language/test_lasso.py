@@ -27,13 +27,13 @@ def even_odd_rule(x: np.ndarray, y: np.ndarray, corners: Corners) -> np.ndarray:
     return odd
 
 
-def test_a_square_contains_only_its_left_and_lower_edge() -> None:
+def test_a_square_contains_only_its_left_and_lower_edge():
     square = ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))
     assert sorted(map(tuple, GRID[points_inside(GRID, square)])) == [(0, 0), (0, 1), (1, 0), (1, 1)]
     assert (points_inside(GRID, square[::-1]) == points_inside(GRID, square)).all()
 
 
-def test_points_enclosed_twice_are_outside() -> None:
+def test_points_enclosed_twice_are_outside():
     star = tuple((float(np.cos(a)), float(np.sin(a))) for a in np.arange(5) * 4 * np.pi / 5)
     points = np.array([(0.0, 0.0), (0.7, 0.0), (0.0, 2.0)])
     assert points_inside(points, star).tolist() == [False, True, False]
@@ -43,9 +43,7 @@ def test_points_enclosed_twice_are_outside() -> None:
     corners=st.lists(st.tuples(INTEGERS, INTEGERS), min_size=3, max_size=9),
     point=st.integers(0, 120),
 )
-def test_adding_a_corner_changes_only_the_points_of_its_triangle(
-    corners: list[tuple[float, float]], point: int
-) -> None:
+def test_adding_a_corner_changes_only_the_points_of_its_triangle(corners, point):
     """A corner between the last and the first adds or removes exactly the triangle's points."""
     enclosed = points_inside(GRID, tuple(corners))
     new_corner = (float(GRID[point][0]) / 3, float(GRID[point][1]) / 7)
@@ -53,7 +51,7 @@ def test_adding_a_corner_changes_only_the_points_of_its_triangle(
     assert (points_inside(GRID, (*corners, new_corner)) == (enclosed ^ triangle)).all()
 
 
-def test_bands_give_the_unbanded_result() -> None:
+def test_bands_give_the_unbanded_result():
     rng = np.random.default_rng(3)
     n = 120_000
     x, y = rng.normal(0, 3, n), np.round(rng.normal(0, 3, n), 2)
@@ -73,14 +71,14 @@ def test_bands_give_the_unbanded_result() -> None:
 
 
 @pytest.mark.parametrize("n", [0, 1, 40_000])
-def test_points_with_equal_y_form_one_band(n: int) -> None:
+def test_points_with_equal_y_form_one_band(n):
     points = bands(np.linspace(0, 1, n), np.full(n, 2.0))
     corners = ((-1.0, 1.0), (2.0, 1.0), (2.0, 3.0), (-1.0, 3.0))
     assert inside(points, corners, n).all()
     assert inside(points, corners[::-1], n).sum() == n
 
 
-def test_a_lasso_has_3_to_64_corners() -> None:
+def test_a_lasso_has_3_to_64_corners():
     assert parse("lasso(" + ", ".join(["1"] * 2 * MAX_CORNERS) + ")")
     for count, problem in ((4, "not 2"), (2 * MAX_CORNERS + 2, "not 65"), (7, "no y")):
         with pytest.raises(ExpressionError, match=problem):

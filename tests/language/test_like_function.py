@@ -51,15 +51,13 @@ def _add(path: Path) -> None:
         ('run("vanilla").like(20, 1)', {19, 20}),
     ],
 )
-def test_like_selects_the_instance_and_its_nearest_neighbours(
-    store: Store, text: str, expected: set[int]
-) -> None:
+def test_like_selects_the_instance_and_its_nearest_neighbours(store, text, expected):
     assert set(np.flatnonzero(evaluation.select(store, text, "vanilla"))) == expected
     query, parameters = evaluation.sql(store, text, "vanilla")
     assert {row[0] for row in store.execute(query, parameters)} == expected
 
 
-def test_neighbours_are_searched_in_the_chosen_trajectories(store: Store) -> None:
+def test_neighbours_are_searched_in_the_chosen_trajectories(store):
     selected = np.flatnonzero(evaluation.select(store, "like(24, 3)", "vanilla", ("b",)))
     assert selected.tolist() == [25, 26, 27]  # instance 24 belongs to trajectory a
     neighbour_iids, distances = nearest_neighbours.neighbours(store, "vanilla", "real", 24, 3)
@@ -67,7 +65,7 @@ def test_neighbours_are_searched_in_the_chosen_trajectories(store: Store) -> Non
     assert distances.tolist() == [0, 1, 1, 2]
 
 
-def test_a_run_without_embeddings_is_an_error(store: Store) -> None:
+def test_a_run_without_embeddings_is_an_error(store):
     for evaluate in (evaluation.select, evaluation.sql):
         with pytest.raises(
             ExpressionError, match=r"column 10: like: run 'dataaug' has no embeddings"
@@ -77,14 +75,14 @@ def test_a_run_without_embeddings_is_an_error(store: Store) -> None:
             evaluate(store, "like(40, 4)", "vanilla")
 
 
-def test_embeddings_replace_missing_components(store_copy: Path) -> None:
+def test_embeddings_replace_missing_components(store_copy):
     rows = np.arange(N * 3, dtype=np.float32).reshape(N, 3)
     embeddings.add(store_copy, "vanilla", {"sim": rows, "real": rows}, "embedding")
     with s2rstore.open(store_copy) as store:
         assert set(np.flatnonzero(evaluation.select(store, "like(5, 2)"))) == {4, 5, 6}
 
 
-def test_embeddings_of_other_instances_are_refused(store_copy: Path) -> None:
+def test_embeddings_of_other_instances_are_refused(store_copy):
     embeddings.add(store_copy, "vanilla", {"real": np.zeros((7, 2), np.float32)})
     with (
         s2rstore.open(store_copy) as store,
@@ -93,7 +91,7 @@ def test_embeddings_of_other_instances_are_refused(store_copy: Path) -> None:
         nearest_neighbours.neighbours(store, "vanilla", "real", 3, 2)
 
 
-def test_neighbours_far_from_the_origin_are_ordered_exactly() -> None:
+def test_neighbours_far_from_the_origin_are_ordered_exactly():
     points = np.full((50, 8), 3000.0, np.float32)
     points[:, 0] += np.arange(50, dtype=np.float32) * np.float32(0.01)
     neighbour_iids, _ = nearest_neighbours.nearest(points, 20, 6, np.ones(50, bool))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 import s2rstore
@@ -25,22 +23,20 @@ from s2rtui.cli import main
         ("worst(15%, sim_heading_error_rad)", "could be sim.heading_error_deg"),
     ],
 )
-def test_an_expression_names_the_field_alone(text: str, hint: str) -> None:
+def test_an_expression_names_the_field_alone(text, hint):
     with pytest.raises(ExpressionError) as error:
         parse(text)
     assert str(error.value).endswith(hint)
 
 
-def test_every_field_is_meant_by_its_own_name() -> None:
+def test_every_field_is_meant_by_its_own_name():
     for name in (*fields.NUMERIC, *fields.TEXT):
         field = fields.meant(name.replace(".", "_"))
         assert field is not None
         assert fields.without_unit(field) == name or name.startswith("pair_offset")
 
 
-def test_columns_of_rows_and_of_scripts_name_it(
-    tiny_store: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_columns_of_rows_and_of_scripts_name_it(tiny_store, capsys):
     assert main(["query", str(tiny_store), "all", "--columns", "iid,real_error"]) == 2
     assert "--columns real_error: no such field; real.error_m is meant" in capsys.readouterr().err
     with s2rstore.open(tiny_store) as store:
@@ -52,7 +48,7 @@ def test_columns_of_rows_and_of_scripts_name_it(
             _ = store.instances.nonsense  # type: ignore[attr-defined]
 
 
-def test_exchanged_arguments_of_frames_are_named(tiny_store: Path) -> None:
+def test_exchanged_arguments_of_frames_are_named(tiny_store):
     with s2rstore.open(tiny_store) as store:
         assert store.frame(0, "sim").rgb.ndim == 3
         with pytest.raises(RequestError, match=r"frame\(iid, domain\): domain is a name"):

@@ -68,7 +68,7 @@ def context(seed: int = 1) -> MaskContext:
 
 
 @given(EXPRESSIONS, st.integers(1, 4))
-def test_a_suggestion_parses_and_selects_what_it_says(node: n.Node, seed: int) -> None:
+def test_a_suggestion_parses_and_selects_what_it_says(node, seed):
     columns = context(seed)
     if mask(node, columns).any():
         return
@@ -83,9 +83,7 @@ def test_a_suggestion_parses_and_selects_what_it_says(node: n.Node, seed: int) -
 
 
 @given(st.integers(1, 30), st.integers(1, 30), st.integers(1, 9))
-def test_a_percentage_is_the_smallest_step_that_selects_something(
-    worst: int, best: int, seed: int
-) -> None:
+def test_a_percentage_is_the_smallest_step_that_selects_something(worst, best, seed):
     columns = context(seed)
     text = f"worst({worst}%, sim.error) & best({best}%, real.error)"
     if mask(parse(text), columns).any():
@@ -117,9 +115,7 @@ def test_a_percentage_is_the_smallest_step_that_selects_something(
         ("all - all", "without - all", 5),
     ],
 )
-def test_the_nearest_instance_decides_how_far_a_term_is_widened(
-    text: str, change: str, count: int
-) -> None:
+def test_the_nearest_instance_decides_how_far_a_term_is_widened(text, change, count):
     columns = mask_context(
         5, sim_error=np.arange(5.0), real_error=np.array([1.0, 2.0, 3.0, 4.0, 4.0]),
         x=np.arange(5.0), y=np.arange(5.0), heading=np.radians([0.0, 20.0, 30.0, 40.0, 135.0]),
@@ -131,7 +127,7 @@ def test_the_nearest_instance_decides_how_far_a_term_is_widened(
 
 
 @pytest.mark.parametrize("limit", ["9.5", "1000", "1e9"])
-def test_a_bound_beyond_all_values_becomes_that_of_about_the_worst_15_percent(limit: str) -> None:
+def test_a_bound_beyond_all_values_becomes_that_of_about_the_worst_15_percent(limit):
     errors = np.random.default_rng(2).gamma(2, 1, 200)
     columns = mask_context(200, sim_error=errors, real_error=errors)
     for text, own in ((f"real.error > {limit}", errors), (f"real.error < -{limit}", -errors)):
@@ -142,14 +138,14 @@ def test_a_bound_beyond_all_values_becomes_that_of_about_the_worst_15_percent(li
         assert len(f"{bound:g}") <= 4  # two digits of the range of the values
 
 
-def test_a_bound_of_equal_values_is_near_them() -> None:
+def test_a_bound_of_equal_values_is_near_them():
     errors = np.full(20, 4.0)
     columns = mask_context(20, sim_error=errors, real_error=errors)
     (widening, *_) = widenings(parse("real.error > 1000"), columns)
     assert (widening.change, widening.count) == ("real.error > 3.9", 20)
 
 
-def test_a_term_under_a_negation_is_left_out_as_a_whole() -> None:
+def test_a_term_under_a_negation_is_left_out_as_a_whole():
     columns = context()
     found = widenings(parse("worst(20%, sim.error) & !worst(30%, sim.error)"), columns, most=9)
     changes = [one.change for one in found]
@@ -158,7 +154,7 @@ def test_a_term_under_a_negation_is_left_out_as_a_whole() -> None:
     assert widenings(parse("none"), columns) == []
 
 
-def test_long_expressions_and_many_instances_are_not_widened() -> None:
+def test_long_expressions_and_many_instances_are_not_widened():
     columns = context()
     long = " & ".join(f"x < {-20 - term}" for term in range(MAX_TERMS + 1))
     assert widenings(parse(long), columns) == []
@@ -169,7 +165,7 @@ def test_long_expressions_and_many_instances_are_not_widened() -> None:
     assert math.isclose(widenings(parse("sim.error > 1"), many)[0].admitted, 1.0)
 
 
-def test_a_suggestion_has_no_number_that_the_parser_refuses() -> None:
+def test_a_suggestion_has_no_number_that_the_parser_refuses():
     values = np.full(N, 1.0)
     values[7] = 1e300
     wide = mask_context(N, np.ones(N, dtype=bool), sim_error=values, real_error=values)

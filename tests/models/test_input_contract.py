@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from s2rtools.models.input_contract import InputContract, read_override
 from s2rtools.models.load_model import load_model
 from s2rtools.models.model_registration import add_model, read_weights
 from s2rtui.cli.main import main
+from tests.support.refusals import refused
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
 
@@ -44,7 +44,7 @@ def script(folder: Path, network: nn.Module, shape: tuple[int, int, int]) -> Pat
     return file
 
 
-def test_the_keys_of_a_file_override_the_declared_contract(tmp_path: Path) -> None:
+def test_the_keys_of_a_file_override_the_declared_contract(tmp_path):
     declared = build_network("posest").contract
     assert (declared.rgb_interpolation, declared.depth_interpolation) == ("bilinear", "bilinear")
     file = toml(tmp_path, "size = [120, 160]\nmissing_depth = 9.5\ncolour_order = 'bgr'\n")
@@ -54,14 +54,14 @@ def test_the_keys_of_a_file_override_the_declared_contract(tmp_path: Path) -> No
     assert read_override(file).applied(expected).missing_depth is None
 
 
-def test_a_unit_resets_mean_and_deviation(tmp_path: Path) -> None:
+def test_a_unit_resets_mean_and_deviation(tmp_path):
     file = toml(tmp_path, "depth_unit = 0.001\nrgb_scale = 255\nstd = [2, 3, 4]\n")
     contract = read_override(file).applied(InputContract())
     assert (contract.depth_unit, contract.depth_mean, contract.depth_std) == (0.001, 0.0, 1.0)
     assert (contract.mean, contract.std) == ((0.0, 0.0, 0.0), (2.0, 3.0, 4.0))
 
 
-def test_a_contract_is_written_as_the_file_that_gives_it(tmp_path: Path) -> None:
+def test_a_contract_is_written_as_the_file_that_gives_it(tmp_path):
     contract = InputContract("rgb", (8, 9), "bicubic", mean=(0.1, 0.2, 0.3), missing_depth=None)
     other = InputContract("depth", depth_range=(0.5, 4.0), missing_depth=2.0, depth_std=0.25)
     for each in (contract, other):
@@ -85,10 +85,9 @@ WRONG = {
 
 
 @pytest.mark.parametrize("text", list(WRONG))
-def test_a_wrong_key_or_value_is_named(tmp_path: Path, text: str) -> None:
-    with pytest.raises(RequestError, match=WRONG[text]) as error:
+def test_a_wrong_key_or_value_is_named(tmp_path, text):
+    with refused(match=WRONG[text]):
         read_override(toml(tmp_path, text))
-    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -103,25 +102,20 @@ def test_a_wrong_key_or_value_is_named(tmp_path: Path, text: str) -> None:
          r"expected an output of \(1, 3\) or \(1, 4\), got \(1, 7\)"),
     ],
 )  # fmt: skip
-def test_what_does_not_fit_the_network_names_the_key_to_set(
-    tmp_path: Path, network: Callable[[int], nn.Module], size: int, text: str, message: str
-) -> None:
+def test_what_does_not_fit_the_network_names_the_key_to_set(tmp_path, network, size, text, message):
     file = script(tmp_path, network(size), (3, size, size))
-    with pytest.raises(RequestError, match=message) as error:
+    with refused(match=message):
         read_weights(file, "torchscript", True, read_override(toml(tmp_path, text)))
-    assert "\n" not in str(error.value)
 
 
-def test_a_built_in_network_is_checked_too(tmp_path: Path) -> None:
+def test_a_built_in_network_is_checked_too(tmp_path):
     torch.save(build_network("resposenet").state_dict(), tmp_path / "w.pth")
     override = read_override(toml(tmp_path, "channels = 'rgb'"))
     with pytest.raises(RequestError, match='expected 4 channels, got 3; set channels = "rgbd"'):
         read_weights(tmp_path / "w.pth", "resposenet", override=override)
 
 
-def test_a_registered_contract_is_stored_listed_and_loaded(
-    store_copy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_registered_contract_is_stored_listed_and_loaded(store_copy, tmp_path, capsys):
     file = script(tmp_path, rgb_network(), (3, 24, 24))
     given = toml(tmp_path, "channels = 'rgb'\nsize = [24, 24]\nconvention = 'degrees,habitat'\n")
     add_model(store_copy, "rgb", file, "torchscript", None, True, given)
@@ -138,7 +132,7 @@ def test_a_registered_contract_is_stored_listed_and_loaded(
     assert "rgb mean 0.5,0.5,0.5 std 0.5,0.5,0.5" in capsys.readouterr().out
 
 
-def test_a_convention_is_given_once(store_copy: Path, tmp_path: Path) -> None:
+def test_a_convention_is_given_once(store_copy, tmp_path):
     file = script(tmp_path, rgb_network(), (3, 24, 24))
     given = toml(tmp_path, "channels = 'rgb'\nsize = [24, 24]\nconvention = 'degrees'\n")
     with pytest.raises(RequestError, match=r"--convention: .*net\.toml names one, too"):
@@ -148,9 +142,7 @@ def test_a_convention_is_given_once(store_copy: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "change", [{"channels": "grey"}, {"mean": [1, 2]}, {"depth_unit": "m"}, {"size": None}]
 )
-def test_a_damaged_contract_is_refused(
-    store_copy: Path, tmp_path: Path, change: dict[str, object]
-) -> None:
+def test_a_damaged_contract_is_refused(store_copy, tmp_path, change):
     torch.save(build_network("resposenet").state_dict(), tmp_path / "w.pth")
     add_model(store_copy, "m", tmp_path / "w.pth", "resposenet", None, False)
     stored = json.loads(InputContract(size=(128, 128)).to_json()) | change

@@ -175,7 +175,7 @@ class Opaque(torch.nn.Module):
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @pytest.mark.parametrize("kind", ["torchscript", "torch.export", "state dict"])
-def test_a_file_of_another_kind_is_recognised(tmp_path: Path, kind: str) -> None:
+def test_a_file_of_another_kind_is_recognised(tmp_path, kind):
     file, module, x = tmp_path / "m.pt", Opaque().eval(), torch.zeros(1, 4, 8, 8)
     if kind == "torchscript":
         torch.jit.trace(module, x).save(str(file))

@@ -67,46 +67,29 @@ def damaged_copy(valid_drives: Path, folder: Path, damage: Damage) -> Path:
     return folder
 
 
-FAULTS: dict[str, tuple[Damage, str]] = {
-    "nan": (row(9, "0.18,nan,0,0"), "real.csv:10: x is nan; remove the row"),
-    "header again": (row(9, "time,x,y,heading"), "real.csv:10: time is time, not a number"),
-    "no sim": (lambda drive: (drive / "sim.csv").unlink(), "drive-00: no sim.* in it"),
-    "inf command": (row(9, "0.4,inf,0", "commands.csv"), "commands.csv:10: left_torque is inf"),
+FAULTS: dict[str, tuple[Damage, str, str, int]] = {
+    "nan": (row(9, "0.18,nan,0,0"), *2 * ("real.csv:10: x is nan; remove the row",), 2),
+    "header": (row(9, "time,x,y,heading"), *2 * ("real.csv:10: time is time, not a number",), 2),
+    "no sim": (lambda drive: (drive / "sim.csv").unlink(), *2 * ("drive-00: no sim.* in it",), 2),
+    "command": (row(9, "0.4,inf,0", "commands.csv"),
+                *2 * ("commands.csv:10: left_torque is inf",), 2),
+    "apart": (clock(1000.0, 1.0), "(1000 to 1003.98 s) and",
+              "poses from 1000 to 1003.98 s, commands", 3),
+    "three rows": (lines(lambda f: f.__delitem__(slice(4, None))), "real.csv: 3 poses in 0.04 s",
+                   "poses from 0 to 0.04 s", 3),
+    "milliseconds": (clock(0.0, 1000.0), "a pose every 20 s is too slow to estimate a time delay",
+                     "poses from 0 to 3980 s, commands from 0 to 4 s", 3),
 }  # fmt: skip
+"""Damage of a drive, what `gap` and `sysid` say of it, and the exit code of `sysid`."""
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_an_invalid_file_exits_with_2(
-    valid_drives: Path, tiny_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-    fault: str,
-) -> None:  # fmt: skip
-    damage, expected = FAULTS[fault]
+def test_invalid_or_incompatible_logs_are_named_in_one_line(
+    valid_drives, tiny_store, tmp_path, capsys, fault
+):
+    damage, gap, sysid, sysid_code = FAULTS[fault]
     drives, out = damaged_copy(valid_drives, tmp_path / "drives", damage), tmp_path / "out"
-    for command in (GAP, SYSID):
-        assert run(command, drives, tiny_store, out) == 2
-        error = capsys.readouterr().err.strip()
-        assert expected in error
-        assert "\n" not in error
-        assert not out.exists()
-
-
-@pytest.mark.parametrize(
-    ("damage", "gap", "sysid"),
-    [
-        (clock(1000.0, 1.0), "(1000 to 1003.98 s) and", "poses from 1000 to 1003.98 s, commands"),
-        (lines(lambda f: f.__delitem__(slice(4, None))), "real.csv: 3 poses in 0.04 s",
-         "poses from 0 to 0.04 s"),
-        (clock(0.0, 1000.0), "a pose every 20 s is too slow to estimate a time delay",
-         "poses from 0 to 3980 s, commands from 0 to 4 s"),
-    ],
-    ids=["apart", "three rows", "milliseconds"],
-)  # fmt: skip
-def test_incompatible_logs_are_reported(
-    valid_drives: Path, tiny_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-    damage: Damage, gap: str, sysid: str,
-) -> None:  # fmt: skip
-    drives, out = damaged_copy(valid_drives, tmp_path / "drives", damage), tmp_path / "out"
-    for command, expected, code in ((GAP, gap, 2), (SYSID, sysid, 3)):
+    for command, expected, code in ((GAP, gap, 2), (SYSID, sysid, sysid_code)):
         assert run(command, drives, tiny_store, out) == code
         error = capsys.readouterr().err.strip()
         assert expected in error
@@ -143,9 +126,8 @@ def millimetres(drive: Path) -> None:
     ],
 )
 def test_doubtful_logs_are_reported_with_the_results(
-    valid_drives: Path, tiny_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-    damage: Damage, expected: str,
-) -> None:  # fmt: skip
+    valid_drives, tiny_store, tmp_path, capsys, damage, expected
+):
     drives = damaged_copy(valid_drives, tmp_path / "drives", damage)
     options = ["--dynamics", "horizons=0.5,1"]
     command = ["gap", str(tiny_store), "--drives", str(drives), "--replicates", "100", *options]

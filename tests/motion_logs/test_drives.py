@@ -12,10 +12,6 @@ from bench.support import robot
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.geometry import angles
 from s2rstore.index.transaction import edit
-from s2rtools.datasets import IMPORTERS
-from s2rtools.datasets.scan import ScanOptions
-from s2rtools.gap.axis_result import Evidence, GapSettings
-from s2rtools.gap.dynamics import options
 from s2rtools.motion_logs import csv_reader, read_drives
 from s2rtools.motion_logs.rigid_alignment import RigidTransform, fit
 from s2rtools.motion_logs.store_odometry import odometry
@@ -34,7 +30,7 @@ def write_drive(folder: Path, seed: int, untuned: bool = True) -> Path:
     return folder
 
 
-def test_drives_are_read_in_name_order_with_optional_logs(tmp_path: Path) -> None:
+def test_drives_are_read_in_name_order_with_optional_logs(tmp_path):
     write_drive(tmp_path / "b", 1, untuned=False)
     write_drive(tmp_path / "a", 2)
     (tmp_path / "a" / "real.png").write_bytes(b"a picture")
@@ -49,7 +45,7 @@ def test_drives_are_read_in_name_order_with_optional_logs(tmp_path: Path) -> Non
     assert second.commands is None
 
 
-def test_invalid_folders_are_explained(tmp_path: Path) -> None:
+def test_invalid_folders_are_explained(tmp_path):
     with pytest.raises(RequestError, match=r"nowhere: no such folder"):
         read_drives(tmp_path / "nowhere")
     with pytest.raises(RequestError, match="no drive in it"):
@@ -103,7 +99,7 @@ def store_with_odometry(tmp_path: Path) -> Path:
     return store_of_instances(tmp_path / "s.s2r", columns, ["a"] * n + ["b"] * 5)
 
 
-def test_mirrored_odometry_is_aligned_with_the_ground_truth(store_with_odometry: Path) -> None:
+def test_mirrored_odometry_is_aligned_with_the_ground_truth(store_with_odometry):
     with s2rstore.open(store_with_odometry) as store:
         (drive,) = odometry(store)
         assert drive.name == "a"
@@ -120,9 +116,7 @@ def test_mirrored_odometry_is_aligned_with_the_ground_truth(store_with_odometry:
             odometry(store, rate=0.0)
 
 
-def test_missing_timestamps_or_odometry_are_reported(
-    store_with_odometry: Path, tiny_store: Path
-) -> None:
+def test_missing_timestamps_or_odometry_are_reported(store_with_odometry, tiny_store):
     with s2rstore.open(tiny_store) as store, pytest.raises(RequestError, match="no trajectory has"):
         odometry(store, rate=1.0)
     with edit(store_with_odometry) as draft:
@@ -134,40 +128,7 @@ def test_missing_timestamps_or_odometry_are_reported(
         odometry(store)
 
 
-@pytest.mark.real
-def test_the_odometry_of_the_real_data_is_mirrored_with_an_error_of_half_a_metre(
-    real_data: Path, tmp_path: Path
-) -> None:
-    records = IMPORTERS["sim2realviz"](real_data, ScanOptions()).trajectories["traj1"]
-    truth = np.array([(s.x, s.y, s.heading) for s in records]).T
-    odom = np.array([s.odometry for s in records], dtype=np.float64).T
-    names = ("x", "y", "heading", "odom_x", "odom_y", "odom_heading")
-    columns = dict(zip(names, (*truth, *odom), strict=True))
-    path = store_of_instances(tmp_path / "s.s2r", columns, ["traj1"] * len(records))
-    with s2rstore.open(path) as store:
-        (drive,) = odometry(store, rate=1.0)
-        evidence = Evidence(store, "none", np.arange(3), drives=[drive])
-        axis = options.axes(["horizons=5,10,20", "noise=0,0"])["dynamics"]
-        (drive_entry,) = axis.measure(evidence, GapSettings(replicates=100)).details["drives"]
-    assert drive_entry["ape_rmse_recorded"] == pytest.approx(
-        best_rigid_rms(odom, truth, reflection=True)
-    )
-    assert best_rigid_rms(odom, truth, reflection=False) > 5
-    distances = np.hypot(drive.sim.x - drive.real.x, drive.sim.y - drive.real.y)
-    assert np.sqrt((distances**2).mean()) == pytest.approx(0.51, abs=0.005)
-    assert np.degrees(angles.distance(drive.sim.heading, drive.real.heading)).mean() < 5
-
-
-def best_rigid_rms(odom: np.ndarray, truth: np.ndarray, reflection: bool) -> float:
-    """RMS distance after the best rigid motion, by the Kabsch algorithm."""
-    a, b = (p[:2] - p[:2].mean(axis=1, keepdims=True) for p in (odom, truth))
-    u, _, v = np.linalg.svd(b @ a.T)
-    sign = 1.0 if reflection else np.linalg.det(u @ v)
-    turn = u @ np.diag([1.0, sign]) @ v
-    return float(np.sqrt(((turn @ a - b) ** 2).sum(axis=0).mean()))
-
-
-def test_constant_positions_cannot_be_aligned() -> None:
+def test_constant_positions_cannot_be_aligned():
     constant_position = (np.full(9, 2.0), np.full(9, 1.0))
     with pytest.raises(InconclusiveError, match="nothing to align by"):
         fit(constant_position, constant_position)

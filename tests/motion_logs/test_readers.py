@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bench.support import robot
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
 from s2rtools.motion_logs import csv_reader, read
+from tests.support.refusals import refused
 
 GOOD = "time,x,y,heading\n0,0,0,0\n0.1,1,0,0.5\n"
 
 
-def test_csv_logs_are_read_exactly(tmp_path: Path) -> None:
+def test_csv_logs_are_read_exactly(tmp_path):
     drive = robot.pair(1, seconds=5.0)
     csv_reader.write(drive.real, tmp_path / "real.csv")
     loaded = read(tmp_path / "real.csv")
@@ -30,7 +29,7 @@ def test_csv_logs_are_read_exactly(tmp_path: Path) -> None:
     assert len(loaded.sha256) == 64
 
 
-def test_csv_may_have_reordered_columns_degrees_comments_and_a_bom(tmp_path: Path) -> None:
+def test_csv_may_have_reordered_columns_degrees_comments_and_a_bom(tmp_path):
     path = tmp_path / "a.csv"
     text = "\ufeff# from the lab\r\nheading_deg, y ,battery,time,x\r\n"
     path.write_text(text + "90,2,full,0,1\r\n\r\n# a pause\r\n-270,3,low,0.5,4\r\n", "utf-8")
@@ -41,9 +40,7 @@ def test_csv_may_have_reordered_columns_degrees_comments_and_a_bom(tmp_path: Pat
 
 
 @given(st.lists(st.floats(-np.pi, 3.14), min_size=2, max_size=20))
-def test_tum_headings_are_yaw_angles(
-    tmp_path_factory: pytest.TempPathFactory, yaws: list[float]
-) -> None:
+def test_tum_headings_are_yaw_angles(tmp_path_factory, yaws):
     path = tmp_path_factory.mktemp("tum") / "a.tum"
     rows = ["# timestamp tx ty tz qx qy qz qw"]
     for i, yaw in enumerate(yaws):
@@ -79,16 +76,13 @@ def test_tum_headings_are_yaw_angles(
         ("a.xlsx", b"PK", r"a\.xlsx: unknown log format"),
     ],
 )
-def test_errors_are_one_line_with_the_position(
-    tmp_path: Path, name: str, content: bytes, expected: str
-) -> None:
+def test_errors_are_one_line_with_the_position(tmp_path, name, content, expected):
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(RequestError, match=expected) as caught:
+    with refused(match=expected):
         read(tmp_path / name)
-    assert "\n" not in str(caught.value)
 
 
-def test_a_missing_file_and_a_topic_for_csv_are_rejected(tmp_path: Path) -> None:
+def test_a_missing_file_and_a_topic_for_csv_are_rejected(tmp_path):
     with pytest.raises(RequestError, match=r"gone\.csv: cannot be read \(No such file"):
         read(tmp_path / "gone.csv")
     (tmp_path / "a.csv").write_text(GOOD)
@@ -96,7 +90,7 @@ def test_a_missing_file_and_a_topic_for_csv_are_rejected(tmp_path: Path) -> None
         read(tmp_path / "a.csv", "/odom")
 
 
-def test_commands_are_read_with_their_period(tmp_path: Path) -> None:
+def test_commands_are_read_with_their_period(tmp_path):
     commands = robot.commands(3.0, np.random.default_rng(0))
     csv_reader.write_commands(commands, tmp_path / "commands.csv")
     loaded = csv_reader.read_commands(tmp_path / "commands.csv")
@@ -105,7 +99,7 @@ def test_commands_are_read_with_their_period(tmp_path: Path) -> None:
     assert (loaded.channels["turn"] == commands.channels["turn"]).all()
 
 
-def test_the_default_period_is_the_median_step(tmp_path: Path) -> None:
+def test_the_default_period_is_the_median_step(tmp_path):
     path = tmp_path / "commands.csv"
     path.write_text("time,v\n0,1\n0.1,1\n0.2,0\n0.9,0\n")
     assert csv_reader.read_commands(path).period == pytest.approx(0.1)
@@ -123,7 +117,7 @@ def test_the_default_period_is_the_median_step(tmp_path: Path) -> None:
         ("time,v\n0,nan\n", r"commands\.csv:2: v is nan"),
     ],
 )
-def test_invalid_commands_are_rejected(tmp_path: Path, text: str, expected: str) -> None:
+def test_invalid_commands_are_rejected(tmp_path, text, expected):
     (tmp_path / "commands.csv").write_text(text)
     with pytest.raises(RequestError, match=expected):
         csv_reader.read_commands(tmp_path / "commands.csv")
@@ -135,9 +129,7 @@ def test_invalid_commands_are_rejected(tmp_path: Path, text: str, expected: str)
      (lambda t: np.where(t > 1, t + 1.7e9, t), r"csv:8: 1\.7e\+09 s after .* split the log there"),
      (lambda t: t * 1e300, "are the times in seconds")],
 )  # fmt: skip
-def test_clocks_in_other_units_or_with_jumps_are_rejected(
-    tmp_path: Path, change: Callable[[NDArray[np.float64]], NDArray[np.float64]], expected: str
-) -> None:
+def test_clocks_in_other_units_or_with_jumps_are_rejected(tmp_path, change, expected):
     times = change(0.2 * np.arange(20))
     rows = "\n".join(f"{float(time)!r},1,2,0" for time in times)
     (tmp_path / "a.csv").write_text(f"time,x,y,heading\n{rows}\n")
@@ -146,7 +138,7 @@ def test_clocks_in_other_units_or_with_jumps_are_rejected(
 
 
 @pytest.mark.parametrize("pose", ["0,-1e308,0", "0,0,1e300"])
-def test_implausibly_large_poses_are_rejected(tmp_path: Path, pose: str) -> None:
+def test_implausibly_large_poses_are_rejected(tmp_path, pose):
     (tmp_path / "a.csv").write_text(f"time,x,y,heading\n0,0,0,0\n0.1,{pose}\n")
     with pytest.raises(RequestError, match=r"a\.csv:3: a pose beyond 1e\+09 m or rad"):
         read(tmp_path / "a.csv")
@@ -161,14 +153,14 @@ def tum(path: Path, x: list[float], y: list[float], z: list[float]) -> Path:
     return path
 
 
-def test_a_tum_log_whose_z_does_not_point_up_is_refused(tmp_path: Path) -> None:
+def test_a_tum_log_whose_z_does_not_point_up_is_refused(tmp_path):
     """Such as poses in the axes of a camera, in which a robot on a floor moves along z."""
     path = tum(tmp_path / "a.tum", [0, 1, 2, 2], [0.4] * 4, [0, 0, 1, 3])
     with pytest.raises(RequestError, match=r"a\.tum: z spans 3 m where x and y span 2 m; z must"):
         read(path)
 
 
-def test_a_slope_is_reported_and_noise_of_z_is_not(tmp_path: Path) -> None:
+def test_a_slope_is_reported_and_noise_of_z_is_not(tmp_path):
     sloped = read(tum(tmp_path / "a.tum", [0, 5, 10], [0, 0, 1], [0, 0.4, 0.8]))
     assert sloped.x.tolist() == [0, 5, 10]
     (warning,) = sloped.warnings

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -12,6 +10,7 @@ from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
 from s2rtools.motion_logs import Log, read
 from tests.support.bags import ODOMETRY, POSE, write
+from tests.support.refusals import refused
 
 
 @pytest.fixture(scope="module")
@@ -21,21 +20,19 @@ def log() -> Log:
 
 @pytest.mark.parametrize("name", ["a.bag", "folder", "mcap_folder"])
 @pytest.mark.parametrize("message_type", [ODOMETRY, POSE])
-def test_poses_are_read_with_their_header_timestamps(
-    tmp_path: Path, log: Log, name: str, message_type: str
-) -> None:
+def test_poses_are_read_with_their_header_timestamps(tmp_path, log, name, message_type):
     loaded = read(write(tmp_path / name, {"/odom": (message_type, log)}))
     assert loaded.time == pytest.approx(log.time, abs=1e-8)
     assert loaded.x == pytest.approx(log.x)
     assert angles.distance(loaded.heading, log.heading).max() < 1e-9
 
 
-def test_missing_stamps_are_replaced_by_recording_times(tmp_path: Path, log: Log) -> None:
+def test_missing_stamps_are_replaced_by_recording_times(tmp_path, log):
     loaded = read(write(tmp_path / "a.bag", {"/odom": (ODOMETRY, log)}, stamped=False))
     assert loaded.time == pytest.approx(log.time + 0.005, abs=1e-8)
 
 
-def test_one_of_several_topics_must_be_named(tmp_path: Path, log: Log) -> None:
+def test_one_of_several_topics_must_be_named(tmp_path, log):
     path = write(tmp_path / "bag", {"/odom": (ODOMETRY, log), "/truth": (POSE, log)})
     with pytest.raises(RequestError, match=r"name one of /odom, /truth"):
         read(path)
@@ -50,7 +47,7 @@ def with_columns(log: Log, **columns: np.ndarray) -> Log:
     return Log(**columns_of_log, source="", sha256="")
 
 
-def test_errors_name_topic_and_message(tmp_path: Path, log: Log) -> None:
+def test_errors_name_topic_and_message(tmp_path, log):
     x, time = log.x.copy(), log.time.copy()
     x[4] = np.nan
     time[7] = time[5]
@@ -66,7 +63,7 @@ def test_errors_name_topic_and_message(tmp_path: Path, log: Log) -> None:
         read(path)
 
 
-def test_damaged_and_missing_bags_are_rejected_in_one_line(tmp_path: Path, log: Log) -> None:
+def test_damaged_and_missing_bags_are_rejected_in_one_line(tmp_path, log):
     content = write(tmp_path / "a.bag", {"/odom": (ODOMETRY, log)}).read_bytes()
     (tmp_path / "cut.bag").write_bytes(content[: len(content) // 2])
     (tmp_path / "empty.db3").write_bytes(b"")
@@ -78,12 +75,11 @@ def test_damaged_and_missing_bags_are_rejected_in_one_line(tmp_path: Path, log: 
         ("", r"no metadata\.yaml"),
         ("gone.bag", "no such bag"),
     ):
-        with pytest.raises(RequestError, match=message) as caught:
+        with refused(match=message):
             read(tmp_path / name)
-        assert "\n" not in str(caught.value)
 
 
-def test_a_bag_whose_z_does_not_point_up_is_refused(tmp_path: Path, log: Log) -> None:
+def test_a_bag_whose_z_does_not_point_up_is_refused(tmp_path, log):
     path = write(tmp_path / "a.bag", {"/odom": (POSE, log)}, rise=0.5)
     with pytest.raises(RequestError, match=r"a\.bag: z spans .* m where .* z must point up"):
         read(path)

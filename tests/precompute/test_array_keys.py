@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -80,11 +79,7 @@ def change_images(draft: IndexTransaction) -> None:
         (change_images, ALL),
     ],
 )
-def test_a_key_changes_with_the_inputs_of_its_arrays_alone(
-    small_copy: Path,
-    change: Callable[[IndexTransaction], None],
-    changed: set[str],
-) -> None:
+def test_a_key_changes_with_the_inputs_of_its_arrays_alone(small_copy, change, changed):
     path = small_copy
     before = keys_of(path)
     with edit(path) as draft:
@@ -106,7 +101,7 @@ def _compute_runs(path: Path) -> None:
     precompute(path, SilentReporter(), [], PrecomputeOptions(KINDS))
 
 
-def test_arrays_that_need_no_model_are_stored_once(two_runs: Path) -> None:
+def test_arrays_that_need_no_model_are_stored_once(two_runs):
     with s2rstore.open(two_runs) as store:
         paths = {
             run: {r.path for r in store.array_kinds(run) if r.kind in KINDS[1:]}
@@ -123,7 +118,7 @@ def test_arrays_that_need_no_model_are_stored_once(two_runs: Path) -> None:
     assert verify(two_runs) == []
 
 
-def test_shared_arrays_stay_as_long_as_a_run_uses_them(two_runs: Path, tmp_path: Path) -> None:
+def test_shared_arrays_stay_as_long_as_a_run_uses_them(two_runs, tmp_path):
     path = copy_store(two_runs, tmp_path / "s.s2r")
     for run, shared in (("vanilla", 4), ("again", 2)):
         with edit(path) as draft:
@@ -134,7 +129,7 @@ def test_shared_arrays_stay_as_long_as_a_run_uses_them(two_runs: Path, tmp_path:
         assert len(list((path / "runs.zarr/_shared").iterdir())) == shared
 
 
-def test_a_lost_array_is_computed_and_listed_again(two_runs: Path, tmp_path: Path) -> None:
+def test_a_lost_array_is_computed_and_listed_again(two_runs, tmp_path):
     path = copy_store(two_runs, tmp_path / "s.s2r")
     with s2rstore.open(path) as store:
         lost = [r for r in store.array_kinds("vanilla") if r.kind == "neighbour_distance"]
@@ -146,7 +141,7 @@ def test_a_lost_array_is_computed_and_listed_again(two_runs: Path, tmp_path: Pat
     assert verify(path) == []
 
 
-def test_provenance_states_where_each_array_was_computed(two_runs: Path) -> None:
+def test_provenance_states_where_each_array_was_computed(two_runs):
     with s2rstore.open(two_runs) as store:
         computed = store.provenance_object("run:vanilla", "arrays")
         keys = {record.path.split("/")[1] for record in store.array_parts("vanilla")}

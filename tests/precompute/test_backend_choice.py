@@ -52,9 +52,7 @@ def record(path: Path) -> dict[str, object]:
 
 
 @pytest.mark.usefixtures("bfloat16_is_preferred")
-def test_the_choice_is_reported_recorded_and_kept(
-    store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_choice_is_reported_recorded_and_kept(store, monkeypatch):
     monkeypatch.setattr(backend_choice, "HEATMAP_ERROR", 1.0)
     lines = compute(store)
     assert lines[0].startswith("vanilla: torch bfloat16, at most 0.4 mm and 0.02 degrees off")
@@ -70,7 +68,7 @@ def test_the_choice_is_reported_recorded_and_kept(
 
 
 @pytest.mark.usefixtures("bfloat16_is_preferred")
-def test_a_run_in_float32_stays_in_float32_unless_a_backend_is_named(store: Path) -> None:
+def test_a_run_in_float32_stays_in_float32_unless_a_backend_is_named(store):
     compute(store, "torch")
     assert compute(store) == ["vanilla: up to date"]
     assert record(store)["name"] == "torch"
@@ -78,9 +76,7 @@ def test_a_run_in_float32_stays_in_float32_unless_a_backend_is_named(store: Path
     assert record(store)["name"] == "torch-bfloat16"
 
 
-def test_heatmaps_stay_in_float32_where_reduced_precision_changes_them(
-    store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_heatmaps_stay_in_float32_where_reduced_precision_changes_them(store, monkeypatch):
     monkeypatch.setattr(backend_choice, "HEATMAP_ERROR", 0.0)
     compute(store, "torch-bfloat16")
     assert record(store)["heatmaps"] == {"name": "torch", "precision": "float32"}
@@ -88,9 +84,7 @@ def test_heatmaps_stay_in_float32_where_reduced_precision_changes_them(
 
 
 @pytest.mark.usefixtures("bfloat16_is_preferred")
-def test_predictions_come_from_the_passes_that_heatmaps_need(
-    store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_predictions_come_from_the_passes_that_heatmaps_need(store, monkeypatch):
     monkeypatch.setattr(backend_choice, "HEATMAP_ERROR", 0.0)
     lines = compute(store)
     assert record(store)["name"] == "torch"
@@ -98,15 +92,13 @@ def test_predictions_come_from_the_passes_that_heatmaps_need(
 
 
 @pytest.mark.usefixtures("bfloat16_is_preferred")
-def test_predictions_use_the_preferred_backend_where_no_heatmap_needs_passes(
-    store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_predictions_use_the_preferred_backend_where_no_heatmap_needs_passes(store, monkeypatch):
     monkeypatch.setattr(backend_choice, "HEATMAP_ERROR", 0.0)
     compute(store, kinds=("pixel_difference",))
     assert record(store)["name"] == "torch-bfloat16"
 
 
-def test_the_recorded_precision_must_be_available() -> None:
+def test_the_recorded_precision_must_be_available():
     from tests.support import networks
 
     identity = BackendIdentity("torch", "float64")
@@ -114,7 +106,7 @@ def test_the_recorded_precision_must_be_available() -> None:
         identity.open(networks.build_model("resposenet"), 1)
 
 
-def test_one_process_uses_the_gpu(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_process_uses_the_gpu(monkeypatch):
     monkeypatch.setattr(pipeline, "available_processors", lambda: 8)
     gpu, torch = BackendIdentity("cuda", "float32"), BackendIdentity("torch", "float32")
     spec = ArraySpec("heat", "sim", None, (2,), "float32", ("iid", "x"), "m", "a" * 16, 80)
@@ -134,7 +126,7 @@ def test_one_process_uses_the_gpu(monkeypatch: pytest.MonkeyPatch) -> None:
         assert assigned == tasks
 
 
-def test_keys_of_heatmaps_name_the_precision_of_differences() -> None:
+def test_keys_of_heatmaps_name_the_precision_of_differences():
     torch = BackendIdentity("torch", "float32")
     assert RunBackends(torch, torch, "float32").kind_facts("occlusion") == torch.facts()
     reduced = RunBackends(torch, torch, "bfloat16")
@@ -148,8 +140,8 @@ def test_keys_of_heatmaps_name_the_precision_of_differences() -> None:
      ((0.012, 0.011), True, None), ((0.008, 0.004), False, None)],
 )  # fmt: skip
 def test_differences_take_the_first_accurate_precision_where_the_processor_has_units_for_it(
-    errors: tuple[float, float], units: bool, chosen: str | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    errors, units, chosen, monkeypatch
+):
     error = dict(zip(("bfloat16-broad", "bfloat16"), errors, strict=True), float32=0.0)
     exact = np.array([-1.0, 1.0]).repeat(8).reshape(1, 1, 4, 4)
 
@@ -169,9 +161,7 @@ def test_differences_take_the_first_accurate_precision_where_the_processor_has_u
         assert found[1] == pytest.approx(error[found[0]])
 
 
-def test_an_interrupted_run_continues_with_the_backend_that_it_began_with(
-    store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupted_run_continues_with_the_backend_that_it_began_with(store, monkeypatch):
     """Whatever the machine prefers when the command is repeated, one run has one backend."""
     monkeypatch.setenv(backend_choice.DEFAULT_VARIABLE, "auto")
     machine = ["torch-bfloat16"]
@@ -196,7 +186,7 @@ def test_an_interrupted_run_continues_with_the_backend_that_it_began_with(
     assert record(store)["heatmaps"] == {"name": "torch-bfloat16", "precision": "bfloat16"}
 
 
-def test_a_value_that_is_not_finite_is_an_error_without_bound() -> None:
+def test_a_value_that_is_not_finite_is_an_error_without_bound():
     expected = np.random.default_rng(0).normal(size=(2, 3, 4, 4)).astype(np.float32)
     expected[1, 2, 0, 0] = np.nan
     assert backend_choice._relative_errors(expected, expected) == [0.0, 0.0, 0.0]

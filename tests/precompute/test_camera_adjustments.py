@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -25,8 +24,6 @@ from s2rtools.inference import open_backend
 from s2rtools.models.input_contract import InputContract
 from s2rtools.models.load_model import load_model
 from s2rtools.models.preprocessing import preprocess
-from s2rtools.precompute import array_keys
-from s2rtools.precompute.input_hashes import InputHashes
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import add_run
 from s2rtools.rendering import no_renderer_reason, open_renderer
@@ -47,7 +44,7 @@ def array(store: Store, run: str, *names: str | None) -> np.ndarray:
     return np.asarray(store.array(run, *names)[1][:])
 
 
-def test_zero_adjustments_give_identical_results(store: Store) -> None:
+def test_zero_adjustments_give_identical_results(store):
     assert store.run("zero").sim_adjustments != []
     for record in store.array_kinds("zero"):
         names = record.kind, record.side, record.mode
@@ -58,7 +55,7 @@ def test_zero_adjustments_give_identical_results(store: Store) -> None:
         assert (run_frame(store, run, side, 3).rgb == store.frame(3, side).rgb).all()
 
 
-def test_only_the_moved_side_has_rendered_frames(store: Store, moved_camera_store: Path) -> None:
+def test_only_the_moved_side_has_rendered_frames(store, moved_camera_store):
     frame_arrays = {
         run: sorted(
             (r.kind, r.side) for r in store.array_kinds(run) if r.kind.startswith("frames:")
@@ -85,7 +82,7 @@ def floor_heights(depth: np.ndarray, domain: Domain) -> np.ndarray:
     return height[depth[-12:] > 0]
 
 
-def test_depth_matches_the_floor_only_with_the_moved_rig(store: Store) -> None:
+def test_depth_matches_the_floor_only_with_the_moved_rig(store):
     run = store.run("up")
     moved, declared = run_domain(store, run, "sim"), store.domains["sim"]
     assert moved.camera_height == pytest.approx(declared.camera_height + 0.1)
@@ -99,7 +96,7 @@ def test_depth_matches_the_floor_only_with_the_moved_rig(store: Store) -> None:
 
 
 @pytest.mark.parametrize("side", ["sim", "real"])
-def test_a_tiny_move_renders_the_stored_frames(store: Store, side: str) -> None:
+def test_a_tiny_move_renders_the_stored_frames(store, side):
     """Poses and noise of each view are those of its instance."""
     n = len(store.instances)
     rgb, depth = open_renderer(store, side).frames(side, 0, n, RenderChange(height=1e-7))
@@ -110,7 +107,7 @@ def test_a_tiny_move_renders_the_stored_frames(store: Store, side: str) -> None:
     assert differs_depth.mean(axis=(1, 2)).max() < 0.01
 
 
-def test_predictions_use_the_rendered_and_adjusted_images(store: Store) -> None:
+def test_predictions_use_the_rendered_and_adjusted_images(store):
     run, model = store.run("up"), load_model(store, "vanilla")
     images = run_frames(store, run, "sim", 2, 5)
     rgb, depth = apply_chain(
@@ -126,7 +123,7 @@ def test_predictions_use_the_rendered_and_adjusted_images(store: Store) -> None:
     np.testing.assert_allclose(predictions[:, :2], poses[:, :2], atol=1e-3)
 
 
-def test_a_single_frame_equals_a_row_of_a_batch(store: Store) -> None:
+def test_a_single_frame_equals_a_row_of_a_batch(store):
     run = store.run("low")
     batch = run_frames(store, run, "real", 1, 4)
     single = run_frame(store, run, "real", 2)
@@ -139,9 +136,7 @@ def test_a_single_frame_equals_a_row_of_a_batch(store: Store) -> None:
 
 @pytest.mark.parametrize("kind", ["feature_distance", "harmonised_distance"])
 @pytest.mark.parametrize(("run", "side"), [("up", "sim"), ("up", "real"), ("low", "real")])
-def test_the_application_projects_heatmaps_like_precompute(
-    store: Store, run: str, side: str, kind: str
-) -> None:
+def test_the_application_projects_heatmaps_like_precompute(store, run, side, kind):
     stored_grid = store.map_grid(run, kind, side, None, "count")
     total = np.zeros_like(stored_grid)
     for iid in range(len(store.instances)):
@@ -154,7 +149,7 @@ def test_the_application_projects_heatmaps_like_precompute(
     )
 
 
-def test_the_counterfactual_with_all_factors_equals_the_stored_error(store: Store) -> None:
+def test_the_counterfactual_with_all_factors_equals_the_stored_error(store):
     """The real side is rendered with the camera of each run."""
     backends = [
         (store.run(name), open_backend(load_model(store, "vanilla"), "torch"))
@@ -174,7 +169,7 @@ def test_the_counterfactual_with_all_factors_equals_the_stored_error(store: Stor
     ).any()
 
 
-def test_moved_cameras_need_a_renderer(tiny_store: Path, store_copy: Path) -> None:
+def test_moved_cameras_need_a_renderer(tiny_store, store_copy):
     with s2rstore.open(tiny_store) as opened:
         assert "not rendered" in str(no_renderer_reason(opened))
         with pytest.raises(RequestError, match="taken, not rendered"):
@@ -184,7 +179,7 @@ def test_moved_cameras_need_a_renderer(tiny_store: Path, store_copy: Path) -> No
     add_run(store_copy, "same", "vanilla", None, None, parse_adjustment("sim:camera_height=0"))
 
 
-def test_a_world_with_other_images_is_rejected(moved_camera_store: Path, tmp_path: Path) -> None:
+def test_a_world_with_other_images_is_rejected(moved_camera_store, tmp_path):
     path = copy_store(moved_camera_store, tmp_path / "other.s2r")
     with s2rstore.open(path) as opened:
         assert no_renderer_reason(opened) is None
@@ -198,9 +193,7 @@ def test_a_world_with_other_images_is_rejected(moved_camera_store: Path, tmp_pat
         add_run(path, "sunk", "vanilla", None, None, repeated)
 
 
-def test_rendered_frames_are_not_pruned_or_recomputed(
-    moved_camera_store: Path, tmp_path: Path
-) -> None:
+def test_rendered_frames_are_not_pruned_or_recomputed(moved_camera_store, tmp_path):
     path = copy_store(moved_camera_store, tmp_path / "pruned.s2r")
     prune(path, keep=1)
     assert verify(path) == []
@@ -210,26 +203,8 @@ def test_rendered_frames_are_not_pruned_or_recomputed(
     assert reporter.lines == ["up: up to date"]
 
 
-def test_uncomputed_frames_are_an_error(moved_camera_store: Path, tmp_path: Path) -> None:
+def test_uncomputed_frames_are_an_error(moved_camera_store, tmp_path):
     path = copy_store(moved_camera_store, tmp_path / "later.s2r")
     add_run(path, "later", "vanilla", None, None, parse_adjustment("sim:camera_pitch=3"))
     with s2rstore.open(path) as opened, pytest.raises(RequestError, match="s2r precompute"):
         run_frame(opened, opened.run("later"), "sim", 0)
-
-
-def test_keys_of_aligned_heatmaps_have_the_entries_of_0_1_0(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    contents: list[dict[str, Any]] = []
-
-    def recorded_key(content: dict[str, Any]) -> str:
-        contents.append(content)
-        return "0" * 16
-
-    monkeypatch.setattr(array_keys, "content_key", recorded_key)
-    run = store.run("vanilla")
-    keys = array_keys.ArrayKeys(InputHashes(store), run, store.parts[0].iids)
-    keys.heatmap("harmonised_distance", {}, [])
-    assert contents[0]["correction"].keys() == {"height", "zoom"}
-    section = f"alignment:{run.sim_domain}|{run.real_domain}"
-    assert store.provenance(section).keys() == {"height", "zoom", "frames", "version"}

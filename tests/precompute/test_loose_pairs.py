@@ -86,9 +86,7 @@ def loose(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
     return path, reporter.lines
 
 
-def test_the_error_of_a_side_is_the_distance_to_the_pose_of_its_own_image(
-    loose: tuple[Path, list[str]],
-) -> None:
+def test_the_error_of_a_side_is_the_distance_to_the_pose_of_its_own_image(loose):
     with s2rstore.open(loose[0]) as store:
         columns = store.run_columns("r")
         for side in SIDES:
@@ -102,9 +100,7 @@ def test_the_error_of_a_side_is_the_distance_to_the_pose_of_its_own_image(
     assert verify(loose[0]) == []
 
 
-def test_the_language_the_tables_and_the_views_know_the_offset(
-    loose: tuple[Path, list[str]], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_language_the_tables_and_the_views_know_the_offset(loose, capsys):
     path = str(loose[0])
     with s2rstore.open(path) as store:
         for text, count in (
@@ -124,7 +120,7 @@ def test_the_language_the_tables_and_the_views_know_the_offset(
     assert "sim pose 0.30 m, 6.0 degrees from the real one" in capsys.readouterr().out
 
 
-def test_heat_lies_on_the_map_where_the_side_was(loose: tuple[Path, list[str]]) -> None:
+def test_heat_lies_on_the_map_where_the_side_was(loose):
     """A stored grid equals that of the instances, projected from the poses of the side's images."""
     with s2rstore.open(loose[0]) as store:
         for side in SIDES:
@@ -144,7 +140,7 @@ def test_heat_lies_on_the_map_where_the_side_was(loose: tuple[Path, list[str]]) 
             np.testing.assert_allclose(stored, expected, atol=1e-6)
 
 
-def test_live_predictions_have_the_stored_errors(loose: tuple[Path, list[str]]) -> None:
+def test_live_predictions_have_the_stored_errors(loose):
     with s2rstore.open(loose[0]) as store:
         live = LiveModel(store, "r")
         try:
@@ -157,17 +153,13 @@ def test_live_predictions_have_the_stored_errors(loose: tuple[Path, list[str]]) 
             live.close()
 
 
-def test_the_computation_says_that_images_of_two_poses_are_compared(
-    loose: tuple[Path, list[str]],
-) -> None:
+def test_the_computation_says_that_images_of_two_poses_are_compared(loose):
     (line,) = [line for line in loose[1] if "apart in the median" in line]
     assert "0.30 m and 6.0 degrees" in line
     assert "pixel_difference compares them" in line
 
 
-def test_keys_change_with_the_poses_of_the_frames(
-    loose: tuple[Path, list[str]], tmp_path: Path
-) -> None:
+def test_keys_change_with_the_poses_of_the_frames(loose, tmp_path):
     def keys(path: Path) -> tuple[str, str]:
         with s2rstore.open(path) as store:
             made = ArrayKeys(InputHashes(store), store.run("r"), store.parts[0].iids)
@@ -189,8 +181,8 @@ def test_keys_change_with_the_poses_of_the_frames(
 
 
 def test_imported_predictions_are_measured_against_the_poses_of_their_own_images(
-    without_depth: Path, tmp_path: Path
-) -> None:
+    without_depth, tmp_path
+):
     path = without_depth
     with s2rstore.open(path) as store:
         rows = [
@@ -212,9 +204,7 @@ def test_imported_predictions_are_measured_against_the_poses_of_their_own_images
     assert verify(path) == []
 
 
-def test_damage_of_poses_and_offsets_is_found(
-    loose: tuple[Path, list[str]], tmp_path: Path
-) -> None:
+def test_damage_of_poses_and_offsets_is_found(loose, tmp_path):
     for name, table, where, values, words in (
         ("a", "frame_pose", {"domain": "sim"}, {"x": 1.0}, "error is not the distance"),
         ("b", "frame_pose", {"domain": "real"}, {"y": None}, "pose is NULL"),
@@ -239,8 +229,8 @@ class RgbNetwork(nn.Module):
 
 
 def test_without_depth_an_rgb_model_runs_and_what_needs_depth_says_so(
-    without_depth: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+    without_depth, tmp_path, capsys
+):
     path = without_depth
     torch.manual_seed(0)
     with edit(path) as draft:

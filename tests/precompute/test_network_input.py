@@ -144,7 +144,7 @@ def ingested(root: Path, store: Path, header: Path | None = None) -> Path:
     return store
 
 
-def test_posest_predicts_as_a_plain_script_does(real_subset: Path, tmp_path: Path) -> None:
+def test_posest_predicts_as_a_plain_script_does(real_subset, tmp_path):
     """`sim` and `real` are 640 x 480 pixels, `sim_edit` is 255 x 255."""
     store = ingested(real_subset, tmp_path / "s.s2r")
     files = {name: source_files(real_subset, store, name) for name in ("sim", "sim_edit", "real")}
@@ -210,9 +210,7 @@ def save(network: nn.Module, file: Path) -> str:
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @pytest.mark.parametrize("name", ["net.pt", "net.pt2"])
-def test_an_rgb_network_with_imagenet_statistics_comes_in_by_toml(
-    tmp_path: Path, name: str
-) -> None:
+def test_an_rgb_network_with_imagenet_statistics_comes_in_by_toml(tmp_path, name):
     header = pairs.sim2realviz(tmp_path / "data", PAIRS, ("traj1", "traj2"))
     store = ingested(tmp_path / "data", tmp_path / "s.s2r", header)
     files = {side: source_files(tmp_path / "data", store, side) for side in ("sim", "real")}

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import importlib
-from pathlib import Path
 
 import numba
-import pytest
 
 from s2rtools.common.numba_cache import cached
 
 
-def test_libraries_imported_in_the_context_are_cached(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_libraries_imported_in_the_context_are_cached(tmp_path, monkeypatch):
     code = "import numba\n@numba.njit\ndef twice(x):\n    return 2 * x\n"
     for name in ("kept_library", "plain_library"):
         (tmp_path / f"{name}.py").write_text(code)

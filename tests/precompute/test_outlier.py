@@ -36,7 +36,7 @@ def distances_by_brute_force(points: np.ndarray, sample: np.ndarray, count: int 
 
 @pytest.mark.parametrize("n", [1, 2, 11, 12, 300])
 @pytest.mark.parametrize("limit", [8, 40, 1000])
-def test_distances_equal_brute_force(n: int, limit: int) -> None:
+def test_distances_equal_brute_force(n, limit):
     rng = np.random.default_rng(n)
     points = rng.normal(size=(n, 6)).astype(np.float32)
     points[7::9] = points[0]  # equal embeddings have distance 0
@@ -52,14 +52,14 @@ def test_distances_equal_brute_force(n: int, limit: int) -> None:
     )
 
 
-def test_scores_are_multiples_of_the_median() -> None:
+def test_scores_are_multiples_of_the_median():
     scores = outliers.outlier_scores(np.array([1, 2, 4, np.nan, 6, 2], np.float32))
     assert np.array_equal(scores, [0.5, 1, 2, np.nan, 3, 1], equal_nan=True)
     for without_scores in (np.zeros(4), np.full(3, np.nan), np.empty(0)):
         assert np.isnan(outliers.outlier_scores(without_scores.astype(np.float32))).all()
 
 
-def test_equal_embeddings_have_no_outliers() -> None:
+def test_equal_embeddings_have_no_outliers():
     rng = np.random.default_rng(0)
     points = np.float32(900) * (1 + rng.normal(size=(60, 4)).astype(np.float32) * 1e-8)
     distances = outliers.neighbour_distance(points, np.arange(60), points, np.arange(60))
@@ -75,7 +75,7 @@ def computed(trained_store: Path, build_once: BuildOnce) -> Path:
     return build_once("outliers.s2r", compute)
 
 
-def test_the_index_contains_the_outlier_scores(computed: Path) -> None:
+def test_the_index_contains_the_outlier_scores(computed):
     with s2rstore.open(computed) as store:
         for side in ("sim", "real"):
             points = np.asarray(store.array("vanilla", "pca", side)[1][:])
@@ -87,14 +87,10 @@ def test_the_index_contains_the_outlier_scores(computed: Path) -> None:
         stored_row = store.execute("SELECT max(abs(sim_outlier)), count(real_outlier) FROM pair")[0]
         assert stored_row[0] == pytest.approx(store.run_columns("vanilla").sim.outlier.max())
         assert stored_row[1] == len(store.instances)
-
-
-def test_distances_are_not_offered_as_heatmaps(computed: Path) -> None:
-    with s2rstore.open(computed) as store:
         assert heatmap_choices(store, "vanilla") == [("feature_distance", None)]
 
 
-def test_only_missing_scores_are_computed(computed: Path, tmp_path: Path) -> None:
+def test_only_missing_scores_are_computed(computed, tmp_path):
     path = copy_store(computed, tmp_path / "s.s2r")
     with s2rstore.open(path) as store:
         before = store.execute("SELECT * FROM pair ORDER BY iid")
@@ -116,9 +112,7 @@ def test_only_missing_scores_are_computed(computed: Path, tmp_path: Path) -> Non
     assert precompute(path, reporter, ["vanilla"], FEATURE_DISTANCE_ONLY) == []
 
 
-def test_several_work_units_give_the_same_scores(
-    computed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_several_work_units_give_the_same_scores(computed, tmp_path, monkeypatch):
     path = copy_store(computed, tmp_path / "s.s2r")
     with s2rstore.open(path) as store:
         scores_at_once = store.run_columns("vanilla").sim.outlier

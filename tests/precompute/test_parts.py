@@ -27,7 +27,6 @@ from s2rstore.records import SIDES, TrajectoryPart
 from s2rtools.precompute import pipeline, publish_results, run_stages
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.tasks import umap_projection
-from s2rtui.cli import main
 from tests.conftest import BuildOnce
 from tests.support.copies import copy_store
 from tests.support.plain_maps import plain_map_grid
@@ -122,7 +121,7 @@ def values(store: Store, kind: str, side: str | None, mode: str | None = None) -
     return np.asarray(store.array("vanilla", kind, side, mode)[1])
 
 
-def test_arrays_of_parts_equal_those_of_one_part(whole: Path, parted: Path) -> None:
+def test_arrays_of_parts_equal_those_of_one_part(whole, parted):
     with s2rstore.open(whole) as one, s2rstore.open(parted) as two:
         assert len(two.array_kinds("vanilla")) == len(one.array_kinds("vanilla"))
         assert len(two.array_parts("vanilla")) == 2 * len(one.array_kinds("vanilla"))
@@ -138,7 +137,7 @@ def test_arrays_of_parts_equal_those_of_one_part(whole: Path, parted: Path) -> N
             np.testing.assert_array_equal(of_two.rank, of_one.rank)
 
 
-def test_map_grids_of_parts_are_merged(whole: Path, parted: Path) -> None:
+def test_map_grids_of_parts_are_merged(whole, parted):
     with s2rstore.open(whole) as one, s2rstore.open(parted) as two:
         for aggregate in ("mean", "max", "sum", "count"):
             expected = one.map_grid("vanilla", "pixel_difference", "real", aggregate=aggregate)
@@ -149,7 +148,7 @@ def test_map_grids_of_parts_are_merged(whole: Path, parted: Path) -> None:
 
 
 @pytest.mark.parametrize("mode", ["x", "loss"])
-def test_map_grids_of_modes_in_one_array_equal_a_plain_computation(whole: Path, mode: str) -> None:
+def test_map_grids_of_modes_in_one_array_equal_a_plain_computation(whole, mode):
     with s2rstore.open(whole) as store:
         plain = plain_map_grid(store, "vanilla", "activation", "real", mode)
         for aggregate, expected in plain.items():
@@ -157,7 +156,7 @@ def test_map_grids_of_modes_in_one_array_equal_a_plain_computation(whole: Path, 
             np.testing.assert_allclose(grid, expected, rtol=1e-5, atol=1e-5)
 
 
-def test_later_parts_are_projected_by_the_fit_of_the_first(parted: Path) -> None:
+def test_later_parts_are_projected_by_the_fit_of_the_first(parted):
     with s2rstore.open(parted) as store:
         for side in SIDES:
             plane = values(store, "umap", side)
@@ -169,8 +168,8 @@ def test_later_parts_are_projected_by_the_fit_of_the_first(parted: Path) -> None
 
 
 def test_a_further_precompute_keeps_the_projection_unless_it_is_fitted_again(
-    parted: Path, whole: Path, tmp_path: Path
-) -> None:
+    parted, whole, tmp_path
+):
     path = copy_store(parted, tmp_path / "s.s2r")
     with s2rstore.open(path) as store:
         before = values(store, "umap", "sim")
@@ -187,7 +186,7 @@ def test_a_further_precompute_keeps_the_projection_unless_it_is_fitted_again(
     assert verify(path) == []
 
 
-def test_a_fit_that_cannot_be_repeated_is_refused(parted: Path, tmp_path: Path) -> None:
+def test_a_fit_that_cannot_be_repeated_is_refused(parted, tmp_path):
     path = copy_store(parted, tmp_path / "s.s2r")
     later = [
         array.path
@@ -212,8 +211,8 @@ def test_a_fit_that_cannot_be_repeated_is_refused(parted: Path, tmp_path: Path) 
 
 
 def test_later_parts_are_transformed_by_the_fit_to_a_sample_and_nothing_else_is(
-    trained_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    trained_store, tmp_path, monkeypatch
+):
     """So that the projection takes no longer where more instances are stored."""
     path, fit_points, transformed = tmp_path / "s.s2r", umap_projection._fit_points, []
     copy_store(trained_store, path)
@@ -235,9 +234,7 @@ def test_later_parts_are_transformed_by_the_fit_to_a_sample_and_nothing_else_is(
         assert np.isfinite(values(store, "umap", "sim")).all()
 
 
-def test_heat_ranges_do_not_depend_on_the_parts(
-    whole: Path, parted: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_heat_ranges_do_not_depend_on_the_parts(whole, parted, tmp_path, monkeypatch):
     monkeypatch.setattr(publish_results, "_RANGE_ROWS", 10)
     ranges = []
     for store in (whole, parted):
@@ -253,29 +250,7 @@ def test_heat_ranges_do_not_depend_on_the_parts(
         np.testing.assert_allclose(ranges[1][name], (low, high), atol=0.01 * (high - low))
 
 
-def test_maps_of_some_parts_are_refused(parted: Path, tmp_path: Path) -> None:
-    path = copy_store(parted, tmp_path / "s.s2r")
-    withdraw_later_arrays(path, "kind LIKE 'map:pixel%'")
-    with s2rstore.open(path) as store:
-        assert np.isfinite(store.map_grid("vanilla", "activation", "sim")).any()
-        with pytest.raises(RequestError, match="not computed for all instances"):
-            store.map_grid("vanilla", "pixel_difference", "sim")
-
-
-def test_verify_notes_heatmaps_of_some_parts(
-    parted: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = copy_store(parted, tmp_path / "s.s2r")
-    withdraw_later_arrays(path, "kind = 'activation'")
-    assert main(["verify", str(path)]) == 0
-    output = capsys.readouterr()
-    note = "run vanilla: computed for some instances only: activation real, activation sim"
-    assert note in output.out + output.err
-
-
-def test_a_data_set_that_grows_meanwhile_is_planned_again(
-    trained_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_data_set_that_grows_meanwhile_is_planned_again(trained_store, tmp_path, monkeypatch):
     path = copy_store(trained_store, tmp_path / "s.s2r")
     compute_stages = pipeline._compute_stages
 
@@ -293,28 +268,32 @@ def test_a_data_set_that_grows_meanwhile_is_planned_again(
         assert store.run_columns("vanilla").valid.all()
 
 
-def test_reading_a_part_that_is_not_computed_is_refused(
-    parted: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_computed_for_some_parts_is_noted_and_refused_for_others(parted, tmp_path, s2r):
     path = copy_store(parted, tmp_path / "s.s2r")
-    withdraw_later_arrays(path, "true")
+    withdraw_later_arrays(path, "kind = 'activation' OR kind LIKE 'map:pixel%'")
+    verified = s2r("verify", path)
+    assert verified.code == 0
+    note = "run vanilla: computed for some instances only: activation real, activation sim"
+    assert note in verified.out + verified.err
     with s2rstore.open(path) as store:
+        assert np.isfinite(store.map_grid("vanilla", "activation", "sim")).any()
+        with pytest.raises(RequestError, match="not computed for all instances"):
+            store.map_grid("vanilla", "pixel_difference", "sim")
         assert store.heatmap("vanilla", "activation", "sim", FIRST - 1).ndim == 2
         with pytest.raises(NotComputedError, match=f"instance {FIRST}: activation of"):
             store.heatmap("vanilla", "activation", "sim", FIRST)
+    withdraw_later_arrays(path, "true")
+    with s2rstore.open(path) as store:
         assert len(neighbours(store, "vanilla", "sim", FIRST, 5)[0]) == 0
         near, _ = neighbours(store, "vanilla", "sim", 0, 40)
         assert near.max() < FIRST
-    assert main(["runs", str(path)]) == 0
-    assert f"computed for {FIRST} of 40 instances" in capsys.readouterr().out
+    assert f"computed for {FIRST} of 40 instances" in s2r("runs", path).out
 
 
 @pytest.mark.parametrize(
     "rows", [[(0, 0, 24), (1, 25, 15)], [(0, 0, 24)], [(1, 0, 40)], [(0, 0, 40), (0, 40, 1)]]
 )
-def test_parts_with_gaps_or_other_counts_are_refused(
-    whole: Path, tmp_path: Path, rows: list[tuple[int, int, int]]
-) -> None:
+def test_parts_with_gaps_or_other_counts_are_refused(whole, tmp_path, rows):
     path = copy_store(whole, tmp_path / "s.s2r")
     with edit(path) as draft:
         for part, first, count in rows:

@@ -32,7 +32,7 @@ from tests.support.silent_reporter import SilentReporter
 KINDS = ("feature_distance",)
 
 
-def test_predictions_equal_the_network_output(computed_store: Path) -> None:
+def test_predictions_equal_the_network_output(computed_store):
     with s2rstore.open(computed_store) as store:
         model = load_model(store, "vanilla")
         columns = store.run_columns("vanilla")
@@ -52,7 +52,7 @@ def test_predictions_equal_the_network_output(computed_store: Path) -> None:
     assert verify(computed_store) == []
 
 
-def test_black_input_gives_a_constant_prediction(computed_store: Path) -> None:
+def test_black_input_gives_a_constant_prediction(computed_store):
     with s2rstore.open(computed_store) as store:
         black_columns, unadjusted = store.run_columns("black"), store.run_columns("vanilla")
         for name in ("x", "y", "heading"):
@@ -61,7 +61,7 @@ def test_black_input_gives_a_constant_prediction(computed_store: Path) -> None:
         assert (store.run_columns("bright").real.x != unadjusted.real.x).any()
 
 
-def test_every_array_is_complete_and_finite(computed_store: Path) -> None:
+def test_every_array_is_complete_and_finite(computed_store):
     with s2rstore.open(computed_store) as store:
         kinds = {record.kind for record in store.array_kinds("vanilla")}
         for kind in ("activation", "occlusion", "feature_distance", "pixel_difference"):
@@ -82,7 +82,7 @@ def test_every_array_is_complete_and_finite(computed_store: Path) -> None:
         assert np.allclose(mean[has_values], total[has_values] / counts[has_values], rtol=1e-4)
 
 
-def test_training_instances_are_marked(computed_store: Path) -> None:
+def test_training_instances_are_marked(computed_store):
     with s2rstore.open(computed_store) as store:
         counts = dict(
             store.execute(
@@ -94,7 +94,7 @@ def test_training_instances_are_marked(computed_store: Path) -> None:
     assert min(counts.values()) > 0
 
 
-def test_nothing_is_computed_twice(computed_store: Path, tmp_path: Path) -> None:
+def test_nothing_is_computed_twice(computed_store, tmp_path):
     generation = layout.read_current(computed_store).generation
     reporter = SilentReporter()
     assert precompute(computed_store, reporter, ["vanilla"]) == []
@@ -102,9 +102,7 @@ def test_nothing_is_computed_twice(computed_store: Path, tmp_path: Path) -> None
     assert layout.read_current(computed_store).generation == generation
 
 
-def test_several_workers_give_the_same_values(
-    small_store: Path, small_copy: Path, tmp_path: Path
-) -> None:
+def test_several_workers_give_the_same_values(small_store, small_copy, tmp_path):
     alone = copy_store(small_store, tmp_path / "alone.s2r")
     precompute(alone, SilentReporter(), [], PrecomputeOptions(KINDS, workers=1))
     precompute(small_copy, SilentReporter(), [], PrecomputeOptions(KINDS, workers=2))
@@ -144,8 +142,8 @@ class _EndingReporter(SilentReporter):
 
 
 def test_an_interrupted_precompute_loses_only_unfinished_units(
-    computed_store: Path, trained_store: Path, tmp_path: Path
-) -> None:
+    computed_store, trained_store, tmp_path
+):
     path, options = copy_store(trained_store, tmp_path / "s.s2r"), PrecomputeOptions(KINDS)
     with pytest.raises(KeyboardInterrupt):
         precompute(path, _EndingReporter(), [], options)
@@ -162,9 +160,7 @@ def test_an_interrupted_precompute_loses_only_unfinished_units(
 
 
 @pytest.mark.deep
-def test_a_killed_precompute_loses_only_unfinished_units(
-    computed_store: Path, trained_store: Path, tmp_path: Path
-) -> None:
+def test_a_killed_precompute_loses_only_unfinished_units(computed_store, trained_store, tmp_path):
     path = tmp_path / "s.s2r"
     copy_store(trained_store, path)
     before = layout.read_current(path).generation
@@ -216,9 +212,7 @@ class _TakingReporter(SilentReporter):
         self._lock.unlink(missing_ok=True)
 
 
-def test_a_precompute_that_lost_its_lock_publishes_nothing(
-    trained_store: Path, tmp_path: Path
-) -> None:
+def test_a_precompute_that_lost_its_lock_publishes_nothing(trained_store, tmp_path):
     path = tmp_path / "s.s2r"
     copy_store(trained_store, path)
     reporter = _TakingReporter(path / "ledger" / "compute.lock")
@@ -228,7 +222,7 @@ def test_a_precompute_that_lost_its_lock_publishes_nothing(
         assert store.run("vanilla").key is None
 
 
-def test_invalid_requests_list_the_valid_values(small_copy: Path) -> None:
+def test_invalid_requests_list_the_valid_values(small_copy):
     with pytest.raises(RequestError, match="runs: vanilla"):
         precompute(small_copy, SilentReporter(), ["nothing"])
     with pytest.raises(RequestError, match="activation"):
@@ -241,8 +235,8 @@ def test_invalid_requests_list_the_valid_values(small_copy: Path) -> None:
 
 @pytest.mark.parametrize("is_removed", [True, False], ids=["removed", "registered anew"])
 def test_a_run_that_is_not_what_was_computed_is_not_published(
-    computed_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_removed: bool
-) -> None:
+    computed_store, tmp_path, monkeypatch, is_removed
+):
     path = tmp_path / "s.s2r"
     copy_store(computed_store, path)
     tables = "prediction", "projection", "zarr_array"

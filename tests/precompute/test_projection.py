@@ -11,7 +11,7 @@ from s2rtools.precompute.tasks.umap_projection import SETTINGS, joint_umap
 
 
 @pytest.mark.usefixtures("real_umap")
-def test_a_projection_separates_clusters_and_is_repeatable() -> None:
+def test_a_projection_separates_clusters_and_is_repeatable():
     rng = np.random.default_rng(0)
     cluster = np.arange(40) % 2
     sim, real = (rng.normal(20 * cluster[:, None], 1, (40, 5)).astype(np.float32) for _ in "ab")

@@ -59,9 +59,7 @@ def versions_of(path: Path, run: str, kind: str) -> set[str]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_damaged_array_is_begun_again_with_other_libraries(
-    computed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
-) -> None:
+def test_a_damaged_array_is_begun_again_with_other_libraries(computed, tmp_path, monkeypatch, kind):
     path, options = tmp_path / "s.s2r", PrecomputeOptions(KINDS, workers=1)
     copy_store(computed, path)
     (shard,) = (path / "runs.zarr" / arrays_of(path, "vanilla", kind)[0]).glob("c*")
@@ -81,7 +79,7 @@ def test_a_damaged_array_is_begun_again_with_other_libraries(
     assert versions_of(path, "again", kind) == ({"9.9"} if is_shared else {here})
 
 
-def test_complete_arrays_are_kept(computed: Path, tmp_path: Path) -> None:
+def test_complete_arrays_are_kept(computed, tmp_path):
     path = tmp_path / "s.s2r"
     copy_store(computed, path)
     options = PrecomputeOptions(KINDS, workers=1, restart=True)
@@ -91,8 +89,8 @@ def test_complete_arrays_are_kept(computed: Path, tmp_path: Path) -> None:
 
 
 def test_a_key_that_has_lost_all_files_is_not_computed_elsewhere_in_silence(
-    computed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    computed, tmp_path, monkeypatch
+):
     path, options = tmp_path / "s.s2r", PrecomputeOptions(KINDS, workers=1)
     copy_store(computed, path)
     for array in arrays_of(path, "vanilla", "activation"):
@@ -106,9 +104,7 @@ def test_a_key_that_has_lost_all_files_is_not_computed_elsewhere_in_silence(
     assert verify(path) == []
 
 
-def test_a_restart_that_was_killed_is_repeated(
-    computed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_restart_that_was_killed_is_repeated(computed, tmp_path, monkeypatch):
     """It has removed the files of an array, and not yet their entries in the ledger."""
     path, options = tmp_path / "s.s2r", PrecomputeOptions(KINDS, workers=1)
     copy_store(computed, path)
@@ -131,9 +127,7 @@ def test_a_restart_that_was_killed_is_repeated(
     assert verify(path) == []
 
 
-def test_nothing_is_removed_where_a_file_cannot_be_examined(
-    computed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_is_removed_where_a_file_cannot_be_examined(computed, tmp_path, monkeypatch):
     path, options = tmp_path / "s.s2r", PrecomputeOptions(KINDS, workers=1, restart=True)
     copy_store(computed, path)
     size = safe_files.size
@@ -150,7 +144,7 @@ def test_nothing_is_removed_where_a_file_cannot_be_examined(
     assert verify(path) == []
 
 
-def test_nothing_is_removed_without_the_lease(computed: Path) -> None:
+def test_nothing_is_removed_without_the_lease(computed):
     def lost() -> None:
         raise StoreBusyError("lost")
 
@@ -158,9 +152,7 @@ def test_nothing_is_removed_without_the_lease(computed: Path) -> None:
         restart.discard_incomplete(store, [], lost)
 
 
-def test_lines_that_a_publisher_adds_meanwhile_stay_in_the_ledger(
-    store_copy: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_lines_that_a_publisher_adds_meanwhile_stay_in_the_ledger(store_copy, monkeypatch):
     """An append or a registered model adds its lines under the publish lock."""
     spec = ArraySpec("activation", "sim", None, (2,), "float32", ("iid", "x"), "m", "begun", 4)
     stage = Stage("activation", "vanilla", (spec,), 4)

@@ -77,9 +77,7 @@ def assert_complete(root: Path, stage: Stage) -> None:
 
 @pytest.mark.parametrize("unit_rows", [1, 7, 16, 64])
 @pytest.mark.parametrize("shard_rows", [16, 16_384])
-def test_units_of_any_size_make_the_same_arrays(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unit_rows: int, shard_rows: int
-) -> None:
+def test_units_of_any_size_make_the_same_arrays(tmp_path, monkeypatch, unit_rows, shard_rows):
     monkeypatch.setattr(array_writer, "SHARD_ROWS", shard_rows)
     stage = stage_of(unit_rows)
     finish(tmp_path, plan_of(tmp_path, stage))
@@ -88,7 +86,7 @@ def test_units_of_any_size_make_the_same_arrays(
     assert all(ledger.proves(entries) for entries in ledger.by_path().values())
 
 
-def test_results_of_an_earlier_process_are_used(tmp_path: Path) -> None:
+def test_results_of_an_earlier_process_are_used(tmp_path):
     stage = stage_of(8)
     first = plan_of(tmp_path, stage).units
     for unit in first[:3]:
@@ -99,7 +97,7 @@ def test_results_of_an_earlier_process_are_used(tmp_path: Path) -> None:
     assert_complete(tmp_path, stage)
 
 
-def test_results_of_other_instances_are_computed_again(tmp_path: Path) -> None:
+def test_results_of_other_instances_are_computed_again(tmp_path):
     for unit in plan_of(tmp_path, stage_of(8)).units:
         compute(tmp_path, unit)
     stage = stage_of(16)
@@ -109,7 +107,7 @@ def test_results_of_other_instances_are_computed_again(tmp_path: Path) -> None:
     assert_complete(tmp_path, stage)
 
 
-def test_results_without_a_missing_array_are_computed_again(tmp_path: Path) -> None:
+def test_results_without_a_missing_array_are_computed_again(tmp_path):
     stage = stage_of(8, "x")
     for unit in plan_of(tmp_path, stage).units:
         compute(tmp_path, unit)
@@ -142,7 +140,7 @@ def bomb() -> bytes:
 
 
 @pytest.mark.parametrize("defect", ["none", "cut", "bit", "bomb", "no blosc", "version", "line"])
-def test_damaged_results_are_computed_again(tmp_path: Path, defect: str) -> None:
+def test_damaged_results_are_computed_again(tmp_path, defect):
     stage = stage_of(8, "x")
     (spec,) = stage.specs
     plan = plan_of(tmp_path, stage)
@@ -165,7 +163,7 @@ def test_damaged_results_are_computed_again(tmp_path: Path, defect: str) -> None
     assert_complete(tmp_path, stage)
 
 
-def test_totals_of_another_size_are_not_decompressed(tmp_path: Path) -> None:
+def test_totals_of_another_size_are_not_decompressed(tmp_path):
     heat = spec_of("x", kind="prediction")
     grid = replace(spec_of("x", 4, "map:heat"), axes=("aggregate", "row", "column"))
     stage = Stage("maps", "run", (grid,), 64, (heat,), aggregated=range(ROWS))
@@ -180,19 +178,7 @@ def test_totals_of_another_size_are_not_decompressed(tmp_path: Path) -> None:
     assert np.isnan(grid.open_array(tmp_path, "run")[:3]).all()
 
 
-def test_a_lost_shard_of_a_published_array_is_computed_again(tmp_path: Path) -> None:
-    stage = stage_of(8)
-    finish(tmp_path, plan_of(tmp_path, stage))
-    published = tuple(spec.path("run") for spec in stage.specs)
-    lost = stage.specs[0].open_array(tmp_path, "run")
-    (tmp_path / lost.file(0)).unlink()
-    plan = plan_of(tmp_path, stage, published)
-    assert {unit.missing for unit in plan.units} == {stage.specs[:1]}
-    finish(tmp_path, plan)
-    assert_complete(tmp_path, stage)
-
-
-def test_a_shard_of_another_size_than_recorded_is_computed_again(tmp_path: Path) -> None:
+def test_a_shard_of_another_size_than_recorded_is_computed_again(tmp_path):
     stage = stage_of(8)
     finish(tmp_path, plan_of(tmp_path, stage))
     shard = tmp_path / stage.specs[1].open_array(tmp_path, "run").file(0)
@@ -201,14 +187,14 @@ def test_a_shard_of_another_size_than_recorded_is_computed_again(tmp_path: Path)
 
 
 @pytest.mark.parametrize("rows", [1, 97, 10_007, 100_003])
-def test_arrays_in_one_shard_have_chunks_of_many_rows(rows: int) -> None:
+def test_arrays_in_one_shard_have_chunks_of_many_rows(rows):
     layout = array_writer.plan_whole(rows, (50,), "float32")
     assert layout.shards == 1
     assert layout.shard_rows % layout.rows_per_chunk == 0
     assert layout.rows_per_chunk == min(rows, 1310)
 
 
-def test_arrays_with_other_chunks_are_refused(tmp_path: Path) -> None:
+def test_arrays_with_other_chunks_are_refused(tmp_path):
     stage = stage_of(8, "x")
     (spec,) = stage.specs
     other = array_writer.plan_layout(ROWS, ITEM, "float32", 15, 5)
@@ -229,9 +215,7 @@ OTHERS = {
 
 @pytest.mark.parametrize("reason", OTHERS)
 @pytest.mark.parametrize("is_stored", [False, True])
-def test_an_array_is_not_computed_in_two_environments(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reason: str, is_stored: bool
-) -> None:
+def test_an_array_is_not_computed_in_two_environments(tmp_path, monkeypatch, reason, is_stored):
     """The first values are results of units, or, if `is_stored`, a shard."""
     monkeypatch.setattr(array_writer, "SHARD_ROWS", 16)
     stage = stage_of(8)
@@ -250,15 +234,16 @@ def test_an_array_is_not_computed_in_two_environments(
     assert all(entry.environment == HERE for found in entries for entry in found)
 
 
-def test_a_lost_shard_of_a_published_array_is_computed_in_its_environment(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_lost_shard_of_a_published_array_is_computed_again_in_its_environment(
+    tmp_path, monkeypatch
+):
     monkeypatch.setattr(array_writer, "SHARD_ROWS", 16)
     stage = stage_of(8)
     finish(tmp_path, plan_of(tmp_path, stage))
     published = tuple(spec.path("run") for spec in stage.specs)
     (tmp_path / stage.specs[0].open_array(tmp_path, "run").file(1)).unlink()
     plan = plan_of(tmp_path, stage, published)
+    assert {unit.missing for unit in plan.units} == {stage.specs[:1]}
     assert [plan.environment(unit, "float32") for unit in plan.units] == [HERE, HERE]
     other = msgspec.structs.replace(HERE, device="GPU")
     with pytest.raises(RequestError, match="heat: device GPU instead of processor"):
@@ -267,7 +252,7 @@ def test_a_lost_shard_of_a_published_array_is_computed_in_its_environment(
     assert_complete(tmp_path, stage)
 
 
-def test_arrays_of_all_runs_do_not_depend_on_the_precision_of_a_network(tmp_path: Path) -> None:
+def test_arrays_of_all_runs_do_not_depend_on_the_precision_of_a_network(tmp_path):
     """Images alone make them, whatever else the units of their stage compute."""
     shared = replace(spec_of("x"), key="b" * 16, is_shared=True)
     stage = Stage("forward", "run", (shared,), 8)
@@ -284,7 +269,7 @@ def test_arrays_of_all_runs_do_not_depend_on_the_precision_of_a_network(tmp_path
     assert {entry.environment.precision for entry in entries} == {"numpy"}
 
 
-def test_other_arrays_may_have_another_environment(tmp_path: Path) -> None:
+def test_other_arrays_may_have_another_environment(tmp_path):
     other = msgspec.structs.replace(HERE, threads=7)
     for key, environment in (("a", HERE), ("b", other)):
         spec = replace(spec_of("x"), key=16 * key)
@@ -296,9 +281,7 @@ def test_other_arrays_may_have_another_environment(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("defect", ["bytes", "sha256", "path", "content"])
-def test_a_result_that_is_not_what_its_receipt_states_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, defect: str
-) -> None:
+def test_a_result_that_is_not_what_its_receipt_states_is_refused(tmp_path, monkeypatch, defect):
     monkeypatch.setattr(unit_results, "VISIBLE_SECONDS", 0.0)
     stage = stage_of(8)
     plan = plan_of(tmp_path, stage)
@@ -314,9 +297,7 @@ def test_a_result_that_is_not_what_its_receipt_states_is_refused(
         plan.finish(receipt, is_checked=True)
 
 
-def test_a_result_that_appears_late_is_used(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_result_that_appears_late_is_used(tmp_path, monkeypatch):
     """Folders are cached on other hosts."""
     stage = stage_of(64)
     plan = plan_of(tmp_path, stage)
@@ -335,7 +316,7 @@ def test_a_result_that_appears_late_is_used(
     assert_complete(tmp_path, stage)
 
 
-def test_two_workers_may_compute_one_unit(tmp_path: Path) -> None:
+def test_two_workers_may_compute_one_unit(tmp_path):
     """The first was believed to be lost; its file goes with the folder."""
     stage = stage_of(64)
     plan = plan_of(tmp_path, stage)

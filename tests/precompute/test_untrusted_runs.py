@@ -35,9 +35,7 @@ def store(tiny_store: Path, tmp_path: Path) -> Path:
     return path
 
 
-def test_other_runs_are_computed_and_the_untrusted_one_is_told(
-    store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_other_runs_are_computed_and_the_untrusted_one_is_told(store, tmp_path, capsys):
     assert main(["run", "add", "strange", "--model", "archive", "--store", str(store)]) == 0
     added = capsys.readouterr().out
     assert f"next: `s2r precompute {store} --trust`, which executes the code" in added

@@ -13,7 +13,7 @@ from tests.support import networks
 
 
 @pytest.mark.parametrize(("size", "usual"), [(128, True), (160, True), (256, False)])
-def test_harm_is_usual_for_small_inputs_alone(size: int, usual: bool) -> None:
+def test_harm_is_usual_for_small_inputs_alone(size, usual):
     trunk = torch.nn.Sequential(torch.nn.Conv2d(4, 4, 3), torch.nn.ReLU())
     model = networks.small_model(trunk, 4, (size, size))
     model = replace(model, registered=InputContract(size=(size, size)))

@@ -12,7 +12,7 @@ import s2rstore
 from bench.measured_stores import QUIET, frames_store, lively
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
-from s2rstore.records import SIDES, Side
+from s2rstore.records import SIDES
 from s2rtools.precompute import pipeline
 from s2rtools.precompute.executors import local_executors
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
@@ -39,7 +39,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("side", SIDES)
-def test_predictions_and_embeddings_equal_those_of_torch(store: Path, side: Side) -> None:
+def test_predictions_and_embeddings_equal_those_of_torch(store, side):
     with s2rstore.open(store) as opened:
         for kind, tolerance in (("prediction", 1e-5), ("embedding", 2e-3)):
             exact, found = (
@@ -57,30 +57,24 @@ def test_predictions_and_embeddings_equal_those_of_torch(store: Path, side: Side
         ("activation", "loss"), ("feature_distance", None),
     ],
 )  # fmt: skip
-def test_heatmaps_equal_those_of_torch(
-    store: Path, kind: str, mode: str | None, side: Side
-) -> None:
+def test_heatmaps_equal_those_of_torch(store, kind, mode, side):
     with s2rstore.open(store) as opened:
         exact, found = (opened.heatmaps(run, kind, side, 0, INSTANCES, mode) for run in BACKENDS)
     assert exact.std() > 0
     np.testing.assert_allclose(found, exact, rtol=0, atol=5e-3 * exact.std())
 
 
-def test_the_sides_differ(store: Path) -> None:
+def test_the_sides_differ_and_the_provenance_names_the_backend(store):
     with s2rstore.open(store) as opened:
         sim, real = (
             opened.heatmaps("winograd", "occlusion", side, 0, INSTANCES, "rgb") for side in SIDES
         )
-    assert np.abs(sim - real).max() > 0.1 * sim.std()
-
-
-def test_the_provenance_names_the_backend(store: Path) -> None:
-    with s2rstore.open(store) as opened:
+        assert np.abs(sim - real).max() > 0.1 * sim.std()
         for name in BACKENDS:
             assert opened.provenance_object(f"run:{name}", "backend")["name"] == name
 
 
-def test_workers_end_with_a_failed_request(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_workers_end_with_a_failed_request(store, monkeypatch):
     """Workers are started before the backends are chosen."""
     started = []
 

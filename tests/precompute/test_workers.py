@@ -25,18 +25,14 @@ from s2rtools.precompute.executors.executor import largest_first
     ],
 )
 def test_workers_are_limited_by_processors_memory_and_work(
-    monkeypatch: pytest.MonkeyPatch,
-    processors: int,
-    memory: int | None,
-    instances: int,
-    workers: int,
-) -> None:
+    monkeypatch, processors, memory, instances, workers
+):
     monkeypatch.setattr(local_executors, "available_processors", lambda: processors)
     monkeypatch.setattr(local_executors, "available_memory", lambda: memory)
     assert local_executors.usual_workers(instances) == workers
 
 
-def test_units_that_take_the_longest_come_first() -> None:
+def test_units_that_take_the_longest_come_first():
     def unit(name: str, number: int, instances: int) -> SimpleNamespace:
         stage = SimpleNamespace(name=name)
         return SimpleNamespace(stage=stage, number=number, instances=range(instances))
@@ -51,7 +47,7 @@ def test_units_that_take_the_longest_come_first() -> None:
     ]  # fmt: skip
 
 
-def test_processes_are_kept_until_more_are_needed() -> None:
+def test_processes_are_kept_until_more_are_needed():
     with local_executors.WorkerPool() as pool:
         first = pool.processes(2)
         assert pool.processes(1) is first
@@ -60,7 +56,7 @@ def test_processes_are_kept_until_more_are_needed() -> None:
         assert pool.processes(2) is not first
 
 
-def test_available_memory_is_positive_where_it_is_known() -> None:
+def test_available_memory_is_positive_where_it_is_known():
     memory = available_memory()
     assert memory is None or memory > 0
 
@@ -73,9 +69,7 @@ def test_available_memory_is_positive_where_it_is_known() -> None:
          ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")),
     ],
 )  # fmt: skip
-def test_cached_files_do_not_count_as_used_memory(
-    monkeypatch: pytest.MonkeyPatch, group: str, files: tuple[str, str, str]
-) -> None:
+def test_cached_files_do_not_count_as_used_memory(monkeypatch, group, files):
     """A job that has read 7 of its 8 GB as files can still allocate these."""
     root = "/sys/fs/cgroup" if group.startswith("0") else "/sys/fs/cgroup/memory"
     limit, used, cached = files

@@ -17,9 +17,7 @@ def export(store: Path, columns: str, out: Path) -> Path:
     return out
 
 
-def test_rows_with_units_give_the_stored_poses(
-    tiny_store: Path, store_copy: Path, tmp_path: Path
-) -> None:
+def test_rows_with_units_give_the_stored_poses(tiny_store, store_copy, tmp_path):
     file = export(tiny_store, "* EXCLUDE (run)", tmp_path / "rows.csv")
     words = ["run", "import", "again", "--predictions", str(file), "--store", str(store_copy)]
     assert main(words) == 0
@@ -32,7 +30,7 @@ def test_rows_with_units_give_the_stored_poses(
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
-def test_a_column_with_its_unit_is_preferred(tmp_path: Path) -> None:
+def test_a_column_with_its_unit_is_preferred(tmp_path):
     file = tmp_path / "rows.csv"
     file.write_text("iid,side,x,y,heading,x_m,y_m,heading_rad\n0,sim,7,7,7,1,2,3\n")
     table = read_table(file)

@@ -68,7 +68,7 @@ def output(capsys: pytest.CaptureFixture[str], words: Sequence[str], run: str) -
     return capsys.readouterr().out.replace(run, "RUN")
 
 
-def test_all_arrays_without_a_network_are_equal(imported: Path) -> None:
+def test_all_arrays_without_a_network_are_equal(imported):
     with s2rstore.open(imported) as store:
         found = {(r.kind, r.side, r.mode): r for r in store.array_kinds("exported")}
         expected = {
@@ -83,7 +83,7 @@ def test_all_arrays_without_a_network_are_equal(imported: Path) -> None:
             )
 
 
-def test_model_free_heatmaps_are_stored_once(imported: Path) -> None:
+def test_model_free_heatmaps_are_stored_once(imported):
     with s2rstore.open(imported) as store:
         paths = [
             {r.path for r in store.array_parts(run) if r.kind == "pixel_difference"}
@@ -92,7 +92,7 @@ def test_model_free_heatmaps_are_stored_once(imported: Path) -> None:
         assert paths[0] == paths[1] != set()
 
 
-def test_all_rows_are_equal(imported: Path) -> None:
+def test_all_rows_are_equal(imported):
     columns = "iid, * EXCLUDE (run, iid, outlier, sim_u, sim_v, real_u, real_v)"
     with s2rstore.open(imported) as store:
         columns = columns.replace("outlier, ", "")
@@ -111,9 +111,7 @@ def test_all_rows_are_equal(imported: Path) -> None:
 @pytest.mark.parametrize("view", [name for name in registry.NAMES if name not in (
     "adjust", "history", "overview", "umap", "list", "compare", "findings",
     "suggestions")])  # fmt: skip
-def test_views_print_the_same(
-    imported: Path, view: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_views_print_the_same(imported, view, capsys):
     for more in (["--format", "csv"], ["--words"]):
         words = ["show", str(imported), view, *more]
         assert output(capsys, words, "exported") == output(capsys, words, "vanilla")
@@ -124,16 +122,14 @@ def test_views_print_the_same(
      "--out", "{out}.png"),
     ("train", "--recipe", "finetune", "--from", "exported", "--store", "{store}"),
 ])  # fmt: skip
-def test_commands_that_need_a_network_name_the_run(
-    imported: Path, tmp_path: Path, words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_commands_that_need_a_network_name_the_run(imported, tmp_path, words, capsys):
     assert main([word.format(store=imported, out=tmp_path / "f") for word in words]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "run 'exported': its predictions were imported" in line
     assert line.endswith("needs a network")
 
 
-def test_lost_predictions_have_to_be_imported_again(imported: Path, tmp_path: Path) -> None:
+def test_lost_predictions_have_to_be_imported_again(imported, tmp_path):
     path = tmp_path / "s.s2r"
     shutil.copytree(imported, path)
     with s2rstore.open(path) as store:
@@ -149,9 +145,7 @@ def test_lost_predictions_have_to_be_imported_again(imported: Path, tmp_path: Pa
         assert sorted(path.rglob("c.*")) == files
 
 
-def test_instances_that_are_appended_stay_without_predictions(
-    imported: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_instances_that_are_appended_stay_without_predictions(imported, tmp_path, capsys):
     store = tmp_path / "s.s2r"
     shutil.copytree(imported, store)
     append_trajectory(store, "zz", 5)
@@ -171,9 +165,8 @@ def test_instances_that_are_appended_stay_without_predictions(
 
 
 def test_precompute_of_an_import_that_was_replaced_is_refused(
-    imported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+    imported, tmp_path, monkeypatch, capsys
+):
     from s2rtools.precompute import pipeline
 
     store = tmp_path / "s.s2r"

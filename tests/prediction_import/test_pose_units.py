@@ -24,7 +24,7 @@ def headings(n: int = 60, seed: int = 0) -> np.ndarray:
 
 
 @pytest.mark.parametrize("unit", LENGTHS)
-def test_the_unit_of_positions_around_the_map_is_recognised(unit: str) -> None:
+def test_the_unit_of_positions_around_the_map_is_recognised(unit):
     rng = np.random.default_rng(1)
     metres = rng.uniform([100, -20], [130, 5], (50, 2)) + rng.normal(0, 3, (50, 2))
     found = pose_units.length_unit(None, metres / LENGTHS[unit], BOUNDS, "p.csv")
@@ -32,25 +32,25 @@ def test_the_unit_of_positions_around_the_map_is_recognised(unit: str) -> None:
     assert str(found) == f"{unit} (recognised)"
 
 
-def test_positions_that_fit_no_unit_need_a_declaration() -> None:
+def test_positions_that_fit_no_unit_need_a_declaration():
     with pytest.raises(RequestError, match=r"p\.csv: positions around .* declare --units"):
         pose_units.length_unit(None, np.full((5, 2), 5e6), BOUNDS, "p.csv")
 
 
-def test_headings_beyond_a_turn_are_degrees() -> None:
+def test_headings_beyond_a_turn_are_degrees():
     degrees = np.degrees(headings())
     assert pose_units.angle_unit(None, degrees, "p.csv").name == "deg"
     assert pose_units.angle_unit(None, np.radians(degrees) + np.pi, "p.csv").name == "rad"
     assert pose_units.angle_unit("rad", degrees, "p.csv").name == "rad"
 
 
-def test_few_headings_beyond_a_turn_need_a_declaration() -> None:
+def test_few_headings_beyond_a_turn_need_a_declaration():
     with pytest.raises(RequestError, match=r"1\.7% of the headings .*--units rad or --units deg"):
         pose_units.angle_unit(None, np.append(headings(59), 7.0), "p.csv")
 
 
 @given(st.floats(-10, 10), st.sampled_from(sorted(CONVENTIONS)))
-def test_a_formula_gives_the_map_heading(heading: float, name: str) -> None:
+def test_a_formula_gives_the_map_heading(heading, name):
     offset, sign = name.replace("-h", "+-1").replace("+h", "+1").split("+")
     expected = math.radians(float(offset)) + float(sign) * heading
     (found,) = pose_units.to_map(np.array([heading]), name)
@@ -58,7 +58,7 @@ def test_a_formula_gives_the_map_heading(heading: float, name: str) -> None:
     assert math.isclose(float(angles.distance(found, expected)), 0, abs_tol=1e-9)
 
 
-def test_habitat_is_the_convention_of_the_models() -> None:
+def test_habitat_is_the_convention_of_the_models():
     import torch
 
     h = headings()
@@ -70,7 +70,7 @@ def test_habitat_is_the_convention_of_the_models() -> None:
 
 
 @pytest.mark.parametrize("true_convention", sorted(CONVENTIONS))
-def test_auto_finds_the_convention_and_a_warning_names_it(true_convention: str) -> None:
+def test_auto_finds_the_convention_and_a_warning_names_it(true_convention):
     truth = headings()
     noise = np.random.default_rng(3).normal(0, 0.2, truth.size)
     offset, sign = CONVENTIONS[true_convention]
@@ -84,26 +84,26 @@ def test_auto_finds_the_convention_and_a_warning_names_it(true_convention: str) 
         assert f"--heading {true_convention} " in warnings[0]
 
 
-def test_auto_is_refused_where_all_conventions_are_alike() -> None:
+def test_auto_is_refused_where_all_conventions_are_alike():
     errors = pose_units.heading_errors(headings(seed=1), headings(seed=2))
     with pytest.raises(RequestError, match="--heading auto: no convention fits clearly better"):
         pose_units.best_convention(errors, 60, "p.csv")
 
 
-def test_a_few_rows_are_not_judged() -> None:
+def test_a_few_rows_are_not_judged():
     truth = headings(9)
     assert pose_units.convention_warnings(truth + np.pi, "rad", "0+h", truth, "p.csv") == ()
     with pytest.raises(RequestError, match="9 rows"):
         pose_units.best_convention(pose_units.heading_errors(truth, truth), 9, "p.csv")
 
 
-def test_a_warning_names_the_other_unit() -> None:
+def test_a_warning_names_the_other_unit():
     truth = np.random.default_rng(5).uniform(1, 3, 40)
     (warning,) = pose_units.convention_warnings(truth, "deg", "0+h", truth, "p.csv")
     assert "--units rad" in warning
 
 
-def test_units_are_parsed_in_any_order() -> None:
+def test_units_are_parsed_in_any_order():
     assert pose_units.parse_units("deg, mm,ns") == Units("mm", "deg", "ns")
     assert pose_units.parse_units("") == Units(None, None, "s")
 
@@ -112,11 +112,11 @@ def test_units_are_parsed_in_any_order() -> None:
     ("feet", r"--units feet: one of m, cm, mm, rad, deg, s, ms, us, ns"),
     ("m,mm", r"--units m,mm: m and mm; name one length"),
 ])  # fmt: skip
-def test_wrong_units_are_refused(text: str, message: str) -> None:
+def test_wrong_units_are_refused(text, message):
     with pytest.raises(RequestError, match=message):
         pose_units.parse_units(text)
 
 
-def test_a_wrong_convention_is_refused() -> None:
+def test_a_wrong_convention_is_refused():
     with pytest.raises(RequestError, match=r"--heading north: one of 0\+h, 90\+h"):
         pose_units.parse_convention("north")

@@ -23,7 +23,7 @@ PATHS = st.lists(PARTS, min_size=1, max_size=4).map("/".join)
 
 
 @given(st.lists(NUMBERS, max_size=30), st.integers(0, 20))
-def test_every_row_has_an_iid_of_the_store_or_a_reason(values: list[float], count: int) -> None:
+def test_every_row_has_an_iid_of_the_store_or_a_reason(values, count):
     found = match_iids(np.array(values, dtype=np.float64), count)
     for row, (value, iid) in enumerate(zip(values, found.iids.tolist(), strict=True)):
         assert (iid == NONE) == (row in found.reasons)
@@ -31,14 +31,14 @@ def test_every_row_has_an_iid_of_the_store_or_a_reason(values: list[float], coun
         assert (iid != NONE) == (value in range(count))
 
 
-def test_reasons_name_the_iid() -> None:
+def test_reasons_name_the_iid():
     reasons = match_iids(np.array([3.0, 7.0, 1.5, np.nan]), 5).reasons
     assert reasons == {1: "iid 7: the store holds 0 .. 4", 2: "iid is no whole number",
                        3: "iid is no whole number"}  # fmt: skip
 
 
 @given(st.lists(PATHS, min_size=1, max_size=12, unique=True), st.data())
-def test_each_image_is_found_by_its_own_path(paths: list[str], data: st.DataObject) -> None:
+def test_each_image_is_found_by_its_own_path(paths, data):
     index = ImageIndex(list(enumerate(paths)))
     iid = data.draw(st.integers(0, len(paths) - 1))
     assert match_image(paths[iid], index) == (iid, "")
@@ -46,9 +46,7 @@ def test_each_image_is_found_by_its_own_path(paths: list[str], data: st.DataObje
 
 
 @given(st.lists(PATHS, min_size=1, max_size=12, unique=True), PATHS)
-def test_an_image_is_found_by_the_end_of_its_path_unless_several_have_it(
-    paths: list[str], given_path: str
-) -> None:
+def test_an_image_is_found_by_the_end_of_its_path_unless_several_have_it(paths, given_path):
     def is_end(path: str) -> bool:
         return f"/{path}".endswith(f"/{given_path}") or f"/{given_path}".endswith(f"/{path}")
 
@@ -60,7 +58,7 @@ def test_an_image_is_found_by_the_end_of_its_path_unless_several_have_it(
     assert bool(reason) == (iid == NONE)
 
 
-def test_an_image_of_another_folder_is_not_taken() -> None:
+def test_an_image_of_another_folder_is_not_taken():
     index = ImageIndex([(0, "left/0001.png"), (1, "right/0002.png")])
     assert match_image("0001.png", index) == (0, "")
     assert match_image("/data/set/right/0002.png", index) == (1, "")
@@ -69,7 +67,7 @@ def test_an_image_of_another_folder_is_not_taken() -> None:
     assert match_image("", index)[0] == NONE
 
 
-def test_positions_are_matched_by_trajectory_and_seq() -> None:
+def test_positions_are_matched_by_trajectory_and_seq():
     known = {("a", 0): 0, ("a", 1): 1, ("b", 0): 2}
     found = match_positions(["b", "a", "c", "a"], np.array([0.0, 1.0, 0.0, 0.5]), known)
     assert found.iids.tolist() == [2, 1, NONE, NONE]
@@ -98,7 +96,7 @@ def slow_match(
     st.lists(st.integers(0, 50), max_size=12, unique=True).map(sorted),
     st.integers(0, 6),
 )
-def test_times_are_matched_as_by_loops(times: list[int], stamps: list[int], tolerance: int) -> None:
+def test_times_are_matched_as_by_loops(times, stamps, tolerance):
     rows, instances = [t / 4 for t in times], [float(t) for t in stamps]
     found = match_times(
         np.array(rows), np.array(instances), np.zeros(len(stamps), np.int32), tolerance / 4
@@ -109,7 +107,7 @@ def test_times_are_matched_as_by_loops(times: list[int], stamps: list[int], tole
     assert set(found.reasons) == {row for row, iid in enumerate(iids) if iid == NONE}
 
 
-def test_times_that_fit_several_trajectories_need_their_names() -> None:
+def test_times_that_fit_several_trajectories_need_their_names():
     stamps, trajectories = np.array([0.0, 1.0, 0.0, 1.01]), np.array([0, 0, 1, 1], np.int32)
     times = np.array([0.0, 1.0, 5.0])
     found = match_times(times, stamps, trajectories, 0.02)
@@ -121,20 +119,20 @@ def test_times_that_fit_several_trajectories_need_their_names() -> None:
 
 
 @pytest.mark.parametrize("time", [np.nan, np.inf])
-def test_a_time_that_is_no_number_has_no_match(time: float) -> None:
+def test_a_time_that_is_no_number_has_no_match(time):
     found = match_times(np.array([time]), np.array([0.0]), np.zeros(1, np.int32), 1.0)
     assert found.iids.tolist() == [NONE]
     assert found.reasons == {0: "no instance to compare its time with"}
 
 
-def test_instances_without_times_are_left_out() -> None:
+def test_instances_without_times_are_left_out():
     stamps, trajectories = np.array([np.nan, 1.0]), np.array([0, 1], np.int32)
     found = match_times(np.array([1.0]), stamps, trajectories, 0.1)
     assert found.iids.tolist() == [1]
 
 
 @given(st.lists(st.integers(0, 6), max_size=20))
-def test_the_first_row_of_each_key_counts(keys: list[int]) -> None:
+def test_the_first_row_of_each_key_counts(keys):
     first, repeated = first_of_each(np.array(keys, dtype=np.int64))
     assert first.tolist() == sorted({key: keys.index(key) for key in keys}.values())
     assert repeated == {row: keys.index(key) for row, key in enumerate(keys)

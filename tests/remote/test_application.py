@@ -20,7 +20,6 @@ from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import RenderOptions
 from s2rtui.cli import main
 from s2rtui.session import Session
-from tests.remote.conftest import ServedStore
 
 HEAT = "runs.zarr/vanilla/key0/"
 
@@ -41,7 +40,7 @@ async def until(condition: Callable[[], bool], pilot: Pilot[None]) -> None:
     raise AssertionError("the application did not get there")
 
 
-def test_screens_are_equal(served: ServedStore) -> None:
+def test_screens_are_equal(served):
     keys = ("w", "3", "n", "h", "o", "4")
     local = snapshot(served.path, (160, 48), keys, RenderOptions())
     served.server.requests.clear()
@@ -50,7 +49,7 @@ def test_screens_are_equal(served: ServedStore) -> None:
     assert served.server.methods == {"GET", "HEAD"}
 
 
-async def test_a_cut_connection_is_a_message_and_no_end(served: ServedStore) -> None:
+async def test_a_cut_connection_is_a_message_and_no_end(served):
     app = make_app(served.url)
     async with app.run_test(size=(160, 48)) as pilot:
         await settle(app, pilot)
@@ -70,7 +69,7 @@ async def test_a_cut_connection_is_a_message_and_no_end(served: ServedStore) -> 
     assert app.fault is None
 
 
-async def test_an_unreachable_server_is_a_message_until_it_is_back(served: ServedStore) -> None:
+async def test_an_unreachable_server_is_a_message_until_it_is_back(served):
     app = make_app(served.url)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -84,9 +83,7 @@ async def test_an_unreachable_server_is_a_message_until_it_is_back(served: Serve
     assert app.fault is None
 
 
-async def test_a_slow_server_does_not_stop_the_keys(
-    served: ServedStore, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_slow_server_does_not_stop_the_keys(served, monkeypatch):
     # No check but this test's own: on a slow machine one at an interval comes before it.
     monkeypatch.setattr("s2rtui.app.app.CHECK_SECONDS", 3600.0)
     app = make_app(served.url)
@@ -108,9 +105,7 @@ async def test_a_slow_server_does_not_stop_the_keys(
         served.server.released.set()
 
 
-async def test_a_new_generation_and_history_are_noticed_and_opened(
-    served: ServedStore, tmp_path: Path
-) -> None:
+async def test_a_new_generation_and_history_are_noticed_and_opened(served, tmp_path):
     app = make_app(served.url)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -134,7 +129,7 @@ async def test_a_new_generation_and_history_are_noticed_and_opened(
         assert not app.session.state.is_error
 
 
-async def test_no_run_is_saved_on_a_server(served: ServedStore) -> None:
+async def test_no_run_is_saved_on_a_server(served):
     app = make_app(served.url)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -142,7 +137,7 @@ async def test_no_run_is_saved_on_a_server(served: ServedStore) -> None:
             app.run_save.save("brighter", lambda: pytest.fail("nothing may start"))
 
 
-def test_a_restricted_session_opens_no_url(served: ServedStore, capsys) -> None:
+def test_a_restricted_session_opens_no_url(served, capsys):
     assert main(["tui", served.url, "--restricted"]) == 2
     assert "reads only a store in a folder" in capsys.readouterr().err
     assert not served.server.requests

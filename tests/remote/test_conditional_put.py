@@ -59,19 +59,19 @@ def put(etag: str | None) -> bool:
 
 
 @pytest.mark.parametrize("etag", [None, '"known"', "", 'W/"known"'])
-def test_a_server_without_conditions_takes_the_object(server: _Server, etag) -> None:
+def test_a_server_without_conditions_takes_the_object(server, etag):
     assert put(etag)
     assert server.stored == b"mine"
 
 
 @pytest.mark.parametrize("refusal", [404, 409, 412])
-def test_another_version_is_left(server: _Server, refusal: int) -> None:
+def test_another_version_is_left(server, refusal):
     server.refusal = refusal
     assert not put('"known"')
     assert server.stored is None
 
 
-def test_other_answers_are_errors(server: _Server) -> None:
+def test_other_answers_are_errors(server):
     server.refusal = 400
     with pytest.raises(UnreachableStoreError, match="the server answered 400"):
         put('"known"')

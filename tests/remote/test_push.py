@@ -82,8 +82,8 @@ def pushed(store: Path, url: str, capsys, *options: str) -> str:
 
 
 def test_a_pushed_store_is_read_without_the_right_to_write(
-    s3: S3Server, store_copy: Path, url: str, monkeypatch: pytest.MonkeyPatch, capsys
-) -> None:
+    s3, store_copy, url, monkeypatch, capsys
+):
     use(s3, "writer", monkeypatch)
     line = pushed(store_copy, url, capsys)
     there = objects(s3, url)
@@ -116,9 +116,7 @@ def test_a_pushed_store_is_read_without_the_right_to_write(
     assert objects(s3, url) == there
 
 
-def test_only_the_new_files_of_a_generation_are_sent(
-    s3: S3Server, store_copy: Path, url: str, writer: None, capsys
-) -> None:
+def test_only_the_new_files_of_a_generation_are_sent(s3, store_copy, url, writer, capsys):
     pushed(store_copy, url, capsys)
     obstore.put(s3.client(), f"{url.removeprefix(f's3://{BUCKET}/')}/mine.txt", b"mine")
     before = objects(s3, url)
@@ -153,7 +151,7 @@ main(["push", *sys.argv[2:]])
 """
 
 
-def test_a_killed_push_is_resumed(s3: S3Server, store_copy: Path, url: str, writer, capsys) -> None:
+def test_a_killed_push_is_resumed(s3, store_copy, url, writer, capsys):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     command = [sys.executable, "-c", KILLED, "30", str(store_copy), url]
     process = subprocess.run(command, env=environment, capture_output=True, timeout=120)
@@ -171,9 +169,7 @@ def test_a_killed_push_is_resumed(s3: S3Server, store_copy: Path, url: str, writ
     assert not check(url).damages
 
 
-def test_a_damaged_object_is_found_and_sent_again(
-    s3: S3Server, store_copy: Path, url: str, writer: None, capsys
-) -> None:
+def test_a_damaged_object_is_found_and_sent_again(s3, store_copy, url, writer, capsys):
     pushed(store_copy, url, capsys)
     shard = "runs.zarr/vanilla/key0/feature_distance/c.0.0.0"
     content = bytearray((store_copy / shard).read_bytes())
@@ -185,9 +181,7 @@ def test_a_damaged_object_is_found_and_sent_again(
     assert not check(url).damages
 
 
-def test_a_damaged_store_is_not_pushed(
-    s3: S3Server, store_copy: Path, url: str, writer: None, capsys
-) -> None:
+def test_a_damaged_store_is_not_pushed(s3, store_copy, url, writer, capsys):
     shard = store_copy / "runs.zarr/vanilla/key0/feature_distance/c.0.0.0"
     content = shard.read_bytes()
     shard.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
@@ -200,8 +194,8 @@ def test_a_damaged_store_is_not_pushed(
 
 
 def test_newer_and_other_targets_are_refused_unless_told(
-    s3: S3Server, store_copy: Path, url: str, tmp_path: Path, writer: None, capsys
-) -> None:
+    s3, store_copy, url, tmp_path, writer, capsys
+):
     older = copy_store(store_copy, tmp_path / "older.s2r")
     with edit(store_copy) as draft:
         draft.set_provenance("test", {"key": "value"})
@@ -228,8 +222,8 @@ def test_newer_and_other_targets_are_refused_unless_told(
 
 @pytest.mark.parametrize("is_new", [True, False], ids=["new", "old"])
 def test_a_push_that_another_one_overtakes_publishes_nothing(
-    s3: S3Server, store_copy: Path, tmp_path: Path, writer: None, monkeypatch, capsys, is_new
-) -> None:
+    s3, store_copy, tmp_path, writer, monkeypatch, capsys, is_new
+):
     url = f"s3://{BUCKET}/overtaken-{is_new}/own.s2r"
     if not is_new:
         pushed(store_copy, url, capsys)
@@ -293,8 +287,8 @@ class Paused:
 
 
 def test_of_two_pushes_at_once_the_second_is_refused(
-    s3: S3Server, store_copy: Path, url: str, tmp_path: Path, writer, monkeypatch, capsys
-) -> None:
+    s3, store_copy, url, tmp_path, writer, monkeypatch, capsys
+):
     first, second = changed_copies(store_copy, tmp_path)
     paused = Paused(monkeypatch)
     with ThreadPoolExecutor(1) as pool:
@@ -313,8 +307,8 @@ def test_of_two_pushes_at_once_the_second_is_refused(
 
 
 def test_a_push_that_is_taken_for_dead_and_goes_on_changes_nothing(
-    s3: S3Server, store_copy: Path, url: str, tmp_path: Path, writer, monkeypatch
-) -> None:
+    s3, store_copy, url, tmp_path, writer, monkeypatch
+):
     """Its process is suspended: neither it nor its heartbeat does anything meanwhile."""
     first, second = changed_copies(store_copy, tmp_path)
     monkeypatch.setattr(push_lease.PushLease, "_beat", lambda lease: None)
@@ -337,8 +331,8 @@ def test_a_push_that_is_taken_for_dead_and_goes_on_changes_nothing(
 
 
 def test_the_lease_of_a_living_process_on_another_machine_is_not_taken(
-    s3: S3Server, store_copy: Path, url: str, writer, monkeypatch
-) -> None:
+    s3, store_copy, url, writer, monkeypatch
+):
     """Its clock is another one, so that its heartbeat seems to be old; but it goes on."""
     holder, target = ProcessIdentity("far", "b", "n", 7, 8), ObjectClient(parse_url(url))
     monkeypatch.setattr(push_lease._Found, "seems_alive", lambda found, limit: False)
@@ -358,9 +352,7 @@ def test_the_lease_of_a_living_process_on_another_machine_is_not_taken(
     assert not objects(s3, url)
 
 
-def test_wrong_keys_are_one_line_without_them(
-    s3: S3Server, url: str, monkeypatch: pytest.MonkeyPatch, capsys
-) -> None:
+def test_wrong_keys_are_one_line_without_them(s3, url, monkeypatch, capsys):
     use(s3, "reader", monkeypatch)
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "wrong-secret-key")
     assert main(["runs", url]) == 2
@@ -377,8 +369,8 @@ def test_wrong_keys_are_one_line_without_them(
 
 
 def test_a_pushed_store_is_verified_over_a_server_that_lists_nothing(
-    s3: S3Server, store_copy: Path, url: str, tmp_path: Path, writer: None, capsys
-) -> None:
+    s3, store_copy, url, tmp_path, writer, capsys
+):
     pushed(store_copy, url, capsys)
     copy = tmp_path / "www" / "own.s2r"
     for path in objects(s3, url):
@@ -398,14 +390,14 @@ def test_a_pushed_store_is_verified_over_a_server_that_lists_nothing(
         assert damage.where == shard.relative_to(copy).as_posix()
 
 
-def test_push_needs_an_s3_url(store_copy: Path, capsys) -> None:
+def test_push_needs_an_s3_url(store_copy, capsys):
     assert main(["push", str(store_copy), "https://127.0.0.1:9/lab.s2r"]) == 2
     assert "begins with s3://" in capsys.readouterr().err
 
 
 def test_a_cache_never_keeps_what_another_store_replaces(
-    s3: S3Server, store_copy: Path, url: str, writer: None, tmp_path: Path, capsys, monkeypatch
-) -> None:
+    s3, store_copy, url, writer, tmp_path, capsys, monkeypatch
+):
     monkeypatch.setattr(row_files, "MAX_ROWS", 10)
     other = tiny.build(tmp_path / "other.s2r", n=32, seed=1)
     for store in (store_copy, other):

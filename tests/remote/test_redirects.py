@@ -11,7 +11,6 @@ import s2rstore
 from bench.support.store_server import StoreServer, store_server
 from s2rstore.errors import UnreachableStoreError
 from s2rtui.cli import main
-from tests.remote.conftest import ServedStore
 
 
 @pytest.fixture
@@ -22,9 +21,7 @@ def other_server(tmp_path: Path) -> Iterator[StoreServer]:
         yield server
 
 
-def test_another_host_is_refused_unless_it_is_allowed(
-    served: ServedStore, other_server: StoreServer, monkeypatch: pytest.MonkeyPatch, capsys
-) -> None:
+def test_another_host_is_refused_unless_it_is_allowed(served, other_server, monkeypatch, capsys):
     other_server.moved["lab.s2r"] = served.url
     url = f"{other_server.url}/lab.s2r"
     assert main(["runs", url]) == 2
@@ -39,7 +36,7 @@ def test_another_host_is_refused_unless_it_is_allowed(
     assert "S2R_REMOTE_REDIRECTS=yes: must be 0 or 1" in capsys.readouterr().err
 
 
-def test_a_shard_on_another_host_is_refused(served: ServedStore, other_server: StoreServer) -> None:
+def test_a_shard_on_another_host_is_refused(served, other_server):
     folder = served.url.removeprefix(f"{served.server.url}/")
     with s2rstore.open(served.url) as store:
         served.server.moved[f"{folder}/runs.zarr"] = other_server.url
@@ -62,9 +59,7 @@ def test_a_shard_on_another_host_is_refused(served: ServedStore, other_server: S
     ],
     ids=["file", "bracket", "port", "control character", "long"],
 )
-def test_a_redirect_to_nowhere_is_one_line(
-    location: str, reason: str, other_server: StoreServer, capsys
-) -> None:
+def test_a_redirect_to_nowhere_is_one_line(location, reason, other_server, capsys):
     other_server.moved[""] = location
     assert main(["runs", f"{other_server.url}/lab.s2r"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
@@ -73,7 +68,7 @@ def test_a_redirect_to_nowhere_is_one_line(
     assert "\x1b" not in line
 
 
-def test_the_same_host_may_redirect(served: ServedStore, capsys) -> None:
+def test_the_same_host_may_redirect(served, capsys):
     folder = served.url.removeprefix(f"{served.server.url}/")
     served.server.moved["old"] = f"/{folder}"
     assert main(["runs", f"{served.server.url}/old"]) == 0

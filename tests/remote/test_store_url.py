@@ -26,7 +26,7 @@ SEGMENTS = st.text("abcXYZ019-_.@+~", min_size=1, max_size=8).filter(lambda s: s
     host=st.text("abcxyz019", min_size=2, max_size=10),
     segments=st.lists(SEGMENTS, max_size=4),
 )
-def test_a_url_is_its_own_text(scheme: str, host: str, segments: list[str]) -> None:
+def test_a_url_is_its_own_text(scheme, host, segments):
     text = "/".join([f"{scheme}://{host}", *segments])
     url = parse_url(text)
     assert str(url) == text
@@ -47,7 +47,7 @@ def test_a_url_is_its_own_text(scheme: str, host: str, segments: list[str]) -> N
         f"https://user:{SECRET}@h/lab.s2r", f"s3://{SECRET}@bucket/lab.s2r",
     ],
 )  # fmt: skip
-def test_other_urls_are_refused_in_one_line(text: str, capsys) -> None:
+def test_other_urls_are_refused_in_one_line(text, capsys):
     with pytest.raises(RequestError) as error:
         s2rstore.open(text)
     with pytest.raises(SystemExit) as ended:
@@ -59,12 +59,12 @@ def test_other_urls_are_refused_in_one_line(text: str, capsys) -> None:
         assert SECRET not in message
 
 
-def test_a_folder_with_a_colon_is_a_folder(tmp_path: Path) -> None:
+def test_a_folder_with_a_colon_is_a_folder(tmp_path):
     assert not isinstance(store_path(str(tmp_path / "a:b")), StoreUrl)
     assert not isinstance(store_path("s3:lab.s2r"), StoreUrl)
 
 
-def test_a_url_is_no_path_of_the_system() -> None:
+def test_a_url_is_no_path_of_the_system():
     url = parse_url("https://h/lab.s2r")
     for use in (open, Path.exists, Path.mkdir, Path.read_bytes, Path.iterdir, Path.unlink):
         with pytest.raises(RequestError, match=r"https://h/lab\.s2r: a store on a server is only"):
@@ -81,7 +81,7 @@ def test_a_url_is_no_path_of_the_system() -> None:
         ("run", "add", "x", "--model", "m", "--store", "{url}"),
     ],
 )  # fmt: skip
-def test_commands_that_write_take_no_url(words: tuple[str, ...], capsys) -> None:
+def test_commands_that_write_take_no_url(words, capsys):
     with pytest.raises(SystemExit) as ended:
         main([word.format(url="https://127.0.0.1:9/lab.s2r") for word in words])
     assert ended.value.code == 2
@@ -89,7 +89,7 @@ def test_commands_that_write_take_no_url(words: tuple[str, ...], capsys) -> None
     assert "https://127.0.0.1:9/lab.s2r: a store on a server is only read" in line
 
 
-def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+def test_a_missing_package_is_named(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "obstore.store", None)
     assert main(["runs", "s3://bucket/lab.s2r"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
@@ -97,9 +97,7 @@ def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, capsys) -> 
 
 
 @pytest.mark.parametrize("seconds", ["soon", "0", "-1", "nan"])
-def test_the_time_limit_must_be_seconds(
-    seconds: str, monkeypatch: pytest.MonkeyPatch, capsys
-) -> None:
+def test_the_time_limit_must_be_seconds(seconds, monkeypatch, capsys):
     monkeypatch.setenv("S2R_REMOTE_TIMEOUT", seconds)
     assert main(["runs", "http://127.0.0.1:9/lab.s2r"]) == 2
     assert f"S2R_REMOTE_TIMEOUT={seconds}: must be seconds" in capsys.readouterr().err
@@ -117,9 +115,7 @@ def test_the_time_limit_must_be_seconds(
         ("AWS_SECRET_ACCESS_KEY", f"{SECRET}\n", "AWS_SECRET_ACCESS_KEY: has a blank"),
     ],
 )
-def test_variables_that_no_request_can_have_are_named(
-    name: str, value: str, shown: str, monkeypatch: pytest.MonkeyPatch, capsys
-) -> None:
+def test_variables_that_no_request_can_have_are_named(name, value, shown, monkeypatch, capsys):
     monkeypatch.setenv(name, value)
     assert main(["runs", "s3://bucket/lab.s2r"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
@@ -127,7 +123,7 @@ def test_variables_that_no_request_can_have_are_named(
     assert SECRET not in line
 
 
-def test_a_panic_of_obstore_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+def test_a_panic_of_obstore_is_one_line(monkeypatch, capsys):
     panic = type("PanicException", (BaseException,), {"__module__": "pyo3_runtime"})
 
     def get(*words: object, **options: object) -> None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import signal
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bench.support.ros_camera import draw
-from bench.support.ros_programs import PROXY_TOPIC, Program, RosNetwork
+from bench.support.ros_programs import PROXY_TOPIC, Program
 from tests.ros.conftest import shifted, wait_until
 
 SMALL = ("--size", "160x120")
@@ -98,7 +97,7 @@ def test_the_proxy_waits_for_the_master_and_ends_by_a_signal(network, translator
 
 
 @pytest.mark.deep
-def test_images_flow_again_after_kills_in_any_order(network: RosNetwork, translator_file: Path):
+def test_images_flow_again_after_kills_in_any_order(network, translator_file):
     start = {
         "master": network.master,
         "camera": lambda: network.camera("/camera/image_raw/compressed", *SMALL),

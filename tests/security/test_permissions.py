@@ -36,14 +36,14 @@ def restricted(folder: Path) -> Permissions:
 
 
 @given(NAMES)
-def test_a_restricted_session_writes_only_in_the_user_data_folder(names: list[str]) -> None:
+def test_a_restricted_session_writes_only_in_the_user_data_folder(names):
     access = restricted(Path("/srv"))
     path = access.user_data_dir.joinpath(*names)
     is_inside = Path("/srv/own") in [path.resolve(), *path.resolve().parents]
     assert access.may_write(path) == is_inside
 
 
-def test_links_to_outside_are_not_writable(tmp_path: Path) -> None:
+def test_links_to_outside_are_not_writable(tmp_path):
     access = restricted(tmp_path)
     access.user_data_dir.mkdir()
     (access.user_data_dir / "out").symlink_to(tmp_path)
@@ -51,14 +51,14 @@ def test_links_to_outside_are_not_writable(tmp_path: Path) -> None:
     assert not access.may_write(access.user_data_dir / "out" / "a.png")
 
 
-def test_the_store_is_never_writable(tmp_path: Path) -> None:
+def test_the_store_is_never_writable(tmp_path):
     access = restricted(tmp_path)
     assert not access.may_write(access.store / "CURRENT.json")
     with pytest.raises(RequestError, match="can write only in"):
         access.require_writable(tmp_path / "a.png")
 
 
-def test_an_unrestricted_session_may_do_everything(tmp_path: Path) -> None:
+def test_an_unrestricted_session_may_do_everything(tmp_path):
     access = Permissions(tmp_path / "s.s2r", tmp_path / "own")
     assert access.allows("models")
     assert access.require_writable(tmp_path / "a.png") == tmp_path / "a.png"
@@ -74,7 +74,7 @@ def action_that_loads_models(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("action_that_loads_models")
-def test_forbidden_actions_are_not_offered(tiny_store: Path, tmp_path: Path) -> None:
+def test_forbidden_actions_are_not_offered(tiny_store, tmp_path):
     access = restricted(tmp_path)
     session = Session(tiny_store)
     assert MODEL_ACTION not in permitted_actions(access)
@@ -87,14 +87,14 @@ def test_forbidden_actions_are_not_offered(tiny_store: Path, tmp_path: Path) -> 
     session.close()
 
 
-def test_actions_are_found_by_their_call() -> None:
+def test_actions_are_found_by_their_call():
     for action in ACTIONS:
         _, name, parameters = textual.actions.parse(action.call)
         assert find_action(name, parameters) is action
 
 
 @pytest.mark.usefixtures("action_that_loads_models")
-async def test_a_forbidden_action_shows_a_message(tiny_store: Path, tmp_path: Path) -> None:
+async def test_a_forbidden_action_shows_a_message(tiny_store, tmp_path):
     app = S2RApp(
         Session(tiny_store), RenderOptions(), access=Permissions(tiny_store, tmp_path, True)
     )
@@ -115,9 +115,7 @@ async def test_a_forbidden_action_shows_a_message(tiny_store: Path, tmp_path: Pa
         assert not any("mist in the images" in title for title in titles)
 
 
-async def test_actions_of_textual_are_disabled(
-    tiny_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_actions_of_textual_are_disabled(tiny_store, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     calls = ("screenshot('a.svg', '.')", "app.suspend_process", "app.simulate_key('w')",
              "change_theme", "app.push_screen('x')", "app.toggle('animation_level')")  # fmt: skip

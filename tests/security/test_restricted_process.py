@@ -78,13 +78,13 @@ def answers(folder: Path) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("statement", FORBIDDEN)
-def test_forbidden_statements_raise(answers: dict[str, str], folder: Path, statement: str) -> None:
+def test_forbidden_statements_raise(answers, folder, statement):
     assert "restricted" in answers[statement]
     assert list((folder / "beside").iterdir()) == []
     assert (folder / "store" / "CURRENT.json").read_text() == "{}"
 
 
-def test_dangerous_variables_are_removed() -> None:
+def test_dangerous_variables_are_removed():
     environment = {
         "TEXTUAL": "devtools,debug", "TEXTUAL_LOG": "/tmp/log", "TEXTUAL_DRIVER": "evil:Driver",
         "TEXTUAL_PRESS": "w", "TEXTUAL_SCREENSHOT": "1", "PATH": "/bin",
@@ -96,7 +96,7 @@ def test_dangerous_variables_are_removed() -> None:
     assert web_environment == {"TEXTUAL_DRIVER": WEB_DRIVER}
 
 
-def test_the_application_works_in_a_restricted_process(tiny_store: Path, tmp_path: Path) -> None:
+def test_the_application_works_in_a_restricted_process(tiny_store, tmp_path):
     environment = {
         "XDG_DATA_HOME": str(tmp_path / "data"), "COLORTERM": "truecolor",
         "PYTHONPATH": os.pathsep.join(path for path in sys.path if path),

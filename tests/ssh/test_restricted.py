@@ -23,12 +23,8 @@ def _run(command: list[str]) -> subprocess.CompletedProcess[str]:
     )
 
 
-def _files(folder: Path) -> dict[Path, int]:
-    return {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
-
-
 @pytest.mark.parametrize("command", ["/bin/sh", "s2r sql S.s2r 'SELECT 1'", "internal-sftp", ""])
-def test_without_a_terminal_every_command_is_rejected(server: Sshd, command: str) -> None:
+def test_without_a_terminal_every_command_is_rejected(server, command):
     arguments = [command] if command else []
     process = _run(server.login(*arguments, forced=True, tty=False))
     assert process.returncode == 2
@@ -37,7 +33,7 @@ def test_without_a_terminal_every_command_is_rejected(server: Sshd, command: str
     assert "ssh -t" in process.stderr
 
 
-def test_files_cannot_be_copied(server: Sshd, tmp_path: Path) -> None:
+def test_files_cannot_be_copied(server, tmp_path):
     target, uploaded = tmp_path / "fetched", tmp_path / "left"
     local_file = tmp_path / "mine"
     local_file.write_text("content")
@@ -54,7 +50,7 @@ def test_files_cannot_be_copied(server: Sshd, tmp_path: Path) -> None:
     assert uploaded.exists()
 
 
-def test_port_forwarding_is_disabled(server: Sshd) -> None:
+def test_port_forwarding_is_disabled(server):
     def greeting(forced: bool) -> str:
         forward_option = ["-W", f"127.0.0.1:{server.port}"]
         command = server.login(forced=forced, tty=False, options=forward_option)[:-1]
@@ -73,9 +69,7 @@ def test_port_forwarding_is_disabled(server: Sshd) -> None:
 
 
 @pytest.mark.parametrize("command", ["cat /etc/passwd", ""])
-def test_with_a_terminal_every_command_opens_the_application(
-    server: Sshd, open_screen: OpenScreen, command: str
-) -> None:
+def test_with_a_terminal_every_command_opens_the_application(server, open_screen, command):
     arguments = [command] if command else []
     screen = open_screen(server.login(*arguments, forced=True))
     screen.wait_for("of 40")
@@ -84,7 +78,7 @@ def test_with_a_terminal_every_command_opens_the_application(
     assert screen.wait_for_end() == 0
 
 
-def test_no_key_opens_a_shell(server: Sshd, open_screen: OpenScreen) -> None:
+def test_no_key_opens_a_shell(server, open_screen):
     screen = open_screen(server.login("/bin/sh", forced=True), (100, 30))
     screen.wait_for("of 40")
     running = applications_below(server.pid)
@@ -112,9 +106,7 @@ def test_no_key_opens_a_shell(server: Sshd, open_screen: OpenScreen) -> None:
 
 
 @pytest.mark.parametrize("keys", [CTRL_Z, CTRL_C, b"\x1c"], ids=["ctrl-z", "ctrl-c", "ctrl-\\"])
-def test_keys_during_startup_open_no_shell(
-    server: Sshd, open_screen: OpenScreen, keys: bytes
-) -> None:
+def test_keys_during_startup_open_no_shell(server, open_screen, keys):
     screen = open_screen(server.login(forced=True))
     assert wait_until(lambda: bool(commands_below(server.pid)))
     limit = time.monotonic() + 30
@@ -128,34 +120,6 @@ def test_keys_during_startup_open_no_shell(
         screen.wait_for("│ 40 of 40 │")
     assert b"42: " not in screen.raw
     assert _shells(server) == []
-
-
-def test_models_are_neither_offered_nor_loaded(server: Sshd, open_screen: OpenScreen) -> None:
-    screen = open_screen(server.login(forced=True), (200, 60))
-    screen.wait_for("3 instance")
-    assert "adjust" not in screen.lines[-1]
-    for key, action in {"a": "adjust images live", "S": "save the adjustments"}.items():
-        screen.press(key)
-        screen.wait_for(f"not in a restricted session: {action}")
-    screen.press("?")
-    assert "adjust images live" not in screen.wait_for("all other instances").replace(
-        "not in a restricted session: adjust images live", ""
-    )
-
-
-def test_screenshots_are_written_only_to_the_user_data_folder(
-    server: Sshd, tiny_store: Path, open_screen: OpenScreen
-) -> None:
-    before = _files(tiny_store)
-    screen = open_screen(server.login(forced=True), (100, 30))
-    screen.wait_for("of 40")
-    screen.press("s")
-    screen.wait_for("wrote")
-    screen.press("q")
-    assert screen.wait_for_end() == 0
-    assert _files(tiny_store) == before
-    assert (server.data_home / "s2rtui" / "s2r-001.png").is_file()
-    assert [path.name for path in server.data_home.iterdir()] == ["s2rtui"]
 
 
 def _shells(server: Sshd) -> list[list[str]]:

@@ -7,7 +7,6 @@ import shlex
 import shutil
 import subprocess
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
 
@@ -19,9 +18,7 @@ OpenScreen = Callable[..., Screen]
 _COLOUR = re.compile(rb"\x1b\[(?:[0-9;]*;)?(?:[34][0-8]|9[0-7]|10[0-7])(?:;[0-9;]*)?m")
 
 
-def test_the_application_runs_from_a_login_shell(
-    server: Sshd, tiny_store: Path, open_screen: OpenScreen
-) -> None:
+def test_the_application_runs_from_a_login_shell(server, tiny_store, open_screen):
     screen = open_screen(server.login(), (100, 30))
     screen.press(shlex.join(application(tiny_store)) + "; echo left with $?\n")
     screen.wait_for("of 40")
@@ -31,9 +28,7 @@ def test_the_application_runs_from_a_login_shell(
     assert screen.wait_for_end() == 0
 
 
-def test_resizing_changes_the_layout(
-    server: Sshd, tiny_store: Path, open_screen: OpenScreen
-) -> None:
+def test_resizing_changes_the_layout(server, tiny_store, open_screen):
     screen = open_screen(server.login(*application(tiny_store)), (80, 24))
     screen.wait_for("2 map")
     assert "1 overview" not in screen.text
@@ -58,9 +53,8 @@ def test_resizing_changes_the_layout(
     ids=["truecolour", "256", "NO_COLOR"],
 )
 def test_colours_are_those_of_the_user_s_terminal(
-    server: Sshd, tiny_store: Path, open_screen: OpenScreen,
-    environment: dict[str, str], coloured: bool, truecolour: bool,
-) -> None:  # fmt: skip
+    server, tiny_store, open_screen, environment, coloured, truecolour
+):
     screen = open_screen(server.login(*application(tiny_store)), (100, 30), environment)
     screen.press("c")
     screen.wait_for("│ 40 of 40 │")
@@ -70,18 +64,14 @@ def test_colours_are_those_of_the_user_s_terminal(
     assert (b"38;2;" in screen.raw or b"48;2;" in screen.raw) == truecolour
 
 
-def test_a_dumb_terminal_is_rejected_with_the_reason(
-    server: Sshd, tiny_store: Path, open_screen: OpenScreen
-) -> None:
+def test_a_dumb_terminal_is_rejected_with_the_reason(server, tiny_store, open_screen):
     screen = open_screen(server.login(*application(tiny_store)), (200, 24), {"TERM": "dumb"})
     assert screen.wait_for_end() == 2
     assert "TERM=dumb" in screen.text
     assert b"\x1b" not in screen.raw
 
 
-def test_a_lost_connection_leaves_nothing_running(
-    server: Sshd, tiny_store: Path, open_screen: OpenScreen
-) -> None:
+def test_a_lost_connection_leaves_nothing_running(server, tiny_store, open_screen):
     screen = open_screen(server.login(*application(tiny_store)))
     screen.wait_for("of 40")
     running = applications_below(server.pid)
@@ -100,9 +90,7 @@ def tmux(server: Sshd) -> Iterator[list[str]]:
     subprocess.run([*command, "kill-server"], capture_output=True)
 
 
-def test_tmux_keeps_the_session_when_the_connection_is_cut(
-    server: Sshd, tiny_store: Path, open_screen: OpenScreen, tmux: list[str]
-) -> None:
+def test_tmux_keeps_the_session_when_the_connection_is_cut(server, tiny_store, open_screen, tmux):
     command = [*tmux, "new-session", "-A", "-s", "work", shlex.join(application(tiny_store))]
     before = open_screen(server.login(*command), (80, 24))
     before.wait_for("of 40")

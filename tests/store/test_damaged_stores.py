@@ -30,7 +30,7 @@ def _change_current(root: Path, **values: object) -> None:
         {"index": "../x.duckdb"}, {"bytes": 1}, {"sha256": "0"},
     ],
 )  # fmt: skip
-def test_a_wrong_current_file_is_detected_and_prevents_pruning(store_copy: Path, values) -> None:
+def test_a_wrong_current_file_is_detected_and_prevents_pruning(store_copy, values):
     _change_current(store_copy, **values)
     before = sorted(store_copy.rglob("*"))
     assert verify(store_copy)
@@ -40,12 +40,6 @@ def test_a_wrong_current_file_is_detected_and_prevents_pruning(store_copy: Path,
         assert sorted(store_copy.rglob("*")) == before
 
 
-def test_prune_refuses_an_unknown_schema(store_copy: Path) -> None:
-    _change_current(store_copy, schema=99)
-    with pytest.raises(RequestError, match="schema 99"):
-        prune(store_copy)
-
-
 def _publish_slowly(root: Path, started) -> None:
     with edit(root) as draft:
         draft.set_provenance("late", {"a": 1})
@@ -53,7 +47,7 @@ def _publish_slowly(root: Path, started) -> None:
         time.sleep(0.7)
 
 
-def test_prune_keeps_a_generation_published_while_it_waits(store_copy: Path) -> None:
+def test_prune_keeps_a_generation_published_while_it_waits(store_copy):
     context = multiprocessing.get_context("spawn")
     started = context.Event()
     writer = context.Process(target=_publish_slowly, args=(store_copy, started))
@@ -88,7 +82,7 @@ def _execute_on_index(root: Path, statement: str) -> None:
         "INSERT INTO model SELECT * FROM model LIMIT 1",
     ],
 )
-def test_verify_recomputes_the_derived_columns(store_copy: Path, statement: str) -> None:
+def test_verify_recomputes_the_derived_columns(store_copy, statement):
     _execute_on_index(store_copy, statement)
     assert verify(store_copy)
 
@@ -101,7 +95,7 @@ def test_verify_recomputes_the_derived_columns(store_copy: Path, statement: str)
         "UPDATE dataset SET floor_plan = '../../secret'",
     ],
 )
-def test_names_cannot_refer_to_files_outside_the_store(store_copy: Path, statement: str) -> None:
+def test_names_cannot_refer_to_files_outside_the_store(store_copy, statement):
     _execute_on_index(store_copy, statement)
     with pytest.raises(RequestError):
         _read_all(store_copy)
@@ -117,6 +111,6 @@ def _read_all(root: Path) -> None:
 
 
 @pytest.mark.parametrize("iid", [-1, 40])
-def test_an_instance_out_of_range_has_no_heatmap(tiny_store: Path, iid: int) -> None:
+def test_an_instance_out_of_range_has_no_heatmap(tiny_store, iid):
     with s2rstore.open(tiny_store) as store, pytest.raises(RequestError, match="holds 0"):
         store.heatmap("vanilla", "occlusion", "real", iid)

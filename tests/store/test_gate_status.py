@@ -36,13 +36,11 @@ def report(headline: str, golden: str | None, judged: bool = True) -> dict[str, 
         ("INCONCLUSIVE", None, False, None),
     ],
 )
-def test_the_worst_judged_outcome_decides(
-    headline: str, golden: str | None, judged: bool, outcome: str | None
-) -> None:
+def test_the_worst_judged_outcome_decides(headline, golden, judged, outcome):
     assert report_outcome(report(headline, golden, judged)) == outcome
 
 
-def test_outcomes_and_exit_codes() -> None:
+def test_outcomes_and_exit_codes():
     assert EXIT_CODES == {"PASS": 0, "FAIL": 1, "ERROR": 2, "INCONCLUSIVE": 3}
     assert worst_outcome([]) == "PASS"
     assert stored_status("FAIL") == "FAIL"

@@ -46,7 +46,7 @@ def first(path: Path) -> tuple[str, str | None]:
         session.close()
 
 
-def test_every_kind_of_the_tools_is_registered_with_the_same_facts() -> None:
+def test_every_kind_of_the_tools_is_registered_with_the_same_facts():
     assert set(HEATMAPS) == {*HEATMAP_KINDS, NO_HEAT}
     for name, kind in HEATMAP_KINDS.items():
         assert tuple(HEATMAPS[name].planes) == kind.planes
@@ -61,7 +61,7 @@ def test_every_kind_of_the_tools_is_registered_with_the_same_facts() -> None:
     assert "harmonised_difference" not in NETWORK_KINDS
 
 
-def test_the_best_score_of_the_store_comes_first(store_copy: Path) -> None:
+def test_the_best_score_of_the_store_comes_first(store_copy):
     rows = [
         row("feature_distance", None, 0.6),
         row("occlusion", "depth", 0.7),
@@ -72,23 +72,23 @@ def test_the_best_score_of_the_store_comes_first(store_copy: Path) -> None:
     assert first(with_report(store_copy, rows)) == ("occlusion", "depth")
 
 
-def test_without_scores_the_shipped_ranking_decides(store_copy: Path) -> None:
+def test_without_scores_the_shipped_ranking_decides(store_copy):
     assert first(store_copy) == ("feature_distance", None)
 
 
-def test_scores_of_another_computation_do_not_count(store_copy: Path) -> None:
+def test_scores_of_another_computation_do_not_count(store_copy):
     path = with_report(store_copy, [row("occlusion", "depth", 0.7)], key="0" * 16)
     assert first(path) == ("feature_distance", None)
 
 
 @pytest.mark.parametrize("text", ["{}", "[]", '{"runs": 3}', '{"runs": {}, "heatmaps": [{}]}'])
-def test_an_invalid_report_changes_nothing(store_copy: Path, text: str) -> None:
+def test_an_invalid_report_changes_nothing(store_copy, text):
     with edit(store_copy) as draft:
         draft.set_provenance("score", {"report": text})
     assert first(store_copy) == ("feature_distance", None)
 
 
-def test_a_kind_says_where_its_figure_comes_from(store_copy: Path) -> None:
+def test_a_kind_says_where_its_figure_comes_from(store_copy):
     with s2rstore.open(store_copy) as store:
         shipped = heatmap_scores.trust_line(store, RUN, "feature_distance", None)
         chance = heatmap_scores.trust_line(store, RUN, "activation", "loss")
@@ -101,7 +101,7 @@ def test_a_kind_says_where_its_figure_comes_from(store_copy: Path) -> None:
     assert own.endswith("AUROC 0.60 (0.40 to 0.99) in this store")
 
 
-def test_the_kind_none_stays_when_the_run_changes(tiny_store: Path) -> None:
+def test_the_kind_none_stays_when_the_run_changes(tiny_store):
     session = Session(tiny_store)
     state = session.dispatch(view_settings.change_heat, -1)
     assert state.heat is not None
@@ -116,7 +116,7 @@ def test_the_kind_none_stays_when_the_run_changes(tiny_store: Path) -> None:
     session.close()
 
 
-def test_a_score_without_bounds_is_shown_without_an_interval(store_copy: Path) -> None:
+def test_a_score_without_bounds_is_shown_without_an_interval(store_copy):
     unknown = row("occlusion", "depth", 0.7, auroc_low=None, auroc_high=None)
     path = with_report(store_copy, [unknown, row("feature_distance", None, 0.3)])
     with s2rstore.open(path) as store:

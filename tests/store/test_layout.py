@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import pytest
 
 from s2rstore.files import atomic_writes
 
 
-def test_a_file_is_replaced_without_a_temporary_file(tmp_path: Path) -> None:
+def test_a_file_is_replaced_without_a_temporary_file(tmp_path):
     path = tmp_path / "file"
     for content in (b"one", b"two"):
         atomic_writes.write_file(path, content)
@@ -19,9 +18,7 @@ def test_a_file_is_replaced_without_a_temporary_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
-def test_a_failed_write_keeps_the_old_content(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
-) -> None:
+def test_a_failed_write_keeps_the_old_content(tmp_path, monkeypatch, error):
     path = tmp_path / "file"
     atomic_writes.write_file(path, b"old")
 

@@ -53,7 +53,7 @@ def names(root: Path) -> set[str]:
     return {path.name for path in (root / "ledger").iterdir()}
 
 
-def test_a_lease_excludes_others_until_it_is_released(tmp_path: Path) -> None:
+def test_a_lease_excludes_others_until_it_is_released(tmp_path):
     with compute_lock(tmp_path) as lease:
         with pytest.raises(StoreBusyError, match="holds the compute lock"), compute_lock(tmp_path):
             pass
@@ -65,7 +65,7 @@ def test_a_lease_excludes_others_until_it_is_released(tmp_path: Path) -> None:
         assert names(tmp_path) == {"compute.lock"}
 
 
-def test_the_message_names_the_holder_and_what_to_do(tmp_path: Path) -> None:
+def test_the_message_names_the_holder_and_what_to_do(tmp_path):
     write_lease(compute_file(tmp_path), host="elsewhere", process=77)
     with pytest.raises(StoreBusyError) as caught, compute_lock(tmp_path):
         pass
@@ -84,9 +84,7 @@ def test_the_message_names_the_holder_and_what_to_do(tmp_path: Path) -> None:
         pass
 
 
-def test_a_silent_lease_of_another_host_is_taken_over_after_the_limit(
-    tmp_path: Path, clock: LockClock
-) -> None:
+def test_a_silent_lease_of_another_host_is_taken_over_after_the_limit(tmp_path, clock):
     write_lease(compute_file(tmp_path), host="elsewhere")
     with (
         pytest.raises(StoreBusyError, match="elsewhere"),
@@ -101,8 +99,8 @@ def test_a_silent_lease_of_another_host_is_taken_over_after_the_limit(
 
 
 def test_an_apparently_silent_holder_of_the_compute_lock_is_observed_without_a_timeout(
-    tmp_path: Path, clock: LockClock
-) -> None:
+    tmp_path, clock
+):
     lines: list[str] = []
     lock = compute_file(tmp_path)
     for age in (3600, -3600):  # the clock of the file system may be ahead
@@ -115,9 +113,7 @@ def test_an_apparently_silent_holder_of_the_compute_lock_is_observed_without_a_t
 
 
 @pytest.mark.parametrize("offset", [-86_400.0, 86_400.0], ids=["behind", "ahead"])
-def test_a_live_holder_is_never_taken_over_whatever_its_clock(
-    tmp_path: Path, clock: LockClock, offset: float
-) -> None:
+def test_a_live_holder_is_never_taken_over_whatever_its_clock(tmp_path, clock, offset):
     with compute_lock(tmp_path) as lease:
         last = 0.0
 
@@ -140,9 +136,7 @@ def test_a_live_holder_is_never_taken_over_whatever_its_clock(
         lease.check()
 
 
-def test_time_in_which_the_waiting_process_was_suspended_does_not_count(
-    tmp_path: Path, clock: LockClock
-) -> None:
+def test_time_in_which_the_waiting_process_was_suspended_does_not_count(tmp_path, clock):
     write_lease(compute_file(tmp_path), host="elsewhere")
 
     def sleep_long() -> None:
@@ -154,9 +148,7 @@ def test_time_in_which_the_waiting_process_was_suspended_does_not_count(
 
 
 @pytest.mark.parametrize("is_reaped", [True, False])
-def test_the_lease_of_a_killed_process_is_taken_over_at_once(
-    tmp_path: Path, clock: LockClock, is_reaped: bool
-) -> None:
+def test_the_lease_of_a_killed_process_is_taken_over_at_once(tmp_path, clock, is_reaped):
     process = subprocess.Popen(["sleep", "600"])
     start, _ = process_identity._start_and_state(process.pid) or (0, "")
     write_lease(compute_file(tmp_path), process=process.pid, start=start)
@@ -172,28 +164,19 @@ def test_the_lease_of_a_killed_process_is_taken_over_at_once(
     process.wait()
 
 
-def test_a_reused_process_id_does_not_count_as_the_holder(tmp_path: Path, clock: LockClock) -> None:
-    write_lease(compute_file(tmp_path))
-    with pytest.raises(StoreBusyError), compute_lock(tmp_path, 0.0, timing=clock.timing):
-        pass
-    write_lease(compute_file(tmp_path), start=process_identity.this_process().start - 1)
-    with compute_lock(tmp_path, 0.0, timing=clock.timing):
-        pass
-
-
 @pytest.mark.parametrize("other", [{"boot": "other"}, {"namespace": "pid:[1]"}, {"host": "other"}])
-def test_a_process_of_another_boot_container_or_host_may_still_run(
-    tmp_path: Path, clock: LockClock, other: dict[str, str]
-) -> None:
+def test_a_process_of_another_boot_container_or_host_may_still_run(tmp_path, clock, other):
     write_lease(compute_file(tmp_path), process=ended_process_id(), **other)
     with pytest.raises(StoreBusyError), compute_lock(tmp_path, 0.0, timing=clock.timing):
         pass
-    write_lease(compute_file(tmp_path), process=ended_process_id())
-    with compute_lock(tmp_path, 0.0, timing=clock.timing):
-        pass
+    reused = {"start": process_identity.this_process().start - 1}
+    for ended in ({"process": ended_process_id()}, reused):
+        write_lease(compute_file(tmp_path), **ended)
+        with compute_lock(tmp_path, 0.0, timing=clock.timing):
+            pass
 
 
-def test_a_holder_notices_that_its_lease_was_taken_over(tmp_path: Path, clock: LockClock) -> None:
+def test_a_holder_notices_that_its_lease_was_taken_over(tmp_path, clock):
     lost = acquire(LockFile(compute_file(tmp_path), tmp_path), "lab.s2r: the compute lock", 0.0)
     with compute_lock(tmp_path, 1000.0, timing=clock.timing) as taken:
         for _ in range(2):
@@ -211,18 +194,18 @@ def test_a_holder_notices_that_its_lease_was_taken_over(tmp_path: Path, clock: L
     assert names(tmp_path) == set()
 
 
-def test_a_holder_notices_that_its_lease_was_removed(tmp_path: Path) -> None:
+def test_a_holder_notices_that_its_lease_was_removed(tmp_path):
     with pytest.raises(StoreBusyError, match="removed"), compute_lock(tmp_path):
         compute_file(tmp_path).unlink()
 
 
-def test_the_error_of_the_holder_is_reported_rather_than_its_lost_lease(tmp_path: Path) -> None:
+def test_the_error_of_the_holder_is_reported_rather_than_its_lost_lease(tmp_path):
     with pytest.raises(ZeroDivisionError), compute_lock(tmp_path):  # noqa: PT012
         compute_file(tmp_path).unlink()
         raise ZeroDivisionError
 
 
-def test_the_heartbeat_is_renewed_by_a_thread(tmp_path: Path) -> None:
+def test_the_heartbeat_is_renewed_by_a_thread(tmp_path):
     file = LockFile(tmp_path / "lock")
     lease = acquire(file, f"{tmp_path}: the lock", 0.0, replace(TIMING, interval=0.01))
     before = file.read()
@@ -234,7 +217,7 @@ def test_the_heartbeat_is_renewed_by_a_thread(tmp_path: Path) -> None:
     assert file.read() is None
 
 
-def test_a_taker_that_comes_too_late_leaves_the_new_lease(tmp_path: Path) -> None:
+def test_a_taker_that_comes_too_late_leaves_the_new_lease(tmp_path):
     stale = write_lease(compute_file(tmp_path), process=ended_process_id())
     with compute_lock(tmp_path) as lease:
         file = LockFile(compute_file(tmp_path), tmp_path)
@@ -243,9 +226,7 @@ def test_a_taker_that_comes_too_late_leaves_the_new_lease(tmp_path: Path) -> Non
         assert names(tmp_path) == {"compute.lock"}
 
 
-def test_a_holder_that_wakes_before_the_claim_keeps_its_lease(
-    tmp_path: Path, clock: LockClock, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_holder_that_wakes_before_the_claim_keeps_its_lease(tmp_path, clock, monkeypatch):
     create = LockFile.create
     with compute_lock(tmp_path) as lease:
 
@@ -266,9 +247,7 @@ def test_a_holder_that_wakes_before_the_claim_keeps_its_lease(
         assert names(tmp_path) == {"compute.lock"}
 
 
-def test_a_holder_that_wakes_during_a_takeover_waits_for_its_end(
-    tmp_path: Path, clock: LockClock, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_holder_that_wakes_during_a_takeover_waits_for_its_end(tmp_path, clock, monkeypatch):
     errors: list[Exception] = []
     threads: list[threading.Thread] = []
     claim_was_seen = threading.Event()
@@ -310,9 +289,7 @@ def test_a_holder_that_wakes_during_a_takeover_waits_for_its_end(
 
 
 @pytest.mark.parametrize("is_ended", [True, False])
-def test_a_claim_that_a_killed_taker_left_is_removed(
-    tmp_path: Path, clock: LockClock, is_ended: bool
-) -> None:
+def test_a_claim_that_a_killed_taker_left_is_removed(tmp_path, clock, is_ended):
     """A lease is stale, and so is the claim on it."""
     write_lease(compute_file(tmp_path), process=ended_process_id())
     claim = tmp_path / "ledger" / f"compute.lock.{7:032x}"[:-16]
@@ -324,9 +301,7 @@ def test_a_claim_that_a_killed_taker_left_is_removed(
         assert names(tmp_path) == {"compute.lock"}
 
 
-def test_a_lease_is_released_on_a_full_disk(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_lease_is_released_on_a_full_disk(tmp_path, monkeypatch):
     def refuse(*_: object) -> bool:
         raise OSError(28, "No space left on device")
 
@@ -335,7 +310,7 @@ def test_a_lease_is_released_on_a_full_disk(
     assert names(tmp_path) == set()
 
 
-def test_a_read_only_folder_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_read_only_folder_is_reported(tmp_path, monkeypatch):
     def refuse(*_: object, **__: object) -> int:
         raise OSError(30, "Read-only file system")
 

@@ -18,7 +18,7 @@ def _write_file(root: Path, name: str, content: bytes) -> None:
     (root / name).write_bytes(content)
 
 
-def test_only_unchanged_files_are_proven(tmp_path: Path) -> None:
+def test_only_unchanged_files_are_proven(tmp_path):
     _write_file(tmp_path, "a", b"one")
     _write_file(tmp_path, "b", b"two")
     ledger = Ledger(tmp_path)
@@ -32,7 +32,7 @@ def test_only_unchanged_files_are_proven(tmp_path: Path) -> None:
     assert not ledger.proves([])
 
 
-def test_a_rewritten_file_is_proven_by_its_newest_entry(tmp_path: Path) -> None:
+def test_a_rewritten_file_is_proven_by_its_newest_entry(tmp_path):
     _write_file(tmp_path, "a", b"old")
     Ledger(tmp_path).add("unit", [("a", 1)])
     (file,) = (tmp_path / "ledger").glob("*.jsonl")
@@ -46,7 +46,7 @@ def test_a_rewritten_file_is_proven_by_its_newest_entry(tmp_path: Path) -> None:
 
 
 @given(cut=st.integers(1, 200))
-def test_a_torn_line_is_ignored(tmp_path_factory: pytest.TempPathFactory, cut: int) -> None:
+def test_a_torn_line_is_ignored(tmp_path_factory, cut):
     root = tmp_path_factory.mktemp("ledger")
     _write_file(root, "a", b"one")
     ledger = Ledger(root)
@@ -61,14 +61,14 @@ def test_a_torn_line_is_ignored(tmp_path_factory: pytest.TempPathFactory, cut: i
     assert keys | {"third"} == {entry.key for entry in ledger.entries()}
 
 
-def test_an_array_of_another_shape_is_never_overwritten(tmp_path: Path) -> None:
+def test_an_array_of_another_shape_is_never_overwritten(tmp_path):
     array_writer.create(tmp_path / "a", array_writer.plan_layout(4, (2,), "float32", 2))
     array_writer.create(tmp_path / "a", array_writer.plan_layout(4, (2,), "float32", 2))
     with pytest.raises(RequestError, match="another array"):
         array_writer.create(tmp_path / "a", array_writer.plan_layout(5, (2,), "float32", 2))
 
 
-def test_an_incomplete_shard_is_refused(tmp_path: Path) -> None:
+def test_an_incomplete_shard_is_refused(tmp_path):
     array_writer.create(tmp_path / "a", array_writer.plan_layout(4, (2,), "float32", 4))
     with pytest.raises(ValueError, match="holds 4 rows"):
         array_writer.write_shard(tmp_path / "a", 0, np.zeros((3, 2), np.float32))

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import threading
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 from s2rstore.files import layout
 from s2rstore.index import locked_connection
 
 
-def test_threads_open_an_index_simultaneously(tiny_store: Path) -> None:
+def test_threads_open_an_index_simultaneously(tiny_store):
     index = tiny_store / layout.read_current(tiny_store).index
     barrier = threading.Barrier(4)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from s2rstore.language import evaluation
 from s2rstore.lru_cache import LruCache
 
 
-def test_the_most_recently_used_values_are_kept() -> None:
+def test_the_most_recently_used_values_are_kept():
     cache, computed = LruCache(300), []
 
     def get(key: str, size: int = 100) -> np.ndarray:
@@ -28,7 +27,7 @@ def test_the_most_recently_used_values_are_kept() -> None:
     assert (cache.nbytes, len(cache)) == (1000, 1)
 
 
-def test_threads_can_share_a_cache() -> None:
+def test_threads_can_share_a_cache():
     cache = LruCache(50)
 
     def work(seed: int) -> bool:
@@ -42,7 +41,7 @@ def test_threads_can_share_a_cache() -> None:
     assert cache.nbytes <= 50
 
 
-def test_a_closed_store_clears_its_caches(tiny_store: Path) -> None:
+def test_a_closed_store_clears_its_caches(tiny_store):
     store = s2rstore.open(tiny_store)
     error = store.run_columns("vanilla").real.error
     evaluation.select(store, "real.error > 0.1", "vanilla")

@@ -22,7 +22,7 @@ def correlated(rng: np.random.Generator, n: int, correlation: float) -> np.ndarr
     return np.exp(values)
 
 
-def test_replicates_are_the_medians_of_the_drawn_blocks() -> None:
+def test_replicates_are_the_medians_of_the_drawn_blocks():
     rng = np.random.default_rng(1)
     values, settings = rng.gamma(2.0, size=57), BootstrapSettings(200)
     blocks = bootstrap.split_into_blocks(np.zeros(57, dtype=np.int64))
@@ -34,7 +34,7 @@ def test_replicates_are_the_medians_of_the_drawn_blocks() -> None:
     assert replicates == pytest.approx(expected)
 
 
-def test_many_values_give_nearly_the_replicates_of_their_ranks() -> None:
+def test_many_values_give_nearly_the_replicates_of_their_ranks():
     values = np.random.default_rng(2).normal(size=20_000)
     blocks = bootstrap.split_into_blocks(np.zeros(values.size, dtype=np.int64))
     settings = BootstrapSettings(50)
@@ -49,7 +49,7 @@ def test_many_values_give_nearly_the_replicates_of_their_ranks() -> None:
 
 
 @pytest.mark.parametrize(("n", "correlation"), [(8, 0.6), (150, 0.6)])
-def test_the_interval_covers_the_median(n: int, correlation: float) -> None:
+def test_the_interval_covers_the_median(n, correlation):
     rng = np.random.default_rng(n)
     codes, settings, hits = np.zeros(n, dtype=np.int64), BootstrapSettings(300), 0
     for _ in range(150):
@@ -64,7 +64,7 @@ def test_the_interval_covers_the_median(n: int, correlation: float) -> None:
     st.lists(st.floats(-50, 50, allow_nan=False), min_size=6, max_size=60),
     st.integers(1, 9),
 )
-def test_no_bound_lies_beyond_the_values(numbers: list[float], trajectories: int) -> None:
+def test_no_bound_lies_beyond_the_values(numbers, trajectories):
     values = np.array(numbers)
     codes = np.arange(values.size) * trajectories // values.size
     interval = median_intervals.median_interval(values, codes, BootstrapSettings(60))
@@ -79,7 +79,7 @@ GAINS = np.array([0.4, 0.9, 1.2, 3.3, 5.8, 6.0, 9.2])
 """Changes of neighbouring instances, all of one sign."""
 
 
-def test_seven_neighbours_on_one_side_are_bounded_but_not_evident() -> None:
+def test_seven_neighbours_on_one_side_are_bounded_but_not_evident():
     """They are two blocks of neighbours, which may lie on one side by chance."""
     interval = median_intervals.median_interval(GAINS)
     assert (interval.low, interval.high) == (0.4, 9.2)
@@ -89,7 +89,7 @@ def test_seven_neighbours_on_one_side_are_bounded_but_not_evident() -> None:
     assert median_intervals.median_interval(-GAINS - 60).is_negative
 
 
-def test_six_units_on_one_side_are_evident_however_far_the_bootstrap_goes() -> None:
+def test_six_units_on_one_side_are_evident_however_far_the_bootstrap_goes():
     values = np.repeat([0.1, 0.2, 0.3, 30.0, 60.0, 80.0], 3) + np.tile([0.0, 0.01, 0.02], 6)
     codes, few = np.repeat(np.arange(6), 3), BootstrapSettings(300)
     blocks = bootstrap.split_into_blocks(codes)
@@ -103,7 +103,7 @@ def test_six_units_on_one_side_are_evident_however_far_the_bootstrap_goes() -> N
 
 
 @pytest.mark.parametrize("n", [1, 5, 6, 8])
-def test_too_few_values_have_no_interval(n: int) -> None:
+def test_too_few_values_have_no_interval(n):
     values, codes = np.arange(n, dtype=np.float64), np.zeros(n, dtype=np.int64)
     interval = median_intervals.median_interval(values, codes)
     assert interval.value == np.median(values)
@@ -112,7 +112,7 @@ def test_too_few_values_have_no_interval(n: int) -> None:
     assert math.isnan(strict.low)
 
 
-def test_differences_add_the_distances_to_the_bounds_in_squares() -> None:
+def test_differences_add_the_distances_to_the_bounds_in_squares():
     difference = bootstrap.difference_of(Interval(4.0, 7.0, 8.0), Interval(1.0, 2.0, 6.0))
     assert (difference.low, difference.value, difference.high) == pytest.approx(
         (5 - 5.0, 5.0, 5 + math.sqrt(2))
@@ -126,7 +126,7 @@ def test_differences_add_the_distances_to_the_bounds_in_squares() -> None:
     assert not unknown.excludes_zero
 
 
-def test_one_of_many_equal_groups_seldom_seems_to_differ() -> None:
+def test_one_of_many_equal_groups_seldom_seems_to_differ():
     """Ten groups of one distribution: the corrected interval of the most deviant holds zero."""
     rng = np.random.default_rng(5)
     settings = bootstrap.simultaneous(10, BootstrapSettings(200))
@@ -142,9 +142,7 @@ def test_one_of_many_equal_groups_seldom_seems_to_differ() -> None:
     assert false_alarms <= 4
 
 
-def test_ranks_bound_the_median_of_many_values_as_resampling_does(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_ranks_bound_the_median_of_many_values_as_resampling_does(monkeypatch):
     rng = np.random.default_rng(6)
     levels = np.repeat(rng.normal(size=12), 2500)
     values = levels + np.log(correlated(rng, levels.size, 0.8))
@@ -161,7 +159,7 @@ def test_ranks_bound_the_median_of_many_values_as_resampling_does(
         assert by_rank.high in values
 
 
-def test_ranks_bound_the_median_of_independent_values_on_both_sides_alike() -> None:
+def test_ranks_bound_the_median_of_independent_values_on_both_sides_alike():
     """Replicates that are rounded up to 1024 ranks would lie too high by half the interval."""
     values = np.random.default_rng(7).permutation(np.arange(1_000_001.0))
     interval = median_intervals.median_interval(values, np.zeros(values.size, dtype=np.int64))
@@ -170,7 +168,7 @@ def test_ranks_bound_the_median_of_independent_values_on_both_sides_alike() -> N
     assert 980 <= below <= 1100
 
 
-def test_units_that_disagree_on_everything_bound_the_median_by_all_values() -> None:
+def test_units_that_disagree_on_everything_bound_the_median_by_all_values():
     values = np.repeat([1.0, 9.0], 15_000)
     interval = median_intervals.median_interval(values, np.repeat([0, 1], 15_000))
     wide = median_intervals.median_bound_rank(
@@ -180,7 +178,7 @@ def test_units_that_disagree_on_everything_bound_the_median_by_all_values() -> N
     assert wide == 1
 
 
-def test_levels_beyond_the_replicates_are_those_of_a_normal_estimate() -> None:
+def test_levels_beyond_the_replicates_are_those_of_a_normal_estimate():
     """At 400 comparisons not one of 4000 replicates lies beyond a bound."""
     drawn = np.random.default_rng(9).normal(size=4000)
     settings = bootstrap.simultaneous(400)
@@ -193,7 +191,7 @@ def test_levels_beyond_the_replicates_are_those_of_a_normal_estimate() -> None:
     assert (near.low, near.high) == bootstrap.percentile_bounds(drawn)
 
 
-def test_an_interval_at_another_level_keeps_its_shape() -> None:
+def test_an_interval_at_another_level_keeps_its_shape():
     interval = Interval(1.0, 3.0, 7.0).at_level(0.9973)
     assert interval.value == 3.0
     assert (3 - interval.low) / 2 == pytest.approx((interval.high - 3) / 4)

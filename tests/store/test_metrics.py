@@ -27,7 +27,7 @@ def trained_tiny(build_once: BuildOnce) -> Path:
 
 
 @given(st.floats(-1e4, 1e4))
-def test_wrap_keeps_the_direction(angle: float) -> None:
+def test_wrap_keeps_the_direction(angle):
     wrapped = float(angles.wrap(angle))
     assert -np.pi <= wrapped < np.pi
     assert np.isclose(np.cos(wrapped), np.cos(angle), atol=1e-6)
@@ -35,7 +35,7 @@ def test_wrap_keeps_the_direction(angle: float) -> None:
 
 
 @given(st.floats(-7, 7))
-def test_habitat_yaw_gives_the_documented_forward(r: float) -> None:
+def test_habitat_yaw_gives_the_documented_forward(r):
     heading = float(angles.from_habitat(r))
     assert np.allclose([np.cos(heading), np.sin(heading)], [-np.sin(r), -np.cos(r)], atol=1e-9)
 
@@ -43,7 +43,7 @@ def test_habitat_yaw_gives_the_documented_forward(r: float) -> None:
 @given(
     hnp.arrays(np.float64, st.integers(0, 40), elements=st.sampled_from([0.0, 1.0, 2.5, np.nan]))
 )
-def test_ranks_order_by_error_then_index(error: np.ndarray) -> None:
+def test_ranks_order_by_error_then_index(error):
     known_rows = [i for i in range(error.size) if not np.isnan(error[i])]
     expected = np.zeros(error.size, int)
     for position, index in enumerate(sorted(known_rows, key=lambda i: (error[i], i))):
@@ -51,12 +51,12 @@ def test_ranks_order_by_error_then_index(error: np.ndarray) -> None:
     assert (pose_metrics.rank(error) == expected).all()
 
 
-def test_the_loss_is_the_weighted_sum_of_the_paper() -> None:
+def test_the_loss_is_the_weighted_sum_of_the_paper():
     loss = pose_metrics.pose_loss(np.array([2.0]), np.array([0.5]))
     assert np.allclose(loss, 0.7 * 4 + 0.3 * 0.5)
 
 
-def test_repeated_neighbouring_values_widen_the_interval() -> None:
+def test_repeated_neighbouring_values_widen_the_interval():
     rng = np.random.default_rng(4)
     values = rng.normal(0, 1, 40)
     single = bootstrap.mean_interval(np.tile(values, 1).repeat(1))
@@ -68,7 +68,7 @@ def test_repeated_neighbouring_values_widen_the_interval() -> None:
     assert single.low < single.value < single.high
 
 
-def test_metrics_exclude_training_instances(trained_tiny: Path) -> None:
+def test_metrics_exclude_training_instances(trained_tiny):
     with s2rstore.open(trained_tiny) as store:
         columns = store.run_columns("vanilla")
         result = run_metrics.side_metrics(store, "vanilla", "sim")
@@ -85,7 +85,7 @@ def test_metrics_exclude_training_instances(trained_tiny: Path) -> None:
         )
 
 
-def test_the_summary_names_the_worst_room(tmp_path) -> None:
+def test_the_summary_names_the_worst_room(tmp_path):
     with s2rstore.open(tiny.build(tmp_path / "s.s2r", n=120, trained=tiny.RUNS)) as store:
         worst = worst_room(store, "vanilla")
         medians = store.execute(
@@ -100,9 +100,7 @@ def test_the_summary_names_the_worst_room(tmp_path) -> None:
         assert any(line == f"worst room of vanilla: {worst.line}" for line in lines)
 
 
-def test_the_baseline_is_measured_from_the_poses_of_the_images_of_a_side(
-    trained_tiny: Path, tmp_path: Path
-) -> None:
+def test_the_baseline_is_measured_from_the_poses_of_the_images_of_a_side(trained_tiny, tmp_path):
     path = copy_store(trained_tiny, tmp_path / "s.s2r")
     with s2rstore.open(path) as store:
         truth = store.instances

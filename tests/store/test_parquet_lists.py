@@ -9,6 +9,7 @@ import pytest
 
 from s2rstore.errors import RequestError
 from s2rstore.index.parquet_table import read_blobs, read_vectors
+from tests.support.refusals import refused
 
 
 @pytest.fixture
@@ -31,7 +32,7 @@ def table(tmp_path: Path) -> Path:
     return path
 
 
-def test_elements_of_lists_are_nan_where_there_is_no_number(table: Path) -> None:
+def test_elements_of_lists_are_nan_where_there_is_no_number(table):
     nan = np.nan
     np.testing.assert_array_equal(
         read_vectors(table, 'the "state"', [2, 0, 1]),
@@ -40,21 +41,19 @@ def test_elements_of_lists_are_nan_where_there_is_no_number(table: Path) -> None
     np.testing.assert_array_equal(read_vectors(table, "fixed", [1])[:, 0], [5, 7, 9, 1])
 
 
-def test_bytes_of_records_by_row(table: Path) -> None:
+def test_bytes_of_records_by_row(table):
     assert read_blobs(table, "image", "bytes", 0, 10) == [b"one", b"", b"", b"\0\xff"]
     assert read_blobs(table, "image", "bytes", 3, 10) == [b"\0\xff"]
     assert read_blobs(table, "image", "bytes", 4, 10) == []
 
 
-def test_what_cannot_be_read_ends_in_one_line(table: Path, tmp_path: Path) -> None:
+def test_what_cannot_be_read_ends_in_one_line(table, tmp_path):
     damaged = tmp_path / "damaged.parquet"
     damaged.write_bytes(table.read_bytes()[:-20])
     pipe = tmp_path / "pipe.parquet"
     os.mkfifo(pipe)
     for path, column in ((table, "none"), (table, "image"), (damaged, "fixed"), (pipe, "fixed")):
-        with pytest.raises(RequestError) as error:
+        with refused(str(path)):
             read_vectors(path, column, [0])
-        assert str(path) in str(error.value)
-        assert "\n" not in str(error.value)
     with pytest.raises(RequestError, match="cannot be read"):
         read_blobs(table, "fixed", "bytes", 0, 1)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,6 +28,7 @@ from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import verify
 from tests.conftest import BuildOnce
 from tests.support.copies import copy_store
+from tests.support.refusals import refused
 
 _TABLES = ("instance", "frame", "prediction", "projection", "run", "part", "pair", "provenance")
 
@@ -85,7 +84,7 @@ def _rows(root: Path, table: str) -> list[tuple[object, ...]]:
         return sorted(store.execute(f'SELECT * FROM "{table}"'), key=repr)
 
 
-def test_tables_columns_and_selections_are_the_same(source: Path, twin: Path) -> None:
+def test_tables_columns_and_selections_are_the_same(source, twin):
     for table in _TABLES:
         assert _rows(source, table) == _rows(twin, table), table
     with s2rstore.open(source) as one, s2rstore.open(twin) as other:
@@ -102,7 +101,7 @@ def test_tables_columns_and_selections_are_the_same(source: Path, twin: Path) ->
                     np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
 
 
-def test_verify_finds_nothing_and_the_store_can_be_moved(filed: Path, tmp_path: Path) -> None:
+def test_verify_finds_nothing_and_the_store_can_be_moved(filed, tmp_path):
     assert verify(filed) == []
     moved = filed.rename(tmp_path / "it's [a] *new* side=left place.s2r")
     assert verify(moved) == []
@@ -118,7 +117,7 @@ def _rows_of(root: Path, query: str) -> list[tuple[object, ...]]:
         return store.execute(query)
 
 
-def test_plain_duckdb_reads_the_index_with_a_search_path(filed: Path) -> None:
+def test_plain_duckdb_reads_the_index_with_a_search_path(filed):
     index = filed / layout.read_current(filed).index
     script = (
         "import duckdb, sys\n"
@@ -134,7 +133,7 @@ def test_plain_duckdb_reads_the_index_with_a_search_path(filed: Path) -> None:
     assert printed.splitlines() == ["[(80, 80)]", "[]"]
 
 
-def test_a_change_of_one_run_writes_the_files_of_that_run_alone(filed: Path) -> None:
+def test_a_change_of_one_run_writes_the_files_of_that_run_alone(filed):
     before = _files(filed)
     with edit(filed) as draft:
         draft.update("prediction", {"run": "vanilla", "side": "sim"}, {"split": "train"})
@@ -147,7 +146,7 @@ def test_a_change_of_one_run_writes_the_files_of_that_run_alone(filed: Path) -> 
     assert _rows_of(filed, query) == rows
 
 
-def test_rows_that_are_published_again_add_no_file(filed: Path) -> None:
+def test_rows_that_are_published_again_add_no_file(filed):
     before = _files(filed)
     with s2rstore.open(filed) as store:
         names = schema.BY_NAME["prediction"].column_names
@@ -162,7 +161,7 @@ def test_rows_that_are_published_again_add_no_file(filed: Path) -> None:
     assert _files(filed) == before
 
 
-def test_rows_are_added_to_those_of_a_file(filed: Path) -> None:
+def test_rows_are_added_to_those_of_a_file(filed):
     with edit(filed) as draft:
         draft.insert("prediction", {"run": ["vanilla"], "iid": [77], "side": ["sim"]})
         draft.insert("frame", {"iid": [77], "domain": ["sim"]})
@@ -172,19 +171,13 @@ def test_rows_are_added_to_those_of_a_file(filed: Path) -> None:
         query = "SELECT count(*) FROM {} WHERE iid = 77"
         assert store.execute(query.format("prediction")) == [(1,)]
         assert store.execute(query.format("frame")) == [(1,)]
-
-
-def test_the_same_rows_twice_are_refused(filed: Path) -> None:
-    row = {"iid": [77], "domain": ["sim"]}
-    with edit(filed) as draft:
-        draft.insert("frame", row)
     with pytest.raises(RequestError, match="already"), edit(filed) as draft:
-        draft.insert("frame", row)
+        draft.insert("frame", {"iid": [77], "domain": ["sim"]})
     with s2rstore.open(filed) as store:
         assert len(store.row_files["frame"]) == 2
 
 
-def test_a_table_without_rows_is_no_view(filed: Path) -> None:
+def test_a_table_without_rows_is_no_view(filed):
     with edit(filed) as draft:
         draft.delete("projection")
         draft.delete("prediction", side="real")
@@ -216,11 +209,8 @@ _CHANGES = st.lists(
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )  # fmt: skip
 def test_any_changes_give_the_rows_of_a_store_without_files(
-    changes: list[tuple[str, str, str, int]],
-    tiny_store: Path,
-    tmp_path_factory: pytest.TempPathFactory,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    changes, tiny_store, tmp_path_factory, monkeypatch
+):
     folder = tmp_path_factory.mktemp("changes")
     results = []
     for limit in (0, 10**9):
@@ -258,15 +248,11 @@ def test_any_changes_give_the_rows_of_a_store_without_files(
         (lambda path: path.write_bytes(b"x" * path.stat().st_size), "arquet"),
     ],
 )  # fmt: skip
-def test_a_damaged_file_is_refused_and_named(
-    filed: Path, damage: Callable[[Path], object], hint: str
-) -> None:
+def test_a_damaged_file_is_refused_and_named(filed, damage, hint):
     path = _file(filed)
     damage(path)
-    with pytest.raises(RequestError, match=hint) as raised:
+    with refused(path.name, match=hint):
         s2rstore.open(filed)
-    assert path.name in str(raised.value)
-    assert "\n" not in str(raised.value)
     found = {damage.where: damage.what for damage in verify(filed)}
     assert f"index/rows/prediction/vanilla/{path.name}" in found
     assert not any("dataaug" in what for what in (*found, *found.values()))
@@ -283,7 +269,7 @@ def _fifo(path: Path) -> None:
     os.mkfifo(path)
 
 
-def test_verify_finds_changed_content_of_the_same_size(filed: Path) -> None:
+def test_verify_finds_changed_content_of_the_same_size(filed):
     path = _file(filed)
     content = bytearray(path.read_bytes())
     content[200] ^= 1
@@ -292,7 +278,7 @@ def test_verify_finds_changed_content_of_the_same_size(filed: Path) -> None:
     assert found.what == "its checksum is not the published one"
 
 
-def test_verify_finds_other_damage_beside_a_missing_file(filed: Path) -> None:
+def test_verify_finds_other_damage_beside_a_missing_file(filed):
     _file(filed).unlink()
     shard = next((filed / "runs.zarr").rglob("c.0.*"))
     shard.unlink()
@@ -301,7 +287,7 @@ def test_verify_finds_other_damage_beside_a_missing_file(filed: Path) -> None:
     assert any(place.startswith("index/rows/prediction/vanilla/") for place in places)
 
 
-def test_publishing_again_repairs_a_damaged_file_of_an_earlier_generation(filed: Path) -> None:
+def test_publishing_again_repairs_a_damaged_file_of_an_earlier_generation(filed):
     path = _file(filed)
     content = path.read_bytes()
     with edit(filed) as draft:
@@ -324,7 +310,7 @@ def _insert_parquet(root: Path, content: bytes) -> None:
         draft.insert("prediction", {"run": ["vanilla"] * len(rows), **columns})
 
 
-def test_an_unlisted_file_is_ignored_and_pruned(filed: Path) -> None:
+def test_an_unlisted_file_is_ignored_and_pruned(filed):
     extra = _file(filed).with_name("0123456789abcdef.parquet")
     shutil.copy(_file(filed, "dataaug"), extra)
     partial = extra.with_name(".0123.partial")
@@ -339,7 +325,7 @@ def test_an_unlisted_file_is_ignored_and_pruned(filed: Path) -> None:
     assert _rows(filed, "prediction") == before
 
 
-def test_prune_keeps_the_files_of_kept_generations(filed: Path) -> None:
+def test_prune_keeps_the_files_of_kept_generations(filed):
     with edit(filed) as draft:
         draft.delete("prediction", run="vanilla")
         draft.delete("projection", run="vanilla")
@@ -355,7 +341,7 @@ def test_prune_keeps_the_files_of_kept_generations(filed: Path) -> None:
     assert _rows_of(filed, "SELECT run, count(*) FROM prediction GROUP BY run") == [("dataaug", 80)]
 
 
-def test_a_failed_edit_leaves_neither_generation_nor_files(filed: Path) -> None:
+def test_a_failed_edit_leaves_neither_generation_nor_files(filed):
     current, before = layout.read_current(filed), _files(filed)
     with contextlib.suppress(ZeroDivisionError), edit(filed) as draft:
         draft.update("prediction", {"run": "vanilla"}, {"x": 3.0})
@@ -364,6 +350,8 @@ def test_a_failed_edit_leaves_neither_generation_nor_files(filed: Path) -> None:
         draft.insert("prediction", {"run": ["a", "../x"], "iid": [1, 1], "side": ["sim", "sim"]})
     assert layout.read_current(filed) == current
     assert _files(filed) == before
+    assert not list((filed / "index").glob(".building*"))
+    assert verify(filed) == []
 
 
 _KILLED = """
@@ -385,7 +373,7 @@ with transaction.edit(Path(sys.argv[1])) as draft:
 
 
 @pytest.mark.parametrize("where", ["files written", "index in place"])
-def test_a_kill_during_publishing_leaves_the_old_generation(filed: Path, where: str) -> None:
+def test_a_kill_during_publishing_leaves_the_old_generation(filed, where):
     current, before = layout.read_current(filed), _rows(filed, "pair")
     files = _files(filed)
     command = [sys.executable, "-c", _KILLED, str(filed), where]
@@ -420,52 +408,21 @@ def test_a_kill_during_publishing_leaves_the_old_generation(filed: Path, where: 
         "ALTER TABLE row_file ALTER COLUMN bytes TYPE VARCHAR",
     ],
 )  # fmt: skip
-def test_a_list_of_files_that_no_store_has_is_refused(filed: Path, statement: str) -> None:
+def test_a_list_of_files_that_no_store_has_is_refused(filed, statement):
     index = filed / layout.read_current(filed).index
     with duckdb.connect(str(index)) as connection:
         connection.execute(f"SET file_search_path = '{index.parent}'")
         connection.execute(statement)
     edited(filed, [])
-    with pytest.raises(RequestError) as raised:
+    with refused():
         s2rstore.open(filed)
-    assert "\n" not in str(raised.value)
     with pytest.raises(RequestError), edit(filed):
         pass
 
 
-def test_another_number_of_rows_than_listed_is_refused(filed: Path) -> None:
+def test_another_number_of_rows_than_listed_is_refused(filed):
     edited(filed, ["UPDATE row_file SET row_count = 81 WHERE run = 'vanilla'"])
     with pytest.raises(RequestError, match="80 rows instead of 81"):
-        s2rstore.open(filed)
-
-
-def test_a_file_with_other_columns_is_refused(filed: Path) -> None:
-    path = _file(filed, "dataaug")
-    other = f"SELECT * REPLACE (x::FLOAT AS x) FROM '{path}'"
-    duckdb.sql(f"COPY ({other}) TO '{path}x' (FORMAT parquet)")
-    content = Path(f"{path}x")
-    digest = hashlib.sha256(content.read_bytes()).hexdigest()
-    name = path.with_name(f"{digest[:16]}.parquet")
-    content.rename(name)
-    with s2rstore.open(filed) as store:
-        files = [
-            replace(file, path=f"rows/prediction/dataaug/{name.name}") if file.run == "dataaug"
-            else file for file in store.row_files["prediction"]
-        ]  # fmt: skip
-    listed = [digest, name.stat().st_size, f"rows/prediction/dataaug/{name.name}"]
-    edited(
-        filed,
-        [
-            f"SET file_search_path = '{filed}/index'",
-            (
-                "UPDATE row_file SET sha256 = ?, bytes = ?, path = ? "
-                "WHERE run = 'dataaug' AND table_name = 'prediction'",
-                [*listed],
-            ),
-            row_files.view("prediction", files).replace("CREATE", "CREATE OR REPLACE", 1),
-        ],
-    )
-    with pytest.raises(RequestError, match="other columns"):
         s2rstore.open(filed)
 
 
@@ -487,7 +444,7 @@ def test_a_file_with_other_columns_is_refused(filed: Path) -> None:
         "SELECT * FROM read_parquet('{folder}/*.parquet')",
     ],
 )
-def test_queries_of_the_user_reach_nothing_but_the_rows(filed: Path, statement: str) -> None:
+def test_queries_of_the_user_reach_nothing_but_the_rows(filed, statement):
     file, index = _file(filed), filed / layout.read_current(filed).index
     before = {path: path.read_bytes() for path in (file, index)}
     entries = {path.name for path in (filed / "index").iterdir()}
@@ -506,23 +463,21 @@ def test_queries_of_the_user_reach_nothing_but_the_rows(filed: Path, statement: 
     ["FROM room", "SHOW TABLES", "DESCRIBE pair", "EXPLAIN SELECT * FROM pair", "SUMMARIZE frame",
      "PIVOT room ON room USING count(*)", "SELECT 1; SELECT avg(gap) FROM pair"],
 )  # fmt: skip
-def test_queries_that_read_are_possible(filed: Path, statement: str) -> None:
+def test_queries_that_read_are_possible(filed, statement):
     with s2rstore.open(filed) as store:
         names, rows = user_query.run(store.connection(), statement, 20.0, 10**9)
     assert names
     assert rows
 
 
-def test_a_query_for_one_run_reads_its_files_alone(filed: Path) -> None:
+def test_a_query_for_one_run_reads_its_files_alone(filed):
     with s2rstore.open(filed) as store:
         text = store.execute("EXPLAIN ANALYZE SELECT avg(gap) FROM pair WHERE run = 'vanilla'")
         assert "Scanning Files: 1/2" in str(text)
         assert f"dataaug/{_file(filed, 'dataaug').name}" not in str(text)
 
 
-def test_files_of_the_working_folder_are_not_read(
-    filed: Path, twin: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_files_of_the_working_folder_are_not_read(filed, twin, tmp_path, monkeypatch):
     folder = tmp_path / "working"
     shutil.copytree(filed / "index" / "rows", folder / "rows")
     for path in (folder / "rows").rglob("*.parquet"):
@@ -538,7 +493,7 @@ def test_files_of_the_working_folder_are_not_read(
     assert _rows(filed, "pair") == _rows(twin, "pair")
 
 
-def test_a_reader_of_a_removed_generation_is_told_to_open_the_store_again(filed: Path) -> None:
+def test_a_reader_of_a_removed_generation_is_told_to_open_the_store_again(filed):
     with s2rstore.open(filed) as store:
         with edit(filed) as draft:
             draft.delete("prediction", run="vanilla")
@@ -549,9 +504,7 @@ def test_a_reader_of_a_removed_generation_is_told_to_open_the_store_again(filed:
             store.run_columns("vanilla").real.error.sum()
 
 
-def test_rows_in_files_without_a_needed_column_are_refused(
-    filed: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_rows_in_files_without_a_needed_column_are_refused(filed, monkeypatch):
     table = schema.BY_NAME["prediction"]
     columns = (*table.columns, Column("needed", "FLOAT", "new"))
     monkeypatch.setitem(schema.BY_NAME, "prediction", replace(table, columns=columns))

@@ -20,7 +20,7 @@ def top_k_by_sorting(values: np.ndarray, base: np.ndarray, count: int, largest: 
     values=st.lists(st.sampled_from([0.0, 1.0, 1.5, -2.0, np.nan, np.inf, -np.inf]), max_size=30),
     seed=st.integers(0, 99), count=st.integers(0, 35), largest=st.booleans(),
 )  # fmt: skip
-def test_top_k_of_small_columns(values: list[float], seed: int, count: int, largest: bool) -> None:
+def test_top_k_of_small_columns(values, seed, count, largest):
     column = np.array(values, dtype=np.float64)
     base = np.random.default_rng(seed).random(column.size) < 0.8
     selected = np.flatnonzero(top_k(column, base, count, largest))
@@ -32,9 +32,7 @@ def test_top_k_of_small_columns(values: list[float], seed: int, count: int, larg
     digits=st.sampled_from([0, 1, 12]), kind=st.sampled_from(["float32", "float64"]),
     base_share=st.sampled_from([0.0005, 0.5, 1.0]), ordered=st.booleans(), largest=st.booleans(),
 )  # fmt: skip
-def test_top_k_of_large_columns(
-    seed: int, share: float, digits: int, kind: str, base_share: float, ordered: bool, largest: bool
-) -> None:
+def test_top_k_of_large_columns(seed, share, digits, kind, base_share, ordered, largest):
     rng = np.random.default_rng(seed)
     n = 90_000
     values = np.round(rng.gamma(2, 1, n), digits).astype(kind)
@@ -52,7 +50,7 @@ def test_top_k_of_large_columns(
 
 
 @pytest.mark.parametrize("largest", [True, False])
-def test_an_unrepresentative_sample_gives_the_correct_result(largest: bool) -> None:
+def test_an_unrepresentative_sample_gives_the_correct_result(largest):
     values = np.zeros(200_000)
     values[1::2] = np.arange(100_000)  # every sampled row is 0 or increases with its index
     base = np.ones(values.size, dtype=bool)
@@ -62,7 +60,7 @@ def test_an_unrepresentative_sample_gives_the_correct_result(largest: bool) -> N
         assert selected.tolist() == np.sort(expected).tolist()
 
 
-def test_first_largest_returns_the_first_of_equal_values() -> None:
+def test_first_largest_returns_the_first_of_equal_values():
     values = np.array([0.0, 2.0, 0.0, 5.0, 5.0, np.nan])
     assert first_largest(values, np.arange(6)) == 3
     assert first_largest(values, np.arange(3)) == 1

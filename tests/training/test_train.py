@@ -113,7 +113,7 @@ def test_short_trajectories_can_be_split(count):
     assert (splits.split_by_recording(rows) >= 0).all()
 
 
-def test_what_a_start_model_has_learned_from_never_becomes_a_test() -> None:
+def test_what_a_start_model_has_learned_from_never_becomes_a_test():
     """One trajectory was split in halves; with a second one, all of it would be held out."""
     before = np.full(240, splits.UNSEEN, np.int8)
     before[:160] = splits.split_by_recording(np.zeros(160, np.int32))
@@ -270,9 +270,7 @@ def test_the_learning_rate_rises_and_then_falls_to_zero():
     assert np.argmax(rates) <= 6
 
 
-def test_a_domain_is_trained_and_judged_on_the_poses_of_its_own_images(
-    few_frames: TrainingFrames, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_domain_is_trained_and_judged_on_the_poses_of_its_own_images(few_frames, monkeypatch):
     """The sim images of loose pairs lie elsewhere than those of the instances."""
     moved = few_frames.poses + np.array([100.0, 0.0, 0.0])
     frames = replace(few_frames, own_poses={"sim": moved, "sim_edit": moved})
@@ -293,9 +291,7 @@ def test_a_domain_is_trained_and_judged_on_the_poses_of_its_own_images(
     assert found["sim.test.median_error"] < 50 < apart["sim.test.median_error"]
 
 
-def test_training_uses_a_gpu_where_there_is_one(
-    few_frames: TrainingFrames, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_training_uses_a_gpu_where_there_is_one(few_frames, monkeypatch):
     """Network, inputs and truth are moved to the GPU; the result is on the processor."""
     moved: list[str] = []
 

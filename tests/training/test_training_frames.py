@@ -35,7 +35,7 @@ def blocks(images: tuple[np.ndarray, np.ndarray], rows: int = 16):
 
 
 @pytest.mark.parametrize("rows", [[5], [69, 0, 33, 33], list(range(20, 50)), []])
-def test_copied_and_streamed_frames_are_those_in_memory(images, rows, tmp_path: Path) -> None:
+def test_copied_and_streamed_frames_are_those_in_memory(images, rows, tmp_path):
     rgb, depth = images
     copied = CopiedFrames.from_blocks("sim", blocks(images), N, CONTRACT, 0.001, tmp_path)
     streamed = StreamedFrames("sim", lambda a, b: [(rgb[a:b], depth[a:b])], CONTRACT, 0.001)
@@ -49,7 +49,7 @@ def test_copied_and_streamed_frames_are_those_in_memory(images, rows, tmp_path: 
         CopiedFrames.from_blocks("sim", blocks(images), N + 1, CONTRACT, 0.001, tmp_path)
 
 
-def test_neighbouring_rows_are_read_together(images) -> None:
+def test_neighbouring_rows_are_read_together(images):
     rgb, depth = images
     reads = []
 
@@ -61,7 +61,7 @@ def test_neighbouring_rows_are_read_together(images) -> None:
     assert reads == [(3, 6), (9, 10), (2, 4)]
 
 
-def test_a_full_disk_is_an_error_that_names_the_folder(tmp_path: Path) -> None:
+def test_a_full_disk_is_an_error_that_names_the_folder(tmp_path):
     array = DiskArray((4,), np.dtype(np.uint8), tmp_path)
 
     class Full:
@@ -75,9 +75,7 @@ def test_a_full_disk_is_an_error_that_names_the_folder(tmp_path: Path) -> None:
         array[np.array([0])]
 
 
-def test_every_domain_that_is_needed_is_read_once(
-    store_copy: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_domain_that_is_needed_is_read_once(store_copy, monkeypatch):
     """Training passes read the copies, however many steps there are."""
     reads: Counter[tuple[str, int]] = Counter()
     frames = Store.frames
@@ -99,7 +97,7 @@ def train_translated(root: Path, **settings: object) -> str:
     return train_into_store(root, request, lambda *_: None, "s2r train_translated")
 
 
-def test_the_run_shows_the_images_that_the_model_was_trained_on(store_copy: Path):
+def test_the_run_shows_the_images_that_the_model_was_trained_on(store_copy):
     for method, name, run in (("mkl", "to_real", "shifted"), ("identity", "same", "plain")):
         fit_into_store(store_copy, FitRequest(method, name), "")
         assert train_translated(store_copy, translator=name, name=run, force=True) == run
@@ -111,7 +109,7 @@ def test_the_run_shows_the_images_that_the_model_was_trained_on(store_copy: Path
 
 
 def test_stores_with_other_translators_do_not_resume_each_others_training(
-    tiny_store: Path, tmp_path: Path, monkeypatch
+    tiny_store, tmp_path, monkeypatch
 ):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     request = TrainingRequest("translated", translator="to_real", steps=2)
@@ -137,6 +135,6 @@ def test_stores_with_other_translators_do_not_resume_each_others_training(
         ({"recipe": "vanilla", "translator": "to_real"}, "not with --recipe vanilla"),
     ],
 )
-def test_wrong_requests_say_what_is_needed(store_copy: Path, settings, message):
+def test_wrong_requests_say_what_is_needed(store_copy, settings, message):
     with pytest.raises(RequestError, match=message):
         train_translated(store_copy, **{"name": "new", **settings})

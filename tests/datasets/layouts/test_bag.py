@@ -23,7 +23,7 @@ from tests.datasets.layouts.bag_writer import (
     FORMATS,
     INFO,
     RGB,
-    BagFile,
+    CameraBag,
     K,
     compressed_depth,
     nanoseconds,
@@ -31,6 +31,7 @@ from tests.datasets.layouts.bag_writer import (
     walk_bag,
 )
 from tests.datasets.layouts.rooms import HEIGHT, WIDTH, Walk, assert_poses, image, walk
+from tests.support.refusals import refused
 
 
 @pytest.fixture
@@ -51,9 +52,7 @@ def assert_images(recording: Recording, scene: Walk) -> None:
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_images_poses_and_intrinsics_are_those_that_were_written(
-    tmp_path: Path, scene: Walk, name: str
-) -> None:
+def test_images_poses_and_intrinsics_are_those_that_were_written(tmp_path, scene, name):
     walk_bag(tmp_path / name, scene).write()
     recording = read("bag", tmp_path / name)
     assert_poses(recording, scene.poses)
@@ -86,12 +85,12 @@ MOUNT[:3, 3] = 0.2, 0.01, 0.3
 OPTICAL = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
 
-def without_poses(path: Path, scene: Walk) -> BagFile:
+def without_poses(path: Path, scene: Walk) -> CameraBag:
     return walk_bag(path, scene, pose="")
 
 
 @pytest.mark.parametrize("kind", ["db3", "mcap"])
-def test_the_file_of_a_ros_2_bag_alone(tmp_path: Path, scene: Walk, kind: str) -> None:
+def test_the_file_of_a_ros_2_bag_alone(tmp_path, scene, kind):
     (file,) = walk_bag(tmp_path / f"folder-{kind}", scene).write().glob(f"*.{kind}")
     recording = read("bag", file)
     assert_poses(recording, scene.poses)
@@ -100,7 +99,7 @@ def test_the_file_of_a_ros_2_bag_alone(tmp_path: Path, scene: Walk, kind: str) -
     assert_poses(read("bag", file.parent), scene.poses)
 
 
-def test_mcap_files_without_an_index(tmp_path: Path, scene: Walk) -> None:
+def test_mcap_files_without_an_index(tmp_path, scene):
     """The footer (a byte, its length, two offsets, a checksum) is in front of 8 closing bytes."""
     bag = walk_bag(tmp_path / "folder-mcap", scene)
     bag.items.sort(key=lambda item: item[2])
@@ -114,19 +113,18 @@ def test_mcap_files_without_an_index(tmp_path: Path, scene: Walk) -> None:
     assert_images(recording, scene)
 
 
-def test_a_damaged_schema_of_a_database_ends_in_one_line(tmp_path: Path, scene: Walk) -> None:
+def test_a_damaged_schema_of_a_database_ends_in_one_line(tmp_path, scene):
     """SQLite quotes the damaged text, which is not UTF-8."""
     path = walk_bag(tmp_path / "folder", scene).write()
     (file,) = path.glob("*.db3")
     content = file.read_bytes()
     assert b"name TEXT NOT NULL" in content
     file.write_bytes(content.replace(b"name TEXT NOT NULL", b"name TEXT NOT \x88ULL"))
-    with pytest.raises(RequestError, match="cannot be read as a ROS bag") as error:
+    with refused("cannot be read as a ROS bag"):
         read("bag", path)
-    assert "\n" not in str(error.value)
 
 
-def test_what_is_no_bag_ends_in_one_line(tmp_path: Path) -> None:
+def test_what_is_no_bag_ends_in_one_line(tmp_path):
     (tmp_path / "notes.txt").write_text("nothing")
     (tmp_path / "empty.mcap").write_bytes(b"")
     os.mkfifo(tmp_path / "pipe.bag")
@@ -136,9 +134,8 @@ def test_what_is_no_bag_ends_in_one_line(tmp_path: Path) -> None:
         (tmp_path / "pipe.bag", "a pipe, not a regular file"),
         (tmp_path / "missing.bag", "no such bag"),
     ):
-        with pytest.raises(RequestError, match=message) as error:
+        with refused(match=message):
             read("bag", path)
-        assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -151,7 +148,7 @@ def test_what_is_no_bag_ends_in_one_line(tmp_path: Path) -> None:
         ("folder-mcap", "STORAGE"),
     ],
 )
-def test_compressed_bags(tmp_path: Path, scene: Walk, name: str, compression: str) -> None:
+def test_compressed_bags(tmp_path, scene, name, compression):
     walk_bag(tmp_path / name, scene).write(compression)
     recording = read("bag", tmp_path / name)
     assert_poses(recording, scene.poses)
@@ -159,9 +156,7 @@ def test_compressed_bags(tmp_path: Path, scene: Walk, name: str, compression: st
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_transforms_lead_from_the_world_to_the_cameras_optical_frame(
-    tmp_path: Path, scene: Walk, name: str
-) -> None:
+def test_transforms_lead_from_the_world_to_the_cameras_optical_frame(tmp_path, scene, name):
     """The robot moves at 50 Hz between and beside the images' times; map to odom drifts."""
     bag = without_poses(tmp_path / name, scene)
     times = nanoseconds(scene)
@@ -186,7 +181,7 @@ def test_transforms_lead_from_the_world_to_the_cameras_optical_frame(
     assert_poses(in_odom, np.linalg.inv(drift) @ truth)
 
 
-def test_odometry_is_moved_from_the_robot_to_the_camera(tmp_path: Path, scene: Walk) -> None:
+def test_odometry_is_moved_from_the_robot_to_the_camera(tmp_path, scene):
     bag = without_poses(tmp_path / "one.bag", scene)
     times = nanoseconds(scene)
     for row, time in enumerate(times):
@@ -199,9 +194,7 @@ def test_odometry_is_moved_from_the_robot_to_the_camera(tmp_path: Path, scene: W
     assert recording.provenance["one"]["pose_frame"] == "base_link"
 
 
-def test_poses_of_an_unnamed_frame_beside_transforms_are_reported(
-    tmp_path: Path, scene: Walk
-) -> None:
+def test_poses_of_an_unnamed_frame_beside_transforms_are_reported(tmp_path, scene):
     bag = walk_bag(tmp_path / "one.bag", scene)
     bag.transform("/tf_static", nanoseconds(scene)[0], "base_link", CAMERA, MOUNT)
     bag.write()
@@ -211,14 +204,14 @@ def test_poses_of_an_unnamed_frame_beside_transforms_are_reported(
     assert_poses(declared, scene.poses @ MOUNT)
 
 
-def test_poses_in_several_worlds_are_refused(tmp_path: Path, scene: Walk) -> None:
+def test_poses_in_several_worlds_are_refused(tmp_path, scene):
     bag = walk_bag(tmp_path / "one.bag", scene)
     bag.pose("/pose", nanoseconds(scene)[-1] + 1000, scene.poses[-1], frame="odom")
     with pytest.raises(RequestError, match="poses of /pose are in frames map, odom"):
         read("bag", bag.write())
 
 
-def test_transforms_that_do_not_move_the_camera_are_refused(tmp_path: Path, scene: Walk) -> None:
+def test_transforms_that_do_not_move_the_camera_are_refused(tmp_path, scene):
     bag = without_poses(tmp_path / "one.bag", scene)
     for time in nanoseconds(scene):
         bag.transform("/tf_static", time, "base_link", CAMERA, MOUNT)
@@ -231,7 +224,7 @@ def test_transforms_that_do_not_move_the_camera_are_refused(tmp_path: Path, scen
         read("bag", bag.path, ReadOptions({"axes": "left"}))
 
 
-def test_odometry_without_transforms_needs_a_declared_frame(tmp_path: Path, scene: Walk) -> None:
+def test_odometry_without_transforms_needs_a_declared_frame(tmp_path, scene):
     bag = without_poses(tmp_path / "one.bag", scene)
     for row, time in enumerate(nanoseconds(scene)):
         bag.odometry("/odom", time, scene.poses[row], "base_link")
@@ -241,8 +234,8 @@ def test_odometry_without_transforms_needs_a_declared_frame(tmp_path: Path, scen
     assert_poses(read("bag", tmp_path / "one.bag", ReadOptions({"body": CAMERA})), scene.poses)
 
 
-def test_axes_that_look_forward_along_x_are_turned(tmp_path: Path, scene: Walk) -> None:
-    bag = BagFile(tmp_path / "one.bag")
+def test_axes_that_look_forward_along_x_are_turned(tmp_path, scene):
+    bag = CameraBag(tmp_path / "one.bag")
     for row, time in enumerate(nanoseconds(scene)):
         bag.image(RGB, time, scene.rgb[row], "rgb8", frame="camera_link")
         bag.info(INFO, time)
@@ -270,8 +263,8 @@ def colour_of(encoding: str, pixels: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize(
     ("encoding", "padding"), [("rgb8", 0), ("bgr8", 5), ("8UC3", 0), ("rgba8", 5), ("rgb16", 5)]
 )
-def test_encodings_of_colour(tmp_path: Path, scene: Walk, encoding: str, padding: int) -> None:
-    bag = BagFile(tmp_path / "one.bag")
+def test_encodings_of_colour(tmp_path, scene, encoding, padding):
+    bag = CameraBag(tmp_path / "one.bag")
     for row, time in enumerate(nanoseconds(scene)):
         bag.image(RGB, time, colour_of(encoding, scene.rgb[row]), encoding, padding=padding)
         bag.info(INFO, time)
@@ -284,7 +277,7 @@ def test_encodings_of_colour(tmp_path: Path, scene: Walk, encoding: str, padding
         assert found.bits == (16 if encoding == "rgb16" else 8)
 
 
-def test_grey_and_bayer_patterns(tmp_path: Path, scene: Walk) -> None:
+def test_grey_and_bayer_patterns(tmp_path, scene):
     """A pattern of one colour is that colour everywhere; red is at even rows and columns."""
     mosaic = np.zeros((HEIGHT, WIDTH), np.uint8)
     mosaic[::2, ::2], mosaic[1::2, 1::2] = 200, 30
@@ -293,7 +286,7 @@ def test_grey_and_bayer_patterns(tmp_path: Path, scene: Walk) -> None:
         ("a.bag", "bayer_rggb8", mosaic, (200, 100, 30)),
         ("b.bag", "mono8", np.full((HEIGHT, WIDTH), 77, np.uint8), (77, 77, 77)),
     ):
-        bag = BagFile(tmp_path / name)
+        bag = CameraBag(tmp_path / name)
         time = nanoseconds(scene)[0]
         bag.image(RGB, time, pixels, encoding)
         bag.info(INFO, time)
@@ -305,13 +298,13 @@ def test_grey_and_bayer_patterns(tmp_path: Path, scene: Walk) -> None:
         np.testing.assert_array_equal(found[2:-2, 2:-2].reshape(-1, 3).min(axis=0), colour)
 
 
-def test_depth_in_metres_becomes_millimetres(tmp_path: Path, scene: Walk) -> None:
+def test_depth_in_metres_becomes_millimetres(tmp_path, scene):
     metres = scene.depth.astype(np.float32) / 1000
     metres[:, 0, :6] = np.nan, np.inf, -np.inf, -1.0, 0.0, 70.0
     expected = scene.depth.copy()
     expected[:, 0, :6] = 0
     for name, order in (("a.bag", "<f4"), ("b.bag", ">f4")):
-        bag = BagFile(tmp_path / name)
+        bag = CameraBag(tmp_path / name)
         for row, time in enumerate(nanoseconds(scene)):
             bag.image(RGB, time, scene.rgb[row], "rgb8")
             big = int(order == ">f4")
@@ -330,10 +323,10 @@ def test_depth_in_metres_becomes_millimetres(tmp_path: Path, scene: Walk) -> Non
     ("name", "form"),
     zip(FORMATS, ("16UC1; compressedDepth png", "32FC1; compressedDepth", "png"), strict=True),
 )
-def test_compressed_images(tmp_path: Path, scene: Walk, name: str, form: str) -> None:
+def test_compressed_images(tmp_path, scene, name, form):
     """Inverse depth as `compressed_depth_image_transport` writes it: v = a / depth + b."""
     a, b = np.float32(100 * 101), np.float32(1 - 100 * 101 / 10)
-    bag = BagFile(tmp_path / name)
+    bag = CameraBag(tmp_path / name)
     for row, time in enumerate(nanoseconds(scene)):
         bag.compressed(f"{RGB}/compressed", time, png(scene.rgb[row]), "rgb8; png compressed bgr8")
         if form == "png":
@@ -366,8 +359,8 @@ def test_compressed_images(tmp_path: Path, scene: Walk, name: str, form: str) ->
             np.testing.assert_array_equal(depth, scene.depth[row])
 
 
-def test_depth_that_is_compressed_otherwise_is_reported(tmp_path: Path, scene: Walk) -> None:
-    bag = BagFile(tmp_path / "one.bag")
+def test_depth_that_is_compressed_otherwise_is_reported(tmp_path, scene):
+    bag = CameraBag(tmp_path / "one.bag")
     time = nanoseconds(scene)[0]
     bag.image(RGB, time, scene.rgb[0], "rgb8")
     bag.compressed("/depth", time, compressed_depth(scene.depth[0]), "16UC1; compressedDepth png")
@@ -385,8 +378,8 @@ def test_depth_that_is_compressed_otherwise_is_reported(tmp_path: Path, scene: W
     assert "RVL is not" in issue.detail
 
 
-def test_camera_info_with_distortion_binning_and_a_region(tmp_path: Path, scene: Walk) -> None:
-    bag = BagFile(tmp_path / "one.bag")
+def test_camera_info_with_distortion_binning_and_a_region(tmp_path, scene):
+    bag = CameraBag(tmp_path / "one.bag")
     for row, time in enumerate(nanoseconds(scene)):
         bag.image(RGB, time, scene.rgb[row], "rgb8")
         bag.image("/cam/rgb/image_rect", time, scene.rgb[row], "rgb8")
@@ -405,8 +398,8 @@ def test_camera_info_with_distortion_binning_and_a_region(tmp_path: Path, scene:
     assert (rectified.fx, rectified.fy) == (9.0, 9.5)
 
 
-def test_fisheye_cameras_and_stated_intrinsics(tmp_path: Path, scene: Walk) -> None:
-    bag = BagFile(tmp_path / "one.bag")
+def test_fisheye_cameras_and_stated_intrinsics(tmp_path, scene):
+    bag = CameraBag(tmp_path / "one.bag")
     for row, time in enumerate(nanoseconds(scene)):
         bag.image(RGB, time, scene.rgb[row], "rgb8")
         bag.info(INFO, time, d=[0.1, 0.2, 0.3, 0.4], distortion_model="equidistant")
@@ -420,7 +413,7 @@ def test_fisheye_cameras_and_stated_intrinsics(tmp_path: Path, scene: Walk) -> N
     assert (stated.width, stated.height) == (WIDTH, HEIGHT)
 
 
-def test_ambiguous_topics_are_listed_and_options_choose(tmp_path: Path, scene: Walk) -> None:
+def test_ambiguous_topics_are_listed_and_options_choose(tmp_path, scene):
     bag = walk_bag(tmp_path / "one.bag", scene)
     for row, time in enumerate(nanoseconds(scene)):
         bag.image("/left/image_raw", time, scene.rgb[row][::-1], "rgb8")
@@ -445,7 +438,7 @@ def test_ambiguous_topics_are_listed_and_options_choose(tmp_path: Path, scene: W
     np.testing.assert_array_equal(found.pixels, scene.rgb[0][::-1])
 
 
-def test_what_a_bag_lacks_is_named(tmp_path: Path, scene: Walk) -> None:
+def test_what_a_bag_lacks_is_named(tmp_path, scene):
     time = nanoseconds(scene)[0]
     steps = (
         ("no topic with RGB images", lambda bag: bag.image(RGB, time, scene.rgb[0], "rgb8")),
@@ -453,7 +446,7 @@ def test_what_a_bag_lacks_is_named(tmp_path: Path, scene: Walk) -> None:
         ("no topic with poses", lambda bag: bag.pose("/pose", time, scene.poses[0])),
     )
     for number, (message, _) in enumerate(steps):
-        bag = BagFile(tmp_path / f"{number}.bag")
+        bag = CameraBag(tmp_path / f"{number}.bag")
         bag.image(DEPTH, time, scene.depth[0], "16UC1")
         for _, add in steps[:number]:
             add(bag)
@@ -461,8 +454,8 @@ def test_what_a_bag_lacks_is_named(tmp_path: Path, scene: Walk) -> None:
             read("bag", bag.write())
 
 
-def test_stamps_out_of_order_are_sorted_and_reported(tmp_path: Path, scene: Walk) -> None:
-    bag = BagFile(tmp_path / "one.bag")
+def test_stamps_out_of_order_are_sorted_and_reported(tmp_path, scene):
+    bag = CameraBag(tmp_path / "one.bag")
     times = nanoseconds(scene)
     for row in (0, 2, 1, 3, 4, 6, 5, 7):
         bag.image(RGB, times[row], scene.rgb[row], "rgb8")
@@ -478,10 +471,8 @@ def test_stamps_out_of_order_are_sorted_and_reported(tmp_path: Path, scene: Walk
     assert_images(recording, scene)
 
 
-def test_headers_without_stamps_take_the_times_of_the_recording(
-    tmp_path: Path, scene: Walk
-) -> None:
-    bag = BagFile(tmp_path / "one.bag")
+def test_headers_without_stamps_take_the_times_of_the_recording(tmp_path, scene):
+    bag = CameraBag(tmp_path / "one.bag")
     for row, time in enumerate(nanoseconds(scene)):
         bag.image(RGB, 0, scene.rgb[row], "rgb8")
         bag.info(INFO, 0)
@@ -494,9 +485,9 @@ def test_headers_without_stamps_take_the_times_of_the_recording(
     np.testing.assert_array_equal(image(frame.rgb.read()).pixels, scene.rgb[5])
 
 
-def test_images_without_pose_or_depth_are_reported(tmp_path: Path, scene: Walk) -> None:
+def test_images_without_pose_or_depth_are_reported(tmp_path, scene):
     """Poses 3 to 5 are not usable; 0.2 s of gap would need pose 4 to be interpolated."""
-    bag = BagFile(tmp_path / "one.bag")
+    bag = CameraBag(tmp_path / "one.bag")
     for row, time in enumerate(nanoseconds(scene)):
         bag.image(RGB, time, scene.rgb[row], "rgb8")
         if row != 1:
@@ -522,8 +513,8 @@ def test_images_without_pose_or_depth_are_reported(tmp_path: Path, scene: Walk) 
     np.testing.assert_array_equal(image(frame.depth.read()).pixels, scene.depth[6])
 
 
-def test_damaged_images_are_reported(tmp_path: Path, scene: Walk) -> None:
-    bag = BagFile(tmp_path / "one.bag")
+def test_damaged_images_are_reported(tmp_path, scene):
+    bag = CameraBag(tmp_path / "one.bag")
     times = nanoseconds(scene)
     for row, time in enumerate(times):
         content = png(scene.rgb[row])
@@ -555,37 +546,7 @@ def test_damaged_images_are_reported(tmp_path: Path, scene: Walk) -> None:
     ]
 
 
-def read_or_message(path: Path) -> tuple[Recording | None, str]:
-    try:
-        return read("bag", path), ""
-    except RequestError as error:
-        return None, str(error)
-
-
-@pytest.mark.parametrize("name", ["one.bag", "one.mcap", "one.db3"])
-@pytest.mark.parametrize("share", [0.3, 0.999])
-def test_cut_bags_end_in_one_line_or_their_images_are_reported(
-    tmp_path: Path, scene: Walk, name: str, share: float
-) -> None:
-    kind = name.split(".")[1]
-    whole = walk_bag(tmp_path / (name if kind == "bag" else f"folder-{kind}"), scene).write()
-    if whole.is_dir():
-        (whole,) = whole.glob(f"*.{kind}")
-    cut = tmp_path / f"cut-{name}"
-    content = whole.read_bytes()
-    cut.write_bytes(content[: int(len(content) * share)])
-    recording, message = read_or_message(cut)
-    if recording is None:
-        assert str(cut) in message
-        assert "\n" not in message
-        return
-    (trajectory,) = recording.trajectories.values()
-    for frame in trajectory.frames:
-        found = frame.rgb.read()
-        assert isinstance(found, InputIssue) or found.pixels.shape == (HEIGHT, WIDTH, 3)
-
-
-def test_bags_that_change_after_they_were_opened_are_reported(tmp_path: Path, scene: Walk) -> None:
+def test_bags_that_change_after_they_were_opened_are_reported(tmp_path, scene):
     path = walk_bag(tmp_path / "folder-mcap", scene).write()
     (trajectory,) = read("bag", path).trajectories.values()
     (data,) = path.glob("*.mcap")
@@ -594,7 +555,7 @@ def test_bags_that_change_after_they_were_opened_are_reported(tmp_path: Path, sc
     assert all(isinstance(each, InputIssue) for each in found[1:])
 
 
-def test_ros_2_bags_without_definitions_of_types(tmp_path: Path, scene: Walk) -> None:
+def test_ros_2_bags_without_definitions_of_types(tmp_path, scene):
     """As recorders before 2023 wrote them."""
     path = walk_bag(tmp_path / "folder", scene).write()
     (data,) = path.glob("*.db3")
@@ -607,7 +568,7 @@ def test_ros_2_bags_without_definitions_of_types(tmp_path: Path, scene: Walk) ->
     assert_images(recording, scene)
 
 
-def test_a_folder_of_bags_has_a_trajectory_for_each(tmp_path: Path, scene: Walk) -> None:
+def test_a_folder_of_bags_has_a_trajectory_for_each(tmp_path, scene):
     walk_bag(tmp_path / "first.bag", scene).write()
     walk_bag(tmp_path / "second", walk(5, seed=2)).write()
     (tmp_path / "notes.txt").write_text("nothing")
@@ -619,7 +580,7 @@ def test_a_folder_of_bags_has_a_trajectory_for_each(tmp_path: Path, scene: Walk)
     assert list(only.trajectories) == ["second"]
 
 
-def test_bags_with_odometry_have_worlds_of_their_own(tmp_path: Path, scene: Walk) -> None:
+def test_bags_with_odometry_have_worlds_of_their_own(tmp_path, scene):
     for name in ("first", "second"):
         bag = without_poses(tmp_path / f"{name}.bag", scene)
         for row, time in enumerate(nanoseconds(scene)):
@@ -629,7 +590,7 @@ def test_bags_with_odometry_have_worlds_of_their_own(tmp_path: Path, scene: Walk
     assert read("bag", tmp_path / "first.bag").has_one_world
 
 
-def test_images_are_read_from_several_threads(tmp_path: Path, scene: Walk) -> None:
+def test_images_are_read_from_several_threads(tmp_path, scene):
     walk_bag(tmp_path / "folder", scene).write()
     (trajectory,) = read("bag", tmp_path / "folder").trajectories.values()
     frames = [trajectory.frames[row] for row in (7, 1, 5, 0, 3, 2, 6, 4) * 3]
@@ -640,14 +601,12 @@ def test_images_are_read_from_several_threads(tmp_path: Path, scene: Walk) -> No
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_images_are_found_in_any_order_with_little_memory(
-    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_images_are_found_in_any_order_with_little_memory(tmp_path, name, monkeypatch):
     """RGB and depth recorded at one time, and no more than two images kept."""
     scene = walk(24)
     monkeypatch.setattr(messages, "_RECENT_BYTES", 2 * scene.rgb[0].nbytes)
     monkeypatch.setattr(messages, "_AHEAD", 300_000_000)
-    bag = BagFile(tmp_path / name)
+    bag = CameraBag(tmp_path / name)
     for row, time in enumerate(nanoseconds(scene)):
         bag.image(RGB, time, scene.rgb[row], "rgb8")
         bag.image(DEPTH, time, scene.depth[row], "16UC1")
@@ -662,9 +621,7 @@ def test_images_are_found_in_any_order_with_little_memory(
         np.testing.assert_array_equal(image(frame.rgb.read()).pixels, scene.rgb[row])
 
 
-def test_in_the_order_of_the_bag_each_message_is_read_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_in_the_order_of_the_bag_each_message_is_read_once(tmp_path, monkeypatch):
     scene = walk(20)
     path = walk_bag(tmp_path / "folder-mcap", scene).write()
     (trajectory,) = read("bag", path).trajectories.values()
@@ -701,12 +658,9 @@ def listed_with(path: Path, topic: str, kind: str, is_added: bool) -> None:
      (INFO, "sensor_msgs/msg/CompressedImage", True),
      (RGB, "sensor_msgs/msg/CompressedImage", False)],
 )  # fmt: skip
-def test_a_topic_that_is_listed_with_another_type_ends_in_one_line(
-    tmp_path: Path, topic: str, kind: str, is_added: bool
-) -> None:
+def test_a_topic_that_is_listed_with_another_type_ends_in_one_line(tmp_path, topic, kind, is_added):
     path = walk_bag(tmp_path / "folder", walk(2)).write()
     listed_with(path, topic, kind, is_added)
     reason = "listed with types|cannot be read as" if is_added else "declared type|no topic with"
-    with pytest.raises(RequestError, match=f"folder.*({reason})") as error:
+    with refused(match=f"folder.*({reason})"):
         read("bag", path)
-    assert "\n" not in str(error.value)

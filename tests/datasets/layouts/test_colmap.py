@@ -20,6 +20,7 @@ from tests.datasets.layouts.rooms import (
     walk,
     write_png,
 )
+from tests.support.refusals import refused
 
 MODELS = {
     "SIMPLE_PINHOLE": (0, (20.0, 12.0, 8.0)),
@@ -90,9 +91,7 @@ def scene() -> Walk:
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("kind", ["text", "binary"])
-def test_poses_and_cameras_are_those_that_were_written(
-    tmp_path: Path, scene: Walk, model: str, kind: str
-) -> None:
+def test_poses_and_cameras_are_those_that_were_written(tmp_path, scene, model, kind):
     if kind == "text":
         write_text(tmp_path / "sparse/0", scene, {1: model})
     else:
@@ -109,7 +108,7 @@ def test_poses_and_cameras_are_those_that_were_written(
     assert not recording.is_metric
 
 
-def test_images_are_in_the_order_of_their_numbers(tmp_path: Path, scene: Walk) -> None:
+def test_images_are_in_the_order_of_their_numbers(tmp_path, scene):
     write_text(tmp_path, scene, {1: "PINHOLE"})
     write_images(tmp_path / "images", scene)
     (trajectory,) = read("colmap", tmp_path).trajectories.values()
@@ -119,9 +118,7 @@ def test_images_are_in_the_order_of_their_numbers(tmp_path: Path, scene: Walk) -
         assert frame.rgb.checksum() == checksum(tmp_path / "images" / frame.rgb.name)
 
 
-def test_a_scale_makes_poses_metric_and_depth_has_the_names_of_images(
-    tmp_path: Path, scene: Walk
-) -> None:
+def test_a_scale_makes_poses_metric_and_depth_has_the_names_of_images(tmp_path, scene):
     write_binary(tmp_path / "model", scene, "PINHOLE")
     write_images(tmp_path / "photos", scene)
     for name, pixels in zip(names(scene), scene.depth, strict=True):
@@ -145,7 +142,7 @@ def test_a_scale_makes_poses_metric_and_depth_has_the_names_of_images(
     np.testing.assert_array_equal(image(frame.depth.read()).pixels, scene.depth[3])
 
 
-def test_several_cameras_are_named_and_one_can_be_chosen(tmp_path: Path, scene: Walk) -> None:
+def test_several_cameras_are_named_and_one_can_be_chosen(tmp_path, scene):
     cameras = {1: "PINHOLE", 7: "OPENCV", 9: "RADIAL"}
     write_text(tmp_path, scene, cameras, of=lambda row: 7 if row % 3 else 1)
     write_images(tmp_path / "images", scene)
@@ -155,15 +152,11 @@ def test_several_cameras_are_named_and_one_can_be_chosen(tmp_path: Path, scene: 
         read("colmap", tmp_path, ReadOptions({"camera_id": "9"}))
     recording = read("colmap", tmp_path, ReadOptions({"camera_id": "1"}))
     assert_poses(recording, scene.poses[::3])
-
-
-def test_equal_cameras_are_one(tmp_path: Path, scene: Walk) -> None:
     write_text(tmp_path, scene, {1: "PINHOLE", 2: "PINHOLE"}, of=lambda row: 1 + row % 2)
-    write_images(tmp_path / "images", scene)
-    assert_poses(read("colmap", tmp_path), scene.poses)
+    assert_poses(read("colmap", tmp_path), scene.poses)  # equal cameras are one
 
 
-def test_subfolders_are_trajectories(tmp_path: Path, scene: Walk) -> None:
+def test_subfolders_are_trajectories(tmp_path, scene):
     write_text(tmp_path, scene, {1: "PINHOLE"})
     path = tmp_path / "images.txt"
     path.write_text(path.read_text().replace("frame 1", "seq/2/frame 1"))
@@ -174,7 +167,7 @@ def test_subfolders_are_trajectories(tmp_path: Path, scene: Walk) -> None:
     assert_poses(recording, scene.poses[[1, 10, 11]], "seq_2")
 
 
-def test_bad_images_are_reported_and_the_others_are_read(tmp_path: Path, scene: Walk) -> None:
+def test_bad_images_are_reported_and_the_others_are_read(tmp_path, scene):
     write_binary(tmp_path, scene, "PINHOLE")
     content = bytearray((tmp_path / "images.bin").read_bytes())
     struct.pack_into("<d", content, 8 + 4 + 32, float("nan"))
@@ -187,52 +180,41 @@ def test_bad_images_are_reported_and_the_others_are_read(tmp_path: Path, scene: 
     assert_poses(recording, scene.poses[2:-1])
 
 
-@pytest.mark.parametrize("length", [0, 30, 80, -1])
-def test_cut_binary_models_end_in_one_line(tmp_path: Path, scene: Walk, length: int) -> None:
+def test_binary_models_that_are_cut_or_declare_more_end_in_one_line(tmp_path, scene):
     write_binary(tmp_path, scene, "PINHOLE")
     write_images(tmp_path / "images", scene)
     whole = (tmp_path / "images.bin").read_bytes()
-    (tmp_path / "images.bin").write_bytes(whole[:length])
-    with pytest.raises(RequestError, match=r"images\.bin: it ends before its last entry"):
-        read("colmap", tmp_path)
-
-
-def test_declared_sizes_are_not_allocated(tmp_path: Path, scene: Walk) -> None:
-    write_binary(tmp_path, scene, "PINHOLE")
-    write_images(tmp_path / "images", scene)
-    content = bytearray((tmp_path / "images.bin").read_bytes())
-    struct.pack_into("<Q", content, 8 + 64 + len(names(scene)[0]) + 1, 1 << 60)
-    (tmp_path / "images.bin").write_bytes(content)
-    with pytest.raises(RequestError, match="ends before its last entry"):
-        read("colmap", tmp_path)
+    declaring = bytearray(whole)
+    struct.pack_into("<Q", declaring, 8 + 64 + len(names(scene)[0]) + 1, 1 << 60)
+    for content in (b"", whole[:30], whole[:80], whole[:-1], declaring):
+        (tmp_path / "images.bin").write_bytes(content)
+        with refused("images.bin: it ends before its last entry"):
+            read("colmap", tmp_path)
 
 
 @pytest.mark.parametrize(
     ("file", "old", "new", "message"),
     [
-        ("cameras.txt", "PINHOLE", "FOV", r"cameras\.txt:2: model FOV is not read"),
+        ("cameras.txt", "PINHOLE", "FOV", "cameras.txt:2: model FOV is not read"),
         ("cameras.txt", " 8.0", "", "3 parameters; PINHOLE has 4"),
-        ("cameras.txt", " 24 ", " many ", r"cameras\.txt:2: not `id model width"),
+        ("cameras.txt", " 24 ", " many ", "cameras.txt:2: not `id model width"),
         ("cameras.txt", "\n1 ", "\n2 ", "of camera 1, unknown"),
-        ("images.txt", "1.5 2.5 -1 3.0 4.0 17\n", "", r"images\.txt:\d+: no line of 2D points"),
-        ("images.txt", "\n12 ", "\ntwelve ", r"images\.txt:2: not `id qw"),
-        ("images.txt", "frame 3.png", "../../etc/passwd", r"without `\.\.`"),
+        ("images.txt", "1.5 2.5 -1 3.0 4.0 17\n", "", ": no line of 2D points"),
+        ("images.txt", "\n12 ", "\ntwelve ", "images.txt:2: not `id qw"),
+        ("images.txt", "frame 3.png", "../../etc/passwd", "without `..`"),
     ],
 )
-def test_damaged_text_models_end_in_one_line(
-    tmp_path: Path, scene: Walk, file: str, old: str, new: str, message: str
-) -> None:
+def test_damaged_text_models_end_in_one_line(tmp_path, scene, file, old, new, message):
     write_text(tmp_path, scene, {1: "PINHOLE"})
     write_images(tmp_path / "images", scene)
     text = (tmp_path / file).read_text()
     assert old in text
     (tmp_path / file).write_text(text.replace(old, new, 1))
-    with pytest.raises(RequestError, match=message) as error:
+    with refused(message):
         read("colmap", tmp_path)
-    assert "\n" not in str(error.value)
 
 
-def test_folders_that_are_missing_are_named(tmp_path: Path, scene: Walk) -> None:
+def test_folders_that_are_missing_are_named(tmp_path, scene):
     with pytest.raises(RequestError, match=r"no cameras\.txt with images\.txt"):
         read("colmap", tmp_path)
     for model in ("0", "1"):

@@ -12,6 +12,7 @@ from tests.datasets.helpers import kinds
 from tests.datasets.layouts import recordings
 from tests.datasets.layouts.checks import assert_found, only, read_with, reported
 from tests.datasets.layouts.recordings import Frame, drive, quaternion
+from tests.support.refusals import refused
 
 TIMES = [0.5 * number for number in range(4)]
 POSES = drive(TIMES)
@@ -31,7 +32,7 @@ def rows(path: Path) -> list[str]:
     return path.read_text().splitlines()
 
 
-def test_the_camera_is_that_of_the_description(recording) -> None:
+def test_the_camera_is_that_of_the_description(recording):
     path, _ = recording
     found = read_with("csv", path)
     camera = found.camera
@@ -69,10 +70,10 @@ def test_the_camera_is_that_of_the_description(recording) -> None:
     assert (found.depth_scale, found.depth_raw_max) == (0.0002, 50000)
 
 
-def test_a_description_in_json_or_elsewhere_is_read(recording, tmp_path: Path, one_line) -> None:
+def test_a_description_in_json_or_elsewhere_is_read(recording, tmp_path):
     path, frames = recording
     path.with_suffix(".toml").unlink()
-    with one_line("lab.toml", "missing"):
+    with refused("lab.toml", "missing"):
         read_with("csv", path)
     camera = {"camera": {"width": 32, "height": 24, "hfov": 90}}
     other = tmp_path / "elsewhere.json"
@@ -83,7 +84,7 @@ def test_a_description_in_json_or_elsewhere_is_read(recording, tmp_path: Path, o
 
 
 @pytest.mark.parametrize("heading", [0.0, 90.0, -135.0, 725.0])
-def test_headings_are_anticlockwise_from_x(recording, heading: float) -> None:
+def test_headings_are_anticlockwise_from_x(recording, heading):
     path, _ = recording
     path.write_text(f"rgb,depth,x,y,heading\nrgb/0.png,depth/0.png,1.5,-2,{heading}\n")
     describe(path, "camera_height = 1.2\n[camera]\nwidth = 32\nheight = 24\nhfov = 90\n")
@@ -95,7 +96,7 @@ def test_headings_are_anticlockwise_from_x(recording, heading: float) -> None:
     assert np.linalg.det(pose[:3, :3]) == pytest.approx(1)
 
 
-def test_quaternions_may_turn_the_axes_of_a_robot(recording) -> None:
+def test_quaternions_may_turn_the_axes_of_a_robot(recording):
     path, frames = recording
     robot_in_optical = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]])
     lines = rows(path)[:1]
@@ -107,7 +108,7 @@ def test_quaternions_may_turn_the_axes_of_a_robot(recording) -> None:
     assert_found(only(read_with("csv", path)), frames)
 
 
-def test_rows_of_several_trajectories_are_separated(recording) -> None:
+def test_rows_of_several_trajectories_are_separated(recording):
     path, frames = recording
     lines = rows(path)
     names = ["b", "a", "b", "a"]
@@ -122,16 +123,16 @@ def test_rows_of_several_trajectories_are_separated(recording) -> None:
     assert list(read_with("csv", path, trajectories=["a"]).trajectories) == ["a"]
 
 
-def test_names_that_a_trajectory_cannot_have_are_refused(recording, one_line) -> None:
+def test_names_that_a_trajectory_cannot_have_are_refused(recording):
     path, _ = recording
     lines = rows(path)
     recordings.write_lines(path, [lines[0] + ",trajectory", lines[1] + ",../up"])
-    with one_line("trajectory '../up'"):
+    with refused("trajectory '../up'"):
         read_with("csv", path)
 
 
 @pytest.mark.parametrize("column", [True, False])
-def test_depth_may_be_left_out(recording, column: bool) -> None:
+def test_depth_may_be_left_out(recording, column):
     path, frames = recording
     lines = []
     for line in rows(path):
@@ -144,7 +145,7 @@ def test_depth_may_be_left_out(recording, column: bool) -> None:
     assert_found(only(read_with("csv", path)), frames)
 
 
-def test_depth_in_some_rows_is_reported_or_refused(recording, one_line) -> None:
+def test_depth_in_some_rows_is_reported_or_refused(recording):
     path, frames = recording
     lines = rows(path)
     without = [line.replace(str(frames[1].depth), "") for line in lines]
@@ -153,7 +154,7 @@ def test_depth_in_some_rows_is_reported_or_refused(recording, one_line) -> None:
     assert_found(only(found), frames[:1] + frames[2:])
     assert reported(found, "incomplete row") == ["lab.csv:3"]
     recordings.write_lines(path, [line.replace(str(frames[0].depth), "") for line in lines])
-    with one_line("lab.csv:3", "depth"):
+    with refused("lab.csv:3", "depth"):
         read_with("csv", path)
 
 
@@ -161,7 +162,7 @@ def test_depth_in_some_rows_is_reported_or_refused(recording, one_line) -> None:
     "pose",
     ["nan,0,0,0,0,0,1", "x,0,0,0,0,0,1", "0,0,0,0,0,0,2", "1"],
 )
-def test_unusable_poses_are_reported_with_their_line(recording, pose: str) -> None:
+def test_unusable_poses_are_reported_with_their_line(recording, pose):
     path, frames = recording
     with path.open("a") as file:
         file.write(f"{frames[0].rgb},{frames[0].depth},{pose},7\n")
@@ -182,9 +183,9 @@ def test_unusable_poses_are_reported_with_their_line(recording, pose: str) -> No
         ("rgb,x,y,z,qx,qy,qz\na,1,2,3,0,0,0\n", "no column qw"),
     ],
 )
-def test_missing_columns_are_named(recording, content: str, text: str, one_line) -> None:
+def test_missing_columns_are_named(recording, content, text):
     recording[0].write_text(content)
-    with one_line("lab.csv", text):
+    with refused("lab.csv", text):
         read_with("csv", recording[0])
 
 
@@ -204,13 +205,13 @@ CAMERA = "[camera]\nwidth = 32\nheight = 24\n"
         ("name = 'a'\n[bounds]\nx0 = 1\n", "a configuration of `s2r ingest csv`"),
     ],
 )
-def test_unusable_descriptions_are_refused(recording, text: str, key: str, one_line) -> None:
+def test_unusable_descriptions_are_refused(recording, text, key):
     describe(recording[0], text)
-    with one_line("lab.toml", key):
+    with refused("lab.toml", key):
         read_with("csv", recording[0])
 
 
-def test_memory_of_a_recording_is_a_few_hundred_bytes_an_image(recording) -> None:
+def test_memory_of_a_recording_is_a_few_hundred_bytes_an_image(recording):
     path, frames = recording
     read_with("csv", path)
     count = 2000

@@ -82,12 +82,12 @@ RECORDINGS: dict[str, tuple[Callable[[Path], Path], dict[str, str]]] = {
 IMAGES = (".png", ".jpg")
 
 
-def test_every_layout_is_damaged() -> None:
+def test_every_layout_is_damaged():
     assert {name.partition(" ")[0] for name in RECORDINGS} == set(LAYOUTS)
 
 
 @pytest.mark.parametrize("name", RECORDINGS)
-def test_damage_is_reported_or_refused(name: str, tmp_path: Path) -> None:
+def test_damage_is_reported_or_refused(name, tmp_path):
     make, values = RECORDINGS[name]
     layout, path = name.partition(" ")[0], make(tmp_path)
     files = sorted(p for p in tmp_path.rglob("*") if p.is_file() and p.suffix not in IMAGES)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from tests.datasets.layouts import recordings
 from tests.datasets.layouts.checks import assert_found, only, read_with
 from tests.datasets.layouts.recordings import Frame, drive, turn
+from tests.support.refusals import refused
 
 COUNT = 4
 TIMES = [1305031102.175304 + 0.1 * number for number in range(COUNT)]
@@ -43,7 +44,7 @@ pose_parts = st.lists(st.tuples(coordinates, axes, st.floats(-3.14, 3.14)), min_
 @pytest.mark.parametrize("layout", NAMES)
 @given(parts=pose_parts)
 @settings(max_examples=15)
-def test_any_pose_is_found(layout: str, parts: list) -> None:
+def test_any_pose_is_found(layout, parts):
     poses = []
     for position, axis, angle in parts:
         pose = np.eye(4)
@@ -60,26 +61,43 @@ def test_any_pose_is_found(layout: str, parts: list) -> None:
         assert {issue.kind for issue in recording.issues} <= {"intrinsics of another size"}
 
 
+@pytest.mark.parametrize(
+    ("layout", "reader", "file"),
+    [
+        ("tum", "read_tum_trajectory_file", "groundtruth.txt"),
+        ("euroc", "read_euroc_csv_trajectory", "mav0/state_groundtruth_estimate0/data.csv"),
+        ("kitti", "read_kitti_poses_file", "poses/07.txt"),
+    ],
+)
+def test_evo_reads_the_written_poses(layout, reader, file, tmp_path):
+    file_interface = pytest.importorskip("evo.tools.file_interface")
+    poses = np.array(drive(0.1 * k for k in range(COUNT)))
+    write(layout, tmp_path, list(poses))
+    found = getattr(file_interface, reader)(str(tmp_path / file)).poses_se3
+    mount = recordings.camera_in_body() if layout == "euroc" else np.eye(4)
+    np.testing.assert_allclose(found @ mount, poses, atol=1e-5)
+
+
 @pytest.mark.parametrize("layout", NAMES)
-def test_a_folder_of_something_else_is_refused(layout: str, tmp_path: Path, one_line) -> None:
+def test_a_folder_of_something_else_is_refused(layout, tmp_path):
     (tmp_path / "notes.txt").write_text("hello")
-    with one_line():
+    with refused():
         read_with(layout, tmp_path)
-    with one_line("no such f"):
+    with refused("no such f"):
         read_with(layout, tmp_path / "absent")
-    with one_line():
+    with refused():
         read_with(layout, tmp_path / "notes.txt")
 
 
 @pytest.mark.parametrize("layout", NAMES)
-def test_an_unknown_trajectory_is_refused(layout: str, tmp_path: Path, one_line) -> None:
+def test_an_unknown_trajectory_is_refused(layout, tmp_path):
     path, _ = write(layout, tmp_path / "recording", drive([0.0]))
-    with one_line("no_such"):
+    with refused("no_such"):
         read_with(layout, path, trajectories=["no_such"])
 
 
 @pytest.mark.parametrize("layout", ["csv", "scannet"], ids=["png", "jpeg"])
-def test_a_cut_image_is_reported_when_it_is_read(layout: str, tmp_path: Path) -> None:
+def test_a_cut_image_is_reported_when_it_is_read(layout, tmp_path):
     path, frames = write(layout, tmp_path / "recording", drive(0.1 * k for k in range(COUNT)))
     recording = read_with(layout, path)
     image = only(recording).frames[1].rgb
@@ -91,14 +109,14 @@ def test_a_cut_image_is_reported_when_it_is_read(layout: str, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("layout", NAMES)
-def test_a_link_out_of_the_recording_is_refused(layout: str, tmp_path: Path, one_line) -> None:
+def test_a_link_out_of_the_recording_is_refused(layout, tmp_path):
     path, frames = write(layout, tmp_path / "recording", drive(0.1 * k for k in range(COUNT)))
     root = read_with(layout, path).root
     image = root / frames[0].rgb
     secret = tmp_path / f"secret{image.suffix}"
     image.rename(secret)
     image.symlink_to(secret)
-    with one_line("allow-outside"):
+    with refused("allow-outside"):
         read_with(layout, path)
     recording = read_with(layout, path, allow_outside=True)
     assert_found(only(recording), frames)
@@ -106,7 +124,7 @@ def test_a_link_out_of_the_recording_is_refused(layout: str, tmp_path: Path, one
 
 
 @pytest.mark.parametrize("layout", NAMES)
-def test_a_missing_image_is_reported_and_left_out(layout: str, tmp_path: Path, one_line) -> None:
+def test_a_missing_image_is_reported_and_left_out(layout, tmp_path):
     path, frames = write(layout, tmp_path / "recording", drive(0.1 * k for k in range(COUNT)))
     root = read_with(layout, path).root
     lost = frames[2].depth or frames[2].rgb
@@ -116,5 +134,5 @@ def test_a_missing_image_is_reported_and_left_out(layout: str, tmp_path: Path, o
     assert any(issue.file in (lost, frames[2].rgb) for issue in recording.issues)
     for frame in frames:
         (root / frame.rgb).unlink(missing_ok=True)
-    with one_line("no usable image"):
+    with refused("no usable image"):
         read_with(layout, path)

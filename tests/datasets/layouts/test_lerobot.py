@@ -16,6 +16,7 @@ from s2rtools.datasets.scan import InputIssue
 from tests.datasets.helpers import kinds
 from tests.datasets.layouts.bag_writer import png
 from tests.datasets.layouts.rooms import assert_poses, image
+from tests.support.refusals import refused
 
 LENGTHS = (7, 12, 9)
 STEP = 8
@@ -167,9 +168,7 @@ def assert_frames(recording: Recording, order: int = 1) -> None:
 
 @pytest.mark.parametrize("version", ["v2.1", "v3.0"])
 @pytest.mark.parametrize("images", [False, True])
-def test_poses_and_images_are_those_that_were_written(
-    tmp_path: Path, version: str, images: bool
-) -> None:
+def test_poses_and_images_are_those_that_were_written(tmp_path, version, images):
     write(tmp_path, version, images)
     recording = read("lerobot", tmp_path, ReadOptions(OPTIONS))
     assert list(recording.trajectories) == [f"episode_{n:06d}" for n in range(len(LENGTHS))]
@@ -180,7 +179,7 @@ def test_poses_and_images_are_those_that_were_written(
     assert kinds(recording) == {}
 
 
-def test_a_pose_of_six_degrees_of_freedom_is_that_of_the_camera(tmp_path: Path) -> None:
+def test_a_pose_of_six_degrees_of_freedom_is_that_of_the_camera(tmp_path):
     write(tmp_path, "v2.1", images=True)
     path = tmp_path / "data/chunk-000/episode_000000.parquet"
     rotation = Rotation.from_rotvec([0.3, -0.2, 1.0])
@@ -204,7 +203,7 @@ def test_a_pose_of_six_degrees_of_freedom_is_that_of_the_camera(tmp_path: Path) 
     assert kinds(recording) == {"bad pose": 1}
 
 
-def test_without_a_height_the_report_says_so(tmp_path: Path) -> None:
+def test_without_a_height_the_report_says_so(tmp_path):
     write(tmp_path, "v2.1", images=True)
     options = {key: value for key, value in OPTIONS.items() if key != "height"}
     recording = read("lerobot", tmp_path, ReadOptions(options))
@@ -212,7 +211,7 @@ def test_without_a_height_the_report_says_so(tmp_path: Path) -> None:
     assert recording.trajectories["episode_000000"].poses[0, 2, 3] == 0
 
 
-def test_damaged_images_are_reported(tmp_path: Path) -> None:
+def test_damaged_images_are_reported(tmp_path):
     write(tmp_path, "v2.1")
     video = tmp_path / f"videos/chunk-001/{KEY}/episode_000002.mp4"
     video.write_bytes(b"nothing")
@@ -244,16 +243,13 @@ def test_damaged_images_are_reported(tmp_path: Path) -> None:
         ({}, {"total_episodes": 10**9}, "1000000000 episodes; at most"),
     ],
 )
-def test_what_cannot_be_read_ends_in_one_line(
-    tmp_path: Path, options: dict, changes: dict, message: str
-) -> None:
+def test_what_cannot_be_read_ends_in_one_line(tmp_path, options, changes, message):
     write(tmp_path, "v2.1", images=True, **changes)
-    with pytest.raises(RequestError, match=message) as error:
+    with refused(match=message):
         read("lerobot", tmp_path, ReadOptions(OPTIONS | options))
-    assert "\n" not in str(error.value)
 
 
-def test_missing_options_and_videos_that_cannot_be_decoded_are_named(tmp_path: Path) -> None:
+def test_missing_options_and_videos_that_cannot_be_decoded_are_named(tmp_path):
     write(tmp_path, "v2.1")
     with pytest.raises(RequestError, match=r"name the entries of observation.state, pose=x,y,the"):
         read("lerobot", tmp_path, ReadOptions({"camera": "50,50,31.5,23.5"}))
@@ -265,7 +261,7 @@ def test_missing_options_and_videos_that_cannot_be_decoded_are_named(tmp_path: P
         read("lerobot", tmp_path, ReadOptions(OPTIONS))
 
 
-def test_playlists_in_place_of_videos_are_not_followed(tmp_path: Path) -> None:
+def test_playlists_in_place_of_videos_are_not_followed(tmp_path):
     write(tmp_path, "v2.1")
     video = tmp_path / f"videos/chunk-000/{KEY}/episode_000000.mp4"
     video.rename(tmp_path / "other.mp4")

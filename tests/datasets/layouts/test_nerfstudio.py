@@ -23,6 +23,7 @@ from tests.datasets.layouts.rooms import (
     walk,
     write_png,
 )
+from tests.support.refusals import refused
 
 SHARED = {"w": WIDTH, "h": HEIGHT, "fl_x": 20.0, "fl_y": 21.0, "cx": 12.5, "cy": 7.5}
 
@@ -52,7 +53,7 @@ def rewrite(folder: Path, document: dict) -> None:
     (folder / "transforms.json").write_text(json.dumps(document))
 
 
-def test_poses_images_and_intrinsics_are_those_that_were_written(tmp_path: Path) -> None:
+def test_poses_images_and_intrinsics_are_those_that_were_written(tmp_path):
     scene = walk()
     write(tmp_path, scene, depth_unit_scale_factor=0.002)
     recording = read("nerfstudio", tmp_path)
@@ -72,7 +73,7 @@ def test_poses_images_and_intrinsics_are_those_that_were_written(tmp_path: Path)
     assert trajectory.frames[2].rgb.name == "images/002.png"
 
 
-def test_a_scale_makes_poses_and_depth_metric(tmp_path: Path) -> None:
+def test_a_scale_makes_poses_and_depth_metric(tmp_path):
     scene = walk()
     write(tmp_path, scene, integer_depth_scale=0.001)
     recording = read("nerfstudio", tmp_path / "transforms.json", ReadOptions({"scale": "2.5"}))
@@ -83,7 +84,7 @@ def test_a_scale_makes_poses_and_depth_metric(tmp_path: Path) -> None:
     assert recording.depth_scale == pytest.approx(0.0025)
 
 
-def test_depth_follows_the_scale_of_the_world_unless_its_unit_is_stated(tmp_path: Path) -> None:
+def test_depth_follows_the_scale_of_the_world_unless_its_unit_is_stated(tmp_path):
     write(tmp_path, walk(), depth_unit_scale_factor=0.002)
     recording = read("nerfstudio", tmp_path)
     assert recording.metres_of_depth(2.0) == pytest.approx(0.004)
@@ -92,7 +93,7 @@ def test_depth_follows_the_scale_of_the_world_unless_its_unit_is_stated(tmp_path
     assert stated.metres_of_depth(2.0) == pytest.approx(0.005)
 
 
-def test_applied_transform_and_scale_are_undone(tmp_path: Path) -> None:
+def test_applied_transform_and_scale_are_undone(tmp_path):
     scene = walk()
     applied = np.eye(4)
     applied[:3, :3] = Rotation.from_rotvec([0.5, 1.0, -0.3]).as_matrix()
@@ -104,7 +105,7 @@ def test_applied_transform_and_scale_are_undone(tmp_path: Path) -> None:
     assert_poses(read("nerfstudio", tmp_path), scene.poses)
 
 
-def test_an_angle_and_names_without_suffix_as_in_the_original_nerf_data(tmp_path: Path) -> None:
+def test_an_angle_and_names_without_suffix_as_in_the_original_nerf_data(tmp_path):
     scene = walk()
     document = write(tmp_path, scene, depth=False)
     for frame in document["frames"]:
@@ -122,7 +123,7 @@ def test_an_angle_and_names_without_suffix_as_in_the_original_nerf_data(tmp_path
     assert list(chosen.trajectories) == ["val"]
 
 
-def test_distortion_is_in_the_order_of_opencv(tmp_path: Path) -> None:
+def test_distortion_is_in_the_order_of_opencv(tmp_path):
     write(tmp_path, walk(), k1=0.1, k2=-0.02, p1=0.003, p2=-0.004)
     assert read("nerfstudio", tmp_path).camera.distortion == (0.1, -0.02, 0.003, -0.004, 0.0)
     coefficients = {"k1": 0.1, "k2": 0.2, "k3": 0.3, "k4": 0.4}
@@ -132,7 +133,7 @@ def test_distortion_is_in_the_order_of_opencv(tmp_path: Path) -> None:
     assert camera.distortion == (0.1, 0.2, 0.3, 0.4)
 
 
-def test_several_cameras_are_listed_and_one_or_their_median_can_be_chosen(tmp_path: Path) -> None:
+def test_several_cameras_are_listed_and_one_or_their_median_can_be_chosen(tmp_path):
     scene = walk()
     document = write(tmp_path, scene)
     for row, frame in enumerate(document["frames"]):
@@ -151,7 +152,7 @@ def test_several_cameras_are_listed_and_one_or_their_median_can_be_chosen(tmp_pa
     assert kinds(median) == {"several cameras": 1}
 
 
-def test_bad_frames_are_reported_and_the_others_are_read(tmp_path: Path) -> None:
+def test_bad_frames_are_reported_and_the_others_are_read(tmp_path):
     scene = walk()
     document = write(tmp_path, scene)
     (tmp_path / "images/000.png").unlink()
@@ -169,7 +170,7 @@ def test_bad_frames_are_reported_and_the_others_are_read(tmp_path: Path) -> None
     assert other.kind == "wrong size"
 
 
-def test_the_orientation_that_a_photo_states_is_ignored(tmp_path: Path) -> None:
+def test_the_orientation_that_a_photo_states_is_ignored(tmp_path):
     """Intrinsics are those of the stored pixels; orientation 3 would turn them by 180 degrees."""
     write(tmp_path, walk(), depth=False)
     pixels = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
@@ -197,14 +198,13 @@ def test_the_orientation_that_a_photo_states_is_ignored(tmp_path: Path) -> None:
         ({"frames": []}, "no usable image of layout nerfstudio"),
     ],
 )
-def test_what_cannot_be_read_ends_in_one_line(tmp_path: Path, keys: dict, message: str) -> None:
+def test_what_cannot_be_read_ends_in_one_line(tmp_path, keys, message):
     write(tmp_path, walk(), **keys)
-    with pytest.raises(RequestError, match=message) as error:
+    with refused(match=message):
         read("nerfstudio", tmp_path)
-    assert "\n" not in str(error.value)
 
 
-def test_a_path_of_another_kind_is_named(tmp_path: Path) -> None:
+def test_a_path_of_another_kind_is_named(tmp_path):
     (tmp_path / "p.csv").write_text("rgb,x\n")
     with pytest.raises(RequestError, match=r"p\.csv: not a JSON file; name transforms\.json"):
         read("nerfstudio", tmp_path / "p.csv")
@@ -212,7 +212,7 @@ def test_a_path_of_another_kind_is_named(tmp_path: Path) -> None:
         read("nerfstudio", tmp_path / "nope.json")
 
 
-def test_files_outside_of_the_folder_are_refused(tmp_path: Path) -> None:
+def test_files_outside_of_the_folder_are_refused(tmp_path):
     folder = tmp_path / "scene"
     folder.mkdir()
     document = write(folder, walk())
@@ -226,7 +226,7 @@ def test_files_outside_of_the_folder_are_refused(tmp_path: Path) -> None:
     assert recording.trajectories["scene"].frames[0].rgb.name == "../secret.png"
 
 
-def test_frames_are_in_recording_order_whatever_their_order_in_the_file(tmp_path: Path) -> None:
+def test_frames_are_in_recording_order_whatever_their_order_in_the_file(tmp_path):
     scene = walk(12)
     document = write(tmp_path, scene, depth=False)
     for row, frame in enumerate(document["frames"]):
@@ -244,7 +244,7 @@ def test_frames_are_in_recording_order_whatever_their_order_in_the_file(tmp_path
 
 
 @pytest.mark.parametrize("key", ["timestamp", "time"])
-def test_times_decide_on_the_order_where_all_frames_state_one(tmp_path: Path, key: str) -> None:
+def test_times_decide_on_the_order_where_all_frames_state_one(tmp_path, key):
     scene = walk(4)
     document = write(tmp_path, scene, depth=False)
     for frame, time in zip(document["frames"], (0.5, 0.0, 1.0, 0.25), strict=True):

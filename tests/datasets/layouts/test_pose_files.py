@@ -12,6 +12,7 @@ from tests.datasets.helpers import kinds
 from tests.datasets.layouts import recordings
 from tests.datasets.layouts.checks import assert_found, only, read_with, reported
 from tests.datasets.layouts.recordings import Frame, drive, matrix_text, write_lines
+from tests.support.refusals import refused
 
 POSES = drive(0.1 * k for k in range(4))
 
@@ -30,7 +31,7 @@ def scan(tmp_path: Path) -> tuple[Path, list[Frame]]:
     return tmp_path / "scene0000_00", recordings.scannet(tmp_path / "scene0000_00", POSES)
 
 
-def test_each_sequence_is_a_trajectory(scene) -> None:
+def test_each_sequence_is_a_trajectory(scene):
     folder, frames = scene
     found = read_with("7scenes", folder)
     assert list(found.trajectories) == ["seq-01", "seq-02", "seq-03"]
@@ -40,23 +41,23 @@ def test_each_sequence_is_a_trajectory(scene) -> None:
     assert list(chosen.trajectories) == ["seq-02"]
 
 
-def test_a_split_names_its_sequences(scene, one_line) -> None:
+def test_a_split_names_its_sequences(scene):
     folder, _ = scene
     assert list(read_with("7scenes", folder, split="train").trajectories) == ["seq-01", "seq-03"]
     assert list(read_with("7scenes", folder, split="test").trajectories) == ["seq-02"]
     write_lines(folder / "TestSplit.txt", ["sequence2", "sequence9"])
     assert reported(read_with("7scenes", folder, split="test"), "missing sequence") == ["seq-09"]
-    with one_line("split=all", "train"):
+    with refused("split=all", "train"):
         read_with("7scenes", folder, split="all")
     write_lines(folder / "TestSplit.txt", ["all of them"])
-    with one_line("TestSplit.txt:1"):
+    with refused("TestSplit.txt:1"):
         read_with("7scenes", folder, split="test")
     (folder / "TestSplit.txt").unlink()
-    with one_line("TestSplit.txt"):
+    with refused("TestSplit.txt"):
         read_with("7scenes", folder, split="test")
 
 
-def test_one_sequence_is_read_alone(scene) -> None:
+def test_one_sequence_is_read_alone(scene):
     folder, frames = scene
     found = read_with("7scenes", folder / "seq-02")
     for frame in frames["seq-02"]:
@@ -66,7 +67,7 @@ def test_one_sequence_is_read_alone(scene) -> None:
     assert_found(only(found), frames["seq-02"])
 
 
-def test_7_scenes_has_two_cameras_and_no_known_gravity(scene) -> None:
+def test_7_scenes_has_two_cameras_and_no_known_gravity(scene):
     folder, _frames = scene
     for number in range(4):
         Image.new("RGB", (640, 480)).save(folder / f"seq-01/frame-{number:06d}.color.png")
@@ -94,7 +95,7 @@ BAD_POSES = {
 
 
 @pytest.mark.parametrize("text", BAD_POSES)
-def test_bad_poses_are_reported(scan, text: str) -> None:
+def test_bad_poses_are_reported(scan, text):
     folder, frames = scan
     (folder / "pose/1.txt").write_text(text)
     found = read_with("scannet", folder)
@@ -104,7 +105,7 @@ def test_bad_poses_are_reported(scan, text: str) -> None:
     assert BAD_POSES[text] in issue.detail
 
 
-def test_a_frame_without_pose_or_depth_or_rgb_is_reported(scan) -> None:
+def test_a_frame_without_pose_or_depth_or_rgb_is_reported(scan):
     folder, frames = scan
     (folder / "pose/0.txt").unlink()
     (folder / "depth/1.png").unlink()
@@ -115,7 +116,7 @@ def test_a_frame_without_pose_or_depth_or_rgb_is_reported(scan) -> None:
     assert [issue.file for issue in found.issues] == ["color/0.jpg", "color/1.jpg", "depth/2.png"]
 
 
-def test_poses_of_minus_infinity_are_frames_without_tracking(scan) -> None:
+def test_poses_of_minus_infinity_are_frames_without_tracking(scan):
     folder, frames = scan
     write_lines(folder / "pose/3.txt", matrix_text(np.full((4, 4), -np.inf)))
     found = read_with("scannet", folder)
@@ -124,7 +125,7 @@ def test_poses_of_minus_infinity_are_frames_without_tracking(scan) -> None:
     assert reported(found, "no pose") == ["pose/3.txt"]
 
 
-def test_scannet_has_the_exported_intrinsics(scan) -> None:
+def test_scannet_has_the_exported_intrinsics(scan):
     found = read_with("scannet", scan[0])
     camera, depth = found.camera, found.depth_camera
     assert (camera.fx, camera.fy, camera.cx, camera.cy) == (30, 31, 16, 12)
@@ -134,25 +135,25 @@ def test_scannet_has_the_exported_intrinsics(scan) -> None:
     assert found.issues == []
 
 
-def test_intrinsics_beside_the_folders_are_read(scan, one_line) -> None:
+def test_intrinsics_beside_the_folders_are_read(scan):
     folder, _frames = scan
     for kind in ("color", "depth"):
         (folder / f"intrinsic/intrinsic_{kind}.txt").rename(folder / f"intrinsics_{kind}.txt")
     assert read_with("scannet", folder).camera.fx == 30
     (folder / "intrinsics_depth.txt").unlink()
-    with one_line("intrinsic_depth.txt", "missing"):
+    with refused("intrinsic_depth.txt", "missing"):
         read_with("scannet", folder)
 
 
 @pytest.mark.parametrize("value", ["nan", "-30", "x"])
-def test_unusable_intrinsics_are_refused(scan, value: str, one_line) -> None:
+def test_unusable_intrinsics_are_refused(scan, value):
     path = scan[0] / "intrinsic/intrinsic_color.txt"
     path.write_text(path.read_text().replace("3.00000000e+01", value, 1))
-    with one_line("intrinsic_color.txt"):
+    with refused("intrinsic_color.txt"):
         read_with("scannet", scan[0])
 
 
-def test_an_extrinsic_that_is_not_the_identity_is_reported(scan) -> None:
+def test_an_extrinsic_that_is_not_the_identity_is_reported(scan):
     offset = np.eye(4)
     offset[0, 3] = 0.025
     write_lines(scan[0] / "intrinsic/extrinsic_color.txt", matrix_text(offset))
@@ -160,7 +161,7 @@ def test_an_extrinsic_that_is_not_the_identity_is_reported(scan) -> None:
     assert reported(found, "extrinsics ignored") == ["intrinsic/extrinsic_color.txt"]
 
 
-def test_images_of_a_repeated_number_are_reported(scan) -> None:
+def test_images_of_a_repeated_number_are_reported(scan):
     folder, _frames = scan
     recordings.write_rgb(folder / "color/00001.jpg", 77)
     found = read_with("scannet", folder)
@@ -168,11 +169,11 @@ def test_images_of_a_repeated_number_are_reported(scan) -> None:
     assert reported(found, "repeated image") == ["color/1.jpg"]
 
 
-def test_the_usual_size_of_depth_images_counts(scan, one_line) -> None:
+def test_the_usual_size_of_depth_images_counts(scan):
     folder, frames = scan
     Image.new("I;16", (9, 9)).save(folder / str(frames[0].depth))
     assert read_with("scannet", folder).depth_camera.width == 32
     for frame in frames:
         (folder / str(frame.depth)).write_bytes(b"")
-    with one_line("no depth image can be read"):
+    with refused("no depth image can be read"):
         read_with("scannet", folder)

@@ -11,6 +11,7 @@ from tests.datasets.helpers import kinds
 from tests.datasets.layouts import recordings
 from tests.datasets.layouts.checks import assert_found, only, read_with, reported
 from tests.datasets.layouts.recordings import Frame, drive, tum_pose
+from tests.support.refusals import refused
 
 TIMES = [1305031102.175304 + 0.1 * number for number in range(5)]
 OTHER_SIZE = {"intrinsics of another size": 1}
@@ -28,7 +29,7 @@ def edit(path: Path, change) -> None:
     path.write_text("\n".join(lines) + "\n")
 
 
-def test_depth_is_in_metres_with_z_up(recording) -> None:
+def test_depth_is_in_metres_with_z_up(recording):
     found = read_with("tum", recording[0])
     assert found.depth_scale == pytest.approx(1 / 5000)
     assert found.up == (0, 0, 1)
@@ -49,7 +50,7 @@ def test_depth_is_in_metres_with_z_up(recording) -> None:
         ("1305031102.5 1 2 x 0 0 0 1", "bad row"),
     ],
 )
-def test_unusable_poses_are_reported_with_their_line(recording, row: str, kind: str) -> None:
+def test_unusable_poses_are_reported_with_their_line(recording, row, kind):
     folder, frames = recording
     edit(folder / "groundtruth.txt", lambda lines: lines.append(row))
     found = read_with("tum", folder)
@@ -58,7 +59,7 @@ def test_unusable_poses_are_reported_with_their_line(recording, row: str, kind: 
     assert reported(found, kind) == ["groundtruth.txt:7"]
 
 
-def test_an_image_whose_pose_is_unusable_is_left_out(recording) -> None:
+def test_an_image_whose_pose_is_unusable_is_left_out(recording):
     folder, frames = recording
 
     def spoil(lines: list[str]) -> None:
@@ -75,18 +76,18 @@ def test_an_image_whose_pose_is_unusable_is_left_out(recording) -> None:
 
 
 @pytest.mark.parametrize(("offset", "count"), [(0.019, 5), (-0.019, 5), (0.021, 0)])
-def test_single_poses_count_within_20_ms(recording, offset: float, count: int, one_line) -> None:
+def test_single_poses_count_within_20_ms(recording, offset, count):
     folder, frames = recording
     rows = [f"{frame.time + offset:.6f} {tum_pose(frame.pose)}" for frame in frames]
     recordings.write_lines(folder / "groundtruth.txt", rows)
     if count:
         assert_found(only(read_with("tum", folder)), frames)
     else:
-        with one_line("no pose", "20 ms", "0.021 s"):
+        with refused("no pose", "20 ms", "0.021 s"):
             read_with("tum", folder)
 
 
-def test_an_image_without_depth_within_20_ms_is_reported(recording) -> None:
+def test_an_image_without_depth_within_20_ms_is_reported(recording):
     folder, frames = recording
     edit(folder / "depth.txt", lambda lines: lines.pop(3))
     found = read_with("tum", folder)
@@ -96,7 +97,7 @@ def test_an_image_without_depth_within_20_ms_is_reported(recording) -> None:
     assert "0.096 s" in issue.detail
 
 
-def test_one_depth_image_belongs_to_one_rgb_image(recording) -> None:
+def test_one_depth_image_belongs_to_one_rgb_image(recording):
     folder, frames = recording
     recordings.write_rgb(folder / "rgb/extra.png", 99)
     edit(folder / "rgb.txt", lambda lines: lines.append(f"{TIMES[4] + 0.010:.6f} rgb/extra.png"))
@@ -106,15 +107,13 @@ def test_one_depth_image_belongs_to_one_rgb_image(recording) -> None:
 
 
 @pytest.mark.parametrize("name", ["rgb.txt", "groundtruth.txt"])
-def test_a_list_that_is_missing_or_of_other_content_is_named(
-    recording, name: str, one_line
-) -> None:
+def test_a_list_that_is_missing_or_of_other_content_is_named(recording, name):
     (recording[0] / name).unlink()
-    with one_line(name):
+    with refused(name):
         read_with("tum", recording[0])
     for content in (b"# nothing\n", "1 rgb/a.png".encode("utf-16"), b"\0" * 99):
         (recording[0] / name).write_bytes(content)
-        with one_line(name):
+        with refused(name):
             read_with("tum", recording[0])
 
 
@@ -126,7 +125,7 @@ def test_a_list_that_is_missing_or_of_other_content_is_named(
         ("fr12", (525.0, 525.0, 319.5, 239.5)),
     ],
 )
-def test_the_calibration_follows_the_folder_name(tmp_path: Path, folder: str, camera) -> None:
+def test_the_calibration_follows_the_folder_name(tmp_path, folder, camera):
     path = tmp_path / folder
     frames = recordings.tum(path, drive([0.0]), TIMES[:1])
     Image.new("RGB", (640, 480), (9, 90, 200)).save(path / frames[0].rgb)
@@ -138,7 +137,7 @@ def test_the_calibration_follows_the_folder_name(tmp_path: Path, folder: str, ca
     assert found.issues == []
 
 
-def test_the_calibration_is_scaled_to_the_usual_size_of_images(recording, one_line) -> None:
+def test_the_calibration_is_scaled_to_the_usual_size_of_images(recording):
     folder, frames = recording
     Image.new("RGB", (64, 48)).save(folder / frames[0].rgb)
     (folder / frames[1].rgb).write_bytes(b"no image")
@@ -149,11 +148,11 @@ def test_the_calibration_is_scaled_to_the_usual_size_of_images(recording, one_li
     assert kinds(found) == OTHER_SIZE
     for frame in frames:
         (folder / frame.rgb).write_bytes(b"no image")
-    with one_line("no RGB image can be read"):
+    with refused("no RGB image can be read"):
         read_with("tum", folder)
 
 
-def test_option_camera_states_another(recording) -> None:
+def test_option_camera_states_another(recording):
     found = read_with("tum", recording[0], camera="30,31,15.5,11.5")
     camera = found.camera
     assert (camera.fx, camera.fy, camera.cx, camera.cy) == (30, 31, 16, 12)
@@ -163,15 +162,15 @@ def test_option_camera_states_another(recording) -> None:
     assert (scaled.fx, scaled.cx, scaled.width) == (30, 16, 32)
 
 
-def test_unusable_options_are_refused(recording, one_line) -> None:
+def test_unusable_options_are_refused(recording):
     for text in ("1,2,3", "a,b,c,d", "0,1,2,3", "nan,1,2,3", "1,1,1,1,0,2", ""):
-        with one_line("camera"):
+        with refused("camera"):
             read_with("tum", recording[0], camera=text)
-    with one_line("no option 'cam'", "camera"):
+    with refused("no option 'cam'", "camera"):
         read_with("tum", recording[0], cam="1")
 
 
-def test_colours_of_16_bits_are_told(recording) -> None:
+def test_colours_of_16_bits_are_told(recording):
     folder, frames = recording
     pixels = np.random.default_rng(0).integers(0, 65535, (24, 32, 3), dtype=np.uint16)
     assert cv2.imwrite(str(folder / frames[0].rgb), pixels)
