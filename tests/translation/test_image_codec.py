@@ -15,7 +15,7 @@ from s2rtools.translation.image_codec import (
     decode_compressed,
     decode_raw,
 )
-from s2rtools.translation.jpeg_header import read_jpeg_header
+from s2rtools.translation.jpeg_quality import jpeg_quality
 
 COLOURED = [name for name, channels in ENCODINGS.items() if channels.number > 1]
 GREY = [name for name, channels in ENCODINGS.items() if channels.number == 1]
@@ -81,11 +81,11 @@ def test_wrong_raw_images_are_named(layout, content, problem):
 @pytest.mark.parametrize("quality", [10, 50, 75, 95, 100])
 def test_jpeg_keeps_its_quality(quality):
     content = jpeg(smooth(48, 64), quality)
-    assert read_jpeg_header(content) == (48, 64, quality)
+    assert jpeg_quality(content) == quality
     rgb, image_format = decode_compressed(content)
-    assert read_jpeg_header(image_format.encode(rgb)).quality == quality
+    assert jpeg_quality(image_format.encode(rgb)) == quality
     _, other = decode_compressed(content, quality=60)
-    assert read_jpeg_header(other.encode(rgb)).quality == 60
+    assert jpeg_quality(other.encode(rgb)) == 60
 
 
 def test_compressed_colours_are_rgb_and_survive_within_the_loss_of_jpeg():

@@ -91,8 +91,10 @@ def check_integrity(content: bytes, header: ImageHeader) -> None:
         if next((kind for kind, _ in _png_chunks(content, check=True) if kind == b"IEND"), None):
             return
         raise ValueError("it ends before its end marker")
-    if header.format == "JPEG" and b"\xff\xd9" not in content[-64:]:
-        raise ValueError("it ends before its end marker")
+    if header.format == "JPEG":
+        scans = max(end for _, _, end in jpeg_segments(content))
+        if content.find(b"\xff\xd9", scans) < 0:
+            raise ValueError("it ends before its end marker")
     if header.format == "WebP" and len(content) < 8 + struct.unpack_from("<I", content, 4)[0]:
         raise ValueError("it ends before its end")
     if header.format == "PNM":

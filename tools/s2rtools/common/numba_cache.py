@@ -23,7 +23,6 @@ from numba import njit, prange
 __all__ = ["cached", "njit", "prange"]
 
 _FILES = (
-    "datasets/files/jpeg_entropy.py",
     "incremental_inference/base_pass.py",
     "incremental_inference/fused_update.py",
     "synthetic_world/raycaster.py",

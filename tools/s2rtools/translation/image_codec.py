@@ -14,12 +14,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.files.image_header import check_integrity, read_header
 from s2rtools.common.image_files import MAX_PIXELS
 from s2rtools.translation.image_set import Rgb
-from s2rtools.translation.jpeg_header import read_jpeg_header
+from s2rtools.translation.jpeg_quality import jpeg_quality
 
-_PNG = b"\x89PNG\r\n\x1a\n"
-_PNG_END = b"IEND"
+_SUFFIXES = {"PNG": ".png", "JPEG": ".jpg"}
 _SWAPPED = {3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGB}
 
 
@@ -130,18 +130,19 @@ def decode_compressed(
     `quality` is that of JPEG for encoding; None keeps that of the image. With `oriented`, a JPEG
     image is turned as its metadata state, which encoding leaves out. Raises UndecodableImageError.
     """
-    if content.startswith(_PNG):
-        suffix, found = ".png", 0
-        if len(content) < 24 or _PNG_END not in content[-16:]:
-            raise UndecodableImageError("a PNG image that is cut off")
-        height, width = (int.from_bytes(content[i : i + 4], "big") for i in (20, 16))
-    else:
-        suffix = ".jpg"
-        try:
-            height, width, found = read_jpeg_header(content)
-        except ValueError as error:
-            raise UndecodableImageError(f"{error}; JPEG and PNG are decoded") from error
-    _check_size(height, width)
+    try:
+        header = read_header(content)
+        if header.format not in _SUFFIXES:
+            raise ValueError(f"a {header.format} image")
+        _check_size(*header.size)
+        check_integrity(content, header)
+    except UndecodableImageError:
+        raise
+    except ValueError as error:
+        raise UndecodableImageError(f"{error}; JPEG and PNG are decoded") from error
+    suffix = _SUFFIXES[header.format]
+    if quality is None:
+        quality = jpeg_quality(content)
     # IMREAD_ANYCOLOR turns the image, and drops only the alpha channel, which JPEG has not.
     mode = cv2.IMREAD_ANYCOLOR if oriented and suffix == ".jpg" else cv2.IMREAD_UNCHANGED
     try:
@@ -155,7 +156,7 @@ def decode_compressed(
     grey = pixels.ndim == 2
     rgb = cv2.cvtColor(pixels, cv2.COLOR_GRAY2RGB if grey else _SWAPPED[pixels.shape[2]])
     alpha = pixels[..., 3] if not grey and pixels.shape[2] == 4 else None
-    return rgb, CompressedFormat(suffix, grey, found if quality is None else quality, alpha)
+    return rgb, CompressedFormat(suffix, grey, quality, alpha)
 
 
 def _pixels(rows: NDArray[np.uint8], layout: RawLayout, count: int) -> NDArray[np.uint8]:

@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.files.image_header import check_integrity, read_header
+from s2rstore.files.image_header import read_header
 from s2rstore.files.input_files import open_regular, read_bytes
 from s2rstore.records import Domain
 from s2rtools.common import image_files
 from s2rtools.common.frame_resizing import resized_depth, resized_rgb
-from s2rtools.datasets.files.jpeg_entropy import check_jpeg
 from s2rtools.datasets.scan import DecodedFrame, InputIssue, Scan, SourceImages
 from s2rtools.datasets.writing.source_arrays import is_storable
 
@@ -209,9 +208,7 @@ def decode_image(
     if header.size not in (size, size[::-1]):
         return _wrong_size(name, header.size, size)
     try:
-        check_integrity(content, header)
-        if header.format == "JPEG":
-            check_jpeg(content)
+        content = image_files.whole_image(content, header)
     except ValueError as error:
         kind = "truncated image" if "before its" in str(error) else "damaged image"
         return InputIssue(kind, name, str(error))

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.files.image_header import check_integrity, read_header
+from s2rstore.files.image_header import read_header
 from s2rstore.files.input_files import read_bytes
-from s2rtools.common.image_files import MAX_PIXELS
-from s2rtools.datasets.files.jpeg_entropy import check_jpeg
+from s2rtools.common.image_files import MAX_PIXELS, whole_image
 
 _MAX_BYTES = 256 << 20
 _MAX_ASPECT_RATIO = 50
@@ -39,9 +38,7 @@ def read_floor_plan(path: Path) -> NDArray[Any] | None:
             "the shorter"
         )
     try:
-        check_integrity(content, header)
-        if header.format == "JPEG":
-            check_jpeg(content)
-        return cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+        whole = np.frombuffer(whole_image(content, header), np.uint8)
+        return cv2.imdecode(whole, cv2.IMREAD_COLOR)
     except (ValueError, cv2.error):
         return None
