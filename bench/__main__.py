@@ -25,6 +25,7 @@ from bench import (
     harm,
     harm_cost,
     inference,
+    intervals,
     live_prediction,
     map_grids,
     occlusion_speed,
@@ -61,7 +62,7 @@ _MEASUREMENTS = (
     "harm_cost",
     "end_to_end",
 )
-_ON_REQUEST = ("harm", "suggest", "collect")
+_ON_REQUEST = ("harm", "suggest", "collect", "intervals")
 """Measurements of more than ten minutes, which run only where --only names them."""
 
 
@@ -87,6 +88,10 @@ def main() -> int:
         "--seeds", type=int,
         help=f"seeds of collect (default {collect.SEEDS}), worlds of each factor for suggest "
         f"(default {suggest.SEEDS})",
+    )  # fmt: skip
+    parser.add_argument(
+        "--repeats", type=int, default=intervals.REPEATS,
+        help="simulated series of each row of intervals (default %(default)s)",
     )  # fmt: skip
     parser.add_argument("--threads", type=int, default=os.cpu_count() or 1)
     options = parser.parse_args()
@@ -143,6 +148,8 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
         yield from harm.figures(folder)
     if "collect" in selected:
         yield from collect.figures(options.seeds or collect.SEEDS)
+    if "intervals" in selected:
+        yield from intervals.figures(options.repeats)
     if "suggest" in selected:
         yield from suggest.figures(options.seeds or suggest.SEEDS)
     if "end_to_end" in selected:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
 from statistics import median
 from typing import Any, Literal
 
@@ -13,7 +13,7 @@ from typing import Any, Literal
 class BudgetRow:
     """One row of the bench; `budget` None marks a reference row without a limit.
 
-    `sense` is the side of the budget on which a value passes.
+    `sense` is the side of the budget on which a value passes; `details` are further figures.
     """
 
     name: str
@@ -21,6 +21,7 @@ class BudgetRow:
     unit: str
     budget: float | None = None
     sense: Literal["at most", "at least"] = "at most"
+    details: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def ok(self) -> bool:
@@ -31,7 +32,8 @@ class BudgetRow:
     def as_json(self) -> dict[str, Any]:
         values = asdict(self)
         values.pop("sense")
-        return {**values, "value": float(f"{self.value:.4g}"), "ok": self.ok}
+        details = values.pop("details")
+        return {**values, **details, "value": float(f"{self.value:.4g}"), "ok": self.ok}
 
 
 def seconds(work: Callable[[], Any], times: int = 5) -> float:

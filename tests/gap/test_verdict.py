@@ -63,23 +63,18 @@ def test_the_worst_axis_is_the_headline() -> None:
     assert [result.axis for result in verdict.axes] == ["task", "visual"]
 
 
-def test_the_maximum_is_taken_per_replicate() -> None:
-    """With four equal axes, the upper bound of the worst is above that of each axis."""
-    names = ("a", "bb", "ccc", "dddd")
-    verdict = judge(
-        measurement_of(*(axis_result(name, 0.2, 0.02) for name in names)), scale(*names), SETTINGS
-    )
-    assert verdict.gap.high >= max(result.gap.high for result in verdict.axes)
-    assert np.allclose(
-        verdict.gap.high,
-        np.percentile(np.max([result.replicates for result in verdict.axes], axis=0), 97.5),
-    )
+def test_one_axis_above_the_threshold_fails_and_is_named() -> None:
+    """The axis with the largest G has a wide interval and does not decide."""
+    axes = (axis_result("task", 0.9, spread=0.6), axis_result("visual", 0.6), axis_result("c", 0.1))
+    verdict = judge(measurement_of(*axes), scale("task", "visual", "c"), SETTINGS)
+    assert (verdict.outcome, verdict.worst) == ("FAIL", "task")
+    assert verdict.reason.startswith("visual known to be above the threshold of 15")
 
 
 def test_an_interval_across_the_threshold_is_inconclusive() -> None:
     verdict = judge(measurement_of(axis_result("task", 0.25, spread=0.2)), scale("task"), SETTINGS)
     assert verdict.outcome == "INCONCLUSIVE"
-    assert "contains the threshold" in verdict.reason
+    assert verdict.reason == "task not known to be below the threshold of 15"
 
 
 def test_shared_deviations_of_value_and_floor_cancel() -> None:

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Literal, get_args
 
 from s2rstore.errors import CheckFailedError, InconclusiveError, RequestError
+from s2rstore.intervals.verdict import Outcome
 from s2rstore.metrics.bootstrap import Interval
 
-Outcome = Literal["PASS", "FAIL", "INCONCLUSIVE"]
 AxisStatus = Outcome | Literal["SKIPPED"]
 NightStatus = AxisStatus | Literal["ERROR"]
 

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.files.input_files import read_json
-from s2rstore.gap_history.gate_status import Outcome, outcome_of
+from s2rstore.gap_history.gate_status import outcome_of
+from s2rstore.intervals.verdict import Outcome
 from s2rstore.metrics.bootstrap import (
     Blocks,
     Interval,

@@ -1,10 +1,9 @@
-"""Verdict of the gate: G of every axis, and the outcome for the worst axis.
+"""Verdict of the gate: G of every axis, and whether all of them lie below the threshold.
 
 G = 100 (m - floor) / (anchor - floor) puts all axes on one scale: 0 is no gap, 100 the declared bad
 state. The numerator is measured, with m and floor from the same resamples; the denominator is that
 of the frozen reference, so that G changes only with the gap. The headline is the axis with the
-largest G. Its interval uses the maximum over the axes within each replicate, because the maximum of
-several noisy values is larger than each of them.
+largest G. Each axis is tested by its own interval (`s2rstore.intervals.verdict.judge`).
 """
 
 from __future__ import annotations
@@ -12,10 +11,9 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-import numpy as np
-
 from s2rstore.errors import RequestError
-from s2rstore.gap_history.gate_status import Outcome, outcome_of
+from s2rstore.intervals import verdict
+from s2rstore.intervals.verdict import Outcome
 from s2rstore.metrics.bootstrap import Interval, percentile_interval
 from s2rtools.gap import defaults
 from s2rtools.gap.axis_result import AxisResult, Floats, GapSettings
@@ -25,9 +23,9 @@ from s2rtools.gap.measure import Measurement
 _HASH = re.compile("[0-9a-f]{64}")
 NOTHING = Interval.unknown()
 _REASONS: dict[Outcome, str] = {
-    "PASS": "the whole interval is below the threshold of {:g}",
-    "FAIL": "the whole interval is above the threshold of {:g}",
-    "INCONCLUSIVE": "the interval contains the threshold of {:g}",
+    "PASS": "every axis is known to be below the threshold of {:g}",
+    "FAIL": "{axes} known to be above the threshold of {:g}, corrected for the number of axes",
+    "INCONCLUSIVE": "{axes} not known to be below the threshold of {:g}",
 }
 
 
@@ -38,6 +36,10 @@ class AxisGap:
     axis: str
     gap: Interval
     replicates: Floats
+
+    def bounds(self, level: float) -> Interval:
+        """The interval at a level."""
+        return percentile_interval(self.gap.value, self.replicates, level)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +60,7 @@ def judge(
     settings: GapSettings,
     threshold: float = defaults.THRESHOLD,
 ) -> Verdict:
-    """PASS where the interval is below the threshold, FAIL where it is above.
+    """PASS where all axes are below the threshold, FAIL where any is above, each by its interval.
 
     An axis with too little evidence makes the verdict INCONCLUSIVE unless another axis fails.
     Raises RequestError where the reference does not fit the measurement.
@@ -67,16 +69,16 @@ def judge(
     if not gaps:
         return Verdict("INCONCLUSIVE", threshold, None, NOTHING, (), "; ".join(inconclusive))
     worst = max(gaps, key=lambda each: each.gap.value)
-    largest = np.max([each.replicates for each in gaps], axis=0)
-    gap = percentile_interval(worst.gap.value, largest, settings.level)
-    outcome = outcome_of(gap, threshold)
-    reason = _REASONS[outcome].format(threshold)
+    quantities = {each.axis: each.bounds for each in gaps}
+    found = verdict.judge(quantities, dict.fromkeys(quantities, threshold), settings.level)
+    outcome = found.outcome
+    reason = _REASONS[outcome].format(threshold, axes=", ".join(found.deciding))
     unjudged_axes = [axis for axis in measurement.measured if axis not in reference.axes]
     if unjudged_axes:
         reason += f"; measured but not judged by this reference: {', '.join(unjudged_axes)}"
     if inconclusive and outcome == "PASS":
         outcome, reason = "INCONCLUSIVE", "; ".join(inconclusive)
-    return Verdict(outcome, threshold, worst.axis, gap, tuple(gaps), reason)
+    return Verdict(outcome, threshold, worst.axis, worst.gap, tuple(gaps), reason)
 
 
 def _gaps(

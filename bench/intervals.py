@@ -1,0 +1,170 @@
+"""Coverage and width of every interval of `s2rstore.intervals`, on simulated errors of known truth.
+
+A row is one quantity on one process: its coverage at nominal 95 % where an interval is printed, the
+share of refusals, the share of bounds that are infinite, and the median width, for a mean in the
+widths of the interval of as many independent values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.budget import BudgetRow
+from bench.simulated_errors import Floats, Process
+from s2rstore import intervals
+from s2rstore.intervals import Interval
+
+REPEATS = 1000
+LIMIT = 0.93
+"""Least coverage at nominal 95 %."""
+_GROUPS = 8
+Codes = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Coverage:
+    """Result of one quantity on one process; `coverage` and `width` are NaN where all are refused.
+
+    relative_width: median width in widths of the interval of n independent values; means alone.
+    """
+
+    quantity: str
+    errors: str
+    n: int
+    rho: float
+    trajectories: int
+    icc: float
+    coverage: float
+    refused: float
+    open: float
+    width: float
+    relative_width: float
+
+
+Measured = Callable[[Process, np.random.Generator, int], Iterator[tuple[Interval, float, float]]]
+"""Yields an interval, the truth, and the width for independent values (NaN for none)."""
+
+
+def _of_values(
+    estimate: Callable[[Process, Floats], Interval], truth: Callable[[Process], float]
+) -> Measured:
+    def measured(
+        process: Process, rng: np.random.Generator, repeats: int
+    ) -> Iterator[tuple[Interval, float, float]]:
+        true = truth(process)
+        for values in process.draw(rng, repeats):
+            plain = 2 * 1.96 * values.std(ddof=1) / np.sqrt(process.n)
+            yield estimate(process, values), true, plain
+
+    return measured
+
+
+def _of_pairs(
+    estimate: Callable[[Process, Floats, Floats], Interval], truth: Callable[[Process], float]
+) -> Measured:
+    """Two series of equal distribution that share half of their latent variance."""
+
+    def measured(
+        process: Process, rng: np.random.Generator, repeats: int
+    ) -> Iterator[tuple[Interval, float, float]]:
+        true = truth(process)
+        shared, one, two = (process.latent(rng, repeats) for _ in range(3))
+        for a, b in zip((shared + one) / np.sqrt(2), (shared + two) / np.sqrt(2), strict=True):
+            yield estimate(process, process.values(a), process.values(b)), true, np.nan
+
+    return measured
+
+
+def _limit(process: Process) -> float:
+    return process.quantile(0.85)
+
+
+def _worst_group(process: Process, values: Floats) -> Interval:
+    """The largest difference of a group of neighbours from all others; every true one is 0."""
+    level = intervals.simultaneous_level(_GROUPS)
+    groups = np.arange(process.n) * _GROUPS // process.n
+    found = []
+    for group in range(_GROUPS):
+        inside = groups == group
+        parts = (
+            intervals.median(values[rows], process.codes[rows], level=level)
+            for rows in (inside, ~inside)
+        )
+        found.append(intervals.difference_of(*parts))
+    return max(found, key=lambda interval: np.nan_to_num(interval.low, nan=-np.inf))
+
+
+QUANTITIES: dict[str, Measured] = {
+    "mean": _of_values(lambda p, y: intervals.mean(y, p.codes), Process.mean),
+    "median": _of_values(lambda p, y: intervals.median(y, p.codes), lambda p: p.quantile(0.5)),
+    "quantile .9": _of_values(
+        lambda p, y: intervals.quantile(y, 0.9, p.codes), lambda p: p.quantile(0.9)
+    ),
+    "proportion": _of_values(
+        lambda p, y: intervals.proportion(y <= _limit(p), p.codes, errors=y),
+        lambda p: p.share_below(_limit(p)),
+    ),
+    "proportion without errors": _of_values(
+        lambda p, y: intervals.proportion(y <= _limit(p), p.codes),
+        lambda p: p.share_below(_limit(p)),
+    ),
+    "paired difference": _of_pairs(
+        lambda p, a, b: intervals.paired_difference(a - b, p.codes), lambda p: 0.0
+    ),
+    "median of paired differences": _of_pairs(
+        lambda p, a, b: intervals.median(a - b, p.codes), lambda p: 0.0
+    ),
+    "rank correlation": _of_pairs(
+        lambda p, a, b: intervals.spearman(a, b, p.codes),
+        lambda p: 6 / np.pi * float(np.arcsin(0.25)),
+    ),
+    "worst of 8 groups": _of_values(_worst_group, lambda p: 0.0),
+}
+
+
+def processes() -> list[Process]:
+    """One trajectory of 9 to 400 instances, and 3 to 12 trajectories with levels of their own."""
+    errors, rhos = ("lognormal", "bursts", "normal"), (0.0, 0.3, 0.6, 0.8)
+    single = [
+        Process(kind, n, rho) for kind, n, rho in product(errors, (9, 25, 49, 100, 196, 400), rhos)
+    ]
+    several = [
+        Process(kind, n, rho, count, icc)
+        for kind, (n, count), rho, icc in product(
+            errors, ((100, 3), (200, 6), (240, 12)), rhos, (0.0, 0.2, 0.4)
+        )
+    ]
+    return single + several
+
+
+def coverage(quantity: str, process: Process, repeats: int = REPEATS, seed: int = 1) -> Coverage:
+    """Measure one quantity on one process."""
+    rng = np.random.default_rng(seed)
+    found = list(QUANTITIES[quantity](process, rng, repeats))
+    known = [(interval, truth, plain) for interval, truth, plain in found if interval.is_known]
+    hits = [interval.low <= truth <= interval.high for interval, truth, _ in known]
+    widths = np.array([interval.high - interval.low for interval, _, _ in known])
+    plain = np.array([width for _, _, width in known])
+    return Coverage(
+        quantity,
+        **asdict(process),
+        coverage=float(np.mean(hits)) if hits else np.nan,
+        refused=1 - len(known) / repeats,
+        open=float(np.isinf(widths).mean()) if known else np.nan,
+        width=float(np.median(widths)) if known else np.nan,
+        relative_width=float(np.median(widths) / plain.mean()) if known else np.nan,
+    )  # fmt: skip
+
+
+def figures(repeats: int) -> Iterator[BudgetRow]:
+    """Coverage of every quantity on every process where an interval is printed."""
+    for quantity, process in product(QUANTITIES, processes()):
+        found = coverage(quantity, process, repeats)
+        if found.refused < 1:
+            name = f"{quantity}: {process}"
+            yield BudgetRow(name, found.coverage, "coverage", LIMIT, "at least", asdict(found))

@@ -1,0 +1,65 @@
+"""Confidence intervals under dependence, the only ones of the project.
+
+`intervals.mean(values, trajectories)` and its relatives return an `Interval`: an estimate with
+bounds, or with the reason why it has none.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from s2rstore.intervals.interval import (
+    LEVEL,
+    LEVEL_TEXT,
+    MIN_MEAN,
+    MIN_MEDIAN,
+    MIN_SHARE,
+    Bound,
+    Interval,
+    Sample,
+    difference_of,
+    simultaneous_level,
+)
+
+if TYPE_CHECKING:
+    from s2rstore.intervals.estimates import (
+        geometric_mean,
+        linear,
+        mean,
+        median,
+        paired_difference,
+        proportion,
+        quantile,
+        ranked_quantile,
+        spearman,
+    )
+
+__all__ = [
+    "LEVEL",
+    "LEVEL_TEXT",
+    "MIN_MEAN",
+    "MIN_MEDIAN",
+    "MIN_SHARE",
+    "Bound",
+    "Interval",
+    "Sample",
+    "difference_of",
+    "geometric_mean",
+    "linear",
+    "mean",
+    "median",
+    "paired_difference",
+    "proportion",
+    "quantile",
+    "ranked_quantile",
+    "simultaneous_level",
+    "spearman",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import the estimates, which load SciPy, when the first one is used."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module("s2rstore.intervals.estimates"), name)

@@ -1,0 +1,170 @@
+"""Confidence intervals as values: an estimate with its bounds, or the reason why it has none."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from statistics import NormalDist
+
+LEVEL = 0.95
+LEVEL_TEXT = f"{100 * LEVEL:g} %"
+
+MIN_MEAN = 49
+"""Fewest values of an interval of a mean: a rare failure among fewer is not seen."""
+MIN_MEDIAN = 25
+MIN_SHARE = 9
+"""Fewest values of an interval of a proportion or a rank correlation."""
+
+
+class Bound(float):
+    """A bound of an interval, in texts with a `<` or `>` where the interval goes beyond all values.
+
+    JSON, CSV and arithmetic have the number alone.
+    """
+
+    __slots__ = ("mark",)
+    mark: str
+
+    def __new__(cls, value: float, mark: str = "") -> Bound:
+        bound = super().__new__(cls, value)
+        bound.mark = mark
+        return bound
+
+    def __format__(self, spec: str) -> str:
+        return self.mark + super().__format__(spec)
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """What an estimate rests on.
+
+    n: number of values. effective_n: number of independent values that would be as informative.
+    trajectories: number of trajectories the values are from.
+    """
+
+    n: int
+    effective_n: float
+    trajectories: int
+
+    @property
+    def text(self) -> str:
+        """`n 100, about 31 independent`."""
+        dependent = round(self.effective_n) < self.n
+        about = f", about {self.effective_n:.0f} independent" if dependent else ""
+        return f"n {self.n}{about}"
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """An estimate with the bounds of its confidence interval at `level`.
+
+    low, high: NaN where no interval is known, for a `reason`; infinite where the data bound the
+    estimate on one side only. ends: the smallest and the largest value, which are drawn and
+    printed in place of infinite bounds.
+    """
+
+    low: float
+    value: float
+    high: float
+    level: float = LEVEL
+    reason: str = ""
+    ends: tuple[float, float] | None = None
+    sample: Sample | None = None
+
+    @classmethod
+    def unknown(cls, value: float = math.nan, reason: str = "") -> Interval:
+        """An estimate without bounds."""
+        return cls(math.nan, value, math.nan, reason=reason)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the interval has bounds; one of them may be infinite."""
+        return not (math.isnan(self.low) or math.isnan(self.high))
+
+    @property
+    def text(self) -> str:
+        """What the estimate rests on, as in `Sample.text`; empty where it is not known."""
+        return "" if self.sample is None else self.sample.text
+
+    def at_level(self, level: float) -> Interval:
+        """The interval at another level, if the estimate varies as a normal one does."""
+        quantiles = (NormalDist().inv_cdf((1 + each) / 2) for each in (level, self.level))
+        scale = next(quantiles) / next(quantiles)
+        below, above = self.value - self.low, self.high - self.value
+        return replace(
+            self, low=self.value - scale * below, high=self.value + scale * above, level=level
+        )
+
+    @property
+    def excludes_zero(self) -> bool:
+        return self.is_positive or self.is_negative
+
+    @property
+    def is_positive(self) -> bool:
+        """Whether the quantity is known to exceed zero."""
+        return self.low > 0
+
+    @property
+    def is_negative(self) -> bool:
+        """Whether the quantity is known to be below zero."""
+        return self.high < 0
+
+    @property
+    def bounds(self) -> tuple[Bound, Bound]:
+        """Both bounds as finite numbers, marked in texts where infinite: `<1.2`, `>9.3`."""
+        first, last = self.ends or (self.value, self.value)
+        low = Bound(first, "<") if math.isinf(self.low) else Bound(self.low)
+        high = Bound(last, ">") if math.isinf(self.high) else Bound(self.high)
+        return low, high
+
+    def bound_texts(self, number: Callable[[float], str]) -> tuple[str, str]:
+        """Both bounds by `number`, marked as in `bounds`."""
+        low, high = self.bounds
+        return low.mark + number(float(low)), high.mark + number(float(high))
+
+    def scaled(self, factor: float, shift: float = 0.0) -> Interval:
+        """The interval of (quantity + `shift`) * `factor`, which is positive."""
+        ends = self.ends and ((self.ends[0] + shift) * factor, (self.ends[1] + shift) * factor)
+        low, value, high = ((x + shift) * factor for x in (self.low, self.value, self.high))
+        return replace(self, low=low, value=value, high=high, ends=ends)
+
+    def at_least(self, least: float) -> Interval:
+        """The interval of max(quantity, `least`)."""
+        low, value, high = (
+            x if math.isnan(x) else max(x, least) for x in (self.low, self.value, self.high)
+        )
+        return replace(self, low=low, value=value, high=high)
+
+    def clipped(self, low: float, high: float) -> Interval:
+        """The interval with its bounds inside the range that the quantity can have."""
+        return replace(self, low=_clip(self.low, low, high), high=_clip(self.high, low, high))
+
+
+def _clip(bound: float, low: float, high: float) -> float:
+    return bound if math.isnan(bound) else min(max(bound, low), high)
+
+
+def simultaneous_level(comparisons: int, level: float = LEVEL) -> float:
+    """Level at which each of several intervals holds so that all hold at once with `level`.
+
+    Bonferroni's correction: 1 - (1 - level) / comparisons.
+    """
+    return 1 - (1 - level) / max(1, comparisons)
+
+
+def difference_of(first: Interval, second: Interval) -> Interval:
+    """`first` minus `second`, two independent estimates, from their intervals of one level.
+
+    The distances from the estimates to the bounds add in squares. Source: Zou and Donner,
+    "Construction of confidence limits about effect measures", Statistics in Medicine 27, 2008.
+    """
+    value = first.value - second.value
+    low = value - math.hypot(first.value - first.low, second.high - second.value)
+    high = value + math.hypot(first.high - first.value, second.value - second.low)
+    ends = None
+    if math.isinf(low) or math.isinf(high):
+        (a, b), (c, d) = (tuple(map(float, part.bounds)) for part in (first, second))
+        ends = (value - math.hypot(first.value - a, d - second.value),
+                value + math.hypot(b - first.value, second.value - c))  # fmt: skip
+    return Interval(low, value, high, first.level, first.reason or second.reason, ends)
