@@ -29,8 +29,8 @@ def test_an_instance_without_frames_shows_its_numbers(
     assert main(["show", str(store_without_frames), "instance", "--iid", "5", "--json"]) == 0
     rows = {row["what"]: row for row in json.loads(capsys.readouterr().out)}
     with s2rstore.open(store_without_frames) as store:
-        assert rows["truth"]["x"] == pytest.approx(float(store.instances.x[5]))
-        assert rows["real"]["error"] == pytest.approx(
+        assert rows["truth"]["x_m"] == pytest.approx(float(store.instances.x[5]))
+        assert rows["real"]["error_m"] == pytest.approx(
             float(store.run_columns("vanilla").real.error[5])
         )
     assert rows["real frames"]["note"] == "none of real in this store"

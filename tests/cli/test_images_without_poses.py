@@ -16,7 +16,7 @@ def images(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(image_folders.image_store(tmp_path_factory.mktemp("images")))
 
 
-NEW_CSV = ("--format", "csv", "--column-names", "new")
+CSV = ("--format", "csv")
 
 
 def output(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[str]:
@@ -25,7 +25,7 @@ def output(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[str]:
 
 
 def test_query_lists_images(images: str, capsys: pytest.CaptureFixture[str]) -> None:
-    rows = output(capsys, "query", images, "traj:real_night & seq < 2", *NEW_CSV)
+    rows = output(capsys, "query", images, "traj:real_night & seq < 2", *CSV)
     assert rows == ["iid,trajectory,seq,timestamp_s", "4,real_night,0,", "5,real_night,1,"]
     assert output(capsys, "query", images, "traj:sim_loop", "--count") == ["5"]
     columns = output(

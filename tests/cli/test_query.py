@@ -41,7 +41,7 @@ def query(store: Path, capsys, *arguments: str) -> str:
 
 
 def test_plain_output_contains_only_rows(tiny_store: Path, capsys) -> None:
-    arguments = ("ids(2..4)", "--format", "csv", "--column-names", "new")
+    arguments = ("ids(2..4)", "--format", "csv")
     lines = query(tiny_store, capsys, *arguments).splitlines()
     assert lines[0] == DEFAULT_HEADER
     assert [line.split(",")[0] for line in lines[1:]] == ["2", "3", "4"]
@@ -193,7 +193,7 @@ def test_expressions_of_the_ground_truth_work(
     store: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     capsys.readouterr()
-    assert main(["query", str(store), "all", "--format", "csv", "--column-names", "new"]) == 0
+    assert main(["query", str(store), "all", "--format", "csv"]) == 0
     rows = list(csv.DictReader(capsys.readouterr().out.splitlines()))
     assert len(rows) == 12
     assert list(rows[0]) == ["iid", "trajectory", "seq", "x_m", "y_m", "heading_deg", "room"]

@@ -38,7 +38,7 @@ def by_kind(report: FindingReport) -> dict[str, Finding]:
 
 def real_errors(store: Store) -> pd.DataFrame:
     """Real errors in metres per instance, a column per run, NaN where it was trained on."""
-    rows = store.execute("SELECT iid, run, room, real_error, sim_split FROM pair")
+    rows = store.execute("SELECT iid, run, room, real_error_m, sim_split FROM pair")
     table = pd.DataFrame(rows, columns=["iid", "run", "room", "error", "split"])
     table.loc[table.split == "train", "error"] = np.nan
     return table.pivot_table("error", ["iid", "room"], "run", dropna=False).dropna(how="all")
@@ -332,9 +332,10 @@ def test_drift_dates_a_measurement_by_the_night_that_made_it(plain: Path, monkey
 
 def pairs(store: Store, run: str) -> pd.DataFrame:
     """The new instances of a run as stored, with their groups computed by pandas."""
+    columns = "iid, room, trajectory, heading_rad, curvature_deg, sim_error_m, real_error_m"
     names = ("iid", "room", "trajectory", "heading", "curvature", "sim_error", "real_error")
     rows = store.execute(
-        f"SELECT {', '.join(names)} FROM pair WHERE run = ? AND sim_split NOT IN "
+        f"SELECT {columns} FROM pair WHERE run = ? AND sim_split NOT IN "
         "('train', 'validation') AND real_split NOT IN ('train', 'validation')", [run],
     )  # fmt: skip
     table = pd.DataFrame(rows, columns=list(names))
