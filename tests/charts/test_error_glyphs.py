@@ -21,17 +21,8 @@ def one_point(sim: tuple[float, float], real: tuple[float, float], y_down: bool 
     """One instance in the middle of the map with these error vectors."""
     truth = np.array([[10.0, 5.0]])
     all_true = np.ones(1, dtype=np.bool_)
-    return MapInput(
-        truth,
-        truth + sim,
-        truth + real,
-        np.zeros(1),
-        all_true,
-        all_true,
-        BOUNDS,
-        mode="glyph",
-        y_down=y_down,
-    )
+    columns = (truth, truth + sim, truth + real, np.zeros(1), all_true, all_true)
+    return MapInput(*columns, BOUNDS, mode="glyph", y_down=y_down)
 
 
 def many_points(count: int) -> MapInput:
@@ -40,16 +31,9 @@ def many_points(count: int) -> MapInput:
     errors = random.normal(0, 1, (2, count, 2))
     real = truth + errors[1]
     real[::7] = np.nan
-    return MapInput(
-        truth,
-        truth + errors[0],
-        real,
-        np.zeros(count),
-        random.random(count) < 0.6,
-        random.random(count) < 0.9,
-        BOUNDS,
-        mode="glyph",
-    )
+    selected, valid = random.random(count) < 0.6, random.random(count) < 0.9
+    columns = (truth, truth + errors[0], real, np.zeros(count), selected, valid)
+    return MapInput(*columns, BOUNDS, mode="glyph")
 
 
 def test_blocks_show_the_mean_errors_of_selected_instances() -> None:
@@ -83,16 +67,13 @@ def test_few_instances_are_drawn_at_their_truth_and_merged_when_close() -> None:
     assert canvas.char[row, column + layout.x] == "2"
 
 
-def test_arcs_grow_with_the_error_within_limits() -> None:
+def test_arcs_grow_with_the_error_within_limits_and_point_as_the_map() -> None:
     vectors = np.array([[0.0, 0.0], [5.0, 0.0], [10.0, 0.0], [40.0, 0.0], [np.nan, 0.0]])
     degrees = arc_degrees(vectors, 10.0)
     assert degrees[:4].tolist() == [20.0, 90.0, 180.0, 180.0]
     assert np.isnan(degrees[4])
-
-
-@pytest.mark.parametrize(("y_down", "turn"), [(True, np.pi / 2), (False, -np.pi / 2)])
-def test_arc_directions_follow_the_map(y_down: bool, turn: float) -> None:
-    assert arc_turns(np.array([[0.0, 2.0]]), y_down)[0] == pytest.approx(turn)
+    for y_down, turn in ((True, np.pi / 2), (False, -np.pi / 2)):
+        assert arc_turns(np.array([[0.0, 2.0]]), y_down)[0] == pytest.approx(turn)
 
 
 def test_full_scale_is_the_99th_percentile_of_valid_errors() -> None:

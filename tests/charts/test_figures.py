@@ -43,30 +43,32 @@ from tests.charts.examples import (
 from tests.support.suggestions import suggestions_input
 
 Draw = Callable[[tuple[int, int], Theme], bytes]
+
+
+def drawing(figure: Callable[..., bytes], data: object, *texts: str) -> Draw:
+    return lambda size, theme: figure(data, size, theme, *texts)
+
+
 FIGURES: dict[str, Draw] = {
     "overview": lambda size, theme: overview_figure(ROWS, 0.72, size, theme, selected=1),
     "overview lines": lambda size, theme: overview_figure(
         ROWS, 0.72, size, theme, lines=overview_lines()
     ),
-    "map": lambda size, theme: map_figure(map_input(), size, theme, "vanilla", "worst15"),
-    "full map": lambda size, theme: map_figure(map_input(mode="full"), size, theme),
-    "glyph map": lambda size, theme: map_figure(
-        map_input(mode="glyph", clip=np.eye(5)), size, theme
-    ),
+    "map": drawing(map_figure, map_input(), "vanilla", "worst15"),
+    "full map": drawing(map_figure, map_input(mode="full")),
+    "glyph map": drawing(map_figure, map_input(mode="glyph", clip=np.eye(5))),
     "compare": lambda size, theme: compare_figure(
         (map_input(heat=None), map_input(heat=None)), compare_input(), size, theme
     ),
-    "instance": lambda size, theme: instance_figure(instance_input(), size, theme, "vanilla"),
-    "umap": lambda size, theme: umap_figure(umap_input(), size, theme),
-    "orientation": lambda size, theme: orientation_figure(orientation_input(), size, theme),
-    "rooms": lambda size, theme: rooms_figure(rooms_input(), size, theme),
-    "scatter": lambda size, theme: scatter_figure(scatter_input(cursor=5), size, theme),
-    "groups": lambda size, theme: groups_figure(groups_input(), size, theme, "vanilla"),
-    "findings": lambda size, theme: findings_figure(finding_report(), size, theme, "vanilla"),
-    "suggestions": lambda size, theme: suggestions_figure(
-        suggestions_input().directions, size, theme, "vanilla"
-    ),
-    "errors": lambda size, theme: errors_figure(errors_input(cursor=5), size, theme),
+    "instance": drawing(instance_figure, instance_input(), "vanilla"),
+    "umap": drawing(umap_figure, umap_input()),
+    "orientation": drawing(orientation_figure, orientation_input()),
+    "rooms": drawing(rooms_figure, rooms_input()),
+    "scatter": drawing(scatter_figure, scatter_input(cursor=5)),
+    "groups": drawing(groups_figure, groups_input(), "vanilla"),
+    "findings": drawing(findings_figure, finding_report(), "vanilla"),
+    "suggestions": drawing(suggestions_figure, suggestions_input().directions, "vanilla"),
+    "errors": drawing(errors_figure, errors_input(cursor=5)),
 }
 
 
@@ -83,22 +85,22 @@ def decode(data: bytes) -> Image.Image:
 
 
 def test_empty_selections_and_missing_values_can_be_drawn() -> None:
-    none_selected = np.zeros(60, dtype=np.bool_)
-    view = map_input(selected=none_selected, cursor=None, heat=None, floor_plan=None, rooms=())
-    assert decode(map_figure(view, (300, 200))).size == (300, 200)
+    nobody, no_points = np.zeros(60, dtype=np.bool_), np.full((60, 2), np.nan)
+    bare_map = map_input(selected=nobody, cursor=None, heat=None, floor_plan=None, rooms=())
     bare = instance_input(sim=side(1, False, False), real=side(2, False, False), truth=None)
-    assert decode(instance_figure(bare, (300, 200))).size == (300, 200)
-    assert decode(overview_figure([], None, (300, 200))).size == (300, 200)
-    assert decode(umap_figure(umap_input(selected=none_selected), (300, 200))).size == (300, 200)
-    no_points = np.full((60, 2), np.nan)
-    without_points = umap_input(sim=no_points, real=no_points, cursor=1)
-    assert decode(umap_figure(without_points, (300, 200))).size == (300, 200)
-    empty = orientation_input(selected=none_selected, valid=none_selected)
-    assert decode(orientation_figure(empty, (300, 200))).size == (300, 200)
-    assert decode(rooms_figure(rooms_input(room_names=()), (300, 200))).size == (300, 200)
-    assert groups_figure(groups_input(rows=()), (300, 200), LIGHT)
-    errors = errors_input(selected=none_selected, valid=none_selected)
-    assert decode(errors_figure(errors, (300, 200))).size == (300, 200)
+    size = (300, 200)
+    for figure in (
+        map_figure(bare_map, size),
+        instance_figure(bare, size),
+        overview_figure([], None, size),
+        umap_figure(umap_input(selected=nobody), size),
+        umap_figure(umap_input(sim=no_points, real=no_points, cursor=1), size),
+        orientation_figure(orientation_input(selected=nobody, valid=nobody), size),
+        rooms_figure(rooms_input(room_names=()), size),
+        groups_figure(groups_input(rows=()), size, LIGHT),
+        errors_figure(errors_input(selected=nobody, valid=nobody), size),
+    ):
+        assert decode(figure).size == size
 
 
 @pytest.mark.parametrize("name", FIGURES)

@@ -141,31 +141,19 @@ def test_the_metres_of_each_place_are_listed_largest_first() -> None:
     assert _harm_note(HeatChoice("harm", "position"), heat)[0][1].endswith(", 1 more")
 
 
-def test_fine_heat_is_summed_and_other_kinds_have_no_metres() -> None:
-    heat = np.array([[0.5, -0.2], [0.1, np.nan]], dtype=np.float32)
-    text = "changes cost +0.40 m"
-    assert _harm_note(HeatChoice("harm_fine", None), heat) == [("harm", text)]
-    assert _harm_note(HeatChoice("harm", "position"), np.zeros((4, 4))) == [
-        ("harm", "no changed part")
-    ]
-    assert _harm_note(HeatChoice("occlusion", "rgb"), heat) == []
-    assert _harm_note(HeatChoice("harm", "position"), None) == []
-    assert _harm_note(None, heat) == []
-
-
-@pytest.mark.parametrize("mode", ["heading", "loss"])
-def test_heat_in_radians_and_loss_has_no_metres(mode: str) -> None:
-    assert _harm_note(HeatChoice("harm", mode), np.ones((12, 12), dtype=np.float32)) == []
+def test_fine_heat_is_summed_and_other_kinds_and_modes_have_no_metres() -> None:
+    heat, none = np.array([[0.5, -0.2], [0.1, np.nan]], dtype=np.float32), np.zeros((4, 4))
+    position = HeatChoice("harm", "position")
+    assert _harm_note(HeatChoice("harm_fine", None), heat) == [("harm", "changes cost +0.40 m")]
+    assert _harm_note(position, none) == [("harm", "no changed part")]
+    assert _harm_note(position, None) == _harm_note(None, heat) == []
+    for choice in (("occlusion", "rgb"), ("harm", "heading"), ("harm", "loss")):
+        assert _harm_note(HeatChoice(*choice), heat) == []
 
 
 def test_only_heat_in_metres_is_said_to_sum_to_metres(tiny_store: Path) -> None:
     with s2rstore.open(tiny_store) as store:
-        for mode, expected in (
-            ("position", True),
-            (None, True),
-            ("heading", False),
-            ("loss", False),
-        ):
+        for mode, expected in (("position", True), (None, True), ("heading", False)):
             line = trust_line(store, "vanilla", "harm", mode)
             assert line.startswith("what each changed segment costs")
             assert ("sums to metres" in line) == expected

@@ -57,14 +57,11 @@ def test_an_ellipsis_marks_what_is_left_out(texts: list[str], width: int, most: 
         assert shown == wanted
 
 
-def test_a_glyph_stays_beside_its_word() -> None:
+def test_a_glyph_stays_beside_its_word_and_a_wide_word_is_cut() -> None:
     part = role_legend(OPTIONS, sim="simulation", real="reality", truth="ground")
     for width in range(14, part.width):
         for line in drawn([part], width):
             assert not line.rstrip().endswith(tuple("\u25c6\u25c7\u2022"))
-
-
-def test_a_word_that_is_wider_than_a_row_is_cut() -> None:
     assert cell_len(drawn([text_part((("a" * 30, DARK.muted),))], 20)[0].rstrip()) == 20
 
 
@@ -82,10 +79,7 @@ def test_the_legend_of_a_map_has_all_words_or_an_ellipsis(
     assert "\u2026" in text or all(part in f"{text} " for part in wanted)
 
 
-SIZES = ((80, 24), (70, 36), (82, 17))
-
-
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("size", [(80, 24), (70, 36), (82, 17)])
 def test_all_findings_with_evidence_and_notes_are_shown(size: tuple[int, int]) -> None:
     text = " ".join(" ".join(draw_findings(FindingsInput(finding_report()), size).lines()).split())
     for finding in finding_report().findings:

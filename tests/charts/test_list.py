@@ -60,15 +60,11 @@ def test_cells_convert_to_rows_and_back(width: int, height: int, cursor: int) ->
         assert panel.to_cells(0.0, row)[1] == y + 0.5
 
 
-@pytest.mark.parametrize(("descending", "arrow"), [(True, "▼"), (False, "▲")])
-def test_the_sorted_column_shows_the_direction(descending: bool, arrow: str) -> None:
+@pytest.mark.parametrize(("descending", "arrow", "plain"), [(True, "▼", "v"), (False, "▲", "^")])
+def test_the_sorted_column_shows_the_direction(descending: bool, arrow: str, plain: str) -> None:
     view = ListInput(ROWS, COLUMNS, None, descending)
-    header = draw_list(view, (40, 5)).lines()[0]
-    assert header.split() == ["iid", f"error{arrow}", "room"]
-    assert (
-        "error" + ("v" if descending else "^")
-        in draw_list(view, (40, 5), RenderOptions(ascii=True)).lines()[0]
-    )
+    assert draw_list(view, (40, 5)).lines()[0].split() == ["iid", f"error{arrow}", "room"]
+    assert f"error{plain}" in draw_list(view, (40, 5), RenderOptions(ascii=True)).lines()[0]
 
 
 def test_an_empty_list_shows_a_message() -> None:

@@ -44,11 +44,9 @@ def test_counts_and_means_are_those_of_selected_instances(column, selected, vali
         wrapped = np.array([wrap_degrees(degrees) for degrees in np.degrees(selected_headings)])
         expected, _ = np.histogram(wrapped, edges)
         assert counts.sum() == selected_headings.size
-        assert (
-            np.abs(np.cumsum(counts) - np.cumsum(expected)).max(initial=0)
-            <= (np.abs(wrapped[:, None] - edges).min(initial=np.inf) < 1e-9)
-            * selected_headings.size
-        )
+        on_edge = np.abs(wrapped[:, None] - edges).min(initial=np.inf) < 1e-9
+        apart = np.abs(np.cumsum(counts) - np.cumsum(expected)).max(initial=0)
+        assert apart <= on_edge * selected_headings.size
     selected_headings = column[selected & valid & np.isfinite(column)]
     if selected_headings.size:
         vector = np.exp(1j * selected_headings).mean()
@@ -144,12 +142,8 @@ def test_scale_and_means_are_written() -> None:
     lines = draw_orientation(one_direction(-93), SIZE).lines()
     assert lines[0].count(f"max {N}") == 3
     assert lines[-1].count("-93° R 1.00") == 3
-    assert (
-        "none"
-        in draw_orientation(one_direction(5, selected=np.zeros(N, dtype=np.bool_)), SIZE).lines()[
-            -1
-        ]
-    )
+    nobody = one_direction(5, selected=np.zeros(N, dtype=np.bool_))
+    assert "none" in draw_orientation(nobody, SIZE).lines()[-1]
 
 
 @pytest.mark.parametrize("size", [(50, 4), (40, 3), (80, 5)])
@@ -174,9 +168,9 @@ def test_selected_and_others_differ_without_colours() -> None:
         (RenderOptions(ascii=True), "#"),
     ):
         size = (120, 24)
-        drawn = "".join(draw_orientation(one_direction(10), size, options).lines()[3:])
-        grey = "".join(
-            draw_orientation(one_direction(10, selected=none_selected), size, options).lines()[3:]
+        drawn, grey = (
+            "".join(draw_orientation(one_direction(10, **change), size, options).lines()[3:])
+            for change in ({}, {"selected": none_selected})
         )
         assert any(glyph in drawn for glyph in highlighted)
         assert not any(glyph in grey for glyph in highlighted)
@@ -201,15 +195,10 @@ def test_the_cursor_direction_is_marked_in_each_panel() -> None:
 
 @pytest.mark.parametrize(
     ("ends", "arc"),
-    [
-        ((30.0, 50.0), (40.0, 10.0)),
-        ((170.0, -160.0), (-175.0, 15.0)),
-        ((160.0, 200.0), (180.0, 20.0)),
-        ((-20.0, 240.0), (110.0, 130.0)),
-        ((50.0, 30.0), (-140.0, 170.0)),
-        ((-200.0, 200.0), (-20.0, 180.0)),
-    ],
-)
+    [((30.0, 50.0), (40.0, 10.0)), ((170.0, -160.0), (-175.0, 15.0)),
+     ((160.0, 200.0), (180.0, 20.0)), ((-20.0, 240.0), (110.0, 130.0)),
+     ((50.0, 30.0), (-140.0, 170.0)), ((-200.0, 200.0), (-20.0, 180.0))],
+)  # fmt: skip
 def test_a_brush_covers_the_arc_from_its_first_to_its_last_end(ends, arc) -> None:
     centre, half = mark_arc(Mark("sim", ((ends[0], 1.0), (ends[1], 1.0))))
     assert wrap_degrees(centre - arc[0]) == pytest.approx(0)

@@ -16,7 +16,7 @@ from s2rtui.canvas.render_options import UNICODE
 from s2rtui.charts.overview import bands
 from s2rtui.charts.overview import lines as module
 from s2rtui.charts.overview.layout import overview_layout, overview_panels
-from s2rtui.charts.overview.lines import bin_count, levels, line_density
+from s2rtui.charts.overview.lines import bin_count, line_density
 from s2rtui.charts.overview.model import OverviewLines, overview_model
 from s2rtui.charts.overview.terminal import draw_overview
 from s2rtui.charts.scene import OverviewRow
@@ -47,27 +47,17 @@ def density_by_drawing(
             share = [min(size - 1, max(0, int((end - AXIS[0]) / 0.5 * size))) for end in ends]
             start, stop = (2 * (0.5 + (part + 0.5) / size * (width - 1)) for part in share)
             for row in range(4 * step):
-                start_dot, end_dot = (
+                first, last = (
                     int(start + (stop - start) * (offset / (4 * step))) for offset in (row, row + 1)
                 )
-                dots = (
-                    range(start_dot, end_dot)
-                    if end_dot > start_dot
-                    else range(end_dot + 1, start_dot + 1)
-                )
-                for dot in dots if end_dot != start_dot else (start_dot,):
+                dots = range(first, last) if last > first else range(last + 1, first + 1)
+                for dot in dots if last != first else (first,):
                     grid[4 * run * step + 2 + row, dot] += 1
     return grid
 
 
 @given(columns, columns, columns, masks, masks)
-def test_density_equals_individually_drawn_lines(
-    first: np.ndarray,
-    second: np.ndarray,
-    third: np.ndarray,
-    selected: np.ndarray,
-    valid: np.ndarray,
-) -> None:
+def test_density_equals_individually_drawn_lines(first, second, third, selected, valid) -> None:
     lines = OverviewLines((first, second, third), selected, valid)
     layout = overview_layout(rows(3), 0, SIZE, lines)
     density = line_density(lines, AXIS, layout)
@@ -155,15 +145,6 @@ def test_no_band_leads_to_a_run_without_accuracies() -> None:
     assert not density[2 + 4 * layout.step :].any()
 
 
-def test_levels_increase_to_one() -> None:
-    for peak in (2.0, 30.0, 1e5):
-        shares = levels(np.array([0.0, 1.0, peak / 2, peak]), peak)
-        assert shares[0] == 0
-        assert shares[1] > 0
-        assert shares[3] == pytest.approx(1.0)
-        assert (np.diff(shares[1:]) >= 0).all()
-
-
 def test_bins_are_cached_across_selections(monkeypatch: pytest.MonkeyPatch) -> None:
     lines = overview_lines()
     draw_overview(ROWS, 0.72, 0, SIZE, RenderOptions(), lines)
@@ -206,10 +187,8 @@ def test_marks_and_numbers_are_drawn_over_lines() -> None:
 @pytest.mark.parametrize("side", ["sim", "real"])
 def test_selected_lines_are_coloured_and_others_grey(side: str) -> None:
     lines = overview_lines(side=side, cursor=None)
-    canvas, layout = (
-        draw_overview(ROWS, None, 0, SIZE, RenderOptions(), lines),
-        overview_layout(ROWS, 0, SIZE, lines),
-    )
+    canvas = draw_overview(ROWS, None, 0, SIZE, RenderOptions(), lines)
+    layout = overview_layout(ROWS, 0, SIZE, lines)
     band = slice(layout.row_of(0) + 1, layout.row_of(1))
     inked = np.char.greater(canvas.char[band], "\u2800")
     colours = canvas.fg[band][inked].astype(int)
@@ -254,10 +233,8 @@ def test_notes_are_drawn_over_lines() -> None:
 
 def test_the_cursor_s_line_is_drawn_on_top_with_its_accuracies() -> None:
     lines = overview_lines()
-    canvas, model = (
-        draw_overview(ROWS, None, 0, SIZE, RenderOptions(), lines),
-        overview_model(ROWS, None, lines),
-    )
+    canvas = draw_overview(ROWS, None, 0, SIZE, RenderOptions(), lines)
+    model = overview_model(ROWS, None, lines)
     layout = overview_layout(ROWS, 0, SIZE, lines)
     for index in range(2):
         value = float(lines.values[index][50])
@@ -337,38 +314,23 @@ def test_the_axis_covers_all_values_with_round_limits() -> None:
     assert (100 * low) % 5 == pytest.approx(0, abs=1e-9)
 
 
-def test_the_gap_is_drawn_between_real_and_sim() -> None:
-    line = draw_overview(ROWS, 0.72, 0, ROWS_SIZE).lines()[1]
-    assert line.index("◇") < line.index("◆")
-    assert "━" in line[line.index("◇") : line.index("◆")]
-
-
-def test_the_baseline_has_the_same_column_in_every_line() -> None:
-    lines = draw_overview(ROWS, 0.72, None, ROWS_SIZE).lines()
-    columns = {line.index("┊") for line in lines[1:3]}
-    assert len(columns) == 1
-
-
-def test_marks_of_equal_accuracy_are_merged() -> None:
-    line = draw_overview([OverviewRow("same", 0.9, 0.9)], None, 0, ROWS_SIZE).lines()[1]
-    assert "◈" in line
-
-
-def test_selected_line_is_marked_by_glyph_and_ground() -> None:
-    canvas = draw_overview(ROWS, 0.72, 1, ROWS_SIZE)
-    assert canvas.char[2, 0] == "▶"
-    assert (canvas.bg[2] == DARK.highlight).all()
-    assert not (canvas.bg[1] == DARK.highlight).any()
-
-
 def test_the_visible_rows_follow_the_selected_run() -> None:
-    rows = [OverviewRow(f"run{index}", 0.9, 0.8) for index in range(40)]
     for selected in (0, 17, 39):
-        layout = overview_layout(rows, selected, (60, 8))
+        layout = overview_layout(rows(40), selected, (60, 8))
         assert layout.first <= selected < layout.first + layout.shown
         assert layout.run_at(layout.top) == layout.first
         assert layout.run_at(layout.top + layout.shown) is None
 
 
-def test_an_overview_without_runs_shows_a_message() -> None:
+def test_a_line_shows_gap_baseline_and_selection() -> None:
+    canvas = draw_overview(ROWS, 0.72, 1, ROWS_SIZE)
+    lines = canvas.lines()
+    assert lines[1].index("◇") < lines[1].index("◆")
+    assert "━" in lines[1][lines[1].index("◇") : lines[1].index("◆")]
+    assert lines[1].index("┊") == lines[2].index("┊")
+    assert canvas.char[2, 0] == "▶"
+    assert (canvas.bg[2] == DARK.highlight).all()
+    assert not (canvas.bg[1] == DARK.highlight).any()
+    same = draw_overview([OverviewRow("same", 0.9, 0.9)], None, 0, ROWS_SIZE)
+    assert "◈" in same.lines()[1]
     assert "no run" in draw_overview([], None, None, ROWS_SIZE).lines()[0]

@@ -53,17 +53,11 @@ def test_the_block_fits_every_size(size: tuple[int, int]) -> None:
     assert "\n".join(lines).isascii()
 
 
-def test_a_gain_that_does_not_fit_ends_with_an_ellipsis() -> None:
+def test_the_block_counts_and_cuts_what_does_not_fit() -> None:
     (line,) = draw_translators(ROWS[:1], "vanilla", (50, 2), RenderOptions()).lines()[1:]
     assert line.rstrip().endswith("(0.84 to …")
-
-
-def test_the_header_counts_what_does_not_fit() -> None:
     assert "2 of 4" in draw_translators(ROWS, "vanilla", (60, 3), RenderOptions()).lines()[0]
     assert " of " not in draw_translators(ROWS, "vanilla", (60, 5), RenderOptions()).lines()[0]
-
-
-def test_runs_come_first_where_space_is_short() -> None:
     assert block_height(ROWS, 4, 20) == 5
     assert block_height(ROWS, 4, 8) == 0
     assert block_height((), 4, 20) == 0
@@ -135,8 +129,3 @@ def test_the_number_of_gains_that_are_read_is_limited(store_copy: Path) -> None:
     with s2rstore.open(store_copy) as store:
         (row,) = translator_rows(store)
     assert len(row.gains) == MOST_READ
-
-
-def test_stores_without_translators_have_no_rows(tiny_store: Path) -> None:
-    with s2rstore.open(tiny_store) as store:
-        assert translator_rows(store) == ()

@@ -33,52 +33,23 @@ from tests.charts.examples import (
 
 Surface = Callable[[tuple[int, int], RenderOptions], tuple[Panel, ...]]
 NEAR = Bounds(3.0, 2.0, 6.0, 4.0)
+
+
+def surface(panels: Callable[..., tuple[Panel, ...]], data: object, *area: Bounds) -> Surface:
+    return lambda size, options: panels(data, size, options, *area)
+
+
+SIDES, DIALS = ("sim", "real"), ("sim", "truth", "real")
 VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
-    "map": (
-        lambda size, options: map_panels(map_input(y_down=False), size, options),
-        "plane",
-        ("map",),
-    ),
-    "near comparison": (
-        lambda size, options: compare_panels(compare_input(), size, options, NEAR),
-        "plane",
-        ("map",),
-    ),
-    "umap": (
-        lambda size, options: umap_panels(umap_input(), size, options),
-        "plane",
-        ("sim", "real"),
-    ),
-    "orientation": (
-        lambda size, options: orientation_panels(orientation_input(), size, options),
-        "turn",
-        ("sim", "truth", "real"),
-    ),
-    "upwards": (
-        lambda size, options: orientation_panels(orientation_input(y_down=False), size, options),
-        "turn",
-        ("sim", "truth", "real"),
-    ),
-    "scatter": (
-        lambda size, options: scatter_panels(scatter_input(), size, options),
-        "plane",
-        ("errors",),
-    ),
-    "rooms": (
-        lambda size, options: rooms_panels(rooms_input(), size, options),
-        "steps",
-        ("sim", "truth", "real"),
-    ),
-    "groups": (
-        lambda size, options: groups_panels(groups_input(), size, options),
-        "steps",
-        ("groups",),
-    ),
-    "errors": (
-        lambda size, options: errors_panels(errors_input(), size, options),
-        "range",
-        ("sim", "real"),
-    ),
+    "map": (surface(map_panels, map_input(y_down=False)), "plane", ("map",)),
+    "near comparison": (surface(compare_panels, compare_input(), NEAR), "plane", ("map",)),
+    "umap": (surface(umap_panels, umap_input()), "plane", SIDES),
+    "orientation": (surface(orientation_panels, orientation_input()), "turn", DIALS),
+    "upwards": (surface(orientation_panels, orientation_input(y_down=False)), "turn", DIALS),
+    "scatter": (surface(scatter_panels, scatter_input()), "plane", ("errors",)),
+    "rooms": (surface(rooms_panels, rooms_input()), "steps", DIALS),
+    "groups": (surface(groups_panels, groups_input()), "steps", ("groups",)),
+    "errors": (surface(errors_panels, errors_input()), "range", SIDES),
 }
 
 
@@ -93,8 +64,8 @@ VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
 def test_cells_convert_to_data_and_back(
     name: str, width: int, height: int, ascii: bool, across: float, down: float
 ) -> None:
-    surface, shape, names = VIEWS[name]
-    panels = surface((width, height), RenderOptions(ascii=ascii))
+    panels_of, shape, names = VIEWS[name]
+    panels = panels_of((width, height), RenderOptions(ascii=ascii))
     assert tuple(panel.name for panel in panels) == names[: len(panels)]
     for panel in panels:
         assert panel.shape == shape
@@ -122,6 +93,6 @@ def test_panels_stay_inside_the_view_and_do_not_overlap(name: str, width: int, h
 
 @pytest.mark.parametrize("name", VIEWS)
 def test_all_panels_are_present_at_common_sizes(name: str) -> None:
-    surface, _, names = VIEWS[name]
+    panels_of, _, names = VIEWS[name]
     for size in ((50, 9), (50, 10), (80, 22), (200, 56)):
-        assert tuple(panel.name for panel in surface(size, RenderOptions())) == names
+        assert tuple(panel.name for panel in panels_of(size, RenderOptions())) == names

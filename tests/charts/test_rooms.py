@@ -10,6 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from s2rstore.findings.groups import Group, Groups
+from s2rstore.language.syntax_tree import Everything
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.canvas.marks import Mark
 from s2rtui.charts.rooms.groups import fitting_columns, ordered, selected_per_group
@@ -48,25 +50,13 @@ def test_counts_equal_those_of_each_column(sim, truth, real, selected, valid) ->
     assert (model.names[-1] == "no room") == has_no_room
 
 
-def test_labels_show_selected_and_total_counts() -> None:
-    lines = draw_rooms(rooms_input(), SIZE).lines()
-    assert lines[1].split()[0] == "hall"
-    assert [word for word in lines[1].split() if "/" in word][:2] == ["11/11", "11/11"]
-    assert "no room" in lines[6]
-
-
 def test_bar_lengths_are_proportional_to_counts() -> None:
     column = np.repeat([0, 1, 2], [32, 16, 12]).astype(np.int32)
     selected = np.arange(N) < 40
     view = rooms_input(
-        sim=column,
-        truth=column,
-        real=column,
-        room_names=("a", "b", "c"),
-        selected=selected,
-        valid=np.ones(N, dtype=np.bool_),
-        cursor=None,
-    )
+        sim=column, truth=column, real=column, room_names=("a", "b", "c"), selected=selected,
+        valid=np.ones(N, dtype=np.bool_), cursor=None,
+    )  # fmt: skip
     canvas = draw_rooms(view, (76, 4), RenderOptions(mode=ColourMode.NONE))
     layout = rooms_layout(view, (76, 4))
     for x, _ in layout.columns:
@@ -141,9 +131,6 @@ def test_a_store_without_rooms_shows_a_message() -> None:
     assert rooms_panels(view, SIZE) == ()
 
 
-SIZES = ((80, 24), (120, 40), (200, 60))
-
-
 @pytest.mark.parametrize("descending", [True, False])
 @pytest.mark.parametrize("sort", COLUMN_NAMES)
 def test_groups_are_sorted_by_each_column(sort: str, descending: bool) -> None:
@@ -161,7 +148,7 @@ def test_groups_are_sorted_by_each_column(sort: str, descending: bool) -> None:
     assert np.isnan(column[known.size :]).all()
 
 
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("size", [(80, 24), (200, 60)])
 def test_each_row_shows_median_interval_and_count(size: tuple[int, int]) -> None:
     lines = draw_groups(groups_input(), size).lines()
     hall = next(line for line in lines if "hall" in line)
@@ -172,12 +159,11 @@ def test_each_row_shows_median_interval_and_count(size: tuple[int, int]) -> None
 
 
 @pytest.mark.parametrize("sort", COLUMN_NAMES[:-1])
-@pytest.mark.parametrize("width", range(20, 100, 7))
-def test_the_sorted_column_is_shown_at_every_width(width: int, sort: str) -> None:
+def test_the_sorted_column_is_shown_at_every_width(sort: str) -> None:
     data = groups_input(sort=sort)
-    columns = fitting_columns(data, ordered(data), width)
-    if columns:
-        assert any(sort in column.sorts for column in columns)
+    for width in range(20, 100, 7):
+        columns = fitting_columns(data, ordered(data), width)
+        assert not columns or any(sort in column.sorts for column in columns), width
 
 
 def test_names_are_not_cut_where_a_column_can_be_left_out() -> None:
@@ -214,9 +200,6 @@ def test_a_run_that_was_trained_on_everything_says_so() -> None:
 
 
 def test_selected_instances_are_counted_per_group() -> None:
-    from s2rstore.findings.groups import Group, Groups
-    from s2rstore.language.syntax_tree import Everything
-
     named = tuple(Group(name, Everything()) for name in ("a", "b", "c"))
     grouped = Groups("room", named, np.array([0, 1, 1, -1, 0]))
     members = np.array([True, True, True, True, False])

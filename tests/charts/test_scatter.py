@@ -227,22 +227,15 @@ def test_the_cursor_and_the_limits_are_drawn() -> None:
 
 def test_missing_errors_and_empty_selections_can_be_drawn() -> None:
     none_selected = np.zeros(60, dtype=np.bool_)
-    for data in (
-        scatter_input(selected=none_selected),
-        scatter_input(selected=none_selected, valid=none_selected),
-        scatter_input(sim=np.full(60, np.nan), valid=none_selected, cursor=1),
-    ):
+    missing = scatter_input(sim=np.full(60, np.nan), valid=none_selected, cursor=1)
+    for data in (scatter_input(selected=none_selected), missing):
         draw_scatter(data, SIZE)
         assert len(scatter_figure(data, (300, 200))) > 1000
 
 
 @pytest.mark.parametrize(
     ("options", "diagonal", "sides"),
-    [
-        (RenderOptions(), "╱", "◇◆"),
-        (RenderOptions(mode=ColourMode.NONE), "╱", "◇◆"),
-        (RenderOptions(ascii=True), "/", "RS"),
-    ],
+    [(RenderOptions(mode=ColourMode.NONE), "╱", "◇◆"), (RenderOptions(ascii=True), "/", "RS")],
 )
 def test_diagonal_and_sides_have_glyphs_of_their_own(
     options: RenderOptions, diagonal: str, sides: str

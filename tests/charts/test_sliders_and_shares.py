@@ -92,7 +92,7 @@ def test_without_shares_the_reason_is_shown() -> None:
     assert text_of(SharesInput(None, None), (40, 5))[0] == "nothing here"
 
 
-def test_means_sum_to_the_mean_gap(tiny_store: Path) -> None:
+def test_means_sum_to_the_mean_gap_and_leave_out_pairs_far_apart(tiny_store: Path) -> None:
     with s2rstore.open(tiny_store) as store:
         columns = store.run_columns("vanilla")
         chosen = np.arange(len(store.instances)) % 3 == 0

@@ -43,32 +43,26 @@ def test_strips_fill_the_width_with_the_canvas_text(mode: ColourMode) -> None:
     assert [strip.text for strip in strips] == canvas.lines()
 
 
-def test_no_colour_codes_are_written_without_colours() -> None:
+def test_strips_have_exactly_the_codes_that_the_mode_needs() -> None:
     output = "".join(codes(strip) for strip in to_strips(noise(), ColourMode.NONE))
     assert not re.search(r"\x1b\[[\d;]*[34]8;", output)
     assert not re.search(r"[34][0-7]m", output)
+    canvas = Canvas(2, 1)
+    red, green, blue = DARK.background
+    assert f"48;2;{red};{green};{blue}" in codes(to_strips(canvas, ColourMode.TRUECOLOR)[0])
+    assert "48" not in codes(to_strips(canvas, ColourMode.ANSI)[0])
 
 
-def test_equal_cells_share_a_segment() -> None:
+def test_equal_cells_share_a_segment_and_half_blocks_of_one_colour_become_spaces() -> None:
     canvas = Canvas(20, 1)
     canvas.text(0, 0, "one two three", DARK.sim)
     (strip,) = to_strips(canvas, ColourMode.TRUECOLOR)
     assert len(strip._segments) == 1
-
-
-def test_single_colour_half_blocks_become_spaces() -> None:
     canvas = Canvas(3, 1)
     canvas.char[:] = "▀"
     canvas.fg[:] = canvas.bg[:] = 99
     assert to_strips(canvas, ColourMode.TRUECOLOR)[0].text == "   "
     assert canvas.lines() == ["▀▀▀"]
-
-
-def test_the_background_is_exact_in_truecolor_and_default_in_16_colours() -> None:
-    canvas = Canvas(2, 1)
-    red, green, blue = DARK.background
-    assert f"48;2;{red};{green};{blue}" in codes(to_strips(canvas, ColourMode.TRUECOLOR)[0])
-    assert "48" not in codes(to_strips(canvas, ColourMode.ANSI)[0])
 
 
 @pytest.mark.parametrize("mode", [ColourMode.TRUECOLOR, ColourMode.PALETTE, ColourMode.ANSI])
@@ -88,16 +82,9 @@ def test_delta_codes_give_the_same_cells_as_full_codes(
             cropped = (Strip(strip._segments) if plain else strip).crop(*cut)
             assert cropped.cell_length == cut[1] - cut[0]
             stream.feed(f"\x1b[{row + 1};1H{cropped.render(console)}")
-        screens.append(
-            [
-                [
-                    (cell.data, cell.bg, cell.bold and cell.data != " ")
-                    + ((cell.fg,) if cell.data != " " else ())
-                    for cell in (screen.buffer[row][column] for column in range(canvas.width))
-                ]
-                for row in range(canvas.height)
-            ]
-        )
+        cells = [screen.buffer[row][x] for row, x in np.ndindex(canvas.height, canvas.width)]
+        inked = [(cell.bold, cell.fg) if cell.data != " " else () for cell in cells]
+        screens.append([(cell.data, cell.bg, *ink) for cell, ink in zip(cells, inked, strict=True)])
     assert screens[0] == screens[1]
 
 
@@ -128,11 +115,6 @@ def test_only_similar_image_colours_are_merged() -> None:
     canvas.bg[:] = 7
     merge_similar_colours(canvas, 10)
     assert canvas.fg[0, :, 0].tolist() == [100, 100, 150, 151]
-
-
-def test_ascii_strips_contain_only_ascii() -> None:
-    text = "".join(strip.text for strip in to_strips(noise(), ColourMode.PALETTE, ascii=True))
-    assert text.isascii()
 
 
 def test_merging_keeps_the_edge_between_image_and_background() -> None:
@@ -181,15 +163,11 @@ def test_every_geometric_character_has_ink_within_its_cell() -> None:
 
 
 def test_mirrored_blocks_have_mirrored_pixels() -> None:
-    def mask(char: str) -> np.ndarray:
-        pixels_of_glyph = glyph_mask(char, 20, 10)
-        assert pixels_of_glyph is not None
-        return pixels_of_glyph
-
-    assert (mask("▌")[:, ::-1] == mask("▐")).all()
-    assert (mask("▀")[::-1] == mask("▄")).all()
-    assert (mask("▛")[::-1, ::-1] == mask("▟")).all()
-    assert mask("█").all()
+    left, right, upper, lower, one, other, full = (glyph_mask(g, 20, 10) for g in "▌▐▀▄▛▟█")
+    assert (left[:, ::-1] == right).all()
+    assert (upper[::-1] == lower).all()
+    assert (one[::-1, ::-1] == other).all()
+    assert full.all()
 
 
 def test_bold_letters_have_more_ink() -> None:

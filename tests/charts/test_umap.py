@@ -27,14 +27,9 @@ values = arrays.arrays(np.float64, COUNT, elements=st.floats(-1, 5) | st.just(np
 @given(points, points, values, masks, masks)
 def test_cells_show_the_mean_of_selected_instances(sim, real, values, selected, valid) -> None:
     view = umap_input(
-        sim=sim,
-        real=real,
-        values=values,
-        selected=selected,
-        valid=valid,
-        value_range=(0.0, 4.0),
+        sim=sim, real=real, values=values, selected=selected, valid=valid, value_range=(0.0, 4.0),
         cursor=None,
-    )
+    )  # fmt: skip
     frame = umap_frame(view, 9, 5)
     model = umap_model(view, frame)
     for side, layer in ((sim, model.sim), (real, model.real)):
@@ -64,18 +59,6 @@ def test_cells_show_the_mean_of_selected_instances(sim, real, values, selected, 
         assert (layer.selected, layer.total) == ((placed & selected).sum(), placed.sum())
 
 
-def test_a_cell_shows_the_mean_level_of_its_points() -> None:
-    ones = np.ones(N, dtype=np.bool_)
-    same = np.ones((N, 2))
-    values = np.where(np.arange(N) < 15, 4.0, 0.0)
-    view = umap_input(
-        sim=same, real=same, values=values, selected=ones, valid=ones, value_range=(0.0, 4.0)
-    )
-    level = umap_model(view, umap_frame(view, 3, 3)).sim.level
-    share = 15 / N * (LEVELS - 0.5) + (1 - 15 / N) * 0.5
-    assert level[level >= 0].tolist() == [math.floor(share) + 1]
-
-
 def test_default_values_are_the_sim_to_real_distances() -> None:
     view = umap_input()
     distances = np.hypot(*(view.sim - view.real).T)
@@ -87,16 +70,13 @@ def test_default_values_are_the_sim_to_real_distances() -> None:
     assert (low, high) == pytest.approx(tuple(np.percentile(known, [1, 99])))
 
 
-def test_both_panels_have_the_same_scale_with_v_upwards() -> None:
+def test_both_panels_have_the_same_scale_and_are_stacked_in_a_tall_view() -> None:
     for size in (SIZE, (20, 60)):
         sim, real = umap_panels(umap_input(), size)
         assert (sim.width, sim.height) == (real.width, real.height)
         corners = [panel.to_data(panel.x, panel.y) for panel in (sim, real)]
         assert corners[0] == pytest.approx(corners[1])
         assert sim.to_cells(0, 5)[1] < sim.to_cells(0, 0)[1]
-
-
-def test_panels_are_stacked_in_a_tall_view() -> None:
     wide, high = (umap_layout(umap_input(), size).corners for size in ((60, 14), (20, 40)))
     assert wide[0][1] == wide[1][1]
     assert high[0][0] == high[1][0]
@@ -140,7 +120,7 @@ def test_the_cursor_is_marked_in_both_panels() -> None:
     assert "◉" not in screen
 
 
-@pytest.mark.parametrize("crowd", [1, 2, 8, 9, 64, 65, 512, 513, 4096, 4097, 9000])
+@pytest.mark.parametrize("crowd", [1, 8, 9, 512, 513, 4096, 4097])
 def test_a_cell_shows_how_many_points_it_has(crowd: int) -> None:
     rng = np.random.default_rng(crowd)
     points = np.full((crowd + 2, 2), 5.1) + rng.uniform(-0.002, 0.002, (crowd + 2, 2))
