@@ -23,7 +23,7 @@ from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.canvas.marks import Mark
 from s2rtui.session import Brush, Session, shared_selection
 from s2rtui.terminal.ascii_filter import to_ascii
-from tests.support.application import make_app, press
+from tests.support.application import make_app, press, running
 
 SIZES = ((80, 24), (200, 60))
 EXPECTED_ERRORS = ("missing; add the model again",)
@@ -48,8 +48,7 @@ async def check_running(app: S2RApp, pilot: Pilot[None], key: str) -> None:
 async def test_pressing_every_key_causes_no_error(
     tiny_store: Path, tmp_path: Path, size: tuple[int, int], times: int
 ) -> None:
-    app = make_app(tiny_store, folder=tmp_path)
-    async with app.run_test(size=size) as pilot:
+    async with running(tiny_store, folder=tmp_path, size=size) as (app, pilot):
         for action in ACTIONS:
             if action.name == "quit":
                 continue
@@ -69,8 +68,7 @@ async def test_each_size_shows_its_views(tiny_store: Path) -> None:
         (80, 24): {"map"},
         (120, 40): {"overview", "map", "instance"},
     }
-    app = make_app(tiny_store)
-    async with app.run_test(size=(200, 60)) as pilot:
+    async with running(tiny_store, size=(200, 60)) as (app, pilot):
         for size, expected in (*views.items(), ((200, 60), wide)):
             await pilot.resize_terminal(*size)
             await settle(app, pilot)
@@ -81,8 +79,7 @@ async def test_each_size_shows_its_views(tiny_store: Path) -> None:
 
 
 async def test_number_keys_switch_views_on_small_screens(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
+    async with running(tiny_store, size=(80, 24)) as (app, pilot):
         for size in ((80, 24), (60, 20), (30, 8), (10, 3)):
             await pilot.resize_terminal(*size)
             await pilot.press("w", "right")
@@ -94,8 +91,7 @@ async def test_number_keys_switch_views_on_small_screens(tiny_store: Path) -> No
 
 
 async def test_an_invalid_expression_can_be_corrected_in_the_query_line(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with running(tiny_store) as (app, pilot):
         await pilot.press("c", "slash")
         query = app.query_one("#query", Input)
         query.value = "worst15 & room:rihgt"
@@ -201,8 +197,7 @@ async def test_every_screen_is_ascii(tiny_store: Path) -> None:
 
 
 async def test_ctrl_c_shows_the_key_that_quits(tiny_store: Path) -> None:
-    app = S2RApp(Session(tiny_store), RenderOptions())
-    async with app.run_test(size=(80, 24)) as pilot:
+    async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "ctrl+c")
         assert "q quits" in take_screenshot(app).text
         assert not app._notifications

@@ -7,7 +7,6 @@ import gc
 import subprocess
 import sys
 import threading
-import time
 import weakref
 from itertools import count
 from pathlib import Path
@@ -15,6 +14,7 @@ from pathlib import Path
 import pytest
 from textual import _time
 
+from bench.support.processes import wait_until
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
 from s2rtui.canvas import RenderOptions
@@ -69,17 +69,12 @@ def test_ending_a_worker_drops_waiting_jobs_and_runs_its_last_job() -> None:
 
 
 def test_a_worker_that_never_started_runs_no_last_job() -> None:
-    completed: list[str] = []
-    LatestOnlyWorker("lane").end(lambda: completed.append("last"))
-    assert completed == []
+    LatestOnlyWorker("lane").end(lambda: pytest.fail("the last job runs"))
 
 
 def test_workers_run_independently() -> None:
-    blocking, busy_worker, other_worker = (
-        BlockingJob(),
-        LatestOnlyWorker("busy"),
-        LatestOnlyWorker("other"),
-    )
+    blocking, busy_worker = BlockingJob(), LatestOnlyWorker("busy")
+    other_worker = LatestOnlyWorker("other")
     finished = threading.Event()
     busy_worker.put(blocking.wait)
     assert blocking.entered.wait(60)
@@ -113,10 +108,7 @@ def test_an_idle_worker_keeps_no_reference_to_its_jobs() -> None:
     owner_reference = weakref.ref(owner)
     worker.put(owner.work)
     del owner
-    deadline = time.monotonic() + 60
-    while not worker.idle:
-        assert time.monotonic() < deadline
-        time.sleep(0.001)
+    assert wait_until(lambda: worker.idle)
     gc.collect()
     assert owner_reference() is None
     worker.end()
@@ -136,10 +128,7 @@ def test_a_worker_survives_a_failing_job() -> None:
     worker.put(lambda: blocking.note("after"))
     assert not worker.idle
     blocking.open.set()
-    deadline = time.monotonic() + 60
-    while not worker.idle:
-        assert time.monotonic() < deadline
-        time.sleep(0.001)
+    assert wait_until(lambda: worker.idle)
     assert blocking.done == ["first", "after"]
     assert errors == [error]
     worker.end()

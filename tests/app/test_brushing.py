@@ -21,19 +21,11 @@ from s2rtui.charts.errors.model import errors_model
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.session import Session, instance_list
 from s2rtui.user_data.notebook import Notebook
-from tests.support.application import make_app, press
+from tests.support.application import make_app, press, running
 
 BRUSHABLE = (
-    "overview",
-    "map",
-    "umap",
-    "orientation",
-    "rooms",
-    "errors",
-    "scatter",
-    "list",
-    "compare",
-)
+    "overview", "map", "umap", "orientation", "rooms", "errors", "scatter", "list", "compare",
+)  # fmt: skip
 KEYS = {view.name: view.key for view in VIEWS}
 
 
@@ -60,8 +52,7 @@ async def test_every_view_can_be_brushed_by_keys(tiny_store: Path, size: tuple[i
 
 
 async def test_escape_drops_a_brush_and_a_pending_operator(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "w")
         assert "escape cancel" not in take_screenshot(app).text
         await press(app, pilot, "x")
@@ -88,8 +79,7 @@ async def drag(app: S2RApp, pilot: Pilot[None], name: str, cells: list[tuple[int
 
 
 async def test_tab_completes_and_up_recalls_the_history(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "w", "b", "slash")
         app.query_line.value = "worst15 & room:le"
         app.query_line.cursor_position = len(app.query_line.value)
@@ -102,9 +92,7 @@ async def test_tab_completes_and_up_recalls_the_history(tiny_store: Path) -> Non
 
 
 async def test_an_empty_selection_suggests_one_that_is_not_empty(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
+    async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "slash")
         app.query_line.value = "worst(1, sim.error) & best(1, sim.error)"
         await press(app, pilot, "enter")
@@ -121,8 +109,7 @@ async def test_an_empty_selection_suggests_one_that_is_not_empty(tiny_store: Pat
 
 
 async def test_the_scatter_view_is_clicked_and_selects_by_a_lasso(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "c", "X")
         columns = app.session.store.run_columns(app.session.state.run)
         iid = int(np.argmax(columns.sim.error))
@@ -142,8 +129,7 @@ async def test_the_scatter_view_is_clicked_and_selects_by_a_lasso(tiny_store: Pa
 async def test_the_heatmap_of_the_selection_is_aggregated(tiny_store: Path) -> None:
     from s2rtui.session.heatmaps import instance_grid
 
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "slash")
         app.query_line.value = "ids(5)"
         await press(app, pilot, "enter", "o", "o")
@@ -157,8 +143,7 @@ async def test_the_heatmap_of_the_selection_is_aggregated(tiny_store: Path) -> N
 
 
 async def test_tab_cycles_through_views_and_panels(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(200, 60)) as pilot:
+    async with running(tiny_store, size=(200, 60)) as (app, pilot):
         await press(app, pilot, "1")
         visited, names = [], [view.name for view in VIEWS if view.name != "adjust"]
         for _ in names:
@@ -178,8 +163,7 @@ async def test_tab_cycles_through_views_and_panels(tiny_store: Path) -> None:
 
 
 async def test_changing_a_tag_updates_the_selection_that_uses_it(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "w", "number_sign", *"done", "enter", "slash")
         app.query_line.value = "worst15 - @done"
         await press(app, pilot, "enter")
@@ -275,9 +259,7 @@ async def test_an_unreachable_store_is_reported_once(
     def unreachable() -> bool:
         raise RequestError("the store is out of reach")
 
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
+    async with running(tiny_store) as (app, _pilot):
         with monkeypatch.context() as patch:
             patch.setattr(app.session, "read_updates", unreachable)
             app.store_updates.check_store()
@@ -316,8 +298,7 @@ async def test_selections_and_brushes_are_combined_by_the_operator(tiny_store: P
 
 
 async def test_a_lasso_needs_three_corners_and_is_simplified(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "c", "L", "x", "enter")
         assert "three corners" in app.session.state.message
         assert app.session.state.expression == "all"
@@ -350,8 +331,7 @@ async def test_a_lasso_needs_three_corners_and_is_simplified(tiny_store: Path) -
 
 
 async def test_views_are_brushed_and_clicked_by_mouse(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(200, 60)) as pilot:
+    async with running(tiny_store, size=(200, 60)) as (app, pilot):
         for name in ("umap", "rooms", "orientation"):
             await press(app, pilot, "c", KEYS[name])
             panel = panels(app, name)[-1]
@@ -433,9 +413,7 @@ async def test_notes_tags_and_selections_are_written_and_shown(tiny_store: Path)
 async def test_notes_and_tags_need_instances_and_not_too_many(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
+    async with running(tiny_store) as (app, pilot):
         cursor = app.session.state.cursor
         app.session.set_state(replace(app.session.state, cursor=None))
         for key, what in (("e", "note"), ("number_sign", "tag")):

@@ -20,13 +20,11 @@ from s2rtui.session.error_groups import COLUMN_NAMES, GROUPINGS
 from tests.app.test_focused_view import message
 from tests.charts.examples import N, compare_input
 from tests.support import tiny
-from tests.support.application import make_app, press
+from tests.support.application import make_app, press, running
 
 
 async def test_each_finding_is_one_key_away_from_its_instances(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(app, pilot)
+    async with running(tiny_store, size=(80, 24)) as (app, pilot):
         report = app.resources.findings
         assert report is not None
         for number, finding in enumerate(report.findings):
@@ -45,9 +43,7 @@ async def test_each_finding_is_one_key_away_from_its_instances(tiny_store: Path)
 
 
 async def test_the_first_wide_screen_shows_the_findings(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(200, 60)) as pilot:
-        await settle(app, pilot)
+    async with running(tiny_store, size=(200, 60)) as (app, pilot):
         text = " ".join(take_screenshot(app).text.split())
         report = app.resources.findings
         assert report is not None
@@ -57,11 +53,8 @@ async def test_the_first_wide_screen_shows_the_findings(tiny_store: Path) -> Non
         assert report.findings[0].text in app.session.state.message
 
 
-async def test_the_chosen_finding_wraps_around_and_is_about_all_trajectories(
-    tiny_store: Path,
-) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
+async def test_the_chosen_finding_wraps_around_and_is_about_all_trajectories(tiny_store) -> None:
+    async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "t", "I", "up")
         assert app.session.state.trajectories is not None
         assert app.resources.findings is not None
@@ -72,8 +65,7 @@ async def test_the_chosen_finding_wraps_around_and_is_about_all_trajectories(
 
 
 async def test_the_rooms_view_groups_and_sorts_by_keys(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
+    async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "6")
         for grouping in (*GROUPINGS[1:], GROUPINGS[0]):
             await press(app, pilot, "O")
@@ -117,24 +109,18 @@ async def test_every_grouping_can_be_brushed_and_enter_selects_the_row_of_the_in
 
 
 async def test_trained_instances_are_ranked_only_if_they_are_included(trained_split: Path) -> None:
-    app = make_app(trained_split)
-    async with app.run_test(size=(80, 24)) as pilot:
+    async with running(trained_split, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "6")
-        loaded = app.resources.current_groups(app.session.state)
-        assert loaded is not None
-        assert sum(row.n for row in loaded.rows) == 8
-        assert "32 trained on included" not in take_screenshot(app).text
-        await press(app, pilot, "M")
-        loaded = app.resources.current_groups(app.session.state)
-        assert loaded is not None
-        assert sum(row.n for row in loaded.rows) == 40
-        assert "32 trained on included" in take_screenshot(app).text
+        for count, is_included in ((8, False), (40, True)):
+            loaded = app.resources.current_groups(app.session.state)
+            assert loaded is not None
+            assert sum(row.n for row in loaded.rows) == count
+            assert ("32 trained on included" in take_screenshot(app).text) == is_included
+            await press(app, pilot, "M")
 
 
 @pytest.fixture(scope="module")
 def trained_split(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    from tests.support import tiny
-
     return tiny.build(tmp_path_factory.mktemp("split") / "s.s2r", trained=("vanilla",))
 
 
@@ -179,8 +165,7 @@ def many_rooms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 async def test_keys_scroll_the_table_of_the_comparison(many_rooms: Path) -> None:
-    app = make_app(many_rooms)
-    async with app.run_test(size=(80, 24)) as pilot:
+    async with running(many_rooms, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "c", "9")
         run, rooms = app.session.state.run, app.session.store.instances.room_names
         text = take_screenshot(app).text
@@ -199,8 +184,7 @@ async def test_keys_scroll_the_table_of_the_comparison(many_rooms: Path) -> None
 
 
 async def test_keys_scroll_the_groups_of_the_rooms_view(many_rooms: Path) -> None:
-    app = make_app(many_rooms)
-    async with app.run_test(size=(80, 12)) as pilot:
+    async with running(many_rooms, size=(80, 12)) as (app, pilot):
         await press(app, pilot, "c", "6")
         before, count = take_screenshot(app).text, len(app.resources.groups.rows)
         assert f"1-7/{count}" in before
@@ -213,8 +197,7 @@ async def test_keys_scroll_the_groups_of_the_rooms_view(many_rooms: Path) -> Non
 
 
 async def test_the_mouse_wheel_scrolls_the_rooms(many_rooms: Path) -> None:
-    app = make_app(many_rooms)
-    async with app.run_test(size=(80, 12)) as pilot:
+    async with running(many_rooms, size=(80, 12)) as (app, pilot):
         await press(app, pilot, "c", "6")
         plot, count = app.renderer.plot("rooms"), len(app.resources.groups.rows)
         for event, first in ((MouseScrollDown, 2), (MouseScrollDown, 3), (MouseScrollUp, 2)):
@@ -225,8 +208,7 @@ async def test_the_mouse_wheel_scrolls_the_rooms(many_rooms: Path) -> None:
 
 
 async def test_the_room_of_the_cursor_is_shown(many_rooms: Path) -> None:
-    app = make_app(many_rooms)
-    async with app.run_test(size=(80, 12)) as pilot:
+    async with running(many_rooms, size=(80, 12)) as (app, pilot):
         await press(app, pilot, "c", "6")
         data = VIEW.input(app.renderer.scene)
         last, names = ordered(data)[-1].group.name, app.session.store.instances.room_names
@@ -239,7 +221,6 @@ async def test_the_room_of_the_cursor_is_shown(many_rooms: Path) -> None:
 
 
 async def test_a_table_that_fits_says_so(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "c", "9", "down")
         assert "shows all of its rows" in message(app)

@@ -18,7 +18,7 @@ from s2rtui.cli import main
 from s2rtui.session import Session
 from tests.app.test_screen_snapshots import check
 from tests.support import gaps, nights
-from tests.support.application import make_app, press
+from tests.support.application import press, running
 from tests.support.copies import copy_store
 
 VIEW = BY_NAME["history"]
@@ -40,8 +40,7 @@ def store(tmp_path_factory: pytest.TempPathFactory, tiny_store: Path) -> Path:
 
 
 async def test_screens(store: Path) -> None:
-    app = make_app(store)
-    async with app.run_test(size=(80, 24)) as pilot:
+    async with running(store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "G")
         for size in ((80, 24), (120, 40), (200, 60)):
             await pilot.resize_terminal(*size)
@@ -57,8 +56,7 @@ def test_ascii_screen(store: Path) -> None:
 
 async def test_an_added_night_appears_in_the_view(tmp_path: Path, tiny_store: Path) -> None:
     week = store_with_nights(tmp_path, tiny_store, 2, 2)
-    app = make_app(week.config.store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with running(week.config.store) as (app, pilot):
         await press(app, pilot, "G")
         before = take_screenshot(app).text
         await asyncio.to_thread(week.night, 3)
@@ -95,13 +93,10 @@ def test_exported_numbers_equal_the_history(store: Path, capsys) -> None:
         ["PASS"] * 4 + ["FAIL"] * 3
     )
     for night in nights_read:
-        row_of_axis = {row["axis"]: row for row in rows if row["night"] == str(night.night)}
-        assert row_of_axis["headline"]["G"] == night.gap.value
-        assert [row_of_axis[axis.axis]["low"] for axis in night.axes[:3]] == [
-            axis.gap.low for axis in night.axes[:3]
-        ]
-        assert row_of_axis["delay"]["result"] == "absent"
-        assert row_of_axis["delay"]["G"] is None
+        shown = {row["axis"]: row for row in rows if row["night"] == str(night.night)}
+        assert shown["headline"]["G"] == night.gap.value
+        assert all(shown[axis.axis]["low"] == axis.gap.low for axis in night.axes[:3])
+        assert (shown["delay"]["result"], shown["delay"]["G"]) == ("absent", None)
     assert main(["show", str(store), "history", "--words"]) == 0
     summary = capsys.readouterr().out
     assert "Night 2026-11-22: FAIL" in summary
@@ -139,13 +134,11 @@ def test_a_restricted_session_reads_only_its_own_history(store: Path, tiny_store
     ("loaded", "expected"),
     [
         (None, "no nights yet"),
-        (gaps.history(), "no nights yet"),
         (gaps.history(*gaps.week(run="dataaug")), "there are nights of: dataaug"),
         (gaps.history(*gaps.week(dataset="other")), "name another history"),
     ],
 )
-def test_missing_nights_are_explained(tiny_store: Path, loaded: reader.History | None, expected: str
-                                 ) -> None:  # fmt: skip
+def test_missing_nights_are_explained(tiny_store: Path, loaded, expected: str) -> None:
     session = Session(tiny_store)
     scene = Scene(session.store, session.state, Resources(history=loaded))
     text = "\n".join(VIEW.draw(scene, (60, 10), RenderOptions()).lines())
@@ -155,25 +148,12 @@ def test_missing_nights_are_explained(tiny_store: Path, loaded: reader.History |
     session.close()
 
 
-def test_the_words_about_missing_nights_keep_their_letters(tiny_store: Path) -> None:
-    session = Session(tiny_store)
-    words = VIEW.summary(Scene(session.store, session.state, Resources()))
-    session.close()
-    assert words == (
-        "No nights yet; s2r nightly CONFIG.toml measures the gap and keeps it in the store: "
-        "history/gap.duckdb."
-    )
-
-
-def test_the_gate_that_ran_last_is_shown() -> None:
+def test_a_history_is_that_of_the_last_gate_of_a_run_on_any_recording() -> None:
     later = gaps.night(8, {"task": 3.0}, name="weekly")
     loaded = gaps.history(*gaps.week(), later)
     assert loaded.of_run("vanilla", "tiny") == (later,)
     repeated = replace(gaps.week()[-1], id=9, outcome="PASS")
     assert gaps.history(*gaps.week(), repeated).of_run("vanilla", "tiny")[-1].id == 9
-
-
-def test_nights_with_a_new_recording_each_day_form_one_history() -> None:
     days = [replace(night, dataset_hash=f"{night.id:064d}") for night in gaps.week()]
     loaded = gaps.history(*days)
     assert loaded.of_run("vanilla", "tiny") == tuple(days)

@@ -63,20 +63,14 @@ def request(**fields: object) -> LayoutRequest:
     return LayoutRequest("map", "map", "instance", 15, **fields)  # type: ignore[arg-type]
 
 
-def test_a_flat_map_leaves_its_free_rows_to_another_view() -> None:
+def test_the_map_takes_the_rows_and_columns_that_it_fills() -> None:
     regions = arrange("medium", 120, 37, request(rows=map_rows))
     assert regions["map"].height == map_rows("map", regions["map"].width)
     assert regions["errors"].y == regions["map"].bottom + 1
     assert regions["errors"].bottom == 37
-
-
-def test_a_map_that_fills_its_rows_stays_alone() -> None:
     regions = arrange("medium", 120, 37, request(rows=lambda view, width: 37))
     assert set(regions) == {"map", "overview", "instance"}
     assert regions["map"].height == 37
-
-
-def test_a_high_map_leaves_columns_to_the_instance() -> None:
     high = arrange("medium", 120, 37, request(rows=lambda view, width: width))
     low = arrange("medium", 120, 37, request(rows=lambda view, width: width // 3))
     assert high["map"].width == 120 // 3

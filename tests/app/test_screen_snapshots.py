@@ -30,21 +30,14 @@ from tests.support.application import press
 SCREENS = Path(__file__).parent / "screens"
 KEYS = {view.name: (view.key,) for view in VIEWS if view.name != "adjust"}
 KEYS |= {
-    "map-full": ("m", "m"),
-    "map-glyph": ("m",),
-    "map-heat": ("o", "o", "C"),
-    "map-brush": ("x", "Z"),
-    "umap-brush": ("4", "x"),
-    "orientation-brush": ("5", "x"),
-    "rooms-brush": ("6", "x", "shift+down"),
-    "errors-brush": ("7", "x"),
-    "scatter-brush": ("X", "x"),
-    "help": ("question_mark",),
-    "tour": ("T",),
-    "jump": ("space",),
-    "selections": ("b", "f"),
-    "query": ("slash",),
-}
+    "map-full": ("m", "m"), "map-glyph": ("m",), "map-heat": ("o", "o", "C"),
+    "map-brush": ("x", "Z"), "umap-brush": ("4", "x"), "orientation-brush": ("5", "x"),
+    "rooms-brush": ("6", "x", "shift+down"), "errors-brush": ("7", "x"),
+    "scatter-brush": ("X", "x"), "help": ("question_mark",), "tour": ("T",), "jump": ("space",),
+    "selections": ("b", "f"), "query": ("slash",), "adjust": ("a", "right", "right", "down"),
+    "doctor": ("D",),
+}  # fmt: skip
+"""Keys that open a view or screen from the selection `worst15`."""
 
 
 @pytest.mark.parametrize("keys", ["c", "c,M", "c,M,9"])
@@ -73,10 +66,6 @@ class StoredPredictor:
                 error=pose.error, heading_error=pose.heading_error, original=None,
             )  # fmt: skip
         yield SimpleNamespace(iid=iid, side=sides.__getitem__)
-
-
-KEYS |= {"adjust": ("a", "right", "right", "down"), "doctor": ("D",)}
-"""Keys that open a view or screen from the selection `worst15`."""
 
 
 @pytest.fixture

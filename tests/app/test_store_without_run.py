@@ -22,7 +22,7 @@ from s2rtui.export.report.build_report import render_report
 from s2rtui.export.report.report_request import ReportRequest
 from s2rtui.session import Session
 from tests.support import tiny
-from tests.support.application import make_app, press
+from tests.support.application import make_app, press, running
 from tests.support.copies import copy_store
 
 
@@ -32,7 +32,7 @@ def store(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = copy_store(tiny_store, tmp_path_factory.mktemp("browse") / "s.s2r")
     with edit(path) as draft:
         for table in ("prediction", "projection", "zarr_array", "run"):
-            draft._connection.execute(f"DELETE FROM {table}")
+            draft.delete(table)
     return path
 
 
@@ -40,7 +40,7 @@ def lines(store: Path, size: tuple[int, int], *keys: str) -> list[str]:
     return snapshot(store, size, keys, RenderOptions()).text.splitlines()
 
 
-def test_the_first_screen_shows_images_and_the_command(store: Path) -> None:
+def test_screens_show_images_true_positions_and_the_command(store: Path) -> None:
     screen = lines(store, (80, 24))
     assert "no runs" in screen[0]
     assert "40 of 40" in screen[0]
@@ -48,23 +48,16 @@ def test_the_first_screen_shows_images_and_the_command(store: Path) -> None:
     assert sum("▀" in line for line in screen) >= 4
     message = " ".join(" ".join(screen[-5:-1]).split())
     assert "no run; register one of a model (`s2r run add NAME --model" in message
-
-
-def test_the_map_shows_true_positions(store: Path) -> None:
     screen = lines(store, (80, 24), "2", "right")
     assert "true positions" in screen[1]
     assert sum(line.count("●") + line.count("?") for line in screen[2:-3]) >= 3
-
-
-def test_the_list_sorts_by_columns_of_the_truth(store: Path) -> None:
     screen = lines(store, (120, 40), "8", "end")
     assert "40 of 40, by iid" in screen[1]
     assert any("▶" in line and " 39 " in line for line in screen)
 
 
 async def test_views_of_predictions_name_the_command(store: Path) -> None:
-    app = make_app(store)
-    async with app.run_test(size=(80, 24)) as pilot:
+    async with running(store, size=(80, 24)) as (app, pilot):
         for view in (view for view in VIEWS if view.needs_run and view.from_store):
             await press(app, pilot, view.key)
             screen = " ".join(take_screenshot(app).text.splitlines()[2:-2])
@@ -106,26 +99,17 @@ def test_a_report_names_the_command(store: Path) -> None:
         render_report(store, ReportRequest(()))
 
 
-def test_a_run_that_is_not_computed_is_named(tiny_store: Path, tmp_path: Path) -> None:
-    path = copy_store(tiny_store, tmp_path / "own.s2r")
-    with edit(path) as draft:
-        draft._connection.execute("UPDATE run SET key = NULL")
-    message = Session(path).state.message
-    assert "no run is computed (vanilla, dataaug); `s2r precompute" in message
-
-
-def test_a_run_that_appears_is_opened_on_request(store: Path, tiny_store: Path, tmp_path: Path):
-    path = copy_store(tiny_store, tmp_path / "own.s2r")
-    with edit(path) as draft:
+def test_a_run_that_is_not_computed_is_named_and_opened_when_it_is(store_copy: Path) -> None:
+    with edit(store_copy) as draft:
         keys = draft._connection.execute("SELECT key, run FROM run").fetchall()
-        draft._connection.execute("UPDATE run SET key = NULL")
-    session = Session(path)
+        draft.rows("UPDATE run SET key = NULL")
+    session = Session(store_copy)
+    assert "no run is computed (vanilla, dataaug); `s2r precompute" in session.state.message
     assert session.state.runs == ()
-    with edit(path) as draft:
+    with edit(store_copy) as draft:
         draft._connection.executemany("UPDATE run SET key = ? WHERE run = ?", keys)
     assert session.check_for_updates()
-    state = session.open_newest_generation()
-    assert state.run == "vanilla"
+    assert session.open_newest_generation().run == "vanilla"
     assert session.select("worst15").selected.any()
 
 
@@ -147,9 +131,8 @@ def test_new_instances_alone_decide_the_constant_prediction() -> None:
     points = np.array([[0.0, 0.0], [2.0, 0.0], [8.0, 0.0], [np.nan, 0.0]])
     valid, trained = np.array([True, True, True, True]), np.array([False, False, True, False])
     assert constant_errors(points, valid, trained)[:3].tolist() == [1.0, 1.0, 7.0]
-    assert constant_errors(points, valid, ~trained | trained)[:2].tolist() == pytest.approx(
-        [10 / 3, 4 / 3]
-    )
+    everywhere = constant_errors(points, valid, np.ones(4, dtype=np.bool_))
+    assert everywhere[:2].tolist() == pytest.approx([10 / 3, 4 / 3])
 
 
 @pytest.mark.parametrize("size", [(60, 20), (200, 60)])

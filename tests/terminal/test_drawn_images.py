@@ -20,18 +20,16 @@ from PIL import Image
 from rich.console import Console
 
 from bench.support.screen import RIGHT, Screen
-from s2rtui.app.app import S2RApp
-from s2rtui.app.pilot import settle
 from s2rtui.canvas import Canvas, ColourMode, InlineImage, Pixels, RenderOptions, Size
 from s2rtui.canvas.colour import DEPTH_SHADES, NO_DEPTH, depth_tint
 from s2rtui.charts.registry import BY_NAME
-from s2rtui.session import Session
 from s2rtui.terminal.graphics.drawn_images import SixelImages
 from s2rtui.terminal.graphics.image_manager import ImageManager
 from s2rtui.terminal.graphics.png import MOST, png
 from s2rtui.terminal.graphics.probe import Graphics, GraphicsProtocol
 from s2rtui.terminal.graphics.sixel import MOST_COLUMNS, PaletteImage, quantised, sixels
 from s2rtui.terminal.strips import to_strips
+from tests.support.application import running
 from tests.support.pixel_screen import PixelScreen, decode_sixels
 
 CELL = (10, 20)
@@ -196,10 +194,7 @@ def first_map(tiny_store: Path) -> Boxes:
     """The map of the first screen as its view paints it."""
 
     async def read() -> Boxes:
-        app = S2RApp(Session(tiny_store), RenderOptions())
-        app.load_scheduler.debounce_seconds = 0.001
-        async with app.run_test(size=(120, 40)) as pilot:
-            await settle(app, pilot)
+        async with running(tiny_store) as (app, _pilot):
             region = app.renderer.plot("map").region
             size = region.width, region.height - 1
             canvas = BY_NAME["map"].draw(app.renderer.scene, size, RenderOptions())

@@ -22,6 +22,7 @@ from s2rtui.charts.shared.image_pair_model import InstanceInput, instance_model,
 from s2rtui.session import Session
 from s2rtui.terminal.graphics.kitty_protocol import PLACEHOLDER
 from s2rtui.terminal.graphics.probe import parse_answer
+from tests.support.application import running
 from tests.support.kitty import (
     ANSWER,
     ATTRIBUTES,
@@ -69,10 +70,7 @@ def first_instance(tiny_store: Path) -> InstanceInput:
     """The instance input of the first screen."""
 
     async def read() -> InstanceInput:
-        app = S2RApp(Session(tiny_store), RenderOptions())
-        app.load_scheduler.debounce_seconds = 0.001
-        async with app.run_test(size=(120, 40)) as pilot:
-            await settle(app, pilot)
+        async with running(tiny_store) as (app, _pilot):
             assert app.resources.pictures is not None
             return app.resources.pictures
 
