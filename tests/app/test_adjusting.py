@@ -28,7 +28,7 @@ from tests.support.copies import copy_store
 from tests.support.unloaded_modules import unload_modules
 
 
-async def test_moving_a_slider_shows_the_live_prediction(few_pairs_store: Path) -> None:
+async def test_moving_a_slider_shows_the_live_prediction(few_pairs_store):
     async with running(few_pairs_store, with_trained=True) as (app, pilot):
         await press(app, pilot, "a", *["right"] * 3)
         adjust, shown = app.session.state.adjust, app.resources.live
@@ -62,7 +62,7 @@ def _map_input(app: S2RApp):
     return BY_NAME["map"].input(app.renderer.scene)
 
 
-async def test_a_synthetic_world_renders_moved_sim_cameras(moved_camera_store: Path) -> None:
+async def test_a_synthetic_world_renders_moved_sim_cameras(moved_camera_store):
     async with running(moved_camera_store, with_trained=True) as (app, pilot):
         await press(app, pilot, "a")
         before = app.resources.live
@@ -77,7 +77,7 @@ async def test_a_synthetic_world_renders_moved_sim_cameras(moved_camera_store: P
         assert (before.real.rgb == after.real.rgb).all()
 
 
-async def test_adjustments_are_saved_as_a_run(few_pairs_store: Path, tmp_path: Path) -> None:
+async def test_adjustments_are_saved_as_a_run(few_pairs_store, tmp_path):
     path = copy_store(few_pairs_store, tmp_path / "own.s2r")
     async with running(path, with_trained=True) as (app, pilot):
         await press(app, pilot, "a", "right", "right", "S")
@@ -91,9 +91,7 @@ async def test_adjustments_are_saved_as_a_run(few_pairs_store: Path, tmp_path: P
         assert "brighter" in take_screenshot(app).text
 
 
-async def test_one_run_is_saved_at_a_time(
-    few_pairs_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_one_run_is_saved_at_a_time(few_pairs_store, tmp_path, monkeypatch):
     started: list[str] = []
     release = threading.Event()
 
@@ -123,9 +121,7 @@ async def test_one_run_is_saved_at_a_time(
         assert app.prompt.is_open
 
 
-async def test_refused_names_and_failed_saves_show_an_error(
-    few_pairs_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_refused_names_and_failed_saves_show_an_error(few_pairs_store, monkeypatch):
     def failing_save(*_: object) -> None:
         raise ModuleNotFoundError("No module named 'torch'", name="torch")
 
@@ -142,9 +138,7 @@ async def test_refused_names_and_failed_saves_show_an_error(
         assert "saving a run needs torch: pip install 's2rtui[tools]'" in app.session.state.message
 
 
-async def test_the_panel_explains_how_to_install_torch(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_the_panel_explains_how_to_install_torch(tiny_store, monkeypatch):
     unload_modules(monkeypatch, lambda name: name.startswith("s2rtools."))
     for name in [name for name in sys.modules if name.split(".")[0] == "torch"]:
         monkeypatch.delitem(sys.modules, name)
@@ -161,9 +155,7 @@ async def test_the_panel_explains_how_to_install_torch(
         assert app.resources.pictures is not None
 
 
-async def test_a_failed_model_is_not_shown_as_loading(
-    few_pairs_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_failed_model_is_not_shown_as_loading(few_pairs_store, monkeypatch):
     async with running(few_pairs_store, with_trained=True) as (app, pilot):
         await press(app, pilot, "a")
         monkeypatch.setattr(LiveModel, "steps", lambda *_: iter([1 / 0]))
@@ -178,9 +170,7 @@ async def test_a_failed_model_is_not_shown_as_loading(
         assert app.resources.live is not None
 
 
-async def test_a_running_prediction_is_shown_while_newer_values_wait(
-    few_pairs_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_running_prediction_is_shown_while_newer_values_wait(few_pairs_store, monkeypatch):
     app = make_app(few_pairs_store, with_trained=True)
     started, release = threading.Semaphore(0), threading.Semaphore(0)
     steps = LiveModel.steps
@@ -211,9 +201,7 @@ async def test_a_running_prediction_is_shown_while_newer_values_wait(
         assert values == pytest.approx([1 + step, 1 + 10 * step])
 
 
-def test_the_live_model_uses_the_generation_of_the_session(
-    few_pairs_store: Path, tmp_path: Path
-) -> None:
+def test_the_live_model_uses_the_generation_of_the_session(few_pairs_store, tmp_path):
     path = copy_store(few_pairs_store, tmp_path / "own.s2r")
     with s2rstore.open(path) as store:
         add_run(path, "later", "vanilla", None, None, {"sim": [], "real": []})
@@ -223,9 +211,7 @@ def test_the_live_model_uses_the_generation_of_the_session(
         model.close()
 
 
-async def test_the_panel_explains_how_to_install_the_tools(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_the_panel_explains_how_to_install_the_tools(tiny_store, monkeypatch):
     unload_modules(monkeypatch, lambda name: name.startswith("s2rtools."))
     monkeypatch.setitem(sys.modules, "s2rtools", None)
     async with running(tiny_store) as (app, pilot):
@@ -236,9 +222,7 @@ async def test_the_panel_explains_how_to_install_the_tools(
         assert app.settled
 
 
-async def test_clicking_other_views_keeps_the_panel_and_the_live_marks(
-    few_pairs_store: Path,
-) -> None:
+async def test_clicking_other_views_keeps_the_panel_and_the_live_marks(few_pairs_store):
     async with running(few_pairs_store, with_trained=True, size=(200, 60)) as (app, pilot):
         await press(app, pilot, "a", "right")
         live = _map_input(app).live
@@ -267,9 +251,7 @@ class RecordingPredictor:
         self.release = lambda: self.calls.append("leave")
 
 
-async def test_a_hidden_panel_releases_the_model(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_hidden_panel_releases_the_model(tiny_store, monkeypatch):
     predictor = RecordingPredictor()
     monkeypatch.setattr(live_prediction, "_PREDICTOR", predictor)
     app = S2RApp(Session(tiny_store), RenderOptions())
@@ -294,7 +276,7 @@ async def test_a_hidden_panel_releases_the_model(
         assert predictor.calls == ["read", "leave", "read"]
 
 
-def test_another_order_of_the_steps_is_predicted_again(tiny_store: Path) -> None:
+def test_another_order_of_the_steps_is_predicted_again(tiny_store):
     session = Session(tiny_store)
     steps = (("real", "brightness"), ("real", "contrast"))
     states = [

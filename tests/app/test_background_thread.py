@@ -9,7 +9,6 @@ import sys
 import threading
 import weakref
 from itertools import count
-from pathlib import Path
 
 import pytest
 from textual import _time
@@ -42,7 +41,7 @@ class BlockingJob:
         self.done.append(name)
 
 
-def test_only_the_newest_waiting_job_runs() -> None:
+def test_only_the_newest_waiting_job_runs():
     blocking, worker = BlockingJob(), LatestOnlyWorker("lane")
     worker.put(blocking.wait)
     assert blocking.entered.wait(60)
@@ -55,7 +54,7 @@ def test_only_the_newest_waiting_job_runs() -> None:
     worker.end()
 
 
-def test_ending_a_worker_drops_waiting_jobs_and_runs_its_last_job() -> None:
+def test_ending_a_worker_drops_waiting_jobs_and_runs_its_last_job():
     blocking, worker = BlockingJob(), LatestOnlyWorker("lane")
     worker.put(blocking.wait)
     assert blocking.entered.wait(60)
@@ -68,11 +67,11 @@ def test_ending_a_worker_drops_waiting_jobs_and_runs_its_last_job() -> None:
     assert blocking.done == ["first", "last"]
 
 
-def test_a_worker_that_never_started_runs_no_last_job() -> None:
+def test_a_worker_that_never_started_runs_no_last_job():
     LatestOnlyWorker("lane").end(lambda: pytest.fail("the last job runs"))
 
 
-def test_workers_run_independently() -> None:
+def test_workers_run_independently():
     blocking, busy_worker = BlockingJob(), LatestOnlyWorker("busy")
     other_worker = LatestOnlyWorker("other")
     finished = threading.Event()
@@ -84,7 +83,7 @@ def test_workers_run_independently() -> None:
     assert background_thread.wait_until_idle(60)
 
 
-def test_the_process_exits_while_a_job_runs() -> None:
+def test_the_process_exits_while_a_job_runs():
     code = (
         "import sys, time; from s2rtui.jobs import background_thread\n"
         "background_thread.run_in_thread('endless', lambda: time.sleep(999)); print('told')\n"
@@ -103,7 +102,7 @@ class JobOwner:
         """Do nothing."""
 
 
-def test_an_idle_worker_keeps_no_reference_to_its_jobs() -> None:
+def test_an_idle_worker_keeps_no_reference_to_its_jobs():
     worker, owner = LatestOnlyWorker("lane"), JobOwner()
     owner_reference = weakref.ref(owner)
     worker.put(owner.work)
@@ -114,7 +113,7 @@ def test_an_idle_worker_keeps_no_reference_to_its_jobs() -> None:
     worker.end()
 
 
-def test_a_worker_survives_a_failing_job() -> None:
+def test_a_worker_survives_a_failing_job():
     errors: list[Exception] = []
     blocking, worker = BlockingJob(), LatestOnlyWorker("lane", errors.append)
     error = ZeroDivisionError("of the work")
@@ -134,9 +133,7 @@ def test_a_worker_survives_a_failing_job() -> None:
     worker.end()
 
 
-async def test_images_load_although_the_clock_jumps(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_images_load_although_the_clock_jumps(tiny_store, monkeypatch):
     app, ticks, clock = S2RApp(Session(tiny_store), RenderOptions()), count(), _time.get_time
     app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(120, 40)) as pilot:
@@ -145,7 +142,7 @@ async def test_images_load_although_the_clock_jumps(
         assert app.resources.pictures is not None
 
 
-async def test_a_cancelled_call_never_runs(tiny_store: Path) -> None:
+async def test_a_cancelled_call_never_runs(tiny_store):
     app, calls = S2RApp(Session(tiny_store), RenderOptions()), []
     async with app.run_test(size=(80, 24)) as pilot:
         call_after(app, 0, lambda: calls.append("dropped")).cancel()

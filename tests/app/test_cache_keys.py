@@ -192,14 +192,12 @@ def changed_scenes(session: Session, scene: Scene) -> Iterator[tuple[str, Scene]
     yield "notes", replace(scene, notes=notes)
 
 
-def test_every_field_of_state_and_resources_is_covered() -> None:
+def test_every_field_of_state_and_resources_is_covered():
     assert set(STATE_CHANGES) == {field.name for field in fields(State)}
     assert set(RESOURCE_CHANGES) == {field.name for field in fields(Resources)}
 
 
-def test_a_changed_canvas_has_a_changed_cache_key(
-    session: Session, scenes: dict[str, Scene]
-) -> None:
+def test_a_changed_canvas_has_a_changed_cache_key(session, scenes):
     """And every field except the listed ones is drawn by some view of some scene."""
     drawn_fields = set()
     for scene_name, scene in scenes.items():
@@ -218,7 +216,7 @@ def test_a_changed_canvas_has_a_changed_cache_key(
     assert drawn_fields == {*STATE_CHANGES, *RESOURCE_CHANGES, "notes"} - NEVER_DRAWN
 
 
-def test_only_what_a_view_shows_redraws_it(scenes: dict[str, Scene]) -> None:
+def test_only_what_a_view_shows_redraws_it(scenes):
     scene = scenes["rich"]
     message = replace(scene, state=replace(scene.state, message="else", past=(Step("all"),)))
     for view in VIEWS:
@@ -237,7 +235,7 @@ def test_only_what_a_view_shows_redraws_it(scenes: dict[str, Scene]) -> None:
         ("map", "heat on the map"), ("overview", "rows"), ("instance", "pictures"),
     ],
 )  # fmt: skip
-def test_a_failed_load_is_not_shown_as_loading(session: Session, name: str, feed: str) -> None:
+def test_a_failed_load_is_not_shown_as_loading(session, name, feed):
     view = next(view for view in VIEWS if view.name == name)
     assert feed in view.loads
     state = replace(session.state, clip=feed == "seen floor", cursor=4)

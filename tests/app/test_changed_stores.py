@@ -20,9 +20,7 @@ def import_predictions(store: Path, folder: Path, made: Made) -> None:
     assert main(["run", "import", "theirs", "--predictions", file, "--store", str(store)]) == 0
 
 
-async def test_every_view_draws_and_sliders_say_that_they_need_a_network(
-    store_copy: Path, tmp_path: Path
-) -> None:
+async def test_every_view_draws_and_sliders_say_that_they_need_a_network(store_copy, tmp_path):
     made = make(store_copy)
     made.real[:MISSING, 0] = float("nan")
     import_predictions(store_copy, tmp_path, made)
@@ -48,9 +46,7 @@ async def test_every_view_draws_and_sliders_say_that_they_need_a_network(
         )
 
 
-async def test_a_session_moves_on_to_predictions_that_were_imported_again(
-    store_copy: Path, tmp_path: Path
-) -> None:
+async def test_a_session_moves_on_to_predictions_that_were_imported_again(store_copy, tmp_path):
     import_predictions(store_copy, tmp_path, make(store_copy))
     async with running(store_copy, run="theirs", size=(80, 24)) as (app, pilot):
         before = app.session.store.run_columns("theirs").real.x.copy()
@@ -68,7 +64,7 @@ async def test_a_session_moves_on_to_predictions_that_were_imported_again(
 ADDED = 5
 
 
-def test_every_view_draws_after_an_append(store_copy: Path) -> None:
+def test_every_view_draws_after_an_append(store_copy):
     async def run() -> None:
         async with running(store_copy) as (app, pilot):
             append_trajectory(store_copy, "a0", ADDED)

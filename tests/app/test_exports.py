@@ -35,8 +35,8 @@ async def answer(app: S2RApp, pilot: Pilot[None], text: str) -> str:
 
 
 async def test_reports_contain_saved_selections_or_the_current_one(
-    tiny_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    tiny_store, tmp_path, monkeypatch
+):
     def failing_report(*_: object) -> None:
         raise ZeroDivisionError("oh")
 
@@ -62,7 +62,7 @@ async def test_reports_contain_saved_selections_or_the_current_one(
         assert f"<h3>Run {run}</h3>" in text
 
 
-async def test_the_exported_rows_equal_those_of_s2r_query(tiny_store: Path, tmp_path: Path) -> None:
+async def test_the_exported_rows_equal_those_of_s2r_query(tiny_store, tmp_path):
     async with running(tiny_store, folder=tmp_path) as (app, pilot):
         await press(app, pilot, "w", "F", "enter")
         assert app.session.state.message.endswith("s2r-selection-001.csv: 6 of 40 instances")
@@ -75,9 +75,7 @@ async def test_the_exported_rows_equal_those_of_s2r_query(tiny_store: Path, tmp_
     assert json.loads((tmp_path / "mine.json").read_text()) == json.loads(out.read_text())
 
 
-def test_rows_of_a_selection_equal_rows_of_its_expression(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_rows_of_a_selection_equal_rows_of_its_expression(tiny_store, monkeypatch):
     monkeypatch.setattr(selected_instances, "_BLOCK_IIDS", 7)
     rows = selected_instances.selected_rows
     with s2rstore.open(tiny_store) as store:
@@ -89,7 +87,7 @@ def test_rows_of_a_selection_equal_rows_of_its_expression(
                 assert rows(store, expression, selected=selected) == expected
 
 
-def test_an_unexpected_error_is_shown_in_one_line(tiny_store: Path) -> None:
+def test_an_unexpected_error_is_shown_in_one_line(tiny_store):
     app = S2RApp(Session(tiny_store), RenderOptions())
     messages: list[BackgroundFailed] = []
     app.post, app._running = messages.append, True
@@ -104,7 +102,7 @@ def test_an_unexpected_error_is_shown_in_one_line(tiny_store: Path) -> None:
     ]
 
 
-async def test_unusable_file_names_are_rejected(tiny_store: Path, tmp_path: Path) -> None:
+async def test_unusable_file_names_are_rejected(tiny_store, tmp_path):
     (tmp_path / "there.csv").write_text("kept")
     async with running(tiny_store, folder=tmp_path, size=(80, 24)) as (app, pilot):
         for name in ("mine.txt", "there.csv", "no/where.json", "no/where.parquet", ""):
@@ -120,9 +118,7 @@ async def test_unusable_file_names_are_rejected(tiny_store: Path, tmp_path: Path
     assert (tmp_path / "there.csv").read_text() == "kept"
 
 
-async def test_two_simultaneous_exports_write_two_files(
-    tiny_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_two_simultaneous_exports_write_two_files(tiny_store, tmp_path, monkeypatch):
     release = Event()
     write_rows = formats.write_rows
 
@@ -149,8 +145,8 @@ async def test_two_simultaneous_exports_write_two_files(
 
 
 async def test_a_file_created_during_the_export_is_not_overwritten(
-    tiny_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    tiny_store, tmp_path, monkeypatch
+):
     target, write_rows = tmp_path / "s2r-selection-001.csv", formats.write_rows
 
     def write_after_other_process(*arguments: Any) -> None:
@@ -165,7 +161,7 @@ async def test_a_file_created_during_the_export_is_not_overwritten(
     assert not list(tmp_path.glob(".*csv"))
 
 
-def test_an_existing_numbered_file_is_skipped(tmp_path: Path) -> None:
+def test_an_existing_numbered_file_is_skipped(tmp_path):
     names = numbered_paths(tmp_path, "a", ".txt")
 
     def fill(path: Path) -> None:
@@ -179,8 +175,8 @@ def test_an_existing_numbered_file_is_skipped(tmp_path: Path) -> None:
 
 
 async def test_a_restricted_session_writes_only_to_the_user_data_folder(
-    tiny_store: Path, tmp_path: Path, user_data_folder: Path
-) -> None:
+    tiny_store, tmp_path, user_data_folder
+):
     async with running(tiny_store, folder=tmp_path, restricted=True) as (app, pilot):
         await press(app, pilot, "w")
         for key in ("E", "s", "F"):

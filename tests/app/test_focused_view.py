@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from s2rtui.app.app import S2RApp
@@ -26,7 +24,7 @@ def shown(app: S2RApp) -> set[str]:
     return {str(view.id) for view in app.query(PlotView) if view.placed and view.region.area}
 
 
-async def test_zoom_and_pan_keys_move_the_focused_view_alone(tiny_store: Path) -> None:
+async def test_zoom_and_pan_keys_move_the_focused_view_alone(tiny_store):
     async with running(tiny_store, size=SIZE) as (app, pilot):
         view, size = BY_NAME["umap"], (80, 20)
         await press(app, pilot, "c", "4")
@@ -55,7 +53,7 @@ async def test_zoom_and_pan_keys_move_the_focused_view_alone(tiny_store: Path) -
         assert app.session.state.viewport is not None
 
 
-async def test_a_view_fills_the_screen_and_the_layout_comes_back(tiny_store: Path) -> None:
+async def test_a_view_fills_the_screen_and_the_layout_comes_back(tiny_store):
     async with running(tiny_store, size=SIZE) as (app, pilot):
         await press(app, pilot, "3")
         before = shown(app)
@@ -68,7 +66,7 @@ async def test_a_view_fills_the_screen_and_the_layout_comes_back(tiny_store: Pat
         assert shown(app) == before
 
 
-async def test_keys_that_change_nothing_say_why(tiny_store: Path) -> None:
+async def test_keys_that_change_nothing_say_why(tiny_store):
     async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "7", "z")
         assert "errors cannot be zoomed (2 map, 4 umap" in message(app)
@@ -78,7 +76,7 @@ async def test_keys_that_change_nothing_say_why(tiny_store: Path) -> None:
         assert not app.session.state.fills_screen
 
 
-async def test_the_mouse_describes_the_instance_under_it(tiny_store: Path) -> None:
+async def test_the_mouse_describes_the_instance_under_it(tiny_store):
     async with running(tiny_store) as (app, pilot):
         for name in ("map", "umap", "compare", "list", "overview"):
             await press(app, pilot, "c", BY_NAME[name].key)
@@ -101,7 +99,7 @@ async def test_the_mouse_describes_the_instance_under_it(tiny_store: Path) -> No
             assert not message(app).startswith(f"#{iid} "), name
 
 
-async def test_home_and_end_go_to_the_ends_of_the_list_and_show_errors(tiny_store: Path) -> None:
+async def test_home_and_end_go_to_the_ends_of_the_list_and_show_errors(tiny_store):
     async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "w", "8", "end")
         session = app.session
@@ -116,7 +114,7 @@ async def test_home_and_end_go_to_the_ends_of_the_list_and_show_errors(tiny_stor
         assert session.state.cursor == np.flatnonzero(session.state.selected)[-1]
 
 
-async def test_sorting_keeps_the_cursor_on_the_screen(tiny_store: Path) -> None:
+async def test_sorting_keeps_the_cursor_on_the_screen(tiny_store):
     async with running(tiny_store, size=(80, 12)) as (app, pilot):
         await press(app, pilot, "c", "8", "end")
         cursor = app.session.state.cursor
@@ -131,7 +129,7 @@ async def test_sorting_keeps_the_cursor_on_the_screen(tiny_store: Path) -> None:
             assert cursor in rows
 
 
-async def test_a_drawn_brush_becomes_a_lasso_and_a_box_again(tiny_store: Path) -> None:
+async def test_a_drawn_brush_becomes_a_lasso_and_a_box_again(tiny_store):
     async with running(tiny_store, size=SIZE) as (app, pilot):
         await press(app, pilot, "c", "x", "Z", "Z")
         box = app.session.state.brush
@@ -159,7 +157,7 @@ async def test_a_drawn_brush_becomes_a_lasso_and_a_box_again(tiny_store: Path) -
         assert by_lasso.any()
 
 
-async def test_a_message_shows_while_the_mouse_rests_on_an_instance(tiny_store: Path) -> None:
+async def test_a_message_shows_while_the_mouse_rests_on_an_instance(tiny_store):
     async with running(tiny_store, size=SIZE) as (app, pilot):
         await press(app, pilot, "c", BY_NAME["map"].key)
         view, plot = BY_NAME["map"], app.query_one("#map", PlotView)

@@ -26,7 +26,7 @@ def lines(images: Path, size: tuple[int, int], *keys: str) -> list[str]:
     return snapshot(images, size, keys, RenderOptions()).text.splitlines()
 
 
-def test_screens_show_an_image_beside_the_list_and_its_neighbours(images: Path) -> None:
+def test_screens_show_an_image_beside_the_list_and_its_neighbours(images):
     screen = lines(images, (40, 12))
     assert "14 of 14" in screen[0]
     assert any("3 instance  0" in line for line in screen)
@@ -43,7 +43,7 @@ def test_screens_show_an_image_beside_the_list_and_its_neighbours(images: Path) 
     assert any("where real_night 2" in line for line in screen)
 
 
-async def test_views_and_selections_that_need_poses_say_so(images: Path) -> None:
+async def test_views_and_selections_that_need_poses_say_so(images):
     async with running(images, size=(80, 24)) as (app, pilot):
         for view in (view for view in VIEWS if view.needs_poses and view.from_store):
             await press(app, pilot, view.key)
@@ -55,7 +55,7 @@ async def test_views_and_selections_that_need_poses_say_so(images: Path) -> None
         assert f"nothing is selected: {NO_POSES}" in message
 
 
-def test_two_domains_of_one_moment_stand_side_by_side(tmp_path: Path) -> None:
+def test_two_domains_of_one_moment_stand_side_by_side(tmp_path):
     picture = image_folders.picture(1, image_folders.REAL_SIZE)
     images = {"camera": picture, "mkl": 255 - picture}
     moments = (ImageInstance("bag", images, number / 30, f"image/{number}") for number in range(3))
@@ -68,7 +68,7 @@ def test_two_domains_of_one_moment_stand_side_by_side(tmp_path: Path) -> None:
     assert any("camera file image/1" in line for line in screen)
 
 
-async def test_no_key_ends_the_application(images: Path) -> None:
+async def test_no_key_ends_the_application(images):
     """The first key of every action that leads to no other screen."""
     app = make_app(images)
     left_out = {"quit", "snapshot", "report", "doctor", "tour", "help", "copy"}

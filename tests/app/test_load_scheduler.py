@@ -73,7 +73,7 @@ def add_later_run(store: Path) -> None:
     add_run(store, "later", "vanilla", None, None, {"sim": [], "real": []})
 
 
-async def test_keys_are_handled_while_a_run_loads(store: Path, gate: threading.Event) -> None:
+async def test_keys_are_handled_while_a_run_loads(store, gate):
     async with running(store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "c", "r")
         assert app.session.state.run == "vanilla"
@@ -90,9 +90,7 @@ async def test_keys_are_handled_while_a_run_loads(store: Path, gate: threading.E
         assert "loading" not in take_screenshot(app).text.splitlines()[0]
 
 
-async def test_a_shared_selection_waits_until_its_run_is_loaded(
-    store: Path, gate: threading.Event
-) -> None:
+async def test_a_shared_selection_waits_until_its_run_is_loaded(store, gate):
     async with running(store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "c")
         before, dataset_hash = app.session.state, app.session.store.dataset.hash
@@ -112,9 +110,7 @@ async def test_a_shared_selection_waits_until_its_run_is_loaded(
         assert set(np.flatnonzero(state.selected)) == set(np.argsort(-errors, kind="stable")[:3])
 
 
-async def test_columns_of_an_expression_are_read_in_the_background(
-    store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_columns_of_an_expression_are_read_in_the_background(store, monkeypatch):
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     predicted, ui_thread, reads = column_loader._predicted, threading.current_thread(), []
 
@@ -158,7 +154,7 @@ async def delayed_losses(
         released.set()
 
 
-async def test_an_undone_expression_waits_for_its_columns(delayed_losses: DelayedReads) -> None:
+async def test_an_undone_expression_waits_for_its_columns(delayed_losses):
     app, pilot, release = delayed_losses
     past = app.session.state.past
     await press(app, pilot, "u")
@@ -173,9 +169,7 @@ async def test_an_undone_expression_waits_for_its_columns(delayed_losses: Delaye
     assert (app.session.state.expression, app.session.state.past) == ("all", past)
 
 
-async def test_a_pending_selection_consumes_its_operator_and_keeps_a_later_brush(
-    delayed_losses: DelayedReads,
-) -> None:
+async def test_a_pending_selection_consumes_its_operator_and_keeps_a_later_brush(delayed_losses):
     app, pilot, release = delayed_losses
     app.session.select("straight")
     with_brush_and_operator(app.session)
@@ -190,9 +184,7 @@ async def test_a_pending_selection_consumes_its_operator_and_keeps_a_later_brush
     assert (state.brush, state.operator) == (brush, "union")
 
 
-def test_a_selection_made_during_a_run_change_is_kept(
-    store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_selection_made_during_a_run_change_is_kept(store, monkeypatch):
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     session = Session(store)
     session.set_state(replace(session.state, pending=PendingTarget("b", 1, "gap > 0")))
@@ -203,9 +195,7 @@ def test_a_selection_made_during_a_run_change_is_kept(
     assert (session.complete_pending().run, session.state.expression) == ("b", "straight")
 
 
-async def test_the_compared_run_is_read_in_the_background(
-    store: Path, gate: threading.Event
-) -> None:
+async def test_the_compared_run_is_read_in_the_background(store, gate):
     async with running(store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "9")
         assert "loading run b" in take_screenshot(app).text
@@ -215,9 +205,7 @@ async def test_the_compared_run_is_read_in_the_background(
         assert "b better" in take_screenshot(app).text or "▲" in take_screenshot(app).text
 
 
-async def test_an_unreadable_run_shows_an_error(
-    store: Path, gate: threading.Event, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_an_unreadable_run_shows_an_error(store, gate, monkeypatch):
     gate.set()
     async with running(store, size=(80, 24)) as (app, pilot):
 
@@ -234,7 +222,7 @@ async def test_an_unreadable_run_shows_an_error(
 
 
 @pytest.mark.parametrize("is_error", [False, True])
-def test_a_newer_message_is_kept_when_a_run_arrives(store: Path, is_error: bool) -> None:
+def test_a_newer_message_is_kept_when_a_run_arrives(store, is_error):
     session = Session(store)
     with_brush_and_operator(session, pending=PendingTarget("b", session.state.generation))
     session.show_message("wrote rows.csv", is_error)
@@ -244,7 +232,7 @@ def test_a_newer_message_is_kept_when_a_run_arrives(store: Path, is_error: bool)
     session.close()
 
 
-def test_a_message_about_the_selection_is_cleared_when_a_run_arrives(store: Path) -> None:
+def test_a_message_about_the_selection_is_cleared_when_a_run_arrives(store):
     session = Session(store)
     session.select("none")
     pending = PendingTarget("b", session.state.generation, text="all")
@@ -254,9 +242,7 @@ def test_a_message_about_the_selection_is_cleared_when_a_run_arrives(store: Path
     session.close()
 
 
-async def test_a_saved_run_is_announced_after_its_generation_is_loaded(
-    store_copy: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_saved_run_is_announced_after_its_generation_is_loaded(store_copy, monkeypatch):
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     async with running(store_copy, size=(80, 24)) as (app, pilot):
         add_later_run(store_copy)
@@ -267,7 +253,7 @@ async def test_a_saved_run_is_announced_after_its_generation_is_loaded(
         assert app.session.state.message == "run dataaug is saved: r shows it"
 
 
-async def test_the_announced_key_selects_the_saved_run(four_runs: Path) -> None:
+async def test_the_announced_key_selects_the_saved_run(four_runs):
     async with running(four_runs, size=(80, 24)) as (app, pilot):
         runs = app.session.state.runs
         for present, saved in ((0, 0), (0, 1), (0, 2), (0, 3), (3, 0), (3, 1), (2, 1)):
@@ -285,9 +271,7 @@ async def test_the_announced_key_selects_the_saved_run(four_runs: Path) -> None:
                 assert app.session.state.run == runs[saved]
 
 
-def test_a_newer_generation_keeps_a_pending_selection(
-    store_copy: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_newer_generation_keeps_a_pending_selection(store_copy, monkeypatch):
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     session = Session(store_copy)
     session.defers_loading = True
@@ -302,7 +286,7 @@ def test_a_newer_generation_keeps_a_pending_selection(
     session.close()
 
 
-async def test_an_old_store_is_closed_after_its_last_reader(store_copy: Path) -> None:
+async def test_an_old_store_is_closed_after_its_last_reader(store_copy):
     app, entered, release = make_app(store_copy), threading.Event(), threading.Event()
     async with app.run_test(size=(80, 24)) as pilot:
         await settle(app, pilot)
@@ -324,7 +308,7 @@ async def test_an_old_store_is_closed_after_its_last_reader(store_copy: Path) ->
         assert not before._columns.nbytes
 
 
-async def test_no_reference_to_an_old_store_remains(store_copy: Path) -> None:
+async def test_no_reference_to_an_old_store_remains(store_copy):
     """Neither workers nor their timers nor hidden views refer to it."""
     async with running(store_copy, size=(80, 24)) as (app, pilot):
         for key in "123456":
@@ -349,7 +333,7 @@ def with_brush_and_operator(session: Session, **fields: object) -> tuple[Brush, 
     return brush, session.set_state(state)
 
 
-def test_a_pending_run_may_be_missing_from_the_newer_generation(store_copy: Path) -> None:
+def test_a_pending_run_may_be_missing_from_the_newer_generation(store_copy):
     session = Session(store_copy, "vanilla")
     with_brush_and_operator(session, pending=PendingTarget("vanilla", session.state.generation + 1))
     add_later_run(store_copy)
@@ -361,9 +345,7 @@ def test_a_pending_run_may_be_missing_from_the_newer_generation(store_copy: Path
     session.close()
 
 
-def test_a_failed_change_of_generation_changes_nothing(
-    store_copy: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failed_change_of_generation_changes_nothing(store_copy, monkeypatch):
     session = Session(store_copy)
     add_later_run(store_copy)
     store, state, newer = session.store, session.state, s2rstore.open(store_copy)
@@ -377,16 +359,14 @@ def test_a_failed_change_of_generation_changes_nothing(
     session.close()
 
 
-def test_a_session_without_application_reads_synchronously(
-    store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_session_without_application_reads_synchronously(store, monkeypatch):
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     session = Session(store)
     assert session.dispatch(navigation.change_run, 1).run == "b"
     session.close()
 
 
-def test_columns_of_a_run_in_use_are_not_dropped(store: Path) -> None:
+def test_columns_of_a_run_in_use_are_not_dropped(store):
     with s2rstore.open(store) as opened:
         opened.in_use = frozenset({"vanilla"})
         columns = {run: opened.run_columns(run).real.error for run in ("vanilla", "b")}
@@ -396,7 +376,7 @@ def test_columns_of_a_run_in_use_are_not_dropped(store: Path) -> None:
         assert opened.run_columns("b").real.error is not columns["b"]
 
 
-def test_a_store_can_be_opened_at_an_earlier_generation(store_copy: Path) -> None:
+def test_a_store_can_be_opened_at_an_earlier_generation(store_copy):
     with s2rstore.open(store_copy) as before:
         add_later_run(store_copy)
         with s2rstore.open(store_copy, generation=before.generation) as again:
@@ -408,7 +388,7 @@ def test_a_store_can_be_opened_at_an_earlier_generation(store_copy: Path) -> Non
         s2rstore.open(store_copy, generation=999)
 
 
-def test_the_floor_plan_key_reads_no_file(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_floor_plan_key_reads_no_file(store, monkeypatch):
     """The key of the floor plan is computed after every key press."""
     session = Session(store)
     monkeypatch.setattr(type(session.store), "floor_plan_path", lambda _: 1 / 0)
@@ -417,9 +397,7 @@ def test_the_floor_plan_key_reads_no_file(store: Path, monkeypatch: pytest.Monke
     session.close()
 
 
-def test_the_screen_of_a_state_uses_its_history(
-    store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_screen_of_a_state_uses_its_history(store, tmp_path, monkeypatch):
     nights = tmp_path / "nights.duckdb"
     nights.touch()
     session = Session(store, gap_history=nights)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -41,7 +40,7 @@ def loading(app: S2RApp, view: str) -> str:
     return BY_NAME[view].loading(app.renderer.scene)
 
 
-async def test_images_keep_label_and_place_until_new_ones_arrive(tiny_store: Path) -> None:
+async def test_images_keep_label_and_place_until_new_ones_arrive(tiny_store):
     def first_image_row() -> int:
         rows = take_screenshot(app).text.splitlines()
         return next(n for n, row in enumerate(rows) if "◆ sim" in row and "◇ real" in row)
@@ -68,9 +67,7 @@ async def test_images_keep_label_and_place_until_new_ones_arrive(tiny_store: Pat
             assert loading(app, "instance") == ""
 
 
-async def test_unreadable_images_are_not_shown_as_loading(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_unreadable_images_are_not_shown_as_loading(tiny_store, monkeypatch):
     async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "c")
         assert subtitle(app, "overview") == "accuracy; a line per instance, real"
@@ -89,7 +86,7 @@ async def test_unreadable_images_are_not_shown_as_loading(
         assert "division" not in subtitle(app, "instance")
 
 
-async def test_a_live_prediction_is_shown_only_for_its_run_and_instance(tiny_store: Path) -> None:
+async def test_a_live_prediction_is_shown_only_for_its_run_and_instance(tiny_store):
     async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "c")
         session, state = app.session, app.session.state
@@ -118,7 +115,7 @@ async def test_a_live_prediction_is_shown_only_for_its_run_and_instance(tiny_sto
         assert BY_NAME["map"].input(moved).heat is None
 
 
-async def test_every_loader_reports_its_own_progress(tiny_store: Path) -> None:
+async def test_every_loader_reports_its_own_progress(tiny_store):
     async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "c", "o", "C")
         tickets = app.load_scheduler._ticket
@@ -134,9 +131,7 @@ async def test_every_loader_reports_its_own_progress(tiny_store: Path) -> None:
         assert app.resources.progress == {}
 
 
-async def test_a_slow_loader_does_not_block_the_others(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_slow_loader_does_not_block_the_others(tiny_store, monkeypatch):
     release = threading.Event()
     started: list[int] = []
 
@@ -168,9 +163,7 @@ async def test_a_slow_loader_does_not_block_the_others(
     ("keys", "key", "label"),
     [("co", "n", ", of {}"), ("co", "h", None), ("coo", "w", "of an earlier selection")],
 )
-async def test_heat_of_an_earlier_state_is_labelled_or_hidden(
-    tiny_store: Path, keys: str, key: str, label: str | None
-) -> None:
+async def test_heat_of_an_earlier_state_is_labelled_or_hidden(tiny_store, keys, key, label):
     async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, *keys)
         cursor = app.session.state.cursor
@@ -181,9 +174,7 @@ async def test_heat_of_an_earlier_state_is_labelled_or_hidden(
 
 
 @pytest.mark.parametrize("key", ["w", "d", "r"])
-async def test_the_seen_floor_of_an_earlier_selection_is_not_used(
-    tiny_store: Path, key: str
-) -> None:
+async def test_the_seen_floor_of_an_earlier_selection_is_not_used(tiny_store, key):
     async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "c", "C")
         assert BY_NAME["map"].input(app.renderer.scene).clip is not None

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 from textual import events
 from textual.containers import VerticalScroll
@@ -31,7 +29,7 @@ CLOSING_KEYS = {
 """Per key that opens a screen, a text on it, and keys that close it and are harmless below."""
 
 
-async def test_several_closing_keys_close_a_screen_once(tiny_store: Path) -> None:
+async def test_several_closing_keys_close_a_screen_once(tiny_store):
     async with running(tiny_store, size=(80, 24)) as (app, pilot):
         for opening, (shown, closing_keys) in CLOSING_KEYS.items():
             await press(app, pilot, opening)
@@ -55,9 +53,7 @@ def save_selections(*names: str) -> Notebook:
     return notebook
 
 
-async def test_deleting_selections_keeps_the_row_and_names_what_uses_them(
-    tiny_store: Path,
-) -> None:
+async def test_deleting_selections_keeps_the_row_and_names_what_uses_them(tiny_store):
     notebook = save_selections("a", "c", "d", "e", "f")
     notebook.save("b", SavedSelection("@a", 1, "dataaug", 6))
     async with running(tiny_store, size=(80, 24)) as (app, pilot):
@@ -82,8 +78,8 @@ async def test_deleting_selections_keeps_the_row_and_names_what_uses_them(
     [("traj:a", "traj all run 所.s2r"), ('run("dataaug").gap > 0', "s.s2r")],
 )
 async def test_jump_letters_lie_on_their_parts_of_the_status_line(
-    tiny_store: Path, tmp_path: Path, expression: str, name: str
-) -> None:
+    tiny_store, tmp_path, expression, name
+):
     session = Session(copy_store(tiny_store, tmp_path / name))
     session.select(expression)
     app = S2RApp(session, RenderOptions())
@@ -104,7 +100,7 @@ async def test_jump_letters_lie_on_their_parts_of_the_status_line(
         assert targets["do('edit')"].startswith(f"{shown} │ generation")
 
 
-def test_the_search_finds_lines_with_all_words_and_keys_in_their_case() -> None:
+def test_the_search_finds_lines_with_all_words_and_keys_in_their_case():
     lines = [line for line in help_lines(searched="next Run") if line.startswith("  ")]
     assert len(lines) >= 2
     assert all("next" in line.lower() and "run" in line.lower() for line in lines)
@@ -117,14 +113,14 @@ def test_the_search_finds_lines_with_all_words_and_keys_in_their_case() -> None:
 
 
 @pytest.mark.parametrize("question", QUESTIONS, ids=lambda question: question.text)
-def test_a_question_is_answered_by_at_most_six_keys(question) -> None:
+def test_a_question_is_answered_by_at_most_six_keys(question):
     pressed = " ".join(key for key, _ in question.entries).split()
     assert 1 <= len(pressed) <= 6
     assert set(pressed) <= {action.key for action in ACTIONS}
     assert all(len(text) <= 54 for _, text in question.entries)  # one line at 80 columns
 
 
-async def test_typing_filters_and_enter_goes_to_the_first_match(tiny_store: Path) -> None:
+async def test_typing_filters_and_enter_goes_to_the_first_match(tiny_store):
     async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await pilot.press("question_mark", "slash", *"lasso")
         await settle(app, pilot)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from pathlib import Path
 
 import pytest
 from textual import events
@@ -17,7 +16,7 @@ from tests.support.application import running
 MOVES = 300
 
 
-async def test_mouse_moves_are_coalesced(tiny_store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_mouse_moves_are_coalesced(tiny_store, monkeypatch):
     strokes: list[Stroke] = []
     taken = Drag.taken
 
@@ -45,7 +44,7 @@ async def test_mouse_moves_are_coalesced(tiny_store: Path, monkeypatch: pytest.M
     assert app.session.state.expression.startswith("box(")
 
 
-async def test_a_mark_applied_by_a_key_is_not_applied_again(tiny_store: Path) -> None:
+async def test_a_mark_applied_by_a_key_is_not_applied_again(tiny_store):
     async with running(tiny_store) as (app, pilot):
         await pilot.press("w")
         await pilot.mouse_down("#map", offset=(4, 4))
@@ -61,7 +60,7 @@ async def test_a_mark_applied_by_a_key_is_not_applied_again(tiny_store: Path) ->
         assert app.session.state.brush is None
 
 
-async def test_a_drag_moves_one_slider_while_the_sliders_scroll(tiny_store: Path) -> None:
+async def test_a_drag_moves_one_slider_while_the_sliders_scroll(tiny_store):
     async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await pilot.press("a")
         await settle(app, pilot)
@@ -84,7 +83,7 @@ async def test_a_drag_moves_one_slider_while_the_sliders_scroll(tiny_store: Path
         assert moved == [app.session.state.adjust.sliders[int(panel.name)].key]
 
 
-async def test_sliders_and_findings_cannot_be_brushed(tiny_store: Path) -> None:
+async def test_sliders_and_findings_cannot_be_brushed(tiny_store):
     async with running(tiny_store) as (app, pilot):
         await pilot.press("a")
         await settle(app, pilot)
@@ -102,9 +101,7 @@ async def test_sliders_and_findings_cannot_be_brushed(tiny_store: Path) -> None:
         assert app.session.state.brush is None
 
 
-async def test_wheel_events_are_coalesced(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_wheel_events_are_coalesced(tiny_store, monkeypatch):
     turns: list[int] = []
     take_steps = Wheel.take_steps
 

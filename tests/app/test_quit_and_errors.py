@@ -80,9 +80,7 @@ def output_after_exit(screen: Screen) -> str:
     return re.sub(r"\x1b\[[?<>=0-9;]*[a-zA-Z]", "", text).strip()
 
 
-def test_quit_while_a_run_is_saved(
-    few_pairs_store: Path, tmp_path: Path, open_screen: OpenScreen
-) -> None:
+def test_quit_while_a_run_is_saved(few_pairs_store, tmp_path, open_screen):
     path = copy_store(few_pairs_store, tmp_path / "own.s2r")
     screen = open_application(open_screen, path, "--with-trained")
     screen.press("a")
@@ -104,7 +102,7 @@ def test_quit_while_a_run_is_saved(
     assert main(["precompute", str(path), "--run", "brighter", "--kinds", "activation"]) == 0
 
 
-def test_quit_while_a_model_loads(few_pairs_store: Path, open_screen: OpenScreen) -> None:
+def test_quit_while_a_model_loads(few_pairs_store, open_screen):
     screen = open_application(open_screen, few_pairs_store, "--with-trained")
     screen.press("a")
     screen.wait_for("loading the model")
@@ -112,9 +110,7 @@ def test_quit_while_a_model_loads(few_pairs_store: Path, open_screen: OpenScreen
 
 
 @pytest.mark.parametrize("loader", ["pictures", "live"])
-async def test_quit_while_a_loader_reads(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch, loader: str
-) -> None:
+async def test_quit_while_a_loader_reads(tiny_store, monkeypatch, loader):
     reading, release = threading.Event(), threading.Event()
 
     def blocking_read(*_: object) -> dict[str, object]:
@@ -141,8 +137,8 @@ async def test_quit_while_a_loader_reads(
 
 
 def test_an_unexpected_error_while_starting_is_printed_in_one_line(
-    tiny_store: Path, tmp_path: Path, open_screen: OpenScreen
-) -> None:
+    tiny_store, tmp_path, open_screen
+):
     folder = tmp_path / "broken"
     folder.mkdir()
     (folder / "sitecustomize.py").write_text(
@@ -168,8 +164,8 @@ def fail(*arguments: object) -> None:
 
 @pytest.mark.parametrize("keys", [("V",), ("x", "right", "enter"), "drag"])
 async def test_an_unexpected_error_is_shown_and_the_application_runs_on(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch, keys: tuple[str, ...] | str
-) -> None:
+    tiny_store, monkeypatch, keys
+):
     monkeypatch.setattr(NavigationController, "fill_screen", fail)
     monkeypatch.setattr(type(MAP), "to_expression", fail)
     async with running(tiny_store) as (app, pilot):
@@ -188,9 +184,7 @@ async def test_an_unexpected_error_is_shown_and_the_application_runs_on(
         assert app.session.state.expression == "worst15"
 
 
-async def test_a_state_that_cannot_be_drawn_is_left(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_state_that_cannot_be_drawn_is_left(tiny_store, monkeypatch):
     async with running(tiny_store) as (app, pilot):
         before = app.session.state
         draw = type(MAP).draw
@@ -206,9 +200,7 @@ async def test_a_state_that_cannot_be_drawn_is_left(
         assert "internal error" in app.session.state.message
 
 
-def test_an_adjusted_run_shows_its_unadjusted_images(
-    store_copy: Path, open_screen: OpenScreen
-) -> None:
+def test_an_adjusted_run_shows_its_unadjusted_images(store_copy, open_screen):
     with edit(store_copy) as draft:
         adjusted = {"real_adjustments": json.dumps(parse_adjustment("real:brightness=1.5")["real"])}
         draft.update("run", {"run": "dataaug"}, adjusted)

@@ -41,7 +41,7 @@ KEYS |= {
 
 
 @pytest.mark.parametrize("keys", ["c", "c,M", "c,M,9"])
-def test_screen_of_a_run_with_trained_instances(tmp_path: Path, keys: str) -> None:
+def test_screen_of_a_run_with_trained_instances(tmp_path, keys):
     store = tiny.build(tmp_path / "half.s2r", trained=("vanilla",))
     screenshot = snapshot(store, (120, 40), keys.split(","), RenderOptions())
     check(f"trained-{keys.replace(',', '')}-120x40", screenshot.text)
@@ -81,7 +81,7 @@ def fixed_environment(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("fixed_environment")
 @pytest.mark.parametrize("shown", ["80x24", "120x40", "200x60", "ascii"])
-async def test_screens(tiny_store: Path, shown: str) -> None:
+async def test_screens(tiny_store, shown):
     """One application opens every view from the same state."""
     columns, rows = (80, 24) if shown == "ascii" else map(int, shown.split("x"))
     session = Session(tiny_store, notebooks=ReadNotebook)

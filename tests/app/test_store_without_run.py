@@ -40,7 +40,7 @@ def lines(store: Path, size: tuple[int, int], *keys: str) -> list[str]:
     return snapshot(store, size, keys, RenderOptions()).text.splitlines()
 
 
-def test_screens_show_images_true_positions_and_the_command(store: Path) -> None:
+def test_screens_show_images_true_positions_and_the_command(store):
     screen = lines(store, (80, 24))
     assert "no runs" in screen[0]
     assert "40 of 40" in screen[0]
@@ -56,7 +56,7 @@ def test_screens_show_images_true_positions_and_the_command(store: Path) -> None
     assert any("▶" in line and " 39 " in line for line in screen)
 
 
-async def test_views_of_predictions_name_the_command(store: Path) -> None:
+async def test_views_of_predictions_name_the_command(store):
     async with running(store, size=(80, 24)) as (app, pilot):
         for view in (view for view in VIEWS if view.needs_run and view.from_store):
             await press(app, pilot, view.key)
@@ -69,7 +69,7 @@ async def test_views_of_predictions_name_the_command(store: Path) -> None:
                 pass
 
 
-async def test_no_key_fails(store: Path) -> None:
+async def test_no_key_fails(store):
     app = make_app(store)
     left_out = {"quit", "snapshot", "write_selection", "report", "tour", "help", "doctor", "jump"}
     async with app.run_test(size=(80, 24)) as pilot:
@@ -83,7 +83,7 @@ async def test_no_key_fails(store: Path) -> None:
     assert app.fault is None
 
 
-def test_numbers_and_figures_of_the_truth(store: Path) -> None:
+def test_numbers_and_figures_of_the_truth(store):
     for name in ("map", "instance", "list"):
         view = BY_NAME[name]
         with open_scene(store, SceneOptions(), view) as scene:
@@ -94,12 +94,12 @@ def test_numbers_and_figures_of_the_truth(store: Path) -> None:
             assert view.figure(scene, (400, 300), RenderOptions().theme)[1:4] == b"PNG"
 
 
-def test_a_report_names_the_command(store: Path) -> None:
+def test_a_report_names_the_command(store):
     with pytest.raises(RequestError, match="s2r run add"):
         render_report(store, ReportRequest(()))
 
 
-def test_a_run_that_is_not_computed_is_named_and_opened_when_it_is(store_copy: Path) -> None:
+def test_a_run_that_is_not_computed_is_named_and_opened_when_it_is(store_copy):
     with edit(store_copy) as draft:
         keys = draft._connection.execute("SELECT key, run FROM run").fetchall()
         draft.rows("UPDATE run SET key = NULL")
@@ -118,7 +118,7 @@ def one_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tiny.build(tmp_path_factory.mktemp("one") / "one.s2r", runs=("vanilla",))
 
 
-def test_errors_of_the_constant_prediction_give_the_baseline_of_the_store(one_run: Path) -> None:
+def test_errors_of_the_constant_prediction_give_the_baseline_of_the_store(one_run):
     with s2rstore.open(one_run) as store:
         truth, columns = store.instances, store.run_columns("vanilla")
         points = np.stack([truth.x, truth.y], axis=1)
@@ -127,7 +127,7 @@ def test_errors_of_the_constant_prediction_give_the_baseline_of_the_store(one_ru
         assert accuracy.mean() == pytest.approx(run_metrics.baseline_accuracy(store, "vanilla"))
 
 
-def test_new_instances_alone_decide_the_constant_prediction() -> None:
+def test_new_instances_alone_decide_the_constant_prediction():
     points = np.array([[0.0, 0.0], [2.0, 0.0], [8.0, 0.0], [np.nan, 0.0]])
     valid, trained = np.array([True, True, True, True]), np.array([False, False, True, False])
     assert constant_errors(points, valid, trained)[:3].tolist() == [1.0, 1.0, 7.0]
@@ -136,7 +136,7 @@ def test_new_instances_alone_decide_the_constant_prediction() -> None:
 
 
 @pytest.mark.parametrize("size", [(60, 20), (200, 60)])
-def test_one_run_is_compared_with_its_baseline(one_run: Path, size: tuple[int, int]) -> None:
+def test_one_run_is_compared_with_its_baseline(one_run, size):
     text = " ".join(snapshot(one_run, size, ["c", "9"], RenderOptions()).text.split())
     assert "real errors of the only run and of its constant baseline" in text
     if size[0] < 150:
@@ -145,9 +145,7 @@ def test_one_run_is_compared_with_its_baseline(one_run: Path, size: tuple[int, i
     assert "better in baseline" in text or size[1] == 20
 
 
-def test_the_figure_and_the_numbers_have_the_baseline_too(
-    one_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_figure_and_the_numbers_have_the_baseline_too(one_run, tmp_path, capsys):
     figure = tmp_path / "figure.png"
     view = ["export", str(one_run), "--view", "compare", "--size", "600x400", "--out", str(figure)]
     assert main(view) == 0

@@ -28,7 +28,7 @@ def stored_predictions(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(LivePredictor, "model", lambda _, store, run: StoredPredictor(store, run))
 
 
-async def test_enter_shows_an_answer_for_real_images_as_live_adjustment(store: Path) -> None:
+async def test_enter_shows_an_answer_for_real_images_as_live_adjustment(store):
     async with running(store) as (app, pilot):
         await press(app, pilot, "J", "up", "enter")
         state = app.session.state
@@ -44,7 +44,7 @@ async def test_enter_shows_an_answer_for_real_images_as_live_adjustment(store: P
     assert app.fault is None
 
 
-async def test_enter_copies_the_command_for_the_simulator(store: Path, monkeypatch) -> None:
+async def test_enter_copies_the_command_for_the_simulator(store, monkeypatch):
     app = make_app(store)
     copied: list[str] = []
     monkeypatch.setattr(app, "copy_to_clipboard", copied.append)
@@ -57,7 +57,7 @@ async def test_enter_copies_the_command_for_the_simulator(store: Path, monkeypat
         assert command in app.session.state.message
 
 
-async def test_a_restricted_session_copies_commands_alone(store: Path, monkeypatch) -> None:
+async def test_a_restricted_session_copies_commands_alone(store, monkeypatch):
     app = make_app(store, restricted=True)
     copied: list[str] = []
     monkeypatch.setattr(app, "copy_to_clipboard", copied.append)
@@ -67,14 +67,14 @@ async def test_a_restricted_session_copies_commands_alone(store: Path, monkeypat
         assert app.session.state.adjust is None
 
 
-async def test_a_run_without_results_has_nothing_to_apply(store: Path) -> None:
+async def test_a_run_without_results_has_nothing_to_apply(store):
     async with running(store) as (app, pilot):
         await press(app, pilot, "J", "r", "enter")
         assert app.session.state.message == "there is no answer to apply"
         assert "--run dataaug --for real" in " ".join(take_screenshot(app).text.split())
 
 
-async def test_a_step_without_slider_is_not_applied(store: Path) -> None:
+async def test_a_step_without_slider_is_not_applied(store):
     session = Session(store)
     sliders, reason = adjusting.available_sliders(session.store, "vanilla")
     session.dispatch(adjusting.open_sliders, sliders, reason)
@@ -87,7 +87,7 @@ async def test_a_step_without_slider_is_not_applied(store: Path) -> None:
     session.close()
 
 
-async def test_the_finding_leads_to_the_view(store: Path) -> None:
+async def test_the_finding_leads_to_the_view(store):
     async with running(store) as (app, pilot):
         await press(app, pilot, "I")
         kinds = [finding.kind for finding in app.resources.findings.findings]
@@ -97,7 +97,7 @@ async def test_the_finding_leads_to_the_view(store: Path) -> None:
         assert app.session.state.view == "suggestions"
 
 
-async def test_a_store_without_a_run_says_so(store: Path) -> None:
+async def test_a_store_without_a_run_says_so(store):
     with edit(store) as draft:
         for table in ("prediction", "projection", "zarr_array", "run"):
             draft.delete(table)

@@ -44,7 +44,7 @@ def test_counts_per_bin_equal_masked_counts(column, selected, base):
         ((0, 40), None, None),
     ],
 )
-def test_angular_intervals_overlap_across_360_degrees(first, second, shared) -> None:
+def test_angular_intervals_overlap_across_360_degrees(first, second, shared):
     assert _overlap(first, second) == shared
 
 
@@ -57,7 +57,7 @@ def test_angular_intervals_overlap_across_360_degrees(first, second, shared) -> 
         (0, 1, joint_histogram.PIECE),
     ],
 )
-def test_margins_equal_the_counts_of_each_column(few, largest, piece, monkeypatch) -> None:
+def test_margins_equal_the_counts_of_each_column(few, largest, piece, monkeypatch):
     monkeypatch.setattr(joint_histogram, "FEW", few)
     monkeypatch.setattr(joint_histogram, "LARGEST", largest)
     monkeypatch.setattr(joint_histogram, "PIECE", piece)
@@ -83,9 +83,7 @@ member_masks = arrays.arrays(np.bool_, N)
 
 
 @given(columns, groupings, member_masks, st.sampled_from([3, 7, 2048]))
-def test_medians_and_ranks_are_those_of_the_sorted_members(
-    values: np.ndarray, groups: np.ndarray, members: np.ndarray, bins: int
-) -> None:
+def test_medians_and_ranks_are_those_of_the_sorted_members(values, groups, members, bins):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ranked, "_RANK_BINS", bins)
         column = ranked.ranked_column(values, groups, 3)

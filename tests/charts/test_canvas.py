@@ -20,7 +20,7 @@ from s2rtui.canvas.raster import (
 )
 
 
-def test_text_is_clipped_aligned_and_has_no_control_characters() -> None:
+def test_text_is_clipped_aligned_and_has_no_control_characters():
     canvas = Canvas(4, 2)
     canvas.text(-2, 0, "abcdef")
     canvas.text(2, 1, "xyz")
@@ -34,14 +34,14 @@ def test_text_is_clipped_aligned_and_has_no_control_characters() -> None:
     assert "\x1b" not in canvas.lines()[2]
 
 
-def test_wide_characters_occupy_two_whole_cells() -> None:
+def test_wide_characters_occupy_two_whole_cells():
     canvas = Canvas(4, 1)
     canvas.text(0, 0, "a界界")
     assert canvas.char[0].tolist() == ["a", "界", "", " "]
     assert canvas.lines() == ["a界 "]
 
 
-def test_boxes_and_pasted_canvases_are_drawn() -> None:
+def test_boxes_and_pasted_canvases_are_drawn():
     canvas, small = Canvas(6, 4), Canvas(3, 2)
     small.text(0, 0, "xyz", DARK.real)
     canvas.box(0, 0, 6, 4, ascii=True)
@@ -50,14 +50,14 @@ def test_boxes_and_pasted_canvases_are_drawn() -> None:
     assert tuple(canvas.fg[1, 4]) == DARK.real
 
 
-def test_colours_of_16_and_256_keep_the_hue() -> None:
+def test_colours_of_16_and_256_keep_the_hue():
     cube = np.array([[0, 95, 135], [255, 0, 215], [8, 8, 8], [238, 238, 238]], dtype=np.uint8)
     assert to_256(cube).tolist() == [16 + 6 + 2, 16 + 180 + 4, 232, 255]
     assert to_16(np.array([[255, 102, 94]], dtype=np.uint8))[0] == 9
     assert to_16(ANSI_16.astype(np.uint8)).tolist() == list(range(16))
 
 
-def test_turbo_goes_from_blue_to_red_and_diverging_is_neutral_at_zero() -> None:
+def test_turbo_goes_from_blue_to_red_and_diverging_is_neutral_at_zero():
     low, middle, high = turbo([0.1, 0.5, 0.95]).astype(int)
     assert low.argmax() == 2
     assert middle.argmax() == 1
@@ -69,7 +69,7 @@ def test_turbo_goes_from_blue_to_red_and_diverging_is_neutral_at_zero() -> None:
     assert colours[2, 0] > colours[2, 2]
 
 
-def test_glyph_colours_contrast_with_both_themes() -> None:
+def test_glyph_colours_contrast_with_both_themes():
     colours = turbo(np.linspace(0, 1, 50))
     assert luma(legible(colours, DARK)).min() > 0.2
     assert luma(legible(colours, LIGHT)).max() < 0.8
@@ -80,7 +80,7 @@ def cells_of(canvas: Canvas) -> list[int]:
 
 
 @pytest.mark.parametrize("x", range(-2, 8))
-def test_no_half_of_a_wide_character_remains(x: int) -> None:
+def test_no_half_of_a_wide_character_remains(x):
     options = RenderOptions()
     for draw in (
         lambda canvas: canvas.put(x, 0, "#"),
@@ -116,12 +116,12 @@ def wide_text(width: int, start: int = 0) -> Canvas:
         ("所有 12", 6, "所有"),
     ],
 )
-def test_fitted_text_has_no_part_of_a_number(text: str, width: int, fitted: str) -> None:
+def test_fitted_text_has_no_part_of_a_number(text, width, fitted):
     assert fit_text(text, width) == fitted
     assert cell_len(fit_text(text, width, "…")) <= width
 
 
-def test_resampling_averages_the_known_pixels_or_takes_the_nearest() -> None:
+def test_resampling_averages_the_known_pixels_or_takes_the_nearest():
     image = np.arange(16, dtype=np.float32).reshape(4, 4)
     assert resample(image, 2, 2).tolist() == [[2.5, 4.5], [10.5, 12.5]]
     assert resample(image, 1, 1)[0, 0] == pytest.approx(7.5)
@@ -131,7 +131,7 @@ def test_resampling_averages_the_known_pixels_or_takes_the_nearest() -> None:
     assert resample(np.array([[1, 2]]), 2, 4).tolist() == [[1, 1, 2, 2]] * 2
 
 
-def test_half_blocks_combine_two_rows_and_are_clipped() -> None:
+def test_half_blocks_combine_two_rows_and_are_clipped():
     pixels = np.arange(4 * 3 * 3, dtype=np.uint8).reshape(4, 3, 3)
     canvas = Canvas(3, 3)
     draw_half_blocks(canvas, -1, 2, pixels)
@@ -140,7 +140,7 @@ def test_half_blocks_combine_two_rows_and_are_clipped() -> None:
     assert canvas.bg[2, 0].tolist() == pixels[1, 1].tolist()
 
 
-def test_dots_are_braille_and_those_outside_are_dropped() -> None:
+def test_dots_are_braille_and_those_outside_are_dropped():
     dots = np.zeros((4, 4), dtype=np.bool_)
     dots[0, 0] = dots[3, 1] = dots[3, 2] = True
     assert braille_bits(dots).tolist() == [[0x81, 0x40]]
@@ -151,7 +151,7 @@ def test_dots_are_braille_and_those_outside_are_dropped() -> None:
     assert np.argwhere(dots).tolist() == [[3, 1]]
 
 
-def test_a_glyph_gets_a_ground_that_it_stands_out_from_and_an_image_stays() -> None:
+def test_a_glyph_gets_a_ground_that_it_stands_out_from_and_an_image_stays():
     canvas = Canvas(3, 1)
     draw_half_blocks(canvas, 0, 0, np.full((2, 3, 3), 200, dtype=np.uint8))
     canvas.put(1, 0, "●", canvas.theme.real)
@@ -163,7 +163,7 @@ def test_a_glyph_gets_a_ground_that_it_stands_out_from_and_an_image_stays() -> N
 @pytest.mark.parametrize(
     "options", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)]
 )
-def test_brightness_is_drawn_as_density_without_half_blocks(options: RenderOptions) -> None:
+def test_brightness_is_drawn_as_density_without_half_blocks(options):
     pixels = np.zeros((2, 3, 3), dtype=np.uint8)
     pixels[:, 1], pixels[:, 2] = 128, 255
     canvas = Canvas(3, 1, options)

@@ -36,7 +36,7 @@ def many_points(count: int) -> MapInput:
     return MapInput(*columns, BOUNDS, mode="glyph")
 
 
-def test_blocks_show_the_mean_errors_of_selected_instances() -> None:
+def test_blocks_show_the_mean_errors_of_selected_instances():
     view = many_points(2000)
     frame = map_layout(view, SIZE).frame
     blocks = error_glyphs(view, map_model(view), frame, (7, 3))
@@ -52,7 +52,7 @@ def test_blocks_show_the_mean_errors_of_selected_instances() -> None:
             assert vectors[index] == pytest.approx(mean)
 
 
-def test_few_instances_are_drawn_at_their_truth_and_merged_when_close() -> None:
+def test_few_instances_are_drawn_at_their_truth_and_merged_when_close():
     truth = np.array([[5.0, 5.0], [5.2, 5.0], [15.0, 2.0]])
     sim = truth + np.array([[1.0, 0.0], [3.0, 0.0], [0.0, 1.0]])
     all_true = np.ones(3, dtype=np.bool_)
@@ -67,7 +67,7 @@ def test_few_instances_are_drawn_at_their_truth_and_merged_when_close() -> None:
     assert canvas.char[row, column + layout.x] == "2"
 
 
-def test_arcs_grow_with_the_error_within_limits_and_point_as_the_map() -> None:
+def test_arcs_grow_with_the_error_within_limits_and_point_as_the_map():
     vectors = np.array([[0.0, 0.0], [5.0, 0.0], [10.0, 0.0], [40.0, 0.0], [np.nan, 0.0]])
     degrees = arc_degrees(vectors, 10.0)
     assert degrees[:4].tolist() == [20.0, 90.0, 180.0, 180.0]
@@ -76,7 +76,7 @@ def test_arcs_grow_with_the_error_within_limits_and_point_as_the_map() -> None:
         assert arc_turns(np.array([[0.0, 2.0]]), y_down)[0] == pytest.approx(turn)
 
 
-def test_full_scale_is_the_99th_percentile_of_valid_errors() -> None:
+def test_full_scale_is_the_99th_percentile_of_valid_errors():
     view = many_points(500)
     errors = [np.hypot(*(side - view.truth)[view.valid].T) for side in (view.sim, view.real)]
     both = np.concatenate(errors)
@@ -90,7 +90,7 @@ def centre_of(view: MapInput, options: RenderOptions) -> tuple[int, int]:
 
 
 @pytest.mark.parametrize("y_down", [True, False])
-def test_marks_of_both_sides_are_drawn_in_the_error_direction(y_down: bool) -> None:
+def test_marks_of_both_sides_are_drawn_in_the_error_direction(y_down):
     view = one_point((3.0, 0.0), (0.0, 3.0), y_down)
     canvas = draw_map(view, SIZE)
     column, row = centre_of(view, RenderOptions())
@@ -102,7 +102,7 @@ def test_marks_of_both_sides_are_drawn_in_the_error_direction(y_down: bool) -> N
     assert tuple(canvas.fg[below, column]) == DARK.real
 
 
-def test_equal_errors_have_a_separate_colour_and_glyph() -> None:
+def test_equal_errors_have_a_separate_colour_and_glyph():
     view = one_point((-3.0, 0.0), (-3.0, 0.0))
     canvas = draw_map(view, SIZE)
     column, row = centre_of(view, RenderOptions())
@@ -116,7 +116,7 @@ def test_equal_errors_have_a_separate_colour_and_glyph() -> None:
 @pytest.mark.parametrize(
     "options", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)]
 )
-def test_arrows_with_letters_and_sizes_replace_colours(options: RenderOptions) -> None:
+def test_arrows_with_letters_and_sizes_replace_colours(options):
     view = one_point((3.0, 0.0), (-1.0, -1.0))
     canvas = draw_map(view, SIZE, options)
     column, row = centre_of(view, options)
@@ -126,7 +126,7 @@ def test_arrows_with_letters_and_sizes_replace_colours(options: RenderOptions) -
     assert left == f"{glyphs.real}4{glyphs.arrows[5]}"
 
 
-def test_equal_arrows_are_merged_with_both_sizes() -> None:
+def test_equal_arrows_are_merged_with_both_sizes():
     options = RenderOptions(ascii=True)
     view = one_point((0.0, 1.0), (0.0, 3.0))
     canvas = draw_map(view, SIZE, options)
@@ -134,7 +134,7 @@ def test_equal_arrows_are_merged_with_both_sizes() -> None:
     assert "".join(canvas.char[row + 1, column : column + 4]) == "vB39"
 
 
-def test_the_legend_explains_scale_and_means() -> None:
+def test_the_legend_explains_scale_and_means():
     text = "\n".join(draw_map(map_input(mode="glyph"), (120, 30)).lines())
     assert "180° = " in text
     assert "mean of n instances" in text

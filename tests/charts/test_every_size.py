@@ -111,9 +111,7 @@ OPTIONS = [
 
 @pytest.mark.parametrize("name", VIEWS)
 @given(width=st.integers(1, 30), height=st.integers(1, 10), options=st.sampled_from(OPTIONS))
-def test_small_sizes_are_filled_completely(
-    name: str, width: int, height: int, options: RenderOptions
-) -> None:
+def test_small_sizes_are_filled_completely(name, width, height, options):
     canvas = VIEWS[name]((width, height), options)
     assert canvas.char.shape == (height, width)
     strips = to_strips(canvas, options.mode, options.ascii)
@@ -121,7 +119,7 @@ def test_small_sizes_are_filled_completely(
 
 
 @pytest.mark.parametrize("size", [(80, 24), (200, 60)])
-def test_ascii_mode_uses_only_ascii_at_every_size(size: tuple[int, int]) -> None:
+def test_ascii_mode_uses_only_ascii_at_every_size(size):
     for name, draw in VIEWS.items():
         for mode in (ColourMode.PALETTE, ColourMode.NONE):
             canvas = draw(size, RenderOptions(mode=mode, ascii=True))

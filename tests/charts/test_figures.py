@@ -84,7 +84,7 @@ def decode(data: bytes) -> Image.Image:
     return Image.open(BytesIO(data))
 
 
-def test_empty_selections_and_missing_values_can_be_drawn() -> None:
+def test_empty_selections_and_missing_values_can_be_drawn():
     nobody, no_points = np.zeros(60, dtype=np.bool_), np.full((60, 2), np.nan)
     bare_map = map_input(selected=nobody, cursor=None, heat=None, floor_plan=None, rooms=())
     bare = instance_input(sim=side(1, False, False), real=side(2, False, False), truth=None)
@@ -104,7 +104,7 @@ def test_empty_selections_and_missing_values_can_be_drawn() -> None:
 
 
 @pytest.mark.parametrize("name", FIGURES)
-def test_figures_have_their_size_no_metadata_and_no_use_of_the_user_s_settings(name: str) -> None:
+def test_figures_have_their_size_no_metadata_and_no_use_of_the_user_s_settings(name):
     plain = FIGURES[name]((240, 180), LIGHT)
     with matplotlib.rc_context(USER):
         before = dict(matplotlib.rcParams)
@@ -119,7 +119,7 @@ def test_figures_have_their_size_no_metadata_and_no_use_of_the_user_s_settings(n
 
 @pytest.mark.parametrize("theme", [LIGHT, DARK])
 @pytest.mark.parametrize("name", ["overview", "orientation", "rooms", "errors"])
-def test_the_background_and_the_colours_of_the_sides_appear(name: str, theme: Theme) -> None:
+def test_the_background_and_the_colours_of_the_sides_appear(name, theme):
     pixels = np.asarray(decode(FIGURES[name]((600, 400), theme)).convert("RGB")).astype(int)
     assert tuple(pixels[0, 0]) == theme.background
     truth = [] if name == "errors" else [theme.truth]
@@ -127,16 +127,16 @@ def test_the_background_and_the_colours_of_the_sides_appear(name: str, theme: Th
         assert (np.abs(pixels - colour).max(axis=-1) <= 3).any()
 
 
-def test_dollar_signs_are_literal_text() -> None:
+def test_dollar_signs_are_literal_text():
     map_figure(map_input(), (300, 200), title="a$b$c", subtitle="id$")
 
 
-def test_an_invalid_size_is_rejected() -> None:
+def test_an_invalid_size_is_rejected():
     with pytest.raises(RequestError, match="--size"):
         overview_figure(ROWS, None, (0, 100))
 
 
-def test_many_points_are_drawn_as_cells(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_points_are_drawn_as_cells(monkeypatch):
     few = umap_figure(umap_input(cursor=None), (600, 300))
     monkeypatch.setattr("s2rtui.charts.umap.paper.POINTS_UP_TO", 10)
     many = umap_figure(umap_input(cursor=None), (600, 300))
@@ -148,7 +148,7 @@ def test_many_points_are_drawn_as_cells(monkeypatch: pytest.MonkeyPatch) -> None
     "scale", [(0.13, 7.83), (-4.2, 4.2), (0.0, 0.0031), (12345.0, 67890.0), (2.0, 2.002)]
 )
 @pytest.mark.parametrize("height", [0.1, 0.5, 1.3, 2.1])
-def test_a_colour_bar_has_labels_at_both_ends(scale: tuple[float, float], height: float) -> None:
+def test_a_colour_bar_has_labels_at_both_ends(scale, height):
     places, labels = colour_bar_ticks(scale, height)
     assert (places[0], places[-1]) == scale
     assert places == sorted(set(places))

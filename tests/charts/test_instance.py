@@ -27,7 +27,7 @@ from tests.charts.test_error_glyphs import many_points
 from tests.support import tiny
 
 
-def test_sim_and_real_panels_have_the_same_size_side_by_side() -> None:
+def test_sim_and_real_panels_have_the_same_size_side_by_side():
     panels = instance_layout(instance_input(), (60, 50)).panels
     for what in ("rgb", "depth"):
         sim, real = (panel for panel in panels if panel.what == what)
@@ -37,7 +37,7 @@ def test_sim_and_real_panels_have_the_same_size_side_by_side() -> None:
 
 
 @pytest.mark.parametrize("size", [(36, 38), (60, 50), (80, 22), (150, 30)])
-def test_panels_fit_and_keep_the_aspect_ratio(size: tuple[int, int]) -> None:
+def test_panels_fit_and_keep_the_aspect_ratio(size):
     layout = instance_layout(instance_input(), size)
     assert layout.panels
     for panel in layout.panels:
@@ -46,7 +46,7 @@ def test_panels_fit_and_keep_the_aspect_ratio(size: tuple[int, int]) -> None:
         assert panel.width == pytest.approx(2 * panel.height, abs=2)
 
 
-def test_signed_scale_is_symmetric_and_shared_and_unsigned_starts_at_zero() -> None:
+def test_signed_scale_is_symmetric_and_shared_and_unsigned_starts_at_zero():
     model = instance_model(instance_input())
     assert model.heat_range is not None
     low, high = model.heat_range
@@ -58,20 +58,20 @@ def test_signed_scale_is_symmetric_and_shared_and_unsigned_starts_at_zero() -> N
     assert unsigned.heat_range[0] <= 0
 
 
-def test_zero_heat_is_transparent() -> None:
+def test_zero_heat_is_transparent():
     _, opacity = heat_colours(np.array([[0.0, 1.0, np.nan]]), (-1.0, 1.0), signed=True)
     assert opacity[0, [0, 2]].tolist() == [0, 0]
     assert opacity[0, 1] > 0.7
 
 
-def test_invalid_depth_has_a_separate_colour() -> None:
+def test_invalid_depth_has_a_separate_colour():
     view = instance_input()
     pixels = panel_pixels(view.sim, "depth", instance_model(view), view, (32, 32))
     assert (pixels[:4] == NO_DEPTH).all()
     assert not (pixels[4:] == NO_DEPTH).all(axis=-1).any()
 
 
-def test_numbers_are_metres_and_degrees() -> None:
+def test_numbers_are_metres_and_degrees():
     text = "\n".join(draw_instance(instance_input(), (60, 50)).lines())
     for number in ("1.50", "-2.25", "28.6", "0.75", "5.7", "22.9"):
         assert number in text
@@ -80,7 +80,7 @@ def test_numbers_are_metres_and_degrees() -> None:
     assert "größer" in text
 
 
-def test_negative_zero_nan_and_missing_depth_have_texts() -> None:
+def test_negative_zero_nan_and_missing_depth_have_texts():
     model = instance_model(instance_input(truth=(-0.001, float("nan"), 0.0)))
     assert model.poses[0].cells[:3] == ("0.00", "n/a", "0.0")
     without = draw_instance(instance_input(real=side(2, depth=False)), (60, 50))
@@ -90,7 +90,7 @@ def test_negative_zero_nan_and_missing_depth_have_texts() -> None:
 @pytest.mark.parametrize(
     "options", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)]
 )
-def test_heat_is_drawn_as_digits_and_letters_without_colours(options: RenderOptions) -> None:
+def test_heat_is_drawn_as_digits_and_letters_without_colours(options):
     view = instance_input()
     layout = instance_layout(view, (60, 60), options)
     heat = [panel for panel in layout.panels if panel.what == "heat"]
@@ -101,7 +101,7 @@ def test_heat_is_drawn_as_digits_and_letters_without_colours(options: RenderOpti
     assert set(part.ravel()) <= set("ihgfedcba.123456789")
 
 
-def test_a_translated_side_shows_the_original_below() -> None:
+def test_a_translated_side_shows_the_original_below():
     real = side(2)
     translated = replace(real, original=255 - real.rgb)
     data = instance_input(real=translated)
@@ -132,7 +132,7 @@ def loose(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_map_glyphs_measure_each_side_from_the_pose_of_its_image(loose: Path) -> None:
+def test_map_glyphs_measure_each_side_from_the_pose_of_its_image(loose):
     session = Session(loose)
     session.select("all")
     view = replace(map_input(session.store, session.state), mode="glyph")
@@ -146,7 +146,7 @@ def test_map_glyphs_measure_each_side_from_the_pose_of_its_image(loose: Path) ->
     assert full_scale(view) == pytest.approx(np.percentile(errors, 99))
 
 
-def test_blocks_of_many_instances_measure_each_side_from_the_pose_of_its_image() -> None:
+def test_blocks_of_many_instances_measure_each_side_from_the_pose_of_its_image():
     view = many_points(2000)
     moved = replace(view, sim_truth=view.sim - [0.5, 0.0], real_truth=view.real - [0.0, 0.25])
     blocks = error_glyphs(moved, map_model(moved), map_layout(moved, MAP_SIZE).frame, (7, 3))
@@ -155,7 +155,7 @@ def test_blocks_of_many_instances_measure_each_side_from_the_pose_of_its_image()
     np.testing.assert_allclose(blocks.real, np.tile([0.0, 0.25], (len(blocks.real), 1)), atol=1e-9)
 
 
-def test_map_lines_begin_at_the_pose_of_the_image(loose: Path) -> None:
+def test_map_lines_begin_at_the_pose_of_the_image(loose):
     """A sim prediction at the pose of its image has no line, so no cell has the colour of one."""
     session = Session(loose)
     session.select("ids(4)")
@@ -174,7 +174,7 @@ def test_map_lines_begin_at_the_pose_of_the_image(loose: Path) -> None:
     assert braille_cells(at_truth) <= 1
 
 
-def test_the_instance_shows_the_true_poses_of_its_images(loose: Path, tiny_store: Path) -> None:
+def test_the_instance_shows_the_true_poses_of_its_images(loose, tiny_store):
     with s2rstore.open(loose) as store:
         shown = stored_instance_input(store, RUN, 5, None)
         for side in ("sim", "real"):
@@ -191,7 +191,7 @@ def test_the_instance_shows_the_true_poses_of_its_images(loose: Path, tiny_store
         assert [label for label, _ in shown.truths] == ["truth"]
 
 
-def test_tables_and_subtitles_name_the_poses_of_the_images(loose: Path, tiny_store: Path) -> None:
+def test_tables_and_subtitles_name_the_poses_of_the_images(loose, tiny_store):
     for path, is_loose in ((loose, True), (tiny_store, False)):
         session = Session(path)
         scene = Scene(session.store, session.state, Resources())
@@ -203,7 +203,7 @@ def test_tables_and_subtitles_name_the_poses_of_the_images(loose: Path, tiny_sto
         assert ("sim images have true headings" in subtitle) == is_loose
 
 
-def test_each_rank_has_the_number_of_predictions_of_its_side(store_copy: Path) -> None:
+def test_each_rank_has_the_number_of_predictions_of_its_side(store_copy):
     with edit(store_copy) as draft:
         for iid in ("3", "4"):
             draft.delete("prediction", run=RUN, side="sim", iid=iid)

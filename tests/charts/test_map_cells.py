@@ -50,9 +50,7 @@ def cells_of_points(frame: MapFrame, points: np.ndarray) -> list[tuple[int, int]
 
 
 @given(positions, values, masks, masks, frames)
-def test_a_cell_shows_its_largest_value(
-    points: np.ndarray, column: np.ndarray, selected: np.ndarray, valid: np.ndarray, frame: MapFrame
-) -> None:
+def test_a_cell_shows_its_largest_value(points, column, selected, valid, frame):
     shown = highest_levels(points, column, (0.0, 2.0), selection_indices(selected, valid), frame)
     expected = np.full((frame.height // 2, frame.width), -1)
     counts = np.zeros_like(expected)
@@ -67,9 +65,7 @@ def test_a_cell_shows_its_largest_value(
 
 
 @given(positions, masks, masks, frames)
-def test_counts_and_unselected_dots_match_the_points(
-    points: np.ndarray, selected: np.ndarray, valid: np.ndarray, frame: MapFrame
-) -> None:
+def test_counts_and_unselected_dots_match_the_points(points, selected, valid, frame):
     selection, member = selection_indices(selected, valid), selected & valid
     highlighted = selected_counts(points, selection, frame)
     others = unselected_dots(points, selection, frame)
@@ -84,7 +80,7 @@ def test_counts_and_unselected_dots_match_the_points(
     }
 
 
-def test_cell_codes_are_cached() -> None:
+def test_cell_codes_are_cached():
     points = np.random.default_rng(1).uniform(0, 5, (N, 2))
     frame = MapFrame(0.0, 0.0, 0.5, 10, 10, True)
     assert point_dots(points, frame) is point_dots(points, frame)
@@ -92,7 +88,7 @@ def test_cell_codes_are_cached() -> None:
 
 
 @pytest.mark.parametrize("size", [(300, 600), (10, 4)])
-def test_cell_codes_of_large_frames_are_distinct(size: tuple[int, int]) -> None:
+def test_cell_codes_of_large_frames_are_distinct(size):
     width, height = size
     frame = MapFrame(0.0, 0.0, 1.0, width, height, True)
     column = point_cells(np.array([[0.5, 0.5], [width - 0.5, height - 0.5]]), frame)

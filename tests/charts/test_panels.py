@@ -61,9 +61,7 @@ VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
     across=st.floats(0, 0.999),
     down=st.floats(0, 0.999),
 )
-def test_cells_convert_to_data_and_back(
-    name: str, width: int, height: int, ascii: bool, across: float, down: float
-) -> None:
+def test_cells_convert_to_data_and_back(name, width, height, ascii, across, down):
     panels_of, shape, names = VIEWS[name]
     panels = panels_of((width, height), RenderOptions(ascii=ascii))
     assert tuple(panel.name for panel in panels) == names[: len(panels)]
@@ -82,7 +80,7 @@ def test_cells_convert_to_data_and_back(
 
 @pytest.mark.parametrize("name", VIEWS)
 @given(width=st.integers(1, 120), height=st.integers(1, 40))
-def test_panels_stay_inside_the_view_and_do_not_overlap(name: str, width: int, height: int) -> None:
+def test_panels_stay_inside_the_view_and_do_not_overlap(name, width, height):
     coverage = np.zeros((height, width), dtype=np.intp)
     for panel in VIEWS[name][0]((width, height), RenderOptions()):
         assert panel.x + panel.width <= width
@@ -92,7 +90,7 @@ def test_panels_stay_inside_the_view_and_do_not_overlap(name: str, width: int, h
 
 
 @pytest.mark.parametrize("name", VIEWS)
-def test_all_panels_are_present_at_common_sizes(name: str) -> None:
+def test_all_panels_are_present_at_common_sizes(name):
     panels_of, _, names = VIEWS[name]
     for size in ((50, 9), (50, 10), (80, 22), (200, 56)):
         assert tuple(panel.name for panel in panels_of(size, RenderOptions())) == names

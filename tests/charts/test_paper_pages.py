@@ -135,7 +135,7 @@ def texts(figure: Figure) -> Iterator[tuple[str, Bbox]]:
 
 
 @pytest.mark.parametrize(("name", "width"), PAGES)
-def test_texts_are_whole_and_apart_and_axes_with_numbers_have_units(figure: Figure) -> None:
+def test_texts_are_whole_and_apart_and_axes_with_numbers_have_units(figure):
     wide, high = figure.bbox.size
     found = list(texts(figure))
     assert found

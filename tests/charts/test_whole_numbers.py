@@ -46,7 +46,7 @@ def written(monkeypatch: pytest.MonkeyPatch) -> Written:
 
 
 @pytest.mark.parametrize("name", VIEWS)
-def test_no_view_shows_a_part_of_a_number(name: str, written: Written) -> None:
+def test_no_view_shows_a_part_of_a_number(name, written):
     for size in ((16, 6), (24, 10), (50, 14), (80, 23)):
         VIEWS[name](size, RenderOptions())
         for canvas, x, y, text in written:
@@ -62,7 +62,7 @@ def test_no_view_shows_a_part_of_a_number(name: str, written: Written) -> None:
         written.clear()
 
 
-def test_the_numbers_at_a_umap_are_whole() -> None:
+def test_the_numbers_at_a_umap_are_whole():
     points = np.linspace(-12.5, -9.5, 2 * N).reshape(N, 2)
     canvas = draw_umap(umap_input(sim=points, real=points), (120, 40))
     texts = {line[:5].strip() for line in canvas.lines()} - {""}
@@ -85,7 +85,7 @@ def ends(scale: Interval | None) -> tuple[str, str]:
 
 @pytest.mark.parametrize("options", OPTIONS)
 @pytest.mark.parametrize("size", SIZES)
-def test_both_ends_are_labelled(size: tuple[int, int], options: RenderOptions) -> None:
+def test_both_ends_are_labelled(size, options):
     on_map = map_input(values=np.linspace(0.31, 7.7, 60))
     compared, pair = compare_input(), instance_input()
     embedded = umap_input()

@@ -40,7 +40,7 @@ def assert_units(names: list[str]) -> None:
     assert [name for name in names if UNIT.search(name)]
 
 
-def test_columns_of_rows_name_their_units(rows) -> None:
+def test_columns_of_rows_name_their_units(rows):
     assert_units(list(rows("query", "all")[0]))
     for view in ("map", "errors", "orientation", "instance", "list", "compare"):
         options = ("--with", "dataaug") if view == "compare" else ()
@@ -48,7 +48,7 @@ def test_columns_of_rows_name_their_units(rows) -> None:
         assert_units(list(shown[0]))
 
 
-def test_columns_of_the_pair_view_have_units(tiny_store: Path) -> None:
+def test_columns_of_the_pair_view_have_units(tiny_store):
     comments = pair_view.column_comments()
     with s2rstore.open(tiny_store) as store:
         described = store.execute(
@@ -58,7 +58,7 @@ def test_columns_of_the_pair_view_have_units(tiny_store: Path) -> None:
     assert_units(list(comments))
 
 
-def test_query_and_sql_agree_after_conversion(rows) -> None:
+def test_query_and_sql_agree_after_conversion(rows):
     queried = rows("query", "all")
     stored = rows("sql", "SELECT * FROM pair WHERE run = 'vanilla' ORDER BY iid")
     shown = rows("show", "map", "--select", "all")
@@ -74,7 +74,7 @@ def test_query_and_sql_agree_after_conversion(rows) -> None:
                 assert row[name] == pytest.approx(truth[column] * factor, rel=1e-12)
 
 
-def test_expressions_take_fields_with_their_units(tiny_store: Path) -> None:
+def test_expressions_take_fields_with_their_units(tiny_store):
     with s2rstore.open(tiny_store) as store:
         for name in fields.NUMERIC:
             named = fields.with_unit(name)
@@ -87,9 +87,7 @@ def test_expressions_take_fields_with_their_units(tiny_store: Path) -> None:
         assert to_text(parse(text)) == 'run("dataaug").real.error > 0.5 & heading:90+-45'
 
 
-def test_columns_and_sort_take_the_names_that_rows_have(
-    tiny_store: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_columns_and_sort_take_the_names_that_rows_have(tiny_store, capsys):
     found = []
     for name in ("real.error", "real.error_m", "real_error_m"):
         columns = ["--columns", f"iid,{name}", "--format", "csv"]

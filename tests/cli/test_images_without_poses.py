@@ -24,7 +24,7 @@ def output(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[str]:
     return capsys.readouterr().out.splitlines()
 
 
-def test_query_lists_images(images: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_query_lists_images(images, capsys):
     rows = output(capsys, "query", images, "traj:real_night & seq < 2", *CSV)
     assert rows == ["iid,trajectory,seq,timestamp_s", "4,real_night,0,", "5,real_night,1,"]
     assert output(capsys, "query", images, "traj:sim_loop", "--count") == ["5"]
@@ -34,7 +34,7 @@ def test_query_lists_images(images: str, capsys: pytest.CaptureFixture[str]) -> 
     assert columns == ["traj,x,real.rank", "real_day,,"]
 
 
-def test_sql_and_runs_and_verify_work(images: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_sql_and_runs_and_verify_work(images, capsys):
     query = "SELECT domain, count(*) AS n FROM frame GROUP BY domain ORDER BY domain"
     assert output(capsys, "sql", images, query, "--format", "csv") == [
         "domain,n", "real,7", "sim,7",
@@ -43,9 +43,7 @@ def test_sql_and_runs_and_verify_work(images: str, capsys: pytest.CaptureFixture
     assert output(capsys, "verify", images) == [f"{images}: no damage found"]
 
 
-def test_the_list_and_one_image_are_shown_and_drawn(
-    images: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_list_and_one_image_are_shown_and_drawn(images, tmp_path, capsys):
     rows = output(
         capsys, "show", images, "list", "--select", "seq=1", "--ascending", "--format", "csv"
     )
@@ -76,9 +74,7 @@ def test_the_list_and_one_image_are_shown_and_drawn(
     ],
     ids=lambda arguments: " ".join(arguments[:3]),
 )
-def test_what_needs_poses_is_refused_in_one_line(
-    images: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str]
-) -> None:
+def test_what_needs_poses_is_refused_in_one_line(images, tmp_path, capsys, arguments):
     words = [word.replace("OUT", str(tmp_path / "a")) for word in arguments]
     assert main([images if word == "STORE" else word for word in words]) == 2
     error = capsys.readouterr().err
@@ -87,9 +83,7 @@ def test_what_needs_poses_is_refused_in_one_line(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_translator_is_fitted_and_a_report_on_few_images_refused(
-    images: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_translator_is_fitted_and_a_report_on_few_images_refused(images, tmp_path, capsys):
     store = str(copy_store(Path(images), tmp_path / "fit.s2r"))
     assert main(["translate", "fit", "mkl", "--store", store, "--name", "t"]) == 0
     capsys.readouterr()

@@ -31,7 +31,7 @@ def query(tiny_store: Path, capsys):
     return rows
 
 
-def test_the_overview_uses_only_held_out_instances(tmp_path: Path, capsys) -> None:
+def test_the_overview_uses_only_held_out_instances(tmp_path, capsys):
     path = str(tiny.build(tmp_path / "s.s2r", trained=tiny.RUNS))
     new = f"sim_split NOT IN ({TRAINING_SPLITS}) AND real_split NOT IN ({TRAINING_SPLITS})"
     text = "SELECT run, avg(sim_accuracy) s, avg(real_accuracy) r, count(*) n FROM pair"
@@ -48,7 +48,7 @@ def test_the_overview_uses_only_held_out_instances(tmp_path: Path, capsys) -> No
         assert computed["real low"] <= computed["real accuracy"] <= computed["real high"]
 
 
-def test_map_and_umap_list_the_selection(query) -> None:
+def test_map_and_umap_list_the_selection(query):
     where = "run = 'dataaug' AND real_error_m > 0.5 ORDER BY iid"
     poses = query("sql", "SELECT iid, x_m, y_m, degrees(heading_rad), sim_x_m, sim_y_m, "
                          "degrees(sim_heading_rad), real_x_m, real_y_m, "
@@ -62,7 +62,7 @@ def test_map_and_umap_list_the_selection(query) -> None:
     assert _values(query("show", "umap", *arguments)) == _approximately(points)
 
 
-def test_orientation_counts_bins_of_five_degrees(query) -> None:
+def test_orientation_counts_bins_of_five_degrees(query):
     shown = query("show", "orientation", "--select", "traj:a")
     assert len(shown) == 72
     for name, column in (("sim", "sim_heading"), ("truth", "heading"), ("real", "real_heading")):
@@ -73,7 +73,7 @@ def test_orientation_counts_bins_of_five_degrees(query) -> None:
         assert {row["from_deg"]: row[name] for row in shown if row[name]} == expected
 
 
-def test_rooms_are_counted(query) -> None:
+def test_rooms_are_counted(query):
     shown = {
         row["room"]: row
         for row in query("show", "rooms", "--group-by", "counts", "--select", "seq:0..9")
@@ -90,7 +90,7 @@ def test_rooms_are_counted(query) -> None:
     assert shown["left hall"]["real"] == computed[0]["n"]
 
 
-def test_error_bins_add_up_to_the_cumulative_counts(query) -> None:
+def test_error_bins_add_up_to_the_cumulative_counts(query):
     shown = query("show", "errors", "--select", "all")
     stored = query(
         "sql", "SELECT sim_error_m sim, real_error_m real FROM pair WHERE run = 'vanilla'"
@@ -103,7 +103,7 @@ def test_error_bins_add_up_to_the_cumulative_counts(query) -> None:
         assert total + shown[-1][side] == 40
 
 
-def test_the_list_is_sorted_and_has_full_precision(query) -> None:
+def test_the_list_is_sorted_and_has_full_precision(query):
     shown = query("show", "list", "--select", "worst(7, gap)", "--sort", "gap")
     expected = query("sql", "SELECT iid, gap_m, room, real_error_m, real_outlier o, "
                             "degrees(real_heading_error_rad) turn FROM pair "
@@ -118,7 +118,7 @@ def test_the_list_is_sorted_and_has_full_precision(query) -> None:
     assert ascending == shown[::-1]
 
 
-def test_the_list_has_a_column_for_remarks(query) -> None:
+def test_the_list_has_a_column_for_remarks(query):
     notebook = Notebook("0" * 64)
     notebook.note(5, "glare")
     notebook.toggle_tag([5, 6], "door")
@@ -126,7 +126,7 @@ def test_the_list_has_a_column_for_remarks(query) -> None:
     assert [row["remark"] for row in shown] == ["#door: glare", "#door", None]
 
 
-def test_instance_has_numbers_and_notes(query) -> None:
+def test_instance_has_numbers_and_notes(query):
     rows = {row["what"]: row for row in query("show", "instance", "--iid", "12")}
     stored = query("sql", "SELECT x_m, y_m, degrees(heading_rad) h, real_x_m, real_error_m, "
                          "sim_rank, degrees(sim_heading_error_rad) turn FROM pair "
@@ -140,7 +140,7 @@ def test_instance_has_numbers_and_notes(query) -> None:
     assert f"sim {stored['sim_rank']}," in rows["ranks"]["note"]
 
 
-def test_compare_counts_improved_instances(query) -> None:
+def test_compare_counts_improved_instances(query):
     shown = {row["room"]: row for row in query("show", "compare", "--with", "dataaug")}
     both = ("(SELECT a.room, a.real_error_m f, b.real_error_m s FROM pair a "
             "JOIN pair b USING (iid) WHERE a.run = 'vanilla' AND b.run = 'dataaug')")  # fmt: skip
@@ -165,7 +165,7 @@ def test_compare_counts_improved_instances(query) -> None:
             assert row[shown_name] == pytest.approx(computed[column], rel=1e-9)
 
 
-def test_the_scatter_view_counts_quadrants(query) -> None:
+def test_the_scatter_view_counts_quadrants(query):
     shown = {row["quadrant"]: row for row in query("show", "scatter", "--select", "gap > 0")}
     assert shown["all"]["instances"] == 40
     for row in shown.values():
@@ -173,7 +173,7 @@ def test_the_scatter_view_counts_quadrants(query) -> None:
         assert row["selected"] == len(query("query", f"({row['expression']}) & gap > 0"))
 
 
-def test_tables_are_rounded_and_csv_is_not(tiny_store: Path, capsys) -> None:
+def test_tables_are_rounded_and_csv_is_not(tiny_store, capsys):
     arguments = ["show", str(tiny_store), "map", "--select", "ids(3)"]
     assert main(arguments) == 0
     printed = capsys.readouterr().out
@@ -194,7 +194,7 @@ def test_tables_are_rounded_and_csv_is_not(tiny_store: Path, capsys) -> None:
         ("scatter", "worst 15 % in sim"),
     ],
 )  # fmt: skip
-def test_every_view_has_a_summary(tiny_store: Path, view: str, expected: str, capsys) -> None:
+def test_every_view_has_a_summary(tiny_store, view, expected, capsys):
     assert main(["show", str(tiny_store), view, "--select", "worst15", "--words"]) == 0
     summary = capsys.readouterr().out
     assert expected in summary
@@ -216,9 +216,7 @@ def _approximately(rows: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
     ]
 
 
-def test_bounds_that_few_blocks_do_not_bound_are_marked(
-    tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bounds_that_few_blocks_do_not_bound_are_marked(tmp_path, capsys, monkeypatch):
     """All changes lie below 0, in too few blocks: the interval must not look evident."""
     path = tiny.build(tmp_path / "few.s2r", 12)
     with edit(path) as draft:

@@ -48,9 +48,7 @@ def command(config: NightlyConfig, *arguments: str) -> int:
 
 @pytest.mark.parametrize(("gap", "code", "outcome"), [(5, 0, "PASS"), (15, 3, "INCONCLUSIVE"),
                                                    (40, 1, "FAIL")])  # fmt: skip
-def test_the_exit_code_is_that_of_the_gate(
-    config: NightlyConfig, fake_gate: SimpleNamespace, capsys, gap: float, code: int, outcome: str
-) -> None:
+def test_the_exit_code_is_that_of_the_gate(config, fake_gate, capsys, gap, code, outcome):
     fake_gate.gaps = {"task": float(gap)}
     assert command(config) == code
     output = capsys.readouterr().out
@@ -58,9 +56,7 @@ def test_the_exit_code_is_that_of_the_gate(
     assert f"2026-11-21: {outcome}; reports in {config.reports / '2026-11-21'}" in output
 
 
-def test_a_repeated_night_reports_no_new_evidence(
-    config: NightlyConfig, fake_gate: SimpleNamespace, capsys
-) -> None:
+def test_a_repeated_night_reports_no_new_evidence(config, fake_gate, capsys):
     assert command(config) == 0
     assert "no new" not in capsys.readouterr().err
     assert command(config) == 0
@@ -72,9 +68,7 @@ def test_a_repeated_night_reports_no_new_evidence(
     assert fake_gate.count == 1
 
 
-def test_json_output_contains_the_outcome(
-    config: NightlyConfig, fake_gate: SimpleNamespace, capsys
-) -> None:
+def test_json_output_contains_the_outcome(config, fake_gate, capsys):
     fake_gate.gaps = {"visual": 3.0, "task": 40.0}
     assert command(config, "--json") == 1
     result = json.loads(capsys.readouterr().out)
@@ -86,9 +80,7 @@ def test_json_output_contains_the_outcome(
     assert Path(result["history"]).is_file()
 
 
-def test_the_configuration_is_passed_to_the_gate(
-    config: NightlyConfig, fake_gate: SimpleNamespace
-) -> None:
+def test_the_configuration_is_passed_to_the_gate(config, fake_gate):
     text = config.source.read_text().replace(
         "[drives]", 'run = "vanilla"\nselect = "worst15"\naxes = ["task"]\nthreshold = 20\n'
         "margin = 0.1\nseed = 4\nreplicates = 200\n[drives]\ndynamics = [\"reach=2\"]", 1,
@@ -106,9 +98,7 @@ def test_the_configuration_is_passed_to_the_gate(
     }  # fmt: skip
 
 
-def test_the_default_night_is_today(
-    config: NightlyConfig, fake_gate: SimpleNamespace, capsys
-) -> None:
+def test_the_default_night_is_today(config, fake_gate, capsys):
     import datetime
 
     before = datetime.datetime.now(datetime.UTC).date()
@@ -117,9 +107,7 @@ def test_the_default_night_is_today(
     assert before <= night <= datetime.datetime.now(datetime.UTC).date()
 
 
-def test_too_few_drives_for_an_identification_are_reported(
-    config: NightlyConfig, fake_gate: SimpleNamespace, capsys
-) -> None:
+def test_too_few_drives_for_an_identification_are_reported(config, fake_gate, capsys):
     from s2rtools.sysid import Recording, make_drives
 
     drives = config.source.parent / "few"
@@ -133,9 +121,7 @@ def test_too_few_drives_for_an_identification_are_reported(
     assert "planar" in (config.reports / "2026-11-21" / "report.md").read_text()
 
 
-def test_the_simulator_is_identified_from_drives(
-    config: NightlyConfig, fake_gate: SimpleNamespace
-) -> None:
+def test_the_simulator_is_identified_from_drives(config, fake_gate):
     from s2rtools.sysid import Recording, make_drives
 
     drives = config.source.parent / "made"
@@ -156,16 +142,14 @@ def test_the_simulator_is_identified_from_drives(
     )
 
 
-def test_the_topic_is_passed_to_the_gate(config: NightlyConfig, fake_gate: SimpleNamespace) -> None:
+def test_the_topic_is_passed_to_the_gate(config, fake_gate):
     text = config.source.read_text()
     config.source.write_text(text.replace("[drives]\n", '[drives]\ntopic = "/odom"\n', 1))
     command(config)
     assert fake_gate.requests[0]["topic"] == "/odom"
 
 
-def test_warnings_of_an_identification_are_reported(
-    config: NightlyConfig, fake_gate: SimpleNamespace
-) -> None:
+def test_warnings_of_an_identification_are_reported(config, fake_gate):
     from s2rtools.sysid import Recording, make_drives
 
     drives = config.source.parent / "made"

@@ -22,7 +22,7 @@ def write_config(tmp_path: Path, text: str) -> Path:
     return path
 
 
-def test_missing_keys_have_defaults_and_paths_are_relative_to_the_file(tmp_path: Path) -> None:
+def test_missing_keys_have_defaults_and_paths_are_relative_to_the_file(tmp_path):
     parsed = config.read(write_config(tmp_path, 'store = "s.s2r"'))
     assert parsed.name == "gate"
     assert parsed.history == (tmp_path / "s.s2r/history/gap.duckdb").resolve()
@@ -38,7 +38,7 @@ def test_missing_keys_have_defaults_and_paths_are_relative_to_the_file(tmp_path:
     )
 
 
-def test_drives_of_the_store_are_the_default(tmp_path: Path) -> None:
+def test_drives_of_the_store_are_the_default(tmp_path):
     path = write_config(tmp_path, 'store = "s.s2r"\n[sysid]\nseed = 2')
     store_drives = tmp_path / "s.s2r" / "drives"
     store_drives.mkdir()
@@ -47,7 +47,7 @@ def test_drives_of_the_store_are_the_default(tmp_path: Path) -> None:
     assert parsed.sysid == config.SysidConfig(str(store_drives.resolve()), seed=2)
 
 
-def test_all_keys_are_read(tmp_path: Path) -> None:
+def test_all_keys_are_read(tmp_path):
     text = """
         name = "lab"
         store = "s.s2r"
@@ -156,14 +156,14 @@ def test_all_keys_are_read(tmp_path: Path) -> None:
          "output.metrics: .*there.json: is another file"),
     ],
 )  # fmt: skip
-def test_invalid_configurations_name_the_key(tmp_path: Path, text: str, expected: str) -> None:
+def test_invalid_configurations_name_the_key(tmp_path, text, expected):
     path = write_config(tmp_path, text)
     with pytest.raises(RequestError, match=rf"gate\.toml: {expected}") as caught:
         config.read(path)
     assert "\n" not in str(caught.value)
 
 
-def test_invalid_requests_write_nothing(tmp_path: Path, capsys) -> None:
+def test_invalid_requests_write_nothing(tmp_path, capsys):
     path = write_config(tmp_path, 'store = "s.s2r"\nthreshold = 0')
     before = sorted(tmp_path.rglob("*"))
     assert main(["nightly", str(path)]) == 2

@@ -19,14 +19,13 @@ from s2rtools.nightly import config
 from s2rtools.nightly.metrics import metrics
 from s2rtui.cli.command_parser import build_parser
 from tests.nightly.test_files import Samples, samples
-from tests.support.nights import Week
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 _SELECTOR = re.compile(r"(s2r_\w+)(?:\{([^}]*)\})?")
 _LABEL = re.compile(r'(\w+)="([^"]*)"')
 
 
-def test_the_example_configuration_is_valid(tmp_path: Path) -> None:
+def test_the_example_configuration_is_valid(tmp_path):
     path = tmp_path / "nightly.toml"
     text = (EXAMPLES / "nightly.toml").read_text()
     for name in ("lab.s2r", "drives"):
@@ -53,7 +52,7 @@ def expressions() -> list[str]:
     return [target["expr"] for panel in dashboard()["panels"] for target in panel["targets"]]
 
 
-def test_every_metric_of_the_dashboard_exists(recorded_week: Week) -> None:
+def test_every_metric_of_the_dashboard_exists(recorded_week):
     night = reader.read(recorded_week.config.history).of_configuration("lab")[-1]
     text = metrics(night).decode()
     known_metrics = {name for name, _ in samples(text)}
@@ -68,7 +67,7 @@ def test_every_metric_of_the_dashboard_exists(recorded_week: Week) -> None:
         assert name in used_metrics
 
 
-def test_the_dashboard_is_well_formed() -> None:
+def test_the_dashboard_is_well_formed():
     dashboard_json = dashboard()
     panels = dashboard_json["panels"]
     assert len({panel["id"] for panel in panels}) == len(panels)
@@ -114,7 +113,7 @@ def evaluate(expression: str, scraped: Samples, now: float, axis: str = "task") 
     return result
 
 
-def test_the_dashboard_turns_red_on_day_five(recorded_week: Week) -> None:
+def test_the_dashboard_turns_red_on_day_five(recorded_week):
     by_title = {panel["title"]: [t["expr"] for t in panel["targets"]]
                 for panel in dashboard()["panels"]}  # fmt: skip
     for number, night in enumerate(
@@ -144,7 +143,7 @@ def test_the_dashboard_turns_red_on_day_five(recorded_week: Week) -> None:
 
 
 @pytest.mark.skipif(not shutil.which("systemd-analyze"), reason="no systemd")
-def test_systemd_verifies_the_units() -> None:
+def test_systemd_verifies_the_units():
     units = [str(EXAMPLES / f"s2r-nightly.{kind}") for kind in ("service", "timer")]
     process = subprocess.run(["systemd-analyze", "verify", "--man=no", *units],
                           capture_output=True, text=True, check=False)  # fmt: skip
@@ -164,7 +163,7 @@ def arguments(command: str) -> list[str]:
     return parts[next(index for index, part in enumerate(parts) if Path(part).name == "s2r") + 1 :]
 
 
-def test_the_timer_starts_the_service_and_the_service_runs_s2r_nightly() -> None:
+def test_the_timer_starts_the_service_and_the_service_runs_s2r_nightly():
     service, timer = unit("service"), unit("timer")
     assert timer["Timer"]["Unit"] == "s2r-nightly.service"
     assert timer["Timer"]["Persistent"] == "true"
@@ -174,7 +173,7 @@ def test_the_timer_starts_the_service_and_the_service_runs_s2r_nightly() -> None
     _check_nightly_arguments(arguments(service["Service"]["ExecStart"]))
 
 
-def test_the_scrontab_example_is_valid() -> None:
+def test_the_scrontab_example_is_valid():
     lines = (EXAMPLES / "s2r-nightly.scrontab").read_text().splitlines()
     options = [line for line in lines if line.startswith("#SCRON")]
     assert all(re.fullmatch(r"#SCRON --[a-z-]+=\S+", line) for line in options)
@@ -187,7 +186,7 @@ def test_the_scrontab_example_is_valid() -> None:
     _check_nightly_arguments(arguments(command))
 
 
-def test_the_workflow_runs_the_gate_and_uploads_its_reports() -> None:
+def test_the_workflow_runs_the_gate_and_uploads_its_reports():
     yaml = pytest.importorskip("ruamel.yaml")
     parsed = yaml.YAML(typ="safe", pure=True).load((EXAMPLES / "github-actions.yml").read_text())
     assert set(parsed["on"]) == {"pull_request", "schedule"}

@@ -16,7 +16,6 @@ from prometheus_client.openmetrics import parser as openmetrics
 from prometheus_client.parser import text_string_to_metric_families
 
 from s2rstore.gap_history import reader
-from s2rtools.nightly.config import NightlyConfig
 from s2rtools.nightly.metrics import metrics
 from s2rtools.nightly.run import nightly
 from tests.support import nights
@@ -48,7 +47,7 @@ def sample_value(all_samples: Samples, name: str, **labels: str) -> float:
     return all_samples[name, frozenset(labels_expected)]
 
 
-def test_junit_has_the_standard_structure(recorded_week: Week) -> None:
+def test_junit_has_the_standard_structure(recorded_week):
     for number in range(1, 8):
         root = ET.parse(recorded_week.config.reports / str(day(number)) / "junit.xml").getroot()
         assert root.tag == "testsuites"
@@ -72,7 +71,7 @@ def test_junit_has_the_standard_structure(recorded_week: Week) -> None:
             assert set(result.attrib) == _CASE[result.tag]
 
 
-def test_junit_fails_from_day_five_on(recorded_week: Week) -> None:
+def test_junit_fails_from_day_five_on(recorded_week):
     names = {"headline", "visual", "task", "dynamics", "delay", "golden", "staleness"}
     for number in range(1, 8):
         parsed = cases(recorded_week, number)
@@ -85,7 +84,7 @@ def test_junit_fails_from_day_five_on(recorded_week: Week) -> None:
     assert "worst axis task" in failure.attrib["message"]
 
 
-def test_junit_marks_inconclusive_and_stale_results_as_skipped(config: NightlyConfig) -> None:
+def test_junit_marks_inconclusive_and_stale_results_as_skipped(config):
     def inconclusive_report(store, config) -> dict:
         missing = {"inconclusive": {"visual": "3 images & <few>\x00"}, "absent": {"delay": "none"}}
         return nights.report(store, {"task": 14.5}, **missing)
@@ -111,7 +110,7 @@ def test_junit_marks_inconclusive_and_stale_results_as_skipped(config: NightlyCo
     )
 
 
-def test_metrics_equal_the_history(recorded_week: Week) -> None:
+def test_metrics_equal_the_history(recorded_week):
     nights_read = reader.read(recorded_week.config.history).of_configuration("lab")
     for night in nights_read:
         night_samples = samples(metrics(night).decode())
@@ -148,7 +147,7 @@ def test_metrics_equal_the_history(recorded_week: Week) -> None:
         assert unknown == []
 
 
-def test_metrics_are_valid_in_the_older_text_format(recorded_week: Week) -> None:
+def test_metrics_are_valid_in_the_older_text_format(recorded_week):
     assert recorded_week.config.metrics is not None
     text = recorded_week.config.metrics.read_text()
     assert text.endswith("# EOF\n")
@@ -157,7 +156,7 @@ def test_metrics_are_valid_in_the_older_text_format(recorded_week: Week) -> None
     assert text == metrics(newest).decode()
 
 
-def test_label_values_are_escaped(recorded_week: Week) -> None:
+def test_label_values_are_escaped(recorded_week):
     from dataclasses import replace
 
     night = reader.read(recorded_week.config.history).nights[0]
@@ -186,7 +185,7 @@ class _Page(HTMLParser):
         assert self.open.pop() == tag
 
 
-def test_the_html_report_is_self_contained(recorded_week: Week) -> None:
+def test_the_html_report_is_self_contained(recorded_week):
     page = _Page()
     text = report_text(recorded_week, 5, "report.html")
     page.feed(text)
@@ -200,7 +199,7 @@ def test_the_html_report_is_self_contained(recorded_week: Week) -> None:
     assert "worst axis task" in text
 
 
-def test_names_are_escaped_in_reports(config: NightlyConfig) -> None:
+def test_names_are_escaped_in_reports(config):
     def report_with_markup(store, config) -> dict:
         return nights.report(store, {"task": 5.0}, expression="<b>|x|</b>", model="*m*")
 
@@ -210,7 +209,7 @@ def test_names_are_escaped_in_reports(config: NightlyConfig) -> None:
     assert r"\<b\>\|x\|" in (folder / "report.md").read_text()
 
 
-def test_the_plot_shows_each_night_in_the_colour_of_its_outcome(recorded_week: Week) -> None:
+def test_the_plot_shows_each_night_in_the_colour_of_its_outcome(recorded_week):
     path = recorded_week.config.reports / str(day(7)) / "history.png"
     pixels = np.asarray(Image.open(io.BytesIO(path.read_bytes())).convert("RGB")).astype(int)
     headline_height = pixels.shape[0] // 4  # the headline's panel
@@ -226,7 +225,7 @@ def _groups(mask: np.ndarray) -> int:
     return int(np.count_nonzero(is_column_used[1:] & ~is_column_used[:-1]))
 
 
-def test_the_markdown_report_lists_checks_and_nights(recorded_week: Week) -> None:
+def test_the_markdown_report_lists_checks_and_nights(recorded_week):
     text = report_text(recorded_week, 5, "report.md")
     assert text.startswith("# lab: FAIL, 2026-11-20\n")
     rows = re.findall(r"^\| (\S+) \| (PASS|FAIL|SKIPPED) \|", text, re.M)
@@ -236,13 +235,13 @@ def test_the_markdown_report_lists_checks_and_nights(recorded_week: Week) -> Non
     assert "| damping | 0.8000 (0.7500 .. 0.8600) | 1/s |" in text
 
 
-def test_the_json_report_is_that_of_the_gate(recorded_week: Week) -> None:
+def test_the_json_report_is_that_of_the_gate(recorded_week):
     report = json.loads(report_text(recorded_week, 5, "report.json"))
     assert report["verdict"]["outcome"] == "FAIL"
     assert [result["axis"] for result in report["axes"]] == ["visual", "task", "dynamics"]
 
 
-def test_later_nights_do_not_modify_earlier_reports(config: NightlyConfig) -> None:
+def test_later_nights_do_not_modify_earlier_reports(config):
     week = Week(config, {}, 9)
     week.night(1)
     folder = config.reports / str(day(1))

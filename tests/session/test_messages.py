@@ -34,7 +34,7 @@ def session(tiny_store: Path) -> Session:
 
 
 @pytest.mark.parametrize("is_error", [False, True])
-def test_a_message_is_cleared_by_the_next_change(session: Session, is_error: bool) -> None:
+def test_a_message_is_cleared_by_the_next_change(session, is_error):
     adjust = Adjust("vanilla", ((SLIDER.key, 1.0),), 0, (SLIDER,))
     start = replace(
         session.state, adjust=adjust, past=(Step("all"),), future=(Step("best15"),), viewports=()
@@ -52,13 +52,13 @@ def test_a_message_is_cleared_by_the_next_change(session: Session, is_error: boo
     assert change_count > len(KEYS) / 2
 
 
-def test_an_error_is_kept_when_nothing_changes(session: Session) -> None:
+def test_an_error_is_kept_when_nothing_changes(session):
     session.show_message("an error", is_error=True)
     session.dispatch(view_settings.activate, session.state.view)
     assert (session.state.message, session.state.is_error) == ("an error", True)
 
 
-def test_the_sort_message_is_shown_until_the_next_change(session: Session) -> None:
+def test_the_sort_message_is_shown_until_the_next_change(session):
     KEYS["sort"](session)
     assert session.state.message.startswith("sorted by ")
     KEYS["another view"](session)

@@ -37,7 +37,7 @@ def run(store: Store, name: str) -> Run:
     return store.runs[name]
 
 
-def test_images_are_adjusted(store: Store) -> None:
+def test_images_are_adjusted(store):
     plain, bright = (
         model_input(store, run(store, name), "real", 4) for name in ("vanilla", "bright")
     )
@@ -49,21 +49,19 @@ def test_images_are_adjusted(store: Store) -> None:
     assert model_input(store, run(store, "bright"), "sim", 4).title == ""
 
 
-def test_removed_depth_is_missing(store: Store) -> None:
+def test_removed_depth_is_missing(store):
     dark = model_input(store, run(store, "dark"), "real", 4)
     assert np.isnan(dark.depth).all()
     assert not dark.rgb.any()
 
 
-def test_long_chains_are_listed_in_a_note(store: Store) -> None:
+def test_long_chains_are_listed_in_a_note(store):
     long_chain = model_input(store, run(store, "many"), "real", 4)
     assert long_chain.title == "real, adjusted"
     assert long_chain.notes == (("real images", "brightness=1.5, contrast=0.5"),)
 
 
-def test_without_the_tools_the_stored_image_is_labelled_unadjusted(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_the_tools_the_stored_image_is_labelled_unadjusted(store, monkeypatch):
     plain = model_input(store, run(store, "vanilla"), "real", 4)
     monkeypatch.setitem(sys.modules, "s2rtools.adjustments", None)
     bright, long_chain = (
@@ -74,7 +72,7 @@ def test_without_the_tools_the_stored_image_is_labelled_unadjusted(
     assert long_chain.title == "real, before adjustments"
 
 
-def test_the_instance_view_shows_the_moved_camera(moved_camera_store: Path) -> None:
+def test_the_instance_view_shows_the_moved_camera(moved_camera_store):
     with s2rstore.open(moved_camera_store) as store:
         up, plain = (instance_input(store, name, 2, None) for name in ("up", "vanilla"))
         assert (up.sim.rgb != plain.sim.rgb).mean() > 0.5

@@ -161,9 +161,7 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SessionPair]:
         for name in PENDING_ACTIONS
     ],
 )
-def test_each_key_during_a_pending_load_gives_the_synchronous_state(
-    pair: SessionPair, action: str
-) -> None:
+def test_each_key_during_a_pending_load_gives_the_synchronous_state(pair, action):
     for name, key in _ACTIONS.items():
         pair.begin()
         pair.press(PENDING_ACTIONS[action])
@@ -186,9 +184,7 @@ _KEYS = [
     st.sampled_from(sorted(PENDING_ACTIONS)),
     st.lists(st.sampled_from(_KEYS), min_size=2, max_size=5),
 )
-def test_several_keys_during_a_pending_load_give_the_synchronous_state(
-    pair: SessionPair, action: str, names: list[str]
-) -> None:
+def test_several_keys_during_a_pending_load_give_the_synchronous_state(pair, action, names):
     pair.begin()
     pair.press(PENDING_ACTIONS[action])
     for name in names:

@@ -26,9 +26,7 @@ from s2rtui.jobs.precompute_job import PrecomputeJob, save_run
 from tests.support.copies import copy_store
 
 
-def test_a_saved_run_equals_the_one_of_the_command_line(
-    moved_camera_store: Path, tmp_path: Path
-) -> None:
+def test_a_saved_run_equals_the_one_of_the_command_line(moved_camera_store, tmp_path):
     path = copy_store(moved_camera_store, tmp_path / "s.s2r")
     chain = {
         "sim": make_chain("sim", {"camera_pitch": 2.0}),
@@ -69,7 +67,7 @@ def wait_for_stage(job: PrecomputeJob, stage: str) -> None:
     raise AssertionError(job.progress)
 
 
-def test_a_job_ends_when_the_application_is_killed(few_pairs_store: Path, tmp_path: Path) -> None:
+def test_a_job_ends_when_the_application_is_killed(few_pairs_store, tmp_path):
     path = copy_store(few_pairs_store, tmp_path / "s.s2r")
     add_run(path, "saved", "vanilla", None, None, {"sim": [], "real": []})
     code = (
@@ -101,7 +99,7 @@ def _state(process: int) -> str:
     return "Z"
 
 
-def test_a_locked_store_is_rejected_immediately(few_pairs_store: Path, tmp_path: Path) -> None:
+def test_a_locked_store_is_rejected_immediately(few_pairs_store, tmp_path):
     path = copy_store(few_pairs_store, tmp_path / "s.s2r")
     with locks.compute_lock(path), pytest.raises(RequestError, match="holds the compute lock"):
         save_run(path, "saved", "vanilla", {})
@@ -109,7 +107,7 @@ def test_a_locked_store_is_rejected_immediately(few_pairs_store: Path, tmp_path:
         assert "saved" not in store.runs
 
 
-def test_a_cancelled_run_can_be_completed(few_pairs_store: Path, tmp_path: Path) -> None:
+def test_a_cancelled_run_can_be_completed(few_pairs_store, tmp_path):
     path = copy_store(few_pairs_store, tmp_path / "s.s2r")
     job = save_run(path, "saved", "vanilla", {"sim": make_chain("sim", {"black": 0.5})})
     wait_for_stage(job, "forward")
@@ -124,7 +122,7 @@ def test_a_cancelled_run_can_be_completed(few_pairs_store: Path, tmp_path: Path)
     assert verify(path) == []
 
 
-def test_invalid_requests_start_no_job(few_pairs_store: Path) -> None:
+def test_invalid_requests_start_no_job(few_pairs_store):
     with pytest.raises(RequestError, match="choose another name"):
         save_run(few_pairs_store, "vanilla", "vanilla", {})
     with pytest.raises(RequestError, match="runs: vanilla"):
@@ -133,7 +131,7 @@ def test_invalid_requests_start_no_job(few_pairs_store: Path) -> None:
         save_run(few_pairs_store, "saved", "vanilla", {"sim": make_chain("sim", {"camera_fov": 5})})
 
 
-def test_computed_runs_are_not_dropped(store_copy: Path) -> None:
+def test_computed_runs_are_not_dropped(store_copy):
     assert not drop_run(store_copy, "vanilla")
     assert not drop_run(store_copy, "nothing")
     add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
@@ -142,7 +140,7 @@ def test_computed_runs_are_not_dropped(store_copy: Path) -> None:
         assert list(store.runs) == ["vanilla", "dataaug"]
 
 
-def test_json_progress_survives_a_closed_reader(moved_camera_store: Path, tmp_path: Path) -> None:
+def test_json_progress_survives_a_closed_reader(moved_camera_store, tmp_path):
     path = copy_store(moved_camera_store, tmp_path / "s.s2r")
     add_run(path, "later", "perlin", None, None, {"sim": [], "real": []})
     command = [sys.executable, "-m", "s2rtui", "precompute", str(path), "--run", "later",
@@ -161,9 +159,7 @@ def test_json_progress_survives_a_closed_reader(moved_camera_store: Path, tmp_pa
         assert store.run("later").key is not None
 
 
-def test_a_failed_job_keeps_a_run_that_another_process_may_compute(
-    store_copy: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failed_job_keeps_a_run_that_another_process_may_compute(store_copy, monkeypatch):
     add_run(store_copy, "saved", "vanilla", None, None, {"sim": [], "real": []})
     program = shutil.which("false")
     assert program is not None

@@ -26,7 +26,7 @@ def session(tiny_store: Path) -> Session:
     return Session(tiny_store, "vanilla", Notebook)
 
 
-def test_undo_and_redo_skip_invalid_expressions(session: Session) -> None:
+def test_undo_and_redo_skip_invalid_expressions(session):
     session.select("best15")
     session.writable_notebook.save("gone", shared_selection.current_selection(session.state))
     session.select("@gone & curved")
@@ -45,7 +45,7 @@ def test_undo_and_redo_skip_invalid_expressions(session: Session) -> None:
     assert "nothing to redo; left out: @gone" in state.message
 
 
-def test_undo_reports_skipped_expressions(session: Session) -> None:
+def test_undo_reports_skipped_expressions(session):
     session.writable_notebook.toggle_tag([1], "door")
     session.set_state(replace(session.state, past=(Step("@door", "vanilla"),)))
     session.writable_notebook.toggle_tag([1], "door")
@@ -55,7 +55,7 @@ def test_undo_reports_skipped_expressions(session: Session) -> None:
     assert "nothing to undo; left out: @door" in state.message
 
 
-def test_an_invalid_expression_does_not_prevent_a_run_change(session: Session) -> None:
+def test_an_invalid_expression_does_not_prevent_a_run_change(session):
     session.writable_notebook.save("gone", SavedSelection("all", 1, "vanilla", 40))
     session.select("@gone")
     session.writable_notebook.forget("gone")
@@ -87,9 +87,7 @@ MIXED_CONTENT = {
 }
 
 
-def test_unreadable_entries_are_kept_and_readable_ones_used(
-    tiny_store: Path, session: Session
-) -> None:
+def test_unreadable_entries_are_kept_and_readable_ones_used(tiny_store, session):
     path = session.writable_notebook.path
     content = {"version": 1, "dataset": "0" * 64, **MIXED_CONTENT}
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -117,7 +115,7 @@ def test_unreadable_entries_are_kept_and_readable_ones_used(
     assert set(Session(tiny_store, notebooks=Notebook).notes.remarks) == {3, 4}
 
 
-def test_unreadable_entries_are_never_overwritten(tiny_store: Path, session: Session) -> None:
+def test_unreadable_entries_are_never_overwritten(tiny_store, session):
     path = session.writable_notebook.path
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps({"version": 1, "dataset": "0" * 64, **MIXED_CONTENT}))
@@ -135,9 +133,7 @@ def test_unreadable_entries_are_never_overwritten(tiny_store: Path, session: Ses
 
 
 @pytest.mark.parametrize("section", ["selections", "remarks", "history"])
-def test_a_section_of_another_type_is_kept(
-    tiny_store: Path, user_data_folder: Path, section: str
-) -> None:
+def test_a_section_of_another_type_is_kept(tiny_store, user_data_folder, section):
     path = Session(tiny_store, notebooks=Notebook).writable_notebook.path
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps({"version": 1, "dataset": "0" * 64, section: "odd"}))
@@ -148,7 +144,7 @@ def test_a_section_of_another_type_is_kept(
     assert "odd" in json.loads(path.read_text()).values()
 
 
-def test_a_saved_selection_on_other_data_shows_a_message(session: Session, tmp_path: Path) -> None:
+def test_a_saved_selection_on_other_data_shows_a_message(session, tmp_path):
     session.select("worst15")
     session.writable_notebook.save("left hall", shared_selection.current_selection(session.state))
     assert session.select('@"left hall"').message == ""
@@ -166,7 +162,7 @@ def test_a_saved_selection_on_other_data_shows_a_message(session: Session, tmp_p
     assert "6 on vanilla, generation 3; saved: 6 on vanilla, generation 2" in message
 
 
-def test_a_shared_line_restores_its_trajectories(session: Session) -> None:
+def test_a_shared_line_restores_its_trajectories(session):
     session.dispatch(navigation.set_trajectories, ("b",))
     session.select("worst15")
     line = shared_line(session)
@@ -185,7 +181,7 @@ def test_a_shared_line_restores_its_trajectories(session: Session) -> None:
     assert "in nowhere" in session.state.message
 
 
-def test_a_shared_line_of_another_generation_shows_a_message(session: Session) -> None:
+def test_a_shared_line_of_another_generation_shows_a_message(session):
     session.select("worst15")
     line = shared_line(session).replace("generation 2", "generation 7")
     session.select("all")
@@ -195,7 +191,7 @@ def test_a_shared_line_of_another_generation_shows_a_message(session: Session) -
     assert len(state.past) == past + 1
 
 
-def test_waiting_for_a_lock_times_out(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_waiting_for_a_lock_times_out(session, monkeypatch):
     session.writable_notebook.note(3, "first")
     monkeypatch.setattr(notebook, "_LOCK_SECONDS", 0.1)
     with (
@@ -207,9 +203,7 @@ def test_waiting_for_a_lock_times_out(session: Session, monkeypatch: pytest.Monk
     assert session.notes.remarks[3].note == "first"
 
 
-def test_a_lock_that_cannot_be_made_is_reported(
-    session: Session, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_lock_that_cannot_be_made_is_reported(session, monkeypatch):
     def fail_to_create(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -218,9 +212,7 @@ def test_a_lock_that_cannot_be_made_is_reported(
         session.writable_notebook.note(3, "first")
 
 
-def test_a_notebook_whose_lock_was_taken_over_is_not_written(
-    session: Session, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_notebook_whose_lock_was_taken_over_is_not_written(session, monkeypatch):
     session.writable_notebook.note(3, "first")
     path = session.writable_notebook.path
     read = Notebook._read

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from s2rtui.charts.list.view import VIEW
 from s2rtui.charts.scene import Resources, Scene
 from s2rtui.session import Session, navigation
 
 
-def test_m_says_that_a_run_has_no_trained_instances(tiny_store: Path) -> None:
+def test_m_says_that_a_run_has_no_trained_instances(tiny_store):
     session = Session(tiny_store)
     state = session.dispatch(navigation.toggle_trained)
     assert state.message.startswith("nothing to include: ")
@@ -19,7 +17,7 @@ def test_m_says_that_a_run_has_no_trained_instances(tiny_store: Path) -> None:
     session.close()
 
 
-def test_headers_of_the_list_are_fields_with_units(tiny_store: Path) -> None:
+def test_headers_of_the_list_are_fields_with_units(tiny_store):
     session = Session(tiny_store)
     columns = VIEW.input(Scene(session.store, session.state, Resources())).columns
     titles = [column.title for column in columns]

@@ -134,7 +134,7 @@ def all_images_complete(raw: bytes) -> bool:
     )  # fmt: skip
 
 
-def test_transmitted_images_are_exact(visit: Visit, first_instance: InstanceInput) -> None:
+def test_transmitted_images_are_exact(visit, first_instance):
     model = instance_model(first_instance)
     images = KittyTerminal.after(visit["first"]).images.values()
     sent = [image.pixels for image in images if image.pixels.shape == (16, 16, 3)]
@@ -148,18 +148,18 @@ def test_transmitted_images_are_exact(visit: Visit, first_instance: InstanceInpu
         np.testing.assert_array_equal(pixels, image)
 
 
-def test_intermediate_images_are_not_sent(visit: Visit) -> None:
+def test_intermediate_images_are_not_sent(visit):
     assert len(KittyTerminal.after(visit["moved"]).images) == IMAGES
     assert visit["moved"].count(b"a=T") == IMAGES
 
 
-def test_modal_screens_send_no_images(visit: Visit) -> None:
+def test_modal_screens_send_no_images(visit):
     assert b"\x1b_G" not in visit["help"]
     assert not placed_cells(visit["help"])
     assert b"\x1b_G" not in visit["back"]
 
 
-def test_resizing_changes_the_image_boxes(visit: Visit) -> None:
+def test_resizing_changes_the_image_boxes(visit):
     boxes = [
         {images.box for images in KittyTerminal.after(visit[part]).images.values()}
         for part in ("moved", "resized")
@@ -167,14 +167,14 @@ def test_resizing_changes_the_image_boxes(visit: Visit) -> None:
     assert boxes[0] != boxes[1]
 
 
-def test_images_are_deleted_before_leaving_the_screen(visit: Visit) -> None:
+def test_images_are_deleted_before_leaving_the_screen(visit):
     assert KittyTerminal.after(visit["all"]).images == {}
     before, _, after = visit["left"].partition(b"\x1b[?1049l")
     assert b"a=d" in before
     assert b"\x1b_G" not in after
 
 
-async def test_a_terminal_without_graphics_shows_half_blocks(tiny_store: Path) -> None:
+async def test_a_terminal_without_graphics_shows_half_blocks(tiny_store):
     app = S2RApp(Session(tiny_store), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
     enable_inline_images(app, parse_answer(ATTRIBUTES))

@@ -40,7 +40,7 @@ ALIGNMENTS = [
 
 
 @pytest.mark.parametrize(("alignment", "evo_align"), ALIGNMENTS)
-def test_ape_equals_evo(alignment: LogAlignment, evo_align: dict | None) -> None:
+def test_ape_equals_evo(alignment, evo_align):
     real, sim = ape_rpe.resample_pair(DRIVE.real, MOVED(DRIVE.sim))
     reference, estimate = evo_trajectory(real), evo_trajectory(sim)
     if evo_align is not None:
@@ -63,9 +63,7 @@ def test_ape_equals_evo(alignment: LogAlignment, evo_align: dict | None) -> None
     [(RpeStep(poses=1), 1), (RpeStep(0.5), 25), (RpeStep(poses=100), 100), (RpeStep(2.0), 100)],
 )
 @pytest.mark.parametrize(("alignment", "evo_align"), ALIGNMENTS)
-def test_rpe_equals_evo(
-    step: RpeStep, poses: int, alignment: LogAlignment, evo_align: dict | None
-) -> None:
+def test_rpe_equals_evo(step, poses, alignment, evo_align):
     real, sim = ape_rpe.resample_pair(DRIVE.real, MOVED(DRIVE.sim))
     reference, estimate = evo_trajectory(real), evo_trajectory(sim)
     if evo_align is not None:
@@ -84,9 +82,7 @@ def test_rpe_equals_evo(
     st.floats(-np.pi, 3.14), st.booleans(), st.floats(0.2, 5), st.floats(-1e3, 1e3),
     st.floats(-1e3, 1e3), st.booleans(),
 )  # fmt: skip
-def test_alignment_removes_any_similarity_transform(
-    angle: float, reflected: bool, scale: float, x: float, y: float, scaled: bool
-) -> None:
+def test_alignment_removes_any_similarity_transform(angle, reflected, scale, x, y, scaled):
     log = DRIVE.sim
     moved = RigidTransform(angle, reflected, scale if scaled else 1.0, x, y)(log)
     error = ape_rpe.ape(log, moved, LogAlignment(True, reflection=True, scale=scaled))
@@ -94,33 +90,33 @@ def test_alignment_removes_any_similarity_transform(
     assert error.heading.max() < 1e-6
 
 
-def test_a_mirrored_log_is_aligned_only_by_a_reflection() -> None:
+def test_a_mirrored_log_is_aligned_only_by_a_reflection():
     mirrored = RigidTransform(1.0, reflected=True)(DRIVE.sim)
     turned = ape_rpe.ape(DRIVE.sim, mirrored, LogAlignment(rigid=True))
     assert ape_rpe.rmse(turned.position) > 0.3
     assert not fit((DRIVE.sim.x, DRIVE.sim.y), (DRIVE.sim.x, DRIVE.sim.y), True).reflected
 
 
-def test_reflection_and_scale_require_rigid_alignment() -> None:
+def test_reflection_and_scale_require_rigid_alignment():
     with pytest.raises(RequestError, match="need rigid"):
         ape_rpe.ape(DRIVE.real, DRIVE.sim, LogAlignment(scale=True))
 
 
-def test_logs_are_not_aligned_by_default() -> None:
+def test_logs_are_not_aligned_by_default():
     far = RigidTransform(x=10.0)(DRIVE.real)
     assert ape_rpe.ape(DRIVE.real, far).position == pytest.approx(10.0)
     assert ape_rpe.rpe(DRIVE.real, far, RpeStep(poses=5)).position.max() < 1e-9
 
 
 @given(st.floats(-20, 20), st.floats(-20, 20))
-def test_heading_errors_are_wrapped(a: float, b: float) -> None:
+def test_heading_errors_are_wrapped(a, b):
     time, zeros = np.arange(2.0), np.zeros(2)
     logs = (Log(time, time, zeros, np.full(2, h), "", "") for h in (a, b))
     heading_errors = ape_rpe.ape(*logs).heading
     assert heading_errors == pytest.approx(np.abs(np.angle(np.exp(1j * (a - b)))), abs=1e-9)
 
 
-def test_headings_are_interpolated_across_the_wrap() -> None:
+def test_headings_are_interpolated_across_the_wrap():
     time = np.arange(3.0)
     sim = Log(time, time, time, np.array([3.1, -3.1, -3.0]), "", "")
     real = Log(time + 0.5, time, time, np.full(3, np.pi), "", "")
@@ -129,7 +125,7 @@ def test_headings_are_interpolated_across_the_wrap() -> None:
     assert angles.distance(-3.05, np.pi) == pytest.approx(heading_errors[1])
 
 
-def test_scales_are_path_lengths() -> None:
+def test_scales_are_path_lengths():
     log = Log(np.arange(5.0), 3 * np.arange(5.0), 4 * np.arange(5.0), np.zeros(5), "", "")
     assert ape_rpe.SCALES["extent"](log, 1.0) == pytest.approx(20.0)
     assert ape_rpe.SCALES["travel"](log, 2.0) == pytest.approx(10.0)
@@ -137,14 +133,14 @@ def test_scales_are_path_lengths() -> None:
     assert ape_rpe.rmse(errors) == pytest.approx(np.sqrt(12.5))
 
 
-def test_travel_is_independent_of_noise() -> None:
+def test_travel_is_independent_of_noise():
     rng = np.random.default_rng(0)
     exact = robot.drive(robot.commands(30.0, rng))
     without_noise, noisy = (robot.sampled(exact, 50.0, n, 0.0, rng) for n in (0.0, 0.01))
     assert ape_rpe.travel(noisy, 1.0) == pytest.approx(ape_rpe.travel(without_noise, 1.0), rel=0.01)
 
 
-def test_invalid_requests_are_explained() -> None:
+def test_invalid_requests_are_explained():
     with pytest.raises(
         RequestError, match=r"scale metres: unknown \(known: travel, extent, deviation\)"
     ):

@@ -36,7 +36,7 @@ def parse_axes(*arguments: str) -> tuple[DynamicsAxis, DelayAxis]:
     return dynamics, delay
 
 
-def test_every_option_is_passed_to_its_axis() -> None:
+def test_every_option_is_passed_to_its_axis():
     dynamics, delay = parse_axes(
         "horizons=1,2", "nrmse=deviation", "align=rigid+scale", "rpe=25", "reach=0.5",
         "bad=period", "period=0.1", "noise=0.002,0.003",
@@ -51,7 +51,7 @@ def test_every_option_is_passed_to_its_axis() -> None:
     assert (delay.bad_state, delay.period) == ("period", 0.1)
 
 
-def test_no_options_give_the_defaults() -> None:
+def test_no_options_give_the_defaults():
     dynamics, delay = parse_axes()
     for axis, default in ((dynamics, DynamicsAxis()), (delay, DelayAxis())):
         assert vars(axis) == vars(default)
@@ -80,8 +80,8 @@ def test_no_options_give_the_defaults() -> None:
     ],
 )
 def test_invalid_options_are_reported_before_opening_the_store(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], expected: str
-) -> None:
+    tmp_path, capsys, arguments, expected
+):
     cli_options = [part for argument in arguments for part in ("--dynamics", argument)]
     assert main(["gap", str(tmp_path / "no.s2r"), *cli_options]) == 2
     error = capsys.readouterr().err.strip()
@@ -89,7 +89,7 @@ def test_invalid_options_are_reported_before_opening_the_store(
     assert "\n" not in error
 
 
-def test_the_fingerprint_contains_only_options_that_affect_the_measure(evidence) -> None:
+def test_the_fingerprint_contains_only_options_that_affect_the_measure(evidence):
     drives_evidence = evidence(robot.pair(1, seconds=12.0, gain=0.9))
     default = parse_axes("horizons=0.5,1")[0].measure(drives_evidence, SETTINGS)
     for option in ("nrmse=extent", "nrmse=deviation", "noise=0.01,0.01", "reach=0.5"):
@@ -102,7 +102,7 @@ def test_the_fingerprint_contains_only_options_that_affect_the_measure(evidence)
         assert other.details["drives"] != default.details["drives"]
 
 
-def test_whole_drives_are_aligned_on_request(evidence) -> None:
+def test_whole_drives_are_aligned_on_request(evidence):
     drive = robot.pair(1, seconds=12.0, delay=0.0, noise=0.0, turn_noise=0.0)
     moved = RigidTransform(1.0, reflected=True, scale=1.2, x=4.0)(drive.sim)
     drives_evidence = evidence(type(drive)("moved", drive.real, moved))
@@ -119,7 +119,7 @@ def test_whole_drives_are_aligned_on_request(evidence) -> None:
     assert rows[2]["heading_rmse"] < 1e-2
 
 
-def test_a_missing_rpe_step_gives_an_unknown_rpe(evidence) -> None:
+def test_a_missing_rpe_step_gives_an_unknown_rpe(evidence):
     drives_evidence = evidence(robot.pair(1, seconds=12.0))
     row = (
         parse_axes("horizons=0.5,1", "rpe=99s")[0]
@@ -146,9 +146,7 @@ ODOMETRY = ["--drives", "odometry", "--rate", "1", "--axis", "dynamics", "--repl
             "--dynamics", "horizons=4", "--dynamics", "noise=0,0"]  # fmt: skip
 
 
-def test_odometry_can_be_measured_but_not_frozen(
-    store_with_odometry: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_odometry_can_be_measured_but_not_frozen(store_with_odometry, tmp_path, capsys):
     assert main(["gap", str(store_with_odometry), *ODOMETRY, "--json"]) == 3
     (axis,) = json.loads(capsys.readouterr().out)["axes"]
     assert axis["details"]["drives"][0]["ape_rmse_recorded"] == pytest.approx(
@@ -169,9 +167,7 @@ def test_odometry_can_be_measured_but_not_frozen(
     assert not (tmp_path / "ref.json").exists()
 
 
-def test_details_describe_the_whole_drive_comparison(
-    store_with_odometry: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_details_describe_the_whole_drive_comparison(store_with_odometry, capsys):
     assert (
         main(["gap", str(store_with_odometry), *ODOMETRY, "--details", "--dynamics", "rpe=2"]) == 3
     )

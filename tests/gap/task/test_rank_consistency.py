@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -32,7 +30,7 @@ def brute_violation(sim: np.ndarray, real: np.ndarray) -> float:
 
 
 @given(st.integers(0, 10_000), st.integers(3, 9), st.booleans())
-def test_both_measures_equal_their_definitions(seed: int, runs: int, ties: bool) -> None:
+def test_both_measures_equal_their_definitions(seed, runs, ties):
     rng = np.random.default_rng(seed)
     sim, real = rng.gamma(2, 1, size=(2, runs))
     if ties:
@@ -46,7 +44,7 @@ def test_both_measures_equal_their_definitions(seed: int, runs: int, ties: bool)
 
 
 @given(st.integers(0, 10_000), st.integers(5, 9))
-def test_rank_violation_is_0_for_equal_and_largest_for_reversed_order(seed: int, runs: int) -> None:
+def test_rank_violation_is_0_for_equal_and_largest_for_reversed_order(seed, runs):
     real = np.sort(np.random.default_rng(seed).gamma(2, 1, size=runs))[None]
     assert rank_violation(real**3, real)[0] == 0
     reverse = rank_violation(-real, real)[0]
@@ -55,7 +53,7 @@ def test_rank_violation_is_0_for_equal_and_largest_for_reversed_order(seed: int,
         assert rank_violation(shuffled, real)[0] <= reverse + 1e-12
 
 
-def test_five_runs_are_compared_with_intervals(tmp_path: Path) -> None:
+def test_five_runs_are_compared_with_intervals(tmp_path):
     root = tiny.build(tmp_path / "s.s2r", N, tuple("abcde"), trained=tuple("abcde"))
     with s2rstore.open(root) as store:
         result = rank_consistency(store, np.arange(N), GapSettings(300))
@@ -73,6 +71,6 @@ def test_five_runs_are_compared_with_intervals(tmp_path: Path) -> None:
     assert 0 <= result.rank_violation.low <= result.rank_violation.high
 
 
-def test_fewer_than_five_runs_are_inconclusive(tiny_store: Path) -> None:
+def test_fewer_than_five_runs_are_inconclusive(tiny_store):
     with s2rstore.open(tiny_store) as store, pytest.raises(InconclusiveError, match="2 computed"):
         rank_consistency(store, np.arange(40), GapSettings())

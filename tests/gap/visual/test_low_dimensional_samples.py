@@ -30,7 +30,7 @@ def store(path: Path) -> Iterator[Store]:
         yield opened
 
 
-def test_poses_and_errors_are_standardized(store: Store) -> None:
+def test_poses_and_errors_are_standardized(store):
     samples = prediction_samples(store, "vanilla", np.arange(N))
     columns = store.run_columns("vanilla")
     poses, errors = samples["poses"], samples["errors"]
@@ -46,7 +46,7 @@ def test_poses_and_errors_are_standardized(store: Store) -> None:
     assert not errors.periods.any()
 
 
-def test_missing_headings_are_excluded(path: Path) -> None:
+def test_missing_headings_are_excluded(path):
     with edit(path) as draft:
         draft.update(
             "prediction", {"run": "vanilla", "side": "sim"},
@@ -59,7 +59,7 @@ def test_missing_headings_are_excluded(path: Path) -> None:
         assert prediction_samples(store, "dataaug", np.arange(N)) == {}
 
 
-def test_divergences_ignore_missing_rows_and_need_enough_samples(store: Store) -> None:
+def test_divergences_ignore_missing_rows_and_need_enough_samples(store):
     rng = np.random.default_rng(0)
     sim, real = rng.normal(size=(2, N, 6))
     blocks = split_into_blocks(np.zeros(N, np.int32))
