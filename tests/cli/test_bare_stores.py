@@ -23,7 +23,9 @@ def store_without_frames(store_copy: Path) -> Path:
     return store_copy
 
 
-def test_an_instance_without_frames_shows_its_numbers(store_without_frames, capsys):
+def test_an_instance_without_frames_shows_its_numbers_and_no_image(
+    store_without_frames, capsys, tmp_path
+):
     assert main(["show", str(store_without_frames), "instance", "--iid", "5", "--json"]) == 0
     rows = {row["what"]: row for row in json.loads(capsys.readouterr().out)}
     with s2rstore.open(store_without_frames) as store:
@@ -34,16 +36,10 @@ def test_an_instance_without_frames_shows_its_numbers(store_without_frames, caps
     assert rows["real frames"]["note"] == "none of real in this store"
     assert main(["show", str(store_without_frames), "instance", "--iid", "5", "--words"]) == 0
     assert "Instance 5" in capsys.readouterr().out
-
-
-def test_an_image_of_missing_frames_is_rejected(store_without_frames, tmp_path, capsys):
     out = tmp_path / "x.png"
     assert main(["export", str(store_without_frames), "--view", "instance", "--out", str(out)]) == 2
     assert "no frames" in capsys.readouterr().err
     assert not out.exists()
-
-
-def test_a_report_example_without_frames_has_no_images(store_without_frames):
     with s2rstore.open(store_without_frames) as store:
         images = worst_instances._images(instance_input(store, "vanilla", 5, None))
     assert images == []

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from s2rstore.index.transaction import edit
 from s2rtui.cli import main
 from tests.support import image_folders, tiny
 
@@ -50,18 +51,17 @@ def test_unknown_runs_and_histories_are_rejected(store, tmp_path, capsys):
     assert "nobody" in capsys.readouterr().err
     assert main(["findings", str(store), "--history", str(tmp_path / "no.duckdb")]) == 2
     assert "no.duckdb" in capsys.readouterr().err
+    path = tmp_path / "gap.duckdb"
+    path.write_text("no history")
+    assert main(["findings", str(store), "--history", str(path)]) == 2
+    assert "no history that this version reads" in capsys.readouterr().err
 
 
-def test_images_without_poses_have_no_findings(tmp_path, capsys):
+def test_stores_without_poses_or_computed_runs_are_rejected(tmp_path, capsys):
     path = image_folders.image_store(tmp_path)
     capsys.readouterr()
     assert main(["findings", str(path)]) == 2
     assert "needs poses" in capsys.readouterr().err
-
-
-def test_a_store_without_a_computed_run_is_rejected(tmp_path, capsys):
-    from s2rstore.index.transaction import edit
-
     path = tiny.build(tmp_path / "s.s2r", n=16, runs=("vanilla",))
     with edit(path) as draft:
         draft.rows("UPDATE run SET key = NULL")
@@ -88,13 +88,6 @@ def test_shown_groups_count_the_new_instances(store, grouping, capsys):
 def test_a_column_that_the_view_does_not_have_is_rejected(store, view, column, listed, capsys):
     assert main(["show", str(store), view, "--sort", column]) == 2
     assert listed in capsys.readouterr().err
-
-
-def test_a_named_file_that_is_no_history_is_rejected(store, tmp_path, capsys):
-    path = tmp_path / "gap.duckdb"
-    path.write_text("no history")
-    assert main(["findings", str(store), "--history", str(path)]) == 2
-    assert "no history that this version reads" in capsys.readouterr().err
 
 
 def test_sentences_keep_the_names_of_runs(tmp_path, capsys):

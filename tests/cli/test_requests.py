@@ -20,19 +20,16 @@ from s2rtui.cli.formatting import rows as output
 
 INVALID_REQUESTS = [
     ("query STORE 'ids(all)'", "whole numbers"),
-    ("query STORE 'ids(1e999)'", "beyond"),
     ("query STORE 'worst(1e30, gap)'", "beyond"),
     ("query STORE '" + "!" * 3000 + "all'", "within each other"),
     ("query STORE '" + " & ".join(["all"] * 2000) + "'", "more than 200 parts"),
     ("query STORE 'heading:90'  --run nobody", "nobody"),
     ("sql STORE ''", "no statement"),
-    ("sql STORE ';'", "no statement"),
     ("sql STORE 'SELECT 1 AS a, 2 AS a' --json", "twice"),
     ("sql STORE 'SELECT 1' --format parquet", "--out"),
     ("snapshot STORE --keys nosuchkey --out a.txt", "nosuchkey"),
     ("snapshot STORE --size 0x0 --out a.txt", "0x0"),
     ("train --recipe vanilla --minutes nan --store STORE", "--minutes"),
-    ("train --recipe vanilla --minutes inf --store STORE", "--minutes"),
     ("train --recipe vanilla --seed -1 --store STORE", "--seed"),
     ("ingest csv --store x.s2r", "path"),
     ("ingest world somewhere --store x.s2r", "somewhere"),
@@ -71,10 +68,7 @@ INVALID_REQUESTS = [
     ("export STORE --view map --out a.png --cmap jet", "--cmap jet: must be one of turbo, viridis"),
     ("export STORE --view map --out a.png --width 900", "--width 900: must be 40 to 420"),
     ("export STORE --view map --out a.png --dpi 5", "--dpi 5: must be 72 to 1200"),
-    (
-        "export STORE --view map --out a.png --width 80 --size 300x300",
-        "--size: pixels; leave it",
-    ),
+    ("export STORE --view map --out a.png --width 80 --size 300x300", "--size: pixels; leave it"),
     ("tui STORE --graphics --ascii", "--ascii"),
     ("tui STORE --cell-size 10x20", "--graphics"),
     ("query STORE all --columns iid,rubbish", "rubbish: must be one of iid, seq, x_m"),
@@ -121,16 +115,12 @@ def test_numbers_keep_their_types_in_parquet(tmp_path):
     ]  # fmt: skip
 
 
-def test_json_has_numbers_and_null(capsys):
+def test_tables_contain_no_escape_sequences_and_json_has_numbers_and_null(capsys):
     rows = [(Decimal("1.5"), [float("nan"), 1.0], {"k": float("inf")})]
     output.write(["a", "b", "c"], rows, argparse.Namespace(format="json", out=None))
     assert json.loads(capsys.readouterr().out) == [{"a": 1.5, "b": [None, 1.0], "c": {"k": None}}]
-
-
-def test_tables_contain_no_escape_sequences(capsys):
-    output.write(
-        ["room"], [("\x1b]0;title\x07\x1b[2J",)], argparse.Namespace(format="table", out=None)
-    )
+    options = argparse.Namespace(format="table", out=None)
+    output.write(["room"], [("\x1b]0;title\x07\x1b[2J",)], options)
     assert "\x1b" not in capsys.readouterr().out
 
 

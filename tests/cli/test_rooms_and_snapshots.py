@@ -74,9 +74,6 @@ def test_keys_can_be_named_or_written_as_characters(tiny_store, tmp_path):
     shown = screen(tiny_store, tmp_path, "c,8,question_mark")
     assert shown == screen(tiny_store, tmp_path, "c,8,?")
     assert "Where is it worst?" in shown
-
-
-def test_operators_combine_selections(tiny_store, tmp_path):
     shown = screen(tiny_store, tmp_path, "W,&,b,vertical_line,w,!", "160x24")
     assert "!(worst(15%, sim.error) & best15 | worst15)" in shown
 

@@ -24,7 +24,7 @@ def run_import(store: Path, *words: object) -> int:
     return main(["run", "import", "theirs", *map(str, words), "--store", str(store)])
 
 
-def test_it_says_how_files_were_read_and_what_comes_next(store_copy, predictions, capsys):
+def test_it_says_how_files_were_read_and_keeps_command_and_files(store_copy, predictions, capsys):
     assert run_import(store_copy, "--predictions", predictions) == 0
     first, second = capsys.readouterr().out.splitlines()
     assert first.startswith("p.csv: 80 predictions in 80 rows, matched by iid; positions in m ")
@@ -32,6 +32,15 @@ def test_it_says_how_files_were_read_and_what_comes_next(store_copy, predictions
     assert second.endswith(f"next: `s2r precompute {store_copy} --run theirs`")
     assert run_import(store_copy, "--predictions", predictions) == 0
     assert "run theirs replaced: 40 of 40" in capsys.readouterr().out
+    with s2rstore.open(store_copy) as store:
+        facts = store.provenance("run:theirs")
+    counts = {"sim": 40, "real": 40, "both": 40, "store": 40}
+    assert json.loads(facts["imported instances"]) == counts
+    (file,) = json.loads(facts["imported predictions"])
+    assert file["sha256"] == hashlib.sha256(predictions.read_bytes()).hexdigest()
+    names = ("file", "length", "angle", "heading")
+    assert [file[name] for name in names] == ["p.csv", "m", "rad", "0+h"]
+    assert facts["command"].split()[0] == "s2r"
 
 
 def test_issues_and_warnings_go_to_standard_error(store_copy, tmp_path, capsys):
@@ -49,20 +58,6 @@ def test_issues_and_warnings_go_to_standard_error(store_copy, tmp_path, capsys):
     captured = capsys.readouterr()
     assert "map heading 270+h" in captured.out
     assert "warning" not in captured.err
-
-
-def test_the_provenance_holds_the_command_and_the_files(store_copy, predictions):
-    assert run_import(store_copy, "--predictions", predictions) == 0
-    with s2rstore.open(store_copy) as store:
-        facts = store.provenance("run:theirs")
-    counts = {"sim": 40, "real": 40, "both": 40, "store": 40}
-    assert json.loads(facts["imported instances"]) == counts
-    (file,) = json.loads(facts["imported predictions"])
-    assert file["sha256"] == hashlib.sha256(predictions.read_bytes()).hexdigest()
-    assert [file[name] for name in ("file", "length", "angle", "heading")] == [
-        "p.csv", "m", "rad", "0+h"
-    ]  # fmt: skip
-    assert facts["command"].split()[0] == "s2r"
 
 
 @pytest.mark.parametrize(("words", "message"), [

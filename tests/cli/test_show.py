@@ -74,19 +74,15 @@ def test_orientation_counts_bins_of_five_degrees(query):
 
 
 def test_rooms_are_counted(query):
-    shown = {
-        row["room"]: row
-        for row in query("show", "rooms", "--group-by", "counts", "--select", "seq:0..9")
-    }
+    rows = query("show", "rooms", "--group-by", "counts", "--select", "seq:0..9")
+    shown = {row["room"]: row for row in rows}
     truth = query("sql", "SELECT room, count(*) n, count(*) FILTER (seq < 10) s FROM pair "
                          "WHERE run = 'vanilla' GROUP BY room")  # fmt: skip
     for row in truth:
         assert shown[row["room"]]["truth"] == row["s"]
         assert shown[row["room"]]["truth of all"] == row["n"]
-    inside = (
-        "real_x_m BETWEEN 0 AND 5 AND real_y_m BETWEEN 0 AND 8 AND seq < 10 AND run = 'vanilla'"
-    )
-    computed = query("sql", f"SELECT count(*) n FROM pair WHERE {inside}")
+    inside = "real_x_m BETWEEN 0 AND 5 AND real_y_m BETWEEN 0 AND 8 AND seq < 10"
+    computed = query("sql", f"SELECT count(*) n FROM pair WHERE {inside} AND run = 'vanilla'")
     assert shown["left hall"]["real"] == computed[0]["n"]
 
 
@@ -155,14 +151,10 @@ def test_compare_counts_improved_instances(query):
             computed["n"], computed["better"], computed["worse"],
         )  # fmt: skip
         assert row["equal"] == computed["n"] - computed["better"] - computed["worse"]
-        for shown_name, column in (
-            ("first_median_m", "f"),
-            ("second_median_m", "s"),
-            ("median_change_m", "d"),
-            ("first_mean_m", "fm"),
-            ("second_mean_m", "sm"),
-        ):
-            assert row[shown_name] == pytest.approx(computed[column], rel=1e-9)
+        names = ("first_median_m", "second_median_m", "median_change_m", "first_mean_m",
+                 "second_mean_m")  # fmt: skip
+        for name, column in zip(names, ("f", "s", "d", "fm", "sm"), strict=True):
+            assert row[name] == pytest.approx(computed[column], rel=1e-9)
 
 
 def test_the_scatter_view_counts_quadrants(query):

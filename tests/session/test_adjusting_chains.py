@@ -27,19 +27,9 @@ def with_chain(path: Path, *steps: dict[str, object]) -> Session:
 
 @pytest.mark.parametrize(
     ("channels", "missing", "reason"),
-    [
-        (
-            "rgb",
-            {"depth_range", "depth_blur", "depth_noise", "depth_holes"},
-            "the model takes no depth",
-        ),
-        (
-            "depth",
-            {"brightness", "contrast", "temperature", "vignette"},
-            "the model takes no colours",
-        ),
-    ],
-)
+    [("rgb", {"depth_range", "depth_blur", "depth_noise", "depth_holes"}, "takes no depth"),
+     ("depth", {"brightness", "contrast", "temperature", "vignette"}, "takes no colours")],
+)  # fmt: skip
 def test_sliders_of_images_that_the_model_does_not_take_are_left_out(
     store_copy, channels, missing, reason
 ):
@@ -51,7 +41,7 @@ def test_sliders_of_images_that_the_model_does_not_take_are_left_out(
     store.models[model.model] = replace(model, input={"channels": channels})
     sliders, told = adjusting.available_sliders(store, run)
     assert {slider.name for slider in sliders} == every - missing
-    assert told.startswith(reason)
+    assert told.startswith(f"the model {reason}")
     session.dispatch(adjusting.open_sliders, *adjusting.available_sliders(store, run))
     state = session.dispatch(adjusting.follow_run)
     assert state.adjust is not None

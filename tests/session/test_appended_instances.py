@@ -12,8 +12,7 @@ from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.language import evaluation
 from s2rstore.maintenance.verify import check
-from s2rtui.cli import main
-from s2rtui.session import Session, navigation, pending_target, shared_selection
+from s2rtui.session import Session, navigation, shared_selection
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support.appended import append_trajectory
 from tests.support.copies import copy_store
@@ -42,18 +41,6 @@ def test_an_open_session_notices_the_instances_and_says_so(store_copy):
     assert not state.selected[N:].any()  # not computed for any run yet
     session.set_cursor(N + 2)
     assert session.dispatch(navigation.move_cursor, 1).cursor in range(N)
-    session.close()
-
-
-def test_deferred_loading_says_so_too(store_copy, monkeypatch):
-    monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
-    session = Session(store_copy)
-    session.defers_loading = True
-    append_trajectory(store_copy, "a0", 1)
-    session.open_newest_generation()
-    state = session.complete_pending(s2rstore.open(store_copy))
-    assert "1 instance added" in state.message
-    assert state.selected.size == N + 1
     session.close()
 
 
@@ -98,14 +85,6 @@ def test_another_data_set_in_the_place_of_the_store_is_refused(store_copy):
     session.close()
 
 
-def test_commands_find_the_notes(store_copy, capsys, monkeypatch, tmp_path):
-    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
-    Notebook("0" * 64).toggle_tag([7], "seen")
-    append_trajectory(store_copy, "a0", 5)
-    assert main(["query", str(store_copy), "@seen", "--format", "csv"]) == 0
-    assert [line.split(",")[0] for line in capsys.readouterr().out.splitlines()][1:] == ["7"]
-
-
 def test_both_back_ends_leave_out_instances_that_are_not_computed(store_copy):
     append_trajectory(store_copy, "a0", 5)
     with s2rstore.open(store_copy) as store:
@@ -118,17 +97,13 @@ def test_both_back_ends_leave_out_instances_that_are_not_computed(store_copy):
             assert not mask[N:].any()
 
 
-def test_verify_notes_runs_that_are_not_computed_for_all_parts(store_copy):
+def test_verify_notes_runs_of_fewer_parts_and_finds_missing_rows(store_copy):
     append_trajectory(store_copy, "a0", 5)
     report = check(store_copy)
     assert report.damages == ()
     notes = [note for note in report.notes if "computed for" in note]
     assert len(notes) == 2
     assert notes[0].startswith("run vanilla: computed for 40 of 45 instances")
-
-
-def test_verify_finds_a_run_that_lacks_some_instances_of_a_part(store_copy):
-    append_trajectory(store_copy, "a0", 5)
     with edit(store_copy) as draft:
         draft._connection.execute("DELETE FROM prediction WHERE run = 'vanilla' AND iid = 7")
     found = [damage.what for damage in check(store_copy).damages]

@@ -65,32 +65,24 @@ def test_scaling_keeps_a_mark_positive(shape, steps):
         assert x1 - x0 <= 360 or shape != "turn"
 
 
-def test_a_heading_mark_moves_by_bins():
+def test_marks_of_headings_and_rooms_move_by_their_steps():
     brush = brush_geometry.started("orientation", line("turn"), (90.0, 1.0))
     moved = brush_geometry.moved(brush, line("turn"), 1, 0)
     assert [x for x, _ in moved.mark.points] == [85.0, 105.0]
-
-
-def test_a_room_mark_moves_only_by_rows():
     brush = brush_geometry.started("rooms", line("steps"), (0.0, 3.0))
-    moved = brush_geometry.stretched(
-        brush_geometry.moved(brush, line("steps"), 4, 1), line("steps"), 0, 2
-    )
+    moved = brush_geometry.moved(brush, line("steps"), 4, 1)
+    moved = brush_geometry.stretched(moved, line("steps"), 0, 2)
     assert [y for _, y in moved.mark.points] == [4.0, 6.0]
 
 
-def test_a_lasso_grows_corner_by_corner():
+def test_a_lasso_grows_corner_by_corner_and_is_not_scaled():
     panel = plane()
     brush = brush_geometry.started("map", panel, (1.0, 1.0), lasso=True)
     for step in ((2, 0), (0, 2), (-2, 0)):
         brush = brush_geometry.moved(brush_geometry.with_corner(brush), panel, *step)
     assert brush.corners == 3
     assert brush_geometry.outline(brush) == ((1.0, 1.0), (2.0, 1.0), (2.0, 3.0), (1.0, 3.0))
-
-
-def test_a_lasso_is_not_scaled():
-    brush = brush_geometry.started("map", plane(), (1.0, 1.0), lasso=True)
-    assert brush_geometry.scaled(brush, plane(), 1) == brush
+    assert brush_geometry.scaled(brush, panel, 1) == brush
 
 
 def test_a_drag_gives_a_box_or_a_lasso_along_its_trail():
@@ -126,9 +118,8 @@ def test_a_heading_mark_across_180_degrees_can_be_stretched():
 @given(st.floats(-3, 3), st.floats(-3, 3))
 def test_a_range_is_clipped_to_the_limits_of_its_field(low, high):
     panel = line("range")
-    text = range_expression(
-        panel, Mark("real", ((low, 0.0), (high, 0.0))), "real.accuracy", 0.0, 1.0
-    )
+    mark = Mark("real", ((low, 0.0), (high, 0.0)))
+    text = range_expression(panel, mark, "real.accuracy", 0.0, 1.0)
     first, last = text.removeprefix("real.accuracy:").split("..")
     assert 0 <= float(first) <= float(last) <= 1
     parse(text)
