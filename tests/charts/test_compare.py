@@ -136,7 +136,7 @@ def test_changes_by_room_equal_direct_computation(first, second, members, room):
         assert part.worse == (two - one > 0.05).sum()
 
 
-def test_changes_of_many_instances_are_those_of_their_members():
+def test_changes_of_many_instances_are_those_of_their_members() -> None:
     """Above the number of values that are resampled, numbers come from sorted columns."""
     rng = np.random.default_rng(8)
     n = 3 * median_intervals.MOST_RESAMPLED
@@ -183,7 +183,7 @@ def test_a_clear_change_is_evident_and_said_in_words():
     assert "no evident difference" in sentences(same, ("vanilla", "dataaug"), "real")
 
 
-def test_few_neighbours_on_one_side_are_not_called_evident():
+def test_few_neighbours_on_one_side_are_not_called_evident() -> None:
     second = np.array([0.4, 0.9, 1.2, 3.3, 5.8, 6.0, 9.2])
     rooms = np.zeros(7, dtype=np.int64)
     changes = room_changes(np.zeros(7), second, np.ones(7, dtype=np.bool_), None, rooms, ("a",))

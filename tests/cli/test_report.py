@@ -14,7 +14,7 @@ import pytest
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.language import evaluation
-from s2rstore.metrics import pose_metrics, run_metrics
+from s2rstore.metrics import bootstrap, pose_metrics, run_metrics
 from s2rtui.cli import main
 from s2rtui.export.report.build_report import render_report
 from s2rtui.export.report.report_request import ReportRequest, RequestedSelection
@@ -109,23 +109,28 @@ def test_a_report_is_accessible_without_images(page):
     assert {str(link["href"])[1:] for link in page.elements("a")} <= anchors
 
 
-def test_the_numbers_equal_those_of_the_store(tiny_store, page):
+def test_the_numbers_equal_those_of_the_store(tiny_store: Path, page: Page) -> None:
     with s2rstore.open(tiny_store) as store:
+        selected = evaluation.select(store, "worst15", "dataaug")
+        held_out_selected = selected & run_metrics.held_out(store, "dataaug")
         columns, truth = store.run_columns("dataaug"), store.instances
         held_out = run_metrics.held_out(store, "dataaug")
-        selected = evaluation.select(store, "worst15", "dataaug")
-        assert not (selected & ~held_out).any()
-        x, y = truth.x - truth.x[held_out].mean(), truth.y - truth.y[held_out].mean()
-        scale = store.dataset.accuracy_scale
-        chance = pose_metrics.accuracy(np.hypot(x, y)[selected], scale).mean()
+        centre = truth.x[held_out].mean(), truth.y[held_out].mean()
+        distances = np.hypot(
+            truth.x[held_out_selected] - centre[0], truth.y[held_out_selected] - centre[1]
+        )
+        chance = pose_metrics.accuracy(distances, store.dataset.accuracy_scale).mean()
         table = page.tables["Run dataaug on the selection"]
         for row, part in zip(table[1:], (columns.sim, columns.real), strict=True):
-            errors = part.error[selected]
-            assert row[1].startswith(f"{100 * part.accuracy[selected].mean():.1f} %")
+            accuracy = bootstrap.mean_interval(
+                part.accuracy[held_out_selected], truth.trajectory[held_out_selected]
+            )
+            assert row[1].startswith(f"{100 * accuracy.value:.1f} %")
             assert row[2] == f"{100 * chance:.1f} %"
-            assert row[3] == f"{np.median(errors):.2f} m"
-            assert row[5] == f"{errors.max():.2f} m"
-            assert row[7] == str(errors.size)
+            assert row[3] == f"{np.median(part.error[held_out_selected]):.2f} m"
+            assert row[5] == f"{part.error[held_out_selected].max():.2f} m"
+            assert row[7] == str(int(held_out_selected.sum()))
+        assert 0 < held_out_selected.sum() == selected.sum()
         assert f"{int(selected.sum())} of 40 instances" in page.texts_in("dd")
         worst = np.flatnonzero(selected)[np.argsort(-columns.real.error[selected])][:3]
     assert page.texts_in("h5") == [f"Instance {iid}" for iid in worst]

@@ -31,7 +31,7 @@ def query(tiny_store: Path, capsys):
     return rows
 
 
-def test_the_overview_uses_only_held_out_instances(tmp_path, capsys):
+def test_the_overview_uses_only_held_out_instances(tmp_path: Path, capsys) -> None:
     path = str(tiny.build(tmp_path / "s.s2r", trained=tiny.RUNS))
     new = f"sim_split NOT IN ({TRAINING_SPLITS}) AND real_split NOT IN ({TRAINING_SPLITS})"
     text = "SELECT run, avg(sim_accuracy) s, avg(real_accuracy) r, count(*) n FROM pair"
@@ -208,7 +208,9 @@ def _approximately(rows: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
     ]
 
 
-def test_bounds_that_few_blocks_do_not_bound_are_marked(tmp_path, capsys, monkeypatch):
+def test_bounds_that_few_blocks_do_not_bound_are_marked(
+    tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """All changes lie below 0, in too few blocks: the interval must not look evident."""
     path = tiny.build(tmp_path / "few.s2r", 12)
     with edit(path) as draft:

@@ -28,7 +28,7 @@ def blocks_of(sizes: list[int]) -> Blocks:
 
 
 @given(st.lists(st.integers(1, 120), min_size=1, max_size=40), st.integers(0, 1000))
-def test_halves_are_disjoint_and_equally_large(sizes, seed):
+def test_halves_are_disjoint_and_equally_large(sizes: list[int], seed: int) -> None:
     blocks = blocks_of(sizes)
     label = np.repeat(np.arange(blocks.count), blocks.sizes.astype(int))
     for a, b in random_halves(blocks, 3, seed):
@@ -37,7 +37,7 @@ def test_halves_are_disjoint_and_equally_large(sizes, seed):
 
 
 @pytest.mark.parametrize("sizes", [[300, 3], [35, 1, 1, 1, 1, 1], [1] * 40, [40], [3, 300, 2]])
-def test_very_unequal_trajectories_have_results(sizes):
+def test_very_unequal_trajectories_have_results(sizes: list[int]) -> None:
     n = sum(sizes)
     sim, real = np.random.default_rng(0).normal(size=(2, n, 4)) + np.array([[[1.0]], [[0.0]]])
     result = split_half_metrics(
@@ -57,7 +57,9 @@ def test_very_unequal_trajectories_have_results(sizes):
         ([30, 10, 20, 25, 15, 20], True),
     ],
 )
-def test_whole_trajectories_are_drawn_if_there_are_enough(sizes, by_trajectory):
+def test_whole_trajectories_are_drawn_if_there_are_enough(
+    sizes: list[int], by_trajectory: bool
+) -> None:
     blocks = blocks_of(sizes)
     counts = block_counts(blocks, GapSettings(50, 1))
     assert blocks.by_trajectory == by_trajectory
@@ -70,14 +72,14 @@ def test_whole_trajectories_are_drawn_if_there_are_enough(sizes, by_trajectory):
     assert blocks.ungrouped().unit_count == blocks.count
 
 
-def test_random_blocks_keep_their_trajectories():
+def test_random_blocks_keep_their_trajectories() -> None:
     blocks = blocks_of([20] * 8)
     rows, part = random_blocks(blocks, 100, 3)
     assert rows.size == part.start[-1] <= 100
     assert np.array_equal(rows[part.start[:-1]] // 20, part.trajectory)
 
 
-def test_mmd_replicates_contain_the_pairs_of_each_drawn_copy():
+def test_mmd_replicates_contain_the_pairs_of_each_drawn_copy() -> None:
     rng = np.random.default_rng(1)
     blocks = split_into_blocks(np.repeat(np.arange(6), 12).astype(np.int32), 4)
     pair = block_mmd(rng.normal(1, 1, size=(72, 3)), rng.normal(size=(72, 3)), blocks)
@@ -99,7 +101,7 @@ def test_mmd_replicates_contain_the_pairs_of_each_drawn_copy():
     assert result == pytest.approx(expected)
 
 
-def test_intervals_cover_the_mean_of_trajectories_with_different_levels():
+def test_intervals_cover_the_mean_of_trajectories_with_different_levels() -> None:
     rng = np.random.default_rng(2)
     covered = {"trajectories": 0, "blocks": 0}
     blocks = blocks_of([30] * 8)
@@ -113,5 +115,5 @@ def test_intervals_cover_the_mean_of_trajectories_with_different_levels():
     assert covered["blocks"] < covered["trajectories"]
 
 
-def test_the_gate_uses_the_common_bootstrap_defaults():
+def test_the_gate_uses_the_common_bootstrap_defaults() -> None:
     assert (GapSettings().replicates, GapSettings().seed) == (defaults.REPLICATES, defaults.SEED)

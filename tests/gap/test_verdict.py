@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -43,7 +44,7 @@ def scale(*axes: str, anchor: float = 1.1, floor: float = 0.1) -> reference.Refe
     return reference.Reference(frozen, {}, "ref.json", "0" * 64)
 
 
-def test_the_floor_is_0_and_the_anchor_100():
+def test_the_floor_is_0_and_the_anchor_100() -> None:
     at_floor = judge(measurement_of(axis_result("task", 0.1)), scale("task"), SETTINGS)
     at_anchor = judge(measurement_of(axis_result("task", 1.1)), scale("task"), SETTINGS)
     assert at_floor.gap.value == pytest.approx(0)
@@ -51,7 +52,7 @@ def test_the_floor_is_0_and_the_anchor_100():
     assert (at_floor.outcome, at_anchor.outcome) == ("PASS", "FAIL")
 
 
-def test_the_worst_axis_is_the_headline():
+def test_the_worst_axis_is_the_headline() -> None:
     verdict = judge(
         measurement_of(axis_result("task", 0.12), axis_result("visual", 0.6)),
         scale("task", "visual"),
@@ -62,7 +63,7 @@ def test_the_worst_axis_is_the_headline():
     assert [result.axis for result in verdict.axes] == ["task", "visual"]
 
 
-def test_the_maximum_is_taken_per_replicate():
+def test_the_maximum_is_taken_per_replicate() -> None:
     """With four equal axes, the upper bound of the worst is above that of each axis."""
     names = ("a", "bb", "ccc", "dddd")
     verdict = judge(
@@ -75,13 +76,13 @@ def test_the_maximum_is_taken_per_replicate():
     )
 
 
-def test_an_interval_across_the_threshold_is_inconclusive():
+def test_an_interval_across_the_threshold_is_inconclusive() -> None:
     verdict = judge(measurement_of(axis_result("task", 0.25, spread=0.2)), scale("task"), SETTINGS)
     assert verdict.outcome == "INCONCLUSIVE"
     assert "contains the threshold" in verdict.reason
 
 
-def test_shared_deviations_of_value_and_floor_cancel():
+def test_shared_deviations_of_value_and_floor_cancel() -> None:
     """Replicates of value and floor come from the same resample."""
     base = axis_result("task", 0.15, spread=0.0)
     shift = np.random.default_rng(1).normal(0, 5, SETTINGS.replicates)
@@ -91,7 +92,7 @@ def test_shared_deviations_of_value_and_floor_cancel():
     assert judge(measurement_of(moved), scale("task"), SETTINGS).outcome == "PASS"
 
 
-def test_an_unjudged_axis_is_not_in_the_headline():
+def test_an_unjudged_axis_is_not_in_the_headline() -> None:
     verdict = judge(
         measurement_of(axis_result("task", 0.1), axis_result("visual", 9.0)),
         scale("task"),
@@ -101,14 +102,14 @@ def test_an_unjudged_axis_is_not_in_the_headline():
     assert "not judged by this reference: visual" in verdict.reason
 
 
-def test_a_referenced_axis_without_evidence_is_rejected():
+def test_a_referenced_axis_without_evidence_is_rejected() -> None:
     measurement = Measurement({"task": axis_result("task", 0.1)}, {"dynamics": "no drives"}, {})
     with pytest.raises(RequestError, match=r"ref\.json: judges dynamics.*no drives"):
         judge(measurement, scale("task", "dynamics"), SETTINGS)
 
 
 @pytest.mark.parametrize(("value", "outcome"), [(0.1, "INCONCLUSIVE"), (1.1, "FAIL")])
-def test_an_axis_with_too_little_evidence_cannot_pass(value, outcome):
+def test_an_axis_with_too_little_evidence_cannot_pass(value: float, outcome: str) -> None:
     measurement = Measurement(
         {"task": axis_result("task", value)}, {}, {"visual": "3 images, 50 needed"}
     )
@@ -122,7 +123,7 @@ def test_an_axis_with_too_little_evidence_cannot_pass(value, outcome):
     ("change", "expected"),
     [({"features": "other"}, "features is f here and other"), ({"n": 10}, "n is 50 here and 10")],
 )
-def test_a_reference_with_another_fingerprint_is_rejected(change, expected):
+def test_a_reference_with_another_fingerprint_is_rejected(change: dict, expected: str) -> None:
     base_scale = scale("task")
     fingerprint = {**base_scale.axes["task"].fingerprint, **change}
     frozen = msgspec.structs.replace(base_scale.axes["task"], fingerprint=fingerprint)
@@ -134,14 +135,14 @@ def test_a_reference_with_another_fingerprint_is_rejected(change, expected):
         )
 
 
-def test_an_anchor_within_the_noise_of_the_floor_cannot_be_frozen():
+def test_an_anchor_within_the_noise_of_the_floor_cannot_be_frozen() -> None:
     noisy = axis_result("task", 0.1, spread=0.5)
     anchor = Anchor(0.3, noisy.replicates + 0.2, "the constant prediction")
     with pytest.raises(RequestError, match=r"constant prediction.*within noise"):
         reference.freeze(noisy, anchor, "m", SETTINGS)
 
 
-def test_a_reference_can_be_written_and_read(tmp_path):
+def test_a_reference_can_be_written_and_read(tmp_path: Path) -> None:
     low_noise = axis_result("task", 0.1)
     frozen = reference.freeze(
         low_noise, Anchor(1.1, low_noise.replicates + 1.0, "bad"), "m", SETTINGS
@@ -160,7 +161,7 @@ def test_a_reference_can_be_written_and_read(tmp_path):
      '{"format": 1, "axes": {"task": 3}}', '{"format": 1, "axes": {"task": {"anchor": 1}}}',
      "\xff", pytest.param("[" * 100_000, id="deep")],
 )  # fmt: skip
-def test_an_invalid_reference_file_is_rejected(tmp_path, content):
+def test_an_invalid_reference_file_is_rejected(tmp_path: Path, content: str) -> None:
     path = tmp_path / "ref.json"
     path.write_bytes(content.encode("latin-1"))
     with pytest.raises(RequestError, match=r"ref\.json"):
@@ -168,7 +169,7 @@ def test_an_invalid_reference_file_is_rejected(tmp_path, content):
 
 
 @pytest.mark.parametrize("change", [{"anchor": 1e-320}, {"floor": 1.1}, {"state": ["bad"]}])
-def test_a_scale_without_span_or_state_is_rejected(tmp_path, change):
+def test_a_scale_without_span_or_state_is_rejected(tmp_path: Path, change: dict) -> None:
     frozen = {"anchor": 1.1, "anchor_low": 1.0, "anchor_high": 1.2, "floor": 0.0, "state": "bad",
               "fingerprint": {}}  # fmt: skip
     content = {"format": reference.FORMAT, "made_from": {}, "axes": {"task": frozen | change}}
@@ -177,7 +178,7 @@ def test_a_scale_without_span_or_state_is_rejected(tmp_path, change):
         reference.read(tmp_path / "ref.json")
 
 
-def test_non_numeric_scales_are_rejected(tmp_path):
+def test_non_numeric_scales_are_rejected(tmp_path: Path) -> None:
     low_noise = axis_result("task", 0.1)
     frozen = reference.freeze(
         low_noise, Anchor(1.1, low_noise.replicates + 1.0, "bad"), "m", SETTINGS
@@ -193,7 +194,7 @@ def test_non_numeric_scales_are_rejected(tmp_path):
                 reference.read(path)
 
 
-def test_a_file_with_an_anchor_within_noise_is_rejected(tmp_path):
+def test_a_file_with_an_anchor_within_noise_is_rejected(tmp_path: Path) -> None:
     path = tmp_path / "ref.json"
     frozen = msgspec.structs.replace(scale("task").axes["task"], anchor_low=0.05)
     path.write_text(reference.text({"task": frozen}, {}))
@@ -202,11 +203,13 @@ def test_a_file_with_an_anchor_within_noise_is_rejected(tmp_path):
 
 
 @given(st.floats(-50, 200), st.floats(0, 50), st.floats(0, 50), st.floats(1, 100))
-def test_the_outcome_follows_the_interval(value, below, above, threshold):
+def test_the_outcome_follows_the_interval(
+    value: float, below: float, above: float, threshold: float
+) -> None:
     outcome = outcome_of(Interval(value - below, value, value + above), threshold)
     assert (outcome == "PASS") == (value + above < threshold)
     assert (outcome == "FAIL") == (value - below > threshold)
 
 
-def test_unknown_bounds_are_inconclusive():
+def test_unknown_bounds_are_inconclusive() -> None:
     assert outcome_of(Interval.unknown(0.0), 15) == "INCONCLUSIVE"

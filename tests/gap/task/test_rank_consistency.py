@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -30,7 +32,7 @@ def brute_violation(sim: np.ndarray, real: np.ndarray) -> float:
 
 
 @given(st.integers(0, 10_000), st.integers(3, 9), st.booleans())
-def test_both_measures_equal_their_definitions(seed, runs, ties):
+def test_both_measures_equal_their_definitions(seed: int, runs: int, ties: bool) -> None:
     rng = np.random.default_rng(seed)
     sim, real = rng.gamma(2, 1, size=(2, runs))
     if ties:
@@ -44,7 +46,7 @@ def test_both_measures_equal_their_definitions(seed, runs, ties):
 
 
 @given(st.integers(0, 10_000), st.integers(5, 9))
-def test_rank_violation_is_0_for_equal_and_largest_for_reversed_order(seed, runs):
+def test_rank_violation_is_0_for_equal_and_largest_for_reversed_order(seed: int, runs: int) -> None:
     real = np.sort(np.random.default_rng(seed).gamma(2, 1, size=runs))[None]
     assert rank_violation(real**3, real)[0] == 0
     reverse = rank_violation(-real, real)[0]
@@ -53,7 +55,7 @@ def test_rank_violation_is_0_for_equal_and_largest_for_reversed_order(seed, runs
         assert rank_violation(shuffled, real)[0] <= reverse + 1e-12
 
 
-def test_five_runs_are_compared_with_intervals(tmp_path):
+def test_five_runs_are_compared_with_intervals(tmp_path: Path) -> None:
     root = tiny.build(tmp_path / "s.s2r", N, tuple("abcde"), trained=tuple("abcde"))
     with s2rstore.open(root) as store:
         result = rank_consistency(store, np.arange(N), GapSettings(300))
@@ -71,6 +73,6 @@ def test_five_runs_are_compared_with_intervals(tmp_path):
     assert 0 <= result.rank_violation.low <= result.rank_violation.high
 
 
-def test_fewer_than_five_runs_are_inconclusive(tiny_store):
+def test_fewer_than_five_runs_are_inconclusive(tiny_store: Path) -> None:
     with s2rstore.open(tiny_store) as store, pytest.raises(InconclusiveError, match="2 computed"):
         rank_consistency(store, np.arange(40), GapSettings())

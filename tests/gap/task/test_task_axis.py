@@ -46,7 +46,7 @@ def evidence(store: Store, run: str = "vanilla", iids: np.ndarray | None = None)
     return Evidence(store, run, np.arange(N) if iids is None else iids)
 
 
-def test_the_value_is_the_mean_paired_gap_of_held_out_instances(store):
+def test_the_value_is_the_mean_paired_gap_of_held_out_instances(store: Store) -> None:
     rows = store.execute(
         "SELECT r.error - s.error FROM prediction s JOIN prediction r USING (run, iid) "
         "WHERE run = 'vanilla' AND s.side = 'sim' AND r.side = 'real' AND s.split = 'test'"
@@ -63,7 +63,7 @@ def test_the_value_is_the_mean_paired_gap_of_held_out_instances(store):
     json.dumps([result.details, dict(result.fingerprint)], allow_nan=False)
 
 
-def test_the_details_split_the_gap_into_groups(store):
+def test_the_details_split_the_gap_into_groups(store: Store) -> None:
     result = TaskAxis().measure(evidence(store), SETTINGS)
     details = result.details
     assert details["real"] - details["sim"] == pytest.approx(result.value)
@@ -100,7 +100,9 @@ def test_the_details_split_the_gap_into_groups(store):
     assert printed.count("constant m") == 4
 
 
-def test_a_trajectory_has_an_interval_by_its_blocks(store, monkeypatch):
+def test_a_trajectory_has_an_interval_by_its_blocks(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(bootstrap, "MIN_TRAJECTORIES", 2)
     monkeypatch.setattr(bootstrap, "MAX_TRAJECTORY_SHARE", 1)
     result = TaskAxis().measure(evidence(store), SETTINGS)
@@ -109,7 +111,7 @@ def test_a_trajectory_has_an_interval_by_its_blocks(store, monkeypatch):
     assert result.details["rooms"]["right"]["gap"]["low"] is None
 
 
-def test_the_anchor_is_the_constant_prediction(store):
+def test_the_anchor_is_the_constant_prediction(store: Store) -> None:
     measured = TaskAxis().measure(evidence(store), SETTINGS)
     anchor = TaskAxis().anchor(evidence(store), SETTINGS)
     assert anchor.value == pytest.approx(measured.details["baseline"] - measured.details["sim"])
@@ -117,7 +119,7 @@ def test_the_anchor_is_the_constant_prediction(store):
     assert "constant prediction" in anchor.state
 
 
-def test_identical_predictions_have_no_gap(path, tmp_path):
+def test_identical_predictions_have_no_gap(path: Path, tmp_path: Path) -> None:
     root = copy_store(path, tmp_path / "s.s2r")
     with edit(root) as draft:
         rows = draft.rows(
@@ -137,7 +139,7 @@ def test_identical_predictions_have_no_gap(path, tmp_path):
         assert result.details["no_gap_interval"] == [0, 0]
 
 
-def test_too_few_instances_are_inconclusive(store):
+def test_too_few_instances_are_inconclusive(store: Store) -> None:
     for iids in (np.array([4, 9, 14]), np.arange(0), np.arange(90)):
         with pytest.raises(InconclusiveError, match="at least 20"):
             TaskAxis().measure(evidence(store, iids=iids), SETTINGS)
@@ -146,7 +148,7 @@ def test_too_few_instances_are_inconclusive(store):
     assert TaskAxis().missing(evidence(store)) is None
 
 
-def test_an_uncomputed_run_is_missing(path, tmp_path):
+def test_an_uncomputed_run_is_missing(path: Path, tmp_path: Path) -> None:
     root = copy_store(path, tmp_path / "s.s2r")
     with edit(root) as draft:
         draft.update("run", {"run": "vanilla"}, {"key": None})
@@ -154,7 +156,7 @@ def test_an_uncomputed_run_is_missing(path, tmp_path):
         assert "s2r precompute" in str(TaskAxis().missing(evidence(store)))
 
 
-def test_missing_errors_are_excluded(path, tmp_path):
+def test_missing_errors_are_excluded(path: Path, tmp_path: Path) -> None:
     root = copy_store(path, tmp_path / "s.s2r")
     with edit(root) as draft:
         draft.update("prediction", {"run": "vanilla", "side": "real", "iid": "4"}, {"error": None})
@@ -164,7 +166,7 @@ def test_missing_errors_are_excluded(path, tmp_path):
         assert np.isfinite(result.replicates).all()
 
 
-def test_a_run_without_predictions_is_rejected(path, tmp_path):
+def test_a_run_without_predictions_is_rejected(path: Path, tmp_path: Path) -> None:
     root = copy_store(path, tmp_path / "s.s2r")
     with edit(root) as draft:
         draft.delete("prediction", run="vanilla")
@@ -172,7 +174,7 @@ def test_a_run_without_predictions_is_rejected(path, tmp_path):
         gate.collect_evidence(store, gate.GapRequest(run="vanilla"))
 
 
-def test_ungrouped_blocks_give_intervals_per_trajectory():
+def test_ungrouped_blocks_give_intervals_per_trajectory() -> None:
     rng = np.random.default_rng(4)
     codes = np.repeat(np.arange(6), 40).astype(np.int32)
     group_errors = GroupErrors(*rng.gamma(2, 1, size=(3, 240)), split_into_blocks(codes, 8))
@@ -193,7 +195,7 @@ def errors(rng: np.random.Generator, n: int) -> GroupErrors:
 
 
 @given(st.integers(0, 10_000), st.integers(10, 80), st.integers(1, 6))
-def test_group_metrics_equal_brute_force(seed, n, count):
+def test_group_metrics_equal_brute_force(seed: int, n: int, count: int) -> None:
     rng = np.random.default_rng(seed)
     group_errors, codes = errors(rng, n), rng.integers(-1, count, n)
     names = [f"g{k}" for k in range(count)]
@@ -208,7 +210,7 @@ def test_group_metrics_equal_brute_force(seed, n, count):
     json.dumps(result, allow_nan=False)
 
 
-def test_a_group_in_two_blocks_has_no_interval():
+def test_a_group_in_two_blocks_has_no_interval() -> None:
     group_errors = errors(np.random.default_rng(0), 100)
     codes = np.where(np.arange(100) < 3, 0, 1)
     result = group_metrics(group_errors, codes, ["few", "many"], SETTINGS)
@@ -216,7 +218,7 @@ def test_a_group_in_two_blocks_has_no_interval():
     assert result["many"]["gap"]["low"] < result["many"]["gap"]["high"]
 
 
-def test_a_single_group_has_the_overall_interval():
+def test_a_single_group_has_the_overall_interval() -> None:
     group_errors = errors(np.random.default_rng(1), 100)
     result = group_metrics(group_errors, np.zeros(100, int), ["all"], SETTINGS)["all"]["gap"]
     replicates = mean_replicates(group_errors.gap, group_errors.blocks, SETTINGS)
@@ -224,7 +226,7 @@ def test_a_single_group_has_the_overall_interval():
 
 
 @pytest.mark.deep
-def test_intervals_of_correlated_values_have_the_nominal_coverage():
+def test_intervals_of_correlated_values_have_the_nominal_coverage() -> None:
     rng = np.random.default_rng(2)
     covered = 0
     for seed in range(300):
@@ -238,7 +240,7 @@ def test_intervals_of_correlated_values_have_the_nominal_coverage():
     assert covered / 300 >= 0.87
 
 
-def test_the_no_gap_interval_has_the_nominal_coverage():
+def test_the_no_gap_interval_has_the_nominal_coverage() -> None:
     rng = np.random.default_rng(3)
     covered = 0
     for seed in range(100):
@@ -248,7 +250,7 @@ def test_the_no_gap_interval_has_the_nominal_coverage():
     assert covered / 100 == pytest.approx(0.95, abs=0.07)
 
 
-def test_heading_sectors_are_centred_and_wrap_around():
+def test_heading_sectors_are_centred_and_wrap_around() -> None:
     degrees = np.array([0, 22.4, 22.6, 45, 90, 179, -179, 180, -90, -23, 337.6, -22.4])
     code, names = heading_sectors(np.radians(degrees))
     assert names == ["0", "45", "90", "135", "-180", "-135", "-90", "-45"]
@@ -256,7 +258,9 @@ def test_heading_sectors_are_centred_and_wrap_around():
     assert [names[k] for k in code] == expected
 
 
-def test_the_constant_prediction_is_measured_from_the_poses_of_sim_images(path, tmp_path):
+def test_the_constant_prediction_is_measured_from_the_poses_of_sim_images(
+    path: Path, tmp_path: Path
+) -> None:
     root = copy_store(path, tmp_path / "s.s2r")
     with s2rstore.open(root) as store:
         truth = store.instances
