@@ -51,15 +51,14 @@ def test_a_change_beyond_the_margin_fails(evidence, shift, outcome):
     assert comparison.outcome == (outcome or "INCONCLUSIVE")
 
 
-def test_other_poses_are_rejected(evidence):
-    other = structs.replace(golden_run.take(evidence), poses="f" * 64)
-    with pytest.raises(RequestError, match="other poses than the golden run"):
-        golden_run.compare(evidence, other, SETTINGS)
-
-
-def test_another_selection_is_rejected(evidence):
-    other = structs.replace(golden_run.take(evidence), expression="best15")
-    with pytest.raises(RequestError, match="the golden run is of 'best15', not of 'all'"):
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [({"poses": "f" * 64}, "other poses than the golden run"),
+     ({"expression": "best15"}, "the golden run is of 'best15', not of 'all'")],
+)  # fmt: skip
+def test_other_poses_and_selections_are_rejected(evidence, change, expected):
+    other = structs.replace(golden_run.take(evidence), **change)
+    with pytest.raises(RequestError, match=expected):
         golden_run.compare(evidence, other, SETTINGS)
 
 
@@ -68,9 +67,8 @@ def test_few_shared_instances_are_inconclusive(evidence):
     few = structs.replace(taken, errors=dict(list(taken.errors.items())[:5]))
     comparison = golden_run.compare(evidence, few, SETTINGS)
     assert comparison.outcome == "INCONCLUSIVE"
-    assert (
-        "5 instances in 2 blocks are common to both runs, 20 in 4 are needed" in comparison.reason
-    )
+    reason = "5 instances in 2 blocks are common to both runs, 20 in 4 are needed"
+    assert reason in comparison.reason
     with pytest.raises(InconclusiveError, match="20 held-out instances"):
         golden_run.take(replace(evidence, iids=np.arange(5)))
 
@@ -86,9 +84,8 @@ def test_many_missing_instances_cannot_pass(evidence, remaining, outcome):
 
 def test_missing_instances_do_not_hide_a_failure(evidence):
     current = golden_run.take(evidence)
-    earlier = structs.replace(
-        current, errors={iid: error - 1 for iid, error in current.errors.items()}
-    )
+    smaller = {iid: error - 1 for iid, error in current.errors.items()}
+    earlier = structs.replace(current, errors=smaller)
     part = replace(evidence, iids=np.arange(150))
     assert golden_run.compare(part, earlier, SETTINGS).outcome == "FAIL"
 

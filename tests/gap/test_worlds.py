@@ -97,15 +97,12 @@ def test_each_axis_responds_to_its_factor(worlds, gap, name, worst, unaffected):
     assert all(gaps[axis] > 15 for axis in worst)
 
 
-def test_the_drives_contain_the_factors(worlds, gap):
+def test_latency_and_wheels_are_measured_from_the_drives(worlds, gap):
     _, report = gap("robot", "--reference", str(worlds / "ref.json"))
     delay = next(entry for entry in report["axes"] if entry["axis"] == "delay")["details"]
     assert delay["delay"] == pytest.approx(0.08, abs=0.002)
     truth = json.loads((worlds / "robot.s2r" / "drives" / "truth.json").read_text())
     assert truth["values"]["wheels"] > 0
-
-
-def test_unmodelled_wheels_affect_the_dynamics(worlds, gap):
     gaps = {}
     for name in ("none", "robot"):
         _, report = gap(name, "--reference", str(worlds / "ref.json"))

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -103,26 +104,14 @@ _DIE = "os.kill(os.getpid(), signal.SIGKILL)"
     ("patch", "expected_nights"),
     [
         pytest.param(f"writer._add = lambda *a: {_DIE}", 1, id="while adding"),
-        pytest.param(
-            f"writer.atomic_writes.sync_path = lambda *a: {_DIE}",
-            1,
-            id="before the rename",
-            marks=pytest.mark.deep,
-        ),
-        pytest.param(
-            f"writer.atomic_writes.sync_path = lambda path: path.is_dir() and {_DIE}",
-            2,
-            id="after the rename",
-            marks=pytest.mark.deep,
-        ),
-        pytest.param(
-            f"import s2rtools.nightly.publish as p; p.junit = lambda *a: {_DIE}",
-            2,
-            id="while telling",
-            marks=pytest.mark.deep,
-        ),
+        pytest.param(f"writer.atomic_writes.sync_path = lambda *a: {_DIE}", 1,
+                     id="before the rename", marks=pytest.mark.deep),
+        pytest.param(f"writer.atomic_writes.sync_path = lambda path: path.is_dir() and {_DIE}", 2,
+                     id="after the rename", marks=pytest.mark.deep),
+        pytest.param(f"import s2rtools.nightly.publish as p; p.junit = lambda *a: {_DIE}", 2,
+                     id="while telling", marks=pytest.mark.deep),
     ],
-)
+)  # fmt: skip
 def test_a_killed_writer_loses_at_most_the_current_night(week, patch, expected_nights):
     week.config = replace(week.config, sysid=None)
     week.night(1)
@@ -196,17 +185,11 @@ def test_two_simultaneous_runs_add_one_night(week):
         barrier.wait(30)
         return nights.report(store, {"task": 5.0})
 
-    is_new: list[bool] = []
-    threads = [
-        threading.Thread(target=lambda: is_new.append(
-            nightly(week.config, day(1), measure, week.estimate).new))
-        for _ in range(2)
-    ]  # fmt: skip
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert sorted(is_new) == [False, True]
+    with ThreadPoolExecutor(2) as pool:
+        nights_run = pool.map(
+            lambda _: nightly(week.config, day(1), measure, week.estimate), range(2)
+        )
+    assert sorted(night_run.new for night_run in nights_run) == [False, True]
     assert len(history.read(week.config.history).nights) == 1
 
 

@@ -71,11 +71,16 @@ def test_motion_errors_affect_only_the_dynamics_axis(evidence):
     assert judged_gap(DelayAxis(), slower)[2] < 3
 
 
-def test_the_sign_of_the_delay_is_reported(evidence):
+def test_the_delay_anchor_and_the_sign_of_a_delay_are_reported(evidence):
     early = DelayAxis().measure(evidence(drives(1, delay=-0.04)), SETTINGS)
     assert early.details["delay"] == pytest.approx(-0.04, abs=1e-3)
     assert early.value == pytest.approx(0.8, rel=0.05)
     assert early.floor == 0
+    several = evidence(drives(1))
+    assert DelayAxis(bad_state="untuned").anchor(several, SETTINGS).value > 3
+    default_anchor = DelayAxis().anchor(several, SETTINGS)
+    assert default_anchor.value == 1.0
+    assert default_anchor.replicates.tolist() == [1.0] * 300
 
 
 def test_nrmse_of_a_known_error(evidence):
@@ -136,14 +141,6 @@ def test_measure_floor_and_anchor_use_the_same_resamples(evidence):
     assert measured.replicates.shape == measured.floor_replicates.shape == (300,)
 
 
-def test_the_delay_anchor_is_a_period_or_the_untuned_simulator(evidence):
-    several = evidence(drives(1))
-    assert DelayAxis(bad_state="untuned").anchor(several, SETTINGS).value > 3
-    default_anchor = DelayAxis().anchor(several, SETTINGS)
-    assert default_anchor.value == 1.0
-    assert default_anchor.replicates.tolist() == [1.0] * 300
-
-
 def test_missing_evidence_is_explained(evidence):
     without_drives = evidence([])
     assert "no drives" in (DynamicsAxis().missing(without_drives) or "")
@@ -152,9 +149,8 @@ def test_missing_evidence_is_explained(evidence):
     assert DynamicsAxis().missing(without_commands) is None
     assert "commands.csv" in (DelayAxis().missing(without_commands) or "")
     assert DelayAxis(period=0.1).missing(without_commands) is None
-    assert DelayAxis(period=0.1).measure(without_commands, SETTINGS).value == pytest.approx(
-        0.3, rel=0.1
-    )
+    measured = DelayAxis(period=0.1).measure(without_commands, SETTINGS)
+    assert measured.value == pytest.approx(0.3, rel=0.1)
     for axis in (DynamicsAxis(), DelayAxis(bad_state="untuned")):
         with pytest.raises(RequestError, match=r"drive drive1 has no untuned\.\*"):
             axis.anchor(evidence([robot.pair(1)]), SETTINGS)
@@ -175,10 +171,8 @@ def thin_log(drive: Drive, rate: float, side: str) -> Drive:
     """The drive with one log thinned to `rate` Hz."""
     log = getattr(drive, side)
     rows = slice(None, None, round(50 / rate))
-    thinned = replace(
-        log, time=log.time[rows], x=log.x[rows], y=log.y[rows], heading=log.heading[rows]
-    )
-    return replace(drive, **{side: thinned})
+    columns = {name: getattr(log, name)[rows] for name in ("time", "x", "y", "heading")}
+    return replace(drive, **{side: replace(log, **columns)})
 
 
 @pytest.mark.parametrize("side", ["real", "sim"])
@@ -204,11 +198,8 @@ def test_a_robot_that_turns_in_place_is_inconclusive(evidence):
         rng = np.random.default_rng(2)
         real = robot.sampled(robot.drive(turning), 50.0, noise, noise, rng, name="turning")
         drive = Drive("turns", real, robot.sampled(robot.drive(turning)), None, turning)
-        with pytest.raises(
-            InconclusiveError, match="turning: the robot only turns or stands"
-        ) as error:
+        with pytest.raises(InconclusiveError, match=r"turning: the robot only turns or stands.*$"):
             DynamicsAxis().measure(evidence([drive, robot.pair(3)]), SETTINGS)
-        assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("gain", [1.0, 0.9])
@@ -246,25 +237,18 @@ def test_opposite_delays_do_not_cancel(evidence):
 
 def test_both_axes_resample_the_same_drives(evidence):
     both = GapSettings(replicates=400, seed=5)
-    uneven = [
-        robot.pair(0, delay=0.0), robot.pair(1, delay=0.0), robot.pair(2, delay=0.1, gain=0.8)
-    ]  # fmt: skip
-    rows = [
-        axis.measure(evidence(uneven), both).replicates for axis in (DynamicsAxis(), DelayAxis())
-    ]
+    equal = [robot.pair(seed, delay=0.0) for seed in (0, 1)]
+    uneven = evidence([*equal, robot.pair(2, delay=0.1, gain=0.8)])
+    rows = [axis.measure(uneven, both).replicates for axis in (DynamicsAxis(), DelayAxis())]
     assert np.corrcoef(rows)[0, 1] > 0.7
-
-
-def is_json_data(value: object) -> bool:
-    return json.loads(json.dumps(value)) == value
 
 
 def test_details_are_json_data_and_fingerprints_are_stable(evidence):
     several: Sequence[Drive] = drives(2)
     for axis in (DynamicsAxis(), DelayAxis()):
         first, second = (axis.measure(evidence(several), SETTINGS) for _ in range(2))
-        assert is_json_data(first.details)
-        assert is_json_data(dict(first.fingerprint))
+        described = [first.details, dict(first.fingerprint)]
+        assert json.loads(json.dumps(described)) == described
         assert first.fingerprint == second.fingerprint
         longer = axis.measure(evidence([*several, *drives(3)[2:]]), SETTINGS)
         assert longer.n > first.n
@@ -279,6 +263,5 @@ def test_a_mirrored_log_is_reported(evidence):
     result = DynamicsAxis().measure(evidence([mirrored]), SETTINGS)
     assert any("mirrored frame" in note for note in result.notes)
     assert result.value > 10 * result.floor
-    assert not any(
-        "mirrored" in n for n in DynamicsAxis().measure(evidence([drive]), SETTINGS).notes
-    )
+    unchanged = DynamicsAxis().measure(evidence([drive]), SETTINGS)
+    assert not any("mirrored" in note for note in unchanged.notes)
