@@ -212,11 +212,8 @@ def language_page() -> str:
 
 
 def names_page() -> str:
-    """Names of columns with their units, and the deprecated names without."""
-    from s2rstore.index import pair_view
+    """Names of columns with their units."""
     from s2rstore.language import fields
-    from s2rtui.charts.registry import STORED
-    from s2rtui.export.rows.selected_instances import DEPRECATED
 
     renamed = [name for name in fields.NUMERIC if fields.with_unit(name) != name]
     numbers = (
@@ -228,12 +225,6 @@ def names_page() -> str:
         )
         for name in renamed
     )
-    old = [
-        ("view `pair`", name, pair_view.column_name(name)) for name in pair_view.column_comments()
-    ]
-    old += [("`s2r query`, rows of `s2r tui`", *names) for names in DEPRECATED.items()]
-    for view in STORED.values():
-        old += [(f"`s2r show STORE {view.name}`", *names) for names in view.deprecated.items()]
     return "\n".join(
         [
             "# Names and units\n",
@@ -248,15 +239,6 @@ def names_page() -> str:
             "names; [their comments](index-schema.md) state the units.\n",
             "## Numbers of an instance\n",
             table(("field", "with its unit", "column of `pair`", "meaning"), numbers),
-            "## Deprecated names\n",
-            "The names without units keep their values in this version. View `pair` has them, too. "
-            "In CSV, JSON and Parquet of `s2r query` and `s2r show` they follow the other columns; "
-            "`--column-names new` leaves them out, `--column-names old` prints them in place of "
-            "the others. A later version removes them.\n",
-            table(
-                ("where", "deprecated", "use"),
-                ((where, code(name), code(new)) for where, name, new in old if name != new),
-            ),
         ]
     )
 

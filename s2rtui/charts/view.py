@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, Literal
 
 from s2rstore.errors import RequestError
@@ -59,7 +58,6 @@ class View:
         counts_instances: whether its numbers are those of the selected instances.
         needs_poses: whether it shows nothing of a data set without poses.
         needs_run: whether it shows nothing of a store without a computed run.
-        deprecated: deprecated names of columns of its numbers, and the columns they stand for.
     """
 
     name: str
@@ -77,7 +75,6 @@ class View:
     counts_instances: bool = True
     needs_poses: bool = True
     needs_run: bool = True
-    deprecated: Mapping[str, str] = MappingProxyType({})
 
     def unavailable(self, store: Store) -> str:
         """Why the view has nothing to show of a store, in one line; empty if it has."""

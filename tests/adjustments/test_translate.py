@@ -57,7 +57,7 @@ def images_of(root: Path):
     return frames["rgb"], depth, (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
 
 
-def test_a_fitted_translator_is_listed_and_verified(fitted: Path):
+def test_a_fitted_translator_is_listed_and_verified(fitted):
     with s2rstore.open(fitted) as store:
         record = store.translator("to_sim")
         assert (record.method, record.side, record.source_domain) == ("mkl", "real", "real")
@@ -69,7 +69,7 @@ def test_a_fitted_translator_is_listed_and_verified(fitted: Path):
     assert not verify(fitted)
 
 
-def test_strength_zero_returns_the_same_arrays(fitted: Path):
+def test_strength_zero_returns_the_same_arrays(fitted):
     images = images_of(fitted)
     chain = [{**chain_of(fitted, "real:translate=to_sim")[0], "value": 0.0}]
     rgb, depth = apply_chain(*images, chain, fitted)
@@ -77,7 +77,7 @@ def test_strength_zero_returns_the_same_arrays(fitted: Path):
     assert depth is images[1]
 
 
-def test_strength_between_blends(fitted: Path):
+def test_strength_between_blends(fitted):
     images = images_of(fitted)
     full, _ = apply_chain(*images, chain_of(fitted, "real:translate=to_sim"), fitted)
     half, _ = apply_chain(*images, chain_of(fitted, "real:translate=to_sim@0.5"), fitted)
@@ -86,7 +86,7 @@ def test_strength_between_blends(fitted: Path):
     assert np.abs(half - expected).max() <= 0.51
 
 
-def test_images_of_a_batch_are_translated_independently(fitted: Path):
+def test_images_of_a_batch_are_translated_independently(fitted):
     images = images_of(fitted)
     chain = chain_of(fitted, "real:translate=to_sim")
     rgb, depth = apply_chain(*images, chain, fitted)
@@ -96,7 +96,7 @@ def test_images_of_a_batch_are_translated_independently(fitted: Path):
         assert (one[1][0] == depth[index]).all()
 
 
-def test_chains_read_as_the_command_line_takes_them(fitted: Path):
+def test_chains_read_as_the_command_line_takes_them(fitted):
     text = "translate=to_sim@0.5, brightness=1.1"
     assert chain_text(chain_of(fitted, f"real:{text}")) == text
     assert chain_text(chain_of(fitted, "real:translate=to_sim")) == "translate=to_sim"
@@ -110,17 +110,17 @@ def test_chains_read_as_the_command_line_takes_them(fitted: Path):
         ("real:translate=to_sim@much", "not a number"),
     ],
 )
-def test_wrong_requests_name_what_is_allowed(text: str, message: str):
+def test_wrong_requests_name_what_is_allowed(text, message):
     with pytest.raises(RequestError, match=message):
         parse_adjustment(text)
 
 
-def test_unknown_translators_name_the_known_ones(fitted: Path):
+def test_unknown_translators_name_the_known_ones(fitted):
     with pytest.raises(RequestError, match="translators: to_sim"):
         chain_of(fitted, "real:translate=to_moon")
 
 
-def test_a_run_uses_a_translator_of_its_side_alone(fitted: Path):
+def test_a_run_uses_a_translator_of_its_side_alone(fitted):
     model = "vanilla"
     chains = parse_adjustment("sim:translate=to_sim")
     with pytest.raises(RequestError, match="translates images of domain real"):
@@ -132,7 +132,7 @@ def test_a_run_uses_a_translator_of_its_side_alone(fitted: Path):
         )
 
 
-def test_a_refused_translator_needs_force(fitted: Path):
+def test_a_refused_translator_needs_force(fitted):
     with edit(fitted) as draft:
         draft.update(
             "translator", {"translator": "to_sim"}, {"accepted": False, "reasons": '["blurs"]'}
@@ -147,7 +147,7 @@ def test_a_refused_translator_needs_force(fitted: Path):
     session.close()
 
 
-def test_the_name_of_a_translator_changes_no_array_key(fitted: Path):
+def test_the_name_of_a_translator_changes_no_array_key(fitted):
     with s2rstore.open(fitted) as store:
         run = store.run("vanilla")
         chains = [chain_of(fitted, "real:translate=to_sim")]
@@ -158,7 +158,7 @@ def test_the_name_of_a_translator_changes_no_array_key(fitted: Path):
     assert keys[0] == keys[1]
 
 
-def test_the_panel_has_a_slider_per_translator(fitted: Path):
+def test_the_panel_has_a_slider_per_translator(fitted):
     session = Session(fitted)
     session.dispatch(adjusting.open_sliders, *adjusting.available_sliders(session.store))
     adjust = session.state.adjust
@@ -170,7 +170,7 @@ def test_the_panel_has_a_slider_per_translator(fitted: Path):
     session.close()
 
 
-def test_a_missing_translator_file_is_named(fitted: Path):
+def test_a_missing_translator_file_is_named(fitted):
     chain = chain_of(fitted, "real:translate=to_sim")
     file = fitted / "translators" / f"{chain[0]['sha256']}.safetensors"
     images = images_of(fitted)
@@ -184,7 +184,7 @@ def test_a_missing_translator_file_is_named(fitted: Path):
     assert any(file.name in damage.where for damage in verify(fitted))
 
 
-def test_pruning_keeps_the_translators_in_use(fitted: Path):
+def test_pruning_keeps_the_translators_in_use(fitted):
     unused = fitted / "translators" / ("0" * 64 + ".safetensors")
     unused.write_bytes(b"")
     prune(fitted)
@@ -192,6 +192,6 @@ def test_pruning_keeps_the_translators_in_use(fitted: Path):
     assert load_translator("to_sim", fitted).method == "mkl"
 
 
-def test_names_are_used_once(fitted: Path):
+def test_names_are_used_once(fitted):
     with pytest.raises(RequestError, match="already in"):
         fit_into_store(fitted, FitRequest("mkl", "to_sim", "real2sim"), "")

@@ -19,17 +19,17 @@ from s2rtui.app.app import S2RApp
 from s2rtui.app.controllers import run_save
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
+from s2rtui.charts.registry import BY_NAME
 from s2rtui.loaders import live_prediction
 from s2rtui.session import Session, view_settings
 from s2rtui.session.state import Adjust
-from tests.support.application import make_app, press
+from tests.support.application import make_app, press, running
 from tests.support.copies import copy_store
 from tests.support.unloaded_modules import unload_modules
 
 
-async def test_moving_a_slider_shows_the_live_prediction(few_pairs_store: Path) -> None:
-    app = make_app(few_pairs_store, with_trained=True)
-    async with app.run_test(size=(120, 40)) as pilot:
+async def test_moving_a_slider_shows_the_live_prediction(few_pairs_store):
+    async with running(few_pairs_store, with_trained=True) as (app, pilot):
         await press(app, pilot, "a", *["right"] * 3)
         adjust, shown = app.session.state.adjust, app.resources.live
         assert adjust is not None
@@ -59,14 +59,11 @@ async def test_moving_a_slider_shows_the_live_prediction(few_pairs_store: Path) 
 
 
 def _map_input(app: S2RApp):
-    from s2rtui.charts.registry import BY_NAME
-
     return BY_NAME["map"].input(app.renderer.scene)
 
 
-async def test_a_synthetic_world_renders_moved_sim_cameras(moved_camera_store: Path) -> None:
-    app = make_app(moved_camera_store, with_trained=True)
-    async with app.run_test(size=(120, 40)) as pilot:
+async def test_a_synthetic_world_renders_moved_sim_cameras(moved_camera_store):
+    async with running(moved_camera_store, with_trained=True) as (app, pilot):
         await press(app, pilot, "a")
         before = app.resources.live
         await press(app, pilot, "up", "right", "right")
@@ -80,10 +77,9 @@ async def test_a_synthetic_world_renders_moved_sim_cameras(moved_camera_store: P
         assert (before.real.rgb == after.real.rgb).all()
 
 
-async def test_adjustments_are_saved_as_a_run(few_pairs_store: Path, tmp_path: Path) -> None:
+async def test_adjustments_are_saved_as_a_run(few_pairs_store, tmp_path):
     path = copy_store(few_pairs_store, tmp_path / "own.s2r")
-    app = make_app(path, with_trained=True)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with running(path, with_trained=True) as (app, pilot):
         await press(app, pilot, "a", "right", "right", "S")
         await pilot.press(*"brighter", "enter")
         while "brighter" not in app.session.state.runs:
@@ -95,9 +91,7 @@ async def test_adjustments_are_saved_as_a_run(few_pairs_store: Path, tmp_path: P
         assert "brighter" in take_screenshot(app).text
 
 
-async def test_one_run_is_saved_at_a_time(
-    few_pairs_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_one_run_is_saved_at_a_time(few_pairs_store, tmp_path, monkeypatch):
     started: list[str] = []
     release = threading.Event()
 
@@ -107,8 +101,7 @@ async def test_one_run_is_saved_at_a_time(
         raise RequestError("nothing is saved here")
 
     monkeypatch.setattr(run_save, "save_run", blocking_save)
-    app = make_app(few_pairs_store, with_trained=True)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with running(few_pairs_store, with_trained=True) as (app, pilot):
         await press(app, pilot, "a", "right")
         await pilot.press("S", *"one", "enter")
         await pilot.pause()
@@ -128,14 +121,11 @@ async def test_one_run_is_saved_at_a_time(
         assert app.prompt.is_open
 
 
-async def test_refused_names_and_failed_saves_show_an_error(
-    few_pairs_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_refused_names_and_failed_saves_show_an_error(few_pairs_store, monkeypatch):
     def failing_save(*_: object) -> None:
         raise ModuleNotFoundError("No module named 'torch'", name="torch")
 
-    app = make_app(few_pairs_store, with_trained=True)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with running(few_pairs_store, with_trained=True) as (app, pilot):
         await press(app, pilot, "a", "right", "S", "enter")
         assert "type a name for the run" in app.session.state.message
         await press(app, pilot, *"vanilla", "enter")
@@ -148,15 +138,12 @@ async def test_refused_names_and_failed_saves_show_an_error(
         assert "saving a run needs torch: pip install 's2rtui[tools]'" in app.session.state.message
 
 
-async def test_the_panel_explains_how_to_install_torch(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_the_panel_explains_how_to_install_torch(tiny_store, monkeypatch):
     unload_modules(monkeypatch, lambda name: name.startswith("s2rtools."))
     for name in [name for name in sys.modules if name.split(".")[0] == "torch"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "torch", None)
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "a", "right")
         text = " ".join(take_screenshot(app).text.split())
         assert "live adjustments need torch: pip install 's2rtui[tools]'" in text
@@ -168,11 +155,8 @@ async def test_the_panel_explains_how_to_install_torch(
         assert app.resources.pictures is not None
 
 
-async def test_a_failed_model_is_not_shown_as_loading(
-    few_pairs_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    app = make_app(few_pairs_store, with_trained=True)
-    async with app.run_test(size=(120, 40)) as pilot:
+async def test_a_failed_model_is_not_shown_as_loading(few_pairs_store, monkeypatch):
+    async with running(few_pairs_store, with_trained=True) as (app, pilot):
         await press(app, pilot, "a")
         monkeypatch.setattr(LiveModel, "steps", lambda *_: iter([1 / 0]))
         await press(app, pilot, "right")
@@ -186,9 +170,7 @@ async def test_a_failed_model_is_not_shown_as_loading(
         assert app.resources.live is not None
 
 
-async def test_a_running_prediction_is_shown_while_newer_values_wait(
-    few_pairs_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_running_prediction_is_shown_while_newer_values_wait(few_pairs_store, monkeypatch):
     app = make_app(few_pairs_store, with_trained=True)
     started, release = threading.Semaphore(0), threading.Semaphore(0)
     steps = LiveModel.steps
@@ -210,9 +192,8 @@ async def test_a_running_prediction_is_shown_while_newer_values_wait(
         release.release()
         assert await asyncio.to_thread(started.acquire, timeout=20)
         await pilot.pause()
-        assert (
-            app.resources.live is not before
-        )  # the result of the first move, although nine moves followed
+        # The result of the first move, although nine moves followed.
+        assert app.resources.live is not before
         assert not app.settled
         release.release()
         await settle(app, pilot)
@@ -220,9 +201,7 @@ async def test_a_running_prediction_is_shown_while_newer_values_wait(
         assert values == pytest.approx([1 + step, 1 + 10 * step])
 
 
-def test_the_live_model_uses_the_generation_of_the_session(
-    few_pairs_store: Path, tmp_path: Path
-) -> None:
+def test_the_live_model_uses_the_generation_of_the_session(few_pairs_store, tmp_path):
     path = copy_store(few_pairs_store, tmp_path / "own.s2r")
     with s2rstore.open(path) as store:
         add_run(path, "later", "vanilla", None, None, {"sim": [], "real": []})
@@ -232,13 +211,10 @@ def test_the_live_model_uses_the_generation_of_the_session(
         model.close()
 
 
-async def test_the_panel_explains_how_to_install_the_tools(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_the_panel_explains_how_to_install_the_tools(tiny_store, monkeypatch):
     unload_modules(monkeypatch, lambda name: name.startswith("s2rtools."))
     monkeypatch.setitem(sys.modules, "s2rtools", None)
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "a", "right", "S", "escape")
         text = " ".join(take_screenshot(app).text.split())
         assert "live adjustments need s2rtools" in text
@@ -246,11 +222,8 @@ async def test_the_panel_explains_how_to_install_the_tools(
         assert app.settled
 
 
-async def test_clicking_other_views_keeps_the_panel_and_the_live_marks(
-    few_pairs_store: Path,
-) -> None:
-    app = make_app(few_pairs_store, with_trained=True)
-    async with app.run_test(size=(200, 60)) as pilot:
+async def test_clicking_other_views_keeps_the_panel_and_the_live_marks(few_pairs_store):
+    async with running(few_pairs_store, with_trained=True, size=(200, 60)) as (app, pilot):
         await press(app, pilot, "a", "right")
         live = _map_input(app).live
         assert live
@@ -274,18 +247,11 @@ class RecordingPredictor:
 
     def __init__(self) -> None:
         self.calls: list[str] = []
-
-    def read(self, *_: object) -> dict[str, object]:
-        self.calls.append("read")
-        return {}
-
-    def release(self) -> None:
-        self.calls.append("leave")
+        self.read = lambda *_: self.calls.append("read") or {}
+        self.release = lambda: self.calls.append("leave")
 
 
-async def test_a_hidden_panel_releases_the_model(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_hidden_panel_releases_the_model(tiny_store, monkeypatch):
     predictor = RecordingPredictor()
     monkeypatch.setattr(live_prediction, "_PREDICTOR", predictor)
     app = S2RApp(Session(tiny_store), RenderOptions())
@@ -310,14 +276,12 @@ async def test_a_hidden_panel_releases_the_model(
         assert predictor.calls == ["read", "leave", "read"]
 
 
-def test_another_order_of_the_steps_is_predicted_again(tiny_store: Path) -> None:
+def test_another_order_of_the_steps_is_predicted_again(tiny_store):
     session = Session(tiny_store)
     steps = (("real", "brightness"), ("real", "contrast"))
-    keys = {
-        live_prediction.live_key(
-            session.store,
-            replace(session.state, tab="adjust", adjust=Adjust(session.state.run, run_steps=order)),
-        )
+    states = [
+        replace(session.state, tab="adjust", adjust=Adjust(session.state.run, run_steps=order))
         for order in (steps, steps[::-1])
-    }
-    assert len(keys) == 2
+    ]
+    first, second = (live_prediction.live_key(session.store, state) for state in states)
+    assert first != second

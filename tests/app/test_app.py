@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -23,7 +22,7 @@ from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.canvas.marks import Mark
 from s2rtui.session import Brush, Session, shared_selection
 from s2rtui.terminal.ascii_filter import to_ascii
-from tests.support.application import make_app, press
+from tests.support.application import make_app, press, running
 
 SIZES = ((80, 24), (200, 60))
 EXPECTED_ERRORS = ("missing; add the model again",)
@@ -45,11 +44,8 @@ async def check_running(app: S2RApp, pilot: Pilot[None], key: str) -> None:
     ("size", "times"),
     [((80, 24), 1), *(pytest.param(size, 2, marks=pytest.mark.deep) for size in SIZES)],
 )
-async def test_pressing_every_key_causes_no_error(
-    tiny_store: Path, tmp_path: Path, size: tuple[int, int], times: int
-) -> None:
-    app = make_app(tiny_store, folder=tmp_path)
-    async with app.run_test(size=size) as pilot:
+async def test_pressing_every_key_causes_no_error(tiny_store, tmp_path, size, times):
+    async with running(tiny_store, folder=tmp_path, size=size) as (app, pilot):
         for action in ACTIONS:
             if action.name == "quit":
                 continue
@@ -62,15 +58,14 @@ async def test_pressing_every_key_causes_no_error(
         assert len(list(tmp_path.glob("s2r-*.png"))) == times
 
 
-async def test_each_size_shows_its_views(tiny_store: Path) -> None:
+async def test_each_size_shows_its_views(tiny_store):
     wide = {"overview", "umap", "orientation", "rooms", "errors", "map", "findings", "instance"}
     views = {
         (200, 60): wide,
         (80, 24): {"map"},
         (120, 40): {"overview", "map", "instance"},
     }
-    app = make_app(tiny_store)
-    async with app.run_test(size=(200, 60)) as pilot:
+    async with running(tiny_store, size=(200, 60)) as (app, pilot):
         for size, expected in (*views.items(), ((200, 60), wide)):
             await pilot.resize_terminal(*size)
             await settle(app, pilot)
@@ -80,9 +75,8 @@ async def test_each_size_shows_its_views(tiny_store: Path) -> None:
             assert max(view.region.bottom for view in shown) <= size[1]
 
 
-async def test_number_keys_switch_views_on_small_screens(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
+async def test_number_keys_switch_views_on_small_screens(tiny_store):
+    async with running(tiny_store, size=(80, 24)) as (app, pilot):
         for size in ((80, 24), (60, 20), (30, 8), (10, 3)):
             await pilot.resize_terminal(*size)
             await pilot.press("w", "right")
@@ -93,9 +87,8 @@ async def test_number_keys_switch_views_on_small_screens(tiny_store: Path) -> No
                 assert shown == {view} or size[1] < 20, size
 
 
-async def test_an_invalid_expression_can_be_corrected_in_the_query_line(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+async def test_an_invalid_expression_can_be_corrected_in_the_query_line(tiny_store):
+    async with running(tiny_store) as (app, pilot):
         await pilot.press("c", "slash")
         query = app.query_one("#query", Input)
         query.value = "worst15 & room:rihgt"
@@ -118,7 +111,7 @@ async def test_an_invalid_expression_can_be_corrected_in_the_query_line(tiny_sto
         assert query.value == "none"
 
 
-def test_every_colour_mode_shows_the_same_text(tiny_store: Path) -> None:
+def test_every_colour_mode_shows_the_same_text(tiny_store):
     for mode in ColourMode:
         text = snapshot(tiny_store, (120, 40), ["w"], RenderOptions(mode=mode)).text
         assert "worst15" in text, mode
@@ -126,7 +119,7 @@ def test_every_colour_mode_shows_the_same_text(tiny_store: Path) -> None:
         assert "6 of 40" in text, mode
 
 
-def test_bindings_footer_and_help_use_the_same_actions(tiny_store: Path) -> None:
+def test_bindings_footer_and_help_use_the_same_actions(tiny_store):
     state = Session(tiny_store).state
     brush = Brush("map", Mark("map", ((0.0, 0.0), (1.0, 1.0))))
     for current in (state, replace(state, brush=brush), replace(state, view="list")):
@@ -141,7 +134,7 @@ def test_bindings_footer_and_help_use_the_same_actions(tiny_store: Path) -> None
         assert action.description in help_text()
 
 
-def test_starting_the_application_loads_no_heavy_package(tiny_store: Path) -> None:
+def test_starting_the_application_loads_no_heavy_package(tiny_store):
     """Nor does it import the terminal graphics, which would write queries to the terminal."""
     import subprocess
     import sys
@@ -160,7 +153,7 @@ def test_starting_the_application_loads_no_heavy_package(tiny_store: Path) -> No
     assert process.stdout.split() == ["run", "[]"]
 
 
-def test_key_labels_match_the_keyboard() -> None:
+def test_key_labels_match_the_keyboard():
     lines = {line.strip() for line in help_text().splitlines()}
     assert any(line.startswith("z  +  =  ") for line in lines)
     for action in ACTIONS:
@@ -176,12 +169,12 @@ def non_ascii(app: S2RApp) -> set[str]:
 
 
 @given(st.text())
-def test_ascii_text_keeps_the_width_of_the_original(text: str) -> None:
+def test_ascii_text_keeps_the_width_of_the_original(text):
     assert to_ascii(text).isascii()
     assert cell_len(to_ascii(text)) == cell_len(text) or not text.isprintable()
 
 
-async def test_every_screen_is_ascii(tiny_store: Path) -> None:
+async def test_every_screen_is_ascii(tiny_store):
     app = make_app(tiny_store, RenderOptions(ascii=True))
     session = app.session
     session.writable_notebook.save(
@@ -200,9 +193,8 @@ async def test_every_screen_is_ascii(tiny_store: Path) -> None:
                 await press(app, pilot, "escape")
 
 
-async def test_ctrl_c_shows_the_key_that_quits(tiny_store: Path) -> None:
-    app = S2RApp(Session(tiny_store), RenderOptions())
-    async with app.run_test(size=(80, 24)) as pilot:
+async def test_ctrl_c_shows_the_key_that_quits(tiny_store):
+    async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "ctrl+c")
         assert "q quits" in take_screenshot(app).text
         assert not app._notifications

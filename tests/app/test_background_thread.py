@@ -7,14 +7,13 @@ import gc
 import subprocess
 import sys
 import threading
-import time
 import weakref
 from itertools import count
-from pathlib import Path
 
 import pytest
 from textual import _time
 
+from bench.support.processes import wait_until
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
 from s2rtui.canvas import RenderOptions
@@ -42,7 +41,7 @@ class BlockingJob:
         self.done.append(name)
 
 
-def test_only_the_newest_waiting_job_runs() -> None:
+def test_only_the_newest_waiting_job_runs():
     blocking, worker = BlockingJob(), LatestOnlyWorker("lane")
     worker.put(blocking.wait)
     assert blocking.entered.wait(60)
@@ -55,7 +54,7 @@ def test_only_the_newest_waiting_job_runs() -> None:
     worker.end()
 
 
-def test_ending_a_worker_drops_waiting_jobs_and_runs_its_last_job() -> None:
+def test_ending_a_worker_drops_waiting_jobs_and_runs_its_last_job():
     blocking, worker = BlockingJob(), LatestOnlyWorker("lane")
     worker.put(blocking.wait)
     assert blocking.entered.wait(60)
@@ -68,18 +67,13 @@ def test_ending_a_worker_drops_waiting_jobs_and_runs_its_last_job() -> None:
     assert blocking.done == ["first", "last"]
 
 
-def test_a_worker_that_never_started_runs_no_last_job() -> None:
-    completed: list[str] = []
-    LatestOnlyWorker("lane").end(lambda: completed.append("last"))
-    assert completed == []
+def test_a_worker_that_never_started_runs_no_last_job():
+    LatestOnlyWorker("lane").end(lambda: pytest.fail("the last job runs"))
 
 
-def test_workers_run_independently() -> None:
-    blocking, busy_worker, other_worker = (
-        BlockingJob(),
-        LatestOnlyWorker("busy"),
-        LatestOnlyWorker("other"),
-    )
+def test_workers_run_independently():
+    blocking, busy_worker = BlockingJob(), LatestOnlyWorker("busy")
+    other_worker = LatestOnlyWorker("other")
     finished = threading.Event()
     busy_worker.put(blocking.wait)
     assert blocking.entered.wait(60)
@@ -89,7 +83,7 @@ def test_workers_run_independently() -> None:
     assert background_thread.wait_until_idle(60)
 
 
-def test_the_process_exits_while_a_job_runs() -> None:
+def test_the_process_exits_while_a_job_runs():
     code = (
         "import sys, time; from s2rtui.jobs import background_thread\n"
         "background_thread.run_in_thread('endless', lambda: time.sleep(999)); print('told')\n"
@@ -108,21 +102,18 @@ class JobOwner:
         """Do nothing."""
 
 
-def test_an_idle_worker_keeps_no_reference_to_its_jobs() -> None:
+def test_an_idle_worker_keeps_no_reference_to_its_jobs():
     worker, owner = LatestOnlyWorker("lane"), JobOwner()
     owner_reference = weakref.ref(owner)
     worker.put(owner.work)
     del owner
-    deadline = time.monotonic() + 60
-    while not worker.idle:
-        assert time.monotonic() < deadline
-        time.sleep(0.001)
+    assert wait_until(lambda: worker.idle)
     gc.collect()
     assert owner_reference() is None
     worker.end()
 
 
-def test_a_worker_survives_a_failing_job() -> None:
+def test_a_worker_survives_a_failing_job():
     errors: list[Exception] = []
     blocking, worker = BlockingJob(), LatestOnlyWorker("lane", errors.append)
     error = ZeroDivisionError("of the work")
@@ -136,18 +127,13 @@ def test_a_worker_survives_a_failing_job() -> None:
     worker.put(lambda: blocking.note("after"))
     assert not worker.idle
     blocking.open.set()
-    deadline = time.monotonic() + 60
-    while not worker.idle:
-        assert time.monotonic() < deadline
-        time.sleep(0.001)
+    assert wait_until(lambda: worker.idle)
     assert blocking.done == ["first", "after"]
     assert errors == [error]
     worker.end()
 
 
-async def test_images_load_although_the_clock_jumps(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_images_load_although_the_clock_jumps(tiny_store, monkeypatch):
     app, ticks, clock = S2RApp(Session(tiny_store), RenderOptions()), count(), _time.get_time
     app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(120, 40)) as pilot:
@@ -156,7 +142,7 @@ async def test_images_load_although_the_clock_jumps(
         assert app.resources.pictures is not None
 
 
-async def test_a_cancelled_call_never_runs(tiny_store: Path) -> None:
+async def test_a_cancelled_call_never_runs(tiny_store):
     app, calls = S2RApp(Session(tiny_store), RenderOptions()), []
     async with app.run_test(size=(80, 24)) as pilot:
         call_after(app, 0, lambda: calls.append("dropped")).cancel()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,19 +20,11 @@ from s2rtui.charts.errors.model import errors_model
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.session import Session, instance_list
 from s2rtui.user_data.notebook import Notebook
-from tests.support.application import make_app, press
+from tests.support.application import make_app, press, running
 
 BRUSHABLE = (
-    "overview",
-    "map",
-    "umap",
-    "orientation",
-    "rooms",
-    "errors",
-    "scatter",
-    "list",
-    "compare",
-)
+    "overview", "map", "umap", "orientation", "rooms", "errors", "scatter", "list", "compare",
+)  # fmt: skip
 KEYS = {view.name: view.key for view in VIEWS}
 
 
@@ -42,7 +33,7 @@ def panels(app: S2RApp, name: str) -> list[Panel]:
 
 
 @pytest.mark.parametrize("size", [(80, 24), pytest.param((200, 60), marks=pytest.mark.deep)])
-async def test_every_view_can_be_brushed_by_keys(tiny_store: Path, size: tuple[int, int]) -> None:
+async def test_every_view_can_be_brushed_by_keys(tiny_store, size):
     app, other = make_app(tiny_store), Session(tiny_store)
     async with app.run_test(size=size) as pilot:
         for name in BRUSHABLE:
@@ -59,9 +50,8 @@ async def test_every_view_can_be_brushed_by_keys(tiny_store: Path, size: tuple[i
     other.close()
 
 
-async def test_escape_drops_a_brush_and_a_pending_operator(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+async def test_escape_drops_a_brush_and_a_pending_operator(tiny_store):
+    async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "w")
         assert "escape cancel" not in take_screenshot(app).text
         await press(app, pilot, "x")
@@ -87,9 +77,8 @@ async def drag(app: S2RApp, pilot: Pilot[None], name: str, cells: list[tuple[int
     await settle(app, pilot)
 
 
-async def test_tab_completes_and_up_recalls_the_history(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+async def test_tab_completes_and_up_recalls_the_history(tiny_store):
+    async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "w", "b", "slash")
         app.query_line.value = "worst15 & room:le"
         app.query_line.cursor_position = len(app.query_line.value)
@@ -101,10 +90,8 @@ async def test_tab_completes_and_up_recalls_the_history(tiny_store: Path) -> Non
         assert app.session.state.expression == "worst15"
 
 
-async def test_an_empty_selection_suggests_one_that_is_not_empty(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
+async def test_an_empty_selection_suggests_one_that_is_not_empty(tiny_store):
+    async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "slash")
         app.query_line.value = "worst(1, sim.error) & best(1, sim.error)"
         await press(app, pilot, "enter")
@@ -120,9 +107,8 @@ async def test_an_empty_selection_suggests_one_that_is_not_empty(tiny_store: Pat
         assert "there is no suggestion" in app.session.state.message
 
 
-async def test_the_scatter_view_is_clicked_and_selects_by_a_lasso(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+async def test_the_scatter_view_is_clicked_and_selects_by_a_lasso(tiny_store):
+    async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "c", "X")
         columns = app.session.store.run_columns(app.session.state.run)
         iid = int(np.argmax(columns.sim.error))
@@ -139,11 +125,10 @@ async def test_the_scatter_view_is_clicked_and_selects_by_a_lasso(tiny_store: Pa
         assert app.session.state.selected.sum() > 0
 
 
-async def test_the_heatmap_of_the_selection_is_aggregated(tiny_store: Path) -> None:
+async def test_the_heatmap_of_the_selection_is_aggregated(tiny_store):
     from s2rtui.session.heatmaps import instance_grid
 
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "slash")
         app.query_line.value = "ids(5)"
         await press(app, pilot, "enter", "o", "o")
@@ -156,9 +141,8 @@ async def test_the_heatmap_of_the_selection_is_aggregated(tiny_store: Path) -> N
         assert np.isfinite(seen_floor).sum() >= np.isfinite(expected).sum() > 0
 
 
-async def test_tab_cycles_through_views_and_panels(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(200, 60)) as pilot:
+async def test_tab_cycles_through_views_and_panels(tiny_store):
+    async with running(tiny_store, size=(200, 60)) as (app, pilot):
         await press(app, pilot, "1")
         visited, names = [], [view.name for view in VIEWS if view.name != "adjust"]
         for _ in names:
@@ -177,9 +161,8 @@ async def test_tab_cycles_through_views_and_panels(tiny_store: Path) -> None:
         assert brushed == {"sim", "truth", "real"}
 
 
-async def test_changing_a_tag_updates_the_selection_that_uses_it(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+async def test_changing_a_tag_updates_the_selection_that_uses_it(tiny_store):
+    async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "w", "number_sign", *"done", "enter", "slash")
         app.query_line.value = "worst15 - @done"
         await press(app, pilot, "enter")
@@ -195,7 +178,7 @@ async def test_changing_a_tag_updates_the_selection_that_uses_it(tiny_store: Pat
 
 
 @pytest.mark.parametrize("name", ["map", "orientation", "errors"])
-async def test_an_interrupted_drag_leaves_no_mark(tiny_store: Path, name: str) -> None:
+async def test_an_interrupted_drag_leaves_no_mark(tiny_store, name):
     app, size = make_app(tiny_store), (120, 40)
     async with app.run_test(size=size) as pilot:
         for interruption in ("escape", "resize", "tiny", "view"):
@@ -234,7 +217,7 @@ async def test_an_interrupted_drag_leaves_no_mark(tiny_store: Path, name: str) -
         assert app.session.state.expression == "all"
 
 
-async def test_the_key_that_closes_the_tour_has_no_other_effect(tiny_store: Path) -> None:
+async def test_the_key_that_closes_the_tour_has_no_other_effect(tiny_store):
     app = make_app(tiny_store)
     app.is_first_start = True
     async with app.run_test(size=(80, 24)) as pilot:
@@ -250,9 +233,7 @@ async def test_the_key_that_closes_the_tour_has_no_other_effect(tiny_store: Path
             await pilot.pause()
 
 
-async def test_the_history_is_saved_last_and_may_fail(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_the_history_is_saved_last_and_may_fail(tiny_store, monkeypatch):
     app, calls = make_app(tiny_store), []
 
     def failing_save(*_: object) -> None:
@@ -269,15 +250,11 @@ async def test_the_history_is_saved_last_and_may_fail(
     assert app.fault is None
 
 
-async def test_an_unreachable_store_is_reported_once(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_an_unreachable_store_is_reported_once(tiny_store, monkeypatch):
     def unreachable() -> bool:
         raise RequestError("the store is out of reach")
 
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
+    async with running(tiny_store) as (app, _pilot):
         with monkeypatch.context() as patch:
             patch.setattr(app.session, "read_updates", unreachable)
             app.store_updates.check_store()
@@ -290,7 +267,7 @@ async def test_an_unreachable_store_is_reported_once(
         assert (app.session.state.message, app.session.state.is_error) == ("", False)
 
 
-async def test_selections_and_brushes_are_combined_by_the_operator(tiny_store: Path) -> None:
+async def test_selections_and_brushes_are_combined_by_the_operator(tiny_store):
     """The example: large error in simulation but small in reality, inside a region of the map."""
     app, other = make_app(tiny_store), Session(tiny_store)
     example = ["W", "ampersand", "b", "x", "Z", "Z", "ampersand"]
@@ -315,9 +292,8 @@ async def test_selections_and_brushes_are_combined_by_the_operator(tiny_store: P
     other.close()
 
 
-async def test_a_lasso_needs_three_corners_and_is_simplified(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+async def test_a_lasso_needs_three_corners_and_is_simplified(tiny_store):
+    async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "c", "L", "x", "enter")
         assert "three corners" in app.session.state.message
         assert app.session.state.expression == "all"
@@ -349,9 +325,8 @@ async def test_a_lasso_needs_three_corners_and_is_simplified(tiny_store: Path) -
         assert app.session.state.selected.any()
 
 
-async def test_views_are_brushed_and_clicked_by_mouse(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(200, 60)) as pilot:
+async def test_views_are_brushed_and_clicked_by_mouse(tiny_store):
+    async with running(tiny_store, size=(200, 60)) as (app, pilot):
         for name in ("umap", "rooms", "orientation"):
             await press(app, pilot, "c", KEYS[name])
             panel = panels(app, name)[-1]
@@ -405,7 +380,7 @@ async def test_views_are_brushed_and_clicked_by_mouse(tiny_store: Path) -> None:
         assert (app.session.state.cursor, app.session.state.run) == (rows[5], "dataaug")
 
 
-async def test_notes_tags_and_selections_are_written_and_shown(tiny_store: Path) -> None:
+async def test_notes_tags_and_selections_are_written_and_shown(tiny_store):
     app, other = make_app(tiny_store), Session(tiny_store, notebooks=Notebook)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "w", "number_sign", *"door", "enter", "e", *"glass", "enter", "8")
@@ -430,12 +405,8 @@ async def test_notes_tags_and_selections_are_written_and_shown(tiny_store: Path)
     other.close()
 
 
-async def test_notes_and_tags_need_instances_and_not_too_many(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
+async def test_notes_and_tags_need_instances_and_not_too_many(tiny_store, monkeypatch):
+    async with running(tiny_store) as (app, pilot):
         cursor = app.session.state.cursor
         app.session.set_state(replace(app.session.state, cursor=None))
         for key, what in (("e", "note"), ("number_sign", "tag")):

@@ -5,14 +5,11 @@ from __future__ import annotations
 import asyncio
 from pathlib import Path
 
-from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
-from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import VIEWS
 from s2rtui.cli import main
-from s2rtui.session import Session
 from tests.support.appended import append_trajectory
-from tests.support.application import press
+from tests.support.application import press, running
 from tests.support.predictions import Made, make, write_csv
 
 N, MISSING = 40, 7
@@ -23,15 +20,11 @@ def import_predictions(store: Path, folder: Path, made: Made) -> None:
     assert main(["run", "import", "theirs", "--predictions", file, "--store", str(store)]) == 0
 
 
-async def test_every_view_draws_and_sliders_say_that_they_need_a_network(
-    store_copy: Path, tmp_path: Path
-) -> None:
+async def test_every_view_draws_and_sliders_say_that_they_need_a_network(store_copy, tmp_path):
     made = make(store_copy)
     made.real[:MISSING, 0] = float("nan")
     import_predictions(store_copy, tmp_path, made)
-    app = S2RApp(Session(store_copy, "theirs"), RenderOptions())
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(app, pilot)
+    async with running(store_copy, run="theirs", size=(80, 24)) as (app, pilot):
         assert app.session.state.run == "theirs"
         assert f"imported for {N - MISSING} of {N} instances" in app.renderer.status_text()
         for view in VIEWS:
@@ -53,13 +46,9 @@ async def test_every_view_draws_and_sliders_say_that_they_need_a_network(
         )
 
 
-async def test_a_session_moves_on_to_predictions_that_were_imported_again(
-    store_copy: Path, tmp_path: Path
-) -> None:
+async def test_a_session_moves_on_to_predictions_that_were_imported_again(store_copy, tmp_path):
     import_predictions(store_copy, tmp_path, make(store_copy))
-    app = S2RApp(Session(store_copy, "theirs"), RenderOptions())
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(app, pilot)
+    async with running(store_copy, run="theirs", size=(80, 24)) as (app, pilot):
         before = app.session.store.run_columns("theirs").real.x.copy()
         again = make(store_copy, seed=1)
         await asyncio.to_thread(import_predictions, store_copy, tmp_path, again)
@@ -75,11 +64,9 @@ async def test_a_session_moves_on_to_predictions_that_were_imported_again(
 ADDED = 5
 
 
-def test_every_view_draws_after_an_append(store_copy: Path) -> None:
+def test_every_view_draws_after_an_append(store_copy):
     async def run() -> None:
-        app = S2RApp(Session(store_copy), RenderOptions())
-        async with app.run_test(size=(120, 40)) as pilot:
-            await settle(app, pilot)
+        async with running(store_copy) as (app, pilot):
             append_trajectory(store_copy, "a0", ADDED)
             app.store_updates.check_store()
             await settle(app, pilot)

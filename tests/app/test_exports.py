@@ -24,7 +24,7 @@ from s2rtui.export.rows import formats, selected_instances
 from s2rtui.jobs.background_thread import wait_until_idle
 from s2rtui.session import Session
 from s2rtui.user_data.notebook import SavedSelection
-from tests.support.application import make_app, press
+from tests.support.application import press, running
 from tests.support.small_figures import draw_small_figures
 
 
@@ -35,14 +35,13 @@ async def answer(app: S2RApp, pilot: Pilot[None], text: str) -> str:
 
 
 async def test_reports_contain_saved_selections_or_the_current_one(
-    tiny_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    tiny_store, tmp_path, monkeypatch
+):
     def failing_report(*_: object) -> None:
         raise ZeroDivisionError("oh")
 
     draw_small_figures(monkeypatch)
-    app = make_app(tiny_store, folder=tmp_path)
-    async with app.run_test(size=(80, 24)) as pilot:
+    async with running(tiny_store, folder=tmp_path, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "b", "r")
         with monkeypatch.context() as patch:
             patch.setattr("s2rtui.export.report.build_report.session_report", failing_report)
@@ -63,10 +62,8 @@ async def test_reports_contain_saved_selections_or_the_current_one(
         assert f"<h3>Run {run}</h3>" in text
 
 
-async def test_the_exported_rows_equal_those_of_s2r_query(tiny_store: Path, tmp_path: Path) -> None:
-    app = make_app(tiny_store, folder=tmp_path)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
+async def test_the_exported_rows_equal_those_of_s2r_query(tiny_store, tmp_path):
+    async with running(tiny_store, folder=tmp_path) as (app, pilot):
         await press(app, pilot, "w", "F", "enter")
         assert app.session.state.message.endswith("s2r-selection-001.csv: 6 of 40 instances")
         await press(app, pilot, "F")
@@ -78,9 +75,7 @@ async def test_the_exported_rows_equal_those_of_s2r_query(tiny_store: Path, tmp_
     assert json.loads((tmp_path / "mine.json").read_text()) == json.loads(out.read_text())
 
 
-def test_rows_of_a_selection_equal_rows_of_its_expression(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_rows_of_a_selection_equal_rows_of_its_expression(tiny_store, monkeypatch):
     monkeypatch.setattr(selected_instances, "_BLOCK_IIDS", 7)
     rows = selected_instances.selected_rows
     with s2rstore.open(tiny_store) as store:
@@ -92,7 +87,7 @@ def test_rows_of_a_selection_equal_rows_of_its_expression(
                 assert rows(store, expression, selected=selected) == expected
 
 
-def test_an_unexpected_error_is_shown_in_one_line(tiny_store: Path) -> None:
+def test_an_unexpected_error_is_shown_in_one_line(tiny_store):
     app = S2RApp(Session(tiny_store), RenderOptions())
     messages: list[BackgroundFailed] = []
     app.post, app._running = messages.append, True
@@ -107,11 +102,9 @@ def test_an_unexpected_error_is_shown_in_one_line(tiny_store: Path) -> None:
     ]
 
 
-async def test_unusable_file_names_are_rejected(tiny_store: Path, tmp_path: Path) -> None:
+async def test_unusable_file_names_are_rejected(tiny_store, tmp_path):
     (tmp_path / "there.csv").write_text("kept")
-    app = make_app(tiny_store, folder=tmp_path)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(app, pilot)
+    async with running(tiny_store, folder=tmp_path, size=(80, 24)) as (app, pilot):
         for name in ("mine.txt", "there.csv", "no/where.json", "no/where.parquet", ""):
             await press(app, pilot, "F")
             await answer(app, pilot, name)
@@ -125,9 +118,7 @@ async def test_unusable_file_names_are_rejected(tiny_store: Path, tmp_path: Path
     assert (tmp_path / "there.csv").read_text() == "kept"
 
 
-async def test_two_simultaneous_exports_write_two_files(
-    tiny_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_two_simultaneous_exports_write_two_files(tiny_store, tmp_path, monkeypatch):
     release = Event()
     write_rows = formats.write_rows
 
@@ -136,9 +127,7 @@ async def test_two_simultaneous_exports_write_two_files(
         write_rows(*arguments)
 
     monkeypatch.setattr(formats, "write_rows", blocking_write)
-    app = make_app(tiny_store, folder=tmp_path)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
+    async with running(tiny_store, folder=tmp_path) as (app, pilot):
         await pilot.press("w", "F", "enter", "b", "F")
         line = app.query_one(QueryInput)
         assert line.value == "s2r-selection-002.csv"
@@ -156,8 +145,8 @@ async def test_two_simultaneous_exports_write_two_files(
 
 
 async def test_a_file_created_during_the_export_is_not_overwritten(
-    tiny_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    tiny_store, tmp_path, monkeypatch
+):
     target, write_rows = tmp_path / "s2r-selection-001.csv", formats.write_rows
 
     def write_after_other_process(*arguments: Any) -> None:
@@ -165,16 +154,14 @@ async def test_a_file_created_during_the_export_is_not_overwritten(
         write_rows(*arguments)
 
     monkeypatch.setattr(formats, "write_rows", write_after_other_process)
-    app = make_app(tiny_store, folder=tmp_path)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
+    async with running(tiny_store, folder=tmp_path) as (app, pilot):
         await press(app, pilot, "w", "F", "enter")
         assert app.session.state.message == f"{target}: exists already; choose another name"
     assert target.read_text() == "another's"
     assert not list(tmp_path.glob(".*csv"))
 
 
-def test_an_existing_numbered_file_is_skipped(tmp_path: Path) -> None:
+def test_an_existing_numbered_file_is_skipped(tmp_path):
     names = numbered_paths(tmp_path, "a", ".txt")
 
     def fill(path: Path) -> None:
@@ -188,11 +175,9 @@ def test_an_existing_numbered_file_is_skipped(tmp_path: Path) -> None:
 
 
 async def test_a_restricted_session_writes_only_to_the_user_data_folder(
-    tiny_store: Path, tmp_path: Path, user_data_folder: Path
-) -> None:
-    app = make_app(tiny_store, folder=tmp_path, restricted=True)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
+    tiny_store, tmp_path, user_data_folder
+):
+    async with running(tiny_store, folder=tmp_path, restricted=True) as (app, pilot):
         await press(app, pilot, "w")
         for key in ("E", "s", "F"):
             await press(app, pilot, key)

@@ -20,13 +20,11 @@ from s2rtui.session.error_groups import COLUMN_NAMES, GROUPINGS
 from tests.app.test_focused_view import message
 from tests.charts.examples import N, compare_input
 from tests.support import tiny
-from tests.support.application import make_app, press
+from tests.support.application import make_app, press, running
 
 
-async def test_each_finding_is_one_key_away_from_its_instances(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(app, pilot)
+async def test_each_finding_is_one_key_away_from_its_instances(tiny_store):
+    async with running(tiny_store, size=(80, 24)) as (app, pilot):
         report = app.resources.findings
         assert report is not None
         for number, finding in enumerate(report.findings):
@@ -44,10 +42,8 @@ async def test_each_finding_is_one_key_away_from_its_instances(tiny_store: Path)
                 await press(app, pilot, "R")
 
 
-async def test_the_first_wide_screen_shows_the_findings(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(200, 60)) as pilot:
-        await settle(app, pilot)
+async def test_the_first_wide_screen_shows_the_findings(tiny_store):
+    async with running(tiny_store, size=(200, 60)) as (app, pilot):
         text = " ".join(take_screenshot(app).text.split())
         report = app.resources.findings
         assert report is not None
@@ -57,11 +53,8 @@ async def test_the_first_wide_screen_shows_the_findings(tiny_store: Path) -> Non
         assert report.findings[0].text in app.session.state.message
 
 
-async def test_the_chosen_finding_wraps_around_and_is_about_all_trajectories(
-    tiny_store: Path,
-) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
+async def test_the_chosen_finding_wraps_around_and_is_about_all_trajectories(tiny_store):
+    async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "t", "I", "up")
         assert app.session.state.trajectories is not None
         assert app.resources.findings is not None
@@ -71,9 +64,8 @@ async def test_the_chosen_finding_wraps_around_and_is_about_all_trajectories(
         assert app.session.state.trajectories is None
 
 
-async def test_the_rooms_view_groups_and_sorts_by_keys(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
+async def test_the_rooms_view_groups_and_sorts_by_keys(tiny_store):
+    async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "6")
         for grouping in (*GROUPINGS[1:], GROUPINGS[0]):
             await press(app, pilot, "O")
@@ -91,9 +83,7 @@ async def test_the_rooms_view_groups_and_sorts_by_keys(tiny_store: Path) -> None
         assert app.session.state.sort != sort
 
 
-async def test_every_grouping_can_be_brushed_and_enter_selects_the_row_of_the_instance(
-    tiny_store: Path,
-) -> None:
+async def test_every_grouping_can_be_brushed_and_enter_selects_the_row_of_the_instance(tiny_store):
     app, other = make_app(tiny_store), Session(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "6")
@@ -116,25 +106,19 @@ async def test_every_grouping_can_be_brushed_and_enter_selects_the_row_of_the_in
     other.close()
 
 
-async def test_trained_instances_are_ranked_only_if_they_are_included(trained_split: Path) -> None:
-    app = make_app(trained_split)
-    async with app.run_test(size=(80, 24)) as pilot:
+async def test_trained_instances_are_ranked_only_if_they_are_included(trained_split):
+    async with running(trained_split, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "6")
-        loaded = app.resources.current_groups(app.session.state)
-        assert loaded is not None
-        assert sum(row.n for row in loaded.rows) == 8
-        assert "32 trained on included" not in take_screenshot(app).text
-        await press(app, pilot, "M")
-        loaded = app.resources.current_groups(app.session.state)
-        assert loaded is not None
-        assert sum(row.n for row in loaded.rows) == 40
-        assert "32 trained on included" in take_screenshot(app).text
+        for count, is_included in ((8, False), (40, True)):
+            loaded = app.resources.current_groups(app.session.state)
+            assert loaded is not None
+            assert sum(row.n for row in loaded.rows) == count
+            assert ("32 trained on included" in take_screenshot(app).text) == is_included
+            await press(app, pilot, "M")
 
 
 @pytest.fixture(scope="module")
 def trained_split(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    from tests.support import tiny
-
     return tiny.build(tmp_path_factory.mktemp("split") / "s.s2r", trained=("vanilla",))
 
 
@@ -153,7 +137,7 @@ def rooms_shown(first: int, size: tuple[int, int] = (80, 12)) -> tuple[list[str]
 
 
 @pytest.mark.parametrize("size", [(80, 12), (60, 14)])
-def test_every_room_of_a_comparison_can_be_reached(size: tuple[int, int]) -> None:
+def test_every_room_of_a_comparison_can_be_reached(size):
     top, note = rooms_shown(0, size)
     assert note == f"rooms 1 to {len(top)} of 12 (down: more)"
     seen: list[str] = []
@@ -178,9 +162,8 @@ def many_rooms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tiny.build(tmp_path / "rooms.s2r")
 
 
-async def test_keys_scroll_the_table_of_the_comparison(many_rooms: Path) -> None:
-    app = make_app(many_rooms)
-    async with app.run_test(size=(80, 24)) as pilot:
+async def test_keys_scroll_the_table_of_the_comparison(many_rooms):
+    async with running(many_rooms, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "c", "9")
         run, rooms = app.session.state.run, app.session.store.instances.room_names
         text = take_screenshot(app).text
@@ -198,9 +181,8 @@ async def test_keys_scroll_the_table_of_the_comparison(many_rooms: Path) -> None
         assert ("up, down", "rows") in footer(80, app.session.state)
 
 
-async def test_keys_scroll_the_groups_of_the_rooms_view(many_rooms: Path) -> None:
-    app = make_app(many_rooms)
-    async with app.run_test(size=(80, 12)) as pilot:
+async def test_keys_scroll_the_groups_of_the_rooms_view(many_rooms):
+    async with running(many_rooms, size=(80, 12)) as (app, pilot):
         await press(app, pilot, "c", "6")
         before, count = take_screenshot(app).text, len(app.resources.groups.rows)
         assert f"1-7/{count}" in before
@@ -212,9 +194,8 @@ async def test_keys_scroll_the_groups_of_the_rooms_view(many_rooms: Path) -> Non
         assert f"1-7/{count}" in take_screenshot(app).text
 
 
-async def test_the_mouse_wheel_scrolls_the_rooms(many_rooms: Path) -> None:
-    app = make_app(many_rooms)
-    async with app.run_test(size=(80, 12)) as pilot:
+async def test_the_mouse_wheel_scrolls_the_rooms(many_rooms):
+    async with running(many_rooms, size=(80, 12)) as (app, pilot):
         await press(app, pilot, "c", "6")
         plot, count = app.renderer.plot("rooms"), len(app.resources.groups.rows)
         for event, first in ((MouseScrollDown, 2), (MouseScrollDown, 3), (MouseScrollUp, 2)):
@@ -224,9 +205,8 @@ async def test_the_mouse_wheel_scrolls_the_rooms(many_rooms: Path) -> None:
             assert f"{first}-{first + 6}/{count}" in take_screenshot(app).text
 
 
-async def test_the_room_of_the_cursor_is_shown(many_rooms: Path) -> None:
-    app = make_app(many_rooms)
-    async with app.run_test(size=(80, 12)) as pilot:
+async def test_the_room_of_the_cursor_is_shown(many_rooms):
+    async with running(many_rooms, size=(80, 12)) as (app, pilot):
         await press(app, pilot, "c", "6")
         data = VIEW.input(app.renderer.scene)
         last, names = ordered(data)[-1].group.name, app.session.store.instances.room_names
@@ -238,8 +218,7 @@ async def test_the_room_of_the_cursor_is_shown(many_rooms: Path) -> None:
         assert last in take_screenshot(app).text
 
 
-async def test_a_table_that_fits_says_so(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+async def test_a_table_that_fits_says_so(tiny_store):
+    async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "c", "9", "down")
         assert "shows all of its rows" in message(app)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from s2rtui.app.app import S2RApp
@@ -13,7 +11,7 @@ from s2rtui.app.widgets.plot import PlotView
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.session import instance_list
 from s2rtui.session.instance_text import instance_text
-from tests.support.application import make_app, press
+from tests.support.application import press, running
 
 SIZE = (120, 40)
 
@@ -26,10 +24,8 @@ def shown(app: S2RApp) -> set[str]:
     return {str(view.id) for view in app.query(PlotView) if view.placed and view.region.area}
 
 
-async def test_zoom_and_pan_keys_move_the_focused_view_alone(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(app, pilot)
+async def test_zoom_and_pan_keys_move_the_focused_view_alone(tiny_store):
+    async with running(tiny_store, size=SIZE) as (app, pilot):
         view, size = BY_NAME["umap"], (80, 20)
         await press(app, pilot, "c", "4")
         panels = [view.panels(app.renderer.scene, size, app.render_options)[0]]
@@ -57,9 +53,8 @@ async def test_zoom_and_pan_keys_move_the_focused_view_alone(tiny_store: Path) -
         assert app.session.state.viewport is not None
 
 
-async def test_a_view_fills_the_screen_and_the_layout_comes_back(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=SIZE) as pilot:
+async def test_a_view_fills_the_screen_and_the_layout_comes_back(tiny_store):
+    async with running(tiny_store, size=SIZE) as (app, pilot):
         await press(app, pilot, "3")
         before = shown(app)
         await press(app, pilot, "V")
@@ -71,9 +66,8 @@ async def test_a_view_fills_the_screen_and_the_layout_comes_back(tiny_store: Pat
         assert shown(app) == before
 
 
-async def test_keys_that_change_nothing_say_why(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
+async def test_keys_that_change_nothing_say_why(tiny_store):
+    async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "7", "z")
         assert "errors cannot be zoomed (2 map, 4 umap" in message(app)
         assert app.session.state.viewports == ()
@@ -82,9 +76,8 @@ async def test_keys_that_change_nothing_say_why(tiny_store: Path) -> None:
         assert not app.session.state.fills_screen
 
 
-async def test_the_mouse_describes_the_instance_under_it(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+async def test_the_mouse_describes_the_instance_under_it(tiny_store):
+    async with running(tiny_store) as (app, pilot):
         for name in ("map", "umap", "compare", "list", "overview"):
             await press(app, pilot, "c", BY_NAME[name].key)
             scene, plot = app.renderer.scene, app.query_one(f"#{name}", PlotView)
@@ -106,9 +99,8 @@ async def test_the_mouse_describes_the_instance_under_it(tiny_store: Path) -> No
             assert not message(app).startswith(f"#{iid} "), name
 
 
-async def test_home_and_end_go_to_the_ends_of_the_list_and_show_errors(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
+async def test_home_and_end_go_to_the_ends_of_the_list_and_show_errors(tiny_store):
+    async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "w", "8", "end")
         session = app.session
         rows = instance_list.order(session.store, session.state, session.notes)
@@ -122,9 +114,8 @@ async def test_home_and_end_go_to_the_ends_of_the_list_and_show_errors(tiny_stor
         assert session.state.cursor == np.flatnonzero(session.state.selected)[-1]
 
 
-async def test_sorting_keeps_the_cursor_on_the_screen(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 12)) as pilot:
+async def test_sorting_keeps_the_cursor_on_the_screen(tiny_store):
+    async with running(tiny_store, size=(80, 12)) as (app, pilot):
         await press(app, pilot, "c", "8", "end")
         cursor = app.session.state.cursor
         for key in (".", "comma", ".", ".", "comma"):
@@ -138,9 +129,8 @@ async def test_sorting_keeps_the_cursor_on_the_screen(tiny_store: Path) -> None:
             assert cursor in rows
 
 
-async def test_a_drawn_brush_becomes_a_lasso_and_a_box_again(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=SIZE) as pilot:
+async def test_a_drawn_brush_becomes_a_lasso_and_a_box_again(tiny_store):
+    async with running(tiny_store, size=SIZE) as (app, pilot):
         await press(app, pilot, "c", "x", "Z", "Z")
         box = app.session.state.brush
         assert box is not None
@@ -167,9 +157,8 @@ async def test_a_drawn_brush_becomes_a_lasso_and_a_box_again(tiny_store: Path) -
         assert by_lasso.any()
 
 
-async def test_a_message_shows_while_the_mouse_rests_on_an_instance(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=SIZE) as pilot:
+async def test_a_message_shows_while_the_mouse_rests_on_an_instance(tiny_store):
+    async with running(tiny_store, size=SIZE) as (app, pilot):
         await press(app, pilot, "c", BY_NAME["map"].key)
         view, plot = BY_NAME["map"], app.query_one("#map", PlotView)
         panel, top = app.brush.panels(view)[0], app.renderer.title_rows("map")

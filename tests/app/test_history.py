@@ -18,7 +18,7 @@ from s2rtui.cli import main
 from s2rtui.session import Session
 from tests.app.test_screen_snapshots import check
 from tests.support import gaps, nights
-from tests.support.application import make_app, press
+from tests.support.application import press, running
 from tests.support.copies import copy_store
 
 VIEW = BY_NAME["history"]
@@ -39,9 +39,8 @@ def store(tmp_path_factory: pytest.TempPathFactory, tiny_store: Path) -> Path:
     return store_with_nights(tmp_path_factory.mktemp("nights"), tiny_store, 7, 4).config.store
 
 
-async def test_screens(store: Path) -> None:
-    app = make_app(store)
-    async with app.run_test(size=(80, 24)) as pilot:
+async def test_screens(store):
+    async with running(store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "G")
         for size in ((80, 24), (120, 40), (200, 60)):
             await pilot.resize_terminal(*size)
@@ -49,16 +48,15 @@ async def test_screens(store: Path) -> None:
             check(f"history-week-{size[0]}x{size[1]}", take_screenshot(app).text)
 
 
-def test_ascii_screen(store: Path) -> None:
+def test_ascii_screen(store):
     text = snapshot(store, (80, 24), ["G"], RenderOptions(ascii=True)).text
     assert text.isascii()
     check("history-week-ascii", text)
 
 
-async def test_an_added_night_appears_in_the_view(tmp_path: Path, tiny_store: Path) -> None:
+async def test_an_added_night_appears_in_the_view(tmp_path, tiny_store):
     week = store_with_nights(tmp_path, tiny_store, 2, 2)
-    app = make_app(week.config.store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with running(week.config.store) as (app, pilot):
         await press(app, pilot, "G")
         before = take_screenshot(app).text
         await asyncio.to_thread(week.night, 3)
@@ -71,9 +69,7 @@ async def test_an_added_night_appears_in_the_view(tmp_path: Path, tiny_store: Pa
     assert "▲ fail" in after.splitlines()[2]
 
 
-def test_a_damaged_history_is_reported_and_other_views_work(
-    tmp_path: Path, tiny_store: Path
-) -> None:
+def test_a_damaged_history_is_reported_and_other_views_work(tmp_path, tiny_store):
     copy_store(tiny_store, tmp_path / "s.s2r")
     path = reader.history_path(tmp_path / "s.s2r")
     path.parent.mkdir()
@@ -87,7 +83,7 @@ def test_a_damaged_history_is_reported_and_other_views_work(
     assert main(["show", str(tmp_path / "s.s2r"), "errors"]) == 0
 
 
-def test_exported_numbers_equal_the_history(store: Path, capsys) -> None:
+def test_exported_numbers_equal_the_history(store, capsys):
     assert main(["show", str(store), "history", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)
     nights_read = reader.read(reader.history_path(store)).of_configuration("lab")
@@ -95,22 +91,17 @@ def test_exported_numbers_equal_the_history(store: Path, capsys) -> None:
         ["PASS"] * 4 + ["FAIL"] * 3
     )
     for night in nights_read:
-        row_of_axis = {row["axis"]: row for row in rows if row["night"] == str(night.night)}
-        assert row_of_axis["headline"]["G"] == night.gap.value
-        assert [row_of_axis[axis.axis]["low"] for axis in night.axes[:3]] == [
-            axis.gap.low for axis in night.axes[:3]
-        ]
-        assert row_of_axis["delay"]["result"] == "absent"
-        assert row_of_axis["delay"]["G"] is None
+        shown = {row["axis"]: row for row in rows if row["night"] == str(night.night)}
+        assert shown["headline"]["G"] == night.gap.value
+        assert all(shown[axis.axis]["low"] == axis.gap.low for axis in night.axes[:3])
+        assert (shown["delay"]["result"], shown["delay"]["G"]) == ("absent", None)
     assert main(["show", str(store), "history", "--words"]) == 0
     summary = capsys.readouterr().out
     assert "Night 2026-11-22: FAIL" in summary
     assert "worst axis task; 4 of 7 nights passed; evidence is 0 days old." in summary
 
 
-def test_a_history_is_exported_and_an_empty_one_is_rejected(
-    store: Path, tiny_store: Path, tmp_path: Path, capsys
-) -> None:
+def test_a_history_is_exported_and_an_empty_one_is_rejected(store, tiny_store, tmp_path, capsys):
     out = tmp_path / "history.png"
     arguments = ["--view", "history", "--out", str(out)]
     assert main(["export", str(store), *arguments]) == 0
@@ -119,7 +110,7 @@ def test_a_history_is_exported_and_an_empty_one_is_rejected(
     assert "no nights yet; s2r nightly CONFIG.toml" in capsys.readouterr().err
 
 
-def test_the_history_option_reads_another_file(store: Path, tiny_store: Path, capsys) -> None:
+def test_the_history_option_reads_another_file(store, tiny_store, capsys):
     arguments = ["show", str(tiny_store), "history", "--words", "--history"]
     assert main([*arguments, str(reader.history_path(store))]) == 0
     assert "Night 2026-11-22" in capsys.readouterr().out
@@ -127,8 +118,7 @@ def test_the_history_option_reads_another_file(store: Path, tiny_store: Path, ca
     assert "--history none.duckdb: no such file" in capsys.readouterr().err
 
 
-def test_a_restricted_session_reads_only_its_own_history(store: Path, tiny_store: Path, capsys,
-                                                        monkeypatch) -> None:  # fmt: skip
+def test_a_restricted_session_reads_only_its_own_history(store, tiny_store, capsys, monkeypatch):
     monkeypatch.setattr("s2rtui.terminal.capabilities.refuse_unusable", lambda **options: None)
     other = str(reader.history_path(store))
     assert main(["tui", str(tiny_store), "--restricted", "--history", other]) == 2
@@ -139,13 +129,11 @@ def test_a_restricted_session_reads_only_its_own_history(store: Path, tiny_store
     ("loaded", "expected"),
     [
         (None, "no nights yet"),
-        (gaps.history(), "no nights yet"),
         (gaps.history(*gaps.week(run="dataaug")), "there are nights of: dataaug"),
         (gaps.history(*gaps.week(dataset="other")), "name another history"),
     ],
 )
-def test_missing_nights_are_explained(tiny_store: Path, loaded: reader.History | None, expected: str
-                                 ) -> None:  # fmt: skip
+def test_missing_nights_are_explained(tiny_store, loaded, expected):
     session = Session(tiny_store)
     scene = Scene(session.store, session.state, Resources(history=loaded))
     text = "\n".join(VIEW.draw(scene, (60, 10), RenderOptions()).lines())
@@ -155,25 +143,12 @@ def test_missing_nights_are_explained(tiny_store: Path, loaded: reader.History |
     session.close()
 
 
-def test_the_words_about_missing_nights_keep_their_letters(tiny_store: Path) -> None:
-    session = Session(tiny_store)
-    words = VIEW.summary(Scene(session.store, session.state, Resources()))
-    session.close()
-    assert words == (
-        "No nights yet; s2r nightly CONFIG.toml measures the gap and keeps it in the store: "
-        "history/gap.duckdb."
-    )
-
-
-def test_the_gate_that_ran_last_is_shown() -> None:
+def test_a_history_is_that_of_the_last_gate_of_a_run_on_any_recording():
     later = gaps.night(8, {"task": 3.0}, name="weekly")
     loaded = gaps.history(*gaps.week(), later)
     assert loaded.of_run("vanilla", "tiny") == (later,)
     repeated = replace(gaps.week()[-1], id=9, outcome="PASS")
     assert gaps.history(*gaps.week(), repeated).of_run("vanilla", "tiny")[-1].id == 9
-
-
-def test_nights_with_a_new_recording_each_day_form_one_history() -> None:
     days = [replace(night, dataset_hash=f"{night.id:064d}") for night in gaps.week()]
     loaded = gaps.history(*days)
     assert loaded.of_run("vanilla", "tiny") == tuple(days)

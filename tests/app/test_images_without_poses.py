@@ -14,7 +14,7 @@ from s2rtui.app.pilot import settle, snapshot, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import VIEWS
 from tests.support import image_folders
-from tests.support.application import make_app, press
+from tests.support.application import make_app, press, running
 
 
 @pytest.fixture(scope="module")
@@ -26,26 +26,25 @@ def lines(images: Path, size: tuple[int, int], *keys: str) -> list[str]:
     return snapshot(images, size, keys, RenderOptions()).text.splitlines()
 
 
-def test_the_first_screen_shows_an_image(images: Path) -> None:
+def test_screens_show_an_image_beside_the_list_and_its_neighbours(images):
     screen = lines(images, (40, 12))
     assert "14 of 14" in screen[0]
     assert any("3 instance  0" in line for line in screen)
     assert sum("▀" in line for line in screen) >= 4
-
-
-def test_the_wide_screen_shows_the_list_beside_the_image(images: Path) -> None:
     screen = lines(images, (120, 40), "down", "8", "down")
     assert "no runs" in screen[0]
     assert screen[1].startswith("8 list  14 of 14, by iid")
     assert "real_day" in screen[4]
     assert "▶" in screen[4]
     assert any("3 instance  1" in line for line in screen)
-    assert any("where real_day 1" in line for line in screen)
+    screen = lines(images, (80, 24), "t", "t", "right", "right")
+    assert "traj real_night" in screen[0]
+    assert "3 of 3" in screen[0]
+    assert any("where real_night 2" in line for line in screen)
 
 
-async def test_views_and_selections_that_need_poses_say_so(images: Path) -> None:
-    app = make_app(images)
-    async with app.run_test(size=(80, 24)) as pilot:
+async def test_views_and_selections_that_need_poses_say_so(images):
+    async with running(images, size=(80, 24)) as (app, pilot):
         for view in (view for view in VIEWS if view.needs_poses and view.from_store):
             await press(app, pilot, view.key)
             screen = take_screenshot(app).text.splitlines()
@@ -56,14 +55,10 @@ async def test_views_and_selections_that_need_poses_say_so(images: Path) -> None
         assert f"nothing is selected: {NO_POSES}" in message
 
 
-def test_two_domains_of_one_moment_stand_side_by_side(tmp_path: Path) -> None:
+def test_two_domains_of_one_moment_stand_side_by_side(tmp_path):
     picture = image_folders.picture(1, image_folders.REAL_SIZE)
-    moments = (
-        ImageInstance(
-            "bag", {"camera": picture, "mkl": 255 - picture}, number / 30, f"image/{number}"
-        )
-        for number in range(3)
-    )
+    images = {"camera": picture, "mkl": 255 - picture}
+    moments = (ImageInstance("bag", images, number / 30, f"image/{number}") for number in range(3))
     domains: dict[str, Side] = {"camera": "real", "mkl": "sim"}
     build_from_images(moments, domains, tmp_path / "bag.s2r", "bag", "s2r ros replay", 64)
     screen = lines(tmp_path / "bag.s2r", (80, 24), "right")
@@ -73,14 +68,7 @@ def test_two_domains_of_one_moment_stand_side_by_side(tmp_path: Path) -> None:
     assert any("camera file image/1" in line for line in screen)
 
 
-def test_the_selection_moves_between_images_of_a_trajectory(images: Path) -> None:
-    screen = lines(images, (80, 24), "t", "t", "right", "right")
-    assert "traj real_night" in screen[0]
-    assert "3 of 3" in screen[0]
-    assert any("where real_night 2" in line for line in screen)
-
-
-async def test_no_key_ends_the_application(images: Path) -> None:
+async def test_no_key_ends_the_application(images):
     """The first key of every action that leads to no other screen."""
     app = make_app(images)
     left_out = {"quit", "snapshot", "report", "doctor", "tour", "help", "copy"}

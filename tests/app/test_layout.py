@@ -32,9 +32,7 @@ def cells(rectangle: Region) -> set[tuple[int, int]]:
     active=st.integers(0, 2),
     rows=st.integers(3, 30),
 )
-def test_views_stay_inside_the_screen_and_do_not_overlap(
-    width: int, height: int, tab: str, centre: str, active: int, rows: int
-) -> None:
+def test_views_stay_inside_the_screen_and_do_not_overlap(width, height, tab, centre, active, rows):
     view = (tab, centre, "overview")[active]
     size = size_class(width, height)
     content_height = height - 3
@@ -49,7 +47,7 @@ def test_views_stay_inside_the_screen_and_do_not_overlap(
         assert not cells(first) & cells(second)
 
 
-def test_terminal_sizes_map_to_size_classes() -> None:
+def test_terminal_sizes_map_to_size_classes():
     expected = {(80, 24): "narrow", (120, 40): "medium", (200, 60): "wide", (30, 8): "tiny"}
     assert {size: size_class(*size) for size in expected} == expected
 
@@ -63,20 +61,14 @@ def request(**fields: object) -> LayoutRequest:
     return LayoutRequest("map", "map", "instance", 15, **fields)  # type: ignore[arg-type]
 
 
-def test_a_flat_map_leaves_its_free_rows_to_another_view() -> None:
+def test_the_map_takes_the_rows_and_columns_that_it_fills():
     regions = arrange("medium", 120, 37, request(rows=map_rows))
     assert regions["map"].height == map_rows("map", regions["map"].width)
     assert regions["errors"].y == regions["map"].bottom + 1
     assert regions["errors"].bottom == 37
-
-
-def test_a_map_that_fills_its_rows_stays_alone() -> None:
     regions = arrange("medium", 120, 37, request(rows=lambda view, width: 37))
     assert set(regions) == {"map", "overview", "instance"}
     assert regions["map"].height == 37
-
-
-def test_a_high_map_leaves_columns_to_the_instance() -> None:
     high = arrange("medium", 120, 37, request(rows=lambda view, width: width))
     low = arrange("medium", 120, 37, request(rows=lambda view, width: width // 3))
     assert high["map"].width == 120 // 3
@@ -85,19 +77,19 @@ def test_a_high_map_leaves_columns_to_the_instance() -> None:
 
 
 @pytest.mark.parametrize(("most", "rows"), [(15, 15), (14, 12), (12, 12), (11, 9), (3, 3)])
-def test_the_overview_shrinks_by_whole_steps(most: int, rows: int) -> None:
+def test_the_overview_shrinks_by_whole_steps(most, rows):
     assert request(overview_step=3).fitting_overview(most) == rows
 
 
 @pytest.mark.parametrize(("width", "height"), [(120, 37), (200, 57)])
-def test_a_filled_screen_shows_one_view(width: int, height: int) -> None:
+def test_a_filled_screen_shows_one_view(width, height):
     size = "wide" if width > 150 else "medium"
     regions = arrange(size, width, height, request(filled="umap", rows=map_rows))
     assert list(regions) == ["umap"]
     assert regions["umap"].size == (width, height)
 
 
-def test_a_view_is_never_placed_twice() -> None:
+def test_a_view_is_never_placed_twice():
     wide = LayoutRequest("list", "list", "instance", 15, rows=map_rows)
     regions = arrange("wide", 200, 57, wide)
     assert regions["list"].bottom < regions["findings"].y

@@ -6,8 +6,7 @@ import gc
 import threading
 import weakref
 from collections.abc import AsyncIterator, Iterator
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,6 @@ from textual.pilot import Pilot
 
 import s2rstore
 from s2rstore.index import column_loader
-from s2rstore.lru_cache import LruCache
 from s2rtools.precompute.run_registration import add_run
 from s2rtui.app import pilot as headless
 from s2rtui.app.app import S2RApp
@@ -29,9 +27,11 @@ from s2rtui.loaders import store_data
 from s2rtui.session import Brush, Session, State, navigation, pending_target, shared_selection
 from s2rtui.session.state import PendingTarget, Step
 from tests.support import tiny
-from tests.support.application import make_app
+from tests.support.application import make_app, running
 
 RUNS = ("vanilla", "b", "c")
+DelayedReads = tuple[S2RApp, Pilot[None], threading.Event]
+"""An application, its pilot, and the event that lets its worker read."""
 
 
 @pytest.fixture(scope="module")
@@ -62,24 +62,19 @@ def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
     released.set()
 
 
-@dataclass
-class DelayedLossColumns:
-    """An application and the event that lets its worker read."""
-
-    app: S2RApp
-    pilot: Pilot[None]
-    release: threading.Event
-
-
 async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
     for key in keys:
         await pilot.press(key)
         await pilot.pause()
 
 
-async def test_keys_are_handled_while_a_run_loads(store: Path, gate: threading.Event) -> None:
-    app = make_app(store)
-    async with app.run_test(size=(80, 24)) as pilot:
+def add_later_run(store: Path) -> None:
+    """Publish a newer generation."""
+    add_run(store, "later", "vanilla", None, None, {"sim": [], "real": []})
+
+
+async def test_keys_are_handled_while_a_run_loads(store, gate):
+    async with running(store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "c", "r")
         assert app.session.state.run == "vanilla"
         assert "run vanilla (loading b)" in take_screenshot(app).text
@@ -90,20 +85,13 @@ async def test_keys_are_handled_while_a_run_loads(store: Path, gate: threading.E
         await settle(app, pilot)
         state = app.session.state
         assert (state.run, state.pending, state.expression) == ("b", None, "worst15")
-        with s2rstore.open(store) as opened:
-            worst = opened.execute(
-                "SELECT iid FROM prediction WHERE run = 'b' AND side = 'real' "
-                "ORDER BY error DESC LIMIT 6"
-            )
-        assert set(np.flatnonzero(state.selected)) == {iid for (iid,) in worst}
+        errors = app.session.store.run_columns("b").real.error
+        assert set(np.flatnonzero(state.selected)) == set(np.argsort(-errors, kind="stable")[:6])
         assert "loading" not in take_screenshot(app).text.splitlines()[0]
 
 
-async def test_a_shared_selection_waits_until_its_run_is_loaded(
-    store: Path, gate: threading.Event
-) -> None:
-    app = make_app(store)
-    async with app.run_test(size=(80, 24)) as pilot:
+async def test_a_shared_selection_waits_until_its_run_is_loaded(store, gate):
+    async with running(store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "c")
         before, dataset_hash = app.session.state, app.session.store.dataset.hash
         comment = f"data set {dataset_hash}, generation {before.generation}, run b, 3 instances"
@@ -122,9 +110,7 @@ async def test_a_shared_selection_waits_until_its_run_is_loaded(
         assert set(np.flatnonzero(state.selected)) == set(np.argsort(-errors, kind="stable")[:3])
 
 
-async def test_columns_of_an_expression_are_read_in_the_background(
-    store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_columns_of_an_expression_are_read_in_the_background(store, monkeypatch):
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     predicted, ui_thread, reads = column_loader._predicted, threading.current_thread(), []
 
@@ -132,16 +118,12 @@ async def test_columns_of_an_expression_are_read_in_the_background(
         reads.append((name, threading.current_thread() is ui_thread))
         return predicted(index, run, side, name)
 
-    app = make_app(store)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(app, pilot)
-        for column in ("real.outlier", "sim.outlier"):
-            side, _, name = column.partition(".")
-            assert app.session.store.has_loaded("vanilla", side, [name])
+    async with running(store, size=(80, 24)) as (app, pilot):
+        assert app.session.store.has_loaded("vanilla", "real", ["outlier"])
         assert app.session.store.has_loaded(None, None, ["curvature"])
         monkeypatch.setattr(column_loader, "_predicted", recorded_read)
         await press(app, pilot, "slash", "ctrl+u")
-        await press(app, pilot, *["real.loss > 0"[i] for i in range(13)], "enter")
+        await press(app, pilot, *"real.loss > 0", "enter")
         await settle(app, pilot)
         assert app.session.state.expression == "real.loss > 0"
         assert app.session.state.selected.all()
@@ -151,73 +133,58 @@ async def test_columns_of_an_expression_are_read_in_the_background(
 @pytest.fixture
 async def delayed_losses(
     store: Path, monkeypatch: pytest.MonkeyPatch
-) -> AsyncIterator[DelayedLossColumns]:
+) -> AsyncIterator[DelayedReads]:
     """An application with an undone expression on the loss column, whose reads are blocked."""
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
-    predicted, ui_thread, released = (
-        column_loader._predicted,
-        threading.current_thread(),
-        threading.Event(),
-    )
+    predicted, ui_thread = column_loader._predicted, threading.current_thread()
+    released = threading.Event()
 
     def blocking_read(index, run, side, name):
         assert threading.current_thread() is not ui_thread, f"{name} is read here"
         assert released.wait(20)
         return predicted(index, run, side, name)
 
-    app = make_app(store)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(app, pilot)
+    async with running(store, size=(80, 24)) as (app, pilot):
         app.session.select("real.loss > 0")
         app.session.select("all")
         app.session.store._columns.drop(lambda key: "loss" in key)
         app.session.store.evaluated.clear()
         monkeypatch.setattr(column_loader, "_predicted", blocking_read)
-        yield DelayedLossColumns(app, pilot, released)
+        yield app, pilot, released
         released.set()
 
 
-async def test_an_undone_expression_waits_for_its_columns(
-    delayed_losses: DelayedLossColumns,
-) -> None:
-    app, pilot = delayed_losses.app, delayed_losses.pilot
+async def test_an_undone_expression_waits_for_its_columns(delayed_losses):
+    app, pilot, release = delayed_losses
     past = app.session.state.past
     await press(app, pilot, "u")
     assert app.session.state.expression == "all"
     assert "run vanilla (selecting)" in take_screenshot(app).text
-    delayed_losses.release.set()
+    release.set()
     await settle(app, pilot)
     state = app.session.state
-    assert (state.expression, state.past, state.future) == (
-        "real.loss > 0",
-        past[:-1],
-        (Step("all", "vanilla"),),
-    )
-    assert state.pending is None
+    assert (state.expression, state.past, state.pending) == ("real.loss > 0", past[:-1], None)
+    assert state.future == (Step("all", "vanilla"),)
     await press(app, pilot, "U")
     assert (app.session.state.expression, app.session.state.past) == ("all", past)
 
 
-async def test_a_pending_selection_consumes_its_operator_and_keeps_a_later_brush(
-    delayed_losses: DelayedLossColumns,
-) -> None:
-    app, pilot = delayed_losses.app, delayed_losses.pilot
+async def test_a_pending_selection_consumes_its_operator_and_keeps_a_later_brush(delayed_losses):
+    app, pilot, release = delayed_losses
     app.session.select("straight")
     with_brush_and_operator(app.session)
     app.session.select("real.loss > 0")
     app.renderer.refresh()
     assert (app.session.state.brush, app.session.state.operator) == (None, "replace")
     brush, _ = with_brush_and_operator(app.session)
-    delayed_losses.release.set()
+    release.set()
     await settle(app, pilot)
     state = app.session.state
     assert (state.expression, state.pending) == ("straight | real.loss > 0", None)
     assert (state.brush, state.operator) == (brush, "union")
 
 
-def test_a_selection_made_during_a_run_change_is_kept(
-    store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_selection_made_during_a_run_change_is_kept(store, monkeypatch):
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     session = Session(store)
     session.set_state(replace(session.state, pending=PendingTarget("b", 1, "gap > 0")))
@@ -228,21 +195,8 @@ def test_a_selection_made_during_a_run_change_is_kept(
     assert (session.complete_pending().run, session.state.expression) == ("b", "straight")
 
 
-async def test_the_newest_requested_run_is_shown(store: Path, gate: threading.Event) -> None:
-    app = make_app(store)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await press(app, pilot, "r", "r")
-        assert "(loading c)" in take_screenshot(app).text
-        gate.set()
-        await settle(app, pilot)
-        assert app.session.state.run == "c"
-
-
-async def test_the_compared_run_is_read_in_the_background(
-    store: Path, gate: threading.Event
-) -> None:
-    app = make_app(store)
-    async with app.run_test(size=(80, 24)) as pilot:
+async def test_the_compared_run_is_read_in_the_background(store, gate):
+    async with running(store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "9")
         assert "loading run b" in take_screenshot(app).text
         gate.set()
@@ -251,13 +205,9 @@ async def test_the_compared_run_is_read_in_the_background(
         assert "b better" in take_screenshot(app).text or "▲" in take_screenshot(app).text
 
 
-async def test_an_unreadable_run_shows_an_error(
-    store: Path, gate: threading.Event, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_an_unreadable_run_shows_an_error(store, gate, monkeypatch):
     gate.set()
-    app = make_app(store)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(app, pilot)
+    async with running(store, size=(80, 24)) as (app, pilot):
 
         def failing_read(*_: object) -> None:
             raise s2rstore.errors.RequestError("the index cannot be read")
@@ -271,26 +221,8 @@ async def test_an_unreadable_run_shows_an_error(
         assert (state.message, state.is_error) == ("the index cannot be read", True)
 
 
-async def test_a_failed_run_change_shows_an_error(
-    store: Path, gate: threading.Event, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    app = make_app(store)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await press(app, pilot, "c", "r")
-
-        def failing_settle(*_: object) -> None:
-            raise s2rstore.errors.RequestError("a page of the index is damaged")
-
-        monkeypatch.setattr(navigation, "_settle", failing_settle)
-        gate.set()
-        await settle(app, pilot)
-        state = app.session.state
-        assert (state.run, state.pending) == ("vanilla", None)
-        assert (state.message, state.is_error) == ("a page of the index is damaged", True)
-
-
 @pytest.mark.parametrize("is_error", [False, True])
-def test_a_newer_message_is_kept_when_a_run_arrives(store: Path, is_error: bool) -> None:
+def test_a_newer_message_is_kept_when_a_run_arrives(store, is_error):
     session = Session(store)
     with_brush_and_operator(session, pending=PendingTarget("b", session.state.generation))
     session.show_message("wrote rows.csv", is_error)
@@ -300,43 +232,20 @@ def test_a_newer_message_is_kept_when_a_run_arrives(store: Path, is_error: bool)
     session.close()
 
 
-def test_a_message_about_the_selection_is_cleared_when_a_run_arrives(store: Path) -> None:
+def test_a_message_about_the_selection_is_cleared_when_a_run_arrives(store):
     session = Session(store)
     session.select("none")
-    with_brush_and_operator(
-        session, pending=PendingTarget("b", session.state.generation, text="all")
-    )
+    pending = PendingTarget("b", session.state.generation, text="all")
+    with_brush_and_operator(session, pending=pending)
     assert session.state.message == "nothing is selected"
     assert session.complete_pending().message == ""
     session.close()
 
 
-async def test_a_newer_generation_is_read_in_the_background(
-    store_copy: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_saved_run_is_announced_after_its_generation_is_loaded(store_copy, monkeypatch):
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
-    app = make_app(store_copy)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(app, pilot)
-        before = app.session.store
-        add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
-        await press(app, pilot, "w", "g")
-        await settle(app, pilot)
-        state = app.session.state
-        assert app.session.store is not before
-        assert state.generation == app.session.store.generation == before.generation + 1
-        assert (state.run, state.pending, state.expression) == ("vanilla", None, "worst15")
-        assert state.message == f"generation {state.generation}"
-
-
-async def test_a_saved_run_is_announced_after_its_generation_is_loaded(
-    store_copy: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
-    app = make_app(store_copy)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(app, pilot)
-        add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
+    async with running(store_copy, size=(80, 24)) as (app, pilot):
+        add_later_run(store_copy)
         progress = JobProgress(1.0, "published", "done")
         app.post_message(RunSaveProgressed("dataaug", progress))
         await settle(app, pilot)
@@ -344,10 +253,8 @@ async def test_a_saved_run_is_announced_after_its_generation_is_loaded(
         assert app.session.state.message == "run dataaug is saved: r shows it"
 
 
-async def test_the_announced_key_selects_the_saved_run(four_runs: Path) -> None:
-    app = make_app(four_runs)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(app, pilot)
+async def test_the_announced_key_selects_the_saved_run(four_runs):
+    async with running(four_runs, size=(80, 24)) as (app, pilot):
         runs = app.session.state.runs
         for present, saved in ((0, 0), (0, 1), (0, 2), (0, 3), (3, 0), (3, 1), (2, 1)):
             app.session.set_run(runs[present])
@@ -364,25 +271,13 @@ async def test_the_announced_key_selects_the_saved_run(four_runs: Path) -> None:
                 assert app.session.state.run == runs[saved]
 
 
-def test_a_newer_generation_keeps_brush_and_operator(store_copy: Path) -> None:
-    session = Session(store_copy)
-    brush, _ = with_brush_and_operator(session)
-    add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
-    state = session.open_newest_generation()
-    assert state.generation == session.store.generation > 1
-    assert (state.brush, state.operator) == (brush, "union")
-    session.close()
-
-
-def test_a_newer_generation_keeps_a_pending_selection(
-    store_copy: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_newer_generation_keeps_a_pending_selection(store_copy, monkeypatch):
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     session = Session(store_copy)
     session.defers_loading = True
     session.select("real.loss > 0")
     brush, _ = with_brush_and_operator(session)
-    add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
+    add_later_run(store_copy)
     session.open_newest_generation()
     assert session.state.message.endswith(f"of generation {session.store.latest_generation()}")
     state = session.complete_pending(s2rstore.open(store_copy))
@@ -391,12 +286,12 @@ def test_a_newer_generation_keeps_a_pending_selection(
     session.close()
 
 
-async def test_an_old_store_is_closed_after_its_last_reader(store_copy: Path) -> None:
+async def test_an_old_store_is_closed_after_its_last_reader(store_copy):
     app, entered, release = make_app(store_copy), threading.Event(), threading.Event()
     async with app.run_test(size=(80, 24)) as pilot:
         await settle(app, pilot)
         before = app.session.store
-        add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
+        add_later_run(store_copy)
         app.load_scheduler._workers["lines"].put(lambda: (entered.set(), release.wait(20)))
         assert entered.wait(10)
         await press(app, pilot, "g")
@@ -413,16 +308,14 @@ async def test_an_old_store_is_closed_after_its_last_reader(store_copy: Path) ->
         assert not before._columns.nbytes
 
 
-async def test_no_reference_to_an_old_store_remains(store_copy: Path) -> None:
+async def test_no_reference_to_an_old_store_remains(store_copy):
     """Neither workers nor their timers nor hidden views refer to it."""
-    app = make_app(store_copy)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(app, pilot)
+    async with running(store_copy, size=(80, 24)) as (app, pilot):
         for key in "123456":
             await press(app, pilot, key)
             await settle(app, pilot)
         before = weakref.ref(app.session.store)
-        add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
+        add_later_run(store_copy)
         await press(app, pilot, "g")
         await settle(app, pilot)
         while not app.load_scheduler.idle:
@@ -430,8 +323,7 @@ async def test_no_reference_to_an_old_store_remains(store_copy: Path) -> None:
         app.store_updates.check_store()
         await pilot.pause()
         gc.collect()
-        remaining = before()
-        assert remaining is None
+        assert before() is None
 
 
 def with_brush_and_operator(session: Session, **fields: object) -> tuple[Brush, State]:
@@ -441,10 +333,10 @@ def with_brush_and_operator(session: Session, **fields: object) -> tuple[Brush, 
     return brush, session.set_state(state)
 
 
-def test_a_pending_run_may_be_missing_from_the_newer_generation(store_copy: Path) -> None:
+def test_a_pending_run_may_be_missing_from_the_newer_generation(store_copy):
     session = Session(store_copy, "vanilla")
     with_brush_and_operator(session, pending=PendingTarget("vanilla", session.state.generation + 1))
-    add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
+    add_later_run(store_copy)
     newer = s2rstore.open(store_copy)
     del newer.runs["vanilla"]
     state = session.complete_pending(newer)
@@ -453,11 +345,9 @@ def test_a_pending_run_may_be_missing_from_the_newer_generation(store_copy: Path
     session.close()
 
 
-def test_a_failed_change_of_generation_changes_nothing(
-    store_copy: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failed_change_of_generation_changes_nothing(store_copy, monkeypatch):
     session = Session(store_copy)
-    add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
+    add_later_run(store_copy)
     store, state, newer = session.store, session.state, s2rstore.open(store_copy)
     monkeypatch.setattr(type(newer), "array_kinds", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
@@ -469,42 +359,14 @@ def test_a_failed_change_of_generation_changes_nothing(
     session.close()
 
 
-def test_a_session_without_application_reads_synchronously(
-    store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_session_without_application_reads_synchronously(store, monkeypatch):
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     session = Session(store)
     assert session.dispatch(navigation.change_run, 1).run == "b"
     session.close()
 
 
-def test_concurrent_requests_compute_a_value_once() -> None:
-    cache, computations, entered = LruCache(1000), [], threading.Event()
-    release = threading.Event()
-
-    def compute() -> np.ndarray:
-        computations.append(1)
-        entered.set()
-        assert release.wait(10)
-        return np.zeros(4)
-
-    with ThreadPoolExecutor(2) as pool:
-        first = pool.submit(cache.get, "key", compute)
-        assert entered.wait(10)
-        second = pool.submit(cache.get, "key", compute)
-        release.set()
-        assert first.result(10) is second.result(10)
-    assert computations == [1]
-
-
-def test_a_failed_computation_is_repeated_by_the_next_request() -> None:
-    cache = LruCache(1000)
-    with pytest.raises(ZeroDivisionError):
-        cache.get("key", lambda: 1 / 0)
-    assert cache.get("key", lambda: np.ones(3)).sum() == 3
-
-
-def test_columns_of_a_run_in_use_are_not_dropped(store: Path) -> None:
+def test_columns_of_a_run_in_use_are_not_dropped(store):
     with s2rstore.open(store) as opened:
         opened.in_use = frozenset({"vanilla"})
         columns = {run: opened.run_columns(run).real.error for run in ("vanilla", "b")}
@@ -514,9 +376,9 @@ def test_columns_of_a_run_in_use_are_not_dropped(store: Path) -> None:
         assert opened.run_columns("b").real.error is not columns["b"]
 
 
-def test_a_store_can_be_opened_at_an_earlier_generation(store_copy: Path) -> None:
+def test_a_store_can_be_opened_at_an_earlier_generation(store_copy):
     with s2rstore.open(store_copy) as before:
-        add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
+        add_later_run(store_copy)
         with s2rstore.open(store_copy, generation=before.generation) as again:
             assert again.generation == before.generation
             assert "later" not in again.runs
@@ -526,7 +388,7 @@ def test_a_store_can_be_opened_at_an_earlier_generation(store_copy: Path) -> Non
         s2rstore.open(store_copy, generation=999)
 
 
-def test_the_floor_plan_key_reads_no_file(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_floor_plan_key_reads_no_file(store, monkeypatch):
     """The key of the floor plan is computed after every key press."""
     session = Session(store)
     monkeypatch.setattr(type(session.store), "floor_plan_path", lambda _: 1 / 0)
@@ -535,16 +397,12 @@ def test_the_floor_plan_key_reads_no_file(store: Path, monkeypatch: pytest.Monke
     session.close()
 
 
-def test_the_screen_of_a_state_uses_its_history(
-    store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_screen_of_a_state_uses_its_history(store, tmp_path, monkeypatch):
     nights = tmp_path / "nights.duckdb"
     nights.touch()
     session = Session(store, gap_history=nights)
     opened: list[Session] = []
-    monkeypatch.setattr(
-        headless, "S2RApp", lambda opened_session, options: opened.append(opened_session) or 1 / 0
-    )
+    monkeypatch.setattr(headless, "S2RApp", lambda shown, _: opened.append(shown) or 1 / 0)
     with pytest.raises(ZeroDivisionError):
         headless.screen_of(store, session.state, (800, 480), RenderOptions())
     assert opened[0].state is session.state

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,14 +11,14 @@ from textual.pilot import Pilot
 
 from s2rtui.app import load_scheduler
 from s2rtui.app.app import S2RApp
-from s2rtui.app.messages import LoadProgressed
+from s2rtui.app.messages import LoadCompleted, LoadProgressed
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.loaders import LOADERS, store_data
 from s2rtui.session.loaded_data_origin import instance_provenance
 from s2rtui.session.state import Adjust, Slider
-from tests.support.application import make_app, press
+from tests.support.application import make_app, press, running
 
 LONG_DELAY_SECONDS = 60.0
 SLIDER = Slider("real", "brightness", 0.5, 1.5, 1.0, 0.05, "")
@@ -41,18 +40,16 @@ def loading(app: S2RApp, view: str) -> str:
     return BY_NAME[view].loading(app.renderer.scene)
 
 
-async def test_images_keep_label_and_place_until_new_ones_arrive(tiny_store: Path) -> None:
+async def test_images_keep_label_and_place_until_new_ones_arrive(tiny_store):
     def first_image_row() -> int:
         rows = take_screenshot(app).text.splitlines()
         return next(n for n, row in enumerate(rows) if "◆ sim" in row and "◇ real" in row)
 
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with running(tiny_store) as (app, pilot):
         for key, other in (
-            ("right", lambda s: f"{s.cursor}"),
-            ("h", lambda s: s.heat.label),
+            ("right", lambda s: f"{s.cursor}"), ("h", lambda s: s.heat.label),
             ("r", lambda s: f"run {s.run}"),
-        ):
+        ):  # fmt: skip
             app.load_scheduler.debounce_seconds = 0.001
             await press(app, pilot, "c")
             before, state, row = subtitle(app, "instance"), app.session.state, first_image_row()
@@ -70,11 +67,8 @@ async def test_images_keep_label_and_place_until_new_ones_arrive(tiny_store: Pat
             assert loading(app, "instance") == ""
 
 
-async def test_unreadable_images_are_not_shown_as_loading(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+async def test_unreadable_images_are_not_shown_as_loading(tiny_store, monkeypatch):
+    async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "c")
         assert subtitle(app, "overview") == "accuracy; a line per instance, real"
         lines = app.resources.lines
@@ -92,9 +86,8 @@ async def test_unreadable_images_are_not_shown_as_loading(
         assert "division" not in subtitle(app, "instance")
 
 
-async def test_a_live_prediction_is_shown_only_for_its_run_and_instance(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+async def test_a_live_prediction_is_shown_only_for_its_run_and_instance(tiny_store):
+    async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "c")
         session, state = app.session, app.session.state
         adjust = Adjust(state.run, ((SLIDER.key, 1.0),), 0, (SLIDER,))
@@ -104,11 +97,10 @@ async def test_a_live_prediction_is_shown_only_for_its_run_and_instance(tiny_sto
             app.resources, live=shown, live_source=instance_provenance(state), live_floor_heat=grid
         )
         panel_state = replace(state, adjust=adjust, view="adjust", tab="adjust", overlay="instance")
+        plain = replace(app.renderer.scene, resources=resources)
 
         def scene(**changes: object):
-            return replace(
-                app.renderer.scene, resources=resources, state=replace(panel_state, **changes)
-            )
+            return replace(plain, state=replace(panel_state, **changes))
 
         assert BY_NAME["adjust"].subtitle(scene()).endswith(f"instance {state.cursor}")
         assert BY_NAME["map"].input(scene()).live
@@ -123,33 +115,23 @@ async def test_a_live_prediction_is_shown_only_for_its_run_and_instance(tiny_sto
         assert BY_NAME["map"].input(moved).heat is None
 
 
-async def test_every_loader_reports_its_own_progress(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+async def test_every_loader_reports_its_own_progress(tiny_store):
+    async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "c", "o", "C")
+        tickets = app.load_scheduler._ticket
         for loader, share in (("heat on the map", 0.25), ("seen floor", 0.5)):
-            app.on_load_progressed(
-                LoadProgressed(loader, app.load_scheduler._ticket[loader], share)
-            )
+            app.on_load_progressed(LoadProgressed(loader, tickets[loader], share))
         app.on_load_progressed(LoadProgressed("live", -1, 0.9))
         await pilot.pause()
         text = take_screenshot(app).text
         assert "heat on the map 25%, seen floor 50%" in text
-        app.on_load_completed(_completed(app, "seen floor"))
+        app.on_load_completed(LoadCompleted("seen floor", tickets["seen floor"], {}))
         assert app.resources.progress == {"heat on the map": 0.25}
         await press(app, pilot, "A")
         assert app.resources.progress == {}
 
 
-def _completed(app: S2RApp, loader: str):
-    from s2rtui.app.messages import LoadCompleted
-
-    return LoadCompleted(loader, app.load_scheduler._ticket[loader], {})
-
-
-async def test_a_slow_loader_does_not_block_the_others(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_slow_loader_does_not_block_the_others(tiny_store, monkeypatch):
     release = threading.Event()
     started: list[int] = []
 
@@ -181,11 +163,8 @@ async def test_a_slow_loader_does_not_block_the_others(
     ("keys", "key", "label"),
     [("co", "n", ", of {}"), ("co", "h", None), ("coo", "w", "of an earlier selection")],
 )
-async def test_heat_of_an_earlier_state_is_labelled_or_hidden(
-    tiny_store: Path, keys: str, key: str, label: str | None
-) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
+async def test_heat_of_an_earlier_state_is_labelled_or_hidden(tiny_store, keys, key, label):
+    async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, *keys)
         cursor = app.session.state.cursor
         await press_without_loading(app, pilot, key)
@@ -195,11 +174,8 @@ async def test_heat_of_an_earlier_state_is_labelled_or_hidden(
 
 
 @pytest.mark.parametrize("key", ["w", "d", "r"])
-async def test_the_seen_floor_of_an_earlier_selection_is_not_used(
-    tiny_store: Path, key: str
-) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
+async def test_the_seen_floor_of_an_earlier_selection_is_not_used(tiny_store, key):
+    async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "c", "C")
         assert BY_NAME["map"].input(app.renderer.scene).clip is not None
         await press_without_loading(app, pilot, key)

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import time
-from pathlib import Path
 
 import pytest
 from textual import events
 
-from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
 from s2rtui.app.widgets.plot import Drag, PlotView, Stroke, Wheel
-from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import BY_NAME
-from s2rtui.session import Session, view_settings
+from s2rtui.session import view_settings
+from tests.support.application import running
 
 MOVES = 300
 
 
-async def test_mouse_moves_are_coalesced(tiny_store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_mouse_moves_are_coalesced(tiny_store, monkeypatch):
     strokes: list[Stroke] = []
     taken = Drag.taken
 
@@ -28,9 +26,7 @@ async def test_mouse_moves_are_coalesced(tiny_store: Path, monkeypatch: pytest.M
         return strokes[-1]
 
     monkeypatch.setattr(Drag, "taken", slow_taken)
-    app = S2RApp(Session(tiny_store), RenderOptions())
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
+    async with running(tiny_store) as (app, pilot):
         plot = app.query_one("#map", PlotView)
         await pilot.mouse_down("#map", offset=(20, 10))
         cells = [(20 + n % 2, 10 + n % 7) for n in range(MOVES)]
@@ -48,10 +44,8 @@ async def test_mouse_moves_are_coalesced(tiny_store: Path, monkeypatch: pytest.M
     assert app.session.state.expression.startswith("box(")
 
 
-async def test_a_mark_applied_by_a_key_is_not_applied_again(tiny_store: Path) -> None:
-    app = S2RApp(Session(tiny_store), RenderOptions())
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
+async def test_a_mark_applied_by_a_key_is_not_applied_again(tiny_store):
+    async with running(tiny_store) as (app, pilot):
         await pilot.press("w")
         await pilot.mouse_down("#map", offset=(4, 4))
         await pilot.hover("#map", offset=(40, 30))
@@ -66,10 +60,8 @@ async def test_a_mark_applied_by_a_key_is_not_applied_again(tiny_store: Path) ->
         assert app.session.state.brush is None
 
 
-async def test_a_drag_moves_one_slider_while_the_sliders_scroll(tiny_store: Path) -> None:
-    app = S2RApp(Session(tiny_store), RenderOptions())
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(app, pilot)
+async def test_a_drag_moves_one_slider_while_the_sliders_scroll(tiny_store):
+    async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await pilot.press("a")
         await settle(app, pilot)
         count = len(app.session.state.adjust.sliders)
@@ -91,10 +83,8 @@ async def test_a_drag_moves_one_slider_while_the_sliders_scroll(tiny_store: Path
         assert moved == [app.session.state.adjust.sliders[int(panel.name)].key]
 
 
-async def test_sliders_and_findings_cannot_be_brushed(tiny_store: Path) -> None:
-    app = S2RApp(Session(tiny_store), RenderOptions())
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
+async def test_sliders_and_findings_cannot_be_brushed(tiny_store):
+    async with running(tiny_store) as (app, pilot):
         await pilot.press("a")
         await settle(app, pilot)
         await pilot.press("x")
@@ -111,9 +101,7 @@ async def test_sliders_and_findings_cannot_be_brushed(tiny_store: Path) -> None:
         assert app.session.state.brush is None
 
 
-async def test_wheel_events_are_coalesced(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_wheel_events_are_coalesced(tiny_store, monkeypatch):
     turns: list[int] = []
     take_steps = Wheel.take_steps
 
@@ -123,9 +111,7 @@ async def test_wheel_events_are_coalesced(
         return turns[-1]
 
     monkeypatch.setattr(Wheel, "take_steps", slow_steps)
-    app = S2RApp(Session(tiny_store), RenderOptions())
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
+    async with running(tiny_store) as (app, pilot):
         plot = app.query_one("#map", PlotView)
         for _ in range(MOVES):
             turn = events.MouseScrollUp(plot, 20, 10, 0, -1, 0, False, False, False, 20, 10)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from textual import events
 
 from s2rtui.app.widgets.query_input import QueryInput
-from tests.support.application import make_app, press
+from tests.support.application import press, running
 
 
-async def test_completion_at_the_cursor(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
+async def test_completion_at_the_cursor(tiny_store):
+    async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "slash")
         line = app.query_one(QueryInput)
         for typed, completed in (
@@ -51,9 +48,8 @@ async def test_completion_at_the_cursor(tiny_store: Path) -> None:
             assert line.value == expected
 
 
-async def test_a_saved_name_is_quoted_and_a_hint_ends_with_its_input(tiny_store: Path) -> None:
-    app = make_app(tiny_store)
-    async with app.run_test(size=(80, 24)) as pilot:
+async def test_a_saved_name_is_quoted_and_a_hint_ends_with_its_input(tiny_store):
+    async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "at", *"two", "space", *"words", "enter")
         message = app.session.state.message
         assert message == 'saved as @"two words"'

@@ -28,6 +28,7 @@ from s2rtui.charts.map.view import VIEW as MAP
 from s2rtui.cli import main
 from s2rtui.loaders import LOADERS
 from s2rtui.session import Session
+from tests.support.application import running
 from tests.support.copies import copy_store
 
 MAX_QUIT_SECONDS = 5.0
@@ -54,13 +55,9 @@ def open_screen(tmp_path: Path) -> Iterator[OpenScreen]:
         screen.close()
 
 
-def open_application(open_screen: OpenScreen, store: Path) -> Screen:
-    screen = open_screen("tui", str(store), "--with-trained")
-    return skip_tour(screen)
-
-
-def skip_tour(screen: Screen) -> Screen:
-    """Close the tour of the first start."""
+def open_application(open_screen: OpenScreen, store: Path, *options: str) -> Screen:
+    """Open the application and close the tour of the first start."""
+    screen = open_screen("tui", *options, str(store))
     screen.wait_for("any key begins")
     screen.press("\x1b")
     screen.wait_for("2 map")
@@ -83,11 +80,9 @@ def output_after_exit(screen: Screen) -> str:
     return re.sub(r"\x1b\[[?<>=0-9;]*[a-zA-Z]", "", text).strip()
 
 
-def test_quit_while_a_run_is_saved(
-    few_pairs_store: Path, tmp_path: Path, open_screen: OpenScreen
-) -> None:
+def test_quit_while_a_run_is_saved(few_pairs_store, tmp_path, open_screen):
     path = copy_store(few_pairs_store, tmp_path / "own.s2r")
-    screen = open_application(open_screen, path)
+    screen = open_application(open_screen, path, "--with-trained")
     screen.press("a")
     screen.wait_for("brightness")
     screen.press(RIGHT)
@@ -107,17 +102,15 @@ def test_quit_while_a_run_is_saved(
     assert main(["precompute", str(path), "--run", "brighter", "--kinds", "activation"]) == 0
 
 
-def test_quit_while_a_model_loads(few_pairs_store: Path, open_screen: OpenScreen) -> None:
-    screen = open_application(open_screen, few_pairs_store)
+def test_quit_while_a_model_loads(few_pairs_store, open_screen):
+    screen = open_application(open_screen, few_pairs_store, "--with-trained")
     screen.press("a")
     screen.wait_for("loading the model")
     assert quit_application(screen) == ""
 
 
 @pytest.mark.parametrize("loader", ["pictures", "live"])
-async def test_quit_while_a_loader_reads(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch, loader: str
-) -> None:
+async def test_quit_while_a_loader_reads(tiny_store, monkeypatch, loader):
     reading, release = threading.Event(), threading.Event()
 
     def blocking_read(*_: object) -> dict[str, object]:
@@ -127,10 +120,8 @@ async def test_quit_while_a_loader_reads(
 
     changed = tuple(
         replace(candidate, read=blocking_read, request_key=lambda *_: (1,), is_debounced=False)
-        if candidate.name == loader
-        else candidate
-        for candidate in LOADERS
-    )
+        if candidate.name == loader else candidate for candidate in LOADERS
+    )  # fmt: skip
     monkeypatch.setattr(load_scheduler, "LOADERS", changed)
     app = S2RApp(Session(tiny_store), RenderOptions())
     start = 0.0
@@ -146,8 +137,8 @@ async def test_quit_while_a_loader_reads(
 
 
 def test_an_unexpected_error_while_starting_is_printed_in_one_line(
-    tiny_store: Path, tmp_path: Path, open_screen: OpenScreen
-) -> None:
+    tiny_store, tmp_path, open_screen
+):
     folder = tmp_path / "broken"
     folder.mkdir()
     (folder / "sitecustomize.py").write_text(
@@ -173,13 +164,11 @@ def fail(*arguments: object) -> None:
 
 @pytest.mark.parametrize("keys", [("V",), ("x", "right", "enter"), "drag"])
 async def test_an_unexpected_error_is_shown_and_the_application_runs_on(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch, keys: tuple[str, ...] | str
-) -> None:
+    tiny_store, monkeypatch, keys
+):
     monkeypatch.setattr(NavigationController, "fill_screen", fail)
     monkeypatch.setattr(type(MAP), "to_expression", fail)
-    app = S2RApp(Session(tiny_store), RenderOptions())
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
+    async with running(tiny_store) as (app, pilot):
         if keys == "drag":
             await pilot.mouse_down("#map", offset=(20, 10))
             await pilot.mouse_up("#map", offset=(40, 20))
@@ -195,12 +184,8 @@ async def test_an_unexpected_error_is_shown_and_the_application_runs_on(
         assert app.session.state.expression == "worst15"
 
 
-async def test_a_state_that_cannot_be_drawn_is_left(
-    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    app = S2RApp(Session(tiny_store), RenderOptions())
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
+async def test_a_state_that_cannot_be_drawn_is_left(tiny_store, monkeypatch):
+    async with running(tiny_store) as (app, pilot):
         before = app.session.state
         draw = type(MAP).draw
 
@@ -215,28 +200,17 @@ async def test_a_state_that_cannot_be_drawn_is_left(
         assert "internal error" in app.session.state.message
 
 
-def test_an_adjusted_run_shows_its_unadjusted_images(store_copy: Path, tmp_path: Path) -> None:
+def test_an_adjusted_run_shows_its_unadjusted_images(store_copy, open_screen):
     with edit(store_copy) as draft:
         adjusted = {"real_adjustments": json.dumps(parse_adjustment("real:brightness=1.5")["real"])}
         draft.update("run", {"run": "dataaug"}, adjusted)
-    environment = {
-        "XDG_DATA_HOME": str(tmp_path / "share"),
-        "PYTHONPATH": ":".join(path for path in sys.path if path),
-    }
-    command = [sys.executable, "-m", "s2rtui", "tui", "--restricted", "--run", "dataaug"]
-    screen = Screen([*command, str(store_copy)], (120, 40), environment)
-    try:
-        screen.wait_for("any key begins")
-        screen.press("\x1b")
-        screen.wait_for("run dataaug")
-        screen.wait_for("before")
-        screen.press("a")
-        screen.wait_for("not in a restricted session")
-        screen.press("r")
-        screen.wait_for("run vanilla")
-        screen.wait_for(lambda text: "before" not in text)
-        screen.press("q")
-        assert screen.wait_for_end() == 0
-        assert b"Traceback" not in screen.raw
-    finally:
-        screen.close()
+    screen = open_application(open_screen, store_copy, "--restricted", "--run", "dataaug")
+    screen.wait_for("before")
+    screen.press("a")
+    screen.wait_for("not in a restricted session")
+    screen.press("r")
+    screen.wait_for("run vanilla")
+    screen.wait_for(lambda text: "before" not in text)
+    screen.press("q")
+    assert screen.wait_for_end() == 0
+    assert b"Traceback" not in screen.raw

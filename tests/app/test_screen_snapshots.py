@@ -30,25 +30,18 @@ from tests.support.application import press
 SCREENS = Path(__file__).parent / "screens"
 KEYS = {view.name: (view.key,) for view in VIEWS if view.name != "adjust"}
 KEYS |= {
-    "map-full": ("m", "m"),
-    "map-glyph": ("m",),
-    "map-heat": ("o", "o", "C"),
-    "map-brush": ("x", "Z"),
-    "umap-brush": ("4", "x"),
-    "orientation-brush": ("5", "x"),
-    "rooms-brush": ("6", "x", "shift+down"),
-    "errors-brush": ("7", "x"),
-    "scatter-brush": ("X", "x"),
-    "help": ("question_mark",),
-    "tour": ("T",),
-    "jump": ("space",),
-    "selections": ("b", "f"),
-    "query": ("slash",),
-}
+    "map-full": ("m", "m"), "map-glyph": ("m",), "map-heat": ("o", "o", "C"),
+    "map-brush": ("x", "Z"), "umap-brush": ("4", "x"), "orientation-brush": ("5", "x"),
+    "rooms-brush": ("6", "x", "shift+down"), "errors-brush": ("7", "x"),
+    "scatter-brush": ("X", "x"), "help": ("question_mark",), "tour": ("T",), "jump": ("space",),
+    "selections": ("b", "f"), "query": ("slash",), "adjust": ("a", "right", "right", "down"),
+    "doctor": ("D",),
+}  # fmt: skip
+"""Keys that open a view or screen from the selection `worst15`."""
 
 
 @pytest.mark.parametrize("keys", ["c", "c,M", "c,M,9"])
-def test_screen_of_a_run_with_trained_instances(tmp_path: Path, keys: str) -> None:
+def test_screen_of_a_run_with_trained_instances(tmp_path, keys):
     store = tiny.build(tmp_path / "half.s2r", trained=("vanilla",))
     screenshot = snapshot(store, (120, 40), keys.split(","), RenderOptions())
     check(f"trained-{keys.replace(',', '')}-120x40", screenshot.text)
@@ -75,10 +68,6 @@ class StoredPredictor:
         yield SimpleNamespace(iid=iid, side=sides.__getitem__)
 
 
-KEYS |= {"adjust": ("a", "right", "right", "down"), "doctor": ("D",)}
-"""Keys that open a view or screen from the selection `worst15`."""
-
-
 @pytest.fixture
 def fixed_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     """A stored prediction, a plain terminal and all packages installed."""
@@ -92,7 +81,7 @@ def fixed_environment(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("fixed_environment")
 @pytest.mark.parametrize("shown", ["80x24", "120x40", "200x60", "ascii"])
-async def test_screens(tiny_store: Path, shown: str) -> None:
+async def test_screens(tiny_store, shown):
     """One application opens every view from the same state."""
     columns, rows = (80, 24) if shown == "ascii" else map(int, shown.split("x"))
     session = Session(tiny_store, notebooks=ReadNotebook)

@@ -22,7 +22,7 @@ from s2rtui.export.report.build_report import render_report
 from s2rtui.export.report.report_request import ReportRequest
 from s2rtui.session import Session
 from tests.support import tiny
-from tests.support.application import make_app, press
+from tests.support.application import make_app, press, running
 from tests.support.copies import copy_store
 
 
@@ -32,7 +32,7 @@ def store(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = copy_store(tiny_store, tmp_path_factory.mktemp("browse") / "s.s2r")
     with edit(path) as draft:
         for table in ("prediction", "projection", "zarr_array", "run"):
-            draft._connection.execute(f"DELETE FROM {table}")
+            draft.delete(table)
     return path
 
 
@@ -40,7 +40,7 @@ def lines(store: Path, size: tuple[int, int], *keys: str) -> list[str]:
     return snapshot(store, size, keys, RenderOptions()).text.splitlines()
 
 
-def test_the_first_screen_shows_images_and_the_command(store: Path) -> None:
+def test_screens_show_images_true_positions_and_the_command(store):
     screen = lines(store, (80, 24))
     assert "no runs" in screen[0]
     assert "40 of 40" in screen[0]
@@ -48,23 +48,16 @@ def test_the_first_screen_shows_images_and_the_command(store: Path) -> None:
     assert sum("▀" in line for line in screen) >= 4
     message = " ".join(" ".join(screen[-5:-1]).split())
     assert "no run; register one of a model (`s2r run add NAME --model" in message
-
-
-def test_the_map_shows_true_positions(store: Path) -> None:
     screen = lines(store, (80, 24), "2", "right")
     assert "true positions" in screen[1]
     assert sum(line.count("●") + line.count("?") for line in screen[2:-3]) >= 3
-
-
-def test_the_list_sorts_by_columns_of_the_truth(store: Path) -> None:
     screen = lines(store, (120, 40), "8", "end")
     assert "40 of 40, by iid" in screen[1]
     assert any("▶" in line and " 39 " in line for line in screen)
 
 
-async def test_views_of_predictions_name_the_command(store: Path) -> None:
-    app = make_app(store)
-    async with app.run_test(size=(80, 24)) as pilot:
+async def test_views_of_predictions_name_the_command(store):
+    async with running(store, size=(80, 24)) as (app, pilot):
         for view in (view for view in VIEWS if view.needs_run and view.from_store):
             await press(app, pilot, view.key)
             screen = " ".join(take_screenshot(app).text.splitlines()[2:-2])
@@ -76,7 +69,7 @@ async def test_views_of_predictions_name_the_command(store: Path) -> None:
                 pass
 
 
-async def test_no_key_fails(store: Path) -> None:
+async def test_no_key_fails(store):
     app = make_app(store)
     left_out = {"quit", "snapshot", "write_selection", "report", "tour", "help", "doctor", "jump"}
     async with app.run_test(size=(80, 24)) as pilot:
@@ -90,7 +83,7 @@ async def test_no_key_fails(store: Path) -> None:
     assert app.fault is None
 
 
-def test_numbers_and_figures_of_the_truth(store: Path) -> None:
+def test_numbers_and_figures_of_the_truth(store):
     for name in ("map", "instance", "list"):
         view = BY_NAME[name]
         with open_scene(store, SceneOptions(), view) as scene:
@@ -101,31 +94,22 @@ def test_numbers_and_figures_of_the_truth(store: Path) -> None:
             assert view.figure(scene, (400, 300), RenderOptions().theme)[1:4] == b"PNG"
 
 
-def test_a_report_names_the_command(store: Path) -> None:
+def test_a_report_names_the_command(store):
     with pytest.raises(RequestError, match="s2r run add"):
         render_report(store, ReportRequest(()))
 
 
-def test_a_run_that_is_not_computed_is_named(tiny_store: Path, tmp_path: Path) -> None:
-    path = copy_store(tiny_store, tmp_path / "own.s2r")
-    with edit(path) as draft:
-        draft._connection.execute("UPDATE run SET key = NULL")
-    message = Session(path).state.message
-    assert "no run is computed (vanilla, dataaug); `s2r precompute" in message
-
-
-def test_a_run_that_appears_is_opened_on_request(store: Path, tiny_store: Path, tmp_path: Path):
-    path = copy_store(tiny_store, tmp_path / "own.s2r")
-    with edit(path) as draft:
+def test_a_run_that_is_not_computed_is_named_and_opened_when_it_is(store_copy):
+    with edit(store_copy) as draft:
         keys = draft._connection.execute("SELECT key, run FROM run").fetchall()
-        draft._connection.execute("UPDATE run SET key = NULL")
-    session = Session(path)
+        draft.rows("UPDATE run SET key = NULL")
+    session = Session(store_copy)
+    assert "no run is computed (vanilla, dataaug); `s2r precompute" in session.state.message
     assert session.state.runs == ()
-    with edit(path) as draft:
+    with edit(store_copy) as draft:
         draft._connection.executemany("UPDATE run SET key = ? WHERE run = ?", keys)
     assert session.check_for_updates()
-    state = session.open_newest_generation()
-    assert state.run == "vanilla"
+    assert session.open_newest_generation().run == "vanilla"
     assert session.select("worst15").selected.any()
 
 
@@ -134,7 +118,7 @@ def one_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tiny.build(tmp_path_factory.mktemp("one") / "one.s2r", runs=("vanilla",))
 
 
-def test_errors_of_the_constant_prediction_give_the_baseline_of_the_store(one_run: Path) -> None:
+def test_errors_of_the_constant_prediction_give_the_baseline_of_the_store(one_run):
     with s2rstore.open(one_run) as store:
         truth, columns = store.instances, store.run_columns("vanilla")
         points = np.stack([truth.x, truth.y], axis=1)
@@ -143,17 +127,16 @@ def test_errors_of_the_constant_prediction_give_the_baseline_of_the_store(one_ru
         assert accuracy.mean() == pytest.approx(run_metrics.baseline_accuracy(store, "vanilla"))
 
 
-def test_new_instances_alone_decide_the_constant_prediction() -> None:
+def test_new_instances_alone_decide_the_constant_prediction():
     points = np.array([[0.0, 0.0], [2.0, 0.0], [8.0, 0.0], [np.nan, 0.0]])
     valid, trained = np.array([True, True, True, True]), np.array([False, False, True, False])
     assert constant_errors(points, valid, trained)[:3].tolist() == [1.0, 1.0, 7.0]
-    assert constant_errors(points, valid, ~trained | trained)[:2].tolist() == pytest.approx(
-        [10 / 3, 4 / 3]
-    )
+    everywhere = constant_errors(points, valid, np.ones(4, dtype=np.bool_))
+    assert everywhere[:2].tolist() == pytest.approx([10 / 3, 4 / 3])
 
 
 @pytest.mark.parametrize("size", [(60, 20), (200, 60)])
-def test_one_run_is_compared_with_its_baseline(one_run: Path, size: tuple[int, int]) -> None:
+def test_one_run_is_compared_with_its_baseline(one_run, size):
     text = " ".join(snapshot(one_run, size, ["c", "9"], RenderOptions()).text.split())
     assert "real errors of the only run and of its constant baseline" in text
     if size[0] < 150:
@@ -162,9 +145,7 @@ def test_one_run_is_compared_with_its_baseline(one_run: Path, size: tuple[int, i
     assert "better in baseline" in text or size[1] == 20
 
 
-def test_the_figure_and_the_numbers_have_the_baseline_too(
-    one_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_figure_and_the_numbers_have_the_baseline_too(one_run, tmp_path, capsys):
     figure = tmp_path / "figure.png"
     view = ["export", str(one_run), "--view", "compare", "--size", "600x400", "--out", str(figure)]
     assert main(view) == 0

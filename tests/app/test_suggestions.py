@@ -10,19 +10,17 @@ import pytest
 from s2rstore.index.transaction import edit
 from s2rtui.app.pilot import take_screenshot
 from s2rtui.loaders.live_prediction import LivePredictor
-from s2rtui.session import Session
+from s2rtui.session import Session, adjusting, suggestions
 from s2rtui.session.adjusting import adjustment_chains
 from tests.app.test_screen_snapshots import StoredPredictor
-from tests.support.application import make_app, press
-from tests.support.copies import copy_store
+from tests.support.application import make_app, press, running
 from tests.support.suggestions import store_reports, suggest_report
 
 
 @pytest.fixture
-def store(tiny_store: Path, tmp_path: Path) -> Path:
-    path = copy_store(tiny_store, tmp_path / "own.s2r")
-    store_reports(path, "vanilla", "real", "sim")
-    return path
+def store(store_copy: Path) -> Path:
+    store_reports(store_copy, "vanilla", "real", "sim")
+    return store_copy
 
 
 @pytest.fixture(autouse=True)
@@ -30,26 +28,23 @@ def stored_predictions(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(LivePredictor, "model", lambda _, store, run: StoredPredictor(store, run))
 
 
-async def test_enter_shows_an_answer_for_real_images_as_live_adjustment(store: Path) -> None:
-    app = make_app(store)
-    async with app.run_test(size=(120, 40)) as pilot:
+async def test_enter_shows_an_answer_for_real_images_as_live_adjustment(store):
+    async with running(store) as (app, pilot):
         await press(app, pilot, "J", "up", "enter")
         state = app.session.state
         assert state.view == "adjust"
         assert state.adjust is not None
         answer = suggest_report("real").answers[1]
         chains = adjustment_chains(app.session.store, state.adjust)
-        assert [(step["name"], step["value"]) for step in chains["real"]] == [
-            (change.name, change.value) for change in answer.changes
-        ]
-        assert chains["sim"] == []
+        expected = [{"name": change.name, "value": change.value} for change in answer.changes]
+        assert chains == {"real": expected, "sim": []}
         assert state.adjust.sliders[state.adjust.active].name == "brightness"
         assert state.message == "answer 2: brightness=0.85, vignette=0.37; S saves it as a run"
         assert "0.37" in take_screenshot(app).text
     assert app.fault is None
 
 
-async def test_enter_copies_the_command_for_the_simulator(store: Path, monkeypatch) -> None:
+async def test_enter_copies_the_command_for_the_simulator(store, monkeypatch):
     app = make_app(store)
     copied: list[str] = []
     monkeypatch.setattr(app, "copy_to_clipboard", copied.append)
@@ -62,7 +57,7 @@ async def test_enter_copies_the_command_for_the_simulator(store: Path, monkeypat
         assert command in app.session.state.message
 
 
-async def test_a_restricted_session_copies_commands_alone(store: Path, monkeypatch) -> None:
+async def test_a_restricted_session_copies_commands_alone(store, monkeypatch):
     app = make_app(store, restricted=True)
     copied: list[str] = []
     monkeypatch.setattr(app, "copy_to_clipboard", copied.append)
@@ -72,17 +67,14 @@ async def test_a_restricted_session_copies_commands_alone(store: Path, monkeypat
         assert app.session.state.adjust is None
 
 
-async def test_a_run_without_results_has_nothing_to_apply(store: Path) -> None:
-    app = make_app(store)
-    async with app.run_test(size=(120, 40)) as pilot:
+async def test_a_run_without_results_has_nothing_to_apply(store):
+    async with running(store) as (app, pilot):
         await press(app, pilot, "J", "r", "enter")
         assert app.session.state.message == "there is no answer to apply"
         assert "--run dataaug --for real" in " ".join(take_screenshot(app).text.split())
 
 
-async def test_a_step_without_slider_is_not_applied(store: Path) -> None:
-    from s2rtui.session import adjusting, suggestions
-
+async def test_a_step_without_slider_is_not_applied(store):
     session = Session(store)
     sliders, reason = adjusting.available_sliders(session.store, "vanilla")
     session.dispatch(adjusting.open_sliders, sliders, reason)
@@ -95,25 +87,21 @@ async def test_a_step_without_slider_is_not_applied(store: Path) -> None:
     session.close()
 
 
-async def test_the_finding_leads_to_the_view(store: Path) -> None:
-    app = make_app(store)
-    async with app.run_test(size=(120, 40)) as pilot:
+async def test_the_finding_leads_to_the_view(store):
+    async with running(store) as (app, pilot):
         await press(app, pilot, "I")
-        report = app.resources.findings
-        assert report is not None
-        kinds = [finding.kind for finding in report.findings]
+        kinds = [finding.kind for finding in app.resources.findings.findings]
         finding = kinds.index("suggested change")
         app.session.set_state(replace(app.session.state, finding=finding))
         await press(app, pilot, "enter")
         assert app.session.state.view == "suggestions"
 
 
-async def test_a_store_without_a_run_says_so(store: Path) -> None:
+async def test_a_store_without_a_run_says_so(store):
     with edit(store) as draft:
         for table in ("prediction", "projection", "zarr_array", "run"):
             draft.delete(table)
-    app = make_app(store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with running(store) as (app, pilot):
         await press(app, pilot, "J", "enter", "down")
         assert app.session.state.view == "suggestions"
     assert app.fault is None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -38,13 +39,15 @@ def overview_lines(**changes: Any) -> OverviewLines:
     random = np.random.default_rng(11)
     first = np.clip(random.normal(0.8, 0.1, N), 0, 1)
     second = np.clip(first + random.normal(0.05, 0.05, N), 0, 1)
-    fields: dict[str, Any] = {
-        "values": (first, second, np.full(N, np.nan)),
-        "selected": np.arange(N) >= 45,
-        "valid": np.arange(N) != 3,
-        "cursor": 50,
-    }
-    return OverviewLines(**(fields | changes))
+    return replace(
+        OverviewLines(
+            values=(first, second, np.full(N, np.nan)),
+            selected=np.arange(N) >= 45,
+            valid=np.arange(N) != 3,
+            cursor=50,
+        ),
+        **changes,
+    )
 
 
 def map_input(**changes: Any) -> MapInput:
@@ -55,42 +58,46 @@ def map_input(**changes: Any) -> MapInput:
     floor[:, 50:] = 220
     heat = np.full((25, 50), np.nan)
     heat[5:10, 5:15] = np.linspace(0.1, 2, 50).reshape(5, 10)
-    view: dict[str, Any] = {
-        "truth": truth,
-        "sim": truth + random.normal(0, 0.3, truth.shape),
-        "real": truth + random.normal(0, 1.5, truth.shape),
-        "values": np.linspace(0, 5, N),
-        "selected": np.arange(N) >= 45,
-        "valid": np.arange(N) != 3,
-        "bounds": BOUNDS,
-        "headings": along,
-        "sim_headings": along,
-        "real_headings": along,
-        "cursor": 50,
-        "floor_plan": floor,
-        "heat": heat,
-        "heat_unit": "m",
-        "rooms": (Room("hall", 0, 0, 0, 10, 10), Room("größer", 1, 10, 0, 20, 10)),
-    }
-    return MapInput(**(view | changes))
+    return replace(
+        MapInput(
+            truth=truth,
+            sim=truth + random.normal(0, 0.3, truth.shape),
+            real=truth + random.normal(0, 1.5, truth.shape),
+            values=np.linspace(0, 5, N),
+            selected=np.arange(N) >= 45,
+            valid=np.arange(N) != 3,
+            bounds=BOUNDS,
+            headings=along,
+            sim_headings=along,
+            real_headings=along,
+            cursor=50,
+            floor_plan=floor,
+            heat=heat,
+            heat_unit="m",
+            rooms=(Room("hall", 0, 0, 0, 10, 10), Room("größer", 1, 10, 0, 20, 10)),
+        ),
+        **changes,
+    )
 
 
 def compare_input(**changes: Any) -> CompareInput:
     view = map_input()
     random = np.random.default_rng(9)
-    fields: dict[str, Any] = {
-        "truth": view.truth,
-        "first": random.gamma(2, 0.5, N),
-        "second": random.gamma(2, 0.5, N),
-        "selected": view.selected,
-        "valid": view.valid,
-        "bounds": BOUNDS,
-        "names": ("vanilla", "größer"),
-        "cursor": 50,
-        "floor_plan": view.floor_plan,
-        "rooms": view.rooms,
-    }
-    return CompareInput(**(fields | changes))
+    return replace(
+        CompareInput(
+            truth=view.truth,
+            first=random.gamma(2, 0.5, N),
+            second=random.gamma(2, 0.5, N),
+            selected=view.selected,
+            valid=view.valid,
+            bounds=BOUNDS,
+            names=("vanilla", "größer"),
+            cursor=50,
+            floor_plan=view.floor_plan,
+            rooms=view.rooms,
+        ),
+        **changes,
+    )
 
 
 def side(seed: int, heat: bool = True, depth: bool = True) -> SideView:
@@ -106,40 +113,46 @@ def side(seed: int, heat: bool = True, depth: bool = True) -> SideView:
 
 
 def instance_input(**changes: Any) -> InstanceInput:
-    view: dict[str, Any] = {
-        "iid": 12,
-        "sim": side(1),
-        "real": side(2),
-        "truth": (1.0, -2.0, 0.4),
-        "kind": "occlusion",
-        "mode": "rgb",
-        "unit": "m",
-        "signed": True,
-        "notes": (("room", "größer"),),
-    }
-    return InstanceInput(**(view | changes))
+    return replace(
+        InstanceInput(
+            iid=12,
+            sim=side(1),
+            real=side(2),
+            truth=(1.0, -2.0, 0.4),
+            kind="occlusion",
+            mode="rgb",
+            unit="m",
+            signed=True,
+            notes=(("room", "größer"),),
+        ),
+        **changes,
+    )
 
 
 def errors_input(**changes: Any) -> ErrorsInput:
     random = np.random.default_rng(5)
-    view: dict[str, Any] = {
-        "sim": random.gamma(2, 0.2, N),
-        "real": random.gamma(2, 0.8, N),
-        "selected": np.arange(N) < 10,
-        "valid": np.ones(N, dtype=np.bool_),
-    }
-    return ErrorsInput(**(view | changes))
+    return replace(
+        ErrorsInput(
+            sim=random.gamma(2, 0.2, N),
+            real=random.gamma(2, 0.8, N),
+            selected=np.arange(N) < 10,
+            valid=np.ones(N, dtype=np.bool_),
+        ),
+        **changes,
+    )
 
 
 def scatter_input(**changes: Any) -> ScatterInput:
     random = np.random.default_rng(6)
-    view: dict[str, Any] = {
-        "sim": random.gamma(2, 0.6, N),
-        "real": random.gamma(2, 0.8, N),
-        "selected": np.arange(N) < 30,
-        "valid": np.arange(N) != 3,
-    }
-    return ScatterInput(**(view | changes))
+    return replace(
+        ScatterInput(
+            sim=random.gamma(2, 0.6, N),
+            real=random.gamma(2, 0.8, N),
+            selected=np.arange(N) < 30,
+            valid=np.arange(N) != 3,
+        ),
+        **changes,
+    )
 
 
 def umap_input(**changes: Any) -> UmapInput:
@@ -148,15 +161,17 @@ def umap_input(**changes: Any) -> UmapInput:
     sim = random.normal(0, 1, (N, 2)) + np.where(np.arange(N) < 30, 0, 6)[:, None]
     real = sim + random.normal(0, 1.5, (N, 2))
     real[4] = np.nan
-    view: dict[str, Any] = {
-        "sim": sim,
-        "real": real,
-        "values": None,
-        "selected": np.arange(N) >= 40,
-        "valid": np.arange(N) != 3,
-        "cursor": 50,
-    }
-    return UmapInput(**(view | changes))
+    return replace(
+        UmapInput(
+            sim=sim,
+            real=real,
+            values=None,
+            selected=np.arange(N) >= 40,
+            valid=np.arange(N) != 3,
+            cursor=50,
+        ),
+        **changes,
+    )
 
 
 def orientation_input(**changes: Any) -> OrientationInput:
@@ -165,15 +180,17 @@ def orientation_input(**changes: Any) -> OrientationInput:
     truth = np.linspace(-np.pi, np.pi, N, endpoint=False)
     real = truth + random.normal(0, 0.8, N)
     real[4] = np.nan
-    view: dict[str, Any] = {
-        "sim": truth + random.normal(0, 0.1, N),
-        "truth": truth,
-        "real": real,
-        "selected": np.arange(N) < 20,
-        "valid": np.arange(N) != 3,
-        "cursor": 50,
-    }
-    return OrientationInput(**(view | changes))
+    return replace(
+        OrientationInput(
+            sim=truth + random.normal(0, 0.1, N),
+            truth=truth,
+            real=real,
+            selected=np.arange(N) < 20,
+            valid=np.arange(N) != 3,
+            cursor=50,
+        ),
+        **changes,
+    )
 
 
 ROOM_NAMES = ("hall", "größer", "a very long name of a room", "kitchen", "5")
@@ -184,16 +201,18 @@ def rooms_input(**changes: Any) -> RoomsInput:
     random = np.random.default_rng(13)
     truth = (np.arange(N) // 12).astype(np.int32)
     real = np.where(random.random(N) < 0.2, -1, random.integers(0, 5, N)).astype(np.int32)
-    view: dict[str, Any] = {
-        "sim": truth,
-        "truth": truth,
-        "real": real,
-        "room_names": ROOM_NAMES,
-        "selected": np.arange(N) < 20,
-        "valid": np.arange(N) != 3,
-        "cursor": 50,
-    }
-    return RoomsInput(**(view | changes))
+    return replace(
+        RoomsInput(
+            sim=truth,
+            truth=truth,
+            real=real,
+            room_names=ROOM_NAMES,
+            selected=np.arange(N) < 20,
+            valid=np.arange(N) != 3,
+            cursor=50,
+        ),
+        **changes,
+    )
 
 
 def groups_input(**changes: Any) -> GroupsInput:
@@ -206,13 +225,15 @@ def groups_input(**changes: Any) -> GroupsInput:
                     real - sim)
         for name, (n, real, low, high, sim) in zip(ROOM_NAMES, figures, strict=True)
     )  # fmt: skip
-    view: dict[str, Any] = {
-        "rows": rows,
-        "grouping": "room",
-        "selected": {"hall": 12, "kitchen": 1},
-        "cursor": "kitchen",
-    }
-    return GroupsInput(**(view | changes))
+    return replace(
+        GroupsInput(
+            rows=rows,
+            grouping="room",
+            selected={"hall": 12, "kitchen": 1},
+            cursor="kitchen",
+        ),
+        **changes,
+    )
 
 
 def finding_report(count: int = 4) -> FindingReport:

@@ -1,4 +1,4 @@
-"""The map: frame, points, heat, floor plan, clipping, rooms, marks and legend."""
+"""The map: frame, points, heat of both signs, floor plan, clipping, rooms, marks and legend."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from s2rtui.canvas.render_options import UNICODE
 from s2rtui.charts.map.model import LINES_UP_TO, iids_with_error_lines
 from s2rtui.charts.map.terminal import draw_map, map_layout, map_panels
 from s2rtui.charts.shared.base_map_background import DIMMED
-from s2rtui.charts.shared.base_map_model import map_model, sorted_by_value
+from s2rtui.charts.shared.base_map_model import MapInput, map_model, sorted_by_value
+from s2rtui.charts.shared.heat_colours import heat_ramp, map_opacity
 from tests.charts.examples import BOUNDS, map_input
 
 SIZE = (80, 26)
@@ -34,19 +35,20 @@ def cell_at(x: float, y: float, options: RenderOptions = DEFAULT_OPTIONS) -> tup
 @pytest.mark.parametrize(
     "clip", [LEFT_HALF, LEFT_HALF.astype(bool), np.where(LEFT_HALF, 3.5, np.nan)]
 )
-def test_clipping_dims_only_the_hidden_area(clip: np.ndarray) -> None:
+def test_clipping_dims_only_the_hidden_area_and_keeps_the_points(clip):
     view = map_input(cursor=None, rooms=())
     before, after = draw_map(view, SIZE), draw_map(replace(view, clip=clip), SIZE)
     visible, hidden = cell_at(5.0, 3.0), cell_at(15.0, 5.0)
     assert (after.bg[visible] == before.bg[visible]).all()
     expected = mix(before.bg[hidden], np.array(DARK.background), DIMMED)
     assert (np.abs(after.bg[hidden].astype(int) - expected) <= 1).all()
+    assert (after.char == "●").sum() == (before.char == "●").sum() > 5
 
 
 @pytest.mark.parametrize(
     "options", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.ANSI)]
 )
-def test_clipping_removes_background_glyphs_of_the_hidden_area(options: RenderOptions) -> None:
+def test_clipping_removes_background_glyphs_of_the_hidden_area(options):
     view = map_input(cursor=None, rooms=(), clip=1 - LEFT_HALF)
     unclipped = draw_map(replace(view, clip=None), SIZE, options)
     clipped = draw_map(view, SIZE, options)
@@ -57,12 +59,7 @@ def test_clipping_removes_background_glyphs_of_the_hidden_area(options: RenderOp
     assert "not seen" in "\n".join(draw_map(view, (110, 26), options).lines())
 
 
-def test_clipping_keeps_the_points() -> None:
-    view = map_input(cursor=None, rooms=(), clip=np.zeros((3, 3)))
-    assert sum(line.count("●") for line in draw_map(view, SIZE).lines()) > 5
-
-
-def test_room_names_and_outlines_are_optional() -> None:
+def test_room_names_and_outlines_are_optional():
     view = map_input(cursor=None, floor_plan=None, heat=None)
     with_names = draw_map(view, SIZE)
     text = "\n".join(with_names.lines())
@@ -75,7 +72,7 @@ def test_room_names_and_outlines_are_optional() -> None:
     assert "hall" not in without_names
 
 
-def test_room_names_are_whole_and_avoid_the_points() -> None:
+def test_room_names_are_whole_and_avoid_the_points():
     along = np.linspace(1.0, 9.0, 60)
     truth = np.stack([along, np.full(60, 5.0)], axis=1)
     room = (Room("corridor", 0, 0, 0, 10, 10),)
@@ -88,7 +85,7 @@ def test_room_names_are_whole_and_avoid_the_points() -> None:
     assert drawn[0] == drawn[1] > 20
 
 
-def test_a_room_name_in_a_full_room_is_drawn_in_front_of_the_points() -> None:
+def test_a_room_name_in_a_full_room_is_drawn_in_front_of_the_points():
     across, down = np.meshgrid(np.linspace(0, 10, 200), np.linspace(0, 10, 200))
     truth = np.stack([across.ravel(), down.ravel()], axis=1)
     everywhere = np.ones(len(truth), dtype=np.bool_)
@@ -106,7 +103,7 @@ def test_a_room_name_in_a_full_room_is_drawn_in_front_of_the_points() -> None:
 @pytest.mark.parametrize(
     "options", [RenderOptions(), RenderOptions(mode=ColourMode.NONE, ascii=True)]
 )
-def test_a_mark_is_drawn_at_its_coordinates(mode: str, options: RenderOptions) -> None:
+def test_a_mark_is_drawn_at_its_coordinates(mode, options):
     view = map_input(mode=mode, cursor=None, mark=Mark("map", ((2.0, 1.0), (12.0, 9.0))))
     canvas = draw_map(view, SIZE, options)
     (panel,) = map_panels(view, SIZE, options)
@@ -116,7 +113,7 @@ def test_a_mark_is_drawn_at_its_coordinates(mode: str, options: RenderOptions) -
         assert tuple(canvas.fg[row, column]) == DARK.truth
 
 
-def test_the_frame_keeps_the_aspect_ratio_and_centres_the_area() -> None:
+def test_the_frame_keeps_the_aspect_ratio_and_centres_the_area():
     frame = fit_frame(BOUNDS, 100, 100, True)
     assert frame.pitch == pytest.approx(0.2)
     assert frame.extent.y0 == pytest.approx(-5)
@@ -124,7 +121,7 @@ def test_the_frame_keeps_the_aspect_ratio_and_centres_the_area() -> None:
 
 
 @pytest.mark.parametrize("y_down", [True, False])
-def test_the_frame_converts_coordinates_in_both_directions(y_down: bool) -> None:
+def test_the_frame_converts_coordinates_in_both_directions(y_down):
     frame = fit_frame(BOUNDS, 40, 20, y_down)
     upper, lower = frame.to_cells([[5, 2], [5, 8]])[:, 1]
     assert (upper < lower) == y_down
@@ -132,14 +129,14 @@ def test_the_frame_converts_coordinates_in_both_directions(y_down: bool) -> None
     assert frame.to_cells([[x, y]])[0] == pytest.approx([7.5, 3.5])
 
 
-def test_bounds_can_be_zoomed_and_panned() -> None:
+def test_bounds_can_be_zoomed_and_panned():
     near = zoomed(BOUNDS, 2.0, (0.0, 0.0))
     assert (near.x0, near.y0, near.x1, near.y1) == (0, 0, 10, 5)
     moved = panned(near, 0.5, 1.0, y_down=False)
     assert (moved.x0, moved.y0) == (5, -5)
 
 
-def test_sampled_image_rows_follow_the_y_direction() -> None:
+def test_sampled_image_rows_follow_the_y_direction():
     image = np.array([[1.0, 2.0], [3.0, np.nan]])
     square = Bounds(0, 0, 2, 2)
     frame = fit_frame(square, 4, 4, True)
@@ -148,7 +145,7 @@ def test_sampled_image_rows_follow_the_y_direction() -> None:
     assert sample(image, square, frame, False)[0, 0] == 3
 
 
-def test_the_model_sorts_by_value_and_excludes_invalid_instances() -> None:
+def test_the_model_sorts_by_value_and_excludes_invalid_instances():
     view = map_input(cursor=3)
     model = map_model(view)
     assert sorted_by_value(view, model)[0].tolist() == list(range(45, 60))
@@ -156,20 +153,17 @@ def test_the_model_sorts_by_value_and_excludes_invalid_instances() -> None:
     assert model.cursor is None
 
 
-def test_selected_points_are_coloured_and_others_grey() -> None:
+def test_selected_points_are_coloured_and_others_grey():
     view = map_input(floor_plan=None, heat=None, rooms=(), cursor=None)
     canvas = draw_map(view, SIZE)
-    layout = map_layout(view, SIZE)
-    column, row = np.floor(layout.frame.to_cells(view.truth)[59]).astype(int)
-    column += layout.x
-    assert canvas.char[row, column] == "●"
-    assert tuple(canvas.fg[row, column]) == tuple(legible(turbo([1.0]), DARK)[0])
-    column, row = np.floor(layout.frame.to_cells(view.truth)[20]).astype(int)
-    assert 0x2800 < ord(canvas.char[row, column + layout.x]) <= 0x28FF
-    assert tuple(canvas.fg[row, column + layout.x]) == DARK.unselected
+    selected, other = (cell_at(*view.truth[iid]) for iid in (59, 20))
+    assert canvas.char[selected] == "●"
+    assert tuple(canvas.fg[selected]) == tuple(legible(turbo([1.0]), DARK)[0])
+    assert 0x2800 < ord(canvas.char[other]) <= 0x28FF
+    assert tuple(canvas.fg[other]) == DARK.unselected
 
 
-def test_full_mode_shows_predictions_truth_cursor_and_error_lines() -> None:
+def test_full_mode_shows_predictions_truth_cursor_and_error_lines():
     selected = np.zeros(60, dtype=np.bool_)
     selected[[10, 30]] = True
     view = map_input(mode="full", selected=selected, cursor=30, heat=None, rooms=())
@@ -180,14 +174,14 @@ def test_full_mode_shows_predictions_truth_cursor_and_error_lines() -> None:
     assert any(arrow in text for arrow in UNICODE.arrows)
 
 
-def test_large_selections_draw_only_the_cursor_s_error_lines() -> None:
+def test_large_selections_draw_only_the_cursor_s_error_lines():
     view = map_input(mode="full", selected=np.ones(60, dtype=np.bool_), cursor=8)
     model = map_model(view)
     assert iids_with_error_lines(view, model).tolist() == [8]
     assert f"error lines for up to {LINES_UP_TO}" in "\n".join(draw_map(view, (100, 30)).lines())
 
 
-def test_zooming_in_draws_the_error_lines_of_visible_instances() -> None:
+def test_zooming_in_draws_the_error_lines_of_visible_instances():
     view = map_input(mode="full", selected=np.ones(60, dtype=np.bool_), cursor=None)
     near = Bounds(16.0, 3.5, 18.0, 6.5)
     frame = map_layout(view, SIZE, near).frame
@@ -202,48 +196,74 @@ def test_zooming_in_draws_the_error_lines_of_visible_instances() -> None:
 
 @pytest.mark.parametrize(
     ("degrees", "y_down", "arrow", "step"),
-    [
-        (0, True, "→", (1, 0)),
-        (90, True, "↓", (0, 1)),
-        (90, False, "↑", (0, -1)),
-        (-135, True, "↖", (-1, -1)),
-    ],
-)
-def test_heading_arrows_follow_the_y_direction(
-    degrees: float, y_down: bool, arrow: str, step: tuple[int, int]
-) -> None:
+    [(0, True, "→", (1, 0)), (90, True, "↓", (0, 1)), (90, False, "↑", (0, -1)),
+     (-135, True, "↖", (-1, -1))],
+)  # fmt: skip
+def test_heading_arrows_follow_the_y_direction(degrees, y_down, arrow, step):
     assert heading_arrow(np.radians(degrees), y_down, UNICODE) == (arrow, *step)
 
 
-def test_heat_colours_only_cells_with_values() -> None:
+def test_heat_colours_only_cells_with_values():
     without_heat = draw_map(map_input(heat=None, cursor=None), SIZE)
     with_heat = draw_map(map_input(cursor=None), SIZE)
-    layout = map_layout(map_input(), SIZE)
-    column, row = layout.frame.to_cells([[5.0, 3.0]])[0].astype(int)
-    assert (
-        int(with_heat.bg[row, column + layout.x, 1])
-        > int(without_heat.bg[row, column + layout.x, 1]) + 60
-    )
-    column, row = layout.frame.to_cells([[15.0, 5.0]])[0].astype(int)
-    assert (with_heat.bg[row, column + layout.x] == without_heat.bg[row, column + layout.x]).all()
+    warm, cold = cell_at(5.0, 3.0), cell_at(15.0, 5.0)
+    assert int(with_heat.bg[warm][1]) > int(without_heat.bg[warm][1]) + 60
+    assert (with_heat.bg[cold] == without_heat.bg[cold]).all()
 
 
-def test_the_floor_plan_is_drawn_dimmed() -> None:
-    view = map_input(heat=None, cursor=None, rooms=())
-    canvas, layout = draw_map(view, SIZE), map_layout(view, SIZE)
-    right = layout.frame.to_cells([[15.0, 5.0]])[0].astype(int)
-    left = layout.frame.to_cells([[5.0, 5.0]])[0].astype(int)
-    bright = canvas.bg[right[1], right[0] + layout.x].astype(int).sum()
-    dark = canvas.bg[left[1], left[0] + layout.x].astype(int).sum()
+def test_the_floor_plan_is_drawn_dimmed():
+    canvas = draw_map(map_input(heat=None, cursor=None, rooms=()), SIZE)
+    dark, bright = (canvas.bg[cell_at(x, 5.0)].astype(int).sum() for x in (5.0, 15.0))
     assert dark < bright < 3 * 170
 
 
-def test_empty_selections_and_missing_values_can_be_drawn() -> None:
-    none_selected = np.zeros(60, dtype=np.bool_)
-    missing = np.full(60, np.nan)
-    for mode in ("colour", "glyph", "full"):
-        view = map_input(
-            valid=none_selected, values=missing, mode=mode, heat=np.full((3, 3), np.nan)
-        )
-        draw_map(view, SIZE)
-        draw_map(map_input(values=missing, mode=mode, truth=np.full((60, 2), np.nan)), SIZE)
+@pytest.mark.parametrize("mode", ["colour", "glyph", "full"])
+def test_empty_selections_and_missing_values_can_be_drawn(mode):
+    nobody, missing = np.zeros(60, dtype=np.bool_), np.full(60, np.nan)
+    no_heat = np.full((3, 3), np.nan)
+    draw_map(map_input(valid=nobody, values=missing, mode=mode, heat=no_heat), SIZE)
+    draw_map(map_input(values=missing, mode=mode, truth=np.full((60, 2), np.nan)), SIZE)
+
+
+def signed_map(**changes: object) -> MapInput:
+    """A map whose left, middle and right thirds have heat -1, 0 and 1 without other marks."""
+    heat = np.repeat([-1.0, 0.0, 1.0], 10)[None].repeat(15, axis=0)
+    plain = {"floor_plan": None, "rooms": (), "cursor": None, "heat_is_signed": True}
+    return map_input(**{"heat": heat, **plain, **changes})
+
+
+def thirds(view: MapInput, pixels: np.ndarray) -> list[list[int]]:
+    """The colours of the thirds of an image (h, w, 3) that the map fills."""
+    frame = map_layout(view, SIZE).frame
+    places = frame.to_cells([[x, 9.0] for x in (3.0, 10.0, 17.0)])
+    scale = pixels.shape[1] / frame.width
+    return [pixels[int(y * scale / 2), int(x * scale)].tolist() for x, y in places]
+
+
+def test_signed_heat_on_the_map_is_blue_and_orange_and_transparent_at_0():
+    view = signed_map()
+    canvas, layout = draw_map(view, SIZE), map_layout(view, SIZE)
+    rows = np.repeat(canvas.bg[:, layout.x : layout.x + layout.frame.width], 2, axis=0)
+    low, zero, high = thirds(view, np.asarray(rows[layout.y :]))
+    assert low[2] > low[0] + 80
+    assert tuple(zero) == DARK.background
+    assert high[0] > high[2] + 80
+    assert map_model(signed_map(heat=np.full((15, 30), -0.5))).heat_range == (-0.5, 0.5)
+
+
+def test_signed_heat_without_colours_differs_by_its_glyphs():
+    for ascii in (True, False):
+        options = RenderOptions(mode=ColourMode.NONE, ascii=ascii)
+        lines = draw_map(signed_map(), SIZE, options).lines()
+        assert "MMMM" in lines[2]
+        assert "%%%%" in lines[2]
+        assert lines[2].index("MMMM") < lines[2].index("%%%%")
+
+
+def test_signed_heat_on_paper_is_transparent_at_0():
+    shares = np.array([0.0, 0.5, 1.0, np.nan])
+    assert map_opacity(shares, True).tolist() == [0.86, 0.0, 0.86, 0.0]
+    assert map_opacity(shares, False)[0] > 0
+    (blue, _, orange) = heat_ramp(True)(shares[:3]).tolist()
+    assert blue[2] > blue[0]
+    assert orange[0] > orange[2]

@@ -46,7 +46,7 @@ def random_cells(name: str, seed: int) -> np.ndarray:
 
 
 @given(name=st.sampled_from(NAMES), seed=st.integers(0, 10_000), near=st.booleans())
-def test_cells_of_two_colours_are_shown_exactly(name: str, seed: int, near: bool) -> None:
+def test_cells_of_two_colours_are_shown_exactly(name, seed, near):
     symbols, random = SYMBOL_SETS[name], np.random.default_rng(seed)
     first = random.integers(0, 255, (3, 4, 3))
     second = first + 1 if near else random.integers(0, 256, (3, 4, 3))
@@ -59,7 +59,7 @@ def test_cells_of_two_colours_are_shown_exactly(name: str, seed: int, near: bool
 
 
 @given(name=st.sampled_from(["half", "quadrant", "sextant"]), seed=st.integers(0, 10_000))
-def test_no_other_pattern_has_a_smaller_error(name: str, seed: int) -> None:
+def test_no_other_pattern_has_a_smaller_error(name, seed):
     symbols, pixels = SYMBOL_SETS[name], random_cells(name, seed)
     error = np.square(shown(fit_blocks(pixels, symbols, PAGE), name).astype(float) - pixels)
     high, wide = symbols.rows, symbols.columns
@@ -75,7 +75,7 @@ def test_no_other_pattern_has_a_smaller_error(name: str, seed: int) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_cell_of_one_colour_is_a_blank(name: str) -> None:
+def test_a_cell_of_one_colour_is_a_blank(name):
     symbols = SYMBOL_SETS[name]
     cells = fit_blocks(np.full((symbols.rows, symbols.columns, 3), 77, np.uint8), symbols, PAGE)
     assert cells.char.tolist() == [[" "]]
@@ -83,7 +83,7 @@ def test_a_cell_of_one_colour_is_a_blank(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_colour_nearer_to_the_page_is_the_background(name: str) -> None:
+def test_the_colour_nearer_to_the_page_is_the_background(name):
     symbols = SYMBOL_SETS[name]
     pixels = np.full((symbols.rows, symbols.columns, 3), 20, np.uint8)
     pixels[0] = 220
@@ -92,7 +92,7 @@ def test_the_colour_nearer_to_the_page_is_the_background(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_pattern_has_a_character_of_its_own_one_cell_wide(name: str) -> None:
+def test_every_pattern_has_a_character_of_its_own_one_cell_wide(name):
     characters = SYMBOL_SETS[name].characters.tolist()
     assert len(set(characters)) == len(characters) == 1 << SYMBOL_SETS[name].pixels
     assert all(cell_len(char) == 1 for char in characters)
@@ -103,7 +103,7 @@ def test_every_pattern_has_a_character_of_its_own_one_cell_wide(name: str) -> No
 @pytest.mark.parametrize(
     ("name", "prefix"), [("sextant", "BLOCK SEXTANT-"), ("octant", "BLOCK OCTANT-")]
 )
-def test_patterns_are_those_of_the_characters_names(name: str, prefix: str) -> None:
+def test_patterns_are_those_of_the_characters_names(name, prefix):
     known = 0
     for pattern, char in enumerate(SYMBOL_SETS[name].characters.tolist()):
         title = unicodedata.name(char, "")
@@ -113,7 +113,7 @@ def test_patterns_are_those_of_the_characters_names(name: str, prefix: str) -> N
     assert known in ((60,) if name == "sextant" else (0, 230))  # octants need Unicode 16
 
 
-def test_octants_of_other_blocks_are_those_of_their_shape() -> None:
+def test_octants_of_other_blocks_are_those_of_their_shape():
     octants = SYMBOL_SETS["octant"]
     for pattern, char in enumerate(SYMBOL_SETS["quadrant"].characters.tolist()):
         bits = (pattern >> np.arange(4) & 1).reshape(2, 2).repeat(2, axis=0).ravel()
@@ -122,7 +122,7 @@ def test_octants_of_other_blocks_are_those_of_their_shape() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_screenshots_draw_the_pixels_of_every_character(name: str) -> None:
+def test_screenshots_draw_the_pixels_of_every_character(name):
     symbols = SYMBOL_SETS[name]
     for pattern, char in enumerate(symbols.characters.tolist()[1:], start=1):
         mask = glyph_mask(char, 24, 12)
@@ -133,7 +133,7 @@ def test_screenshots_draw_the_pixels_of_every_character(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_mask_becomes_characters(name: str) -> None:
+def test_a_mask_becomes_characters(name):
     symbols = SYMBOL_SETS[name]
     mask = np.zeros((2 * symbols.rows, 3 * symbols.columns), dtype=np.bool_)
     mask[symbols.rows :, : symbols.columns] = True

@@ -13,7 +13,7 @@ from hypothesis.extra import numpy as arrays
 from s2rstore.geometry.rooms import NO_ROOM
 from s2rstore.metrics import median_intervals
 from s2rtui.analysis.binning import selection_indices
-from s2rtui.canvas import DARK, ColourMode, RenderOptions
+from s2rtui.canvas import DARK, DEFAULT_OPTIONS, ColourMode, RenderOptions
 from s2rtui.charts.compare.change import NOT_EVIDENT, room_changes, sentences, table_rows
 from s2rtui.charts.compare.model import CompareInput, cell_means, compare_model
 from s2rtui.charts.compare.terminal import compare_layout, comparison_text, draw_compare
@@ -25,9 +25,7 @@ masks = arrays.arrays(np.bool_, N)
 
 
 @given(errors, errors, masks, masks)
-def test_the_summary_counts_improved_and_worse_instances(
-    first: np.ndarray, second: np.ndarray, selected: np.ndarray, valid: np.ndarray
-) -> None:
+def test_the_summary_counts_improved_and_worse_instances(first, second, selected, valid):
     view = compare_input(first=first, second=second, selected=selected, valid=valid)
     summary = compare_model(view).summary
     differences = (second - first)[selected & valid]
@@ -39,9 +37,7 @@ def test_the_summary_counts_improved_and_worse_instances(
 
 
 @given(errors, errors, masks, masks)
-def test_a_cell_shows_the_mean_of_its_selected_instances(
-    first: np.ndarray, second: np.ndarray, selected: np.ndarray, valid: np.ndarray
-) -> None:
+def test_a_cell_shows_the_mean_of_its_selected_instances(first, second, selected, valid):
     view = compare_input(first=first, second=second, selected=selected, valid=valid)
     frame = compare_layout(view, (30, 8)).frame
     columns, rows, means, counts = cell_means(
@@ -61,45 +57,38 @@ def test_a_cell_shows_the_mean_of_its_selected_instances(
 def three_points() -> CompareInput:
     """The second run is better at the left, the first in the middle, neither at the right."""
     all_true = np.ones(3, dtype=np.bool_)
-    return CompareInput(
-        np.array([[4.0, 5.0], [10.0, 5.0], [16.0, 5.0]]),
-        np.array([3.0, 0.5, 1.0]),
-        np.array([1.0, 1.5, 1.04]),
-        all_true,
-        all_true,
-        BOUNDS,
-        ("vanilla", "dataaug"),
-    )
+    truth = np.array([[4.0, 5.0], [10.0, 5.0], [16.0, 5.0]])
+    first, second = np.array([3.0, 0.5, 1.0]), np.array([1.0, 1.5, 1.04])
+    names = ("vanilla", "dataaug")
+    return CompareInput(truth, first, second, all_true, all_true, BOUNDS, names)
+
+
+def cells_of(view: CompareInput, options: RenderOptions = DEFAULT_OPTIONS) -> list[tuple[int, int]]:
+    """Row and column of every instance."""
+    layout = compare_layout(view, SIZE, None, options)
+    cells = np.floor(layout.frame.to_cells(view.truth)).astype(int).tolist()
+    return [(row, column + layout.x) for column, row in cells]
 
 
 @pytest.mark.parametrize(
     ("options", "glyphs"),
-    [
-        (RenderOptions(), "▾▴•"),
-        (RenderOptions(mode=ColourMode.ANSI), "▾▴•"),
-        (RenderOptions(mode=ColourMode.NONE), "-+="),
-        (RenderOptions(ascii=True), "-+="),
-    ],
-)
-def test_glyphs_show_the_better_run(options: RenderOptions, glyphs: str) -> None:
-    view = three_points()
-    canvas, layout = draw_compare(view, SIZE, options), compare_layout(view, SIZE, None, options)
-    cells = np.floor(layout.frame.to_cells(view.truth)).astype(int)
-    glyphs_drawn = [canvas.char[row, column + layout.x] for column, row in cells]
-    assert "".join(glyphs_drawn) == glyphs
+    [(RenderOptions(), "▾▴•"), (RenderOptions(mode=ColourMode.ANSI), "▾▴•"),
+     (RenderOptions(mode=ColourMode.NONE), "-+="), (RenderOptions(ascii=True), "-+=")],
+)  # fmt: skip
+def test_glyphs_show_the_better_run(options, glyphs):
+    canvas = draw_compare(three_points(), SIZE, options)
+    assert "".join(canvas.char[cell] for cell in cells_of(three_points(), options)) == glyphs
 
 
-def test_colours_diverge_at_zero() -> None:
-    view = three_points()
-    canvas, layout = draw_compare(view, SIZE), compare_layout(view, SIZE)
-    cells = np.floor(layout.frame.to_cells(view.truth)).astype(int)
-    worse, better, equal = (canvas.fg[row, column + layout.x] for column, row in cells)
-    assert int(better[0]) > int(better[2]) + 80
-    assert int(worse[2]) > int(worse[0]) + 80
-    assert np.ptp(equal.astype(int)) < 60
+def test_colours_diverge_at_zero():
+    canvas = draw_compare(three_points(), SIZE)
+    worse, better, equal = (canvas.fg[cell].astype(int) for cell in cells_of(three_points()))
+    assert better[0] > better[2] + 80
+    assert worse[2] > worse[0] + 80
+    assert np.ptp(equal) < 60
 
 
-def test_the_legend_shows_counts() -> None:
+def test_the_legend_shows_counts():
     text = "\n".join(draw_compare(three_points(), (120, 26)).lines())
     for part in ("1 better in dataaug", "1 better in vanilla", "1 within 0.05 m"):
         assert part in text
@@ -109,18 +98,15 @@ def test_the_legend_shows_counts() -> None:
         assert part in narrow
 
 
-def test_unselected_points_are_grey_and_the_cursor_is_marked() -> None:
+def test_unselected_points_are_grey_and_the_cursor_is_marked():
     view = replace(three_points(), selected=np.array([True, False, False]), cursor=2)
-    canvas, layout = draw_compare(view, SIZE), compare_layout(view, SIZE)
-    cells = np.floor(layout.frame.to_cells(view.truth)).astype(int)
-    column, row = cells[1]
-    assert 0x2800 < ord(canvas.char[row, column + layout.x]) <= 0x28FF
-    assert tuple(canvas.fg[row, column + layout.x]) == DARK.unselected
-    column, row = cells[2]
-    assert canvas.char[row, column + layout.x] == "◉"
+    canvas, (_, other, cursor) = draw_compare(view, SIZE), cells_of(view)
+    assert 0x2800 < ord(canvas.char[other]) <= 0x28FF
+    assert tuple(canvas.fg[other]) == DARK.unselected
+    assert canvas.char[cursor] == "◉"
 
 
-def test_empty_selections_and_missing_values_can_be_drawn() -> None:
+def test_empty_selections_and_missing_values_can_be_drawn():
     none_selected = np.zeros(N, dtype=np.bool_)
     missing = np.full(N, np.nan)
     draw_compare(compare_input(selected=none_selected), SIZE)
@@ -130,9 +116,7 @@ def test_empty_selections_and_missing_values_can_be_drawn() -> None:
 
 
 @given(errors, errors, masks, arrays.arrays(np.int64, N, elements=st.integers(-1, 2)))
-def test_changes_by_room_equal_direct_computation(
-    first: np.ndarray, second: np.ndarray, members: np.ndarray, room: np.ndarray
-) -> None:
+def test_changes_by_room_equal_direct_computation(first, second, members, room):
     changes = room_changes(first, second, members, None, room, ("a", "b", "c"))
     known = members & np.isfinite(first) & np.isfinite(second)
     parts = {"a": room == 0, "b": room == 1, "c": room == 2, "no room": room == -1}
@@ -178,7 +162,7 @@ def test_changes_of_many_instances_are_those_of_their_members() -> None:
         assert part.second_mean == pytest.approx(second[rows].mean())
 
 
-def test_a_clear_change_is_evident_and_said_in_words() -> None:
+def test_a_clear_change_is_evident_and_said_in_words():
     random = np.random.default_rng(8)
     first = random.gamma(3, 1, 400)
     second = first - 0.4 + random.normal(0, 0.3, 400)
@@ -211,7 +195,7 @@ def test_few_neighbours_on_one_side_are_not_called_evident() -> None:
 
 
 @pytest.mark.parametrize("size", [(80, 21), (69, 36), (82, 57), (40, 10)])
-def test_the_comparison_in_words_is_complete_at_every_size(size: tuple[int, int]) -> None:
+def test_the_comparison_in_words_is_complete_at_every_size(size):
     room = np.arange(N) % 3
     view = compare_input(room=room, room_list=("a", "b", "hall with a long name, north"))
     canvas = comparison_text(view, size, RenderOptions())

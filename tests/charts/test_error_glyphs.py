@@ -21,17 +21,8 @@ def one_point(sim: tuple[float, float], real: tuple[float, float], y_down: bool 
     """One instance in the middle of the map with these error vectors."""
     truth = np.array([[10.0, 5.0]])
     all_true = np.ones(1, dtype=np.bool_)
-    return MapInput(
-        truth,
-        truth + sim,
-        truth + real,
-        np.zeros(1),
-        all_true,
-        all_true,
-        BOUNDS,
-        mode="glyph",
-        y_down=y_down,
-    )
+    columns = (truth, truth + sim, truth + real, np.zeros(1), all_true, all_true)
+    return MapInput(*columns, BOUNDS, mode="glyph", y_down=y_down)
 
 
 def many_points(count: int) -> MapInput:
@@ -40,19 +31,12 @@ def many_points(count: int) -> MapInput:
     errors = random.normal(0, 1, (2, count, 2))
     real = truth + errors[1]
     real[::7] = np.nan
-    return MapInput(
-        truth,
-        truth + errors[0],
-        real,
-        np.zeros(count),
-        random.random(count) < 0.6,
-        random.random(count) < 0.9,
-        BOUNDS,
-        mode="glyph",
-    )
+    selected, valid = random.random(count) < 0.6, random.random(count) < 0.9
+    columns = (truth, truth + errors[0], real, np.zeros(count), selected, valid)
+    return MapInput(*columns, BOUNDS, mode="glyph")
 
 
-def test_blocks_show_the_mean_errors_of_selected_instances() -> None:
+def test_blocks_show_the_mean_errors_of_selected_instances():
     view = many_points(2000)
     frame = map_layout(view, SIZE).frame
     blocks = error_glyphs(view, map_model(view), frame, (7, 3))
@@ -68,7 +52,7 @@ def test_blocks_show_the_mean_errors_of_selected_instances() -> None:
             assert vectors[index] == pytest.approx(mean)
 
 
-def test_few_instances_are_drawn_at_their_truth_and_merged_when_close() -> None:
+def test_few_instances_are_drawn_at_their_truth_and_merged_when_close():
     truth = np.array([[5.0, 5.0], [5.2, 5.0], [15.0, 2.0]])
     sim = truth + np.array([[1.0, 0.0], [3.0, 0.0], [0.0, 1.0]])
     all_true = np.ones(3, dtype=np.bool_)
@@ -83,19 +67,16 @@ def test_few_instances_are_drawn_at_their_truth_and_merged_when_close() -> None:
     assert canvas.char[row, column + layout.x] == "2"
 
 
-def test_arcs_grow_with_the_error_within_limits() -> None:
+def test_arcs_grow_with_the_error_within_limits_and_point_as_the_map():
     vectors = np.array([[0.0, 0.0], [5.0, 0.0], [10.0, 0.0], [40.0, 0.0], [np.nan, 0.0]])
     degrees = arc_degrees(vectors, 10.0)
     assert degrees[:4].tolist() == [20.0, 90.0, 180.0, 180.0]
     assert np.isnan(degrees[4])
+    for y_down, turn in ((True, np.pi / 2), (False, -np.pi / 2)):
+        assert arc_turns(np.array([[0.0, 2.0]]), y_down)[0] == pytest.approx(turn)
 
 
-@pytest.mark.parametrize(("y_down", "turn"), [(True, np.pi / 2), (False, -np.pi / 2)])
-def test_arc_directions_follow_the_map(y_down: bool, turn: float) -> None:
-    assert arc_turns(np.array([[0.0, 2.0]]), y_down)[0] == pytest.approx(turn)
-
-
-def test_full_scale_is_the_99th_percentile_of_valid_errors() -> None:
+def test_full_scale_is_the_99th_percentile_of_valid_errors():
     view = many_points(500)
     errors = [np.hypot(*(side - view.truth)[view.valid].T) for side in (view.sim, view.real)]
     both = np.concatenate(errors)
@@ -109,7 +90,7 @@ def centre_of(view: MapInput, options: RenderOptions) -> tuple[int, int]:
 
 
 @pytest.mark.parametrize("y_down", [True, False])
-def test_marks_of_both_sides_are_drawn_in_the_error_direction(y_down: bool) -> None:
+def test_marks_of_both_sides_are_drawn_in_the_error_direction(y_down):
     view = one_point((3.0, 0.0), (0.0, 3.0), y_down)
     canvas = draw_map(view, SIZE)
     column, row = centre_of(view, RenderOptions())
@@ -121,7 +102,7 @@ def test_marks_of_both_sides_are_drawn_in_the_error_direction(y_down: bool) -> N
     assert tuple(canvas.fg[below, column]) == DARK.real
 
 
-def test_equal_errors_have_a_separate_colour_and_glyph() -> None:
+def test_equal_errors_have_a_separate_colour_and_glyph():
     view = one_point((-3.0, 0.0), (-3.0, 0.0))
     canvas = draw_map(view, SIZE)
     column, row = centre_of(view, RenderOptions())
@@ -135,7 +116,7 @@ def test_equal_errors_have_a_separate_colour_and_glyph() -> None:
 @pytest.mark.parametrize(
     "options", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)]
 )
-def test_arrows_with_letters_and_sizes_replace_colours(options: RenderOptions) -> None:
+def test_arrows_with_letters_and_sizes_replace_colours(options):
     view = one_point((3.0, 0.0), (-1.0, -1.0))
     canvas = draw_map(view, SIZE, options)
     column, row = centre_of(view, options)
@@ -145,7 +126,7 @@ def test_arrows_with_letters_and_sizes_replace_colours(options: RenderOptions) -
     assert left == f"{glyphs.real}4{glyphs.arrows[5]}"
 
 
-def test_equal_arrows_are_merged_with_both_sizes() -> None:
+def test_equal_arrows_are_merged_with_both_sizes():
     options = RenderOptions(ascii=True)
     view = one_point((0.0, 1.0), (0.0, 3.0))
     canvas = draw_map(view, SIZE, options)
@@ -153,7 +134,7 @@ def test_equal_arrows_are_merged_with_both_sizes() -> None:
     assert "".join(canvas.char[row + 1, column : column + 4]) == "vB39"
 
 
-def test_the_legend_explains_scale_and_means() -> None:
+def test_the_legend_explains_scale_and_means():
     text = "\n".join(draw_map(map_input(mode="glyph"), (120, 30)).lines())
     assert "180° = " in text
     assert "mean of n instances" in text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -47,66 +48,56 @@ from tests.support.suggestions import suggestions_input
 Draw = Callable[[tuple[int, int], RenderOptions], Canvas]
 BOX = Mark("map", ((2.0, 2.0), (9.0, 5.0)))
 LASSO = Mark("map", ((2.0, 2.0), (9.0, 5.0), (4.0, 8.0)), lasso=True)
+RANGE = Mark("vanilla", ((0.6, 0.0), (0.8, 0.0)))
+
+
+def drawing(draw: Callable[..., Canvas], *data: Any) -> Draw:
+    return lambda size, options: draw(*data, size, options)
+
+
 VIEWS: dict[str, Draw] = {
-    "overview": lambda size, options: draw_overview(ROWS, 0.72, 1, size, options),
+    "overview": drawing(draw_overview, ROWS, 0.72, 1),
     "overview lines": lambda size, options: draw_overview(
-        ROWS, 0.72, 1, size, options, overview_lines(), Mark("vanilla", ((0.6, 0.0), (0.8, 0.0)))
+        ROWS, 0.72, 1, size, options, overview_lines(), RANGE
     ),
-    "map": lambda size, options: draw_map(map_input(), size, options),
-    "full map": lambda size, options: draw_map(map_input(mode="full"), size, options),
-    "glyph map": lambda size, options: draw_map(
-        map_input(mode="glyph", clip=np.eye(5), mark=BOX), size, options
+    "map": drawing(draw_map, map_input()),
+    "full map": drawing(draw_map, map_input(mode="full")),
+    "glyph map": drawing(draw_map, map_input(mode="glyph", clip=np.eye(5), mark=BOX)),
+    "bare map": drawing(
+        draw_map, map_input(floor_plan=None, heat=None, headings=None, cursor=None)
     ),
-    "compare": lambda size, options: draw_compare(compare_input(mark=LASSO), size, options),
-    "bare map": lambda size, options: draw_map(
-        map_input(floor_plan=None, heat=None, headings=None, cursor=None), size, options
-    ),
-    "instance": lambda size, options: draw_instance(instance_input(), size, options),
-    "plain instance": lambda size, options: draw_instance(
+    "compare": drawing(draw_compare, compare_input(mark=LASSO)),
+    "instance": drawing(draw_instance, instance_input()),
+    "plain instance": drawing(
+        draw_instance,
         instance_input(sim=side(1, False, False), real=side(2, False, False), truth=None),
-        size,
-        options,
     ),
-    "errors": lambda size, options: draw_errors(errors_input(), size, options),
-    "marked histogram": lambda size, options: draw_errors(
-        errors_input(cursor=5, mark=Mark("real", ((0.2, 3.0), (99.0, -1.0)))), size, options
+    "marked histogram": drawing(
+        draw_errors, errors_input(cursor=5, mark=Mark("real", ((0.2, 3.0), (99.0, -1.0))))
     ),
-    "history": lambda size, options: draw_history(gaps.week(), size, options),
-    "no history": lambda size, options: draw_history((), size, options),
-    "umap": lambda size, options: draw_umap(umap_input(), size, options),
-    "marked umap": lambda size, options: draw_umap(
+    "history": drawing(draw_history, gaps.week()),
+    "no history": drawing(draw_history, ()),
+    "marked umap": drawing(
+        draw_umap,
         umap_input(mark=Mark("real", ((-9.0, -9.0), (3.0, 3.0), (4.0, 9.0)), lasso=True)),
-        size,
-        options,
     ),
-    "orientation": lambda size, options: draw_orientation(orientation_input(), size, options),
-    "marked orientation": lambda size, options: draw_orientation(
-        orientation_input(mark=Mark("sim", ((170.0, 1.0), (-120.0, 9.0)))), size, options
+    "marked orientation": drawing(
+        draw_orientation, orientation_input(mark=Mark("sim", ((170.0, 1.0), (-120.0, 9.0))))
     ),
-    "scatter": lambda size, options: draw_scatter(scatter_input(cursor=5), size, options),
-    "marked scatter": lambda size, options: draw_scatter(
-        scatter_input(mark=Mark("errors", ((0.5, 0.5), (9.0, 3.0), (1.0, -2.0)), lasso=True)),
-        size,
-        options,
+    "marked scatter": drawing(
+        draw_scatter,
+        scatter_input(
+            cursor=5, mark=Mark("errors", ((0.5, 0.5), (9.0, 3.0), (1.0, -2.0)), lasso=True)
+        ),
     ),
-    "rooms": lambda size, options: draw_rooms(rooms_input(), size, options),
-    "marked rooms": lambda size, options: draw_rooms(
-        rooms_input(mark=Mark("truth", ((0.0, 1.0), (0.0, 9.0)))), size, options
+    "marked rooms": drawing(draw_rooms, rooms_input(mark=Mark("truth", ((0.0, 1.0), (0.0, 9.0))))),
+    "marked groups": drawing(
+        draw_groups, groups_input(mark=Mark("groups", ((0.0, 3.0), (0.0, 4.0))))
     ),
-    "groups": lambda size, options: draw_groups(groups_input(), size, options),
-    "marked groups": lambda size, options: draw_groups(
-        groups_input(mark=Mark("groups", ((0.0, 3.0), (0.0, 4.0)))), size, options
-    ),
-    "findings": lambda size, options: draw_findings(
-        FindingsInput(finding_report(), 6), size, options
-    ),
-    "suggestions": lambda size, options: draw_suggestions(suggestions_input(), size, options),
-    "no suggestions": lambda size, options: draw_suggestions(
-        suggestions_input(real=0, sim=0), size, options
-    ),
-    "no findings": lambda size, options: draw_findings(
-        FindingsInput(finding_report(0)), size, options
-    ),
+    "findings": drawing(draw_findings, FindingsInput(finding_report(), 6)),
+    "no findings": drawing(draw_findings, FindingsInput(finding_report(0))),
+    "suggestions": drawing(draw_suggestions, suggestions_input()),
+    "no suggestions": drawing(draw_suggestions, suggestions_input(real=0, sim=0)),
 }
 OPTIONS = [
     RenderOptions(),
@@ -120,9 +111,7 @@ OPTIONS = [
 
 @pytest.mark.parametrize("name", VIEWS)
 @given(width=st.integers(1, 30), height=st.integers(1, 10), options=st.sampled_from(OPTIONS))
-def test_small_sizes_are_filled_completely(
-    name: str, width: int, height: int, options: RenderOptions
-) -> None:
+def test_small_sizes_are_filled_completely(name, width, height, options):
     canvas = VIEWS[name]((width, height), options)
     assert canvas.char.shape == (height, width)
     strips = to_strips(canvas, options.mode, options.ascii)
@@ -130,7 +119,7 @@ def test_small_sizes_are_filled_completely(
 
 
 @pytest.mark.parametrize("size", [(80, 24), (200, 60)])
-def test_ascii_mode_uses_only_ascii_at_every_size(size: tuple[int, int]) -> None:
+def test_ascii_mode_uses_only_ascii_at_every_size(size):
     for name, draw in VIEWS.items():
         for mode in (ColourMode.PALETTE, ColourMode.NONE):
             canvas = draw(size, RenderOptions(mode=mode, ascii=True))

@@ -43,30 +43,32 @@ from tests.charts.examples import (
 from tests.support.suggestions import suggestions_input
 
 Draw = Callable[[tuple[int, int], Theme], bytes]
+
+
+def drawing(figure: Callable[..., bytes], data: object, *texts: str) -> Draw:
+    return lambda size, theme: figure(data, size, theme, *texts)
+
+
 FIGURES: dict[str, Draw] = {
     "overview": lambda size, theme: overview_figure(ROWS, 0.72, size, theme, selected=1),
     "overview lines": lambda size, theme: overview_figure(
         ROWS, 0.72, size, theme, lines=overview_lines()
     ),
-    "map": lambda size, theme: map_figure(map_input(), size, theme, "vanilla", "worst15"),
-    "full map": lambda size, theme: map_figure(map_input(mode="full"), size, theme),
-    "glyph map": lambda size, theme: map_figure(
-        map_input(mode="glyph", clip=np.eye(5)), size, theme
-    ),
+    "map": drawing(map_figure, map_input(), "vanilla", "worst15"),
+    "full map": drawing(map_figure, map_input(mode="full")),
+    "glyph map": drawing(map_figure, map_input(mode="glyph", clip=np.eye(5))),
     "compare": lambda size, theme: compare_figure(
         (map_input(heat=None), map_input(heat=None)), compare_input(), size, theme
     ),
-    "instance": lambda size, theme: instance_figure(instance_input(), size, theme, "vanilla"),
-    "umap": lambda size, theme: umap_figure(umap_input(), size, theme),
-    "orientation": lambda size, theme: orientation_figure(orientation_input(), size, theme),
-    "rooms": lambda size, theme: rooms_figure(rooms_input(), size, theme),
-    "scatter": lambda size, theme: scatter_figure(scatter_input(cursor=5), size, theme),
-    "groups": lambda size, theme: groups_figure(groups_input(), size, theme, "vanilla"),
-    "findings": lambda size, theme: findings_figure(finding_report(), size, theme, "vanilla"),
-    "suggestions": lambda size, theme: suggestions_figure(
-        suggestions_input().directions, size, theme, "vanilla"
-    ),
-    "errors": lambda size, theme: errors_figure(errors_input(cursor=5), size, theme),
+    "instance": drawing(instance_figure, instance_input(), "vanilla"),
+    "umap": drawing(umap_figure, umap_input()),
+    "orientation": drawing(orientation_figure, orientation_input()),
+    "rooms": drawing(rooms_figure, rooms_input()),
+    "scatter": drawing(scatter_figure, scatter_input(cursor=5)),
+    "groups": drawing(groups_figure, groups_input(), "vanilla"),
+    "findings": drawing(findings_figure, finding_report(), "vanilla"),
+    "suggestions": drawing(suggestions_figure, suggestions_input().directions, "vanilla"),
+    "errors": drawing(errors_figure, errors_input(cursor=5)),
 }
 
 
@@ -82,27 +84,27 @@ def decode(data: bytes) -> Image.Image:
     return Image.open(BytesIO(data))
 
 
-def test_empty_selections_and_missing_values_can_be_drawn() -> None:
-    none_selected = np.zeros(60, dtype=np.bool_)
-    view = map_input(selected=none_selected, cursor=None, heat=None, floor_plan=None, rooms=())
-    assert decode(map_figure(view, (300, 200))).size == (300, 200)
+def test_empty_selections_and_missing_values_can_be_drawn():
+    nobody, no_points = np.zeros(60, dtype=np.bool_), np.full((60, 2), np.nan)
+    bare_map = map_input(selected=nobody, cursor=None, heat=None, floor_plan=None, rooms=())
     bare = instance_input(sim=side(1, False, False), real=side(2, False, False), truth=None)
-    assert decode(instance_figure(bare, (300, 200))).size == (300, 200)
-    assert decode(overview_figure([], None, (300, 200))).size == (300, 200)
-    assert decode(umap_figure(umap_input(selected=none_selected), (300, 200))).size == (300, 200)
-    no_points = np.full((60, 2), np.nan)
-    without_points = umap_input(sim=no_points, real=no_points, cursor=1)
-    assert decode(umap_figure(without_points, (300, 200))).size == (300, 200)
-    empty = orientation_input(selected=none_selected, valid=none_selected)
-    assert decode(orientation_figure(empty, (300, 200))).size == (300, 200)
-    assert decode(rooms_figure(rooms_input(room_names=()), (300, 200))).size == (300, 200)
-    assert groups_figure(groups_input(rows=()), (300, 200), LIGHT)
-    errors = errors_input(selected=none_selected, valid=none_selected)
-    assert decode(errors_figure(errors, (300, 200))).size == (300, 200)
+    size = (300, 200)
+    for figure in (
+        map_figure(bare_map, size),
+        instance_figure(bare, size),
+        overview_figure([], None, size),
+        umap_figure(umap_input(selected=nobody), size),
+        umap_figure(umap_input(sim=no_points, real=no_points, cursor=1), size),
+        orientation_figure(orientation_input(selected=nobody, valid=nobody), size),
+        rooms_figure(rooms_input(room_names=()), size),
+        groups_figure(groups_input(rows=()), size, LIGHT),
+        errors_figure(errors_input(selected=nobody, valid=nobody), size),
+    ):
+        assert decode(figure).size == size
 
 
 @pytest.mark.parametrize("name", FIGURES)
-def test_figures_have_their_size_no_metadata_and_no_use_of_the_user_s_settings(name: str) -> None:
+def test_figures_have_their_size_no_metadata_and_no_use_of_the_user_s_settings(name):
     plain = FIGURES[name]((240, 180), LIGHT)
     with matplotlib.rc_context(USER):
         before = dict(matplotlib.rcParams)
@@ -117,7 +119,7 @@ def test_figures_have_their_size_no_metadata_and_no_use_of_the_user_s_settings(n
 
 @pytest.mark.parametrize("theme", [LIGHT, DARK])
 @pytest.mark.parametrize("name", ["overview", "orientation", "rooms", "errors"])
-def test_the_background_and_the_colours_of_the_sides_appear(name: str, theme: Theme) -> None:
+def test_the_background_and_the_colours_of_the_sides_appear(name, theme):
     pixels = np.asarray(decode(FIGURES[name]((600, 400), theme)).convert("RGB")).astype(int)
     assert tuple(pixels[0, 0]) == theme.background
     truth = [] if name == "errors" else [theme.truth]
@@ -125,16 +127,16 @@ def test_the_background_and_the_colours_of_the_sides_appear(name: str, theme: Th
         assert (np.abs(pixels - colour).max(axis=-1) <= 3).any()
 
 
-def test_dollar_signs_are_literal_text() -> None:
+def test_dollar_signs_are_literal_text():
     map_figure(map_input(), (300, 200), title="a$b$c", subtitle="id$")
 
 
-def test_an_invalid_size_is_rejected() -> None:
+def test_an_invalid_size_is_rejected():
     with pytest.raises(RequestError, match="--size"):
         overview_figure(ROWS, None, (0, 100))
 
 
-def test_many_points_are_drawn_as_cells(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_points_are_drawn_as_cells(monkeypatch):
     few = umap_figure(umap_input(cursor=None), (600, 300))
     monkeypatch.setattr("s2rtui.charts.umap.paper.POINTS_UP_TO", 10)
     many = umap_figure(umap_input(cursor=None), (600, 300))
@@ -146,7 +148,7 @@ def test_many_points_are_drawn_as_cells(monkeypatch: pytest.MonkeyPatch) -> None
     "scale", [(0.13, 7.83), (-4.2, 4.2), (0.0, 0.0031), (12345.0, 67890.0), (2.0, 2.002)]
 )
 @pytest.mark.parametrize("height", [0.1, 0.5, 1.3, 2.1])
-def test_a_colour_bar_has_labels_at_both_ends(scale: tuple[float, float], height: float) -> None:
+def test_a_colour_bar_has_labels_at_both_ends(scale, height):
     places, labels = colour_bar_ticks(scale, height)
     assert (places[0], places[-1]) == scale
     assert places == sorted(set(places))

@@ -75,9 +75,7 @@ def drawn_labels(monkeypatch: pytest.MonkeyPatch, module: object) -> list[str]:
     return labels
 
 
-def test_every_label_names_kind_mode_and_unit(
-    store: Store, state: State, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_label_names_kind_mode_and_unit(store, state, monkeypatch):
     kinds = {kind.replace("_", " ") for kind in HEATMAP_KINDS}
     choices = heatmap_choices(store, RUN)
     assert {kind for kind, _ in choices} == set(HEATMAP_KINDS)
@@ -103,7 +101,7 @@ def test_every_label_names_kind_mode_and_unit(
             assert not [other for other in kinds - {name} if other in label.replace(name, "")]
 
 
-def test_modes_of_a_kind_have_units_of_their_own(store: Store) -> None:
+def test_modes_of_a_kind_have_units_of_their_own(store):
     units = {
         mode: heat_fields(store, RUN, HeatChoice("pixel_difference", mode))["unit"]
         for mode in ("rgb", "depth")
@@ -112,7 +110,7 @@ def test_modes_of_a_kind_have_units_of_their_own(store: Store) -> None:
 
 
 @given(arrays(np.bool_, array_shapes(min_dims=2, max_dims=2, max_side=12), elements=st.booleans()))
-def test_regions_are_those_of_scipy(mask: np.ndarray) -> None:
+def test_regions_are_those_of_scipy(mask):
     labels, count = ndimage.label(mask, structure=np.ones((3, 3)))
     expected = {(labels == number).tobytes() for number in range(1, count + 1)}
     assert {region.tobytes() for region in connected_regions(mask)} == expected
@@ -123,13 +121,13 @@ def test_regions_are_those_of_scipy(mask: np.ndarray) -> None:
     [(slice(0, 3), slice(0, 3), "top left"), (slice(4, 8), slice(9, 12), "right"),
      (slice(4, 8), slice(4, 8), "middle"), (slice(10, 12), slice(5, 7), "bottom")],
 )  # fmt: skip
-def test_places_are_named_by_thirds(rows: slice, columns: slice, place: str) -> None:
+def test_places_are_named_by_thirds(rows, columns, place):
     region = np.zeros((12, 12), dtype=np.bool_)
     region[rows, columns] = True
     assert place_in_image(region) == place
 
 
-def test_the_metres_of_each_place_are_listed_largest_first() -> None:
+def test_the_metres_of_each_place_are_listed_largest_first():
     heat = np.zeros((12, 12), dtype=np.float32)
     heat[0:2, 0:2] = 0.42 / 4
     heat[9:12, 9:12] = -0.9 / 9
@@ -141,31 +139,19 @@ def test_the_metres_of_each_place_are_listed_largest_first() -> None:
     assert _harm_note(HeatChoice("harm", "position"), heat)[0][1].endswith(", 1 more")
 
 
-def test_fine_heat_is_summed_and_other_kinds_have_no_metres() -> None:
-    heat = np.array([[0.5, -0.2], [0.1, np.nan]], dtype=np.float32)
-    text = "changes cost +0.40 m"
-    assert _harm_note(HeatChoice("harm_fine", None), heat) == [("harm", text)]
-    assert _harm_note(HeatChoice("harm", "position"), np.zeros((4, 4))) == [
-        ("harm", "no changed part")
-    ]
-    assert _harm_note(HeatChoice("occlusion", "rgb"), heat) == []
-    assert _harm_note(HeatChoice("harm", "position"), None) == []
-    assert _harm_note(None, heat) == []
+def test_fine_heat_is_summed_and_other_kinds_and_modes_have_no_metres():
+    heat, none = np.array([[0.5, -0.2], [0.1, np.nan]], dtype=np.float32), np.zeros((4, 4))
+    position = HeatChoice("harm", "position")
+    assert _harm_note(HeatChoice("harm_fine", None), heat) == [("harm", "changes cost +0.40 m")]
+    assert _harm_note(position, none) == [("harm", "no changed part")]
+    assert _harm_note(position, None) == _harm_note(None, heat) == []
+    for choice in (("occlusion", "rgb"), ("harm", "heading"), ("harm", "loss")):
+        assert _harm_note(HeatChoice(*choice), heat) == []
 
 
-@pytest.mark.parametrize("mode", ["heading", "loss"])
-def test_heat_in_radians_and_loss_has_no_metres(mode: str) -> None:
-    assert _harm_note(HeatChoice("harm", mode), np.ones((12, 12), dtype=np.float32)) == []
-
-
-def test_only_heat_in_metres_is_said_to_sum_to_metres(tiny_store: Path) -> None:
+def test_only_heat_in_metres_is_said_to_sum_to_metres(tiny_store):
     with s2rstore.open(tiny_store) as store:
-        for mode, expected in (
-            ("position", True),
-            (None, True),
-            ("heading", False),
-            ("loss", False),
-        ):
+        for mode, expected in (("position", True), (None, True), ("heading", False)):
             line = trust_line(store, "vanilla", "harm", mode)
             assert line.startswith("what each changed segment costs")
             assert ("sums to metres" in line) == expected

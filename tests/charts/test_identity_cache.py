@@ -14,7 +14,7 @@ from s2rtui.analysis import identity_cache as same
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 
 
-def test_a_result_is_computed_once_per_array() -> None:
+def test_a_result_is_computed_once_per_array():
     calls = []
 
     @cached_by_identity(4)
@@ -29,7 +29,7 @@ def test_a_result_is_computed_once_per_array() -> None:
     assert calls == [2, 2, 3]
 
 
-def test_a_result_is_dropped_with_any_of_its_arrays() -> None:
+def test_a_result_is_dropped_with_any_of_its_arrays():
     @cached_by_identity(4)
     def total(pair: tuple[ArrayKey, ArrayKey], more: ArrayKey) -> np.ndarray:
         return sum(np.asarray(same.array) for same in (*pair, more))
@@ -43,7 +43,7 @@ def test_a_result_is_dropped_with_any_of_its_arrays() -> None:
         assert result() is None
 
 
-def test_the_cache_size_is_limited() -> None:
+def test_the_cache_size_is_limited():
     @cached_by_identity(2)
     def copy_array(values: ArrayKey) -> np.ndarray:
         return np.array(values.array)
@@ -53,7 +53,7 @@ def test_the_cache_size_is_limited() -> None:
     assert [result() is None for result in results] == [True, True, False, False]
 
 
-def test_a_new_array_at_a_reused_address_has_another_key() -> None:
+def test_a_new_array_at_a_reused_address_has_another_key():
     array = np.arange(5)
     key = ArrayKey(array)
     del array
@@ -66,7 +66,7 @@ def test_a_new_array_at_a_reused_address_has_another_key() -> None:
     assert ArrayKey(None) != ArrayKey(others[0])
 
 
-def test_threads_can_use_the_cache_while_arrays_are_deleted() -> None:
+def test_threads_can_use_the_cache_while_arrays_are_deleted():
     @cached_by_identity(3)
     def negative(values: ArrayKey) -> np.ndarray:
         return -np.asarray(values.array)
@@ -88,7 +88,7 @@ class CallbackOnDelete:
         self._last()
 
 
-def test_a_result_is_deleted_outside_the_lock() -> None:
+def test_a_result_is_deleted_outside_the_lock():
     """While it is deleted, another thread can call the cached function."""
     completed: list[bool] = []
 
@@ -110,7 +110,7 @@ def test_a_result_is_deleted_outside_the_lock() -> None:
     assert all(completed)
 
 
-def test_deleting_an_array_does_not_wait_for_the_lock() -> None:
+def test_deleting_an_array_does_not_wait_for_the_lock():
     """The array may be deleted in a thread for which the owner of the lock waits."""
     arrays = [np.ones(3)]
     ArrayKey(arrays[0])

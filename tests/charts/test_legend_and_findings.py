@@ -35,7 +35,7 @@ def drawn(parts: list, width: int, most: int | None = None) -> list[str]:
 
 
 @given(st.lists(labels, min_size=1, max_size=6), labels, st.integers(40, 160))
-def test_every_word_appears(texts: list[str], label: str, width: int) -> None:
+def test_every_word_appears(texts, label, width):
     parts = [text_part(((text, DARK.muted),)) for text in texts]
     parts.append(colour_bar(label, "m", (0.25, 17.5), OPTIONS, room=width, clipped=True))
     parts.append(role_legend(OPTIONS, sim="simulated", real="real", truth="true position"))
@@ -45,7 +45,7 @@ def test_every_word_appears(texts: list[str], label: str, width: int) -> None:
 
 
 @given(st.lists(labels, min_size=1, max_size=9), st.integers(40, 90), st.integers(1, 4))
-def test_an_ellipsis_marks_what_is_left_out(texts: list[str], width: int, most: int) -> None:
+def test_an_ellipsis_marks_what_is_left_out(texts, width, most):
     parts = [text_part(((text, DARK.muted),)) for text in texts]
     lines = drawn(parts, width, most)
     assert len(lines) <= most
@@ -57,23 +57,18 @@ def test_an_ellipsis_marks_what_is_left_out(texts: list[str], width: int, most: 
         assert shown == wanted
 
 
-def test_a_glyph_stays_beside_its_word() -> None:
+def test_a_glyph_stays_beside_its_word_and_a_wide_word_is_cut():
     part = role_legend(OPTIONS, sim="simulation", real="reality", truth="ground")
     for width in range(14, part.width):
         for line in drawn([part], width):
             assert not line.rstrip().endswith(tuple("\u25c6\u25c7\u2022"))
-
-
-def test_a_word_that_is_wider_than_a_row_is_cut() -> None:
     assert cell_len(drawn([text_part((("a" * 30, DARK.muted),))], 20)[0].rstrip()) == 20
 
 
 @pytest.mark.parametrize("width", [40, 48, 66, 100])
 @pytest.mark.parametrize("height", [12, 20, 40])
 @pytest.mark.parametrize("mode", ["colour", "glyph", "full"])
-def test_the_legend_of_a_map_has_all_words_or_an_ellipsis(
-    width: int, height: int, mode: str
-) -> None:
+def test_the_legend_of_a_map_has_all_words_or_an_ellipsis(width, height, mode):
     view = map_input(mode=mode, heat_label="feature distance of the selection, real")
     lines = draw_map(view, (width, height), OPTIONS).lines()[-legend_rows(height) :]
     text = " ".join(" ".join(lines).split())
@@ -82,11 +77,8 @@ def test_the_legend_of_a_map_has_all_words_or_an_ellipsis(
     assert "\u2026" in text or all(part in f"{text} " for part in wanted)
 
 
-SIZES = ((80, 24), (70, 36), (82, 17))
-
-
-@pytest.mark.parametrize("size", SIZES)
-def test_all_findings_with_evidence_and_notes_are_shown(size: tuple[int, int]) -> None:
+@pytest.mark.parametrize("size", [(80, 24), (70, 36), (82, 17)])
+def test_all_findings_with_evidence_and_notes_are_shown(size):
     text = " ".join(" ".join(draw_findings(FindingsInput(finding_report()), size).lines()).split())
     for finding in finding_report().findings:
         for part in (finding.kind, finding.text.split(",")[0], "corrected for 7 rooms"):
@@ -94,7 +86,7 @@ def test_all_findings_with_evidence_and_notes_are_shown(size: tuple[int, int]) -
     assert "- gap drift" in text
 
 
-def test_findings_that_are_not_evident_are_marked() -> None:
+def test_findings_that_are_not_evident_are_marked():
     lines = draw_findings(FindingsInput(finding_report()), (80, 24)).lines()
     for number in range(1, 5):
         line = next(line for line in lines if f"kind {number}" in line)
@@ -102,20 +94,20 @@ def test_findings_that_are_not_evident_are_marked() -> None:
 
 
 @pytest.mark.parametrize("chosen", [0, 3, 7, -1])
-def test_the_chosen_finding_is_visible_and_highlighted(chosen: int) -> None:
+def test_the_chosen_finding_is_visible_and_highlighted(chosen):
     data = FindingsInput(finding_report(12), chosen)
     canvas = draw_findings(data, (80, 4))
     row = next(y for y, line in enumerate(canvas.lines()) if f"kind {chosen % 12 + 1} " in line)
     assert tuple(canvas.bg[row, 5]) == DARK.highlight
 
 
-def test_evidence_of_the_chosen_finding_is_kept_where_not_all_fits() -> None:
+def test_evidence_of_the_chosen_finding_is_kept_where_not_all_fits():
     data = FindingsInput(finding_report(4), 2)
     lines = report_lines(data, 80, 7)
     assert {line.index for line in lines if line.is_evidence} == {2}
 
 
-def test_a_click_finds_the_finding_of_a_line() -> None:
+def test_a_click_finds_the_finding_of_a_line():
     data = FindingsInput(finding_report())
     (panel,) = findings_panels(data, (80, 24))
     lines = report_lines(data, 78, 24)
@@ -124,7 +116,7 @@ def test_a_click_finds_the_finding_of_a_line() -> None:
         assert panel.to_data(3.5, y + 0.5)[1] == expected
 
 
-def test_long_texts_are_wrapped_on_paper() -> None:
+def test_long_texts_are_wrapped_on_paper():
     lines = paper_lines(finding_report(), 40)
     assert max(len(text) for text, _ in lines) <= 40
     assert sum(style == "bold" for _, style in lines) == 2

@@ -16,7 +16,7 @@ from s2rtui.canvas.render_options import UNICODE
 from s2rtui.charts.overview import bands
 from s2rtui.charts.overview import lines as module
 from s2rtui.charts.overview.layout import overview_layout, overview_panels
-from s2rtui.charts.overview.lines import bin_count, levels, line_density
+from s2rtui.charts.overview.lines import bin_count, line_density
 from s2rtui.charts.overview.model import OverviewLines, overview_model
 from s2rtui.charts.overview.terminal import draw_overview
 from s2rtui.charts.scene import OverviewRow
@@ -47,27 +47,17 @@ def density_by_drawing(
             share = [min(size - 1, max(0, int((end - AXIS[0]) / 0.5 * size))) for end in ends]
             start, stop = (2 * (0.5 + (part + 0.5) / size * (width - 1)) for part in share)
             for row in range(4 * step):
-                start_dot, end_dot = (
+                first, last = (
                     int(start + (stop - start) * (offset / (4 * step))) for offset in (row, row + 1)
                 )
-                dots = (
-                    range(start_dot, end_dot)
-                    if end_dot > start_dot
-                    else range(end_dot + 1, start_dot + 1)
-                )
-                for dot in dots if end_dot != start_dot else (start_dot,):
+                dots = range(first, last) if last > first else range(last + 1, first + 1)
+                for dot in dots if last != first else (first,):
                     grid[4 * run * step + 2 + row, dot] += 1
     return grid
 
 
 @given(columns, columns, columns, masks, masks)
-def test_density_equals_individually_drawn_lines(
-    first: np.ndarray,
-    second: np.ndarray,
-    third: np.ndarray,
-    selected: np.ndarray,
-    valid: np.ndarray,
-) -> None:
+def test_density_equals_individually_drawn_lines(first, second, third, selected, valid):
     lines = OverviewLines((first, second, third), selected, valid)
     layout = overview_layout(rows(3), 0, SIZE, lines)
     density = line_density(lines, AXIS, layout)
@@ -77,7 +67,7 @@ def test_density_equals_individually_drawn_lines(
     assert (density.others == others).all()
 
 
-def test_adjacent_runs_are_drawn_as_bars() -> None:
+def test_adjacent_runs_are_drawn_as_bars():
     lines = overview_lines()
     layout = overview_layout(ROWS, 0, (60, 6), lines)
     assert layout.step == 1
@@ -100,7 +90,7 @@ def many_lines(count: int = 400, **changes: object) -> OverviewLines:
 
 
 @pytest.mark.parametrize("count", [bands.MOST_LINES, bands.MOST_LINES + 1])
-def test_more_lines_than_sixty_are_bands(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_more_lines_than_sixty_are_bands(count, monkeypatch):
     lines = many_lines(count)
     is_banded = count > bands.MOST_LINES
     assert lines.banded == (is_banded, False)
@@ -115,7 +105,7 @@ def test_more_lines_than_sixty_are_bands(count: int, monkeypatch: pytest.MonkeyP
     assert ("lines: real" in header) != is_banded
 
 
-def test_selected_lines_are_drawn_above_bands_of_the_others() -> None:
+def test_selected_lines_are_drawn_above_bands_of_the_others():
     lines = many_lines(selected=np.arange(400) < 10)
     layout = overview_layout(rows(2), 0, (80, 16), lines)
     density = line_density(lines, AXIS, layout)
@@ -124,7 +114,7 @@ def test_selected_lines_are_drawn_above_bands_of_the_others() -> None:
     assert set(np.unique(density.others)) == {0, 1, 2, 3}
 
 
-def test_bands_lie_at_the_quantiles() -> None:
+def test_bands_lie_at_the_quantiles():
     lines = many_lines()
     layout = overview_layout(rows(2), 0, (200, 60), lines)
     inner = line_density(lines, AXIS, layout).highlighted >= 2
@@ -136,7 +126,7 @@ def test_bands_lie_at_the_quantiles() -> None:
         assert found.max() == pytest.approx(high, abs=0.012)
 
 
-def test_quantiles_of_bins_agree_with_those_of_the_values() -> None:
+def test_quantiles_of_bins_agree_with_those_of_the_values():
     lines = many_lines()
     exact = bands.accuracy_quantiles(lines.values, lines.valid)
     counts = np.stack([np.histogram(c, bins=100, range=AXIS)[0] for c in lines.values])
@@ -146,7 +136,7 @@ def test_quantiles_of_bins_agree_with_those_of_the_values() -> None:
     assert np.isnan(bands.binned_quantiles(0 * counts)).all()
 
 
-def test_no_band_leads_to_a_run_without_accuracies() -> None:
+def test_no_band_leads_to_a_run_without_accuracies():
     lines = many_lines()
     unknown = replace(lines, values=(*lines.values, np.full(400, np.nan)))
     layout = overview_layout(rows(3), 0, (80, 30), unknown)
@@ -155,23 +145,14 @@ def test_no_band_leads_to_a_run_without_accuracies() -> None:
     assert not density[2 + 4 * layout.step :].any()
 
 
-def test_levels_increase_to_one() -> None:
-    for peak in (2.0, 30.0, 1e5):
-        shares = levels(np.array([0.0, 1.0, peak / 2, peak]), peak)
-        assert shares[0] == 0
-        assert shares[1] > 0
-        assert shares[3] == pytest.approx(1.0)
-        assert (np.diff(shares[1:]) >= 0).all()
-
-
-def test_bins_are_cached_across_selections(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bins_are_cached_across_selections(monkeypatch):
     lines = overview_lines()
     draw_overview(ROWS, 0.72, 0, SIZE, RenderOptions(), lines)
     monkeypatch.setattr(module, "_binned", lambda *_: pytest.fail("binned again"))
     draw_overview(ROWS, 0.72, 0, SIZE, RenderOptions(), replace(lines, selected=np.arange(N) < 9))
 
 
-def test_the_axis_covers_drawn_lines() -> None:
+def test_the_axis_covers_drawn_lines():
     lines = overview_lines()
     tight, wide = overview_model(ROWS, 0.72).axis, overview_model(ROWS, 0.72, lines).axis
     lowest = np.percentile(lines.values[0][lines.valid], 1)
@@ -179,7 +160,7 @@ def test_the_axis_covers_drawn_lines() -> None:
     assert wide[1] == 1.0
 
 
-def test_rows_per_run_depend_on_the_height() -> None:
+def test_rows_per_run_depend_on_the_height():
     lines = overview_lines()
     assert overview_layout(ROWS, 0, (60, 16)).step == 1
     assert overview_layout(ROWS, 0, (60, 16), lines).step == 6
@@ -189,7 +170,7 @@ def test_rows_per_run_depend_on_the_height() -> None:
     assert [tall_layout.run_at(tall_layout.row_of(index)) for index in range(3)] == [0, 1, 2]
 
 
-def test_marks_and_numbers_are_drawn_over_lines() -> None:
+def test_marks_and_numbers_are_drawn_over_lines():
     lines = overview_lines(cursor=None)
     canvas = draw_overview(ROWS, 0.72, 0, SIZE, RenderOptions(), lines)
     model, layout = overview_model(ROWS, 0.72, lines), overview_layout(ROWS, 0, SIZE, lines)
@@ -204,12 +185,10 @@ def test_marks_and_numbers_are_drawn_over_lines() -> None:
 
 
 @pytest.mark.parametrize("side", ["sim", "real"])
-def test_selected_lines_are_coloured_and_others_grey(side: str) -> None:
+def test_selected_lines_are_coloured_and_others_grey(side):
     lines = overview_lines(side=side, cursor=None)
-    canvas, layout = (
-        draw_overview(ROWS, None, 0, SIZE, RenderOptions(), lines),
-        overview_layout(ROWS, 0, SIZE, lines),
-    )
+    canvas = draw_overview(ROWS, None, 0, SIZE, RenderOptions(), lines)
+    layout = overview_layout(ROWS, 0, SIZE, lines)
     band = slice(layout.row_of(0) + 1, layout.row_of(1))
     inked = np.char.greater(canvas.char[band], "\u2800")
     colours = canvas.fg[band][inked].astype(int)
@@ -221,7 +200,7 @@ def test_selected_lines_are_coloured_and_others_grey(side: str) -> None:
     assert f"lines: {side}" in canvas.lines()[0]
 
 
-def test_unselected_lines_are_fainter_without_colours() -> None:
+def test_unselected_lines_are_fainter_without_colours():
     lines = overview_lines(selected=np.zeros(N, dtype=np.bool_), cursor=None)
     all_selected = replace(lines, selected=np.ones(N, dtype=np.bool_))
     options = RenderOptions(mode=ColourMode.NONE)
@@ -243,7 +222,7 @@ def test_unselected_lines_are_fainter_without_colours() -> None:
         assert set("".join(band)) & set(glyphs)
 
 
-def test_notes_are_drawn_over_lines() -> None:
+def test_notes_are_drawn_over_lines():
     lines = overview_lines()
     waiting = [replace(row, sim_accuracy=None, real_accuracy=None, note="reading") for row in ROWS]
     canvas = draw_overview(waiting, None, 0, SIZE, RenderOptions(), lines)
@@ -252,12 +231,10 @@ def test_notes_are_drawn_over_lines() -> None:
         assert "reading " in canvas.lines()[layout.row_of(index)][layout.chart :]
 
 
-def test_the_cursor_s_line_is_drawn_on_top_with_its_accuracies() -> None:
+def test_the_cursor_s_line_is_drawn_on_top_with_its_accuracies():
     lines = overview_lines()
-    canvas, model = (
-        draw_overview(ROWS, None, 0, SIZE, RenderOptions(), lines),
-        overview_model(ROWS, None, lines),
-    )
+    canvas = draw_overview(ROWS, None, 0, SIZE, RenderOptions(), lines)
+    model = overview_model(ROWS, None, lines)
     layout = overview_layout(ROWS, 0, SIZE, lines)
     for index in range(2):
         value = float(lines.values[index][50])
@@ -277,9 +254,7 @@ def test_the_cursor_s_line_is_drawn_on_top_with_its_accuracies() -> None:
     part=st.floats(0, 0.999),
     lined=st.booleans(),
 )
-def test_columns_convert_to_accuracies_and_back(
-    size: tuple[int, int], part: float, lined: bool
-) -> None:
+def test_columns_convert_to_accuracies_and_back(size, part, lined):
     lines = overview_lines() if lined else None
     panels = overview_panels(ROWS, 0.72, 1, size, lines)
     model = overview_model(ROWS, 0.72, lines)
@@ -292,7 +267,7 @@ def test_columns_convert_to_accuracies_and_back(
             assert 0 <= value <= model.axis[1] + 1e-9
 
 
-def test_each_run_has_a_panel_with_the_nearest_rows() -> None:
+def test_each_run_has_a_panel_with_the_nearest_rows():
     lines = overview_lines()
     panels = overview_panels(ROWS, 0.72, 1, SIZE, lines)
     layout = overview_layout(ROWS, 1, SIZE, lines)
@@ -305,7 +280,7 @@ def test_each_run_has_a_panel_with_the_nearest_rows() -> None:
         assert panel_found.name == ROWS[index].run
 
 
-def test_the_leftmost_column_includes_clipped_values() -> None:
+def test_the_leftmost_column_includes_clipped_values():
     panel = overview_panels(ROWS, 0.72, 1, SIZE, overview_lines())[0]
     assert panel.to_data(panel.x + 0.5, panel.y)[0] == 0.0
     assert overview_panels(ROWS, 0.72, 1, SIZE)[0].to_data(panel.x + 0.5, panel.y)[0] > 0.5
@@ -314,7 +289,7 @@ def test_the_leftmost_column_includes_clipped_values() -> None:
 @pytest.mark.parametrize(
     "options", [RenderOptions(), RenderOptions(mode=ColourMode.NONE, ascii=True)]
 )
-def test_a_marked_range_is_drawn_on_its_run(options: RenderOptions) -> None:
+def test_a_marked_range_is_drawn_on_its_run(options):
     lines = overview_lines()
     mark = Mark("dataaug", ((0.75, 0.0), (0.9, 0.0)))
     canvas = draw_overview(ROWS, 0.72, 0, SIZE, options, lines, mark)
@@ -330,45 +305,30 @@ def test_a_marked_range_is_drawn_on_its_run(options: RenderOptions) -> None:
 ROWS_SIZE = (70, 10)
 
 
-def test_the_axis_covers_all_values_with_round_limits() -> None:
+def test_the_axis_covers_all_values_with_round_limits():
     low, high = overview_model(ROWS, 0.72).axis
     assert low <= 0.72
     assert high >= 0.96
     assert (100 * low) % 5 == pytest.approx(0, abs=1e-9)
 
 
-def test_the_gap_is_drawn_between_real_and_sim() -> None:
-    line = draw_overview(ROWS, 0.72, 0, ROWS_SIZE).lines()[1]
-    assert line.index("◇") < line.index("◆")
-    assert "━" in line[line.index("◇") : line.index("◆")]
-
-
-def test_the_baseline_has_the_same_column_in_every_line() -> None:
-    lines = draw_overview(ROWS, 0.72, None, ROWS_SIZE).lines()
-    columns = {line.index("┊") for line in lines[1:3]}
-    assert len(columns) == 1
-
-
-def test_marks_of_equal_accuracy_are_merged() -> None:
-    line = draw_overview([OverviewRow("same", 0.9, 0.9)], None, 0, ROWS_SIZE).lines()[1]
-    assert "◈" in line
-
-
-def test_selected_line_is_marked_by_glyph_and_ground() -> None:
-    canvas = draw_overview(ROWS, 0.72, 1, ROWS_SIZE)
-    assert canvas.char[2, 0] == "▶"
-    assert (canvas.bg[2] == DARK.highlight).all()
-    assert not (canvas.bg[1] == DARK.highlight).any()
-
-
-def test_the_visible_rows_follow_the_selected_run() -> None:
-    rows = [OverviewRow(f"run{index}", 0.9, 0.8) for index in range(40)]
+def test_the_visible_rows_follow_the_selected_run():
     for selected in (0, 17, 39):
-        layout = overview_layout(rows, selected, (60, 8))
+        layout = overview_layout(rows(40), selected, (60, 8))
         assert layout.first <= selected < layout.first + layout.shown
         assert layout.run_at(layout.top) == layout.first
         assert layout.run_at(layout.top + layout.shown) is None
 
 
-def test_an_overview_without_runs_shows_a_message() -> None:
+def test_a_line_shows_gap_baseline_and_selection():
+    canvas = draw_overview(ROWS, 0.72, 1, ROWS_SIZE)
+    lines = canvas.lines()
+    assert lines[1].index("◇") < lines[1].index("◆")
+    assert "━" in lines[1][lines[1].index("◇") : lines[1].index("◆")]
+    assert lines[1].index("┊") == lines[2].index("┊")
+    assert canvas.char[2, 0] == "▶"
+    assert (canvas.bg[2] == DARK.highlight).all()
+    assert not (canvas.bg[1] == DARK.highlight).any()
+    same = draw_overview([OverviewRow("same", 0.9, 0.9)], None, 0, ROWS_SIZE)
+    assert "◈" in same.lines()[1]
     assert "no run" in draw_overview([], None, None, ROWS_SIZE).lines()[0]

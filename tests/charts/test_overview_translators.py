@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -34,7 +33,7 @@ ROWS = (
 )  # fmt: skip
 
 
-def test_a_gain_is_claimed_only_where_its_interval_excludes_zero() -> None:
+def test_a_gain_is_claimed_only_where_its_interval_excludes_zero():
     lines = draw_translators(ROWS, "vanilla", (80, 5), RenderOptions()).lines()
     assert "accepted  gain +1.20 m (0.84 to 1.57) on vanilla" in lines[1]
     assert "no clear gain on vanilla" in lines[2]
@@ -43,7 +42,7 @@ def test_a_gain_is_claimed_only_where_its_interval_excludes_zero() -> None:
 
 
 @pytest.mark.parametrize("size", [(10, 2), (24, 3), (55, 6), (120, 6)])
-def test_the_block_fits_every_size(size: tuple[int, int]) -> None:
+def test_the_block_fits_every_size(size):
     canvas = draw_translators(
         ROWS, "vanilla", size, RenderOptions(mode=ColourMode.NONE, ascii=True)
     )
@@ -53,23 +52,17 @@ def test_the_block_fits_every_size(size: tuple[int, int]) -> None:
     assert "\n".join(lines).isascii()
 
 
-def test_a_gain_that_does_not_fit_ends_with_an_ellipsis() -> None:
+def test_the_block_counts_and_cuts_what_does_not_fit():
     (line,) = draw_translators(ROWS[:1], "vanilla", (50, 2), RenderOptions()).lines()[1:]
     assert line.rstrip().endswith("(0.84 to …")
-
-
-def test_the_header_counts_what_does_not_fit() -> None:
     assert "2 of 4" in draw_translators(ROWS, "vanilla", (60, 3), RenderOptions()).lines()[0]
     assert " of " not in draw_translators(ROWS, "vanilla", (60, 5), RenderOptions()).lines()[0]
-
-
-def test_runs_come_first_where_space_is_short() -> None:
     assert block_height(ROWS, 4, 20) == 5
     assert block_height(ROWS, 4, 8) == 0
     assert block_height((), 4, 20) == 0
 
 
-def test_gains_are_those_of_the_present_run_and_name_the_metric() -> None:
+def test_gains_are_those_of_the_present_run_and_name_the_metric():
     row = ROWS[1]
     assert row.gain_text("vanilla") == "no clear gain on vanilla; harms other"
     assert row.gain_text("other") == "gain -0.50 m (-0.90 to -0.10) on other"
@@ -79,7 +72,7 @@ def test_gains_are_those_of_the_present_run_and_name_the_metric() -> None:
     assert row.gain_text("unjudged") == "harms other"
 
 
-def test_the_present_run_decides_what_the_view_shows(tiny_store: Path) -> None:
+def test_the_present_run_decides_what_the_view_shows(tiny_store):
     gains = (TranslatorGain("vanilla", 1.0, (0.5, 1.5)), TranslatorGain("dataaug", 2.0, (1.5, 2.5)))
     resources = Resources(translators=(TranslatorRow("mkl", "real2sim", True, gains),))
     session = Session(tiny_store)
@@ -96,7 +89,7 @@ def test_the_present_run_decides_what_the_view_shows(tiny_store: Path) -> None:
     assert "gain +2.00 m (1.50 to 2.50) on dataaug" in VIEW.summary(scenes[1])
 
 
-def test_accepted_translators_with_the_largest_gain_come_first(store_copy: Path) -> None:
+def test_accepted_translators_with_the_largest_gain_come_first(store_copy):
     for name in ("a", "b", "c"):
         fit_into_store(store_copy, FitRequest("mkl", name, "real2sim"), "")
     figures = (
@@ -125,7 +118,7 @@ def test_accepted_translators_with_the_largest_gain_come_first(store_copy: Path)
     assert a.gains[0].interval == pytest.approx((4.9, 5.1))
 
 
-def test_the_number_of_gains_that_are_read_is_limited(store_copy: Path) -> None:
+def test_the_number_of_gains_that_are_read_is_limited(store_copy):
     fit_into_store(store_copy, FitRequest("mkl", "t", "real2sim"), "")
     with edit(store_copy) as draft:
         draft.rows(
@@ -135,8 +128,3 @@ def test_the_number_of_gains_that_are_read_is_limited(store_copy: Path) -> None:
     with s2rstore.open(store_copy) as store:
         (row,) = translator_rows(store)
     assert len(row.gains) == MOST_READ
-
-
-def test_stores_without_translators_have_no_rows(tiny_store: Path) -> None:
-    with s2rstore.open(tiny_store) as store:
-        assert translator_rows(store) == ()

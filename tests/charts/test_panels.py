@@ -33,52 +33,23 @@ from tests.charts.examples import (
 
 Surface = Callable[[tuple[int, int], RenderOptions], tuple[Panel, ...]]
 NEAR = Bounds(3.0, 2.0, 6.0, 4.0)
+
+
+def surface(panels: Callable[..., tuple[Panel, ...]], data: object, *area: Bounds) -> Surface:
+    return lambda size, options: panels(data, size, options, *area)
+
+
+SIDES, DIALS = ("sim", "real"), ("sim", "truth", "real")
 VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
-    "map": (
-        lambda size, options: map_panels(map_input(y_down=False), size, options),
-        "plane",
-        ("map",),
-    ),
-    "near comparison": (
-        lambda size, options: compare_panels(compare_input(), size, options, NEAR),
-        "plane",
-        ("map",),
-    ),
-    "umap": (
-        lambda size, options: umap_panels(umap_input(), size, options),
-        "plane",
-        ("sim", "real"),
-    ),
-    "orientation": (
-        lambda size, options: orientation_panels(orientation_input(), size, options),
-        "turn",
-        ("sim", "truth", "real"),
-    ),
-    "upwards": (
-        lambda size, options: orientation_panels(orientation_input(y_down=False), size, options),
-        "turn",
-        ("sim", "truth", "real"),
-    ),
-    "scatter": (
-        lambda size, options: scatter_panels(scatter_input(), size, options),
-        "plane",
-        ("errors",),
-    ),
-    "rooms": (
-        lambda size, options: rooms_panels(rooms_input(), size, options),
-        "steps",
-        ("sim", "truth", "real"),
-    ),
-    "groups": (
-        lambda size, options: groups_panels(groups_input(), size, options),
-        "steps",
-        ("groups",),
-    ),
-    "errors": (
-        lambda size, options: errors_panels(errors_input(), size, options),
-        "range",
-        ("sim", "real"),
-    ),
+    "map": (surface(map_panels, map_input(y_down=False)), "plane", ("map",)),
+    "near comparison": (surface(compare_panels, compare_input(), NEAR), "plane", ("map",)),
+    "umap": (surface(umap_panels, umap_input()), "plane", SIDES),
+    "orientation": (surface(orientation_panels, orientation_input()), "turn", DIALS),
+    "upwards": (surface(orientation_panels, orientation_input(y_down=False)), "turn", DIALS),
+    "scatter": (surface(scatter_panels, scatter_input()), "plane", ("errors",)),
+    "rooms": (surface(rooms_panels, rooms_input()), "steps", DIALS),
+    "groups": (surface(groups_panels, groups_input()), "steps", ("groups",)),
+    "errors": (surface(errors_panels, errors_input()), "range", SIDES),
 }
 
 
@@ -90,11 +61,9 @@ VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
     across=st.floats(0, 0.999),
     down=st.floats(0, 0.999),
 )
-def test_cells_convert_to_data_and_back(
-    name: str, width: int, height: int, ascii: bool, across: float, down: float
-) -> None:
-    surface, shape, names = VIEWS[name]
-    panels = surface((width, height), RenderOptions(ascii=ascii))
+def test_cells_convert_to_data_and_back(name, width, height, ascii, across, down):
+    panels_of, shape, names = VIEWS[name]
+    panels = panels_of((width, height), RenderOptions(ascii=ascii))
     assert tuple(panel.name for panel in panels) == names[: len(panels)]
     for panel in panels:
         assert panel.shape == shape
@@ -111,7 +80,7 @@ def test_cells_convert_to_data_and_back(
 
 @pytest.mark.parametrize("name", VIEWS)
 @given(width=st.integers(1, 120), height=st.integers(1, 40))
-def test_panels_stay_inside_the_view_and_do_not_overlap(name: str, width: int, height: int) -> None:
+def test_panels_stay_inside_the_view_and_do_not_overlap(name, width, height):
     coverage = np.zeros((height, width), dtype=np.intp)
     for panel in VIEWS[name][0]((width, height), RenderOptions()):
         assert panel.x + panel.width <= width
@@ -121,7 +90,7 @@ def test_panels_stay_inside_the_view_and_do_not_overlap(name: str, width: int, h
 
 
 @pytest.mark.parametrize("name", VIEWS)
-def test_all_panels_are_present_at_common_sizes(name: str) -> None:
-    surface, _, names = VIEWS[name]
+def test_all_panels_are_present_at_common_sizes(name):
+    panels_of, _, names = VIEWS[name]
     for size in ((50, 9), (50, 10), (80, 22), (200, 56)):
-        assert tuple(panel.name for panel in surface(size, RenderOptions())) == names
+        assert tuple(panel.name for panel in panels_of(size, RenderOptions())) == names

@@ -36,10 +36,7 @@ FIGURES: dict[str, tuple[str, dict[str, Any]]] = {
 } | {
     "glyph map": ("map", {"map_mode": "glyph", "clip": True}),
     "full map": ("map", {"map_mode": "full", "room_names": True}),
-    "map with heat": (
-        "map",
-        {"heat": "feature_distance", "overlay": "selection"},
-    ),
+    "map with heat": ("map", {"heat": "feature_distance", "overlay": "selection"}),
     "instance with heat": ("instance", {"heat": "occlusion:rgb"}),
     "list by gap": ("list", {"sort": "gap"}),
     "overview of all": ("overview", {}),
@@ -138,22 +135,14 @@ def texts(figure: Figure) -> Iterator[tuple[str, Bbox]]:
 
 
 @pytest.mark.parametrize(("name", "width"), PAGES)
-def test_texts_are_whole_and_apart_and_axes_with_numbers_have_units(figure: Figure) -> None:
+def test_texts_are_whole_and_apart_and_axes_with_numbers_have_units(figure):
     wide, high = figure.bbox.size
     found = list(texts(figure))
     assert found
-    outside = [
-        text
-        for text, box in found
-        if box.x0 < -1 or box.y0 < -1 or box.x1 > wide + 1 or box.y1 > high + 1
-    ]
-    assert not outside
-    overlapping = [
-        (first, second)
-        for (first, one), (second, two) in itertools.combinations(found, 2)
-        if _shared(one, two)
-    ]
-    assert not overlapping
+    limit = (wide + 1, high + 1)
+    assert not [text for text, box in found if (box.p0 < -1).any() or (box.p1 > limit).any()]
+    boxes = itertools.combinations(found, 2)
+    assert not [(first, second) for (first, one), (second, two) in boxes if _shared(one, two)]
     assert not [text for text, _ in found if text.endswith("…")]
     for axes in figure.axes:
         for which in ("x", "y"):
@@ -178,12 +167,9 @@ def _has_numbers(axes: Axes, which: str) -> bool:
 
 def _label(figure: Figure, axes: Axes, which: str) -> str:
     """The label of an axis, of one beside it in the same row or column, or above a colour bar."""
-    place = (
-        (lambda other: other.get_position().y0)
-        if which == "x"
-        else (lambda other: other.get_position().x0)
-    )
-    same = [other for other in figure.axes if np.isclose(place(other), place(axes))]
+    edge = "y0" if which == "x" else "x0"
+    place = getattr(axes.get_position(), edge)
+    same = [a for a in figure.axes if np.isclose(getattr(a.get_position(), edge), place)]
     names = [getattr(other, f"get_{which}label")() for other in [axes, *same]]
     if which == "y":
         names.append(axes.get_title(loc="left"))

@@ -10,6 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from s2rstore.findings.groups import Group, Groups
+from s2rstore.language.syntax_tree import Everything
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.canvas.marks import Mark
 from s2rtui.charts.rooms.groups import fitting_columns, ordered, selected_per_group
@@ -34,7 +36,7 @@ def forty_rooms(**changes):
 
 
 @given(codes, codes, codes, masks, masks)
-def test_counts_equal_those_of_each_column(sim, truth, real, selected, valid) -> None:
+def test_counts_equal_those_of_each_column(sim, truth, real, selected, valid):
     view = rooms_input(sim=sim, truth=truth, real=real, selected=selected, valid=valid, cursor=None)
     model = rooms_model(view)
     for index, column in enumerate((sim, truth, real)):
@@ -48,25 +50,13 @@ def test_counts_equal_those_of_each_column(sim, truth, real, selected, valid) ->
     assert (model.names[-1] == "no room") == has_no_room
 
 
-def test_labels_show_selected_and_total_counts() -> None:
-    lines = draw_rooms(rooms_input(), SIZE).lines()
-    assert lines[1].split()[0] == "hall"
-    assert [word for word in lines[1].split() if "/" in word][:2] == ["11/11", "11/11"]
-    assert "no room" in lines[6]
-
-
-def test_bar_lengths_are_proportional_to_counts() -> None:
+def test_bar_lengths_are_proportional_to_counts():
     column = np.repeat([0, 1, 2], [32, 16, 12]).astype(np.int32)
     selected = np.arange(N) < 40
     view = rooms_input(
-        sim=column,
-        truth=column,
-        real=column,
-        room_names=("a", "b", "c"),
-        selected=selected,
-        valid=np.ones(N, dtype=np.bool_),
-        cursor=None,
-    )
+        sim=column, truth=column, real=column, room_names=("a", "b", "c"), selected=selected,
+        valid=np.ones(N, dtype=np.bool_), cursor=None,
+    )  # fmt: skip
     canvas = draw_rooms(view, (76, 4), RenderOptions(mode=ColourMode.NONE))
     layout = rooms_layout(view, (76, 4))
     for x, _ in layout.columns:
@@ -77,7 +67,7 @@ def test_bar_lengths_are_proportional_to_counts() -> None:
             assert abs(inked.count("█") - highlighted * layout.bar / 32) <= 1
 
 
-def test_columns_have_the_colours_of_the_sides() -> None:
+def test_columns_have_the_colours_of_the_sides():
     view = rooms_input()
     canvas = draw_rooms(view, SIZE)
     for panel, colour in zip(
@@ -88,7 +78,7 @@ def test_columns_have_the_colours_of_the_sides() -> None:
         assert (canvas.fg[panel_cells][inked] == colour).all(axis=-1).any()
 
 
-def test_the_visible_rooms_follow_the_cursor_and_the_brush() -> None:
+def test_the_visible_rooms_follow_the_cursor_and_the_brush():
     for cursor in (0, 17, 39):
         layout = rooms_layout(forty_rooms(cursor=cursor), SIZE)
         assert layout.first <= cursor < layout.first + layout.shown
@@ -99,7 +89,7 @@ def test_the_visible_rooms_follow_the_cursor_and_the_brush() -> None:
 
 
 @pytest.mark.parametrize("size", [(60, 9), (90, 30), (40, 6)])
-def test_the_room_of_the_cursor_is_marked_in_each_column(size: tuple[int, int]) -> None:
+def test_the_room_of_the_cursor_is_marked_in_each_column(size):
     view = rooms_input(cursor=40)
     canvas = draw_rooms(view, size)
     panels = rooms_panels(view, size)
@@ -116,7 +106,7 @@ def test_the_room_of_the_cursor_is_marked_in_each_column(size: tuple[int, int]) 
 @pytest.mark.parametrize(
     "options", [RenderOptions(), RenderOptions(mode=ColourMode.NONE), RenderOptions(ascii=True)]
 )
-def test_pending_rooms_are_marked_in_their_column(options: RenderOptions) -> None:
+def test_pending_rooms_are_marked_in_their_column(options):
     view = rooms_input(mark=Mark("truth", ((0.0, 3.0), (0.0, 1.0))), cursor=20)
     canvas = draw_rooms(view, SIZE, options)
     pointers = np.argwhere(canvas.char == options.glyphs.pointer)
@@ -126,14 +116,14 @@ def test_pending_rooms_are_marked_in_their_column(options: RenderOptions) -> Non
     assert all(column == truth.x for _, column in pointers.tolist())
 
 
-def test_rooms_and_no_room_can_be_brushed() -> None:
+def test_rooms_and_no_room_can_be_brushed():
     view = rooms_input()
     panel = rooms_panels(view, SIZE)[2]
     steps = [panel.to_data(panel.x, panel.y + row + 0.5)[1] for row in range(panel.height)]
     assert steps == [0.0, 1.0, 2.0, 3.0, 4.0, float(len(ROOM_NAMES))]
 
 
-def test_a_store_without_rooms_shows_a_message() -> None:
+def test_a_store_without_rooms_shows_a_message():
     no_room = np.full(N, -1, dtype=np.int32)
     none_valid = np.zeros(N, dtype=np.bool_)
     view = rooms_input(sim=no_room, truth=no_room, real=no_room, room_names=(), valid=none_valid)
@@ -141,12 +131,9 @@ def test_a_store_without_rooms_shows_a_message() -> None:
     assert rooms_panels(view, SIZE) == ()
 
 
-SIZES = ((80, 24), (120, 40), (200, 60))
-
-
 @pytest.mark.parametrize("descending", [True, False])
 @pytest.mark.parametrize("sort", COLUMN_NAMES)
-def test_groups_are_sorted_by_each_column(sort: str, descending: bool) -> None:
+def test_groups_are_sorted_by_each_column(sort, descending):
     data = groups_input(sort=sort, descending=descending)
     values = {
         "real_m": lambda row: row.real.value, "low_m": lambda row: row.real.low,
@@ -161,8 +148,8 @@ def test_groups_are_sorted_by_each_column(sort: str, descending: bool) -> None:
     assert np.isnan(column[known.size :]).all()
 
 
-@pytest.mark.parametrize("size", SIZES)
-def test_each_row_shows_median_interval_and_count(size: tuple[int, int]) -> None:
+@pytest.mark.parametrize("size", [(80, 24), (200, 60)])
+def test_each_row_shows_median_interval_and_count(size):
     lines = draw_groups(groups_input(), size).lines()
     hall = next(line for line in lines if "hall" in line)
     for text in ("2.00", "1.00..3.50", "0.40", "+1.60", "12"):
@@ -172,28 +159,27 @@ def test_each_row_shows_median_interval_and_count(size: tuple[int, int]) -> None
 
 
 @pytest.mark.parametrize("sort", COLUMN_NAMES[:-1])
-@pytest.mark.parametrize("width", range(20, 100, 7))
-def test_the_sorted_column_is_shown_at_every_width(width: int, sort: str) -> None:
+def test_the_sorted_column_is_shown_at_every_width(sort):
     data = groups_input(sort=sort)
-    columns = fitting_columns(data, ordered(data), width)
-    if columns:
-        assert any(sort in column.sorts for column in columns)
+    for width in range(20, 100, 7):
+        columns = fitting_columns(data, ordered(data), width)
+        assert not columns or any(sort in column.sorts for column in columns), width
 
 
-def test_names_are_not_cut_where_a_column_can_be_left_out() -> None:
+def test_names_are_not_cut_where_a_column_can_be_left_out():
     data = groups_input(rows=tuple(row for row in groups_input().rows if len(row.group.name) < 9))
     lines = draw_groups(data, (48, 9)).lines()
     assert all(any(row.group.name in line for line in lines) for row in data.rows)
 
 
-def test_the_window_follows_the_brush() -> None:
+def test_the_window_follows_the_brush():
     data = groups_input(mark=Mark("groups", ((0.0, 4.0), (0.0, 4.0))))
     layout = groups_layout(data, (60, 3))
     assert layout.first <= 4 < layout.first + layout.shown
     assert ordered(data)[4].group.name[:12] in "\n".join(draw_groups(data, (60, 3)).lines())
 
 
-def test_the_scale_shows_sim_and_real_in_their_colours() -> None:
+def test_the_scale_shows_sim_and_real_in_their_colours():
     canvas = draw_groups(groups_input(), (120, 9))
     layout = groups_layout(groups_input(), (120, 9))
     assert layout.plot is not None
@@ -207,16 +193,13 @@ def test_the_scale_shows_sim_and_real_in_their_colours() -> None:
                 assert canvas.char[y, column] == "●"  # the real median lies on the sim median
 
 
-def test_a_run_that_was_trained_on_everything_says_so() -> None:
+def test_a_run_that_was_trained_on_everything_says_so():
     canvas = draw_groups(groups_input(rows=(), has_trained=True), (60, 5))
     assert "no instance is new to the run: M includes them" in canvas.lines()[0]
     assert groups_panels(groups_input(rows=()), (60, 5)) == ()
 
 
-def test_selected_instances_are_counted_per_group() -> None:
-    from s2rstore.findings.groups import Group, Groups
-    from s2rstore.language.syntax_tree import Everything
-
+def test_selected_instances_are_counted_per_group():
     named = tuple(Group(name, Everything()) for name in ("a", "b", "c"))
     grouped = Groups("room", named, np.array([0, 1, 1, -1, 0]))
     members = np.array([True, True, True, True, False])

@@ -52,9 +52,7 @@ def ranked(values: np.ndarray, valid: np.ndarray, worst: bool) -> set[int]:
 
 
 @given(errors, errors, masks, masks)
-def test_quadrants_and_sides_equal_a_count_by_hand(
-    sim: np.ndarray, real: np.ndarray, selected: np.ndarray, valid: np.ndarray
-) -> None:
+def test_quadrants_and_sides_equal_a_count_by_hand(sim, real, selected, valid):
     summary = scatter_summary(view(sim, real, selected, valid))
     inside = {int(iid) for iid in np.flatnonzero(selected & valid)}
     for quadrant, (total, chosen) in zip(QUADRANTS, summary.quadrants, strict=True):
@@ -68,9 +66,7 @@ def test_quadrants_and_sides_equal_a_count_by_hand(
 
 
 @given(errors, errors, masks, masks)
-def test_cells_count_the_selected_instances_at_their_place(
-    sim: np.ndarray, real: np.ndarray, selected: np.ndarray, valid: np.ndarray
-) -> None:
+def test_cells_count_the_selected_instances_at_their_place(sim, real, selected, valid):
     data = view(sim, real, selected, valid)
     layout = scatter_layout(data, SIZE)
     panel = scatter_panels(data, SIZE)[0]
@@ -90,7 +86,7 @@ def test_cells_count_the_selected_instances_at_their_place(
                 & (model.count > 0)).any()  # fmt: skip
 
 
-def test_axes_are_logarithmic_where_errors_spread_widely() -> None:
+def test_axes_are_logarithmic_where_errors_spread_widely():
     narrow = error_axis(np.array([0.5, 1.0, 2.0]), np.array([1.0, 4.0, 9.0]))
     assert (narrow.log, narrow.low) == (False, 0.0)
     wide = error_axis(np.array([0.02, 0.05, 0.3]), np.array([0.5, 4.0, 9.0]))
@@ -103,7 +99,7 @@ def test_axes_are_logarithmic_where_errors_spread_widely() -> None:
     assert (nothing.low, nothing.high, nothing.log) == (0.0, 1.0, False)
 
 
-def test_errors_below_a_log_axis_are_drawn_at_its_edge_and_counted() -> None:
+def test_errors_below_a_log_axis_are_drawn_at_its_edge_and_counted():
     sim = np.concatenate([[0.0], np.geomspace(0.01, 20, 199)])
     data = view(sim, np.full(200, 1.0))
     assert scatter_summary(data).below == int((sim < data.axis.low).sum()) > 0
@@ -123,9 +119,7 @@ def boxes(draw: st.DrawFn) -> tuple[int, int, int, int]:
 
 
 @given(errors, errors, boxes())
-def test_a_box_selects_exactly_the_dots_inside(
-    sim: np.ndarray, real: np.ndarray, box: tuple[int, int, int, int]
-) -> None:
+def test_a_box_selects_exactly_the_dots_inside(sim, real, box):
     data = view(sim, real)
     layout, panel = scatter_layout(data, SIZE), scatter_panels(data, SIZE)[0]
     x0, y0, x1, y1 = box
@@ -145,7 +139,7 @@ def test_a_box_selects_exactly_the_dots_inside(
     assert np.array_equal(chosen[~near], inside[~near]), expression
 
 
-def test_a_box_over_the_whole_plot_selects_all() -> None:
+def test_a_box_over_the_whole_plot_selects_all():
     data = scatter_input()
     panel = scatter_panels(data, SIZE)[0]
     corners = ((panel.x - 1, panel.height + 1), (panel.x + panel.width + 1, -1))
@@ -157,9 +151,7 @@ def test_a_box_over_the_whole_plot_selects_all() -> None:
     errors, errors,
     st.lists(st.tuples(st.floats(0.02, 0.98), st.floats(0.02, 0.98)), min_size=3, max_size=3),
 )  # fmt: skip
-def test_a_lasso_selects_the_dots_inside_the_drawn_polygon(
-    sim: np.ndarray, real: np.ndarray, corners: list[tuple[float, float]]
-) -> None:
+def test_a_lasso_selects_the_dots_inside_the_drawn_polygon(sim, real, corners):
     axis = error_axis(sim, real)
     mark = Mark("errors", tuple((axis.value(x), axis.value(y)) for x, y in corners), lasso=True)
     expression = lasso_expression(axis, mark, (0.02, 0.05))
@@ -181,7 +173,7 @@ def _distance(points: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.linalg.norm(points - a - share[:, None] * along, axis=1)
 
 
-def test_cells_with_several_instances_show_their_number() -> None:
+def test_cells_with_several_instances_show_their_number():
     sim = np.array([1.0] * 3 + [4.0] * 12 + [8.0])
     real = np.array([8.0] * 3 + [2.0] * 12 + [1.0])
     data = view(sim, real)
@@ -198,7 +190,7 @@ def test_cells_with_several_instances_show_their_number() -> None:
 
 
 @pytest.mark.parametrize("mode", [ColourMode.TRUECOLOR, ColourMode.NONE])
-def test_many_instances_are_drawn_as_a_density(mode: ColourMode) -> None:
+def test_many_instances_are_drawn_as_a_density(mode):
     random = np.random.default_rng(4)
     n = DENSITY_ABOVE + 1
     sim, real = random.gamma(2, 1, n), random.gamma(2, 1, n)
@@ -215,7 +207,7 @@ def test_many_instances_are_drawn_as_a_density(mode: ColourMode) -> None:
     assert len(scatter_figure(data, (600, 480))) > 1000
 
 
-def test_the_cursor_and_the_limits_are_drawn() -> None:
+def test_the_cursor_and_the_limits_are_drawn():
     data = scatter_input(cursor=12)
     canvas, panel = draw_scatter(data, SIZE), scatter_panels(data, SIZE)[0]
     column, row = panel.to_cells(float(data.sim[12]), float(data.real[12]))
@@ -225,28 +217,19 @@ def test_the_cursor_and_the_limits_are_drawn() -> None:
     assert "│" in set(canvas.char[: panel.height, column])
 
 
-def test_missing_errors_and_empty_selections_can_be_drawn() -> None:
+def test_missing_errors_and_empty_selections_can_be_drawn():
     none_selected = np.zeros(60, dtype=np.bool_)
-    for data in (
-        scatter_input(selected=none_selected),
-        scatter_input(selected=none_selected, valid=none_selected),
-        scatter_input(sim=np.full(60, np.nan), valid=none_selected, cursor=1),
-    ):
+    missing = scatter_input(sim=np.full(60, np.nan), valid=none_selected, cursor=1)
+    for data in (scatter_input(selected=none_selected), missing):
         draw_scatter(data, SIZE)
         assert len(scatter_figure(data, (300, 200))) > 1000
 
 
 @pytest.mark.parametrize(
     ("options", "diagonal", "sides"),
-    [
-        (RenderOptions(), "╱", "◇◆"),
-        (RenderOptions(mode=ColourMode.NONE), "╱", "◇◆"),
-        (RenderOptions(ascii=True), "/", "RS"),
-    ],
+    [(RenderOptions(mode=ColourMode.NONE), "╱", "◇◆"), (RenderOptions(ascii=True), "/", "RS")],
 )
-def test_diagonal_and_sides_have_glyphs_of_their_own(
-    options: RenderOptions, diagonal: str, sides: str
-) -> None:
+def test_diagonal_and_sides_have_glyphs_of_their_own(options, diagonal, sides):
     data = view(np.array([1.0, 8.0, 9.0]), np.array([8.0, 1.0, 9.0]))
     canvas, panel = draw_scatter(data, SIZE, options), scatter_panels(data, SIZE)[0]
     for x, y, glyph in ((1.0, 8.0, sides[0]), (8.0, 1.0, sides[1])):
@@ -263,9 +246,7 @@ def test_diagonal_and_sides_have_glyphs_of_their_own(
 
 
 @given(errors, errors, st.floats(0, 0.7), st.floats(0, 0.7), st.floats(0.1, 0.4))
-def test_a_zoomed_plot_shows_the_instances_in_view(
-    sim: np.ndarray, real: np.ndarray, left: float, low: float, size: float
-) -> None:
+def test_a_zoomed_plot_shows_the_instances_in_view(sim, real, left, low, size):
     shown = Bounds(left, low, left + size, low + size)
     data = replace(view(sim, real), viewport=shown)
     layout, panel = scatter_layout(data, SIZE), scatter_panels(data, SIZE)[0]
@@ -285,7 +266,7 @@ def test_a_zoomed_plot_shows_the_instances_in_view(
     draw_scatter(data, SIZE)
 
 
-def test_a_box_over_a_zoomed_plot_selects_the_instances_in_view() -> None:
+def test_a_box_over_a_zoomed_plot_selects_the_instances_in_view():
     data = replace(scatter_input(), viewport=Bounds(0.1, 0.1, 0.5, 0.5))
     panel = scatter_panels(data, SIZE)[0]
     corners = ((panel.x, panel.height), (panel.x + panel.width, 0))
@@ -304,9 +285,7 @@ def test_a_box_over_a_zoomed_plot_selects_the_instances_in_view() -> None:
 @pytest.mark.parametrize("place", [0, 1])
 @pytest.mark.parametrize("start", [0.0, 0.01])
 @pytest.mark.parametrize("end", [0.018, 0.015, 0.02])
-def test_a_box_that_ends_at_the_smallest_error_is_an_expression(
-    place: int, start: float, end: float
-) -> None:
+def test_a_box_that_ends_at_the_smallest_error_is_an_expression(place, start, end):
     columns = [np.linspace(0.018, 3, N), np.linspace(0.018, 3, N)]
     data = view(*columns)
     corners = [[-1.0, -1.0], [9.0, 9.0]]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -32,7 +30,7 @@ LINES = tuple(
 
 
 @pytest.mark.parametrize("width", [46, 50, 80])
-def test_labels_and_units_are_complete(width: int) -> None:
+def test_labels_and_units_are_complete(width):
     rows = draw_sliders(LINES, (width, len(LINES))).lines()
     for line, row in zip(LINES, rows, strict=True):
         assert f" {line.label} " in row
@@ -40,7 +38,7 @@ def test_labels_and_units_are_complete(width: int) -> None:
 
 
 @pytest.mark.parametrize("width", [1, 8, 20, 30, 46])
-def test_narrow_sliders_keep_their_track(width: int) -> None:
+def test_narrow_sliders_keep_their_track(width):
     panels = slider_panels(LINES, (width, 4))
     assert len(panels) == 4
     assert all(panel.width >= 8 for panel in panels)
@@ -64,9 +62,7 @@ def text_of(data: SharesInput, size: tuple[int, int], **options: object) -> list
 
 @pytest.mark.parametrize("size", [(40, 16), (76, 20), (100, 12)])
 @pytest.mark.parametrize("ascii_only", [False, True])
-def test_bars_have_names_means_and_lengths_in_proportion(
-    size: tuple[int, int], ascii_only: bool
-) -> None:
+def test_bars_have_names_means_and_lengths_in_proportion(size, ascii_only):
     data = SharesInput(shares(2.0, 1.0, 0.0, -0.5), shares(1.0, 0.5, 0.0, 0.0))
     lines = text_of(data, size, ascii=ascii_only)
     block = "#" if ascii_only else "█"
@@ -79,7 +75,7 @@ def test_bars_have_names_means_and_lengths_in_proportion(
         assert whole.isascii()
 
 
-def test_bounds_far_beyond_the_means_do_not_squeeze_the_bars() -> None:
+def test_bounds_far_beyond_the_means_do_not_squeeze_the_bars():
     wide = FactorShare("lighting", Interval(-50.0, 2.0, 50.0))
     data = GapShares(6, 2.0, (wide, *shares(0.0, 0.0, 0.0, 0.0).shares[1:]))
     model = shares_model(SharesInput(data, data))
@@ -88,11 +84,11 @@ def test_bounds_far_beyond_the_means_do_not_squeeze_the_bars() -> None:
     assert model.scale[1] <= 3.0
 
 
-def test_without_shares_the_reason_is_shown() -> None:
+def test_without_shares_the_reason_is_shown():
     assert text_of(SharesInput(None, None), (40, 5))[0] == "nothing here"
 
 
-def test_means_sum_to_the_mean_gap(tiny_store: Path) -> None:
+def test_means_sum_to_the_mean_gap_and_leave_out_pairs_far_apart(tiny_store):
     with s2rstore.open(tiny_store) as store:
         columns = store.run_columns("vanilla")
         chosen = np.arange(len(store.instances)) % 3 == 0
@@ -106,7 +102,7 @@ def test_means_sum_to_the_mean_gap(tiny_store: Path) -> None:
         assert mean_shares(store, "vanilla", np.zeros_like(chosen)) is None
 
 
-def test_pairs_far_apart_are_left_out_and_counted(tiny_store: Path) -> None:
+def test_pairs_far_apart_are_left_out_and_counted(tiny_store):
     with s2rstore.open(tiny_store) as store:
         chosen = np.ones(len(store.instances), dtype=np.bool_)
         assert store.comparable_pairs.all()
@@ -119,7 +115,7 @@ def test_pairs_far_apart_are_left_out_and_counted(tiny_store: Path) -> None:
     assert f"n {found.n}; 15 pairs too far apart left out" in text
 
 
-def test_the_reason_follows_a_change_of_the_run(store_copy: Path) -> None:
+def test_the_reason_follows_a_change_of_the_run(store_copy):
     with edit(store_copy) as draft:
         draft.delete("zarr_array", run="dataaug", kind="gap_shares")
         for run in ("vanilla", "dataaug"):

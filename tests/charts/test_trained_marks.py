@@ -65,17 +65,14 @@ def map_cells(
         (ASCII, "glyph", TRAINED, "tc", None, "t c-j T (for 1, 2-9, +) trained on"),
     ],
 )
-def test_the_map_shows_number_and_mark(
-    options: RenderOptions, mode: str, trained: np.ndarray | None, glyphs: str | None,
-    bold: list[bool] | None, legend: str,
-) -> None:  # fmt: skip
+def test_the_map_shows_number_and_mark(options, mode, trained, glyphs, bold, legend):
     canvas, cells = map_cells(options, mode, trained)
     assert glyphs in (None, "".join(canvas.char[cell] for cell in cells))
     assert bold in (None, [bool(canvas.bold[cell]) for cell in cells])
     assert legend in text(canvas)
 
 
-def test_the_cursor_is_on_top_of_several_instances() -> None:
+def test_the_cursor_is_on_top_of_several_instances():
     canvas, cells = map_cells(COLOURS, "colour", None, cursor=TWINS[0])
     assert canvas.char[cells[1]] == "◉"
 
@@ -87,7 +84,7 @@ def test_the_cursor_is_on_top_of_several_instances() -> None:
         (ASCII, "abcdefghij", "a-j (for 0-9) trained on"),
     ],
 )
-def test_digits_of_values_keep_their_value(options: RenderOptions, forms: str, legend: str) -> None:
+def test_digits_of_values_keep_their_value(options, forms, legend):
     before, canvas = (map_cells(options, "colour", trained)[0] for trained in (None, TRAINED))
     _, cells = map_cells(options, "colour", TRAINED)
     digits = [before.char[cell] for cell in cells]
@@ -104,7 +101,7 @@ def test_digits_of_values_keep_their_value(options: RenderOptions, forms: str, l
         (ASCII, "a-j (for 0-9) trained on"),
     ],
 )
-def test_the_umap_shows_number_and_mark(options: RenderOptions, legend: str) -> None:
+def test_the_umap_shows_number_and_mark(options, legend):
     sim = twins(umap_input().sim)
     views = [
         umap_input(sim=sim, selected=SELECTED, cursor=None, trained=trained)
@@ -134,9 +131,7 @@ def test_the_umap_shows_number_and_mark(options: RenderOptions, legend: str) -> 
         (ASCII, "-+", "ba", "bea (for -=+) trained on"),
     ],
 )
-def test_the_comparison_shows_direction_number_and_mark(
-    options: RenderOptions, several: str, glyphs: str, legend: str
-) -> None:
+def test_the_comparison_shows_direction_number_and_mark(options, several, glyphs, legend):
     apart = np.where(np.arange(N) < 30, 1.0, -1.0)
     for trained, expected in ((None, several), (TRAINED, glyphs)):
         view = compare_input(
@@ -162,9 +157,7 @@ def test_the_comparison_shows_direction_number_and_mark(
         (ASCII, "tdT", "t c-j T (for 1, 2-9, +) trained on"),
     ],
 )
-def test_the_scatter_shows_number_and_mark(
-    options: RenderOptions, glyphs: str, legend: str
-) -> None:
+def test_the_scatter_shows_number_and_mark(options, glyphs, legend):
     sim = np.array([8.0] + [1.0] * 3 + [4.0] * 12)
     real = np.array([1.0] + [8.0] * 3 + [2.0] * 12)
     everything, trained = np.ones(16, dtype=np.bool_), np.isin(np.arange(16), [0, 1, 4])

@@ -25,16 +25,11 @@ values = arrays.arrays(np.float64, COUNT, elements=st.floats(-1, 5) | st.just(np
 
 
 @given(points, points, values, masks, masks)
-def test_cells_show_the_mean_of_selected_instances(sim, real, values, selected, valid) -> None:
+def test_cells_show_the_mean_of_selected_instances(sim, real, values, selected, valid):
     view = umap_input(
-        sim=sim,
-        real=real,
-        values=values,
-        selected=selected,
-        valid=valid,
-        value_range=(0.0, 4.0),
+        sim=sim, real=real, values=values, selected=selected, valid=valid, value_range=(0.0, 4.0),
         cursor=None,
-    )
+    )  # fmt: skip
     frame = umap_frame(view, 9, 5)
     model = umap_model(view, frame)
     for side, layer in ((sim, model.sim), (real, model.real)):
@@ -64,19 +59,7 @@ def test_cells_show_the_mean_of_selected_instances(sim, real, values, selected, 
         assert (layer.selected, layer.total) == ((placed & selected).sum(), placed.sum())
 
 
-def test_a_cell_shows_the_mean_level_of_its_points() -> None:
-    ones = np.ones(N, dtype=np.bool_)
-    same = np.ones((N, 2))
-    values = np.where(np.arange(N) < 15, 4.0, 0.0)
-    view = umap_input(
-        sim=same, real=same, values=values, selected=ones, valid=ones, value_range=(0.0, 4.0)
-    )
-    level = umap_model(view, umap_frame(view, 3, 3)).sim.level
-    share = 15 / N * (LEVELS - 0.5) + (1 - 15 / N) * 0.5
-    assert level[level >= 0].tolist() == [math.floor(share) + 1]
-
-
-def test_default_values_are_the_sim_to_real_distances() -> None:
+def test_default_values_are_the_sim_to_real_distances():
     view = umap_input()
     distances = np.hypot(*(view.sim - view.real).T)
     given_values = umap_input(values=distances)
@@ -87,23 +70,20 @@ def test_default_values_are_the_sim_to_real_distances() -> None:
     assert (low, high) == pytest.approx(tuple(np.percentile(known, [1, 99])))
 
 
-def test_both_panels_have_the_same_scale_with_v_upwards() -> None:
+def test_both_panels_have_the_same_scale_and_are_stacked_in_a_tall_view():
     for size in (SIZE, (20, 60)):
         sim, real = umap_panels(umap_input(), size)
         assert (sim.width, sim.height) == (real.width, real.height)
         corners = [panel.to_data(panel.x, panel.y) for panel in (sim, real)]
         assert corners[0] == pytest.approx(corners[1])
         assert sim.to_cells(0, 5)[1] < sim.to_cells(0, 0)[1]
-
-
-def test_panels_are_stacked_in_a_tall_view() -> None:
     wide, high = (umap_layout(umap_input(), size).corners for size in ((60, 14), (20, 40)))
     assert wide[0][1] == wide[1][1]
     assert high[0][0] == high[1][0]
 
 
 @pytest.mark.parametrize("theme", [DARK, LIGHT])
-def test_a_selected_point_has_the_colour_of_its_value(theme) -> None:
+def test_a_selected_point_has_the_colour_of_its_value(theme):
     selected = np.arange(N) == 20
     values = np.full(N, 3.3)
     view = umap_input(selected=selected, values=values, value_range=(0.0, 4.0), cursor=None)
@@ -116,7 +96,7 @@ def test_a_selected_point_has_the_colour_of_its_value(theme) -> None:
     np.testing.assert_array_equal(canvas.fg[row, column], expected)
 
 
-def test_digits_replace_colours() -> None:
+def test_digits_replace_colours():
     selected = np.isin(np.arange(N), [20, 45, 50])
     values = np.zeros(N)
     values[45], values[50] = 4.0, np.nan
@@ -129,7 +109,7 @@ def test_digits_replace_colours() -> None:
             assert canvas.char[row, column] == digit
 
 
-def test_the_cursor_is_marked_in_both_panels() -> None:
+def test_the_cursor_is_marked_in_both_panels():
     view = umap_input(cursor=17)
     canvas = draw_umap(view, SIZE)
     for panel, side in zip(umap_panels(view, SIZE), (view.sim, view.real), strict=True):
@@ -140,8 +120,8 @@ def test_the_cursor_is_marked_in_both_panels() -> None:
     assert "◉" not in screen
 
 
-@pytest.mark.parametrize("crowd", [1, 2, 8, 9, 64, 65, 512, 513, 4096, 4097, 9000])
-def test_a_cell_shows_how_many_points_it_has(crowd: int) -> None:
+@pytest.mark.parametrize("crowd", [1, 8, 9, 512, 513, 4096, 4097])
+def test_a_cell_shows_how_many_points_it_has(crowd):
     rng = np.random.default_rng(crowd)
     points = np.full((crowd + 2, 2), 5.1) + rng.uniform(-0.002, 0.002, (crowd + 2, 2))
     points[:2] = (0.0, 0.0), (10.0, 10.0)
@@ -157,7 +137,7 @@ def test_a_cell_shows_how_many_points_it_has(crowd: int) -> None:
     assert braille == 2 + (not expected)
 
 
-def test_cells_with_selected_points_show_these_alone() -> None:
+def test_cells_with_selected_points_show_these_alone():
     points = np.array([[0.0, 0.0], [10.0, 10.0], [5.0, 5.0], *np.full((20, 2), 5.0)])
     selected = np.arange(len(points)) == 2
     view = UmapInput(points, points, None, selected, np.ones_like(selected))
@@ -168,18 +148,18 @@ def test_cells_with_selected_points_show_these_alone() -> None:
 
 
 @pytest.mark.parametrize("width", [40, 60, 90, 120])
-def test_the_legend_says_what_a_cell_shows(width: int) -> None:
+def test_the_legend_says_what_a_cell_shows(width):
     text = " ".join(" ".join(draw_umap(umap_input(), (width, 30)).lines()).split())
     for words in ("distance", "mean of the selected", "none selected", "1 to 8", "+ per cell"):
         assert words in text
 
 
-def test_missing_coordinates_show_a_message() -> None:
+def test_missing_coordinates_show_a_message():
     no_points = np.full((N, 2), np.nan)
     assert "no coordinates" in draw_umap(umap_input(sim=no_points, real=no_points), SIZE).lines()[0]
 
 
-def test_a_pending_box_is_drawn_on_its_panel() -> None:
+def test_a_pending_box_is_drawn_on_its_panel():
     mark = Mark("real", ((0.0, 0.0), (4.0, 4.0)))
     view = umap_input(mark=mark)
     canvas = draw_umap(view, SIZE)

@@ -11,7 +11,6 @@ from rich.cells import cell_len
 from s2rtui.canvas import Canvas, ColourMode, RenderOptions
 from s2rtui.charts.compare.model import compare_model
 from s2rtui.charts.compare.terminal import draw_compare
-from s2rtui.charts.errors.terminal import draw_errors
 from s2rtui.charts.map.terminal import draw_map
 from s2rtui.charts.shared.axis_scale import Interval, short_number
 from s2rtui.charts.shared.base_map_model import map_model
@@ -22,7 +21,6 @@ from s2rtui.charts.umap.terminal import draw_umap
 from tests.charts.examples import (
     N,
     compare_input,
-    errors_input,
     instance_input,
     map_input,
     umap_input,
@@ -48,7 +46,7 @@ def written(monkeypatch: pytest.MonkeyPatch) -> Written:
 
 
 @pytest.mark.parametrize("name", VIEWS)
-def test_no_view_shows_a_part_of_a_number(name: str, written: Written) -> None:
+def test_no_view_shows_a_part_of_a_number(name, written):
     for size in ((16, 6), (24, 10), (50, 14), (80, 23)):
         VIEWS[name](size, RenderOptions())
         for canvas, x, y, text in written:
@@ -64,16 +62,7 @@ def test_no_view_shows_a_part_of_a_number(name: str, written: Written) -> None:
         written.clear()
 
 
-@pytest.mark.parametrize("median", [0.018, 0.088, 0.00123, 12.3, 123456.0, 2e-5])
-def test_the_median_of_the_errors_is_whole(median: float) -> None:
-    errors = np.full(N, median)
-    lines = draw_errors(errors_input(sim=errors, real=errors), (60, 12)).lines()
-    found = re.findall(r"median (\S+)", "\n".join(lines))
-    assert len(found) == 2
-    assert all(float(text) == pytest.approx(median, rel=0.05) for text in found)
-
-
-def test_the_numbers_at_a_umap_are_whole() -> None:
+def test_the_numbers_at_a_umap_are_whole():
     points = np.linspace(-12.5, -9.5, 2 * N).reshape(N, 2)
     canvas = draw_umap(umap_input(sim=points, real=points), (120, 40))
     texts = {line[:5].strip() for line in canvas.lines()} - {""}
@@ -96,7 +85,7 @@ def ends(scale: Interval | None) -> tuple[str, str]:
 
 @pytest.mark.parametrize("options", OPTIONS)
 @pytest.mark.parametrize("size", SIZES)
-def test_both_ends_are_labelled(size: tuple[int, int], options: RenderOptions) -> None:
+def test_both_ends_are_labelled(size, options):
     on_map = map_input(values=np.linspace(0.31, 7.7, 60))
     compared, pair = compare_input(), instance_input()
     embedded = umap_input()

@@ -22,9 +22,7 @@ def source(tmp_path: Path) -> tuple[str, ...]:
     return "sim2realviz", str(tmp_path / "data"), "--calibration", str(header)
 
 
-def test_a_trajectory_is_added_in_the_frame_size_of_the_store(
-    source: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_trajectory_is_added_in_the_frame_size_of_the_store(source, tmp_path, capsys):
     store = str(tmp_path / "s.s2r")
     assert main(["ingest", *source, "--store", store, *SIZE, "--trajectory", "b"]) == 0
     capsys.readouterr()
@@ -42,9 +40,7 @@ def test_a_trajectory_is_added_in_the_frame_size_of_the_store(
     assert main(["verify", store]) == 0
 
 
-def test_refusals_are_one_line(
-    source: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_refusals_are_one_line(source, tmp_path, capsys):
     store = str(tmp_path / "s.s2r")
     assert main(["ingest", *source, "--store", store, "--append"]) == 2
     assert "leave out --append" in capsys.readouterr().err.splitlines()[-1]
@@ -58,9 +54,7 @@ def test_refusals_are_one_line(
     assert "another frame size (--size): 48x48, the store 32x32" in line
 
 
-def test_runs_of_imported_predictions_are_to_be_imported_again(
-    source: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_runs_of_imported_predictions_are_to_be_imported_again(source, tmp_path, capsys):
     store = str(tmp_path / "s.s2r")
     assert main(["ingest", *source, "--store", store, *SIZE, "--trajectory", "b"]) == 0
     file = write_csv(tmp_path / "p.csv", make(Path(store)))
@@ -92,26 +86,14 @@ def appended(store_copy: Path) -> Path:
     return store_copy
 
 
-def test_one_line_on_standard_error(
-    appended: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_one_line_on_standard_error(appended, tmp_path, capsys):
     for words in COMMANDS:
         filled = [word.format(store=appended, out=tmp_path / "out") for word in words]
         assert main(filled) in (0, 3), words
         assert capsys.readouterr().err.splitlines().count(NOTE) == 1, words
 
 
-def test_nothing_is_said_of_a_run_that_is_computed_for_all(
-    store_copy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for words in COMMANDS[:4]:
-        assert main([word.format(store=store_copy) for word in words]) == 0
-        assert "computed for" not in capsys.readouterr().err
-
-
-def test_json_objects_and_reports_hold_the_note(
-    appended: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_json_objects_and_reports_hold_the_note(appended, tmp_path, capsys):
     assert main(["query", str(appended), "all", "--json", "--with-expression"]) == 0
     assert json.loads(capsys.readouterr().out)["note"] == NOTE
     assert main(["gap", str(appended), "--axis", "task", "--json"]) in (0, 3)
@@ -123,21 +105,9 @@ def test_json_objects_and_reports_hold_the_note(
     assert page.read_text().count("computed for 40 of 45 instances") == 2  # once for either run
 
 
-def test_heat_of_an_instance_that_is_not_computed(
-    appended: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_heat_of_an_instance_that_is_not_computed(appended, capsys):
     assert main(["show", str(appended), "instance", "--iid", "42", "--words"]) == 0
     assert capsys.readouterr().out.endswith("not predicted.\n")
     assert main(["show", str(appended), "instance", "--iid", "42"]) == 0
-    expected = (
-        "instance 42: feature_distance of run 'vanilla' is not computed; run `s2r precompute`"
-    )
-    assert expected in capsys.readouterr().out
-
-
-def test_coverage_counts_instances_of_the_named_run(appended: Path) -> None:
-    with s2rstore.open(appended) as store:
-        coverage = store.coverage("vanilla")
-        assert (coverage.computed, coverage.instances, coverage.is_partial) == (40, 45, True)
-        assert coverage.note == NOTE
-        assert store.coverage("dataaug").note == NOTE.replace("vanilla", "dataaug")
+    text = "instance 42: feature_distance of run 'vanilla' is not computed; run `s2r precompute`"
+    assert text in capsys.readouterr().out

@@ -23,31 +23,23 @@ def store_without_frames(store_copy: Path) -> Path:
     return store_copy
 
 
-def test_an_instance_without_frames_shows_its_numbers(
-    store_without_frames: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_instance_without_frames_shows_its_numbers_and_no_image(
+    store_without_frames, capsys, tmp_path
+):
     assert main(["show", str(store_without_frames), "instance", "--iid", "5", "--json"]) == 0
     rows = {row["what"]: row for row in json.loads(capsys.readouterr().out)}
     with s2rstore.open(store_without_frames) as store:
-        assert rows["truth"]["x"] == pytest.approx(float(store.instances.x[5]))
-        assert rows["real"]["error"] == pytest.approx(
+        assert rows["truth"]["x_m"] == pytest.approx(float(store.instances.x[5]))
+        assert rows["real"]["error_m"] == pytest.approx(
             float(store.run_columns("vanilla").real.error[5])
         )
     assert rows["real frames"]["note"] == "none of real in this store"
     assert main(["show", str(store_without_frames), "instance", "--iid", "5", "--words"]) == 0
     assert "Instance 5" in capsys.readouterr().out
-
-
-def test_an_image_of_missing_frames_is_rejected(
-    store_without_frames: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
     out = tmp_path / "x.png"
     assert main(["export", str(store_without_frames), "--view", "instance", "--out", str(out)]) == 2
     assert "no frames" in capsys.readouterr().err
     assert not out.exists()
-
-
-def test_a_report_example_without_frames_has_no_images(store_without_frames: Path) -> None:
     with s2rstore.open(store_without_frames) as store:
         images = worst_instances._images(instance_input(store, "vanilla", 5, None))
     assert images == []
@@ -55,9 +47,7 @@ def test_a_report_example_without_frames_has_no_images(store_without_frames: Pat
 
 @pytest.mark.parametrize("size", [(40, 12), (120, 40)])
 @pytest.mark.parametrize("missing", ["both", "sim"])
-def test_the_application_starts_without_frames(
-    store_copy: Path, size: tuple[int, int], missing: str
-) -> None:
+def test_the_application_starts_without_frames(store_copy, size, missing):
     for domain in ("sim", "real"):
         if missing in (domain, "both"):
             shutil.rmtree(store_copy / "frames.zarr" / domain)
@@ -68,10 +58,7 @@ def test_the_application_starts_without_frames(
 
 
 @pytest.mark.parametrize("command", [["tui"], [], ["show"], ["runs"]])
-def test_a_plain_file_is_rejected_as_a_store(
-    tmp_path: Path, command: list[str], capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+def test_a_plain_file_is_rejected_as_a_store(tmp_path, command, capsys, monkeypatch):
     monkeypatch.setattr("s2rtui.terminal.capabilities.refuse_unusable", lambda: None)
     path = tmp_path / "notes.txt"
     path.write_text("nothing")

@@ -13,10 +13,7 @@ import pytest
 import s2rstore
 from s2rstore.index import pair_view
 from s2rstore.language import evaluation, fields, parse, to_text
-from s2rtui.charts.registry import STORED
 from s2rtui.cli import main
-from s2rtui.export.rows.formats import with_deprecated
-from s2rtui.export.rows.selected_instances import DEPRECATED
 
 UNIT = re.compile(r"_(m|deg|rad|s)$")
 PHYSICAL = re.compile(
@@ -43,33 +40,19 @@ def assert_units(names: list[str]) -> None:
     assert [name for name in names if UNIT.search(name)]
 
 
-def test_columns_of_rows_name_their_units(rows) -> None:
-    assert_units(list(rows("query", "all", "--column-names", "new")[0]))
+def test_columns_of_rows_name_their_units(rows):
+    assert_units(list(rows("query", "all")[0]))
     for view in ("map", "errors", "orientation", "instance", "list", "compare"):
         options = ("--with", "dataaug") if view == "compare" else ()
-        shown = rows("show", view, "--select", "ids(3..8)", "--column-names", "new", *options)
+        shown = rows("show", view, "--select", "ids(3..8)", *options)
         assert_units(list(shown[0]))
+    assert_units(list(pair_view.column_comments()))
 
 
-def test_columns_of_the_pair_view_have_units_or_are_deprecated(tiny_store: Path) -> None:
-    comments = pair_view.column_comments()
-    with s2rstore.open(tiny_store) as store:
-        described = store.execute(
-            "SELECT column_name, comment FROM duckdb_columns() WHERE table_name = 'pair'"
-        )
-    assert dict(described) == comments
-    current = [name for name, text in described if not text.startswith("deprecated")]
-    assert_units(current)
-    for name, text in described:
-        if name not in current:
-            assert text == f"deprecated: use {pair_view.column_name(name)}"
-            assert pair_view.column_name(name) in current
-
-
-def test_query_and_sql_agree_after_conversion(rows) -> None:
-    queried = rows("query", "all", "--column-names", "new")
+def test_query_and_sql_agree_after_conversion(rows):
+    queried = rows("query", "all")
     stored = rows("sql", "SELECT * FROM pair WHERE run = 'vanilla' ORDER BY iid")
-    shown = rows("show", "map", "--select", "all", "--column-names", "new")
+    shown = rows("show", "map", "--select", "all")
     assert len(queried) == len(stored) == len(shown) == 40
     for table in (queried, shown):
         for name in table[0]:
@@ -82,34 +65,7 @@ def test_query_and_sql_agree_after_conversion(rows) -> None:
                 assert row[name] == pytest.approx(truth[column] * factor, rel=1e-12)
 
 
-def test_deprecated_names_have_the_values_of_the_new_ones(rows) -> None:
-    both, old = (rows("query", "all", *words) for words in ((), ("--column-names", "old")))
-    for row, alone in zip(both, old, strict=True):
-        assert all(row[name] == row[new] for name, new in DEPRECATED.items() if new in row)
-        assert all(row[name] == value for name, value in alone.items())
-        assert not set(alone) & set(DEPRECATED.values())
-    stored = rows("sql", "SELECT * FROM pair")
-    for name in pair_view.column_comments():
-        assert all(row[name] == row[pair_view.column_name(name)] for row in stored)
-    for name, view in STORED.items():
-        shown = rows("show", name, "--select", "ids(3..8)")
-        assert all(row[o] == row[new] for row in shown for o, new in view.deprecated.items()
-                   if new in row)  # fmt: skip
-
-
-def test_a_table_for_reading_has_each_column_once(tiny_store: Path, capsys) -> None:
-    assert main(["query", str(tiny_store), "ids(3)"]) == 0
-    header = capsys.readouterr().out.splitlines()[0].split()
-    assert not set(header) & set(DEPRECATED)
-    assert len(header) == len(set(header)) == 12
-
-
-def test_columns_without_a_deprecated_name_stay_as_they_are() -> None:
-    table = with_deprecated(["a", "x_m"], [(1, 2.0)], {"x": "x_m", "y": "y_m"})
-    assert table == (["a", "x_m", "x"], [(1, 2.0, 2.0)])
-
-
-def test_expressions_take_fields_with_their_units(tiny_store: Path) -> None:
+def test_expressions_take_fields_with_their_units(tiny_store):
     with s2rstore.open(tiny_store) as store:
         for name in fields.NUMERIC:
             named = fields.with_unit(name)
@@ -122,9 +78,7 @@ def test_expressions_take_fields_with_their_units(tiny_store: Path) -> None:
         assert to_text(parse(text)) == 'run("dataaug").real.error > 0.5 & heading:90+-45'
 
 
-def test_columns_and_sort_take_the_names_that_rows_have(
-    tiny_store: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_columns_and_sort_take_the_names_that_rows_have(tiny_store, capsys):
     found = []
     for name in ("real.error", "real.error_m", "real_error_m"):
         columns = ["--columns", f"iid,{name}", "--format", "csv"]
@@ -132,7 +86,5 @@ def test_columns_and_sort_take_the_names_that_rows_have(
         found.append(capsys.readouterr().out.splitlines()[1:])
         assert main(["show", str(tiny_store), "list", "--sort", name, "--format", "csv"]) == 0
         found.append(capsys.readouterr().out.splitlines()[1:])
-    assert found[0]
-    assert found[0] == found[2] == found[4]
-    assert found[1]
-    assert found[1] == found[3] == found[5]
+    assert all(found)
+    assert found[:2] * 3 == found

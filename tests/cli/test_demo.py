@@ -32,9 +32,7 @@ def demo_folder(tmp_path: Path, tiny_store: Path) -> Path:
     return path.parent
 
 
-def test_stages_are_run_until_the_store_is_complete(
-    demo_folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_stages_are_run_until_the_store_is_complete(demo_folder, capsys, monkeypatch):
     commands: list[str] = []
     path = demo_folder / "world.s2r"
     hidden = path.rename(demo_folder / "hidden")
@@ -66,9 +64,7 @@ def test_stages_are_run_until_the_store_is_complete(
 
 
 @pytest.mark.deep
-def test_an_interrupted_demo_is_resumed_and_prints_findings(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupted_demo_is_resumed_and_prints_findings(tmp_path, capsys, monkeypatch):
     arguments = ["ingest", "world", "--instances", "4", "--store", str(tmp_path / "world.s2r")]
     assert main(arguments) == 0
     pretrained.add_pretrained_models(tmp_path / "world.s2r")
@@ -83,17 +79,17 @@ def test_an_interrupted_demo_is_resumed_and_prints_findings(
     assert "s2r precompute" not in output.err
 
 
-def test_different_world_options_need_another_folder(demo_folder: Path, capsys) -> None:
+def test_different_world_options_need_another_folder(demo_folder, capsys):
     for option, value in (("--seed", "2"), ("--factors", "none"), ("--instances", "5")):
         assert main(["demo", "--no-open", option, value, "--out", str(demo_folder)]) == 2
         assert option in capsys.readouterr().err
 
 
-def test_the_demo_lists_every_factor() -> None:
+def test_the_demo_lists_every_factor():
     assert tuple(FACTORS) == demo._FACTORS
 
 
-def test_a_damaged_recipe_is_reported(store_copy: Path) -> None:
+def test_a_damaged_recipe_is_reported(store_copy):
     for recipe in ("[]", "{", "null", '{"seed": "x"}', '{"moon": 1}', '{"frame": 64}',
                    '{"factors": {"lights": 9}}'):  # fmt: skip
         with edit(store_copy) as draft:
@@ -105,7 +101,7 @@ def test_a_damaged_recipe_is_reported(store_copy: Path) -> None:
             WorldData.of_store(store)
 
 
-def test_a_damaged_score_does_not_prevent_the_summary(store_copy: Path) -> None:
+def test_a_damaged_score_does_not_prevent_the_summary(store_copy):
     for report in ("{", "[]", "null", json.dumps({"runs": {}, "factors": 3})):
         with edit(store_copy) as draft:
             draft.set_provenance("score", {"report": report})

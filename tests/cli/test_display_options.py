@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import os
 from pathlib import Path
 
 import pytest
 
 from s2rstore.errors import RequestError
-from s2rtui.canvas import DARK, LIGHT, THEMES, ColourMode, Theme
+from s2rtui.canvas import DARK, LIGHT, THEMES, ColourMode
 from s2rtui.canvas.block_symbols import SYMBOL_SETS
 from s2rtui.cli.command_parser import build_parser
 from s2rtui.cli.display_arguments import (
@@ -43,30 +42,29 @@ def display(*words: str) -> Terminal:
 
 @pytest.mark.parametrize(
     ("value", "theme"),
-    [("15;0", DARK), ("0;15", LIGHT), ("0;default;15", LIGHT), ("12;8", DARK), ("0;7", LIGHT),
-     ("default;default", DARK), ("", DARK), (";", DARK), ("0;99", DARK)],
+    [("15;0", DARK), ("0;15", LIGHT), ("0;default;15", LIGHT), ("default;default", DARK),
+     (";", DARK), ("0;99", DARK)],
 )  # fmt: skip
-def test_colorfgbg_tells_a_light_background(value: str, theme: Theme) -> None:
+def test_colorfgbg_tells_a_light_background(value, theme):
     assert detect(environment={"TERM": "xterm", "COLORFGBG": value}).theme is theme
 
 
-def test_an_option_overrides_the_environment() -> None:
+def test_options_override_the_environment():
     environment = {"TERM": "xterm", "COLORFGBG": "0;15"}
     assert detect(environment=environment, theme="dark").theme is DARK
     assert detect(environment={}, theme="light").theme is LIGHT
-
-
-def test_tmux_gets_no_octants() -> None:
+    detected = detect("256", True, {"COLORTERM": "truecolor"})
+    assert (detected.mode, detected.ascii) == (ColourMode.PALETTE, True)
     assert detect(environment={"TMUX": "/tmp/tmux,1,0"}, symbols="octant").symbols == "sextant"
     assert detect(environment={}, symbols="octant").symbols == "octant"
 
 
-def test_options_name_all_themes_and_symbols() -> None:
+def test_options_name_all_themes_and_symbols():
     assert {*THEME_NAMES} == {"auto", *THEMES}
     assert {*SYMBOL_NAMES} == {*SYMBOL_SETS}
 
 
-def test_remembered_options_are_used_until_others_are_given() -> None:
+def test_remembered_options_are_used_until_others_are_given():
     first = display("--theme", "light", "--symbols", "octant", "--remember")
     assert first.render_options.theme is LIGHT
     assert display().render_options.symbols == "octant"
@@ -80,23 +78,17 @@ def test_remembered_options_are_used_until_others_are_given() -> None:
 @pytest.mark.parametrize(
     "content", ["", "[]", "{", '{"theme": 3, "symbols": ["octant"]}', '{"theme": "blue"}']
 )
-def test_damaged_settings_count_as_none(content: str) -> None:
+def test_damaged_settings_count_as_none(content):
     settings_path().parent.mkdir(parents=True)
     settings_path().write_text(content)
     assert display().theme is DARK
     assert display().symbols == "quadrant"
 
 
-def test_settings_that_cannot_be_written_are_a_request_error(own_data_folder: Path) -> None:
+def test_settings_that_cannot_be_written_are_a_request_error(own_data_folder):
     (own_data_folder / "s2rtui").write_text("in the way")
     with pytest.raises(RequestError, match=r"display\.json"):
         write_settings(DisplaySettings("light"))
-    assert read_settings() == DisplaySettings()
-
-
-def test_settings_that_are_a_pipe_count_as_none(own_data_folder: Path) -> None:
-    settings_path().parent.mkdir(parents=True, exist_ok=True)
-    os.mkfifo(settings_path())
     assert read_settings() == DisplaySettings()
 
 
@@ -111,9 +103,7 @@ def theme_of(command: str, *words: str) -> str:
     ("command", "default", "old"),
     [("snapshot", "dark", "light"), ("export", "auto", "dark"), ("report", "auto", "light")],
 )
-def test_commands_that_draw_have_one_theme_option(
-    command: str, default: str, old: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_commands_that_draw_have_one_theme_option(command, default, old, capsys):
     assert theme_of(command) == default
     for name in THEME_NAMES:
         assert theme_of(command, "--theme", name) == name
@@ -141,19 +131,12 @@ def test_commands_that_draw_have_one_theme_option(
         ({"TERM": "xterm", "LC_ALL": "POSIX", "LANG": "en_US.UTF-8"}, ColourMode.ANSI, True),
     ],
 )
-def test_the_environment_determines_the_colour_mode(
-    environment: dict[str, str], mode: ColourMode, ascii: bool
-) -> None:
+def test_the_environment_determines_the_colour_mode(environment, mode, ascii):
     detected = detect(environment=environment)
     assert (detected.mode, detected.ascii) == (mode, ascii)
     assert detected.reason
 
 
-def test_options_override_the_environment() -> None:
-    detected = detect("256", True, {"COLORTERM": "truecolor"})
-    assert (detected.mode, detected.ascii) == (ColourMode.PALETTE, True)
-
-
-def test_a_missing_terminal_is_rejected_with_advice() -> None:
+def test_a_missing_terminal_is_rejected_with_advice():
     with pytest.raises(RequestError, match="s2r snapshot"):
         refuse_unusable({"TERM": "xterm"})

@@ -31,9 +31,7 @@ def export(store: Path, folder: Path, view: str, *options: str, suffix: str = ".
 
 
 @pytest.mark.parametrize("view", [*(name for name in STORED if name != "history"), "workbench"])
-def test_every_view_is_drawn_in_both_themes_at_the_requested_size(
-    tiny_store: Path, tmp_path: Path, view: str
-) -> None:
+def test_every_view_is_drawn_in_both_themes_at_the_requested_size(tiny_store, tmp_path, view):
     if view == "suggestions":
         tiny_store = copy_store(tiny_store, tmp_path / "own.s2r")
         store_reports(tiny_store, "vanilla", "real")
@@ -44,12 +42,12 @@ def test_every_view_is_drawn_in_both_themes_at_the_requested_size(
         assert image.convert("RGB").getpixel((size[0] - 1, size[1] - 1)) == theme.background
 
 
-def test_all_views_except_adjust_can_be_exported() -> None:
+def test_all_views_except_adjust_can_be_exported():
     assert {view.name for view in VIEWS if not view.from_store} == {"adjust"}
     assert STORED["geomap"] is STORED["map"]
 
 
-def test_two_processes_write_the_same_bytes(tiny_store: Path, tmp_path: Path) -> None:
+def test_two_processes_write_the_same_bytes(tiny_store, tmp_path):
     code = (
         "import sys; from s2rtui.cli import main\n"
         "for view, suffix in (('map', 'png'), ('rooms', 'svg'), ('umap', 'pdf')):\n"
@@ -68,7 +66,7 @@ def test_two_processes_write_the_same_bytes(tiny_store: Path, tmp_path: Path) ->
     assert b"CreationDate" not in (tmp_path / "1-umap.pdf").read_bytes()
 
 
-def test_options_change_the_figure(tiny_store: Path, tmp_path: Path) -> None:
+def test_options_change_the_figure(tiny_store, tmp_path):
     changes: dict[tuple[str, ...], list[str]] = {
         ("map",): ["--select worst15", "--run dataaug", "--iid 3", "--mode full", "--mode glyph",
                    "--room-names", "--trajectory b",
@@ -89,7 +87,7 @@ def test_options_change_the_figure(tiny_store: Path, tmp_path: Path) -> None:
             assert figure != default, (view, words)
 
 
-def test_the_caption_describes_the_selection(tiny_store: Path) -> None:
+def test_the_caption_describes_the_selection(tiny_store):
     with open_scene(tiny_store, SceneOptions("worst(3, gap)"), BY_NAME["map"]) as scene:
         assert scene.caption == "tiny  ·  3 of 40 instances  ·  worst(3, gap)"
         assert scene.state.cursor is None
@@ -99,7 +97,7 @@ def test_the_caption_describes_the_selection(tiny_store: Path) -> None:
         assert scene.state.cursor == selected[np.argmax(gap[selected])]
 
 
-def test_heatmap_counts_are_in_pixels_and_missing_where_zero(tiny_store: Path) -> None:
+def test_heatmap_counts_are_in_pixels_and_missing_where_zero(tiny_store):
     scene_options = SceneOptions(heat="occlusion:rgb", overlay="selection", aggregate="count")
     with open_scene(tiny_store, scene_options, BY_NAME["map"]) as scene:
         view = BY_NAME["map"].input(scene)
@@ -110,15 +108,13 @@ def test_heatmap_counts_are_in_pixels_and_missing_where_zero(tiny_store: Path) -
         assert np.nanmin(grid) >= 1
 
 
-def test_saved_selections_can_be_exported_by_name(tiny_store: Path, tmp_path: Path) -> None:
+def test_saved_selections_can_be_exported_by_name(tiny_store, tmp_path):
     Notebook("0" * 64).save("mine", SavedSelection("worst15", 1, "vanilla", 6))
     named = export(tiny_store, tmp_path, "rooms", "--select", "@mine")
     assert named != export(tiny_store, tmp_path, "rooms")
 
 
-def test_pages_of_paper_have_their_width_title_and_colours(
-    tiny_store: Path, tmp_path: Path
-) -> None:
+def test_pages_of_paper_have_their_width_title_and_colours(tiny_store, tmp_path):
     def page(*options: str) -> bytes:
         out = tmp_path / "page.png"
         arguments = ["export", str(tiny_store), "--view", "map", *options, "--out", str(out)]
@@ -134,7 +130,7 @@ def test_pages_of_paper_have_their_width_title_and_colours(
     assert page("--width", "80", "--dpi", "100", "--cmap", "turbo") == narrow
 
 
-def test_the_colours_of_a_map_are_those_of_the_colour_map(tiny_store: Path) -> None:
+def test_the_colours_of_a_map_are_those_of_the_colour_map(tiny_store):
     from matplotlib import colormaps
 
     from s2rtui.charts.shared.paper import figure_format, value_colours

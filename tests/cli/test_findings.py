@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from s2rstore.index.transaction import edit
 from s2rtui.cli import main
 from tests.support import image_folders, tiny
 
@@ -19,7 +20,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("run", ["vanilla", "dataaug"])
-def test_a_query_of_the_expression_gives_the_same_count(store: Path, run: str, capsys) -> None:
+def test_a_query_of_the_expression_gives_the_same_count(store, run, capsys):
     assert main(["findings", str(store), "--run", run, "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["run"] == run
@@ -34,7 +35,7 @@ def test_a_query_of_the_expression_gives_the_same_count(store: Path, run: str, c
         assert len(json.loads(capsys.readouterr().out)) == finding["n"]
 
 
-def test_the_table_fits_into_80_columns(store: Path, capsys, monkeypatch) -> None:
+def test_the_table_fits_into_80_columns(store, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     assert main(["findings", str(store)]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -45,23 +46,22 @@ def test_the_table_fits_into_80_columns(store: Path, capsys, monkeypatch) -> Non
     assert all(line == line.rstrip() for line in lines)
 
 
-def test_unknown_runs_and_histories_are_rejected(store: Path, tmp_path: Path, capsys) -> None:
+def test_unknown_runs_and_histories_are_rejected(store, tmp_path, capsys):
     assert main(["findings", str(store), "--run", "nobody"]) == 2
     assert "nobody" in capsys.readouterr().err
     assert main(["findings", str(store), "--history", str(tmp_path / "no.duckdb")]) == 2
     assert "no.duckdb" in capsys.readouterr().err
+    path = tmp_path / "gap.duckdb"
+    path.write_text("no history")
+    assert main(["findings", str(store), "--history", str(path)]) == 2
+    assert "no history that this version reads" in capsys.readouterr().err
 
 
-def test_images_without_poses_have_no_findings(tmp_path: Path, capsys) -> None:
+def test_stores_without_poses_or_computed_runs_are_rejected(tmp_path, capsys):
     path = image_folders.image_store(tmp_path)
     capsys.readouterr()
     assert main(["findings", str(path)]) == 2
     assert "needs poses" in capsys.readouterr().err
-
-
-def test_a_store_without_a_computed_run_is_rejected(tmp_path: Path, capsys) -> None:
-    from s2rstore.index.transaction import edit
-
     path = tiny.build(tmp_path / "s.s2r", n=16, runs=("vanilla",))
     with edit(path) as draft:
         draft.rows("UPDATE run SET key = NULL")
@@ -70,7 +70,7 @@ def test_a_store_without_a_computed_run_is_rejected(tmp_path: Path, capsys) -> N
 
 
 @pytest.mark.parametrize("grouping", ["room", "heading", "curvature", "trajectory"])
-def test_shown_groups_count_the_new_instances(store: Path, grouping: str, capsys) -> None:
+def test_shown_groups_count_the_new_instances(store, grouping, capsys):
     arguments = ["show", str(store), "rooms", "--group-by", grouping, "--sort", "n", "--json"]
     assert main(arguments) == 0
     rows = json.loads(capsys.readouterr().out)
@@ -85,21 +85,12 @@ def test_shown_groups_count_the_new_instances(store: Path, grouping: str, capsys
     ("view", "column", "listed"), [("list", "real_m", "real.error"), ("rooms", "gap", "gap_m"),
                                    ("list", "", "gap"), ("rooms", "iid", "group")],
 )  # fmt: skip
-def test_a_column_that_the_view_does_not_have_is_rejected(
-    store: Path, view: str, column: str, listed: str, capsys
-) -> None:
+def test_a_column_that_the_view_does_not_have_is_rejected(store, view, column, listed, capsys):
     assert main(["show", str(store), view, "--sort", column]) == 2
     assert listed in capsys.readouterr().err
 
 
-def test_a_named_file_that_is_no_history_is_rejected(store: Path, tmp_path: Path, capsys) -> None:
-    path = tmp_path / "gap.duckdb"
-    path.write_text("no history")
-    assert main(["findings", str(store), "--history", str(path)]) == 2
-    assert "no history that this version reads" in capsys.readouterr().err
-
-
-def test_sentences_keep_the_names_of_runs(tmp_path: Path, capsys) -> None:
+def test_sentences_keep_the_names_of_runs(tmp_path, capsys):
     runs = ("NetA", "NetB")
     path = tiny.build(tmp_path / "s.s2r", 12, runs, trained=runs)
     for view in ("findings", "map"):

@@ -23,18 +23,14 @@ def parsers() -> dict[tuple[str, ...], argparse.ArgumentParser]:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_the_example_of_a_command_is_parsed(
-    command: str, parsers: dict[tuple[str, ...], argparse.ArgumentParser]
-) -> None:
+def test_the_example_of_a_command_is_parsed(command, parsers):
     lines = (parsers[(command,)].epilog or "").splitlines()
     arguments = shlex.split(lines[1].partition(" > ")[0])
     assert arguments[:2] == ["s2r", command]
     assert parsers[()].parse_args(arguments[1:]).command == command
 
 
-def test_every_argument_is_explained(
-    parsers: dict[tuple[str, ...], argparse.ArgumentParser],
-) -> None:
+def test_every_argument_is_explained(parsers):
     for path, parser in parsers.items():
         for action in parser._actions:
             if not isinstance(action, argparse._SubParsersAction):
@@ -42,7 +38,7 @@ def test_every_argument_is_explained(
 
 
 @pytest.mark.parametrize("command", ["", "gap", "ingest"])
-def test_piped_help_has_no_colours(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_piped_help_has_no_colours(command, capsys):
     with pytest.raises(SystemExit):
         main([*command.split(), "--help"])
     text = capsys.readouterr().out
@@ -71,7 +67,7 @@ def _output_on_a_terminal(*arguments: str, **environment: str) -> str:
     return b"".join(chunks).decode()
 
 
-def test_terminal_help_has_colours_unless_disabled() -> None:
+def test_terminal_help_has_colours_unless_disabled():
     coloured = _output_on_a_terminal("gap", "--help")
     assert "\x1b[" in coloured
     assert "\\x1b" not in coloured
@@ -84,7 +80,7 @@ def test_terminal_help_has_colours_unless_disabled() -> None:
         assert "--freeze-golden" in plain
 
 
-def test_help_imports_no_heavy_library() -> None:
+def test_help_imports_no_heavy_library():
     code = (
         "import sys; from s2rtui.cli import main\n"
         "try: main(['--help'])\n"
@@ -137,9 +133,7 @@ def _complete(scripts: dict[str, Path], folder: Path, *words: str) -> set[str]:
     return {line.strip() for line in process.stdout.splitlines()}
 
 
-def test_bash_completes_commands_options_choices_and_files(
-    scripts: dict[str, Path], tmp_path: Path
-) -> None:
+def test_bash_completes_commands_options_choices_and_files(scripts, tmp_path):
     (tmp_path / "lab.s2r").mkdir()
     assert set(COMMANDS) <= _complete(scripts, tmp_path, "")
     assert _complete(scripts, tmp_path, "pre") == {"precompute"}
@@ -152,14 +146,14 @@ def test_bash_completes_commands_options_choices_and_files(
     assert _complete(scripts, tmp_path, "gap", "lab.s2r", "--out", "la") == {"lab.s2r"}
 
 
-def test_zsh_parses_the_script(scripts: dict[str, Path]) -> None:
+def test_zsh_parses_the_script(scripts):
     assert scripts["zsh"].read_text().startswith("#compdef s2r")
     process = subprocess.run([_require("zsh"), "-n", str(scripts["zsh"])], capture_output=True,
                           text=True, timeout=60, check=False)  # fmt: skip
     assert (process.returncode, process.stderr) == (0, "")
 
 
-def test_the_fish_script_contains_every_command(scripts: dict[str, Path]) -> None:
+def test_the_fish_script_contains_every_command(scripts):
     text = scripts["fish"].read_text()
     for command in COMMANDS:
         assert f" -a {command} -d " in text
@@ -168,9 +162,7 @@ def test_the_fish_script_contains_every_command(scripts: dict[str, Path]) -> Non
         assert line.replace("\\'", "").count("'") % 2 == 0
 
 
-def test_fish_completes_commands_options_choices_and_files(
-    scripts: dict[str, Path], tmp_path: Path
-) -> None:
+def test_fish_completes_commands_options_choices_and_files(scripts, tmp_path):
     fish = _require("fish")
     (tmp_path / "lab.s2r").mkdir()
 

@@ -16,7 +16,7 @@ def images(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(image_folders.image_store(tmp_path_factory.mktemp("images")))
 
 
-NEW_CSV = ("--format", "csv", "--column-names", "new")
+CSV = ("--format", "csv")
 
 
 def output(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[str]:
@@ -24,31 +24,20 @@ def output(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[str]:
     return capsys.readouterr().out.splitlines()
 
 
-def test_query_lists_images(images: str, capsys: pytest.CaptureFixture[str]) -> None:
-    rows = output(capsys, "query", images, "traj:real_night & seq < 2", *NEW_CSV)
+def test_rows_of_images_can_be_queried_and_verified(images, capsys):
+    rows = output(capsys, "query", images, "traj:real_night & seq < 2", *CSV)
     assert rows == ["iid,trajectory,seq,timestamp_s", "4,real_night,0,", "5,real_night,1,"]
     assert output(capsys, "query", images, "traj:sim_loop", "--count") == ["5"]
-    columns = output(
-        capsys, "query", images, "ids(0)", "--columns", "traj,x,real.rank", "--format", "csv"
-    )
+    columns = output(capsys, "query", images, "ids(0)", "--columns", "traj,x,real.rank", *CSV)
     assert columns == ["traj,x,real.rank", "real_day,,"]
-
-
-def test_sql_and_runs_and_verify_work(images: str, capsys: pytest.CaptureFixture[str]) -> None:
     query = "SELECT domain, count(*) AS n FROM frame GROUP BY domain ORDER BY domain"
-    assert output(capsys, "sql", images, query, "--format", "csv") == [
-        "domain,n", "real,7", "sim,7",
-    ]  # fmt: skip
-    assert len(output(capsys, "runs", images, "--format", "csv")) == 1
+    assert output(capsys, "sql", images, query, *CSV) == ["domain,n", "real,7", "sim,7"]
+    assert len(output(capsys, "runs", images, *CSV)) == 1
     assert output(capsys, "verify", images) == [f"{images}: no damage found"]
 
 
-def test_the_list_and_one_image_are_shown_and_drawn(
-    images: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    rows = output(
-        capsys, "show", images, "list", "--select", "seq=1", "--ascending", "--format", "csv"
-    )
+def test_the_list_and_one_image_are_shown_and_drawn(images, tmp_path, capsys):
+    rows = output(capsys, "show", images, "list", "--select", "seq=1", "--ascending", *CSV)
     assert rows[0] == "iid,trajectory,seq"
     assert [row.split(",")[:2] for row in rows[1:]] == [
         ["1", "real_day"], ["5", "real_night"], ["8", "sim_city"], ["10", "sim_loop"],
@@ -76,9 +65,7 @@ def test_the_list_and_one_image_are_shown_and_drawn(
     ],
     ids=lambda arguments: " ".join(arguments[:3]),
 )
-def test_what_needs_poses_is_refused_in_one_line(
-    images: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str]
-) -> None:
+def test_what_needs_poses_is_refused_in_one_line(images, tmp_path, capsys, arguments):
     words = [word.replace("OUT", str(tmp_path / "a")) for word in arguments]
     assert main([images if word == "STORE" else word for word in words]) == 2
     error = capsys.readouterr().err
@@ -87,9 +74,7 @@ def test_what_needs_poses_is_refused_in_one_line(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_translator_is_fitted_and_a_report_on_few_images_refused(
-    images: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_translator_is_fitted_and_a_report_on_few_images_refused(images, tmp_path, capsys):
     store = str(copy_store(Path(images), tmp_path / "fit.s2r"))
     assert main(["translate", "fit", "mkl", "--store", store, "--name", "t"]) == 0
     capsys.readouterr()

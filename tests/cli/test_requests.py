@@ -20,19 +20,16 @@ from s2rtui.cli.formatting import rows as output
 
 INVALID_REQUESTS = [
     ("query STORE 'ids(all)'", "whole numbers"),
-    ("query STORE 'ids(1e999)'", "beyond"),
     ("query STORE 'worst(1e30, gap)'", "beyond"),
     ("query STORE '" + "!" * 3000 + "all'", "within each other"),
     ("query STORE '" + " & ".join(["all"] * 2000) + "'", "more than 200 parts"),
     ("query STORE 'heading:90'  --run nobody", "nobody"),
     ("sql STORE ''", "no statement"),
-    ("sql STORE ';'", "no statement"),
     ("sql STORE 'SELECT 1 AS a, 2 AS a' --json", "twice"),
     ("sql STORE 'SELECT 1' --format parquet", "--out"),
     ("snapshot STORE --keys nosuchkey --out a.txt", "nosuchkey"),
     ("snapshot STORE --size 0x0 --out a.txt", "0x0"),
     ("train --recipe vanilla --minutes nan --store STORE", "--minutes"),
-    ("train --recipe vanilla --minutes inf --store STORE", "--minutes"),
     ("train --recipe vanilla --seed -1 --store STORE", "--seed"),
     ("ingest csv --store x.s2r", "path"),
     ("ingest world somewhere --store x.s2r", "somewhere"),
@@ -71,10 +68,7 @@ INVALID_REQUESTS = [
     ("export STORE --view map --out a.png --cmap jet", "--cmap jet: must be one of turbo, viridis"),
     ("export STORE --view map --out a.png --width 900", "--width 900: must be 40 to 420"),
     ("export STORE --view map --out a.png --dpi 5", "--dpi 5: must be 72 to 1200"),
-    (
-        "export STORE --view map --out a.png --width 80 --size 300x300",
-        "--size: pixels; leave it",
-    ),
+    ("export STORE --view map --out a.png --width 80 --size 300x300", "--size: pixels; leave it"),
     ("tui STORE --graphics --ascii", "--ascii"),
     ("tui STORE --cell-size 10x20", "--graphics"),
     ("query STORE all --columns iid,rubbish", "rubbish: must be one of iid, seq, x_m"),
@@ -83,9 +77,7 @@ INVALID_REQUESTS = [
 ]
 
 
-def test_an_invalid_request_prints_one_line(
-    tiny_store: Path, tmp_path: Path, capsys, monkeypatch
-) -> None:
+def test_an_invalid_request_prints_one_line(tiny_store, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for command_line, expected in INVALID_REQUESTS:
         words = shlex.split(command_line)
@@ -109,36 +101,30 @@ def _write_and_read(
         return connection.execute(f"SELECT * FROM '{target}'").fetchall()
 
 
-def test_column_names_cannot_inject_sql(tmp_path: Path) -> None:
+def test_column_names_cannot_inject_sql(tmp_path):
     injected_file = tmp_path / "leak.csv"
     name = f"a\" INTEGER); COPY (SELECT 1) TO '{injected_file}'; CREATE TABLE q (\"b"
     assert _write_and_read(tmp_path, [name], [(1,)]) == [(1,)]
     assert not injected_file.exists()
 
 
-def test_numbers_keep_their_types_in_parquet(tmp_path: Path) -> None:
+def test_numbers_keep_their_types_in_parquet(tmp_path):
     rows = [(1, 2**70, Decimal("1.5"), True, None), (2, 1, 2.5, False, "x")]
     assert _write_and_read(tmp_path, list("abcde"), rows) == [
         (1, float(2**70), 1.5, True, None), (2, 1.0, 2.5, False, "x"),
     ]  # fmt: skip
 
 
-def test_json_has_numbers_and_null(capsys) -> None:
+def test_tables_contain_no_escape_sequences_and_json_has_numbers_and_null(capsys):
     rows = [(Decimal("1.5"), [float("nan"), 1.0], {"k": float("inf")})]
     output.write(["a", "b", "c"], rows, argparse.Namespace(format="json", out=None))
     assert json.loads(capsys.readouterr().out) == [{"a": 1.5, "b": [None, 1.0], "c": {"k": None}}]
-
-
-def test_tables_contain_no_escape_sequences(capsys) -> None:
-    output.write(
-        ["room"], [("\x1b]0;title\x07\x1b[2J",)], argparse.Namespace(format="table", out=None)
-    )
+    options = argparse.Namespace(format="table", out=None)
+    output.write(["room"], [("\x1b]0;title\x07\x1b[2J",)], options)
     assert "\x1b" not in capsys.readouterr().out
 
 
-def test_a_full_disk_keeps_the_previous_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_keeps_the_previous_file(tmp_path, monkeypatch):
     def fail_with_no_space(descriptor: int) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -149,7 +135,7 @@ def test_a_full_disk_keeps_the_previous_file(
     assert [path.read_text() for path in tmp_path.iterdir()] == ["old"]
 
 
-def test_writing_follows_links_and_keeps_pipes(tmp_path: Path) -> None:
+def test_writing_follows_links_and_keeps_pipes(tmp_path):
     (tmp_path / "a.csv").write_text("old")
     (tmp_path / "link").symlink_to("a.csv")
     output.write_file(tmp_path / "link", b"new")

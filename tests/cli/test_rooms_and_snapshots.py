@@ -23,9 +23,7 @@ def names(path: Path, capsys: pytest.CaptureFixture[str]) -> dict[str, int]:
     return {row["room"]: int(row["instances"]) for row in rows}
 
 
-def test_renaming_a_room_computes_nothing_again(
-    few_pairs_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_renaming_a_room_computes_nothing_again(few_pairs_store, tmp_path, capsys):
     path = copy_store(few_pairs_store, tmp_path / "s.s2r")
     before = names(path, capsys)
     old = max(before, key=lambda name: before[name])
@@ -45,9 +43,7 @@ def test_renaming_a_room_computes_nothing_again(
     assert verify(path) == []
 
 
-def test_names_that_cannot_be_given_are_refused(
-    few_pairs_store: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_names_that_cannot_be_given_are_refused(few_pairs_store, capsys):
     known = list(names(few_pairs_store, capsys))
     for old, new, message in (
         ("nowhere", "x", "room 'nowhere': not in"),
@@ -69,7 +65,7 @@ def screen(store: Path, folder: Path, keys: str, size: str = "80x24") -> str:
     return out.read_text()
 
 
-def test_keys_can_be_named_or_written_as_characters(tiny_store: Path, tmp_path: Path) -> None:
+def test_keys_can_be_named_or_written_as_characters(tiny_store, tmp_path):
     names = ("ampersand", "vertical_line", "exclamation_mark", "minus", "slash", "question_mark",
              "at", "number_sign", "full_stop", "plus")  # fmt: skip
     for name, character in zip(names, "&|!-/?@#.+", strict=True):
@@ -78,16 +74,11 @@ def test_keys_can_be_named_or_written_as_characters(tiny_store: Path, tmp_path: 
     shown = screen(tiny_store, tmp_path, "c,8,question_mark")
     assert shown == screen(tiny_store, tmp_path, "c,8,?")
     assert "Where is it worst?" in shown
-
-
-def test_operators_combine_selections(tiny_store: Path, tmp_path: Path) -> None:
     shown = screen(tiny_store, tmp_path, "W,&,b,vertical_line,w,!", "160x24")
     assert "!(worst(15%, sim.error) & best15 | worst15)" in shown
 
 
-def test_a_snapshot_shows_the_notebook_without_changing_it(
-    tiny_store: Path, tmp_path: Path
-) -> None:
+def test_a_snapshot_shows_the_notebook_without_changing_it(tiny_store, tmp_path):
     notebook = Notebook("0" * 64)
     notebook.save("mine", SavedSelection("worst15", 1, "vanilla", 6))
     notebook.note(3, "glare on the floor")

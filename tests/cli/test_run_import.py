@@ -24,9 +24,7 @@ def run_import(store: Path, *words: object) -> int:
     return main(["run", "import", "theirs", *map(str, words), "--store", str(store)])
 
 
-def test_it_says_how_files_were_read_and_what_comes_next(
-    store_copy: Path, predictions: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_it_says_how_files_were_read_and_keeps_command_and_files(store_copy, predictions, capsys):
     assert run_import(store_copy, "--predictions", predictions) == 0
     first, second = capsys.readouterr().out.splitlines()
     assert first.startswith("p.csv: 80 predictions in 80 rows, matched by iid; positions in m ")
@@ -34,11 +32,18 @@ def test_it_says_how_files_were_read_and_what_comes_next(
     assert second.endswith(f"next: `s2r precompute {store_copy} --run theirs`")
     assert run_import(store_copy, "--predictions", predictions) == 0
     assert "run theirs replaced: 40 of 40" in capsys.readouterr().out
+    with s2rstore.open(store_copy) as store:
+        facts = store.provenance("run:theirs")
+    counts = {"sim": 40, "real": 40, "both": 40, "store": 40}
+    assert json.loads(facts["imported instances"]) == counts
+    (file,) = json.loads(facts["imported predictions"])
+    assert file["sha256"] == hashlib.sha256(predictions.read_bytes()).hexdigest()
+    names = ("file", "length", "angle", "heading")
+    assert [file[name] for name in names] == ["p.csv", "m", "rad", "0+h"]
+    assert facts["command"].split()[0] == "s2r"
 
 
-def test_issues_and_warnings_go_to_standard_error(
-    store_copy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_issues_and_warnings_go_to_standard_error(store_copy, tmp_path, capsys):
     made = make(store_copy)
     rows = [(iid, side, x, y, heading + 1.6) for side in ("sim", "real")
             for iid, (x, y, heading) in enumerate(made.of(side))]  # fmt: skip
@@ -55,22 +60,6 @@ def test_issues_and_warnings_go_to_standard_error(
     assert "warning" not in captured.err
 
 
-def test_the_provenance_holds_the_command_and_the_files(
-    store_copy: Path, predictions: Path
-) -> None:
-    assert run_import(store_copy, "--predictions", predictions) == 0
-    with s2rstore.open(store_copy) as store:
-        facts = store.provenance("run:theirs")
-    counts = {"sim": 40, "real": 40, "both": 40, "store": 40}
-    assert json.loads(facts["imported instances"]) == counts
-    (file,) = json.loads(facts["imported predictions"])
-    assert file["sha256"] == hashlib.sha256(predictions.read_bytes()).hexdigest()
-    assert [file[name] for name in ("file", "length", "angle", "heading")] == [
-        "p.csv", "m", "rad", "0+h"
-    ]  # fmt: skip
-    assert facts["command"].split()[0] == "s2r"
-
-
 @pytest.mark.parametrize(("words", "message"), [
     (("--units", "inches"), "--units inches: one of m, cm, mm"),
     (("--heading", "north"), "--heading north: one of 0+h"),
@@ -78,13 +67,7 @@ def test_the_provenance_holds_the_command_and_the_files(
     (("--real", "sim"), "--real sim: no real domain (has: real)"),
     (("--embeddings", "none.npy"), "none.npy"),
 ])  # fmt: skip
-def test_wrong_requests_end_in_one_line(
-    store_copy: Path,
-    predictions: Path,
-    words: tuple[str, ...],
-    message: str,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_wrong_requests_end_in_one_line(store_copy, predictions, words, message, capsys):
     assert run_import(store_copy, "--predictions", predictions, *words) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert message in line

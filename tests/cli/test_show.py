@@ -48,12 +48,13 @@ def test_the_overview_uses_only_held_out_instances(tmp_path: Path, capsys) -> No
         assert computed["real low"] <= computed["real accuracy"] <= computed["real high"]
 
 
-def test_map_and_umap_list_the_selection(query) -> None:
-    where = "run = 'dataaug' AND real_error > 0.5 ORDER BY iid"
-    poses = query("sql", "SELECT iid, x, y, degrees(heading), sim_x, sim_y, degrees(sim_heading), "
-                         "real_x, real_y, degrees(real_heading), shift "
+def test_map_and_umap_list_the_selection(query):
+    where = "run = 'dataaug' AND real_error_m > 0.5 ORDER BY iid"
+    poses = query("sql", "SELECT iid, x_m, y_m, degrees(heading_rad), sim_x_m, sim_y_m, "
+                         "degrees(sim_heading_rad), real_x_m, real_y_m, "
+                         "degrees(real_heading_rad), shift_m "
                          f"FROM pair WHERE {where}")  # fmt: skip
-    arguments = ("--select", "real.error > 0.5", "--run", "dataaug", "--column-names", "new")
+    arguments = ("--select", "real.error > 0.5", "--run", "dataaug")
     assert _values(query("show", "map", *arguments)) == _approximately(poses)
     apart = "sqrt((real_u - sim_u) ** 2 + (real_v - sim_v) ** 2)"
     points = query("sql", f"SELECT iid, sim_u, sim_v, real_u, real_v, {apart} FROM pair "
@@ -61,58 +62,59 @@ def test_map_and_umap_list_the_selection(query) -> None:
     assert _values(query("show", "umap", *arguments)) == _approximately(points)
 
 
-def test_orientation_counts_bins_of_five_degrees(query) -> None:
+def test_orientation_counts_bins_of_five_degrees(query):
     shown = query("show", "orientation", "--select", "traj:a")
     assert len(shown) == 72
     for name, column in (("sim", "sim_heading"), ("truth", "heading"), ("real", "real_heading")):
-        counted = query("sql", f"SELECT 5 * floor(degrees({column}) / 5) b, count(*) n FROM pair "
-                               "WHERE run = 'vanilla' AND trajectory = 'a' GROUP BY b")  # fmt: skip
+        counted = query("sql", f"SELECT 5 * floor(degrees({column}_rad) / 5) b, count(*) n "
+                               "FROM pair WHERE run = 'vanilla' AND trajectory = 'a' "
+                               "GROUP BY b")  # fmt: skip
         expected = {row["b"]: row["n"] for row in counted}
-        assert {row["from"]: row[name] for row in shown if row[name]} == expected
+        assert {row["from_deg"]: row[name] for row in shown if row[name]} == expected
 
 
-def test_rooms_are_counted(query) -> None:
-    shown = {
-        row["room"]: row
-        for row in query("show", "rooms", "--group-by", "counts", "--select", "seq:0..9")
-    }
+def test_rooms_are_counted(query):
+    rows = query("show", "rooms", "--group-by", "counts", "--select", "seq:0..9")
+    shown = {row["room"]: row for row in rows}
     truth = query("sql", "SELECT room, count(*) n, count(*) FILTER (seq < 10) s FROM pair "
                          "WHERE run = 'vanilla' GROUP BY room")  # fmt: skip
     for row in truth:
         assert shown[row["room"]]["truth"] == row["s"]
         assert shown[row["room"]]["truth of all"] == row["n"]
-    inside = "real_x BETWEEN 0 AND 5 AND real_y BETWEEN 0 AND 8 AND seq < 10 AND run = 'vanilla'"
-    computed = query("sql", f"SELECT count(*) n FROM pair WHERE {inside}")
+    inside = "real_x_m BETWEEN 0 AND 5 AND real_y_m BETWEEN 0 AND 8 AND seq < 10"
+    computed = query("sql", f"SELECT count(*) n FROM pair WHERE {inside} AND run = 'vanilla'")
     assert shown["left hall"]["real"] == computed[0]["n"]
 
 
-def test_error_bins_add_up_to_the_cumulative_counts(query) -> None:
+def test_error_bins_add_up_to_the_cumulative_counts(query):
     shown = query("show", "errors", "--select", "all")
-    stored = query("sql", "SELECT sim_error sim, real_error real FROM pair WHERE run = 'vanilla'")
+    stored = query(
+        "sql", "SELECT sim_error_m sim, real_error_m real FROM pair WHERE run = 'vanilla'"
+    )
     for side in ("sim", "real"):
         total = 0
         for row in shown[:-1]:
             total += row[side]
-            assert total == sum(pair[side] < row["to"] for pair in stored)
+            assert total == sum(pair[side] < row["to_m"] for pair in stored)
         assert total + shown[-1][side] == 40
 
 
-def test_the_list_is_sorted_and_has_full_precision(query) -> None:
+def test_the_list_is_sorted_and_has_full_precision(query):
     shown = query("show", "list", "--select", "worst(7, gap)", "--sort", "gap")
-    expected = query("sql", "SELECT iid, gap, room, real_error, real_outlier o, "
-                            "degrees(real_heading_error) turn FROM pair "
-                            "WHERE run = 'vanilla' ORDER BY gap DESC, iid LIMIT 7")  # fmt: skip
+    expected = query("sql", "SELECT iid, gap_m, room, real_error_m, real_outlier o, "
+                            "degrees(real_heading_error_rad) turn FROM pair "
+                            "WHERE run = 'vanilla' ORDER BY gap_m DESC, iid LIMIT 7")  # fmt: skip
     assert [row["iid"] for row in shown] == [row["iid"] for row in expected]
     for row, stored in zip(shown, expected, strict=True):
-        assert (row["gap"], row["room"]) == (stored["gap"], stored["room"])
-        assert row["real.error"] == stored["real_error"]
-        assert row["real.heading_error"] == pytest.approx(stored["turn"], rel=1e-12)
-        assert row["real.outlier"] == stored["o"]
+        assert (row["gap_m"], row["room"]) == (stored["gap_m"], stored["room"])
+        assert row["real_error_m"] == stored["real_error_m"]
+        assert row["real_heading_error_deg"] == pytest.approx(stored["turn"], rel=1e-12)
+        assert row["real_outlier"] == stored["o"]
     ascending = query("show", "list", "--select", "worst(7, gap)", "--sort", "gap", "--ascending")
     assert ascending == shown[::-1]
 
 
-def test_the_list_has_a_column_for_remarks(query) -> None:
+def test_the_list_has_a_column_for_remarks(query):
     notebook = Notebook("0" * 64)
     notebook.note(5, "glare")
     notebook.toggle_tag([5, 6], "door")
@@ -120,24 +122,24 @@ def test_the_list_has_a_column_for_remarks(query) -> None:
     assert [row["remark"] for row in shown] == ["#door: glare", "#door", None]
 
 
-def test_instance_has_numbers_and_notes(query) -> None:
+def test_instance_has_numbers_and_notes(query):
     rows = {row["what"]: row for row in query("show", "instance", "--iid", "12")}
-    stored = query("sql", "SELECT x, y, degrees(heading) h, real_x, real_error, sim_rank, "
-                         "degrees(sim_heading_error) turn FROM pair WHERE run = 'vanilla' "
-                         "AND iid = 12")[0]  # fmt: skip
+    stored = query("sql", "SELECT x_m, y_m, degrees(heading_rad) h, real_x_m, real_error_m, "
+                         "sim_rank, degrees(sim_heading_error_rad) turn FROM pair "
+                         "WHERE run = 'vanilla' AND iid = 12")[0]  # fmt: skip
     truth = rows["truth"]
-    assert (truth["x"], truth["y"], truth["error"]) == (stored["x"], stored["y"], None)
-    assert truth["heading"] == pytest.approx(stored["h"], rel=1e-12)
-    assert rows["real"]["x"] == stored["real_x"]
-    assert rows["real"]["error"] == stored["real_error"]
-    assert rows["sim"]["heading_error"] == pytest.approx(stored["turn"], rel=1e-12)
+    assert (truth["x_m"], truth["y_m"], truth["error_m"]) == (stored["x_m"], stored["y_m"], None)
+    assert truth["heading_deg"] == pytest.approx(stored["h"], rel=1e-12)
+    assert rows["real"]["x_m"] == stored["real_x_m"]
+    assert rows["real"]["error_m"] == stored["real_error_m"]
+    assert rows["sim"]["heading_error_deg"] == pytest.approx(stored["turn"], rel=1e-12)
     assert f"sim {stored['sim_rank']}," in rows["ranks"]["note"]
 
 
-def test_compare_counts_improved_instances(query) -> None:
+def test_compare_counts_improved_instances(query):
     shown = {row["room"]: row for row in query("show", "compare", "--with", "dataaug")}
-    both = ("(SELECT a.room, a.real_error f, b.real_error s FROM pair a JOIN pair b USING (iid) "
-            "WHERE a.run = 'vanilla' AND b.run = 'dataaug')")  # fmt: skip
+    both = ("(SELECT a.room, a.real_error_m f, b.real_error_m s FROM pair a "
+            "JOIN pair b USING (iid) WHERE a.run = 'vanilla' AND b.run = 'dataaug')")  # fmt: skip
     for where, name in (("true", "all"), ("room = 'right'", "right")):
         computed = query("sql", "SELECT count(*) n, median(f) f, median(s) s, median(s - f) d, "
                              "avg(f) fm, avg(s) sm, "
@@ -149,17 +151,13 @@ def test_compare_counts_improved_instances(query) -> None:
             computed["n"], computed["better"], computed["worse"],
         )  # fmt: skip
         assert row["equal"] == computed["n"] - computed["better"] - computed["worse"]
-        for shown_name, column in (
-            ("first_median_m", "f"),
-            ("second_median_m", "s"),
-            ("median_change_m", "d"),
-            ("first mean", "fm"),
-            ("second mean", "sm"),
-        ):
-            assert row[shown_name] == pytest.approx(computed[column], rel=1e-9)
+        names = ("first_median_m", "second_median_m", "median_change_m", "first_mean_m",
+                 "second_mean_m")  # fmt: skip
+        for name, column in zip(names, ("f", "s", "d", "fm", "sm"), strict=True):
+            assert row[name] == pytest.approx(computed[column], rel=1e-9)
 
 
-def test_the_scatter_view_counts_quadrants(query) -> None:
+def test_the_scatter_view_counts_quadrants(query):
     shown = {row["quadrant"]: row for row in query("show", "scatter", "--select", "gap > 0")}
     assert shown["all"]["instances"] == 40
     for row in shown.values():
@@ -167,13 +165,13 @@ def test_the_scatter_view_counts_quadrants(query) -> None:
         assert row["selected"] == len(query("query", f"({row['expression']}) & gap > 0"))
 
 
-def test_tables_are_rounded_and_csv_is_not(tiny_store: Path, capsys) -> None:
+def test_tables_are_rounded_and_csv_is_not(tiny_store, capsys):
     arguments = ["show", str(tiny_store), "map", "--select", "ids(3)"]
     assert main(arguments) == 0
     printed = capsys.readouterr().out
     assert main([*arguments, "--format", "csv"]) == 0
     rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
-    value = rows[0]["real x"]
+    value = rows[0]["real_x_m"]
     assert len(value) > 12
     assert value not in printed
     assert f"{float(value):.4g}" in printed
@@ -188,7 +186,7 @@ def test_tables_are_rounded_and_csv_is_not(tiny_store: Path, capsys) -> None:
         ("scatter", "worst 15 % in sim"),
     ],
 )  # fmt: skip
-def test_every_view_has_a_summary(tiny_store: Path, view: str, expected: str, capsys) -> None:
+def test_every_view_has_a_summary(tiny_store, view, expected, capsys):
     assert main(["show", str(tiny_store), view, "--select", "worst15", "--words"]) == 0
     summary = capsys.readouterr().out
     assert expected in summary

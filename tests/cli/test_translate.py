@@ -26,7 +26,7 @@ def folders(tmp_path: Path) -> tuple[Path, Path]:
     return paths
 
 
-def test_a_translator_of_a_store_is_fitted_and_listed(store_copy: Path, capsys):
+def test_a_translator_of_a_store_is_fitted_and_listed(store_copy, capsys):
     fit = ["translate", "fit", "reinhard", "--direction", "real2sim", "--store", str(store_copy)]
     assert main(fit) == 0
     assert "translator reinhard-real2sim registered" in capsys.readouterr().out
@@ -35,7 +35,7 @@ def test_a_translator_of_a_store_is_fitted_and_listed(store_copy: Path, capsys):
     assert (row["translator"], row["from"], row["to"]) == ("reinhard-real2sim", "real", "sim")
 
 
-def test_the_same_seed_gives_the_same_file(folders: tuple[Path, Path], tmp_path: Path):
+def test_the_same_seed_gives_the_same_file(folders, tmp_path):
     camera, simulation = (str(path) for path in folders)
     files = [tmp_path / "a.safetensors", tmp_path / "b.safetensors"]
     for file in files:
@@ -71,7 +71,7 @@ WRONG_REQUESTS = (
 )
 
 
-def test_wrong_requests_end_in_one_line(tiny_store: Path, tmp_path: Path, monkeypatch, capsys):
+def test_wrong_requests_end_in_one_line(tiny_store, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     for request_text, message in WRONG_REQUESTS:
         words = request_text.replace("STORE", str(tiny_store)).split()

@@ -55,7 +55,7 @@ def error_of(backend: Backend, x: np.ndarray) -> np.ndarray:
     return pose_errors(backend.forward_all(x[None]).pose, TRUTH)[0]
 
 
-def test_a_repair_replaces_one_segment(backend: Backend, inputs: CounterfactualInputs) -> None:
+def test_a_repair_replaces_one_segment(backend, inputs):
     assert inputs.count >= 1
     gains = repair_gains(backend, inputs, TRUTH)
     assert gains.shape == (inputs.count, 3)
@@ -65,9 +65,7 @@ def test_a_repair_replaces_one_segment(backend: Backend, inputs: CounterfactualI
         assert np.allclose(gains[number - 1], expected, atol=1e-5)
 
 
-def test_integrated_gradients_sum_to_the_difference(
-    backend: Backend, inputs: CounterfactualInputs
-) -> None:
+def test_integrated_gradients_sum_to_the_difference(backend, inputs):
     values = integrated_gradients(backend, inputs, TRUTH, 64)
     assert values.shape == (3, *backend.model.contract.shape)
     expected = error_of(backend, inputs.real) - error_of(backend, inputs.counterfactual)
@@ -76,7 +74,7 @@ def test_integrated_gradients_sum_to_the_difference(
     assert np.allclose(inputs.in_rgb_pixels(values).sum(axis=(1, 2)), sums, atol=1e-4)
 
 
-def test_the_shares_of_a_pair_sum_to_its_gap(backend: Backend) -> None:
+def test_the_shares_of_a_pair_sum_to_its_gap(backend):
     image = rendered("sim", CAMERA)[2]
     real = with_box(dimmed(image))
     contract = backend.model.contract
@@ -93,7 +91,7 @@ def test_the_shares_of_a_pair_sum_to_its_gap(backend: Backend) -> None:
 
 
 @given(st.integers(1, 4), st.integers(0, 2**32 - 1))
-def test_shapley_values_are_mean_contributions_over_all_orders(players: int, seed: int) -> None:
+def test_shapley_values_are_mean_contributions_over_all_orders(players, seed):
     values = np.random.default_rng(seed).standard_normal(1 << players)
     expected = np.zeros(players)
     orders = list(permutations(range(players)))
@@ -105,11 +103,11 @@ def test_shapley_values_are_mean_contributions_over_all_orders(players: int, see
     assert np.allclose(shapley_values(values), expected / len(orders))
 
 
-def test_shapley_values_need_every_coalition() -> None:
+def test_shapley_values_need_every_coalition():
     with pytest.raises(ValueError, match="power of 2"):
         shapley_values(np.zeros(6))
 
 
-def test_heading_errors_wrap() -> None:
+def test_heading_errors_wrap():
     errors = pose_errors(np.array([[0.0, 0.0, 3.1]]), np.array([3.0, 4.0, -3.1]))
     assert errors[0] == pytest.approx([5.0, 2 * np.pi - 6.2, 0.7 * 25 + 0.3 * (2 * np.pi - 6.2)])

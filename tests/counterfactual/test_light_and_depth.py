@@ -26,7 +26,7 @@ def source(number: int = 1) -> tuple[np.ndarray, np.ndarray]:
 
 @settings(max_examples=15)
 @given(st.floats(0.6, 1.1), st.floats(-15, 15), st.integers(0, 11))
-def test_a_global_change_of_light_is_found(slope: float, offset: float, number: int) -> None:
+def test_a_global_change_of_light_is_found(slope, offset, number):
     image, depth = source(number)
     target = np.clip(image * slope + offset, 0, 255)
     light = relight(image, target, depth, ALL)
@@ -34,7 +34,7 @@ def test_a_global_change_of_light_is_found(slope: float, offset: float, number: 
     assert light.spread < 3
 
 
-def test_light_that_varies_over_the_image_is_found() -> None:
+def test_light_that_varies_over_the_image_is_found():
     image, depth = source()
     target = image * np.linspace(0.7, 1.0, SIZE, dtype=np.float32)[None, :, None]
     light = relight(image, target, depth, ALL)
@@ -43,7 +43,7 @@ def test_light_that_varies_over_the_image_is_found() -> None:
     assert errors[0] < 0.7 * errors[1]
 
 
-def test_changed_content_does_not_change_the_light() -> None:
+def test_changed_content_does_not_change_the_light():
     image, depth = source()
     target = image * np.float32(0.8)
     plain = relight(image, target, depth, ALL)
@@ -56,7 +56,7 @@ def test_changed_content_does_not_change_the_light() -> None:
     assert light.residual[24:36, 24:36].min() > 5 * max(light.spread, 1)
 
 
-def test_the_light_can_be_taken_out_again() -> None:
+def test_the_light_can_be_taken_out_again():
     image, depth = source()
     light = relight(image, np.clip(image * 0.7 + 10, 0, 255), depth, ALL)
     lit = light.applied(image)
@@ -64,7 +64,7 @@ def test_the_light_can_be_taken_out_again() -> None:
     assert np.abs(light.removed(lit) - image)[inner].max() < 0.1
 
 
-def test_black_images_and_unknown_depth_have_a_finite_light() -> None:
+def test_black_images_and_unknown_depth_have_a_finite_light():
     black = np.zeros((*FRAME, 3), np.float32)
     light = relight(black, black, np.zeros(FRAME, np.float32), 0 * ALL)
     assert np.isfinite(light.image).all()
@@ -84,7 +84,7 @@ def image(rng: np.random.Generator) -> np.ndarray:
     return rng.uniform(0, 255, (*SHAPE, 3)).astype(np.float32)
 
 
-def test_moments_are_weighted_means(rng: np.random.Generator) -> None:
+def test_moments_are_weighted_means(rng):
     source, target = image(rng), image(rng)
     weights = rng.random(SHAPE).astype(np.float32)
     found = light_grid.weighted_moments(source, target, weights)
@@ -93,12 +93,12 @@ def test_moments_are_weighted_means(rng: np.random.Generator) -> None:
         assert np.allclose(found[row], expected, rtol=1e-5)
 
 
-def test_no_weight_gives_no_moments(rng: np.random.Generator) -> None:
+def test_no_weight_gives_no_moments(rng):
     source = image(rng)
     assert not light_grid.weighted_moments(source, source, np.zeros(SHAPE, np.float32)).any()
 
 
-def test_cells_are_summed(rng: np.random.Generator) -> None:
+def test_cells_are_summed(rng):
     lit, target = image(rng), image(rng)
     weights = rng.random(SHAPE).astype(np.float32)
     cell = rng.integers(0, np.prod(GRID), SHAPE).astype(np.int32)
@@ -110,7 +110,7 @@ def test_cells_are_summed(rng: np.random.Generator) -> None:
             assert np.allclose(sums[..., channel].ravel(), expected, rtol=1e-4)
 
 
-def test_a_grid_is_smoothed_along_each_axis(rng: np.random.Generator) -> None:
+def test_a_grid_is_smoothed_along_each_axis(rng):
     grid = rng.random((*GRID, 3))
     expected = grid
     for axis in range(3):
@@ -122,7 +122,7 @@ def test_a_grid_is_smoothed_along_each_axis(rng: np.random.Generator) -> None:
     assert np.allclose(light_grid.smoothed(grid), expected)
 
 
-def test_a_grid_is_sliced_linearly(rng: np.random.Generator) -> None:
+def test_a_grid_is_sliced_linearly(rng):
     grid = rng.random((*GRID, 3)).astype(np.float32)
     level = rng.uniform(0, GRID[0] - 1, SHAPE).astype(np.float32)
     level[0, :2] = 0, GRID[0] - 1
@@ -136,13 +136,13 @@ def test_a_grid_is_sliced_linearly(rng: np.random.Generator) -> None:
     assert np.allclose(light_grid.sliced(grid, level), expected, atol=1e-5)
 
 
-def test_robust_weights_halve_at_the_limit() -> None:
+def test_robust_weights_halve_at_the_limit():
     residual = np.array([[0.0, 4.0, 40.0]], np.float32)
     found = light_grid.robust_weights(np.full((1, 3), 0.5, np.float32), residual, np.float32(4))
     assert np.allclose(found, [[0.5, 0.25, 0.5 / 10_001]])
 
 
-def test_differences_are_those_of_the_worst_channel(rng: np.random.Generator) -> None:
+def test_differences_are_those_of_the_worst_channel(rng):
     a, b = image(rng), image(rng)
     assert np.array_equal(light_grid.largest_difference(a, b), np.abs(a - b).max(axis=2))
 
@@ -162,7 +162,7 @@ def pairs(base: float, slope: float, near: float, far: float, changed: float = 0
 
 
 @pytest.mark.parametrize(("base", "slope"), [(0.02, 0.01), (0.05, 0.0), (0.03, 0.02)])
-def test_noise_is_estimated(base: float, slope: float) -> None:
+def test_noise_is_estimated(base, slope):
     found = estimate_tolerance(pairs(base, slope, 0, 99))
     for depth in (1.0, 3.0, 8.0):
         expected = base + slope * depth**2
@@ -170,13 +170,13 @@ def test_noise_is_estimated(base: float, slope: float) -> None:
     assert (found.near, found.far) == (0.0, math.inf)
 
 
-def test_changed_surfaces_hardly_count() -> None:
+def test_changed_surfaces_hardly_count():
     plain, changed = (estimate_tolerance(pairs(0.03, 0.01, 0, 99, share)) for share in (0, 0.15))
     at = np.float32(3.0)
     assert changed.deviation(at) == pytest.approx(plain.deviation(at), rel=0.4)
 
 
-def test_the_range_is_estimated() -> None:
+def test_the_range_is_estimated():
     found = estimate_tolerance(pairs(0.02, 0.01, 1.0, 6.0))
     assert found.near == pytest.approx(1.0, abs=0.15)
     assert found.far == pytest.approx(6.0, abs=0.15)
@@ -184,12 +184,12 @@ def test_the_range_is_estimated() -> None:
 
 
 @pytest.mark.parametrize("given", [[], [(np.zeros((4, 4), np.float32),) * 2]])
-def test_without_depth_the_tolerance_is_finite(given: list) -> None:
+def test_without_depth_the_tolerance_is_finite(given):
     found = estimate_tolerance(given)
     assert found == DepthTolerance(0.05, 0.0, 0.0, math.inf, 0.0, 1.0)
 
 
-def test_a_bias_of_the_sensor_is_no_change() -> None:
+def test_a_bias_of_the_sensor_is_no_change():
     biased = [(np.where(real > 0, 0.05 + 1.04 * real, 0).astype(np.float32), sim)
               for real, sim in pairs(0.02, 0.005, 0, 99)]  # fmt: skip
     found = estimate_tolerance(biased)

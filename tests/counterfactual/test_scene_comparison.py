@@ -40,14 +40,14 @@ def dimmed(image: ImageArrays) -> ImageArrays:
     return (image[0] * 0.75 + 8).astype(np.uint8), image[1], image[2]
 
 
-def test_equal_scenes_have_no_segments() -> None:
+def test_equal_scenes_have_no_segments():
     for image in rendered("sim", CAMERA)[:6]:
         scenes = EQUAL.in_real_view(image, dimmed(image))
         assert scenes.count == 0
         assert np.allclose(scenes.depth, metres(image), atol=1e-6)
 
 
-def test_an_added_object_is_one_segment_and_gone_in_the_counterfactual() -> None:
+def test_an_added_object_is_one_segment_and_gone_in_the_counterfactual():
     image = rendered("sim", CAMERA)[2]
     scenes = EQUAL.in_real_view(image, with_box(dimmed(image)))
     inside = scenes.segments[PATCH]
@@ -63,7 +63,7 @@ def test_an_added_object_is_one_segment_and_gone_in_the_counterfactual() -> None
 
 
 @pytest.mark.parametrize("view", ["real", "sim"])
-def test_changed_objects_of_a_world_are_found_by_other_rigs(view: str) -> None:
+def test_changed_objects_of_a_world_are_found_by_other_rigs(view):
     sims, reals = rendered("sim", CAMERA), rendered("real", LOWERED)
     unchanged = rendered("sim", LOWERED)
     hits, alarms, changed_pixels = 0, 0, 0
@@ -80,7 +80,7 @@ def test_changed_objects_of_a_world_are_found_by_other_rigs(view: str) -> None:
         assert hits / changed_pixels > 0.6
 
 
-def test_composites_begin_with_the_sim_and_end_with_the_real_image() -> None:
+def test_composites_begin_with_the_sim_and_end_with_the_real_image():
     image = rendered("sim", CAMERA)[2]
     real = with_box(dimmed(image))
     contents = EQUAL.in_sim_view(image, real).contents("sim")
@@ -98,7 +98,7 @@ def test_composites_begin_with_the_sim_and_end_with_the_real_image() -> None:
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 0.6))
-def test_segments_are_numbered_without_gaps(seed: int, share: float) -> None:
+def test_segments_are_numbered_without_gaps(seed, share):
     rng = np.random.default_rng(seed)
     blocks = rng.random((8, 8)) < share
     change = np.kron(blocks, np.ones((8, 8))).astype(np.float32) * 2
@@ -111,7 +111,7 @@ def test_segments_are_numbered_without_gaps(seed: int, share: float) -> None:
 
 @pytest.mark.parametrize("height", [-0.08, 0.0])
 @pytest.mark.parametrize("zoom", [0.85, 1.05, 1.2])
-def test_another_camera_alone_changes_no_depth(height: float, zoom: float) -> None:
+def test_another_camera_alone_changes_no_depth(height, zoom):
     """Composites that differ in the factor depth alone are equal, also beyond the other view."""
     camera = CAMERA.moved(height=height, zoom=zoom)
     rigs = RigPair(rig(CAMERA), rig(camera), FRAME, TOLERANCE)
@@ -129,7 +129,7 @@ def test_another_camera_alone_changes_no_depth(height: float, zoom: float) -> No
     assert np.abs(np.mean(changes)) < 0.02
 
 
-def test_depth_beyond_the_rgb_view_stays_that_of_the_view() -> None:
+def test_depth_beyond_the_rgb_view_stays_that_of_the_view():
     wide = replace(rig(CAMERA), depth=replace(CAMERA.lens, fx=CAMERA.lens.fx * 0.6))
     registration = DepthInRgbView(wide, FRAME)
     own = np.full(FRAME, 3.0, np.float32)
@@ -138,7 +138,7 @@ def test_depth_beyond_the_rgb_view_stays_that_of_the_view() -> None:
     assert (moved > 0).all()
 
 
-def test_the_view_of_an_equal_rig_is_the_image() -> None:
+def test_the_view_of_an_equal_rig_is_the_image():
     synthesis = ViewSynthesis(rig(CAMERA), rig(CAMERA), FRAME)
     for image in rendered("sim", CAMERA)[:4]:
         made = synthesis(image[0], metres(image))
@@ -148,7 +148,7 @@ def test_the_view_of_an_equal_rig_is_the_image() -> None:
         assert made.seen[inner].mean() > 0.98
 
 
-def test_the_view_of_another_rig_equals_its_rendering() -> None:
+def test_the_view_of_another_rig_equals_its_rendering():
     synthesis = ViewSynthesis(rig(CAMERA), rig(LOWERED), FRAME)
     unmoved, errors, depths = [], [], []
     for image, target in zip(rendered("sim", CAMERA), rendered("sim", LOWERED), strict=True):
@@ -162,7 +162,7 @@ def test_the_view_of_another_rig_equals_its_rendering() -> None:
     assert np.mean(depths) < 0.01
 
 
-def test_nothing_is_seen_without_depth() -> None:
+def test_nothing_is_seen_without_depth():
     synthesis = ViewSynthesis(rig(CAMERA), rig(LOWERED), FRAME)
     made = synthesis(np.full((*FRAME, 3), 7, np.uint8), np.zeros(FRAME, np.float32))
     assert not made.seen.any()
@@ -176,7 +176,7 @@ def shifted(columns: float) -> Domain:
     return Domain("rig", "real", lens, depth, 0.6, 0.0, 0.001, 1, 10_000)
 
 
-def test_depth_is_registered_to_rgb_and_back() -> None:
+def test_depth_is_registered_to_rgb_and_back():
     registration = DepthInRgbView(shifted(5), FRAME)
     assert not registration.is_identity
     raw = np.tile(np.arange(SIZE), (SIZE, 1)) * 10 + 1000
@@ -188,7 +188,7 @@ def test_depth_is_registered_to_rgb_and_back() -> None:
 
 
 @pytest.mark.parametrize("size", [SIZE, SIZE // 2])
-def test_values_over_depth_pixels_keep_their_sum_in_rgb_pixels(size: int) -> None:
+def test_values_over_depth_pixels_keep_their_sum_in_rgb_pixels(size):
     registration = DepthInRgbView(shifted(8), FRAME)
     values = np.zeros((2, size, size), np.float32)
     values[:, :, : size // 2] = np.random.default_rng(1).random((2, size, size // 2))

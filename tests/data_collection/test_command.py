@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -21,13 +20,13 @@ _TEXT = st.text(st.characters(codec="utf-8", categories=("L", "N", "P", "Zs")), 
 
 
 @given(st.lists(st.builds(PlannedPose, _NUMBERS, _NUMBERS, _NUMBERS, _TEXT, _NUMBERS, _TEXT)))
-def test_csv_round_trip(tmp_path_factory: pytest.TempPathFactory, poses: list[PlannedPose]) -> None:
+def test_csv_round_trip(tmp_path_factory, poses):
     path = tmp_path_factory.mktemp("poses") / "poses.csv"
     path.write_text(csv_text(COLUMNS, as_rows(poses)), encoding="utf-8")
     assert read_planned_poses(path) == tuple(poses)
 
 
-def test_only_the_pose_is_required(tmp_path: Path) -> None:
+def test_only_the_pose_is_required(tmp_path):
     path = tmp_path / "poses.csv"
     path.write_text("# mine\nheading_deg,y_m,x_m,who\n90,2,1,me\n")
     (pose,) = read_planned_poses(path)
@@ -40,16 +39,14 @@ def test_only_the_pose_is_required(tmp_path: Path) -> None:
     [("x_m,y_m\n1,2\n", "no column heading_deg"), ("x_m,y_m,heading_deg\n1,two,3\n", "pose 1: y_m"),
      ("x_m,y_m,heading_deg\n1,nan,3\n", "not a finite number"), ("", "no column x_m")],
 )  # fmt: skip
-def test_wrong_files_are_refused(tmp_path: Path, text: str, message: str) -> None:
+def test_wrong_files_are_refused(tmp_path, text, message):
     path = tmp_path / "poses.csv"
     path.write_text(text)
     with pytest.raises(RequestError, match=message):
         read_planned_poses(path)
 
 
-def test_the_command_writes_prints_and_saves(
-    tiny_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_writes_prints_and_saves(tiny_store, tmp_path, capsys):
     out = tmp_path / "poses.csv"
     arguments = ["collect", str(tiny_store), "--run", "vanilla", "--budget", "12"]
     assert main([*arguments, "--out", str(out), "--save", "todo"]) == 0
@@ -69,7 +66,7 @@ def test_the_command_writes_prints_and_saves(
     assert capsys.readouterr().out == by_name
 
 
-def test_methods_of_the_command_are_those_of_the_tools() -> None:
+def test_methods_of_the_command_are_those_of_the_tools():
     from s2rtools.data_collection import METHODS
 
     assert tuple(METHODS) == collect.METHODS
@@ -84,16 +81,14 @@ def test_methods_of_the_command_are_those_of_the_tools() -> None:
         (["--out", "nowhere/poses.csv"], "--out nowhere/poses.csv: there is no folder"),
     ],
 )
-def test_messages(
-    tiny_store: Path, capsys: pytest.CaptureFixture[str], options: list[str], message: str
-) -> None:
+def test_messages(tiny_store, capsys, options, message):
     assert main(["collect", str(tiny_store), *options]) == 2
     error = capsys.readouterr().err
     assert message in error
     assert len(error.splitlines()) == 1
 
 
-def test_the_map_shows_planned_poses(tiny_store: Path, tmp_path: Path) -> None:
+def test_the_map_shows_planned_poses(tiny_store, tmp_path):
     poses = tmp_path / "poses.csv"
     poses.write_text("x_m,y_m,heading_deg\n2,3,0\n7,5,90\n")
     plain, marked = tmp_path / "plain.txt", tmp_path / "marked.txt"
@@ -110,7 +105,7 @@ def test_the_map_shows_planned_poses(tiny_store: Path, tmp_path: Path) -> None:
     assert second.read_text().count("planned poses") >= 1
 
 
-def test_poses_are_refused_where_no_map_is_drawn(tiny_store: Path, tmp_path: Path, capsys) -> None:
+def test_poses_are_refused_where_no_map_is_drawn(tiny_store, tmp_path, capsys):
     poses, figure = tmp_path / "poses.csv", tmp_path / "f.png"
     poses.write_text("x_m,y_m,heading_deg\n1,2,90\n")
     words = ["export", str(tiny_store), "--poses", str(poses), "--out", str(figure)]
@@ -120,7 +115,7 @@ def test_poses_are_refused_where_no_map_is_drawn(tiny_store: Path, tmp_path: Pat
 
 
 @pytest.mark.parametrize("row", ["1e7,2,3", "1,-1e9,3", "1,2,1e300"])
-def test_poses_far_beyond_any_building_are_refused(tmp_path: Path, row: str) -> None:
+def test_poses_far_beyond_any_building_are_refused(tmp_path, row):
     path = tmp_path / "poses.csv"
     path.write_text(f"x_m,y_m,heading_deg\n{row}\n")
     with pytest.raises(RequestError, match="beyond 1,000,000"):

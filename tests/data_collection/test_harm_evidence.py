@@ -33,7 +33,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_harm_sums_the_positive_positions_of_the_new_real_images(store: Path, monkeypatch) -> None:
+def test_harm_sums_the_positive_positions_of_the_new_real_images(store, monkeypatch):
     monkeypatch.setattr(evidence, "_HARM_ROWS", 8)
     new = np.array([3, 6, 33])
     read: list[int] = []
@@ -50,7 +50,7 @@ def test_harm_sums_the_positive_positions_of_the_new_real_images(store: Path, mo
     assert not set(range(8, 32)) & set(read)
 
 
-def test_an_unknown_mode_names_the_planes_of_the_kind(store: Path) -> None:
+def test_an_unknown_mode_names_the_planes_of_the_kind(store):
     with s2rstore.open(store) as opened:
         with pytest.raises(RequestError, match=r"harm has no mode 'x' \(modes: position, heading"):
             opened.heatmaps("vanilla", "harm", "real", 0, 1, "x")

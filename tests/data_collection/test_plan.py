@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -55,7 +54,7 @@ def chosen(candidates: CandidatePoses, evidence: Evidence, **request: object) ->
     return choose_poses(candidates, evidence, values, wanted).cells
 
 
-def test_candidates_of_a_world_lie_on_free_floor(moved_camera_store: Path) -> None:
+def test_candidates_of_a_world_lie_on_free_floor(moved_camera_store):
     with s2rstore.open(moved_camera_store) as store:
         found = find_candidates(store)
         from s2rtools.synthetic_world.dataset import WorldData
@@ -69,7 +68,7 @@ def test_candidates_of_a_world_lie_on_free_floor(moved_camera_store: Path) -> No
         assert set(found.rooms) >= set(range(len(store.instances.room_names)))
 
 
-def test_candidates_of_recorded_data_lie_near_recorded_poses(tiny_store: Path) -> None:
+def test_candidates_of_recorded_data_lie_near_recorded_poses(tiny_store):
     with s2rstore.open(tiny_store) as store:
         found, truth = find_candidates(store), store.instances
         offset = found.places[:, None] - np.column_stack([truth.x, truth.y])
@@ -78,7 +77,7 @@ def test_candidates_of_recorded_data_lie_near_recorded_poses(tiny_store: Path) -
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_choice_is_deterministic_and_poses_differ(tiny_store: Path, method: str) -> None:
+def test_choice_is_deterministic_and_poses_differ(tiny_store, method):
     with s2rstore.open(tiny_store) as store:
         first, second = (
             plan_collection(store, CollectionRequest("vanilla", 9, method, 3)).poses
@@ -88,7 +87,7 @@ def test_choice_is_deterministic_and_poses_differ(tiny_store: Path, method: str)
     assert len({(pose.x_m, pose.y_m, pose.heading_deg) for pose in first}) == 9
 
 
-def test_the_seed_matters_for_random_poses_alone() -> None:
+def test_the_seed_matters_for_random_poses_alone():
     candidates = grid()
     evidence = evidence_at(candidates, np.ones(candidates.usable.size))
     draws = [chosen(candidates, evidence, method="random", seed=seed).tolist() for seed in (0, 1)]
@@ -97,7 +96,7 @@ def test_the_seed_matters_for_random_poses_alone() -> None:
     assert spread[0] == spread[1]
 
 
-def test_the_bad_room_gets_most_poses() -> None:
+def test_the_bad_room_gets_most_poses():
     candidates = grid(24, 8)
     bad = candidates.rooms_of(np.arange(candidates.usable.size)) == 1
     evidence = evidence_at(candidates, np.where(bad, 4.0, 0.6))
@@ -108,7 +107,7 @@ def test_the_bad_room_gets_most_poses() -> None:
     assert 7 <= np.count_nonzero(bad[spread]) <= 13
 
 
-def test_error_that_simulation_shares_is_not_reducible() -> None:
+def test_error_that_simulation_shares_is_not_reducible():
     candidates = grid(24, 8)
     right = candidates.rooms_of(np.arange(candidates.usable.size)) == 1
     evidence = evidence_at(
@@ -119,7 +118,7 @@ def test_error_that_simulation_shares_is_not_reducible() -> None:
     assert np.count_nonzero(right[by_error]) > 10 > np.count_nonzero(right[combined])
 
 
-def test_training_images_cover_their_neighbourhood() -> None:
+def test_training_images_cover_their_neighbourhood():
     candidates = grid(24, 8)
     right = candidates.rooms_of(np.arange(candidates.usable.size)) == 1
     covered = candidates.poses(np.flatnonzero(right))
@@ -131,7 +130,7 @@ def test_training_images_cover_their_neighbourhood() -> None:
     assert not right[cells].any()
 
 
-def test_harm_attracts_poses() -> None:
+def test_harm_attracts_poses():
     candidates = grid(24, 8)
     right = candidates.rooms_of(np.arange(candidates.usable.size)) == 1
     same = np.full(candidates.usable.size, 3.0)
@@ -140,7 +139,7 @@ def test_harm_attracts_poses() -> None:
     assert np.count_nonzero(right[cells]) > 11
 
 
-def test_trained_instances_are_no_evidence_of_real_error(tmp_path: Path) -> None:
+def test_trained_instances_are_no_evidence_of_real_error(tmp_path):
     path = tiny.build(tmp_path / "t.s2r", trained=("vanilla",))
     with s2rstore.open(path) as store:
         evidence = read_evidence(store, "vanilla")
@@ -150,7 +149,7 @@ def test_trained_instances_are_no_evidence_of_real_error(tmp_path: Path) -> None
         assert len(evidence) == np.count_nonzero(~trained)
 
 
-def test_a_run_without_new_instances_is_refused(tmp_path: Path) -> None:
+def test_a_run_without_new_instances_is_refused(tmp_path):
     path = tiny.build(tmp_path / "t.s2r", n=8, trained=("vanilla",))
     with s2rstore.open(path) as store:
         columns = store.run_columns("vanilla")
@@ -161,7 +160,7 @@ def test_a_run_without_new_instances_is_refused(tmp_path: Path) -> None:
 
 
 @given(st.integers(0, 10_000), st.integers(2, 8))
-def test_gains_never_grow_and_equal_what_is_covered(seed: int, budget: int) -> None:
+def test_gains_never_grow_and_equal_what_is_covered(seed, budget):
     candidates, rng = grid(8, 4), np.random.default_rng(seed)
     usable = rng.random(candidates.usable.shape) < 0.8
     usable[0, 0] = True
@@ -175,7 +174,7 @@ def test_gains_never_grow_and_equal_what_is_covered(seed: int, budget: int) -> N
     assert coverage.covered_weight <= batch.total + 1e-9
 
 
-def test_the_greedy_batch_is_that_of_full_reevaluation() -> None:
+def test_the_greedy_batch_is_that_of_full_reevaluation():
     candidates, similarity = grid(8, 4), PoseSimilarity()
     weights = np.random.default_rng(5).uniform(0, 3, candidates.usable.shape)
     batch = choose_batch(Coverage(candidates, weights, similarity), candidates, 6)
@@ -186,7 +185,7 @@ def test_the_greedy_batch_is_that_of_full_reevaluation() -> None:
         coverage.add(cell)
 
 
-def test_the_expression_selects_the_nearest_instances(tiny_store: Path) -> None:
+def test_the_expression_selects_the_nearest_instances(tiny_store):
     with s2rstore.open(tiny_store) as store:
         plan = plan_collection(store, CollectionRequest("vanilla", 12))
         text, parameters = evaluation.sql(store, plan.expression, "vanilla", None, {}, False)
@@ -202,6 +201,6 @@ def test_the_expression_selects_the_nearest_instances(tiny_store: Path) -> None:
     [({"budget": 0}, "--budget 0"), ({"budget": 5001}, "--budget 5001"), ({"seed": -1}, "--seed"),
      ({"method": "best"}, "--method best")],
 )  # fmt: skip
-def test_wrong_requests_name_the_option(values: dict[str, object], message: str) -> None:
+def test_wrong_requests_name_the_option(values, message):
     with pytest.raises(RequestError, match=message):
         CollectionRequest("r", **values)

@@ -21,7 +21,7 @@ from s2rstore.findings import (
     worst_room,
 )
 from s2rstore.findings import gap_drift as DRIFT
-from s2rstore.findings.groups import GROUPINGS, SECTORS, Grouping, group_errors, groups_of
+from s2rstore.findings.groups import GROUPINGS, SECTORS, group_errors, groups_of
 from s2rstore.index.schema import GAP_SHARES
 from s2rstore.index.transaction import edit
 from s2rstore.language import evaluation
@@ -38,7 +38,7 @@ def by_kind(report: FindingReport) -> dict[str, Finding]:
 
 def real_errors(store: Store) -> pd.DataFrame:
     """Real errors in metres per instance, a column per run, NaN where it was trained on."""
-    rows = store.execute("SELECT iid, run, room, real_error, sim_split FROM pair")
+    rows = store.execute("SELECT iid, run, room, real_error_m, sim_split FROM pair")
     table = pd.DataFrame(rows, columns=["iid", "run", "room", "error", "split"])
     table.loc[table.split == "train", "error"] = np.nan
     return table.pivot_table("error", ["iid", "room"], "run", dropna=False).dropna(how="all")
@@ -46,9 +46,7 @@ def real_errors(store: Store) -> pd.DataFrame:
 
 @pytest.mark.parametrize("run", ["vanilla", "dataaug"])
 @pytest.mark.parametrize("store", ["marked", "plain"])
-def test_every_expression_selects_exactly_the_counted_instances(
-    store: str, run: str, request: pytest.FixtureRequest
-) -> None:
+def test_every_expression_selects_exactly_the_counted_instances(store, run, request):
     with s2rstore.open(request.getfixturevalue(store)) as opened:
         report = find_all(opened, run)
         selecting = [f for f in report.findings if f.expression is not None]
@@ -60,7 +58,7 @@ def test_every_expression_selects_exactly_the_counted_instances(
             assert len(opened.execute(query, parameters)) == finding.n
 
 
-def test_the_worst_room_has_the_largest_median_of_new_instances(marked: Path) -> None:
+def test_the_worst_room_has_the_largest_median_of_new_instances(marked):
     with s2rstore.open(marked) as store:
         finding = worst_room(store, "vanilla")
         errors = real_errors(store)["vanilla"].dropna().groupby("room")
@@ -75,7 +73,7 @@ def test_the_worst_room_has_the_largest_median_of_new_instances(marked: Path) ->
     )
 
 
-def test_the_best_run_is_compared_on_instances_new_to_all(marked: Path) -> None:
+def test_the_best_run_is_compared_on_instances_new_to_all(marked):
     with s2rstore.open(marked) as store:
         finding = by_kind(find_all(store, "vanilla"))["best run"]
         common = real_errors(store).dropna()
@@ -87,7 +85,7 @@ def test_the_best_run_is_compared_on_instances_new_to_all(marked: Path) -> None:
     assert finding.values["difference_to_next_m"] == pytest.approx(difference)
 
 
-def test_the_best_run_is_evident_only_against_every_other_run(plain: Path) -> None:
+def test_the_best_run_is_evident_only_against_every_other_run(plain):
     """The next run differs reliably, the one behind it by more, but not reliably."""
     with s2rstore.open(plain) as store:
         rows = np.arange(len(store.instances))
@@ -111,9 +109,7 @@ def test_the_best_run_is_evident_only_against_every_other_run(plain: Path) -> No
     assert "not evident against far" in finding.evidence
 
 
-def test_a_mean_error_has_no_bounds_below_zero(
-    marked: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_mean_error_has_no_bounds_below_zero(marked, monkeypatch):
     wide = Interval(-0.7, 1.2, 3.4)
     monkeypatch.setattr(run_differences, "mean_interval", lambda *arguments: wide)
     with s2rstore.open(marked) as store:
@@ -122,7 +118,7 @@ def test_a_mean_error_has_no_bounds_below_zero(
     assert "(0.00 to 3.40)" in finding.text
 
 
-def test_the_largest_regression_is_where_the_run_is_worst(marked: Path) -> None:
+def test_the_largest_regression_is_where_the_run_is_worst(marked):
     with s2rstore.open(marked) as store:
         finding = by_kind(find_all(store, "vanilla"))["largest regression"]
         better = by_kind(find_all(store, "dataaug"))["largest regression"]
@@ -136,7 +132,7 @@ def test_the_largest_regression_is_where_the_run_is_worst(marked: Path) -> None:
     assert better.text.startswith("none, nearest is ") == (better.values["increase_m"] <= 0)
 
 
-def test_a_store_without_differences_says_that_nothing_is_evident(tmp_path: Path) -> None:
+def test_a_store_without_differences_says_that_nothing_is_evident(tmp_path):
     path = tiny.build(tmp_path / "s.s2r", n=80, runs=("vanilla", "twin"))
     with edit(path) as draft:
         for side in ("sim", "real"):
@@ -155,7 +151,7 @@ def test_a_store_without_differences_says_that_nothing_is_evident(tmp_path: Path
         assert "(not evident): " in finding.message
 
 
-def test_one_run_is_compared_with_none(tmp_path: Path) -> None:
+def test_one_run_is_compared_with_none(tmp_path):
     path = tiny.build(tmp_path / "s.s2r", n=40, runs=("vanilla",))
     with s2rstore.open(path) as store:
         report = find_all(store, "vanilla")
@@ -163,7 +159,7 @@ def test_one_run_is_compared_with_none(tmp_path: Path) -> None:
     assert "best run: there is only one run" in report.missing
 
 
-def test_without_rooms_there_is_no_worst_room(store_copy: Path) -> None:
+def test_without_rooms_there_is_no_worst_room(store_copy):
     path = store_copy
     with edit(path) as draft:
         draft.rows("DELETE FROM room")
@@ -175,7 +171,7 @@ def test_without_rooms_there_is_no_worst_room(store_copy: Path) -> None:
     assert "worst heading" in by_kind(report)
 
 
-def test_a_run_that_was_trained_on_everything_has_no_figures(tmp_path: Path) -> None:
+def test_a_run_that_was_trained_on_everything_has_no_figures(tmp_path):
     path = tiny.build(tmp_path / "s.s2r", n=40, runs=("vanilla",))
     with edit(path) as draft:
         draft.rows("UPDATE prediction SET split = 'train' WHERE side = 'sim'")
@@ -186,7 +182,7 @@ def test_a_run_that_was_trained_on_everything_has_no_figures(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("text", ["{", '{"runs": 3}', '{"runs": {"vanilla": "key0"}}'])
-def test_a_damaged_score_is_named(plain: Path, tmp_path: Path, text: str) -> None:
+def test_a_damaged_score_is_named(plain, tmp_path, text):
     path = copy_store(plain, tmp_path / "s.s2r")
     with edit(path) as draft:
         draft.set_provenance("score", {"report": text})
@@ -214,7 +210,7 @@ def score(run_key: str) -> str:
     })  # fmt: skip
 
 
-def test_factor_and_heatmap_come_from_the_score_of_the_run(plain: Path, tmp_path: Path) -> None:
+def test_factor_and_heatmap_come_from_the_score_of_the_run(plain, tmp_path):
     path = copy_store(plain, tmp_path / "s.s2r")
     with edit(path) as draft:
         draft.set_provenance("score", {"report": score("key0")})
@@ -229,9 +225,7 @@ def test_factor_and_heatmap_come_from_the_score_of_the_run(plain: Path, tmp_path
 
 
 @pytest.mark.parametrize(("kinds", "evident"), [(1, True), (6, False)])
-def test_the_best_heatmap_is_compared_with_all_other_kinds(
-    plain: Path, tmp_path: Path, kinds: int, evident: bool
-) -> None:
+def test_the_best_heatmap_is_compared_with_all_other_kinds(plain, tmp_path, kinds, evident):
     """Intervals that just do not overlap are evident for two kinds, not for the best of seven."""
     report = json.loads(score("key0"))
     row = report["heatmaps"][0]
@@ -251,7 +245,7 @@ def test_the_best_heatmap_is_compared_with_all_other_kinds(
     assert ("corrected for 6 comparisons" in found.evidence) == (kinds == 6)
 
 
-def test_a_score_of_an_earlier_computation_does_not_count(plain: Path, tmp_path: Path) -> None:
+def test_a_score_of_an_earlier_computation_does_not_count(plain, tmp_path):
     path = copy_store(plain, tmp_path / "s.s2r")
     with edit(path) as draft:
         draft.set_provenance("score", {"report": score("another key")})
@@ -262,7 +256,7 @@ def test_a_score_of_an_earlier_computation_does_not_count(plain: Path, tmp_path:
     assert found["best heatmap"].values["source"] == "shipped ranking"
 
 
-def test_drift_compares_the_first_and_the_last_measured_night(plain: Path, monkeypatch) -> None:
+def test_drift_compares_the_first_and_the_last_measured_night(plain, monkeypatch):
     week = gaps.week()
     with s2rstore.open(plain) as store:
         monkeypatch.setattr(DRIFT.reader, "file_stamp", lambda path: (1, 1, 1))
@@ -283,7 +277,7 @@ def test_drift_compares_the_first_and_the_last_measured_night(plain: Path, monke
         assert "not evident" in steady.statement
 
 
-def test_json_holds_units_intervals_and_expressions(marked: Path) -> None:
+def test_json_holds_units_intervals_and_expressions(marked):
     with s2rstore.open(marked) as store:
         report = find_all(store, "vanilla")
         new = int(run_metrics.population(store, "vanilla").sum())
@@ -300,7 +294,7 @@ def test_json_holds_units_intervals_and_expressions(marked: Path) -> None:
                                                             "chance", "factors"))  # fmt: skip
 
 
-def test_the_largest_of_many_factors_needs_more_evidence_than_one_factor() -> None:
+def test_the_largest_of_many_factors_needs_more_evidence_than_one_factor():
     """The largest of 20 costs that are noise lies above zero at 95 % more often than not."""
     row = {"run": "vanilla", "n": 48, "gain": 0.0, "gain_low": -1.0, "gain_high": 1.0,
            "cost": 2.2, "cost_low": 0.2, "cost_high": 4.2}  # fmt: skip
@@ -318,7 +312,7 @@ def test_the_largest_of_many_factors_needs_more_evidence_than_one_factor() -> No
     assert "corrected for their number" in among.evidence
 
 
-def test_drift_dates_a_measurement_by_the_night_that_made_it(plain: Path, monkeypatch) -> None:
+def test_drift_dates_a_measurement_by_the_night_that_made_it(plain, monkeypatch):
     """Nights without new evidence repeat the figures of the last measurement."""
     week = [replace(night, measured=1 if night.id < 5 else 5) for night in gaps.week()]
     monkeypatch.setattr(DRIFT.reader, "file_stamp", lambda path: (1, 1, 1))
@@ -332,9 +326,10 @@ def test_drift_dates_a_measurement_by_the_night_that_made_it(plain: Path, monkey
 
 def pairs(store: Store, run: str) -> pd.DataFrame:
     """The new instances of a run as stored, with their groups computed by pandas."""
+    columns = "iid, room, trajectory, heading_rad, curvature_deg, sim_error_m, real_error_m"
     names = ("iid", "room", "trajectory", "heading", "curvature", "sim_error", "real_error")
     rows = store.execute(
-        f"SELECT {', '.join(names)} FROM pair WHERE run = ? AND sim_split NOT IN "
+        f"SELECT {columns} FROM pair WHERE run = ? AND sim_split NOT IN "
         "('train', 'validation') AND real_split NOT IN ('train', 'validation')", [run],
     )  # fmt: skip
     table = pd.DataFrame(rows, columns=list(names))
@@ -350,9 +345,7 @@ def pairs(store: Store, run: str) -> pd.DataFrame:
 
 @pytest.mark.parametrize("grouping", GROUPINGS)
 @pytest.mark.parametrize("run", ["vanilla", "dataaug"])
-def test_medians_and_counts_equal_those_of_pandas(
-    marked: Path, grouping: Grouping, run: str
-) -> None:
+def test_medians_and_counts_equal_those_of_pandas(marked, grouping, run):
     with s2rstore.open(marked) as store:
         new = run_metrics.population(store, run)
         rows = group_errors(store, run, groups_of(store, grouping), new)
@@ -366,9 +359,7 @@ def test_medians_and_counts_equal_those_of_pandas(
 
 
 @pytest.mark.parametrize("grouping", GROUPINGS)
-def test_the_expression_of_a_group_selects_exactly_its_instances(
-    marked: Path, grouping: Grouping
-) -> None:
+def test_the_expression_of_a_group_selects_exactly_its_instances(marked, grouping):
     with s2rstore.open(marked) as store:
         new = run_metrics.population(store, "vanilla")
         grouped = groups_of(store, grouping)
@@ -377,7 +368,7 @@ def test_the_expression_of_a_group_selects_exactly_its_instances(
             assert np.array_equal(selected, new & (grouped.codes == code))
 
 
-def test_headings_on_the_edge_of_two_sectors_belong_to_one(tmp_path: Path) -> None:
+def test_headings_on_the_edge_of_two_sectors_belong_to_one(tmp_path):
     path = tiny.build(tmp_path / "s.s2r", n=32)
     with edit(path) as draft:
         draft.rows("UPDATE instance SET heading = radians(iid * 11.25 - 180)")
@@ -388,7 +379,7 @@ def test_headings_on_the_edge_of_two_sectors_belong_to_one(tmp_path: Path) -> No
     assert np.bincount(grouped.codes, minlength=SECTORS).tolist() == [4] * SECTORS
 
 
-def test_an_unknown_curvature_belongs_to_no_group(store_copy: Path) -> None:
+def test_an_unknown_curvature_belongs_to_no_group(store_copy):
     path = store_copy
     with edit(path) as draft:
         draft.rows("UPDATE instance SET curvature = NULL WHERE iid < 10")
@@ -399,7 +390,7 @@ def test_an_unknown_curvature_belongs_to_no_group(store_copy: Path) -> None:
     assert sum(row.n for row in rows) == 30
 
 
-def test_groups_without_instances_are_left_out(plain: Path) -> None:
+def test_groups_without_instances_are_left_out(plain):
     with s2rstore.open(plain) as store:
         left = np.zeros(120, dtype=np.bool_)
         left[5] = True

@@ -25,7 +25,7 @@ def evidence(store_of_200: Path) -> Iterator[Evidence]:
         yield Evidence(store, "vanilla", np.arange(200))
 
 
-def test_the_same_state_passes(evidence: Evidence, tmp_path: Path) -> None:
+def test_the_same_state_passes(evidence, tmp_path):
     (tmp_path / "g.json").write_text(golden_run.text(golden_run.take(evidence)))
     comparison = golden_run.compare(evidence, golden_run.read(tmp_path / "g.json"), SETTINGS)
     assert comparison.outcome == "PASS"
@@ -33,7 +33,7 @@ def test_the_same_state_passes(evidence: Evidence, tmp_path: Path) -> None:
     assert comparison.n == int(held_out(evidence.store, "vanilla").sum()) == 40
 
 
-def test_training_instances_are_excluded(evidence: Evidence) -> None:
+def test_training_instances_are_excluded(evidence):
     taken = set(golden_run.take(evidence).errors)
     trained_on = set(np.flatnonzero(~held_out(evidence.store, "vanilla")).tolist())
     assert trained_on
@@ -41,9 +41,7 @@ def test_training_instances_are_excluded(evidence: Evidence) -> None:
 
 
 @pytest.mark.parametrize(("shift", "outcome"), [(0.3, "FAIL"), (-0.3, "PASS"), (0.05, None)])
-def test_a_change_beyond_the_margin_fails(
-    evidence: Evidence, shift: float, outcome: str | None
-) -> None:
+def test_a_change_beyond_the_margin_fails(evidence, shift, outcome):
     """The earlier errors are smaller by `shift`, with noise."""
     rng = np.random.default_rng(0)
     current = golden_run.take(evidence)
@@ -53,34 +51,30 @@ def test_a_change_beyond_the_margin_fails(
     assert comparison.outcome == (outcome or "INCONCLUSIVE")
 
 
-def test_other_poses_are_rejected(evidence: Evidence) -> None:
-    other = structs.replace(golden_run.take(evidence), poses="f" * 64)
-    with pytest.raises(RequestError, match="other poses than the golden run"):
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [({"poses": "f" * 64}, "other poses than the golden run"),
+     ({"expression": "best15"}, "the golden run is of 'best15', not of 'all'")],
+)  # fmt: skip
+def test_other_poses_and_selections_are_rejected(evidence, change, expected):
+    other = structs.replace(golden_run.take(evidence), **change)
+    with pytest.raises(RequestError, match=expected):
         golden_run.compare(evidence, other, SETTINGS)
 
 
-def test_another_selection_is_rejected(evidence: Evidence) -> None:
-    other = structs.replace(golden_run.take(evidence), expression="best15")
-    with pytest.raises(RequestError, match="the golden run is of 'best15', not of 'all'"):
-        golden_run.compare(evidence, other, SETTINGS)
-
-
-def test_few_shared_instances_are_inconclusive(evidence: Evidence) -> None:
+def test_few_shared_instances_are_inconclusive(evidence):
     taken = golden_run.take(evidence)
     few = structs.replace(taken, errors=dict(list(taken.errors.items())[:5]))
     comparison = golden_run.compare(evidence, few, SETTINGS)
     assert comparison.outcome == "INCONCLUSIVE"
-    assert (
-        "5 instances in 2 blocks are common to both runs, 20 in 4 are needed" in comparison.reason
-    )
+    reason = "5 instances in 2 blocks are common to both runs, 20 in 4 are needed"
+    assert reason in comparison.reason
     with pytest.raises(InconclusiveError, match="20 held-out instances"):
         golden_run.take(replace(evidence, iids=np.arange(5)))
 
 
 @pytest.mark.parametrize(("remaining", "outcome"), [(195, "PASS"), (150, "INCONCLUSIVE")])
-def test_many_missing_instances_cannot_pass(
-    evidence: Evidence, remaining: int, outcome: str
-) -> None:
+def test_many_missing_instances_cannot_pass(evidence, remaining, outcome):
     part = replace(evidence, iids=np.arange(remaining))
     comparison = golden_run.compare(part, golden_run.take(evidence), SETTINGS)
     assert (comparison.n, comparison.missing) == (remaining // 5, 40 - remaining // 5)
@@ -88,11 +82,10 @@ def test_many_missing_instances_cannot_pass(
     assert (outcome == "PASS") == (not comparison.reason)
 
 
-def test_missing_instances_do_not_hide_a_failure(evidence: Evidence) -> None:
+def test_missing_instances_do_not_hide_a_failure(evidence):
     current = golden_run.take(evidence)
-    earlier = structs.replace(
-        current, errors={iid: error - 1 for iid, error in current.errors.items()}
-    )
+    smaller = {iid: error - 1 for iid, error in current.errors.items()}
+    earlier = structs.replace(current, errors=smaller)
     part = replace(evidence, iids=np.arange(150))
     assert golden_run.compare(part, earlier, SETTINGS).outcome == "FAIL"
 
@@ -108,7 +101,7 @@ def test_missing_instances_do_not_hide_a_failure(evidence: Evidence) -> None:
      pytest.param(f'{{"format": 1, "errors": {{"1": {10**400}}}}}', id="huge"),
      pytest.param("[" * 100_000, id="deep")],
 )  # fmt: skip
-def test_an_invalid_golden_run_file_is_rejected(tmp_path: Path, content: str) -> None:
+def test_an_invalid_golden_run_file_is_rejected(tmp_path, content):
     path = tmp_path / "g.json"
     path.write_text(content)
     with pytest.raises(RequestError, match=r"g\.json"):

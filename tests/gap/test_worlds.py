@@ -75,7 +75,7 @@ def gap(worlds: Path, capsys: pytest.CaptureFixture[str], measured: dict[tuple, 
     return run
 
 
-def test_a_world_without_factors_has_no_gap(worlds: Path, gap: Gap) -> None:
+def test_a_world_without_factors_has_no_gap(worlds, gap):
     code, report = gap("none", "--reference", str(worlds / "ref.json"))
     assert (code, report["verdict"]["outcome"]) == (0, "PASS")
     by_axis = {entry["axis"]: entry for entry in report["axes"]}
@@ -88,9 +88,7 @@ def test_a_world_without_factors_has_no_gap(worlds: Path, gap: Gap) -> None:
     ("name", "worst", "unaffected"),
     [("lights", {"visual", "task"}, {"dynamics", "delay"}), ("robot", {"delay"}, {"visual"})],
 )
-def test_each_axis_responds_to_its_factor(
-    worlds: Path, gap: Gap, name: str, worst: set[str], unaffected: set[str]
-) -> None:
+def test_each_axis_responds_to_its_factor(worlds, gap, name, worst, unaffected):
     code, report = gap(name, "--reference", str(worlds / "ref.json"))
     assert (code, report["verdict"]["outcome"]) == (1, "FAIL")
     assert report["verdict"]["worst"] in worst
@@ -99,15 +97,12 @@ def test_each_axis_responds_to_its_factor(
     assert all(gaps[axis] > 15 for axis in worst)
 
 
-def test_the_drives_contain_the_factors(worlds: Path, gap: Gap) -> None:
+def test_latency_and_wheels_are_measured_from_the_drives(worlds, gap):
     _, report = gap("robot", "--reference", str(worlds / "ref.json"))
     delay = next(entry for entry in report["axes"] if entry["axis"] == "delay")["details"]
     assert delay["delay"] == pytest.approx(0.08, abs=0.002)
     truth = json.loads((worlds / "robot.s2r" / "drives" / "truth.json").read_text())
     assert truth["values"]["wheels"] > 0
-
-
-def test_unmodelled_wheels_affect_the_dynamics(worlds: Path, gap: Gap) -> None:
     gaps = {}
     for name in ("none", "robot"):
         _, report = gap(name, "--reference", str(worlds / "ref.json"))
@@ -116,9 +111,7 @@ def test_unmodelled_wheels_affect_the_dynamics(worlds: Path, gap: Gap) -> None:
     assert gaps["none"]["gap_high"] < 1
 
 
-def test_printed_details_equal_the_report(
-    worlds: Path, gap: Gap, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_printed_details_equal_the_report(worlds, gap, capsys):
     _, report = gap("all")
     main(["gap", str(worlds / "all.s2r"), "--details"])
     printed = capsys.readouterr().out
@@ -130,23 +123,21 @@ def test_printed_details_equal_the_report(
         assert f"{row['rmse']:.3f} ({row['rmse_low']:.3f}" in printed
 
 
-def test_without_a_reference_the_outcome_is_inconclusive(gap: Gap) -> None:
+def test_without_a_reference_the_outcome_is_inconclusive(gap):
     code, report = gap("lights")
     assert (code, report["verdict"]["outcome"]) == (3, "INCONCLUSIVE")
     assert report["verdict"]["gap"] is None
     assert all(entry["value"] is not None for entry in report["axes"])
 
 
-def test_the_output_is_deterministic(
-    worlds: Path, gap: Gap, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_output_is_deterministic(worlds, gap, capsys):
     _, report = gap("all")
     capsys.readouterr()
     main(["gap", str(worlds / "all.s2r"), "--json"])
     assert json.loads(capsys.readouterr().out) == report
 
 
-def test_a_golden_run_detects_the_lights(gap: Gap, tmp_path: Path) -> None:
+def test_a_golden_run_detects_the_lights(gap, tmp_path):
     path = str(tmp_path / "golden.json")
     code, _ = gap("none", "--axis", "task", "--freeze-golden", path)
     assert code == 0
@@ -156,9 +147,7 @@ def test_a_golden_run_detects_the_lights(gap: Gap, tmp_path: Path) -> None:
     assert (code, report["golden"]["outcome"]) == (1, "FAIL")
 
 
-def test_a_reference_rejects_a_store_without_its_axes(
-    worlds: Path, gap: Gap, tmp_path: Path
-) -> None:
+def test_a_reference_rejects_a_store_without_its_axes(worlds, gap, tmp_path):
     copy = tmp_path / "none.s2r"
     shutil.copytree(worlds / "none.s2r", copy)
     shutil.rmtree(copy / "drives")
@@ -187,9 +176,8 @@ def test_a_reference_rejects_a_store_without_its_axes(
     ],
 )
 def test_invalid_requests_are_reported_in_one_line(
-    gap: Gap, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    options: list[str], code: int, expected: str,
-) -> None:  # fmt: skip
+    gap, tmp_path, monkeypatch, options, code, expected
+):
     monkeypatch.chdir(tmp_path)
     actual_code, report = gap("all", *options)
     assert actual_code == code

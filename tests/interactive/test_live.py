@@ -81,7 +81,7 @@ def assert_equals_stored(store: Store, run: str, result: LiveResult, live: LiveM
 
 
 @pytest.mark.parametrize("iid", [0, N - 1])
-def test_results_equal_precompute(adjusted: Store, live: LiveModel, iid: int) -> None:
+def test_results_equal_precompute(adjusted, live, iid):
     assert set(live.kinds) == set(HEATMAP_KINDS)
     assert set(live.kinds[-3:]) == {"occlusion", "harm", "harm_fine"}
     result = live.compute(iid, CHAINS, live.kinds)
@@ -93,7 +93,7 @@ def test_results_equal_precompute(adjusted: Store, live: LiveModel, iid: int) ->
 
 
 @pytest.mark.parametrize("run", ["up", "low", "vanilla"])
-def test_results_with_moved_cameras_equal_precompute(moved_camera_store: Path, run: str) -> None:
+def test_results_with_moved_cameras_equal_precompute(moved_camera_store, run):
     with s2rstore.open(moved_camera_store) as store:
         live = LiveModel(store, "vanilla")
         assert live.no_renderer_reason is None
@@ -106,7 +106,7 @@ def test_results_with_moved_cameras_equal_precompute(moved_camera_store: Path, r
         live.close()
 
 
-def test_the_adjustments_of_the_run_are_the_default(adjusted: Store) -> None:
+def test_the_adjustments_of_the_run_are_the_default(adjusted):
     live = LiveModel(adjusted, "adjusted")
     default, explicit = live.compute(1, {}), live.compute(1, CHAINS)
     assert default is not None
@@ -118,13 +118,13 @@ def test_the_adjustments_of_the_run_are_the_default(adjusted: Store) -> None:
     live.close()
 
 
-def test_the_prediction_is_given_before_the_heatmaps(live: LiveModel) -> None:
+def test_the_prediction_is_given_before_the_heatmaps(live):
     results = list(live.steps(3, CHAINS, ("feature_distance", "pixel_difference")))
     assert [len(result.heat) for result in results] == [0, 2, 6]
     assert all(result.real is results[0].real for result in results)
 
 
-def test_only_what_changed_is_computed(live: LiveModel, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_what_changed_is_computed(live, monkeypatch):
     passes: list[int] = []
     forward = live._backend.forward_all
     monkeypatch.setattr(
@@ -143,7 +143,7 @@ def test_only_what_changed_is_computed(live: LiveModel, monkeypatch: pytest.Monk
 
 
 @pytest.mark.parametrize("after", [0, 1, 2, 3])
-def test_cancelled_computations_give_no_more_results(live: LiveModel, after: int) -> None:
+def test_cancelled_computations_give_no_more_results(live, after):
     answers = iter([False] * after)
 
     def cancelled() -> bool:
@@ -158,7 +158,7 @@ def test_cancelled_computations_give_no_more_results(live: LiveModel, after: int
     assert live.compute(0, {}, kinds, cancelled) is None
 
 
-def test_invalid_requests_list_the_valid_values(live: LiveModel) -> None:
+def test_invalid_requests_list_the_valid_values(live):
     with pytest.raises(RequestError, match=r"instance 4: the store holds 0 \.\. 3"):
         live.compute(N, {})
     with pytest.raises(RequestError, match="one of activation"):
@@ -172,7 +172,7 @@ def test_invalid_requests_list_the_valid_values(live: LiveModel) -> None:
         unadjusted.heatmap("occlusion", "sim")
 
 
-def test_the_store_of_the_caller_may_be_closed(adjusted: Store) -> None:
+def test_the_store_of_the_caller_may_be_closed(adjusted):
     with s2rstore.open(adjusted.path) as opened:
         live = LiveModel(opened, "vanilla")
     assert live.compute(2, CHAINS, ("activation",)) is not None

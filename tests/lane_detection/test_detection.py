@@ -29,7 +29,6 @@ from s2rtools.lane_detection.line_scores import (
     precision_recall,
     segment_counts,
 )
-from s2rtools.lane_detection.road_images import RoadImages
 from s2rtools.lane_detection.threshold_tuning import tune
 from s2rtools.lane_detection.thresholds_text import tuning_yaml
 
@@ -48,7 +47,7 @@ def painted(seed: int = 0, count: int = 4) -> tuple[np.ndarray, np.ndarray]:
     return np.clip(images, 0, 255).astype(np.uint8), masks
 
 
-def test_whole_camera_images_lose_the_upper_third_and_wide_ones_nothing() -> None:
+def test_whole_camera_images_lose_the_upper_third_and_wide_ones_nothing():
     assert road_part(np.zeros((1, 480, 640, 3), np.uint8)).shape == (1, 320, 640, 3)
     assert road_part(np.zeros((1, 320, 640, 3), np.uint8)).shape == (1, 320, 640, 3)
     assert detector_images(np.zeros((2, 480, 640, 3), np.uint8)).shape == (2, 80, 160, 3)
@@ -56,14 +55,14 @@ def test_whole_camera_images_lose_the_upper_third_and_wide_ones_nothing() -> Non
         road_part(np.zeros((1, 4, 4, 3), np.uint8), "left")  # type: ignore[arg-type]
 
 
-def test_a_range_over_hue_180_is_two_boxes() -> None:
+def test_a_range_over_hue_180_is_two_boxes():
     red = DEFAULT_THRESHOLDS["red"]
     assert len(red.boxes()) == 2
     hsv = np.array([[[178, 200, 200], [5, 200, 200], [90, 200, 200]]], dtype=np.uint8)
     assert red.contains(hsv).tolist() == [[True, True, False]]
 
 
-def test_default_thresholds_find_painted_stripes_with_normals_into_them() -> None:
+def test_default_thresholds_find_painted_stripes_with_normals_into_them():
     images, masks = painted()
     found = detect(images[0], DEFAULT_THRESHOLDS)
     counts = pixel_counts(found.masks, masks[0])
@@ -78,7 +77,7 @@ def test_default_thresholds_find_painted_stripes_with_normals_into_them() -> Non
         assert (np.sign(segments.normals[:, 0]) == into)[outer & upright].mean() > 0.9
 
 
-def test_tuned_thresholds_and_segments_on_rendered_day_images(rendered: RoadImages) -> None:
+def test_tuned_thresholds_and_segments_on_rendered_day_images(rendered):
     day = rendered.rows(rendered.conditions == "day")
     tuned = tune(day.images[:20], day.masks[:20]).thresholds
     judged = list(zip(day.images[20:], day.masks[20:], strict=True))
@@ -91,7 +90,7 @@ def test_tuned_thresholds_and_segments_on_rendered_day_images(rendered: RoadImag
     assert recall > 0.6
 
 
-def test_anti_instagram_undoes_a_cast() -> None:
+def test_anti_instagram_undoes_a_cast():
     images, _ = painted()
     cast = np.clip(images * 0.8 + np.array([0, 15, 51]), 0, 255).astype(np.uint8)
     plain, restored = (
@@ -102,7 +101,7 @@ def test_anti_instagram_undoes_a_cast() -> None:
     assert anti_instagram(cast)[0][:, :30].mean() < 10
 
 
-def test_pixel_scores_ignore_255_and_leave_out_absent_colours() -> None:
+def test_pixel_scores_ignore_255_and_leave_out_absent_colours():
     truth = np.array([[1, 1, 0, 255]], dtype=np.uint8)
     masks = {
         "white": np.array([[True, False, True, True]]),
@@ -116,7 +115,7 @@ def test_pixel_scores_ignore_255_and_leave_out_absent_colours() -> None:
     assert mean_f1(counts) == 0.5
 
 
-def test_segments_count_as_correct_invented_or_not_judged() -> None:
+def test_segments_count_as_correct_invented_or_not_judged():
     truth = np.zeros((80, 160), dtype=np.uint8)
     truth[:, 40:48] = 1
     truth[:, 120:] = 255
@@ -131,7 +130,7 @@ def test_segments_count_as_correct_invented_or_not_judged() -> None:
 
 @settings(max_examples=5)
 @given(st.integers(0, 1000))
-def test_tuning_recovers_painted_colours_and_centres_the_bounds(seed: int) -> None:
+def test_tuning_recovers_painted_colours_and_centres_the_bounds(seed):
     images, masks = painted(seed, 2)
     tuning = tune(images, masks)
     for colour in ("white", "yellow", "red"):
@@ -142,7 +141,7 @@ def test_tuning_recovers_painted_colours_and_centres_the_bounds(seed: int) -> No
     assert tuning.ranges["yellow"].range.high[1:] == (255, 255)
 
 
-def test_tuning_keeps_default_ranges_of_colours_without_labels() -> None:
+def test_tuning_keeps_default_ranges_of_colours_without_labels():
     images, masks = painted()
     masks[masks == 3] = 0
     tuning = tune(images, masks)
@@ -152,14 +151,14 @@ def test_tuning_keeps_default_ranges_of_colours_without_labels() -> None:
         tune(images, np.zeros_like(masks))
 
 
-def test_yaml_has_two_red_ranges_and_one_white() -> None:
+def test_yaml_has_two_red_ranges_and_one_white():
     text = tuning_yaml(tune(*painted()))
     assert "RED" in text
     assert re.search(r"WHITE:\n.*\n    low: \[", text)
     assert "low_1" in text.split("RED")[1]
 
 
-def test_lane_pose_of_rendered_day_images(rendered: RoadImages) -> None:
+def test_lane_pose_of_rendered_day_images(rendered):
     day = rendered.rows(rendered.conditions == "day")
     tuned = tune(day.images, day.masks).thresholds
     errors = []
@@ -172,7 +171,7 @@ def test_lane_pose_of_rendered_day_images(rendered: RoadImages) -> None:
     assert np.median(errors, axis=0)[1] < 0.2
 
 
-def test_no_segments_give_no_pose() -> None:
+def test_no_segments_give_no_pose():
     images, _ = painted()
     nothing = dict.fromkeys(DEFAULT_THRESHOLDS, HsvRange((0, 0, 255), (0, 0, 255)))
     assert lane_pose(detect(images[0], nothing).segments, CAMERA) is None

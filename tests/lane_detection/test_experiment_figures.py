@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -64,7 +63,7 @@ def f1_of(share: float) -> float:
     return 2 * share / (1 + share)
 
 
-def test_a_false_pixel_of_an_absent_colour_does_not_change_the_mean() -> None:
+def test_a_false_pixel_of_an_absent_colour_does_not_change_the_mean():
     counts = np.array([[90, 0, 10], [80, 10, 10], [0, 0, 0]], dtype=np.float64)
     one_red = counts.copy()
     one_red[2, 1] = 1
@@ -73,21 +72,21 @@ def test_a_false_pixel_of_an_absent_colour_does_not_change_the_mean() -> None:
     assert np.isnan(mean_f1(np.zeros((3, 3))))
 
 
-def test_a_sample_without_a_colour_of_the_group_has_no_mean() -> None:
+def test_a_sample_without_a_colour_of_the_group_has_no_mean():
     samples = np.array([[[9, 0, 1], [5, 0, 5], [0, 1, 0]], [[9, 0, 1], [5, 0, 5], [1, 0, 0]]])
     values = mean_f1(samples.astype(np.float64))
     assert np.isnan(values[0])
     assert values[1] == pytest.approx((18 / 19 + 10 / 15 + 1) / 3)
 
 
-def test_agreement_is_the_mean_over_colours_that_either_mask_has() -> None:
+def test_agreement_is_the_mean_over_colours_that_either_mask_has():
     counts = np.array([[90, 10, 10], [0, 0, 0], [0, 1, 0]], dtype=np.float64)
     assert agreement(counts) == pytest.approx(0.45)
     assert agreement(counts[:2]) == pytest.approx(0.9)
     assert np.isnan(agreement(np.zeros((3, 3))))
 
 
-def test_false_pixels_of_absent_colours_are_reported_apart() -> None:
+def test_false_pixels_of_absent_colours_are_reported_apart():
     of = experiment({"sim+ai": 0.8}, 6, absent_red=7)
     assert of.f1("sim+ai", "all").value == pytest.approx(f1_of(0.8))
     assert of.gap_closed("oracle per light", "all") == pytest.approx(1)
@@ -101,7 +100,7 @@ def test_false_pixels_of_absent_colours_are_reported_apart() -> None:
     assert "red" not in in_words(of)
 
 
-def test_gap_closed_is_the_share_between_simulation_and_oracle() -> None:
+def test_gap_closed_is_the_share_between_simulation_and_oracle():
     of = experiment({"sim": 0.2, "sim+ai": 0.5, "oracle per light": 0.9}, 6)
     expected = (f1_of(0.5) - f1_of(0.2)) / (f1_of(0.9) - f1_of(0.2))
     assert of.gap_closed("sim+ai", "all") == pytest.approx(expected)
@@ -110,7 +109,7 @@ def test_gap_closed_is_the_share_between_simulation_and_oracle() -> None:
     assert np.isnan(small.gap_closed("sim+ai", "all"))
 
 
-def test_the_interval_over_recordings_is_about_students_interval_of_their_scores() -> None:
+def test_the_interval_over_recordings_is_about_students_interval_of_their_scores():
     shares = np.array([0.60, 0.62, 0.64, 0.66, 0.68, 0.70, 0.72, 0.74])
     of = experiment({"sim+ai": np.repeat(shares, 4)}, 8)
     found = of.f1("sim+ai", "all")
@@ -122,7 +121,7 @@ def test_the_interval_over_recordings_is_about_students_interval_of_their_scores
     assert of.unit("all") == "8 recordings"
 
 
-def test_a_constant_paired_difference_has_no_spread_though_the_images_differ() -> None:
+def test_a_constant_paired_difference_has_no_spread_though_the_images_differ():
     hits = np.linspace(0.3, 0.9, 32)
     of = experiment({"default+ai": hits, "sim+ai": hits, "sim": hits - 0.1}, 8)
     equal = of.difference("sim+ai", "default+ai", "all")
@@ -134,7 +133,7 @@ def test_a_constant_paired_difference_has_no_spread_though_the_images_differ() -
 
 
 @pytest.mark.parametrize(("share", "spared"), [(0.75, True), (0.70, False)])
-def test_spared_is_an_interval_that_reaches_the_oracle(share: float, spared: bool) -> None:
+def test_spared_is_an_interval_that_reaches_the_oracle(share, spared):
     spread = np.repeat(np.linspace(-0.04, 0.04, 8), 4)
     of = experiment({"sim+ai": share + spread, "oracle per light": 0.765}, 8)
     assert verdict(of, "all")["f1"] < verdict(of, "all")["oracle"]
@@ -142,7 +141,7 @@ def test_spared_is_an_interval_that_reaches_the_oracle(share: float, spared: boo
     assert ("calibration spared" in in_words(of)) is spared
 
 
-def test_the_smallest_number_of_labelled_images_that_wins_is_named() -> None:
+def test_the_smallest_number_of_labelled_images_that_wins_is_named():
     spread = np.repeat(np.linspace(-0.04, 0.04, 8), 4)
     of = experiment(
         {
@@ -162,7 +161,7 @@ def test_the_smallest_number_of_labelled_images_that_wins_is_named() -> None:
     assert "none is better" not in untested
 
 
-def test_one_recording_gives_an_interval_within_it_and_no_verdict() -> None:
+def test_one_recording_gives_an_interval_within_it_and_no_verdict():
     varied = np.linspace(0.5, 0.9, 16)
     labelled = {"1 labelled (per light)": varied + 0.1}
     of = experiment({"sim+ai": varied, **labelled}, 1, images=16)
@@ -175,7 +174,7 @@ def test_one_recording_gives_an_interval_within_it_and_no_verdict() -> None:
     assert "pieces of one recording, intervals within it" in to_table(of)
 
 
-def test_few_recordings_are_resampled_in_pieces_and_the_unit_is_printed() -> None:
+def test_few_recordings_are_resampled_in_pieces_and_the_unit_is_printed():
     of = experiment({"sim+ai": np.linspace(0.5, 0.9, 24)}, 3, images=8)
     assert of.unit("all") == f"{of.blocks('all').unit_count} pieces of 3 recordings"
     assert of.blocks("all").unit_count > 3
@@ -185,7 +184,7 @@ def test_few_recordings_are_resampled_in_pieces_and_the_unit_is_printed() -> Non
     assert "pieces" not in in_words(experiment({"sim+ai": np.linspace(0.5, 0.9, 32)}, 8))
 
 
-def test_words_name_lights_fitted_on_judged_recordings_hard_lights_and_seeds() -> None:
+def test_words_name_lights_fitted_on_judged_recordings_hard_lights_and_seeds():
     of = experiment({"sim+ai": np.linspace(0.5, 0.9, 32)}, 8)
     plain = in_words(of)
     of.facts["fitted_on_judged_recordings"] = ["night"]
@@ -207,7 +206,7 @@ def blank_images(labelled: np.ndarray, sequences: np.ndarray) -> RoadImages:
     )  # fmt: skip
 
 
-def test_fits_on_judged_recordings_and_images_are_known() -> None:
+def test_fits_on_judged_recordings_and_images_are_known():
     everything, half = np.ones(16, dtype=bool), np.arange(16) % 2 == 0
     two, one = np.repeat(["a", "b"], 8), np.full(16, "a")
     apart = split_images(blank_images(everything, two))
@@ -223,7 +222,7 @@ def arm(text: str) -> Arm:
     return Arm("sim", parse_sources(text)[0], "real2sim", "light")
 
 
-def test_the_choice_is_the_best_mean_that_does_no_harm_in_ordinary_lights() -> None:
+def test_the_choice_is_the_best_mean_that_does_no_harm_in_ordinary_lights():
     results = {
         Arm("sim"): np.array([0.95, 0.1]),
         arm("reinhard"): np.array([0.90, 0.9]),
@@ -239,7 +238,7 @@ def test_the_choice_is_the_best_mean_that_does_no_harm_in_ordinary_lights() -> N
     assert choice.candidates["mkl (light) > sim"] == pytest.approx(0.77)
 
 
-def test_stability_decides_between_arms_of_nearly_the_best_mean_only() -> None:
+def test_stability_decides_between_arms_of_nearly_the_best_mean_only():
     results = {
         Arm("sim"): np.array([0.9, 0.1]),
         arm("mkl"): np.array([0.9, 0.80]),
@@ -250,7 +249,7 @@ def test_stability_decides_between_arms_of_nearly_the_best_mean_only() -> None:
     assert pick_arm(results, stability.__getitem__).unguarded == arm("reinhard")
 
 
-def test_translators_of_other_recordings_or_sizes_are_fitted_anew(tmp_path: Path) -> None:
+def test_translators_of_other_recordings_or_sizes_are_fitted_anew(tmp_path):
     rng = np.random.default_rng(0)
     images = rng.integers(0, 256, (8, 8, 16, 3), dtype=np.uint8)
     target = ImageSet("sim", images[::-1].copy(), np.zeros(8, np.int32), tuple("abcdefgh"))
@@ -264,9 +263,7 @@ def test_translators_of_other_recordings_or_sizes_are_fitted_anew(tmp_path: Path
         assert len(list(tmp_path.glob("mkl-*.safetensors"))) == files
 
 
-def test_translators_of_other_code_are_fitted_anew(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_translators_of_other_code_are_fitted_anew(tmp_path, monkeypatch):
     code = tmp_path / "code"
     code.mkdir()
     monkeypatch.setattr(translation, "__file__", str(code / "__init__.py"))

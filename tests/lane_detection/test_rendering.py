@@ -32,17 +32,17 @@ def town() -> Town:
 
 
 @given(st.floats(0.1, 2.0), st.floats(-1.0, 1.0))
-def test_ground_points_survive_projection_and_back(x: float, y: float) -> None:
+def test_ground_points_survive_projection_and_back(x, y):
     pixel = CAMERA.to_pixels(np.array([[x, y]]))
     assert CAMERA.to_ground(pixel) == pytest.approx(np.array([[x, y]]), abs=2e-3)
 
 
-def test_points_behind_the_camera_and_above_the_horizon_have_no_projection() -> None:
+def test_points_behind_the_camera_and_above_the_horizon_have_no_projection():
     assert np.isnan(CAMERA.to_pixels(np.array([[-1.0, 0.0]]))).all()
     assert np.isnan(CAMERA.to_ground(np.array([[320.0, -60.0]]))).all()
 
 
-def test_projected_line_points_have_the_label_of_their_line(town: Town) -> None:
+def test_projected_line_points_have_the_label_of_their_line(town):
     """From the middle of the right-hand lane of a straight road that leads to the east."""
     x, y = 1.1 * TILE, 0.5 * TILE - LANE_OFFSET
     _, mask = RoadRenderer(town).render(x, y, 0.0)
@@ -57,14 +57,14 @@ def test_projected_line_points_have_the_label_of_their_line(town: Town) -> None:
         assert (mask[rows, columns] == label).all()
 
 
-def test_dashes_cover_two_thirds_of_the_centre_line() -> None:
+def test_dashes_cover_two_thirds_of_the_centre_line():
     road = road_map(0)
     row = round(0.5 * TILE * PIXELS_PER_METRE)
     dashes = road.coverage[row, round(TILE * 400) : round(2 * TILE * 400), 1] / 255
     assert dashes.mean() == pytest.approx(2 / 3, abs=0.03)
 
 
-def test_paths_are_continuous_and_stay_on_asphalt() -> None:
+def test_paths_are_continuous_and_stay_on_asphalt():
     road = road_map(0)
     path = road.path(np.random.default_rng(2), 6.0)
     steps = np.linalg.norm(np.diff(path[:, :2], axis=0), axis=1)
@@ -74,12 +74,12 @@ def test_paths_are_continuous_and_stay_on_asphalt() -> None:
     assert (road.coverage[pixels[:, 1], pixels[:, 0], 3] == 255).all()
 
 
-def test_a_town_without_lines_has_no_line_labels() -> None:
+def test_a_town_without_lines_has_no_line_labels():
     for frame in drive(build_town(4, lines=False), 1, 4):
         assert not np.isin(frame.mask, (1, 2, 3)).any()
 
 
-def test_lights_change_colours_in_their_direction() -> None:
+def test_lights_change_colours_in_their_direction():
     grey = np.full((40, 80, 3), 90, dtype=np.uint8)
     warm, dark, day = (
         LightField(CONDITIONS[name], (40, 80), 1).apply(grey).mean(axis=(0, 1))

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from s2rstore.errors import RequestError
-from s2rtools.lane_detection.road_images import RoadImages, read_road_images, reduce_mask
+from s2rtools.lane_detection.road_images import read_road_images, reduce_mask
 
 FIRST = "day-00_0000"
 
 
-def test_rendered_folders_are_read_with_lights_recordings_and_poses(rendered: RoadImages) -> None:
+def test_rendered_folders_are_read_with_lights_recordings_and_poses(rendered):
     assert set(rendered.conditions) == {"day", "dark"}
     assert set(rendered.sequences) == {"day-00", "day-01", "dark-00", "dark-01"}
     assert rendered.images.shape == (48, 80, 160, 3)
@@ -24,7 +24,7 @@ def test_rendered_folders_are_read_with_lights_recordings_and_poses(rendered: Ro
     assert rendered.labelled.all()
 
 
-def test_reduced_masks_ignore_pixels_without_a_majority() -> None:
+def test_reduced_masks_ignore_pixels_without_a_majority():
     mask = np.zeros((320, 640), dtype=np.uint8)
     mask[:, 320:] = 1
     mask[:, 8:10] = 255
@@ -75,9 +75,7 @@ def _index(text: str) -> Callable[[Path], None]:
         (lambda folder: (folder / "index.csv").unlink(), "missing"),
     ],
 )
-def test_damaged_folders_are_refused_in_one_line(
-    rendered_folder: Path, tmp_path: Path, damage: Callable[[Path], None], message: str
-) -> None:
+def test_damaged_folders_are_refused_in_one_line(rendered_folder, tmp_path, damage, message):
     folder = tmp_path / "roads"
     shutil.copytree(rendered_folder, folder)
     damage(folder)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,12 +21,11 @@ from s2rtools.lane_detection.experiment_arms import (
 )
 from s2rtools.lane_detection.experiment_data import split_images
 from s2rtools.lane_detection.line_scores import mean_f1
-from s2rtools.lane_detection.road_images import RoadImages
 from s2rtools.lane_detection.threshold_experiment import sim_thresholds
 from s2rtui.cli import main
 
 
-def test_recordings_for_fitting_are_never_judged(rendered: RoadImages) -> None:
+def test_recordings_for_fitting_are_never_judged(rendered):
     split = split_images(rendered)
     judged = set(rendered.sequences[split.judged])
     for light in split.lights:
@@ -36,7 +34,7 @@ def test_recordings_for_fitting_are_never_judged(rendered: RoadImages) -> None:
         assert light not in rendered.conditions[split.fit_rows(light, "others")]
 
 
-def test_labels_for_tuning_never_come_from_judged_images(rendered: RoadImages) -> None:
+def test_labels_for_tuning_never_come_from_judged_images(rendered):
     for images in (rendered, replace(rendered, sequences=rendered.conditions)):
         split = split_images(images)
         judged = np.concatenate([part.judged for part in split.parts])
@@ -47,7 +45,7 @@ def test_labels_for_tuning_never_come_from_judged_images(rendered: RoadImages) -
             assert not set(np.concatenate(together)) & set(split.tuning_rows(part))
 
 
-def test_unlabelled_images_are_preferred_for_fitting(rendered: RoadImages) -> None:
+def test_unlabelled_images_are_preferred_for_fitting(rendered):
     labelled = np.arange(len(rendered)) // 2 % 2 == 0
     split = split_images(replace(rendered, labelled=labelled))
     for light in split.lights:
@@ -55,12 +53,12 @@ def test_unlabelled_images_are_preferred_for_fitting(rendered: RoadImages) -> No
     assert labelled[split.judged].all()
 
 
-def test_images_without_labels_cannot_be_judged(rendered: RoadImages) -> None:
+def test_images_without_labels_cannot_be_judged(rendered):
     with pytest.raises(RequestError, match="labelled"):
         split_images(replace(rendered, labelled=np.zeros(len(rendered), dtype=bool)))
 
 
-def test_translators_are_fitted_on_the_images_of_the_named_scopes() -> None:
+def test_translators_are_fitted_on_the_images_of_the_named_scopes():
     sources = parse_sources("mkl,fda")
     assert {arm.scope for arm in arms_of(sources, 2) if arm.source} == {*FIT_SCOPES, "image"}
     named = arms_of(sources, 2, parse_scopes("others, light"))
@@ -69,7 +67,7 @@ def test_translators_are_fitted_on_the_images_of_the_named_scopes() -> None:
         parse_scopes("day")
 
 
-def test_levels_recover_the_dark_without_labels(rendered: RoadImages, tmp_path: Path) -> None:
+def test_levels_recover_the_dark_without_labels(rendered, tmp_path):
     sim = rendered.rows(rendered.conditions == "day")
     split = split_images(rendered.rows(rendered.conditions == "dark"))
     cache = TranslatorCache(tmp_path)
@@ -86,9 +84,7 @@ def test_levels_recover_the_dark_without_labels(rendered: RoadImages, tmp_path: 
     assert np.array_equal(through.pixels, repeated.pixels)
 
 
-def test_a_guarded_arm_translates_only_where_plain_detections_are_implausible(
-    rendered: RoadImages,
-) -> None:
+def test_a_guarded_arm_translates_only_where_plain_detections_are_implausible(rendered):
     sim = rendered.rows(rendered.conditions == "day")
     split = split_images(rendered)
     evaluation = Evaluation(split, sim, TranslatorCache(None), sim_thresholds(sim))
@@ -107,15 +103,13 @@ def test_a_guarded_arm_translates_only_where_plain_detections_are_implausible(
 
 
 @pytest.mark.parametrize("text", ["magic", "mkl:colour=red", "levels:low", "missing.safetensors"])
-def test_unknown_translators_are_refused_in_one_line(text: str) -> None:
+def test_unknown_translators_are_refused_in_one_line(text):
     with pytest.raises(RequestError) as caught:
         parse_sources(text)
     assert "\n" not in str(caught.value)
 
 
-def test_report_writes_table_rows_figure_and_words(
-    rendered_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_report_writes_table_rows_figure_and_words(rendered_folder, tmp_path, capsys):
     out = tmp_path / "results"
     arguments = ["thresholds", "report", "--sim", str(rendered_folder), "--real",
                  str(rendered_folder), "--translators", "levels", "--seeds", "1",
@@ -140,9 +134,7 @@ def test_report_writes_table_rows_figure_and_words(
     assert "calibration" in (out / "summary.txt").read_text()
 
 
-def test_tune_prints_ranges_as_yaml_and_json(
-    rendered_folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_tune_prints_ranges_as_yaml_and_json(rendered_folder, capsys):
     assert main(["thresholds", "tune", str(rendered_folder), "--condition", "day"]) == 0
     text = capsys.readouterr().out
     assert all(f"  {colour}:" in text for colour in ("WHITE", "YELLOW", "RED"))
@@ -163,10 +155,7 @@ def test_tune_prints_ranges_as_yaml_and_json(
         ("report --sim FOLDER --real FOLDER --minutes 0", "--minutes"),
     ],
 )
-def test_wrong_requests_end_in_one_line(
-    rendered_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-    arguments: str, message: str,
-) -> None:  # fmt: skip
+def test_wrong_requests_end_in_one_line(rendered_folder, tmp_path, capsys, arguments, message):
     text = arguments.replace("FOLDER", str(rendered_folder)).replace("NEW", str(tmp_path / "new"))
     assert main(["thresholds", *text.split()]) == 2
     error = capsys.readouterr().err

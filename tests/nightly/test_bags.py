@@ -40,7 +40,7 @@ def run_night(config: NightlyConfig, drives: str) -> int:
     return main(["nightly", str(config.source), "--night", "2026-11-21"])
 
 
-def test_the_named_topic_is_measured(config: NightlyConfig, bag_folder: Path) -> None:
+def test_the_named_topic_is_measured(config, bag_folder):
     assert run_night(config, f'folder = "{bag_folder}"\ntopic = "/truth"') == 3
     folder = config.reports / "2026-11-21"
     (delay,) = json.loads((folder / "report.json").read_text())["axes"]
@@ -54,13 +54,8 @@ def test_the_named_topic_is_measured(config: NightlyConfig, bag_folder: Path) ->
      ('topic = "/odom"', "the motion never changes", 3)],
 )  # fmt: skip
 def test_missing_and_unusable_topics_are_reported(
-    config: NightlyConfig,
-    bag_folder: Path,
-    capsys: pytest.CaptureFixture[str],
-    topic: str,
-    expected: str,
-    code: int,
-) -> None:
+    config, bag_folder, capsys, topic, expected, code
+):
     assert run_night(config, f'folder = "{bag_folder}"\n{topic}') == code
     captured = capsys.readouterr()
     assert expected in captured.out + captured.err

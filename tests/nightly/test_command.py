@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import json
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 import s2rtools.gap.gate
 from s2rstore.gap_history import reader as stored
 from s2rtools.nightly.config import NightlyConfig
+from s2rtools.sysid import Recording, make_drives
 from s2rtui.cli import main
 from tests.support import nights
 
@@ -48,9 +50,7 @@ def command(config: NightlyConfig, *arguments: str) -> int:
 
 @pytest.mark.parametrize(("gap", "code", "outcome"), [(5, 0, "PASS"), (15, 3, "INCONCLUSIVE"),
                                                    (40, 1, "FAIL")])  # fmt: skip
-def test_the_exit_code_is_that_of_the_gate(
-    config: NightlyConfig, fake_gate: SimpleNamespace, capsys, gap: float, code: int, outcome: str
-) -> None:
+def test_the_exit_code_is_that_of_the_gate(config, fake_gate, capsys, gap, code, outcome):
     fake_gate.gaps = {"task": float(gap)}
     assert command(config) == code
     output = capsys.readouterr().out
@@ -58,9 +58,7 @@ def test_the_exit_code_is_that_of_the_gate(
     assert f"2026-11-21: {outcome}; reports in {config.reports / '2026-11-21'}" in output
 
 
-def test_a_repeated_night_reports_no_new_evidence(
-    config: NightlyConfig, fake_gate: SimpleNamespace, capsys
-) -> None:
+def test_a_repeated_night_reports_no_new_evidence(config, fake_gate, capsys):
     assert command(config) == 0
     assert "no new" not in capsys.readouterr().err
     assert command(config) == 0
@@ -72,9 +70,7 @@ def test_a_repeated_night_reports_no_new_evidence(
     assert fake_gate.count == 1
 
 
-def test_json_output_contains_the_outcome(
-    config: NightlyConfig, fake_gate: SimpleNamespace, capsys
-) -> None:
+def test_json_output_contains_the_outcome(config, fake_gate, capsys):
     fake_gate.gaps = {"visual": 3.0, "task": 40.0}
     assert command(config, "--json") == 1
     result = json.loads(capsys.readouterr().out)
@@ -86,12 +82,11 @@ def test_json_output_contains_the_outcome(
     assert Path(result["history"]).is_file()
 
 
-def test_the_configuration_is_passed_to_the_gate(
-    config: NightlyConfig, fake_gate: SimpleNamespace
-) -> None:
+def test_the_configuration_is_passed_to_the_gate(config, fake_gate):
     text = config.source.read_text().replace(
         "[drives]", 'run = "vanilla"\nselect = "worst15"\naxes = ["task"]\nthreshold = 20\n'
-        "margin = 0.1\nseed = 4\nreplicates = 200\n[drives]\ndynamics = [\"reach=2\"]", 1,
+        "margin = 0.1\nseed = 4\nreplicates = 200\n[drives]\ntopic = \"/odom\"\n"
+        "dynamics = [\"reach=2\"]", 1,
     )  # fmt: skip
     config.source.write_text(text)
     command(config)
@@ -101,27 +96,19 @@ def test_the_configuration_is_passed_to_the_gate(
     assert request == {
         "run": "vanilla", "expression": "worst15", "axes": ("task",), "rate": None,
         "drives": str(config.source.parent / "drives"), "features": None, "reference": None,
-        "topic": None, "golden": None, "threshold": 20.0, "margin": 0.1,
+        "topic": "/odom", "golden": None, "threshold": 20.0, "margin": 0.1,
         "dynamics": ("reach=2",),
     }  # fmt: skip
 
 
-def test_the_default_night_is_today(
-    config: NightlyConfig, fake_gate: SimpleNamespace, capsys
-) -> None:
-    import datetime
-
+def test_the_default_night_is_today(config, fake_gate, capsys):
     before = datetime.datetime.now(datetime.UTC).date()
     assert main(["nightly", str(config.source), "--json"]) == 0
     night = datetime.date.fromisoformat(json.loads(capsys.readouterr().out)["night"])
     assert before <= night <= datetime.datetime.now(datetime.UTC).date()
 
 
-def test_too_few_drives_for_an_identification_are_reported(
-    config: NightlyConfig, fake_gate: SimpleNamespace, capsys
-) -> None:
-    from s2rtools.sysid import Recording, make_drives
-
+def test_too_few_drives_for_an_identification_are_reported(config, fake_gate, capsys):
     drives = config.source.parent / "few"
     make_drives(drives, 1, recording=Recording(count=2, seconds=3.0))
     with config.source.open("a") as file:
@@ -133,51 +120,29 @@ def test_too_few_drives_for_an_identification_are_reported(
     assert "planar" in (config.reports / "2026-11-21" / "report.md").read_text()
 
 
-def test_the_simulator_is_identified_from_drives(
-    config: NightlyConfig, fake_gate: SimpleNamespace
-) -> None:
-    from s2rtools.sysid import Recording, make_drives
-
+def test_the_simulator_is_identified_from_drives(config, fake_gate):
     drives = config.source.parent / "made"
     make_drives(drives, 1, {"damping": 0.5}, Recording(count=6, seconds=6.0))
     truth = json.loads((drives / "truth.json").read_text())["values"]
     with config.source.open("a") as file:
         file.write('[sysid]\ndrives = "made"\nparameters = ["damping"]\nseeds = 1\n')
     assert command(config) == 0
-    estimates = {
-        estimate.parameter: estimate for estimate in stored.read(config.history).nights[0].estimates
-    }
+    estimates = {e.parameter: e for e in stored.read(config.history).nights[0].estimates}
     assert set(estimates) == {"damping", "latency"}
     assert estimates["damping"].value.value == pytest.approx(truth["damping"], rel=0.1)
     assert estimates["damping"].value.low < truth["damping"] < estimates["damping"].value.high
-    assert config.metrics is not None
-    assert 's2r_gap_estimate{dataset="tiny",nightly="lab",parameter="damping"' in (
-        config.metrics.read_text()
-    )
+    estimate = 's2r_gap_estimate{dataset="tiny",nightly="lab",parameter="damping"'
+    assert estimate in config.metrics.read_text()
 
 
-def test_the_topic_is_passed_to_the_gate(config: NightlyConfig, fake_gate: SimpleNamespace) -> None:
-    text = config.source.read_text()
-    config.source.write_text(text.replace("[drives]\n", '[drives]\ntopic = "/odom"\n', 1))
-    command(config)
-    assert fake_gate.requests[0]["topic"] == "/odom"
-
-
-def test_warnings_of_an_identification_are_reported(
-    config: NightlyConfig, fake_gate: SimpleNamespace
-) -> None:
-    from s2rtools.sysid import Recording, make_drives
-
+def test_warnings_of_an_identification_are_reported(config, fake_gate):
     drives = config.source.parent / "made"
     make_drives(drives, 1, {"latency": 0.8, "wheels": 1.0}, Recording(count=6, seconds=6.0))
     with config.source.open("a") as file:
         file.write('[sysid]\ndrives = "made"\nparameters = ["damping"]\nseeds = 1\n'
                    'range = { latency = "0..0.05" }\n')  # fmt: skip
     assert command(config) == 0
-    notes = {
-        estimate.parameter: estimate.note
-        for estimate in stored.read(config.history).nights[0].estimates
-    }
+    notes = {e.parameter: e.note for e in stored.read(config.history).nights[0].estimates}
     assert notes["latency"] == "at the end of its range"
     assert "end of the range 0 .. 0.05 s" in notes["planar"]
     assert "structural mismatch: wheels = " in notes["planar"]

@@ -22,23 +22,18 @@ def write_config(tmp_path: Path, text: str) -> Path:
     return path
 
 
-def test_missing_keys_have_defaults_and_paths_are_relative_to_the_file(tmp_path: Path) -> None:
+def test_missing_keys_have_defaults_and_paths_are_relative_to_the_file(tmp_path):
     parsed = config.read(write_config(tmp_path, 'store = "s.s2r"'))
     assert parsed.name == "gate"
     assert parsed.history == (tmp_path / "s.s2r/history/gap.duckdb").resolve()
     assert parsed.reports == (tmp_path / "reports/gate").resolve()
-    assert (parsed.run, parsed.axes, parsed.drives, parsed.sysid, parsed.metrics) == (
-        None, (), None, None, None,
-    )  # fmt: skip
-    assert (parsed.threshold, parsed.margin, parsed.seed, parsed.replicates) == (
-        15.0,
-        0.05,
-        1,
-        1000,
-    )
+    unset = (parsed.run, parsed.drives, parsed.sysid, parsed.metrics, parsed.axes)
+    assert unset == (None, None, None, None, ())
+    assert (parsed.threshold, parsed.margin) == (15.0, 0.05)
+    assert (parsed.seed, parsed.replicates) == (1, 1000)
 
 
-def test_drives_of_the_store_are_the_default(tmp_path: Path) -> None:
+def test_drives_of_the_store_are_the_default(tmp_path):
     path = write_config(tmp_path, 'store = "s.s2r"\n[sysid]\nseed = 2')
     store_drives = tmp_path / "s.s2r" / "drives"
     store_drives.mkdir()
@@ -47,7 +42,7 @@ def test_drives_of_the_store_are_the_default(tmp_path: Path) -> None:
     assert parsed.sysid == config.SysidConfig(str(store_drives.resolve()), seed=2)
 
 
-def test_all_keys_are_read(tmp_path: Path) -> None:
+def test_all_keys_are_read(tmp_path):
     text = """
         name = "lab"
         store = "s.s2r"
@@ -59,8 +54,6 @@ def test_all_keys_are_read(tmp_path: Path) -> None:
         features = "there.json"
         threshold = 20
         margin = 0.1
-        seed = 3
-        replicates = 200
         [drives]
         folder = "drives"
         topic = "/odom"
@@ -107,12 +100,9 @@ def test_all_keys_are_read(tmp_path: Path) -> None:
         ('store = "s.s2r"\noutput = 3', "output: expected a table, got 3"),
         ("store = 3", "store: expected text, got 3"),
         ('store = "s.s2r"\nthreshold = "15"', 'threshold: expected a number, got "15"'),
-        ('store = "s.s2r"\nthreshold = true', "threshold: expected a number, got true"),
         ('store = "s.s2r"\nthreshold = nan', "threshold: expected a finite number"),
         ('store = "s.s2r"\nthreshold = 0', "threshold: expected a number > 0"),
-        ('store = "s.s2r"\nmargin = -1', "margin: expected a number > 0"),
         ('store = "s.s2r"\nseed = 1.5', "seed: expected a whole number, got 1.5"),
-        ('store = "s.s2r"\nseed = -1', "seed: expected a whole number >= 0"),
         ('store = "s.s2r"\nreplicates = 10', "replicates: expected a whole number >= 100"),
         ('store = "s.s2r"\naxes = ["tsak"]', "axes: 'tsak': expected one of visual, task"),
         ('store = "s.s2r"\naxes = ["task", "task"]', "axes: an axis is listed twice"),
@@ -133,16 +123,9 @@ def test_all_keys_are_read(tmp_path: Path) -> None:
         (f'{SYSID}range = {{ latency = 3 }}', "sysid.range.latency: expected text, got 3"),
         (f'{SYSID}range = 3', "sysid.range: expected a table, got 3"),
         (f'{SYSID}range = {{ latency = "3" }}', "sysid: range.latency: 3: expected LOW..HIGH"),
-        (f'{SYSID}range = {{ mas = "1..2" }}', "sysid: mas: no parameter"),
         (f'{SYSID}range = {{ track = "1..2" }}', "sysid: track: not searched"),
-        (f'{SYSID}seeds = 0', "sysid.seeds: expected a whole number >= 1"),
         ('store = "s.s2r"\n[drives]\ndynamics = ["reach=x"]', "drives.dynamics: reach=x: expected"),
-        ('store = "s.s2r"\n[drives]\ntopic = 3', "drives.topic: expected text"),
-        ('store = "s.s2r"\n[drives]\nrate = 0', "drives.rate: expected a number > 0"),
         ('store = "s.s2r"\n[stale]\nafter_days = -1', "stale.after_days: expected a number >= 0"),
-        pytest.param(
-            f'store = "s.s2r"\nthreshold = {10**400}', "threshold: .* at most 64 bits", id="huge"
-        ),
         pytest.param(
             f"{SYSID}fix = {{ mass = {10**400} }}", "sysid.fix.mass: .* at most 64", id="huge mass"
         ),
@@ -156,14 +139,14 @@ def test_all_keys_are_read(tmp_path: Path) -> None:
          "output.metrics: .*there.json: is another file"),
     ],
 )  # fmt: skip
-def test_invalid_configurations_name_the_key(tmp_path: Path, text: str, expected: str) -> None:
+def test_invalid_configurations_name_the_key(tmp_path, text, expected):
     path = write_config(tmp_path, text)
     with pytest.raises(RequestError, match=rf"gate\.toml: {expected}") as caught:
         config.read(path)
     assert "\n" not in str(caught.value)
 
 
-def test_invalid_requests_write_nothing(tmp_path: Path, capsys) -> None:
+def test_invalid_requests_write_nothing(tmp_path, capsys):
     path = write_config(tmp_path, 'store = "s.s2r"\nthreshold = 0')
     before = sorted(tmp_path.rglob("*"))
     assert main(["nightly", str(path)]) == 2

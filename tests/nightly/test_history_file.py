@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,12 +23,12 @@ from s2rstore.maintenance.verify import verify
 from s2rtools.nightly.run import nightly
 from tests.nightly.conftest import files
 from tests.support import nights
-from tests.support.nights import Week, day
+from tests.support.nights import day
 
 pytestmark = pytest.mark.usefixtures("constant_plot")
 
 
-def test_missing_values_are_null_and_every_column_is_commented(recorded_week: Week) -> None:
+def test_missing_values_are_null_and_every_column_is_commented(recorded_week):
     with duckdb.connect(str(recorded_week.config.history), read_only=True) as connection:
         for table in schema.TABLES:
             for column in table.columns:
@@ -47,7 +48,7 @@ def test_missing_values_are_null_and_every_column_is_commented(recorded_week: We
         assert [row[0] for row in red] == [day(5), day(6), day(7)]
 
 
-def test_the_history_contains_the_complete_report(recorded_week: Week) -> None:
+def test_the_history_contains_the_complete_report(recorded_week):
     loaded = history.read(recorded_week.config.history)
     last = loaded.of_configuration("lab")[-1]
     report = json.loads(history.report_text(recorded_week.config.history, last.measured))
@@ -55,7 +56,7 @@ def test_the_history_contains_the_complete_report(recorded_week: Week) -> None:
     assert [entry["gap"] for entry in report["axes"]] == [axis.gap.value for axis in last.axes[:3]]
 
 
-def test_verify_and_prune_accept_a_history(week: Week) -> None:
+def test_verify_and_prune_accept_a_history(week):
     week.night(1)
     content = week.config.history.read_bytes()
     assert verify(week.config.store) == []
@@ -63,7 +64,7 @@ def test_verify_and_prune_accept_a_history(week: Week) -> None:
     assert week.config.history.read_bytes() == content
 
 
-def test_a_repeated_night_restores_missing_files(week: Week) -> None:
+def test_a_repeated_night_restores_missing_files(week):
     week.night(1)
     complete = files(week.config)
     folder = week.config.reports / str(day(1))
@@ -103,29 +104,15 @@ _DIE = "os.kill(os.getpid(), signal.SIGKILL)"
     ("patch", "expected_nights"),
     [
         pytest.param(f"writer._add = lambda *a: {_DIE}", 1, id="while adding"),
-        pytest.param(
-            f"writer.atomic_writes.sync_path = lambda *a: {_DIE}",
-            1,
-            id="before the rename",
-            marks=pytest.mark.deep,
-        ),
-        pytest.param(
-            f"writer.atomic_writes.sync_path = lambda path: path.is_dir() and {_DIE}",
-            2,
-            id="after the rename",
-            marks=pytest.mark.deep,
-        ),
-        pytest.param(
-            f"import s2rtools.nightly.publish as p; p.junit = lambda *a: {_DIE}",
-            2,
-            id="while telling",
-            marks=pytest.mark.deep,
-        ),
+        pytest.param(f"writer.atomic_writes.sync_path = lambda *a: {_DIE}", 1,
+                     id="before the rename", marks=pytest.mark.deep),
+        pytest.param(f"writer.atomic_writes.sync_path = lambda path: path.is_dir() and {_DIE}", 2,
+                     id="after the rename", marks=pytest.mark.deep),
+        pytest.param(f"import s2rtools.nightly.publish as p; p.junit = lambda *a: {_DIE}", 2,
+                     id="while telling", marks=pytest.mark.deep),
     ],
-)
-def test_a_killed_writer_loses_at_most_the_current_night(
-    week: Week, patch: str, expected_nights: int
-) -> None:
+)  # fmt: skip
+def test_a_killed_writer_loses_at_most_the_current_night(week, patch, expected_nights):
     week.config = replace(week.config, sysid=None)
     week.night(1)
     code = _KILLED_NIGHT_SCRIPT.format(patch=patch)
@@ -139,9 +126,7 @@ def test_a_killed_writer_loses_at_most_the_current_night(
     assert {path.name for path in week.config.history.parent.iterdir()} == {"gap.duckdb"}
 
 
-def test_a_night_whose_lock_was_taken_over_is_not_recorded(
-    week: Week, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_night_whose_lock_was_taken_over_is_not_recorded(week, monkeypatch):
     week.night(1)
     before = files(week.config)
     add = writer._add
@@ -158,7 +143,7 @@ def test_a_night_whose_lock_was_taken_over_is_not_recorded(
     assert files(week.config) == before
 
 
-def test_temporary_links_of_killed_processes_are_removed(week: Week) -> None:
+def test_temporary_links_of_killed_processes_are_removed(week):
     leftovers = [week.config.reports / f".latest.{digit * 16}" for digit in "0a"]
     unrelated = week.config.reports / ".latest.txt"
     week.config.reports.mkdir(parents=True, exist_ok=True)
@@ -170,7 +155,7 @@ def test_temporary_links_of_killed_processes_are_removed(week: Week) -> None:
     assert unrelated.exists()
 
 
-def test_readers_see_complete_nights_during_writes(week: Week) -> None:
+def test_readers_see_complete_nights_during_writes(week):
     week.night(1)
     stop, counts, errors = threading.Event(), [], []
 
@@ -193,29 +178,23 @@ def test_readers_see_complete_nights_during_writes(week: Week) -> None:
     assert counts == sorted(counts)
 
 
-def test_two_simultaneous_runs_add_one_night(week: Week) -> None:
+def test_two_simultaneous_runs_add_one_night(week):
     barrier = threading.Barrier(2)
 
     def measure(store, config) -> dict:
         barrier.wait(30)
         return nights.report(store, {"task": 5.0})
 
-    is_new: list[bool] = []
-    threads = [
-        threading.Thread(target=lambda: is_new.append(
-            nightly(week.config, day(1), measure, week.estimate).new))
-        for _ in range(2)
-    ]  # fmt: skip
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert sorted(is_new) == [False, True]
+    with ThreadPoolExecutor(2) as pool:
+        nights_run = pool.map(
+            lambda _: nightly(week.config, day(1), measure, week.estimate), range(2)
+        )
+    assert sorted(night_run.new for night_run in nights_run) == [False, True]
     assert len(history.read(week.config.history).nights) == 1
 
 
 @pytest.mark.parametrize("content", [b"", b"no database", None])
-def test_an_invalid_history_file_is_rejected(tmp_path: Path, content: bytes | None) -> None:
+def test_an_invalid_history_file_is_rejected(tmp_path, content):
     path = tmp_path / "h.duckdb"
     if content is None:
         duckdb.connect(str(path)).close()

@@ -15,7 +15,7 @@ SIZE = (24, 24)
 MISSING = 9.0
 
 
-def test_depth_holes_of_a_run_are_missing_depth() -> None:
+def test_depth_holes_of_a_run_are_missing_depth():
     metres = np.linspace(1, 5, 24, dtype=np.float32) * np.ones((1, *SIZE), dtype=np.float32)
     views = SimpleNamespace(rgb=np.zeros((1, *SIZE, 3), np.uint8), depth=metres)
     data = SimpleNamespace(

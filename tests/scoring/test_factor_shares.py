@@ -14,7 +14,7 @@ from s2rtools.scoring.factor_shares import (
 from s2rtools.synthetic_world.factors import FACTOR_GROUPS, FACTORS
 
 
-def test_every_factor_that_changes_images_has_a_group() -> None:
+def test_every_factor_that_changes_images_has_a_group():
     for factor in FACTORS.values():
         assert (factor.group in FACTOR_GROUPS) != factor.moves_robot
     assert {factor.group for factor in FACTORS.values()} - {None} == set(FACTOR_GROUPS)
@@ -29,7 +29,7 @@ def true() -> TrueShares:
     return TrueShares(iids, iids // 50, {"r": shares}, {"r": shares.sum(axis=1)}, {"r": is_new})
 
 
-def test_true_shares_score_one(true: TrueShares) -> None:
+def test_true_shares_score_one(true):
     for score in score_shares(true, "r", "truth", true.shares["r"]):
         assert score.correlation.value == pytest.approx(1)
         assert score.error.value == 0
@@ -39,7 +39,7 @@ def test_true_shares_score_one(true: TrueShares) -> None:
     assert largest_share_named(true, "r", (largest + 1) % 5).value == 0
 
 
-def test_constant_answers_know_the_gap_only(true: TrueShares) -> None:
+def test_constant_answers_know_the_gap_only(true):
     answers = constant_answers(true, "r")
     for answer in answers.values():
         assert np.allclose(answer.sum(axis=1), true.gap["r"])
@@ -50,6 +50,6 @@ def test_constant_answers_know_the_gap_only(true: TrueShares) -> None:
     assert mean == pytest.approx(true.shares["r"][true.is_new["r"]].mean(axis=0))
 
 
-def test_shares_of_another_shape_are_refused(true: TrueShares) -> None:
+def test_shares_of_another_shape_are_refused(true):
     with pytest.raises(ValueError, match="shape"):
         score_shares(true, "r", "short", true.shares["r"][:10])

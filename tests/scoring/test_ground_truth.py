@@ -62,7 +62,7 @@ def rows(scored: report.ScoreReport, **values_expected: str) -> list[dict]:
             if all(row[name] == value for name, value in values_expected.items())]  # fmt: skip
 
 
-def test_object_changes_are_detected(objects_scored: report.ScoreReport) -> None:
+def test_object_changes_are_detected(objects_scored):
     """Only objects differ: every method finds them, and random scores have AUROC 0.5."""
     for kind in KINDS:
         scores = rows(objects_scored, place="floor", kind=kind, side="both")
@@ -75,7 +75,7 @@ def test_object_changes_are_detected(objects_scored: report.ScoreReport) -> None
             assert row["auroc_low"] - 1e-6 <= row["auroc"] <= row["auroc_high"] + 1e-6
 
 
-def test_only_the_active_factor_has_a_cost(objects_scored: report.ScoreReport) -> None:
+def test_only_the_active_factor_has_a_cost(objects_scored):
     (row,) = objects_scored["factors"]
     assert row["factor"] == "objects"
     assert row["cost"] == pytest.approx(row["gain"])
@@ -83,7 +83,7 @@ def test_only_the_active_factor_has_a_cost(objects_scored: report.ScoreReport) -
 
 
 @pytest.mark.deep
-def test_counterfactuals_start_and_end_at_the_stored_errors(world_with_all_factors: Path) -> None:
+def test_counterfactuals_start_and_end_at_the_stored_errors(world_with_all_factors):
     """Without factors the error is that of sim, with all factors that of real."""
     with s2rstore.open(world_with_all_factors) as store:
         backends = [
@@ -108,7 +108,7 @@ def test_counterfactuals_start_and_end_at_the_stored_errors(world_with_all_facto
 
 
 @pytest.mark.deep
-def test_training_instances_are_excluded(objects_only: Path, tmp_path: Path) -> None:
+def test_training_instances_are_excluded(objects_only, tmp_path):
     store_path = copy_store(objects_only, tmp_path / "own.s2r")
     request = TrainingRequest("vanilla", name="mine", steps=1)
     train_into_store(store_path, request, lambda *progress: None, "s2r train")
@@ -126,7 +126,7 @@ def test_training_instances_are_excluded(objects_only: Path, tmp_path: Path) -> 
     assert scored["objects"] == []
 
 
-def test_the_pretrained_models_have_the_documented_ranking(world_with_all_factors: Path) -> None:
+def test_the_pretrained_models_have_the_documented_ranking(world_with_all_factors):
     """Finetuning on real images closes most of the gap; all models are accurate in simulation."""
     with s2rstore.open(world_with_all_factors) as store:
         real = {
@@ -137,7 +137,7 @@ def test_the_pretrained_models_have_the_documented_ranking(world_with_all_factor
     assert sim.mean_error < 0.4 * real["vanilla"].mean_error
 
 
-def test_images_of_another_version_are_rejected(world_with_all_factors: Path, monkeypatch) -> None:
+def test_images_of_another_version_are_rejected(world_with_all_factors, monkeypatch):
     from s2rtools.synthetic_world.dataset import WorldData
 
     with s2rstore.open(world_with_all_factors) as store:
@@ -147,7 +147,7 @@ def test_images_of_another_version_are_rejected(world_with_all_factors: Path, mo
             GroundTruth(store)
 
 
-def test_pretrained_models_are_rejected_for_another_seed(light_only: Path, tmp_path: Path) -> None:
+def test_pretrained_models_are_rejected_for_another_seed(light_only, tmp_path):
     path = copy_store(light_only, tmp_path / "other.s2r")
     with s2rstore.open(path) as store:
         recipe = json.loads(store.provenance("world")["recipe"])
@@ -157,7 +157,7 @@ def test_pretrained_models_are_rejected_for_another_seed(light_only: Path, tmp_p
         pretrained.add_pretrained_models(path)
 
 
-def test_without_object_changes_there_are_no_positives(light_scored: report.ScoreReport) -> None:
+def test_without_object_changes_there_are_no_positives(light_scored):
     for row in rows(light_scored, place="image"):
         assert row["auroc"] is None
         assert (row["n"], row["without"]) == (0, 8)
@@ -171,9 +171,7 @@ def test_without_object_changes_there_are_no_positives(light_scored: report.Scor
 
 
 @pytest.mark.deep
-def test_equal_seeds_give_equal_text(
-    objects_only: Path, objects_scored: report.ScoreReport
-) -> None:
+def test_equal_seeds_give_equal_text(objects_only, objects_scored):
     repeated, other = (
         report.score(objects_only, report.ScoreSettings(("vanilla",), seed=seed), SilentReporter())
         for seed in (1, 5)
@@ -182,9 +180,7 @@ def test_equal_seeds_give_equal_text(
     assert other["heatmaps"] != repeated["heatmaps"]
 
 
-def test_a_score_is_saved_once_and_summarized(
-    objects_only: Path, objects_scored: report.ScoreReport, tmp_path: Path
-) -> None:
+def test_a_score_is_saved_once_and_summarized(objects_only, objects_scored, tmp_path):
     path = copy_store(objects_only, tmp_path / "own.s2r")
     assert report.save_report(path, objects_scored)
     assert not report.save_report(path, objects_scored)
@@ -194,9 +190,7 @@ def test_a_score_is_saved_once_and_summarized(
     assert "best heatmap of vanilla: harmonised" in summary
 
 
-def test_provenance_of_a_kind_is_kept_when_others_are_added(
-    objects_only: Path, tmp_path: Path
-) -> None:
+def test_provenance_of_a_kind_is_kept_when_others_are_added(objects_only, tmp_path):
     store_path = copy_store(objects_only, tmp_path / "own.s2r")
     precompute(store_path, SilentReporter(), ["vanilla"], PrecomputeOptions(("feature_distance",)))
     with s2rstore.open(objects_only) as before, s2rstore.open(store_path) as after:
@@ -206,7 +200,7 @@ def test_provenance_of_a_kind_is_kept_when_others_are_added(
     assert set(ranges) == {*json.loads(old["heat ranges"]), "feature_distance"}
 
 
-def test_positive_floor_cells_are_near_changed_objects(objects_only: Path) -> None:
+def test_positive_floor_cells_are_near_changed_objects(objects_only):
     with s2rstore.open(objects_only) as store:
         truth = GroundTruth(store)
         positive, is_visible = floor_truth(truth, "both")
@@ -222,7 +216,7 @@ def test_positive_floor_cells_are_near_changed_objects(objects_only: Path) -> No
             assert min(np.hypot(x - a, y - b) - r for a, b, r in object_positions) < 0.6
 
 
-def test_a_store_without_ground_truth_is_rejected(tiny_store: Path) -> None:
+def test_a_store_without_ground_truth_is_rejected(tiny_store):
     with (
         s2rstore.open(tiny_store) as store,
         pytest.raises(RequestError, match="ground truth is unknown"),
@@ -230,7 +224,7 @@ def test_a_store_without_ground_truth_is_rejected(tiny_store: Path) -> None:
         GroundTruth(store)
 
 
-def test_the_application_projects_heatmaps_like_precompute(objects_only: Path) -> None:
+def test_the_application_projects_heatmaps_like_precompute(objects_only):
     """The heatmap of one instance is projected on the nearer surface, too."""
     from s2rtui.session.heatmaps import instance_grid
     from s2rtui.session.state import HeatChoice

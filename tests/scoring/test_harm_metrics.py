@@ -33,7 +33,7 @@ def with_estimate(pairs: ScoredPairs, estimate: np.ndarray) -> ScoredPairs:
     return ScoredPairs(pairs.gain, estimate, pairs.view, pairs.trajectory, pairs.in_metres)
 
 
-def test_a_perfect_estimate_scores_one() -> None:
+def test_a_perfect_estimate_scores_one():
     pairs = made_pairs(in_metres=True)
     score = harm_score(pairs)
     assert (score.correlation.value, score.auroc.value) == (pytest.approx(1), pytest.approx(1))
@@ -47,7 +47,7 @@ def test_a_perfect_estimate_scores_one() -> None:
     assert (score.n, score.views) == (3 * VIEWS, VIEWS)
 
 
-def test_a_random_estimate_scores_one_half() -> None:
+def test_a_random_estimate_scores_one_half():
     pairs = made_pairs(in_metres=True)
     scores = [
         harm_score(
@@ -63,7 +63,7 @@ def test_a_random_estimate_scores_one_half() -> None:
     assert np.mean(covered) > 0.75
 
 
-def test_a_constant_estimate_ranks_nothing() -> None:
+def test_a_constant_estimate_ranks_nothing():
     pairs = made_pairs()
     score = harm_score(with_estimate(pairs, np.full(pairs.gain.size, 3.0)))
     assert score.auroc.value == 0.5
@@ -71,7 +71,7 @@ def test_a_constant_estimate_ranks_nothing() -> None:
     assert score.claims == 0, "estimates that are not in metres claim nothing"
 
 
-def test_an_unknown_estimate_ranks_in_the_middle_and_claims_nothing() -> None:
+def test_an_unknown_estimate_ranks_in_the_middle_and_claims_nothing():
     pairs = made_pairs(in_metres=True)
     score = harm_score(with_estimate(pairs, np.full(pairs.gain.size, np.nan)))
     assert (score.auroc.value, score.claims) == (0.5, 0)
@@ -79,7 +79,7 @@ def test_an_unknown_estimate_ranks_in_the_middle_and_claims_nothing() -> None:
     assert 0.6 < harm_score(with_estimate(pairs, half)).auroc.value < 0.95
 
 
-def test_few_harmful_pairs_have_no_interval() -> None:
+def test_few_harmful_pairs_have_no_interval():
     pairs = made_pairs()
     gain = np.where(np.arange(pairs.gain.size) < 3, 1.0, -1.0)
     score = harm_score(ScoredPairs(gain, gain, pairs.view, pairs.trajectory))
@@ -87,7 +87,7 @@ def test_few_harmful_pairs_have_no_interval() -> None:
     assert np.isnan(score.auroc.low)
 
 
-def test_without_pairs_the_score_is_undefined() -> None:
+def test_without_pairs_the_score_is_undefined():
     empty = np.zeros(0)
     score = harm_score(ScoredPairs(empty, empty, np.zeros(0, int), np.zeros(5, int), True))
     assert (score.n, score.claims) == (0, 0)
@@ -95,7 +95,7 @@ def test_without_pairs_the_score_is_undefined() -> None:
 
 
 @given(st.integers(0, 10_000), st.integers(6, 40))
-def test_weights_count_like_repeated_rows(seed: int, n: int) -> None:
+def test_weights_count_like_repeated_rows(seed, n):
     """As sklearn and scipy score the rows, each repeated as often as its weight says."""
     rng = np.random.default_rng(seed)
     a, b = rng.integers(0, 6, n).astype(float), rng.integers(0, 6, n).astype(float)
@@ -115,7 +115,7 @@ def test_weights_count_like_repeated_rows(seed: int, n: int) -> None:
         assert np.isnan(correlation)
 
 
-def test_runs_are_pooled_on_a_common_scale() -> None:
+def test_runs_are_pooled_on_a_common_scale():
     """A network whose heat is a thousand times larger does not drown the others."""
     first, second = made_pairs(1), made_pairs(2)
     large = with_estimate(second, second.gain * 1000)
@@ -123,7 +123,7 @@ def test_runs_are_pooled_on_a_common_scale() -> None:
     assert pool_runs([first, large]).trajectory.size == VIEWS
 
 
-def test_views_of_several_stores_stay_apart() -> None:
+def test_views_of_several_stores_stay_apart():
     first, second = made_pairs(1), made_pairs(2)
     pooled = pool_stores([first, second])
     assert pooled.trajectory.tolist() == [*first.trajectory, *(second.trajectory + 2)]

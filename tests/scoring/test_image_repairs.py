@@ -24,7 +24,7 @@ def with_harm(world_with_all_factors: Path, tmp_path_factory: pytest.TempPathFac
     return path
 
 
-def test_repairs_by_harm_lower_the_error_more_than_at_random(with_harm: Path) -> None:
+def test_repairs_by_harm_lower_the_error_more_than_at_random(with_harm):
     with s2rstore.open(with_harm) as store:
         rows = score_image_repairs(store, ["vanilla"], 12)
     by_kind = {(row.kind, row.mode, row.share): row for row in rows}
@@ -38,7 +38,7 @@ def test_repairs_by_harm_lower_the_error_more_than_at_random(with_harm: Path) ->
     assert {row.n for row in rows} == {12}
 
 
-def test_the_published_shares_sum_to_the_gap(with_harm: Path) -> None:
+def test_the_published_shares_sum_to_the_gap(with_harm):
     with s2rstore.open(with_harm) as store:
         columns = store.run_columns("vanilla")
         names = ("lighting", "depth", "objects", "sensor", "camera")
@@ -46,7 +46,7 @@ def test_the_published_shares_sum_to_the_gap(with_harm: Path) -> None:
         assert np.abs(total - columns.gap).max() < 1e-3
 
 
-def test_repairs_are_printed(with_harm: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_repairs_are_printed(with_harm, capsys):
     command = ["score", str(with_harm), "--image-repairs", "--run", "vanilla", "--views", "4"]
     assert main(command) == 0
     assert "harm_fine" in capsys.readouterr().out
@@ -55,17 +55,13 @@ def test_repairs_are_printed(with_harm: Path, capsys: pytest.CaptureFixture[str]
     assert {row["n"] for row in rows} == {4}
 
 
-def test_without_calibrated_rigs_the_reason_is_told(
-    world_with_all_factors: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_without_calibrated_rigs_the_reason_is_told(world_with_all_factors, capsys):
     assert main(["score", str(world_with_all_factors), "--image-repairs", "--views", "3"]) == 2
     assert "not calibrated" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("views", ["1", "-3", "100001"])
-def test_numbers_of_views_out_of_range_are_refused(
-    world_with_all_factors: Path, capsys: pytest.CaptureFixture[str], views: str
-) -> None:
+def test_numbers_of_views_out_of_range_are_refused(world_with_all_factors, capsys, views):
     words = ["score", str(world_with_all_factors), "--image-repairs", "--views", views]
     assert main(words) == 2
     assert f"--views {views}: 2 .. 100000" in capsys.readouterr().err

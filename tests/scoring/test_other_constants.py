@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 import s2rstore
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
@@ -17,7 +16,7 @@ from s2rtui.cli import main
 from tests.support.silent_reporter import SilentReporter
 
 
-def test_counterfactuals_use_the_constants_of_the_store(tmp_path: Path) -> None:
+def test_counterfactuals_use_the_constants_of_the_store(tmp_path):
     """Rendered again with all factors, the errors are the stored ones; the world is found again."""
     path = tmp_path / "other.s2r"
     constants = "exposure.vignette=0.5,depth.farthest=4,sensor.noise=9,camera.height=-0.05"
@@ -48,7 +47,7 @@ def assert_scored_without_objects(path: Path) -> None:
     assert means["objects"] == 0 != means["lighting"]
 
 
-def test_unknown_constants_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unknown_constants_are_refused(tmp_path, capsys):
     arguments = ["ingest", "world", "--constants", "depth.range=3"]
     assert main([*arguments, "--store", str(tmp_path / "no.s2r")]) == 2
     assert "depth.farthest" in capsys.readouterr().err

@@ -16,7 +16,7 @@ from s2rtools.scoring.ranking_metrics import RankedCells
 
 
 @given(st.integers(0, 10_000), st.integers(4, 60))
-def test_auroc_equals_sklearn(seed: int, n: int) -> None:
+def test_auroc_equals_sklearn(seed, n):
     rng = np.random.default_rng(seed)
     values, positive = rng.random(n), rng.random(n) < 0.4
     ranked = RankedCells.of(values, positive, np.random.default_rng(0))
@@ -30,7 +30,7 @@ def test_auroc_equals_sklearn(seed: int, n: int) -> None:
         assert ranked.auroc(weights) == pytest.approx(expected)
 
 
-def test_ties_are_broken_randomly_by_the_seed() -> None:
+def test_ties_are_broken_randomly_by_the_seed():
     positive = np.arange(400) < 100
     constant = np.zeros(400)
     scores = [
@@ -41,7 +41,7 @@ def test_ties_are_broken_randomly_by_the_seed() -> None:
     assert repeated == scores[7]
 
 
-def test_missing_values_are_ranked_randomly() -> None:
+def test_missing_values_are_ranked_randomly():
     values = np.array([np.nan, -5.0, 0.0, 3.0, np.nan])
     high = RankedCells.of(values, np.array([0, 0, 0, 1, 0], bool), np.random.default_rng(0))
     low = RankedCells.of(values, np.array([0, 1, 0, 0, 0], bool), np.random.default_rng(0))
@@ -54,7 +54,7 @@ def test_missing_values_are_ranked_randomly() -> None:
     assert np.mean(scores) == pytest.approx(0.5, abs=0.02)
 
 
-def test_precision_counts_the_top_share() -> None:
+def test_precision_counts_the_top_share():
     values = np.arange(100.0)
     positive = np.zeros(100, dtype=bool)
     positive[[99, 97, 10]] = True
@@ -64,7 +64,7 @@ def test_precision_counts_the_top_share() -> None:
 
 
 @pytest.mark.parametrize("size", [(6, 6), (16, 16), (32, 32), (128, 128), (48, 64)])
-def test_the_common_grid_keeps_the_mean(size: tuple[int, int]) -> None:
+def test_the_common_grid_keeps_the_mean(size):
     heat = np.random.default_rng(1).random((3, *size)).astype(np.float32)
     cells = to_cells(heat)
     assert cells.shape == (3, IMAGE_CELLS, IMAGE_CELLS)
@@ -75,7 +75,7 @@ def test_the_common_grid_keeps_the_mean(size: tuple[int, int]) -> None:
     assert np.isfinite(to_cells(half_missing)[:, IMAGE_CELLS // 2 + 1 :]).all()
 
 
-def test_floor_intervals_of_few_tiles_hold_their_level() -> None:
+def test_floor_intervals_of_few_tiles_hold_their_level():
     """A random map has AUROC 0.5; percentiles without correction cover it in 80 % with 4 tiles."""
     rng = np.random.default_rng(5)
     covered = 0

@@ -63,9 +63,7 @@ def direct_error(truth: GroundTruth, evaluated: EvaluatedRuns, run: str, iid: in
     return float(np.hypot(*(backend.forward_all(x).pose[0, :2] - truth.poses[iid, :2])))
 
 
-def test_a_gain_is_the_difference_of_two_renderings(
-    truth: GroundTruth, evaluated: EvaluatedRuns, gains: ObjectGains
-) -> None:
+def test_a_gain_is_the_difference_of_two_renderings(truth, evaluated, gains):
     assert gains.view.size >= 3
     for pair in range(0, gains.view.size, 3):
         iid, item = int(gains.iids[gains.view[pair]]), int(gains.item[pair])
@@ -75,13 +73,13 @@ def test_a_gain_is_the_difference_of_two_renderings(
             assert gains.gain[run][pair] == pytest.approx(before - after, abs=1e-4)
 
 
-def test_gains_begin_at_the_stored_errors(store: Store, gains: ObjectGains) -> None:
+def test_gains_begin_at_the_stored_errors(store, gains):
     for run in RUNS:
         stored = store.run_columns(run).real.error[gains.iids]
         assert np.allclose(gains.before[run], stored, atol=1e-4)
 
 
-def test_the_pairs_are_the_visible_objects(truth: GroundTruth, gains: ObjectGains) -> None:
+def test_the_pairs_are_the_visible_objects(truth, gains):
     """Each pair's pixels show the object in one of the scenes; its share is large enough."""
     pixels = gains.pixels("vanilla", "real")
     assert pixels.shape == (gains.view.size, 128, 128)
@@ -98,7 +96,7 @@ def test_the_pairs_are_the_visible_objects(truth: GroundTruth, gains: ObjectGain
 
 
 @pytest.mark.parametrize("size", [(6, 6), (128, 128), (48, 40)])
-def test_a_uniform_map_sums_to_the_covered_area(gains: ObjectGains, size: tuple[int, int]) -> None:
+def test_a_uniform_map_sums_to_the_covered_area(gains, size):
     maps = np.full((len(gains.iids), *size), 1 / (size[0] * size[1]), dtype=np.float32)
     area = gains.pixels("vanilla", "real").mean(axis=(1, 2))
     total = gains.estimates("vanilla", "real", maps, in_metres=True)
@@ -110,7 +108,7 @@ def test_a_uniform_map_sums_to_the_covered_area(gains: ObjectGains, size: tuple[
     assert np.isnan(gains.estimates("vanilla", "real", maps, in_metres=False)).all()
 
 
-def test_saved_gains_are_read_again(gains: ObjectGains, tmp_path: Path) -> None:
+def test_saved_gains_are_read_again(gains, tmp_path):
     gains.save(tmp_path / "gains.npz")
     again = ObjectGains.load(tmp_path / "gains.npz")
     assert again.runs == gains.runs
@@ -120,14 +118,12 @@ def test_saved_gains_are_read_again(gains: ObjectGains, tmp_path: Path) -> None:
         assert np.array_equal(again.pixels(run, "sim"), gains.pixels(run, "sim"))
 
 
-def test_fewer_instances_are_spread(truth: GroundTruth, evaluated: EvaluatedRuns) -> None:
+def test_fewer_instances_are_spread(truth, evaluated):
     few = measure_object_gains(truth, evaluated[:1], 4)
     assert few.iids.tolist() == [0, 3, 7, 11]
 
 
-def test_repairs_of_several_objects_are_rendered(
-    truth: GroundTruth, evaluated: EvaluatedRuns, gains: ObjectGains
-) -> None:
+def test_repairs_of_several_objects_are_rendered(truth, evaluated, gains):
     repairs = measure_repairs(truth, evaluated, gains)
     assert repairs.views.size, "a view shows two objects"
     view = int(repairs.views[0])
@@ -148,7 +144,7 @@ def test_repairs_of_several_objects_are_rendered(
         assert perfect[0].error == pytest.approx(before - np.mean(tops))
 
 
-def test_repair_curves_of_made_up_errors(gains: ObjectGains) -> None:
+def test_repair_curves_of_made_up_errors(gains):
     """Objects 0 and 1 help only together, object 2 harms when restored."""
     subsets = {frozenset(): 4.0, frozenset({0}): 4.0, frozenset({1}): 4.0, frozenset({2}): 5.0,
                frozenset({0, 1}): 1.0, frozenset({0, 2}): 5.0, frozenset({1, 2}): 5.0,
@@ -164,7 +160,7 @@ def test_repair_curves_of_made_up_errors(gains: ObjectGains) -> None:
     assert [score.error for score in repair_scores(repairs, "vanilla", unknown)] == [5, 5, 2]
 
 
-def test_shares_sum_to_the_gap(store: Store, truth: GroundTruth, evaluated: EvaluatedRuns) -> None:
+def test_shares_sum_to_the_gap(store, truth, evaluated):
     true = measure_shares(truth, evaluated, 2)
     for run in RUNS:
         assert true.shares[run].shape == (2, len(FACTOR_GROUPS))
@@ -174,7 +170,7 @@ def test_shares_sum_to_the_gap(store: Store, truth: GroundTruth, evaluated: Eval
         assert np.allclose(true.gap[run], stored, atol=2e-4)
 
 
-def test_estimates_read_the_stored_maps(store: Store, gains: ObjectGains) -> None:
+def test_estimates_read_the_stored_maps(store, gains):
     found = {(e.kind, e.mode, e.side): e for e in kind_estimates(store, gains, 1)}
     assert {kind for kind, _, _ in found} == {"random", "area", "pixel_difference"}
     maps = heatmaps_of(store, "vanilla", "pixel_difference", "real", "rgb", gains.iids[::-1])
@@ -186,9 +182,7 @@ def test_estimates_read_the_stored_maps(store: Store, gains: ObjectGains) -> Non
     assert not made.of_other_run, "the kind has the same map for all runs"
 
 
-def test_the_command_reports_and_the_store_keeps_it(
-    world_with_all_factors: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_reports_and_the_store_keeps_it(world_with_all_factors, tmp_path, capsys):
     arguments = ["score", str(world_with_all_factors), "--run", "vanilla", "--run", "finetune",
                  "--harm", "--instances", "2", "--views", "4", "--json"]  # fmt: skip
     assert main(arguments) == 0
@@ -213,9 +207,7 @@ def test_the_command_reports_and_the_store_keeps_it(
         assert saved.provenance_object("score", "harm")["views"] == harm["views"]
 
 
-def test_trained_instances_do_not_count(
-    truth: GroundTruth, evaluated: EvaluatedRuns, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_trained_instances_do_not_count(truth, evaluated, monkeypatch):
     """A run counts the instances that are new to it, among those rendered for the other."""
     known = {"vanilla": np.arange(12) % 2 == 0, "finetune": np.ones(12, bool)}
     monkeypatch.setattr(run_metrics, "held_out", lambda store, run: known[run])

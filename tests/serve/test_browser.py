@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
 
 from bench.support.processes import wait_until
-from tests.support.serving import StartServer
 
 pytest.importorskip("aiohttp")
 
@@ -34,7 +32,7 @@ async def _is_closed(page: chromium.Page) -> bool:
     return False
 
 
-async def test_keys_in_the_page_change_the_selection(serve: StartServer, tmp_path: Path) -> None:
+async def test_keys_in_the_page_change_the_selection(serve, tmp_path):
     missing = chromium.missing_program()
     if missing:
         pytest.skip(f"{missing} is not installed")

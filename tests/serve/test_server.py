@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import re
 import sys
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 from bench.support.processes import is_alive, wait_until
 from s2rtui.cli import main
-from tests.support.serving import StartServer
 
 aiohttp = pytest.importorskip("aiohttp")
 
@@ -21,7 +19,7 @@ async def _get(url: str, **headers: str) -> tuple[int, str]:
         return response.status, await response.text()
 
 
-async def test_the_page_names_the_store_and_no_other_host(serve: StartServer) -> None:
+async def test_the_page_names_the_store_and_no_other_host(serve):
     server = serve()
     status, page = await _get(server.url)
     assert status == 200
@@ -38,7 +36,7 @@ async def _get_bytes(url: str) -> tuple[int, bytes]:
         return response.status, await response.read()
 
 
-async def test_addresses_follow_the_requested_host(serve: StartServer) -> None:
+async def test_addresses_follow_the_requested_host(serve):
     server = serve()
     _, page = await _get(server.url, Host="localhost:9999")
     assert "ws://localhost:9999/ws" in page
@@ -56,7 +54,7 @@ async def _receives(socket: Any, expected: bytes) -> bool:
     return True
 
 
-async def test_a_closed_page_ends_its_application(serve: StartServer) -> None:
+async def test_a_closed_page_ends_its_application(serve):
     server = serve()
     async with aiohttp.ClientSession() as session:
         async with session.ws_connect(server.socket) as socket:
@@ -76,18 +74,14 @@ async def test_a_closed_page_ends_its_application(serve: StartServer) -> None:
         (["--users", "0"], "--users"),
     ],
 )
-def test_invalid_options_are_rejected(
-    tiny_store: Path, capsys: pytest.CaptureFixture[str], options: list[str], expected: str
-) -> None:
+def test_invalid_options_are_rejected(tiny_store, capsys, options, expected):
     assert main(["serve", str(tiny_store), *options]) == 2
     err = capsys.readouterr().err
     assert expected in err
     assert err.count("\n") == 1
 
 
-def test_missing_packages_and_stores_are_named(
-    tiny_store: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_missing_packages_and_stores_are_named(tiny_store, capsys, monkeypatch):
     monkeypatch.delitem(sys.modules, "s2rtui.web.server", raising=False)
     monkeypatch.setitem(sys.modules, "textual_serve", None)
     monkeypatch.setitem(sys.modules, "textual_serve.server", None)
@@ -97,9 +91,7 @@ def test_missing_packages_and_stores_are_named(
     assert "no such folder" in capsys.readouterr().err
 
 
-def test_a_port_in_use_is_reported_in_one_line(
-    serve: StartServer, tiny_store: Path, capsys
-) -> None:
+def test_a_port_in_use_is_reported_in_one_line(serve, tiny_store, capsys):
     server = serve()
     code = main(["serve", str(tiny_store), "--port", str(server.port)])
     assert code == 2

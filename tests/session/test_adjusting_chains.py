@@ -27,22 +27,12 @@ def with_chain(path: Path, *steps: dict[str, object]) -> Session:
 
 @pytest.mark.parametrize(
     ("channels", "missing", "reason"),
-    [
-        (
-            "rgb",
-            {"depth_range", "depth_blur", "depth_noise", "depth_holes"},
-            "the model takes no depth",
-        ),
-        (
-            "depth",
-            {"brightness", "contrast", "temperature", "vignette"},
-            "the model takes no colours",
-        ),
-    ],
-)
+    [("rgb", {"depth_range", "depth_blur", "depth_noise", "depth_holes"}, "takes no depth"),
+     ("depth", {"brightness", "contrast", "temperature", "vignette"}, "takes no colours")],
+)  # fmt: skip
 def test_sliders_of_images_that_the_model_does_not_take_are_left_out(
-    store_copy: Path, channels: str, missing: set[str], reason: str
-) -> None:
+    store_copy, channels, missing, reason
+):
     session = Session(store_copy)
     store, run = session.store, session.state.run
     every = {slider.name for slider in adjusting.available_sliders(store, run)[0]}
@@ -51,7 +41,7 @@ def test_sliders_of_images_that_the_model_does_not_take_are_left_out(
     store.models[model.model] = replace(model, input={"channels": channels})
     sliders, told = adjusting.available_sliders(store, run)
     assert {slider.name for slider in sliders} == every - missing
-    assert told.startswith(reason)
+    assert told.startswith(f"the model {reason}")
     session.dispatch(adjusting.open_sliders, *adjusting.available_sliders(store, run))
     state = session.dispatch(adjusting.follow_run)
     assert state.adjust is not None
@@ -77,9 +67,7 @@ def names_after_move(session: Session, name: str, value: float) -> list[object]:
         ((FLAT,), ["contrast", "black"]),
     ],
 )
-def test_the_order_of_a_run_s_adjustments_is_preserved(
-    tiny_store: Path, chain: tuple[dict[str, object], ...], expected: list[str]
-) -> None:
+def test_the_order_of_a_run_s_adjustments_is_preserved(tiny_store, chain, expected):
     session = with_chain(tiny_store, *chain)
     adjust = session.state.adjust
     assert adjust is not None
@@ -88,7 +76,7 @@ def test_the_order_of_a_run_s_adjustments_is_preserved(
     session.close()
 
 
-def test_a_repeated_adjustment_is_rejected(store_copy: Path) -> None:
+def test_a_repeated_adjustment_is_rejected(store_copy):
     session = with_chain(store_copy, BRIGHT, FLAT, BRIGHT)
     assert session.state.adjust is not None
     with pytest.raises(RequestError, match="run vanilla: applies an adjustment twice"):
@@ -101,7 +89,7 @@ def test_a_repeated_adjustment_is_rejected(store_copy: Path) -> None:
         assert "later" not in store.runs
 
 
-def test_a_missing_package_is_reported_for_every_run(tiny_store: Path) -> None:
+def test_a_missing_package_is_reported_for_every_run(tiny_store):
     session = Session(tiny_store)
     session.dispatch(adjusting.report_missing_package, "torch")
     session.dispatch(navigation.change_run, 1)

@@ -12,8 +12,7 @@ from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.language import evaluation
 from s2rstore.maintenance.verify import check
-from s2rtui.cli import main
-from s2rtui.session import Session, navigation, pending_target, shared_selection
+from s2rtui.session import Session, navigation, shared_selection
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support.appended import append_trajectory
 from tests.support.copies import copy_store
@@ -27,7 +26,7 @@ def notebooks(tmp_path: Path) -> partial[Notebook]:
     return partial(Notebook, folder=tmp_path / "notes")
 
 
-def test_an_open_session_notices_the_instances_and_says_so(store_copy: Path) -> None:
+def test_an_open_session_notices_the_instances_and_says_so(store_copy):
     session = Session(store_copy)
     session.select("real.error > 0.5")
     before = session.state
@@ -45,21 +44,7 @@ def test_an_open_session_notices_the_instances_and_says_so(store_copy: Path) -> 
     session.close()
 
 
-def test_deferred_loading_says_so_too(store_copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
-    session = Session(store_copy)
-    session.defers_loading = True
-    append_trajectory(store_copy, "a0", 1)
-    session.open_newest_generation()
-    state = session.complete_pending(s2rstore.open(store_copy))
-    assert "1 instance added" in state.message
-    assert state.selected.size == N + 1
-    session.close()
-
-
-def test_notes_tags_and_selections_are_found_again(
-    store_copy: Path, notebooks: partial[Notebook]
-) -> None:
+def test_notes_tags_and_selections_are_found_again(store_copy, notebooks):
     session = Session(store_copy, notebooks=notebooks)
     notebook = session.writable_notebook
     session.select("ids(3, 4)")
@@ -82,7 +67,7 @@ def test_notes_tags_and_selections_are_found_again(
     session.close()
 
 
-def test_a_selection_of_another_store_is_refused(store_copy: Path) -> None:
+def test_a_selection_of_another_store_is_refused(store_copy):
     append_trajectory(store_copy, "a0", 5)
     session = Session(store_copy)
     line = f"all  # data set {'1' * 12}, generation 1, run vanilla, 3 instances"
@@ -91,7 +76,7 @@ def test_a_selection_of_another_store_is_refused(store_copy: Path) -> None:
     session.close()
 
 
-def test_another_data_set_in_the_place_of_the_store_is_refused(store_copy: Path) -> None:
+def test_another_data_set_in_the_place_of_the_store_is_refused(store_copy):
     session = Session(store_copy)
     with edit(store_copy) as draft:
         draft.update("dataset", {"name": "tiny"}, {"hash": "2" * 64})
@@ -100,18 +85,7 @@ def test_another_data_set_in_the_place_of_the_store_is_refused(store_copy: Path)
     session.close()
 
 
-def test_commands_find_the_notes(
-    store_copy: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
-) -> None:  # fmt: skip
-    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
-    Notebook("0" * 64).toggle_tag([7], "seen")
-    append_trajectory(store_copy, "a0", 5)
-    assert main(["query", str(store_copy), "@seen", "--format", "csv"]) == 0
-    assert [line.split(",")[0] for line in capsys.readouterr().out.splitlines()][1:] == ["7"]
-
-
-def test_both_back_ends_leave_out_instances_that_are_not_computed(store_copy: Path) -> None:
+def test_both_back_ends_leave_out_instances_that_are_not_computed(store_copy):
     append_trajectory(store_copy, "a0", 5)
     with s2rstore.open(store_copy) as store:
         assert [t.trajectory for t in store.trajectories] == ["a", "b", "a0"]
@@ -123,17 +97,13 @@ def test_both_back_ends_leave_out_instances_that_are_not_computed(store_copy: Pa
             assert not mask[N:].any()
 
 
-def test_verify_notes_runs_that_are_not_computed_for_all_parts(store_copy: Path) -> None:
+def test_verify_notes_runs_of_fewer_parts_and_finds_missing_rows(store_copy):
     append_trajectory(store_copy, "a0", 5)
     report = check(store_copy)
     assert report.damages == ()
     notes = [note for note in report.notes if "computed for" in note]
     assert len(notes) == 2
     assert notes[0].startswith("run vanilla: computed for 40 of 45 instances")
-
-
-def test_verify_finds_a_run_that_lacks_some_instances_of_a_part(store_copy: Path) -> None:
-    append_trajectory(store_copy, "a0", 5)
     with edit(store_copy) as draft:
         draft._connection.execute("DELETE FROM prediction WHERE run = 'vanilla' AND iid = 7")
     found = [damage.what for damage in check(store_copy).damages]
@@ -141,8 +111,8 @@ def test_verify_finds_a_run_that_lacks_some_instances_of_a_part(store_copy: Path
 
 
 def test_notes_on_instances_of_another_copy_are_kept_but_not_applied(
-    store_copy: Path, tmp_path: Path, notebooks: partial[Notebook]
-) -> None:
+    store_copy, tmp_path, notebooks
+):
     copy = copy_store(store_copy, tmp_path / "copy.s2r")
     append_trajectory(store_copy, "a0", 5)
     append_trajectory(copy, "other", 3)
@@ -172,9 +142,7 @@ def test_notes_on_instances_of_another_copy_are_kept_but_not_applied(
     second.close()
 
 
-def test_notes_of_an_appended_part_are_found_while_the_session_is_open(
-    store_copy: Path, notebooks: partial[Notebook]
-) -> None:
+def test_notes_of_an_appended_part_are_found_while_the_session_is_open(store_copy, notebooks):
     session = Session(store_copy, notebooks=notebooks)
     append_trajectory(store_copy, "a0", 5)
     session.open_newest_generation()
@@ -186,9 +154,7 @@ def test_notes_of_an_appended_part_are_found_while_the_session_is_open(
     again.close()
 
 
-def test_a_refused_generation_leaves_the_notes_of_the_present_one(
-    store_copy: Path, notebooks: partial[Notebook]
-) -> None:
+def test_a_refused_generation_leaves_the_notes_of_the_present_one(store_copy, notebooks):
     session = Session(store_copy, notebooks=notebooks)
     append_trajectory(store_copy, "a0", 5)
     later = Session(store_copy, notebooks=notebooks)

@@ -29,7 +29,7 @@ def line(shape: str) -> Panel:
 
 
 @pytest.mark.parametrize("y_down", [True, False])
-def test_a_box_starts_around_the_cursor(y_down: bool) -> None:
+def test_a_box_starts_around_the_cursor(y_down):
     panel = plane(y_down)
     brush = brush_geometry.started("map", panel, (2.0, 3.0 if y_down else -3.0))
     (x0, y0), (x1, y1) = brush.mark.points
@@ -38,7 +38,7 @@ def test_a_box_starts_around_the_cursor(y_down: bool) -> None:
 
 
 @given(st.lists(st.tuples(st.integers(-3, 3), st.integers(-3, 3)), max_size=12))
-def test_moving_keeps_the_size_and_stays_on_the_panel(steps: list[tuple[int, int]]) -> None:
+def test_moving_keeps_the_size_and_stays_on_the_panel(steps):
     panel = plane()
     brush = brush_geometry.started("map", panel, None)
     (x0, y0), (x1, y1) = brush.mark.points
@@ -54,7 +54,7 @@ def test_moving_keeps_the_size_and_stays_on_the_panel(steps: list[tuple[int, int
 
 @given(st.lists(st.sampled_from([-1, 1]), max_size=20))
 @pytest.mark.parametrize("shape", ["plane", "range", "turn", "steps"])
-def test_scaling_keeps_a_mark_positive(shape: str, steps: list[int]) -> None:
+def test_scaling_keeps_a_mark_positive(shape, steps):
     panel = plane() if shape == "plane" else line(shape)
     brush = brush_geometry.started("map", panel, None)
     for step in steps:
@@ -65,35 +65,27 @@ def test_scaling_keeps_a_mark_positive(shape: str, steps: list[int]) -> None:
         assert x1 - x0 <= 360 or shape != "turn"
 
 
-def test_a_heading_mark_moves_by_bins() -> None:
+def test_marks_of_headings_and_rooms_move_by_their_steps():
     brush = brush_geometry.started("orientation", line("turn"), (90.0, 1.0))
     moved = brush_geometry.moved(brush, line("turn"), 1, 0)
     assert [x for x, _ in moved.mark.points] == [85.0, 105.0]
-
-
-def test_a_room_mark_moves_only_by_rows() -> None:
     brush = brush_geometry.started("rooms", line("steps"), (0.0, 3.0))
-    moved = brush_geometry.stretched(
-        brush_geometry.moved(brush, line("steps"), 4, 1), line("steps"), 0, 2
-    )
+    moved = brush_geometry.moved(brush, line("steps"), 4, 1)
+    moved = brush_geometry.stretched(moved, line("steps"), 0, 2)
     assert [y for _, y in moved.mark.points] == [4.0, 6.0]
 
 
-def test_a_lasso_grows_corner_by_corner() -> None:
+def test_a_lasso_grows_corner_by_corner_and_is_not_scaled():
     panel = plane()
     brush = brush_geometry.started("map", panel, (1.0, 1.0), lasso=True)
     for step in ((2, 0), (0, 2), (-2, 0)):
         brush = brush_geometry.moved(brush_geometry.with_corner(brush), panel, *step)
     assert brush.corners == 3
     assert brush_geometry.outline(brush) == ((1.0, 1.0), (2.0, 1.0), (2.0, 3.0), (1.0, 3.0))
+    assert brush_geometry.scaled(brush, panel, 1) == brush
 
 
-def test_a_lasso_is_not_scaled() -> None:
-    brush = brush_geometry.started("map", plane(), (1.0, 1.0), lasso=True)
-    assert brush_geometry.scaled(brush, plane(), 1) == brush
-
-
-def test_a_drag_gives_a_box_or_a_lasso_along_its_trail() -> None:
+def test_a_drag_gives_a_box_or_a_lasso_along_its_trail():
     panel = plane()
     box = brush_geometry.dragged("map", panel, (5.5, 2.5), (7.5, 4.5), ())
     assert box.mark.points == ((0.0, 0.0), (1.5, 3.0))
@@ -104,7 +96,7 @@ def test_a_drag_gives_a_box_or_a_lasso_along_its_trail() -> None:
 
 
 @given(st.lists(st.tuples(st.integers(-1, 1), st.integers(-1, 1)), max_size=90))
-def test_a_stretched_heading_mark_keeps_its_direction(steps: list[tuple[int, int]]) -> None:
+def test_a_stretched_heading_mark_keeps_its_direction(steps):
     panel = line("turn")
     brush = brush_geometry.started("orientation", panel, (0.0, 1.0))
     start = brush.mark.points[0]
@@ -114,7 +106,7 @@ def test_a_stretched_heading_mark_keeps_its_direction(steps: list[tuple[int, int
         assert brush_geometry.TURN_STEP <= brush.mark.points[1][0] - start[0] < 360
 
 
-def test_a_heading_mark_across_180_degrees_can_be_stretched() -> None:
+def test_a_heading_mark_across_180_degrees_can_be_stretched():
     panel = line("turn")
     drawn = replace(
         brush_geometry.started("orientation", panel, None).mark, points=((170, 1), (-170, 1))
@@ -124,11 +116,10 @@ def test_a_heading_mark_across_180_degrees_can_be_stretched() -> None:
 
 
 @given(st.floats(-3, 3), st.floats(-3, 3))
-def test_a_range_is_clipped_to_the_limits_of_its_field(low: float, high: float) -> None:
+def test_a_range_is_clipped_to_the_limits_of_its_field(low, high):
     panel = line("range")
-    text = range_expression(
-        panel, Mark("real", ((low, 0.0), (high, 0.0))), "real.accuracy", 0.0, 1.0
-    )
+    mark = Mark("real", ((low, 0.0), (high, 0.0)))
+    text = range_expression(panel, mark, "real.accuracy", 0.0, 1.0)
     first, last = text.removeprefix("real.accuracy:").split("..")
     assert 0 <= float(first) <= float(last) <= 1
     parse(text)

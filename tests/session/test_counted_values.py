@@ -21,7 +21,7 @@ def half_trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tiny.build(tmp_path_factory.mktemp("half") / "s.s2r", n=40, trained=("vanilla",))
 
 
-def test_trained_instances_have_no_value_unless_they_count(half_trained: Path) -> None:
+def test_trained_instances_have_no_value_unless_they_count(half_trained):
     with s2rstore.open(half_trained) as store:
         columns = store.run_columns("vanilla")
         errors = columns.real.error
@@ -36,9 +36,7 @@ def test_trained_instances_have_no_value_unless_they_count(half_trained: Path) -
         assert counted_values(NEW_INSTANCES, other, other.real.error) is other.real.error
 
 
-def test_counted_ranks_agree_with_best_and_the_language_and_stored_ranks_count_all(
-    half_trained: Path,
-) -> None:
+def test_counted_ranks_agree_with_best_and_the_language_and_stored_ranks_count_all(half_trained):
     with s2rstore.open(half_trained) as store:
         columns = store.run_columns("vanilla")
         ranks = counted_ranks(NEW_INSTANCES, columns, "real")

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-from pathlib import Path
 
 import numpy as np
-import pytest
 
 import s2rstore
 from s2rstore.index.transaction import edit
@@ -16,11 +14,11 @@ from s2rtui.session import Session, map_values, view_settings
 from tests.support.copies import copy_store
 
 
-def test_the_command_line_and_the_session_know_the_same_values() -> None:
+def test_the_command_line_and_the_session_know_the_same_values():
     assert tuple(map_values.MAP_VALUES) == scene_arguments.MAP_VALUES
 
 
-def test_columns_are_those_of_the_language(tiny_store: Path, capsys) -> None:
+def test_columns_are_those_of_the_language(tiny_store, capsys):
     names = [name for name in map_values.MAP_VALUES if name != "shift"]
     command = ["query", str(tiny_store), "all", "--run", "vanilla", "--format", "csv"]
     assert main([*command, "--columns", ",".join(["iid", "shift", *names])]) == 0
@@ -34,7 +32,7 @@ def test_columns_are_those_of_the_language(tiny_store: Path, capsys) -> None:
             assert np.allclose(found, expected, rtol=1e-3, atol=1e-4), name
 
 
-def test_the_key_shows_every_value_and_begins_again(tiny_store: Path) -> None:
+def test_the_key_shows_every_value_and_begins_again(tiny_store):
     session = Session(tiny_store)
     seen = []
     for _ in map_values.MAP_VALUES:
@@ -44,9 +42,7 @@ def test_the_key_shows_every_value_and_begins_again(tiny_store: Path) -> None:
     assert seen[-1] == "shift"
 
 
-def test_without_shares_they_are_left_out_and_refused(
-    tiny_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_without_shares_they_are_left_out_and_refused(tiny_store, tmp_path, capsys):
     path = copy_store(tiny_store, tmp_path / "s.s2r")
     with edit(path) as draft:
         draft.delete("zarr_array", kind="gap_shares")

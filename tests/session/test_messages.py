@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 
 from s2rtui.app.key_bindings import ACTIONS
-from s2rtui.session import Session, State, view_settings
+from s2rtui.charts.list.view import VIEW
+from s2rtui.charts.scene import Resources, Scene
+from s2rtui.session import Session, State, navigation, view_settings
 from s2rtui.session.state import Adjust, Slider, Step
 
 BEFORE = "message of an earlier key"
@@ -34,7 +36,7 @@ def session(tiny_store: Path) -> Session:
 
 
 @pytest.mark.parametrize("is_error", [False, True])
-def test_a_message_is_cleared_by_the_next_change(session: Session, is_error: bool) -> None:
+def test_a_message_is_cleared_by_the_next_change(session, is_error):
     adjust = Adjust("vanilla", ((SLIDER.key, 1.0),), 0, (SLIDER,))
     start = replace(
         session.state, adjust=adjust, past=(Step("all"),), future=(Step("best15"),), viewports=()
@@ -52,14 +54,31 @@ def test_a_message_is_cleared_by_the_next_change(session: Session, is_error: boo
     assert change_count > len(KEYS) / 2
 
 
-def test_an_error_is_kept_when_nothing_changes(session: Session) -> None:
+def test_an_error_is_kept_when_nothing_changes(session):
     session.show_message("an error", is_error=True)
     session.dispatch(view_settings.activate, session.state.view)
     assert (session.state.message, session.state.is_error) == ("an error", True)
 
 
-def test_the_sort_message_is_shown_until_the_next_change(session: Session) -> None:
+def test_the_sort_message_is_shown_until_the_next_change(session):
     KEYS["sort"](session)
     assert session.state.message.startswith("sorted by ")
     KEYS["another view"](session)
     assert session.state.message == ""
+
+
+def test_m_says_that_a_run_has_no_trained_instances(session):
+    state = session.dispatch(navigation.toggle_trained)
+    assert state.message.startswith("nothing to include: ")
+    assert "vanilla" in state.message
+    assert "\n" not in state.message
+    assert "trained" not in state.count
+
+
+def test_headers_of_the_list_are_fields_with_units(session):
+    state = replace(session.state, sort="real.error")
+    columns = VIEW.input(Scene(session.store, state, Resources())).columns
+    titles = [column.title for column in columns]
+    assert titles[1] == "real.error_m"
+    assert {"real.heading_error_deg", "sim.error_m", "gap_m", "shift_m", "heading_deg"} <= {*titles}
+    assert all(column.width >= len(column.title) for column in columns if column.right)

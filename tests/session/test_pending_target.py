@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -91,7 +92,8 @@ class SessionPair:
             if (state := self.deferred.state).pending is None:
                 return
             self.worker = True
-            store_data.read_run(self.deferred.store, state, ActiveRequest())
+            request = SimpleNamespace(is_current=lambda: True)
+            store_data.read_run(self.deferred.store, state, request)
             self.worker = False
             self.deferred.complete_pending()
         raise AssertionError("the load never completes")
@@ -102,13 +104,6 @@ class SessionPair:
             assert getattr(deferred, name) == getattr(synchronous, name), name
         assert np.array_equal(deferred.selected, synchronous.selected)
         assert np.array_equal(deferred.base, synchronous.base)
-
-
-class ActiveRequest:
-    """A load request that is never cancelled."""
-
-    def is_current(self) -> bool:
-        return True
 
 
 @pytest.fixture(scope="module")
@@ -125,30 +120,21 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SessionPair]:
     for session in (sessions.deferred, sessions.direct):
         session.select("real.loss > 0.15")
         session.writable_notebook.save("costly", shared_selection.current_selection(session.state))
-    predicted, neighbours, deferred_store = (
-        column_loader._predicted,
-        nearest_neighbours.neighbours,
-        sessions.deferred.store,
-    )
+    predicted, neighbours = column_loader._predicted, nearest_neighbours.neighbours
+    store = sessions.deferred.store
 
-    def checked_read(loader, *rest):
-        assert (
-            loader is not deferred_store._column_loader
-            or sessions.worker
-            or not sessions.deferred.defers_loading
-        ), rest
-        return predicted(loader, *rest)
+    def checked(read, owner):
+        def checked_read(reader, *rest):
+            may_read = sessions.worker or not sessions.deferred.defers_loading
+            assert reader is not owner or may_read, rest
+            return read(reader, *rest)
 
-    def checked_neighbours(store, *rest):
-        assert (
-            store is not deferred_store or sessions.worker or not sessions.deferred.defers_loading
-        ), rest
-        return neighbours(store, *rest)
+        return checked_read
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pending_target, "SMALL_STORE", 0)
-        patch.setattr(column_loader, "_predicted", checked_read)
-        patch.setattr(nearest_neighbours, "neighbours", checked_neighbours)
+        patch.setattr(column_loader, "_predicted", checked(predicted, store._column_loader))
+        patch.setattr(nearest_neighbours, "neighbours", checked(neighbours, store))
         yield sessions
     for session in (sessions.deferred, sessions.direct):
         session.close()
@@ -161,9 +147,7 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SessionPair]:
         for name in PENDING_ACTIONS
     ],
 )
-def test_each_key_during_a_pending_load_gives_the_synchronous_state(
-    pair: SessionPair, action: str
-) -> None:
+def test_each_key_during_a_pending_load_gives_the_synchronous_state(pair, action):
     for name, key in _ACTIONS.items():
         pair.begin()
         pair.press(PENDING_ACTIONS[action])
@@ -186,9 +170,7 @@ _KEYS = [
     st.sampled_from(sorted(PENDING_ACTIONS)),
     st.lists(st.sampled_from(_KEYS), min_size=2, max_size=5),
 )
-def test_several_keys_during_a_pending_load_give_the_synchronous_state(
-    pair: SessionPair, action: str, names: list[str]
-) -> None:
+def test_several_keys_during_a_pending_load_give_the_synchronous_state(pair, action, names):
     pair.begin()
     pair.press(PENDING_ACTIONS[action])
     for name in names:

@@ -15,7 +15,6 @@ from s2rstore.files.lock_file import LockFile
 from s2rstore.files.locks import file_lock
 from s2rstore.records import Part
 from s2rtui.session import Session, navigation, shared_selection, undo_history
-from s2rtui.session.state import Step
 from s2rtui.user_data import notebook
 from s2rtui.user_data.notebook import Notebook, Notes, SavedSelection
 from tests.support.shared_lines import shared_line
@@ -26,7 +25,7 @@ def session(tiny_store: Path) -> Session:
     return Session(tiny_store, "vanilla", Notebook)
 
 
-def test_undo_and_redo_skip_invalid_expressions(session: Session) -> None:
+def test_undo_and_redo_skip_invalid_expressions(session):
     session.select("best15")
     session.writable_notebook.save("gone", shared_selection.current_selection(session.state))
     session.select("@gone & curved")
@@ -45,17 +44,7 @@ def test_undo_and_redo_skip_invalid_expressions(session: Session) -> None:
     assert "nothing to redo; left out: @gone" in state.message
 
 
-def test_undo_reports_skipped_expressions(session: Session) -> None:
-    session.writable_notebook.toggle_tag([1], "door")
-    session.set_state(replace(session.state, past=(Step("@door", "vanilla"),)))
-    session.writable_notebook.toggle_tag([1], "door")
-    before = session.state.expression
-    state = session.dispatch(undo_history.undo)
-    assert (state.expression, state.past) == (before, ())
-    assert "nothing to undo; left out: @door" in state.message
-
-
-def test_an_invalid_expression_does_not_prevent_a_run_change(session: Session) -> None:
+def test_an_invalid_expression_does_not_prevent_a_run_change(session):
     session.writable_notebook.save("gone", SavedSelection("all", 1, "vanilla", 40))
     session.select("@gone")
     session.writable_notebook.forget("gone")
@@ -87,13 +76,15 @@ MIXED_CONTENT = {
 }
 
 
-def test_unreadable_entries_are_kept_and_readable_ones_used(
-    tiny_store: Path, session: Session
-) -> None:
+def write_notebook(session: Session, **sections: object) -> Path:
     path = session.writable_notebook.path
-    content = {"version": 1, "dataset": "0" * 64, **MIXED_CONTENT}
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(content))
+    path.write_text(json.dumps({"version": 1, "dataset": "0" * 64, **sections}))
+    return path
+
+
+def test_unreadable_entries_are_kept_and_readable_ones_used(tiny_store, session):
+    path = write_notebook(session, **MIXED_CONTENT)
     session = Session(tiny_store, "vanilla", Notebook)
     notes = session.notes
     assert set(notes.selections) == {"good", "later"}
@@ -108,39 +99,29 @@ def test_unreadable_entries_are_kept_and_readable_ones_used(
     session.writable_notebook.forget("good")
     saved = json.loads(path.read_text())
     for section in ("selections", "remarks"):
-        deleted = {"good"} if section == "selections" else set()
-        for key in set(MIXED_CONTENT[section]) - deleted:
-            stored = saved[section][key]
-            original = MIXED_CONTENT[section][key]
+        for key in set(MIXED_CONTENT[section]) - {"good"}:
+            stored, original = saved[section][key], MIXED_CONTENT[section][key]
             assert stored == original or (key == "later" and original.items() <= stored.items())
     assert saved["pinned"] == {"a": 1}
     assert set(Session(tiny_store, notebooks=Notebook).notes.remarks) == {3, 4}
 
 
-def test_unreadable_entries_are_never_overwritten(tiny_store: Path, session: Session) -> None:
-    path = session.writable_notebook.path
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps({"version": 1, "dataset": "0" * 64, **MIXED_CONTENT}))
+def test_unreadable_entries_are_never_overwritten(tiny_store, session):
+    path = write_notebook(session, **MIXED_CONTENT)
     notebook_file = Session(tiny_store, "vanilla", Notebook).writable_notebook
     before = path.read_text()
     with pytest.raises(RequestError, match="unreadable @short"):
         notebook_file.save("short", SavedSelection("all", 1, "vanilla", 40))
-    for change in (
-        lambda: notebook_file.note(5, "x"),
-        lambda: notebook_file.toggle_tag([3, 6], "dark"),
-    ):
-        with pytest.raises(RequestError, match="unreadable remark"):
-            change()
+    with pytest.raises(RequestError, match="unreadable remark"):
+        notebook_file.note(5, "x")
+    with pytest.raises(RequestError, match="unreadable remark"):
+        notebook_file.toggle_tag([3, 6], "dark")
     assert path.read_text() == before
 
 
 @pytest.mark.parametrize("section", ["selections", "remarks", "history"])
-def test_a_section_of_another_type_is_kept(
-    tiny_store: Path, user_data_folder: Path, section: str
-) -> None:
-    path = Session(tiny_store, notebooks=Notebook).writable_notebook.path
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps({"version": 1, "dataset": "0" * 64, section: "odd"}))
+def test_a_section_of_another_type_is_kept(tiny_store, session, section):
+    path = write_notebook(session, **{section: "odd"})
     for _ in range(2):
         session = Session(tiny_store, notebooks=Notebook)
         assert session.notes.unread.count == 1
@@ -148,7 +129,7 @@ def test_a_section_of_another_type_is_kept(
     assert "odd" in json.loads(path.read_text()).values()
 
 
-def test_a_saved_selection_on_other_data_shows_a_message(session: Session, tmp_path: Path) -> None:
+def test_a_saved_selection_on_other_data_shows_a_message(session, tmp_path):
     session.select("worst15")
     session.writable_notebook.save("left hall", shared_selection.current_selection(session.state))
     assert session.select('@"left hall"').message == ""
@@ -156,17 +137,15 @@ def test_a_saved_selection_on_other_data_shows_a_message(session: Session, tmp_p
     assert '@"left hall": evaluated again: 6 on dataaug, generation 2' in message
     assert "saved: 6 on vanilla, generation 2" in message
     session.set_run("vanilla")
-    assert (
-        "generation 2, in a; saved: 6"
-        in session.dispatch(navigation.set_trajectories, ("a",)).message
-    )
+    state = session.dispatch(navigation.set_trajectories, ("a",))
+    assert "generation 2, in a; saved: 6" in state.message
     session.dispatch(navigation.set_trajectories, None)
     session.set_state(replace(session.state, generation=3))
     message = session.select('@"left hall" & curved').message
     assert "6 on vanilla, generation 3; saved: 6 on vanilla, generation 2" in message
 
 
-def test_a_shared_line_restores_its_trajectories(session: Session) -> None:
+def test_a_shared_line_restores_its_trajectories(session):
     session.dispatch(navigation.set_trajectories, ("b",))
     session.select("worst15")
     line = shared_line(session)
@@ -179,13 +158,12 @@ def test_a_shared_line_restores_its_trajectories(session: Session) -> None:
     assert (state.selected == selected).all()
     assert state.message == "trajectories b"
     session.select("all")
-    assert session.dispatch(
-        shared_selection.select_text, line.replace('"b"', '"nowhere"')
-    ).trajectories == ("b",)
+    elsewhere = line.replace('"b"', '"nowhere"')
+    assert session.dispatch(shared_selection.select_text, elsewhere).trajectories == ("b",)
     assert "in nowhere" in session.state.message
 
 
-def test_a_shared_line_of_another_generation_shows_a_message(session: Session) -> None:
+def test_a_shared_line_of_another_generation_shows_a_message(session):
     session.select("worst15")
     line = shared_line(session).replace("generation 2", "generation 7")
     session.select("all")
@@ -195,7 +173,7 @@ def test_a_shared_line_of_another_generation_shows_a_message(session: Session) -
     assert len(state.past) == past + 1
 
 
-def test_waiting_for_a_lock_times_out(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_waiting_for_a_lock_times_out(session, monkeypatch):
     session.writable_notebook.note(3, "first")
     monkeypatch.setattr(notebook, "_LOCK_SECONDS", 0.1)
     with (
@@ -207,9 +185,7 @@ def test_waiting_for_a_lock_times_out(session: Session, monkeypatch: pytest.Monk
     assert session.notes.remarks[3].note == "first"
 
 
-def test_a_lock_that_cannot_be_made_is_reported(
-    session: Session, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_lock_that_cannot_be_made_is_reported(session, monkeypatch):
     def fail_to_create(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -218,9 +194,7 @@ def test_a_lock_that_cannot_be_made_is_reported(
         session.writable_notebook.note(3, "first")
 
 
-def test_a_notebook_whose_lock_was_taken_over_is_not_written(
-    session: Session, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_notebook_whose_lock_was_taken_over_is_not_written(session, monkeypatch):
     session.writable_notebook.note(3, "first")
     path = session.writable_notebook.path
     read = Notebook._read

@@ -89,7 +89,7 @@ def test_the_summary_names_the_worst_room(tmp_path):
     with s2rstore.open(tiny.build(tmp_path / "s.s2r", n=120, trained=tiny.RUNS)) as store:
         worst = worst_room(store, "vanilla")
         medians = store.execute(
-            """SELECT room, median(real_error), count(*) FROM pair
+            """SELECT room, median(real_error_m), count(*) FROM pair
                WHERE run = 'vanilla' AND sim_split = 'test' AND room IS NOT NULL GROUP BY room
                HAVING count(*) >= 5 ORDER BY 2 DESC"""
         )

@@ -123,7 +123,7 @@ def test_plain_duckdb_reads_the_index_with_a_search_path(filed):
         "import duckdb, sys\n"
         "connection = duckdb.connect(sys.argv[1], read_only=True)\n"
         "connection.execute(f\"SET file_search_path = '{sys.argv[2]}'\")\n"
-        "print(connection.execute('SELECT count(*), count(gap) FROM pair').fetchall())\n"
+        "print(connection.execute('SELECT count(*), count(gap_m) FROM pair').fetchall())\n"
         "undescribed = '''SELECT table_name, column_name FROM duckdb_columns() WHERE NOT internal\n"
         "    AND coalesce(comment, '') = '' '''\n"
         "print(connection.execute(undescribed).fetchall())\n"
@@ -461,7 +461,7 @@ def test_queries_of_the_user_reach_nothing_but_the_rows(filed, statement):
 @pytest.mark.parametrize(
     "statement",
     ["FROM room", "SHOW TABLES", "DESCRIBE pair", "EXPLAIN SELECT * FROM pair", "SUMMARIZE frame",
-     "PIVOT room ON room USING count(*)", "SELECT 1; SELECT avg(gap) FROM pair"],
+     "PIVOT room ON room USING count(*)", "SELECT 1; SELECT avg(gap_m) FROM pair"],
 )  # fmt: skip
 def test_queries_that_read_are_possible(filed, statement):
     with s2rstore.open(filed) as store:
@@ -472,7 +472,7 @@ def test_queries_that_read_are_possible(filed, statement):
 
 def test_a_query_for_one_run_reads_its_files_alone(filed):
     with s2rstore.open(filed) as store:
-        text = store.execute("EXPLAIN ANALYZE SELECT avg(gap) FROM pair WHERE run = 'vanilla'")
+        text = store.execute("EXPLAIN ANALYZE SELECT avg(gap_m) FROM pair WHERE run = 'vanilla'")
         assert "Scanning Files: 1/2" in str(text)
         assert f"dataaug/{_file(filed, 'dataaug').name}" not in str(text)
 

@@ -74,7 +74,7 @@ def null_world(build_once: BuildOnce) -> Path:
     return build_once("null-world.s2r", lambda path: world(path, "none"))
 
 
-def test_a_moved_camera_is_found_with_its_values(report: SuggestReport) -> None:
+def test_a_moved_camera_is_found_with_its_values(report):
     assert report.helps
     assert report.factors[0].factor == "camera"
     best = report.answers[report.best]
@@ -87,7 +87,7 @@ def test_a_moved_camera_is_found_with_its_values(report: SuggestReport) -> None:
     assert best.agreement.shift < best.agreement.shift_before
 
 
-def test_the_front_grows_with_the_number_of_changes(report: SuggestReport) -> None:
+def test_the_front_grows_with_the_number_of_changes(report):
     sizes = [len(answer.changes) for answer in report.answers]
     gains = [answer.fitted for answer in report.answers]
     assert sizes == sorted(set(sizes))
@@ -99,9 +99,7 @@ def test_the_front_grows_with_the_number_of_changes(report: SuggestReport) -> No
     )
 
 
-def test_the_gain_on_the_fit_is_that_of_the_values_shown(
-    camera_world: Path, report: SuggestReport
-) -> None:
+def test_the_gain_on_the_fit_is_that_of_the_values_shown(camera_world, report):
     with s2rstore.open(camera_world) as store:
         match = SimulatorMatch(store, store.run("r"), *split_instances(store, "r", 8, 16))
         start = match.whole_cost({})
@@ -123,7 +121,7 @@ class _Bowl:
         return {name: {"a": 0.5, "b": 0.0}[name] for name in values}
 
 
-def test_candidates_are_compared_by_their_refined_values_on_whole_frames() -> None:
+def test_candidates_are_compared_by_their_refined_values_on_whole_frames():
     sliders = {name: Slider(name, name, "m", 0.0, -1.0, 1.0, 3) for name in "ab"}
     searched = SearchResult(9.0)
     searched.candidates = {
@@ -139,27 +137,25 @@ def test_candidates_are_compared_by_their_refined_values_on_whole_frames() -> No
 
 
 @pytest.mark.parametrize(("side", "reason"), [("sim", "do not differ"), ("real", "no gap")])
-def test_nothing_helps_in_a_world_without_factors(null_world: Path, side, reason) -> None:
+def test_nothing_helps_in_a_world_without_factors(null_world, side, reason):
     report = searched(null_world, side=side)
     assert not report.helps
     assert report.answers == ()
     assert reason in report.reason
 
 
-def test_a_price_that_no_change_gains_leaves_nothing(camera_world: Path) -> None:
+def test_a_price_that_no_change_gains_leaves_nothing(camera_world):
     report = searched(camera_world, price=0.99, changes=1, evaluations=10)
     assert not report.helps
     assert "price" in report.reason
 
 
-def test_a_report_survives_its_json(report: SuggestReport) -> None:
+def test_a_report_survives_its_json(report):
     text = json.dumps(report.as_json(), allow_nan=False)
     assert from_json(json.loads(text)).as_json() == report.as_json()
 
 
-def test_a_stored_report_is_read_until_the_run_changes(
-    camera_world: Path, report: SuggestReport, tmp_path: Path
-) -> None:
+def test_a_stored_report_is_read_until_the_run_changes(camera_world, report, tmp_path):
     path = copy_store(camera_world, tmp_path / "own.s2r")
     save_report(path, report)
     with s2rstore.open(path) as store:
@@ -174,8 +170,8 @@ def test_a_stored_report_is_read_until_the_run_changes(
 
 
 def test_the_printed_command_and_apply_register_the_same_run(
-    camera_world: Path, report: SuggestReport, tmp_path: Path, capsys
-) -> None:
+    camera_world, report, tmp_path, capsys
+):
     path = copy_store(camera_world, tmp_path / "own.s2r")
     with s2rstore.open(path) as store:
         command = report.answers[-1].command(str(path), store.run("r"), "sim", "typed")
@@ -189,7 +185,7 @@ def test_the_printed_command_and_apply_register_the_same_run(
         apply_answer(path, report, 9, "more")
 
 
-def test_the_command_prints_stores_draws_and_applies(null_world: Path, tmp_path: Path, capsys):
+def test_the_command_prints_stores_draws_and_applies(null_world, tmp_path, capsys):
     path, figure = copy_store(null_world, tmp_path / "own.s2r"), tmp_path / "front.png"
     arguments = ["suggest", str(path), "--for", "sim", "--frames", "8"]
     assert main([*arguments, "--figure", str(figure)]) == 3
@@ -206,7 +202,7 @@ def test_the_command_prints_stores_draws_and_applies(null_world: Path, tmp_path:
     assert "suggested change" in kinds
 
 
-def test_the_finding_states_the_answer(camera_world: Path, report, tmp_path: Path, capsys) -> None:
+def test_the_finding_states_the_answer(camera_world, report, tmp_path, capsys):
     path = copy_store(camera_world, tmp_path / "own.s2r")
     save_report(path, report)
     assert main(["findings", str(path), "--json"]) == 0
@@ -222,7 +218,7 @@ def test_the_finding_states_the_answer(camera_world: Path, report, tmp_path: Pat
     assert any("suggest" in line for line in json.loads(capsys.readouterr().out)["missing"])
 
 
-def test_sliders_start_at_the_values_of_the_run(camera_world: Path) -> None:
+def test_sliders_start_at_the_values_of_the_run(camera_world):
     with s2rstore.open(camera_world) as store:
         run = store.run("r")
         real = {slider.name for slider in sliders_of(store, run, "real")}
@@ -256,12 +252,12 @@ def test_sliders_start_at_the_values_of_the_run(camera_world: Path) -> None:
         (["--run", "nobody"], "nobody"),
     ],
 )
-def test_invalid_options_name_the_argument(tiny_store: Path, options, message, capsys) -> None:
+def test_invalid_options_name_the_argument(tiny_store, options, message, capsys):
     assert main(["suggest", str(tiny_store), "--no-keep", *options]) == 2
     assert message in capsys.readouterr().err
 
 
-def test_times_and_shares_are_parsed() -> None:
+def test_times_and_shares_are_parsed():
     assert [parse_duration(text) for text in ("90s", "5m", "1.5h")] == [90.0, 300.0, 5400.0]
     assert [parse_share(text) for text in ("2%", "0.02", "0")] == [0.02, 0.02, 0.0]
 
@@ -285,7 +281,7 @@ class _Clock:
 
 
 @pytest.mark.parametrize("budget", [60.0, 100.0])
-def test_the_budget_is_kept(camera_world: Path, monkeypatch, budget: float) -> None:
+def test_the_budget_is_kept(camera_world, monkeypatch, budget):
     clock = _Clock(monkeypatch)
     settings = SuggestSettings("sim", budget=budget, frames=8, judged=16, changes=2)
     report = suggest(camera_world, "r", settings, SilentReporter(), clock)
@@ -294,7 +290,7 @@ def test_the_budget_is_kept(camera_world: Path, monkeypatch, budget: float) -> N
     assert report.answers
 
 
-def test_a_step_that_would_end_too_late_does_not_fit() -> None:
+def test_a_step_that_would_end_too_late_does_not_fit():
     now = [0.0]
     budget = TimeBudget(10.0, lambda: now[0])
     for taken in (4.0, 1.0, 2.0):

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
+from typing import Any
 
 from textual.pilot import Pilot
 
@@ -20,13 +23,25 @@ def make_app(
     folder: Path | None = None,
     restricted: bool = False,
     with_trained: bool = False,
+    run: str | None = None,
 ) -> S2RApp:
     """The application of a store, which loads data at once; exports are written to `folder`."""
-    session = Session(store, notebooks=Notebook, with_trained=with_trained)
+    session = Session(store, run, Notebook, with_trained=with_trained)
     access = Permissions.for_store(store, restricted)
     app = S2RApp(session, options or RenderOptions(), folder, access)
     app.load_scheduler.debounce_seconds = 0.001
     return app
+
+
+@asynccontextmanager
+async def running(
+    store: Path, *arguments: Any, size: tuple[int, int] = (120, 40), **options: Any
+) -> AsyncIterator[tuple[S2RApp, Pilot[None]]]:
+    """Run the application of `make_app`; its data is loaded and drawn."""
+    app = make_app(store, *arguments, **options)
+    async with app.run_test(size=size) as pilot:
+        await settle(app, pilot)
+        yield app, pilot
 
 
 async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:

@@ -28,9 +28,7 @@ SPACE = space_of(
         ("drag", 0.001, -0.02, 0.02, False),
     ],
 )
-def test_estimates_at_a_range_limit_are_reported(
-    name: str, value: float, low: float, high: float, reached: bool
-) -> None:
+def test_estimates_at_a_range_limit_are_reported(name, value, low, high, reached):
     index = SPACE.names.index(name)
     cube, limits = np.full(3, 0.5), np.array([[0.4] * 3, [0.6] * 3])
     cube[index], limits[0, index], limits[1, index] = value, low, high

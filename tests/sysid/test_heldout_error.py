@@ -17,7 +17,7 @@ def comparison_of(gains: list[list[float]], heading: float = 0.0) -> HeldOut:
 
 
 @pytest.mark.parametrize("drives", [2, 3, 10])
-def test_windows_of_one_drive_are_one_unit(drives: int) -> None:
+def test_windows_of_one_drive_are_one_unit(drives):
     rng = np.random.default_rng(1)
     offsets = rng.normal(0.02, 0.1, drives)
     few_windows = comparison_of([[offset] * 4 for offset in offsets])
@@ -28,19 +28,19 @@ def test_windows_of_one_drive_are_one_unit(drives: int) -> None:
     assert width > 2 * spread
 
 
-def test_one_worse_drive_prevents_acceptance() -> None:
+def test_one_worse_drive_prevents_acceptance():
     assert comparison_of([[0.1] * 20, [0.1] * 20]).helps
     assert not comparison_of([[0.1] * 20, [-0.02] * 20]).helps
 
 
-def test_a_worse_heading_prevents_acceptance() -> None:
+def test_a_worse_heading_prevents_acceptance():
     gains = [[0.1, 0.2]] * 3
     assert comparison_of(gains, heading=-0.5).helps
     assert comparison_of(gains, heading=0.01).helps
     assert not comparison_of(gains, heading=0.1).helps
 
 
-def test_intervals_over_many_drives_have_the_nominal_coverage() -> None:
+def test_intervals_over_many_drives_have_the_nominal_coverage():
     rng = np.random.default_rng(2)
     covered = 0
     for _ in range(200):
@@ -50,7 +50,7 @@ def test_intervals_over_many_drives_have_the_nominal_coverage() -> None:
     assert covered >= 180
 
 
-def test_grouped_replicates_weight_all_windows_equally() -> None:
+def test_grouped_replicates_weight_all_windows_equally():
     groups = [np.full(30, 1.0), np.full(10, 0.0)]
     replicates = grouped_mean_replicates(groups, 4000, np.random.default_rng(3))
     assert set(np.round(replicates, 6)) == {0.0, 0.75, 1.0}

@@ -18,32 +18,32 @@ DEFAULTS = Planar().defaults()
 TRUTH = {**DEFAULTS, "latency": 0.02 + 0.8 * SEVERITIES["latency"][1], "mass": 16.0}
 
 
-def test_parameters_are_identified_within_one_percent(identified: Identification) -> None:
+def test_parameters_are_identified_within_one_percent(identified):
     for name in ("mass", "friction", "damping"):
         assert identified.values[name] == pytest.approx(TRUTH[name], rel=0.01)
     assert identified.values["latency"] == pytest.approx(TRUTH["latency"], abs=1e-3)
 
 
-def test_intervals_contain_the_estimate_and_mostly_the_truth(identified: Identification) -> None:
+def test_intervals_contain_the_estimate_and_mostly_the_truth(identified):
     estimates = [estimate for estimate in identified.estimates if estimate.name in TRUTH]
     assert all(estimate.low < estimate.value < estimate.high for estimate in estimates)
     assert sum(estimate.low <= TRUTH[estimate.name] <= estimate.high for estimate in estimates) >= 4
 
 
-def test_the_fit_predicts_held_out_drives_better(identified: Identification) -> None:
+def test_the_fit_predicts_held_out_drives_better(identified):
     assert identified.error.helps
     assert identified.error.fitted[0] < 0.5 * identified.error.untuned[0]
     assert not set(identified.fitted) & set(identified.held_out)
 
 
-def test_the_residuals_are_the_sensor_noise(identified: Identification) -> None:
+def test_the_residuals_are_the_sensor_noise(identified):
     assert identified.problem.sigma[0] == pytest.approx(0.002, rel=0.1)
     assert identified.problem.sigma[2] == pytest.approx(0.003, rel=0.1)
     assert not identified.structure.mismatch
     assert identified.warnings == ()
 
 
-def test_a_structural_mismatch_is_reported(identified_unequal_wheels: Identification) -> None:
+def test_a_structural_mismatch_is_reported(identified_unequal_wheels):
     assert identified_unequal_wheels.structure.mismatch
     assert any(
         estimate.systematic
@@ -60,9 +60,7 @@ def test_a_structural_mismatch_is_reported(identified_unequal_wheels: Identifica
     assert any("wheels = 0.0" in line for line in identified_unequal_wheels.warnings)
 
 
-def test_no_mismatch_remains_once_the_parameter_is_searched(
-    drive_folder: Callable[..., DriveFolder],
-) -> None:
+def test_no_mismatch_remains_once_the_parameter_is_searched(drive_folder):
     names = ("mass", "friction", "damping", "drag", "wheels")
     drives = drive_folder(latency=0.8, wheels=1.0)[1]
     result = identify(drives, dataclasses.replace(QUICK, parameters=names), StepCounter())
@@ -80,16 +78,12 @@ def short(drive_folder: Callable[..., DriveFolder]) -> tuple[Identification, Ste
     return identify(drive_folder(latency=0.8, mass=1.0)[1], SHORT, reporter), reporter
 
 
-def test_identification_is_deterministic(
-    drive_folder: Callable[..., DriveFolder], short: tuple[Identification, StepCounter]
-) -> None:
+def test_identification_is_deterministic(drive_folder, short):
     repeated = identify(drive_folder(latency=0.8, mass=1.0)[1], SHORT, StepCounter())
     assert record(repeated) == record(short[0])
 
 
-def test_unknown_torques_give_ratios_and_a_warning(
-    drive_folder: Callable[..., DriveFolder],
-) -> None:
+def test_unknown_torques_give_ratios_and_a_warning(drive_folder):
     result = identify(drive_folder(efforts=True, latency=0.8, mass=1.0)[1], QUICK, StepCounter())
     values = {estimate.name: estimate.value for estimate in result.estimates}
     assert values["gain/mass"] == pytest.approx(1 / 16, rel=0.01)
@@ -99,16 +93,16 @@ def test_unknown_torques_give_ratios_and_a_warning(
     assert any("the wheel torques are unknown" in line for line in result.warnings)
 
 
-def test_the_progress_reaches_its_total(short: tuple[Identification, StepCounter]) -> None:
+def test_the_progress_reaches_its_total(short):
     assert short[1].done == short[1].total == 20
 
 
-def test_too_few_drives_are_inconclusive(drive_folder: Callable[..., DriveFolder]) -> None:
+def test_too_few_drives_are_inconclusive(drive_folder):
     with pytest.raises(InconclusiveError, match="4 drives, 1 of them held out"):
         identify(drive_folder(latency=0.8, mass=1.0)[1][:4], QUICK, StepCounter())
 
 
-def test_drives_without_commands_are_rejected(drive_folder: Callable[..., DriveFolder]) -> None:
+def test_drives_without_commands_are_rejected(drive_folder):
     drives = [
         dataclasses.replace(drive, commands=None)
         for drive in drive_folder(latency=0.8, mass=1.0)[1]
@@ -117,9 +111,7 @@ def test_drives_without_commands_are_rejected(drive_folder: Callable[..., DriveF
         identify(drives, QUICK, StepCounter())
 
 
-def test_commands_with_other_channels_are_rejected(
-    drive_folder: Callable[..., DriveFolder],
-) -> None:
+def test_commands_with_other_channels_are_rejected(drive_folder):
     drives = list(drive_folder(latency=0.8, mass=1.0)[1])
     commands = drives[3].commands
     assert commands is not None
@@ -129,9 +121,7 @@ def test_commands_with_other_channels_are_rejected(
         identify(drives, QUICK, StepCounter())
 
 
-def test_windows_longer_than_the_logs_are_inconclusive(
-    drive_folder: Callable[..., DriveFolder],
-) -> None:
+def test_windows_longer_than_the_logs_are_inconclusive(drive_folder):
     settings = dataclasses.replace(QUICK, window=30.0)
     with pytest.raises(InconclusiveError, match="no window of 30 s"):
         identify(drive_folder(latency=0.8, mass=1.0)[1], settings, StepCounter())

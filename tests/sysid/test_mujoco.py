@@ -24,7 +24,7 @@ def commands(seed: int = 0) -> Commands:
     return Commands(0.05 * np.arange(80), channels, 0.05, "", "")
 
 
-def test_the_path_equals_the_planar_robot_except_for_tyre_slip() -> None:
+def test_the_path_equals_the_planar_robot_except_for_tyre_slip():
     start = np.array([1.0, -0.5, 2.0, 0.3, 0.2])
     mujoco = SIMULATORS["mujoco"]().simulate({}, commands(), start, TIMES)
     planar = Planar().simulate({"drag": 0.0}, commands(), start, TIMES)
@@ -34,7 +34,7 @@ def test_the_path_equals_the_planar_robot_except_for_tyre_slip() -> None:
 
 
 @pytest.mark.parametrize("name", ["mass", "friction", "damping", "gain"])
-def test_each_parameter_has_the_effect_of_the_planar_robot(name: str) -> None:
+def test_each_parameter_has_the_effect_of_the_planar_robot(name):
     distance_changes = {}
     for simulator in (SIMULATORS["mujoco"](), Planar()):
         base = {"drag": 0.0} if simulator.name == "planar" else {}
@@ -44,7 +44,7 @@ def test_each_parameter_has_the_effect_of_the_planar_robot(name: str) -> None:
     assert distance_changes["mujoco"] == pytest.approx(distance_changes["planar"], rel=0.1)
 
 
-def test_gyration_has_the_effect_of_the_planar_robot() -> None:
+def test_gyration_has_the_effect_of_the_planar_robot():
     half = np.full(20, 0.4)
     turning = Commands(0.05 * np.arange(20), {"left_torque": -half, "right_torque": half}, 0.05,
                        "", "")  # fmt: skip
@@ -56,14 +56,14 @@ def test_gyration_has_the_effect_of_the_planar_robot() -> None:
         assert mujoco == pytest.approx(planar, rel=0.05)
 
 
-def test_a_robot_at_rest_does_not_move() -> None:
+def test_a_robot_at_rest_does_not_move():
     zero_torques = {"left_torque": np.zeros(2), "right_torque": np.zeros(2)}
     no_commands = Commands(np.array([0.0, 1.0]), zero_torques, 1.0, "", "")
     states = SIMULATORS["mujoco"]().simulate({}, no_commands, np.array([1, 2, 3.0, 0, 0]), TIMES)
     np.testing.assert_allclose(states, np.tile([1, 2, 3.0, 0, 0], (len(TIMES), 1)), atol=1e-6)
 
 
-def test_latency_is_resolved_below_the_time_step() -> None:
+def test_latency_is_resolved_below_the_time_step():
     simulator = SIMULATORS["mujoco"]()
     push = {"left_torque": np.full(2, 0.4), "right_torque": np.full(2, 0.4)}
     commands_pushed = Commands(np.array([0.0, 5.0]), push, 0.05, "", "")
@@ -78,7 +78,7 @@ def test_latency_is_resolved_below_the_time_step() -> None:
     assert steps[0] == pytest.approx(steps[2] / 3, rel=0.2)
 
 
-def test_its_least_squares_solver_finds_the_minimum() -> None:
+def test_its_least_squares_solver_finds_the_minimum():
     target, slope = np.array([0.3, 0.7]), np.random.default_rng(1).normal(size=(20, 2))
     solution = SIMULATORS["mujoco"]().polish(
         lambda columns: slope @ (columns - target[:, None]),
@@ -88,7 +88,7 @@ def test_its_least_squares_solver_finds_the_minimum() -> None:
     np.testing.assert_allclose(solution, target, atol=1e-4)
 
 
-def test_a_missing_mujoco_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_mujoco_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(RequestError, match=r"s2rtui\[mujoco\]"):
         SIMULATORS["mujoco"]()

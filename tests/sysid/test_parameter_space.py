@@ -16,7 +16,7 @@ points = st.lists(st.floats(0.0, 1.0), min_size=5, max_size=5).map(np.array)
 
 @pytest.mark.parametrize("known", [True, False])
 @given(point=points)
-def test_natural_values_stay_in_range_and_convert_back(known: bool, point: np.ndarray) -> None:
+def test_natural_values_stay_in_range_and_convert_back(known, point):
     space = space_of(Planar(), None, {}, known)
     natural = space.natural(point)
     for parameter, value in zip(space.parameters, natural, strict=True):
@@ -25,25 +25,25 @@ def test_natural_values_stay_in_range_and_convert_back(known: bool, point: np.nd
     np.testing.assert_allclose(converted, point, atol=1e-9)
 
 
-def test_the_start_is_the_default_of_the_simulator() -> None:
+def test_the_start_is_the_default_of_the_simulator():
     for known in (True, False):
         space = space_of(Planar(), None, {}, known)
         values = space.values(space.start())
         assert values == pytest.approx(Planar().defaults())
 
 
-def test_the_latency_is_always_searched() -> None:
+def test_the_latency_is_always_searched():
     assert space_of(Planar(), ("mass",), {}, True).names == ("mass", "latency")
     with pytest.raises(RequestError, match="latency: always searched"):
         space_of(Planar(), None, {"latency": 0.1}, True)
 
 
-def test_structural_parameters_are_not_searched_unless_named() -> None:
+def test_structural_parameters_are_not_searched_unless_named():
     assert "wheels" not in space_of(Planar(), None, {}, True).names
     assert "wheels" in space_of(Planar(), ("mass", "wheels"), {}, True).names
 
 
-def test_unknown_torques_give_ratios_to_the_mass() -> None:
+def test_unknown_torques_give_ratios_to_the_mass():
     space = space_of(Planar(), ("mass", "damping"), {}, False)
     assert space.names == ("gain/mass", "damping/mass", "latency")
     assert space.lumped
@@ -61,8 +61,6 @@ def test_unknown_torques_give_ratios_to_the_mass() -> None:
         (None, {"track": 9.0}, "track=9: out of its range"),
     ],
 )
-def test_invalid_names_and_values_are_reported(
-    names: tuple[str, ...] | None, fixed: dict[str, float], line: str
-) -> None:
+def test_invalid_names_and_values_are_reported(names, fixed, line):
     with pytest.raises(RequestError, match=line):
         space_of(Planar(), names, fixed, True)

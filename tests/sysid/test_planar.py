@@ -43,7 +43,7 @@ def parameter_values(choice: list[float]) -> dict[str, float]:
 
 
 @given(st.lists(shares, min_size=8, max_size=8), speeds, st.floats(-6.0, 6.0))
-def test_energy_decays_without_torque(choice: list[float], speed: float, turn: float) -> None:
+def test_energy_decays_without_torque(choice, speed, turn):
     values = parameter_values(choice)
     no_commands = torque_commands(np.zeros(2), np.zeros(2))
     states = SIMULATOR.simulate(values, no_commands, np.array([0, 0, 0.3, speed, turn]), TIMES)
@@ -54,7 +54,7 @@ def test_energy_decays_without_torque(choice: list[float], speed: float, turn: f
 
 
 @given(st.lists(shares, min_size=8, max_size=8))
-def test_a_robot_at_rest_without_commands_does_not_move(choice: list[float]) -> None:
+def test_a_robot_at_rest_without_commands_does_not_move(choice):
     start = np.array([1.0, -2.0, 0.7, 0.0, 0.0])
     states = SIMULATOR.simulate(
         parameter_values(choice), torque_commands(np.zeros(9), np.zeros(9)), start, TIMES
@@ -62,7 +62,7 @@ def test_a_robot_at_rest_without_commands_does_not_move(choice: list[float]) -> 
     np.testing.assert_array_equal(states, np.tile(start, (len(TIMES), 1)))
 
 
-def test_equal_torques_drive_straight() -> None:
+def test_equal_torques_drive_straight():
     torque = random_commands(1).channels["left_torque"]
     states = SIMULATOR.simulate(
         {}, torque_commands(torque, torque), np.array([0, 0, 0.5, 0, 0]), TIMES
@@ -73,7 +73,7 @@ def test_equal_torques_drive_straight() -> None:
     assert np.abs(states[:, 0]).max() > 0.5
 
 
-def test_swapping_the_wheels_mirrors_the_path() -> None:
+def test_swapping_the_wheels_mirrors_the_path():
     commands = random_commands(2)
     left, right = commands.channels.values()
     first = SIMULATOR.simulate({"wheels": 0.05}, torque_commands(left, right), np.zeros(5), TIMES)
@@ -81,7 +81,7 @@ def test_swapping_the_wheels_mirrors_the_path() -> None:
     np.testing.assert_allclose(first, second * [1, -1, -1, 1, -1], atol=1e-10)
 
 
-def test_unequal_wheels_turn_the_robot_symmetrically() -> None:
+def test_unequal_wheels_turn_the_robot_symmetrically():
     constant_torque = np.full(100, 0.5)
     states = [
         SIMULATOR.simulate(
@@ -94,9 +94,7 @@ def test_unequal_wheels_turn_the_robot_symmetrically() -> None:
 
 
 @given(st.floats(0.0, 0.12), st.floats(0.0, 0.12), st.integers(0, 50))
-def test_latency_shifts_the_response_by_exactly_that_time(
-    first: float, second: float, seed: int
-) -> None:
+def test_latency_shifts_the_response_by_exactly_that_time(first, second, seed):
     commands = random_commands(seed)
     first_states = SIMULATOR.simulate({"latency": first}, commands, np.zeros(5), TIMES)
     shifted = TIMES + (second - first)
@@ -105,7 +103,7 @@ def test_latency_shifts_the_response_by_exactly_that_time(
     np.testing.assert_allclose(first_states, second_states, atol=1e-9)
 
 
-def test_halving_the_step_reduces_the_error() -> None:
+def test_halving_the_step_reduces_the_error():
     commands = random_commands(3)
     exact = Planar(0.0002).simulate({}, commands, np.zeros(5), TIMES)
     errors = [
@@ -117,7 +115,7 @@ def test_halving_the_step_reduces_the_error() -> None:
     assert errors[2] < 2e-3
 
 
-def test_constant_torque_without_friction_approaches_the_terminal_speed() -> None:
+def test_constant_torque_without_friction_approaches_the_terminal_speed():
     values = {"friction": 0.05, "drag": 0.0, "damping": 20.0, "mass": 5.0}
     constant_torque = np.full(200, 0.5)
     speed = SIMULATOR.simulate(
@@ -128,7 +126,7 @@ def test_constant_torque_without_friction_approaches_the_terminal_speed() -> Non
     np.testing.assert_allclose(speed, expected, atol=4e-3)
 
 
-def test_batched_replays_equal_separate_simulations() -> None:
+def test_batched_replays_equal_separate_simulations():
     commands_of_drives = [random_commands(4), random_commands(5, 80)]
     segments = [(1, TIMES[40:90]), (0, TIMES[7:50]), (0, TIMES[100:103])]
     starts = np.random.default_rng(0).normal(0, 0.5, (3, 5))
@@ -141,7 +139,7 @@ def test_batched_replays_equal_separate_simulations() -> None:
     np.testing.assert_array_equal(batch, np.concatenate(separate))
 
 
-def test_efforts_are_torques_times_the_gain() -> None:
+def test_efforts_are_torques_times_the_gain():
     commands = random_commands(6)
     left, right = commands.channels.values()
     efforts = {"left_effort": left / 2.5, "right_effort": right / 2.5}
@@ -153,7 +151,7 @@ def test_efforts_are_torques_times_the_gain() -> None:
 
 
 @given(st.floats(0.3, 4.0))
-def test_scaling_all_shared_parameters_has_no_effect(scale: float) -> None:
+def test_scaling_all_shared_parameters_has_no_effect(scale):
     commands = random_commands(7)
     values = {name: SIMULATOR.defaults()[name] for name in SIMULATOR.shared}
     first = SIMULATOR.simulate(values, commands, np.zeros(5), TIMES)

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from s2rstore.errors import RequestError
-from s2rtools.sysid import Identification, report
+from s2rtools.sysid import report
 from s2rtools.sysid.convergence_plot import convergence_figure
 from s2rtui.cli import main
-from tests.sysid.conftest import DriveFolder
 
 FAST = ["--seeds", "1", "--evaluations", "60"]
 
 
-def test_result_files_agree_and_no_others_are_written(
-    identified: Identification, tmp_path: Path
-) -> None:
+def test_result_files_agree_and_no_others_are_written(identified, tmp_path):
     result = report.write(tmp_path / "out", identified, None)
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert names == {"sysid.json", "sysid.txt", "convergence.png"}
@@ -28,21 +24,19 @@ def test_result_files_agree_and_no_others_are_written(
     assert all(estimate.name in text for estimate in identified.estimates)
 
 
-def test_the_table_contains_warnings(identified_unequal_wheels: Identification) -> None:
+def test_the_table_contains_warnings(identified_unequal_wheels):
     assert "warning: structural mismatch" in report.table(
         report.result_json(identified_unequal_wheels, None)
     )
 
 
-def test_the_convergence_figure_is_deterministic(identified: Identification) -> None:
+def test_the_convergence_figure_is_deterministic(identified):
     first, second = (convergence_figure(identified.traces, "title") for _ in range(2))
     assert first == second
     assert first.startswith(b"\x89PNG")
 
 
-def test_the_command_writes_and_prints(
-    drive_folder: Callable[..., DriveFolder], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_writes_and_prints(drive_folder, tmp_path, capsys):
     drives = drive_folder(latency=0.8, mass=1.0)[0]
     out = tmp_path / "out"
     ranges = ["--range", "latency=0..0.6", "--range", "mass=4..30:linear"]
@@ -68,12 +62,8 @@ def test_the_command_writes_and_prints(
     ],
 )
 def test_invalid_requests_exit_with_2_and_write_nothing(
-    drive_folder: Callable[..., DriveFolder],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    options: list[str],
-    line: str,
-) -> None:
+    drive_folder, tmp_path, capsys, options, line
+):
     drives, out = drive_folder(latency=0.8, mass=1.0)[0], tmp_path / "out"
     assert main(["sysid", str(drives), "--out", str(out), *FAST, *options]) == 2
     error = capsys.readouterr().err.strip().splitlines()
@@ -81,15 +71,13 @@ def test_invalid_requests_exit_with_2_and_write_nothing(
     assert not out.exists()
 
 
-def test_a_missing_folder_and_a_file_as_folder_exit_with_2(tmp_path: Path) -> None:
+def test_a_missing_folder_and_a_file_as_folder_exit_with_2(tmp_path):
     (tmp_path / "file").write_text("")
     assert main(["sysid", str(tmp_path / "no"), "--out", str(tmp_path / "out")]) == 2
     assert main(["sysid", str(tmp_path), "--out", str(tmp_path / "file")]) == 2
 
 
-def test_undetermined_parameters_exit_with_3(
-    drive_folder: Callable[..., DriveFolder], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_undetermined_parameters_exit_with_3(drive_folder, tmp_path, capsys):
     drives, out = drive_folder(latency=0.8, mass=1.0)[0], tmp_path / "out"
     options = ["--parameters", "mass,gain,friction,damping,drag", *FAST]
     assert main(["sysid", str(drives), "--out", str(out), *options]) == 3
@@ -114,10 +102,7 @@ def test_undetermined_parameters_exit_with_3(
     (["wheels=-2..2"], "must lie within -1 .. 1"),
     (["track=0.1..0.2"], "track: not searched"),
 ])  # fmt: skip
-def test_invalid_ranges_are_reported_first(
-    drive_folder: Callable[..., DriveFolder], tmp_path: Path, capsys: pytest.CaptureFixture[str],
-    options: list[str], line: str,
-) -> None:  # fmt: skip
+def test_invalid_ranges_are_reported_first(drive_folder, tmp_path, capsys, options, line):
     drives, out = drive_folder(latency=0.8, mass=1.0)[0], tmp_path / "out"
     range_options = [word for limit in options for word in ("--range", limit)]
     assert main(["sysid", str(drives), "--out", str(out), *FAST, *range_options]) == 2
@@ -127,9 +112,7 @@ def test_invalid_ranges_are_reported_first(
     assert not out.exists()
 
 
-def test_a_too_narrow_range_exits_with_3(
-    drive_folder: Callable[..., DriveFolder], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_too_narrow_range_exits_with_3(drive_folder, tmp_path, capsys):
     drives, out = drive_folder(latency=0.8, mass=1.0)[0], tmp_path / "out"
     command = ["sysid", str(drives), "--out", str(out), *FAST, "--range", "latency=0..0.05"]
     assert main(command) == 3
@@ -142,9 +125,7 @@ def test_a_too_narrow_range_exits_with_3(
     assert any("end of the range 0 .. 0.05 s" in line for line in result["warnings"])
 
 
-def test_the_topic_is_passed_to_the_bag_reader(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_topic_is_passed_to_the_bag_reader(tmp_path, monkeypatch):
     from s2rtools import motion_logs
 
     calls = []
@@ -159,10 +140,7 @@ def test_the_topic_is_passed_to_the_bag_reader(
     assert calls == [(tmp_path, "/odom")]
 
 
-def test_coarse_logs_skip_only_the_residual_network(
-    drive_folder: Callable[..., DriveFolder], tmp_path: Path, capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+def test_coarse_logs_skip_only_the_residual_network(drive_folder, tmp_path, capsys, monkeypatch):
     from s2rtools.sysid import residual_training
 
     monkeypatch.setattr(residual_training, "STEP", 0.001)
@@ -174,9 +152,7 @@ def test_coarse_logs_skip_only_the_residual_network(
     assert "residual" not in result
 
 
-def test_too_few_drives_exit_with_3_and_write_nothing(
-    drive_folder: Callable[..., DriveFolder], tmp_path: Path
-) -> None:
+def test_too_few_drives_exit_with_3_and_write_nothing(drive_folder, tmp_path):
     drives, out = drive_folder(latency=0.8, mass=1.0)[0], tmp_path / "out"
     assert main(["sysid", str(drives), "--out", str(out), "--held-out", "6"]) == 3
     assert not out.exists()

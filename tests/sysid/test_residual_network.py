@@ -8,13 +8,12 @@ import json
 import numpy as np
 import torch
 
-from s2rtools.sysid import Identification
 from s2rtools.sysid.residual_network import ResidualNetwork
 from s2rtools.sysid.residual_training import _stretches, learn
 from tests.sysid.conftest import StepCounter
 
 
-def test_an_untrained_network_equals_the_simulator(identified: Identification) -> None:
+def test_an_untrained_network_equals_the_simulator(identified):
     segments = _stretches(identified.everything, identified.cube)
     correction = ResidualNetwork(segments, 1)
     np.testing.assert_allclose(
@@ -22,22 +21,20 @@ def test_an_untrained_network_equals_the_simulator(identified: Identification) -
     )
 
 
-def test_the_network_is_rejected_if_only_noise_remains(identified: Identification) -> None:
+def test_the_network_is_rejected_if_only_noise_remains(identified):
     residual = learn(identified, StepCounter(), epochs=40)
     assert not residual.accepted
     assert "does not help" in residual.sentence
 
 
-def test_the_network_is_accepted_for_a_structural_mismatch(
-    identified_unequal_wheels: Identification,
-) -> None:
+def test_the_network_is_accepted_for_a_structural_mismatch(identified_unequal_wheels):
     residual = learn(identified_unequal_wheels, StepCounter(), epochs=120)
     assert residual.accepted
     assert residual.error.low > 0
     assert residual.error.fitted[0] < 0.8 * residual.error.untuned[0]
 
 
-def test_a_single_held_out_drive_is_not_enough(identified_unequal_wheels: Identification) -> None:
+def test_a_single_held_out_drive_is_not_enough(identified_unequal_wheels):
     residual = learn(identified_unequal_wheels, StepCounter(), epochs=3)
     better = dataclasses.replace(residual.error, low=0.01, fitted=residual.error.untuned)
     assert dataclasses.replace(residual, error=better).accepted
@@ -46,9 +43,7 @@ def test_a_single_held_out_drive_is_not_enough(identified_unequal_wheels: Identi
     assert "needs 2 held-out drives" in single_drive.sentence
 
 
-def test_weights_are_safetensors_with_a_description_of_inputs(
-    identified_unequal_wheels: Identification,
-) -> None:
+def test_weights_are_safetensors_with_a_description_of_inputs(identified_unequal_wheels):
     from safetensors.torch import load
 
     first, second = (

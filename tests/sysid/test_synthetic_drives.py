@@ -19,14 +19,14 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
-def test_drives_are_deterministic_per_seed(tmp_path: Path) -> None:
+def test_drives_are_deterministic_per_seed(tmp_path):
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
         make_drives(tmp_path / name, seed, {"latency": 1.0}, SHORT)
     assert contents(tmp_path / "a") == contents(tmp_path / "b")
     assert contents(tmp_path / "a") != contents(tmp_path / "c")
 
 
-def test_without_severity_only_the_measurement_noise_differs(tmp_path: Path) -> None:
+def test_without_severity_only_the_measurement_noise_differs(tmp_path):
     for drive in make_drives(tmp_path, 5, {"latency": 0.0, "wheels": 0.0}, SHORT):
         differences = np.concatenate([drive.real.x - drive.sim.x, drive.real.y - drive.sim.y])
         heading_differences = wrap(drive.real.heading - drive.sim.heading)
@@ -35,7 +35,7 @@ def test_without_severity_only_the_measurement_noise_differs(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("factor", ["latency", "wheels"])
-def test_a_factor_affects_only_the_real_robot(tmp_path: Path, factor: str) -> None:
+def test_a_factor_affects_only_the_real_robot(tmp_path, factor):
     without_factor = make_drives(tmp_path / "even", 5, {}, SHORT)
     with_factor = make_drives(tmp_path / "odd", 5, {factor: 1.0}, SHORT)
     for a, b in zip(without_factor, with_factor, strict=True):
@@ -43,7 +43,7 @@ def test_a_factor_affects_only_the_real_robot(tmp_path: Path, factor: str) -> No
         assert np.hypot(a.real.x - b.real.x, a.real.y - b.real.y).max() > 0.01
 
 
-def test_written_drives_can_be_read(tmp_path: Path) -> None:
+def test_written_drives_can_be_read(tmp_path):
     written = make_drives(tmp_path, 5, {}, SHORT)
     read = read_drives(tmp_path)
     assert [drive.name for drive in read] == ["drive-00", "drive-01"]
@@ -54,6 +54,6 @@ def test_written_drives_can_be_read(tmp_path: Path) -> None:
         assert a.commands.sha256 == b.commands.sha256
 
 
-def test_an_unknown_factor_is_rejected(tmp_path: Path) -> None:
+def test_an_unknown_factor_is_rejected(tmp_path):
     with pytest.raises(RequestError, match="wind: no such factor"):
         make_drives(tmp_path, 1, {"wind": 1.0}, SHORT)

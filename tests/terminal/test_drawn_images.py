@@ -20,18 +20,16 @@ from PIL import Image
 from rich.console import Console
 
 from bench.support.screen import RIGHT, Screen
-from s2rtui.app.app import S2RApp
-from s2rtui.app.pilot import settle
 from s2rtui.canvas import Canvas, ColourMode, InlineImage, Pixels, RenderOptions, Size
 from s2rtui.canvas.colour import DEPTH_SHADES, NO_DEPTH, depth_tint
 from s2rtui.charts.registry import BY_NAME
-from s2rtui.session import Session
 from s2rtui.terminal.graphics.drawn_images import SixelImages
 from s2rtui.terminal.graphics.image_manager import ImageManager
 from s2rtui.terminal.graphics.png import MOST, png
 from s2rtui.terminal.graphics.probe import Graphics, GraphicsProtocol
 from s2rtui.terminal.graphics.sixel import MOST_COLUMNS, PaletteImage, quantised, sixels
 from s2rtui.terminal.strips import to_strips
+from tests.support.application import running
 from tests.support.pixel_screen import PixelScreen, decode_sixels
 
 CELL = (10, 20)
@@ -56,15 +54,13 @@ def decoded(image: PaletteImage) -> NDArray[np.int16]:
 
 
 @given(st.integers(1, 40), st.integers(1, 60), st.integers(1, 600), st.integers(0, 9))
-def test_decoded_sixels_equal_the_quantised_image(
-    rows: int, columns: int, colours: int, seed: int
-) -> None:
+def test_decoded_sixels_equal_the_quantised_image(rows, columns, colours, seed):
     reduced = quantised(noise((rows, columns), colours, seed))
     np.testing.assert_array_equal(decoded(reduced), reduced.pixels)
 
 
 @pytest.mark.parametrize("length", [1, 2, 3, 4, 9, 10, 99, 100, 999, 1000, MOST_COLUMNS])
-def test_runs_of_every_length_are_decoded(length: int) -> None:
+def test_runs_of_every_length_are_decoded(length):
     row = np.zeros((6, length, 3), dtype=np.uint8)
     row[2, -1] = 255
     reduced = quantised(row)
@@ -72,12 +68,12 @@ def test_runs_of_every_length_are_decoded(length: int) -> None:
 
 
 @given(st.integers(1, 256), st.integers(0, 9))
-def test_up_to_256_colours_change_by_the_rounding_to_percent_alone(colours: int, seed: int) -> None:
+def test_up_to_256_colours_change_by_the_rounding_to_percent_alone(colours, seed):
     image = noise((20, 30), colours, seed)
     assert np.abs(quantised(image).pixels.astype(int) - image).max() <= 2
 
 
-def test_the_error_of_many_colours_is_bounded() -> None:
+def test_the_error_of_many_colours_is_bounded():
     rows, columns = np.mgrid[0:240, 0:320]
     waves = [
         128 + 100 * np.sin(rows / 40 + at) * np.cos(columns / (30 + 9 * at)) for at in range(3)
@@ -89,7 +85,7 @@ def test_the_error_of_many_colours_is_bounded() -> None:
 
 
 @pytest.mark.parametrize("shape", [(0, 3, 3), (3, 0, 3), (6, MOST_COLUMNS + 1, 3)])
-def test_images_that_sixels_cannot_hold_are_refused(shape: tuple[int, int, int]) -> None:
+def test_images_that_sixels_cannot_hold_are_refused(shape):
     with pytest.raises(ValueError, match="cannot be drawn"):
         sixels(quantised(np.zeros(shape, dtype=np.uint8)))
 
@@ -135,9 +131,7 @@ def expected(seed: int = 1) -> NDArray[np.int16]:
 
 
 @pytest.mark.parametrize("protocol", ["sixel", "iterm2"])
-def test_the_box_shows_exactly_the_newest_image_around_its_text(
-    protocol: GraphicsProtocol,
-) -> None:
+def test_the_box_shows_exactly_the_newest_image_around_its_text(protocol):
     text = np.zeros((3, 6), dtype=np.bool_)
     text[0, :2] = text[1, 2:4] = text[2, 5] = True
     terminal = FakeTerminal(protocol)
@@ -151,7 +145,7 @@ def test_the_box_shows_exactly_the_newest_image_around_its_text(
     assert (terminal.screen.pixels == -1).all()
 
 
-def test_the_last_rows_that_fill_no_band_are_left_out() -> None:
+def test_the_last_rows_that_fill_no_band_are_left_out():
     terminal = FakeTerminal("sixel")
     canvas = canvas_with_drawing()
     canvas.images[0] = InlineImage(2, 1, 6, 1, None, noise, "low")
@@ -161,12 +155,12 @@ def test_the_last_rows_that_fill_no_band_are_left_out() -> None:
     assert (box[18:] == -1).all()
 
 
-def test_an_image_over_a_huge_screen_stays_in_cells() -> None:
+def test_an_image_over_a_huge_screen_stays_in_cells():
     image = InlineImage(0, 0, 1000, 500, None, noise, "huge")
     assert not SixelImages().fits(image)
 
 
-def test_columns_that_sixels_cannot_count_are_left_out() -> None:
+def test_columns_that_sixels_cannot_count_are_left_out():
     image = InlineImage(0, 0, 1000, 1, None, noise, "wide")
     written = SixelImages().encode(image, (20, 10_000)).decode()
     assert decode_sixels(written[2:-2]).shape == (18, MOST_COLUMNS, 3)
@@ -196,10 +190,7 @@ def first_map(tiny_store: Path) -> Boxes:
     """The map of the first screen as its view paints it."""
 
     async def read() -> Boxes:
-        app = S2RApp(Session(tiny_store), RenderOptions())
-        app.load_scheduler.debounce_seconds = 0.001
-        async with app.run_test(size=(120, 40)) as pilot:
-            await settle(app, pilot)
+        async with running(tiny_store) as (app, _pilot):
             region = app.renderer.plot("map").region
             size = region.width, region.height - 1
             canvas = BY_NAME["map"].draw(app.renderer.scene, size, RenderOptions())
@@ -263,25 +254,25 @@ def visit(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterato
     screen.close()
 
 
-def test_the_map_on_the_screen_equals_the_picture(visit: Visit, first_map: Boxes) -> None:
+def test_the_map_on_the_screen_equals_the_picture(visit, first_map):
     place, size, picture = first_map
     np.testing.assert_array_equal(visit["first"].box(*place, *size), picture)
 
 
-def test_a_modal_screen_hides_the_images_and_they_return(visit: Visit) -> None:
+def test_a_modal_screen_hides_the_images_and_they_return(visit):
     hidden = (visit["help"].pixels >= 0).any(axis=-1).mean()
     assert hidden < 0.02 < (visit["first"].pixels >= 0).any(axis=-1).mean()
     np.testing.assert_array_equal(visit["back"].pixels, visit["first"].pixels)
 
 
-def test_images_follow_the_cursor(visit: Visit, first_map: Boxes) -> None:
+def test_images_follow_the_cursor(visit, first_map):
     place, size, picture = first_map
     moved = visit["moved"].box(*place, *size)
     assert (moved != picture).any()
     assert (moved >= 0).mean() > 0.8
 
 
-def test_leaving_the_application_removes_all_images(visit: Visit) -> None:
+def test_leaving_the_application_removes_all_images(visit):
     assert (visit["left"].pixels == -1).all()
 
 
@@ -290,7 +281,7 @@ def decode(data: bytes) -> Pixels:
 
 
 @given(st.integers(1, 40), st.integers(1, 40), st.integers(1, 400), st.integers(0, 9))
-def test_encoding_is_lossless(rows: int, columns: int, colours: int, seed: int) -> None:
+def test_encoding_is_lossless(rows, columns, colours, seed):
     rng = np.random.default_rng(seed)
     palette = rng.integers(0, 256, (colours, 3)).astype(np.uint8)
     pixels = palette[rng.integers(0, colours, (rows, columns))]
@@ -298,7 +289,7 @@ def test_encoding_is_lossless(rows: int, columns: int, colours: int, seed: int) 
 
 
 @pytest.mark.parametrize("colours", [MOST, MOST + 1])
-def test_a_palette_is_used_up_to_its_number_of_colours(colours: int) -> None:
+def test_a_palette_is_used_up_to_its_number_of_colours(colours):
     codes = np.arange(colours)
     pixels = np.stack([codes % 251, codes // 251, codes * 0], axis=1).astype(np.uint8)[None]
     image = Image.open(BytesIO(png(pixels)))
@@ -306,7 +297,7 @@ def test_a_palette_is_used_up_to_its_number_of_colours(colours: int) -> None:
     np.testing.assert_array_equal(decode(png(pixels)), pixels)
 
 
-def test_depth_images_are_compressed_with_a_palette() -> None:
+def test_depth_images_are_compressed_with_a_palette():
     across, down = np.meshgrid(np.linspace(0, 1, 200), np.linspace(0, 1, 200))
     noise = np.random.default_rng(1).normal(0, 0.01, across.shape)
     pixels = depth_tint(

@@ -29,7 +29,7 @@ from s2rtui.terminal.graphics.png import (
     MAX_PIXELS,
     reduced_size,
 )
-from s2rtui.terminal.graphics.probe import Graphics, GraphicsProtocol, parse_answer
+from s2rtui.terminal.graphics.probe import Graphics, parse_answer
 from s2rtui.terminal.strips import to_strips
 from tests.support.kitty import (
     ANSWER,
@@ -124,15 +124,13 @@ class FakeTerminal:
         (b"", False, "did not answer"),
     ],
 )
-def test_capabilities_follow_from_the_terminal_s_answer(
-    answer: bytes, pictures: bool, expected: str
-) -> None:
+def test_capabilities_follow_from_the_terminal_s_answer(answer, pictures, expected):
     capabilities = parse_answer(answer)
     assert capabilities.supported is pictures
     assert expected in capabilities.reason
 
 
-def test_the_cell_size_is_taken_from_the_answer() -> None:
+def test_the_cell_size_is_taken_from_the_answer():
     assert parse_answer(ANSWER.replace(CELL_SIZE, b"\x1b[6;31;15t")).cell == (15, 31)
 
 
@@ -146,9 +144,7 @@ def test_the_cell_size_is_taken_from_the_answer() -> None:
         (None, b"\x1b[?64;14;22c", None),
     ],
 )
-def test_only_the_named_protocol_is_used(
-    wanted: GraphicsProtocol | None, answer: bytes, expected: str | None
-) -> None:
+def test_only_the_named_protocol_is_used(wanted, answer, expected):
     assert parse_answer(answer, wanted).protocol == expected
 
 
@@ -166,9 +162,7 @@ def test_only_the_named_protocol_is_used(
         ("", None, "did not name"),
     ],
 )
-def test_tmux_is_queried_for_its_terminal(
-    monkeypatch: pytest.MonkeyPatch, answer: str, protocol: str | None, expected: str
-) -> None:
+def test_tmux_is_queried_for_its_terminal(monkeypatch, answer, protocol, expected):
     monkeypatch.setattr(probe, "_ask_tmux", lambda: answer)
     monkeypatch.setattr(probe, "_has_terminal", lambda: True)
     environment = {"TMUX": "/tmp/tmux,1,0"}
@@ -193,16 +187,14 @@ def test_tmux_is_queried_for_its_terminal(
         ({"TERM_PROGRAM": "WezTerm", "SSH_TTY": "/dev/pts/1"}, None),
     ],
 )
-def test_auto_decides_by_the_environment_and_never_over_ssh(
-    monkeypatch: pytest.MonkeyPatch, environment: dict[str, str], protocol: str | None
-) -> None:
+def test_auto_decides_by_the_environment_and_never_over_ssh(monkeypatch, environment, protocol):
     monkeypatch.setattr(probe, "_ask_terminal", lambda: pytest.fail("asked"))
     chosen = choose_graphics("auto", TRUECOLOR_TERMINAL, None, environment)
     assert chosen is not None
     assert chosen.protocol == protocol
 
 
-def test_a_given_cell_size_is_used() -> None:
+def test_a_given_cell_size_is_used():
     environment = {"TERM": "foot"}
     chosen = choose_graphics("auto", TRUECOLOR_TERMINAL, parse_cell_size("9x18"), environment)
     assert chosen is not None
@@ -210,7 +202,7 @@ def test_a_given_cell_size_is_used() -> None:
 
 
 @pytest.mark.parametrize("text", ["", "10", "10x", "0x20", "10x20x30", "-10x20", "1000x20"])
-def test_wrong_cell_sizes_are_refused(text: str) -> None:
+def test_wrong_cell_sizes_are_refused(text):
     with pytest.raises(RequestError, match="such as 10x20"):
         parse_cell_size(text)
 
@@ -219,9 +211,7 @@ def test_wrong_cell_sizes_are_refused(text: str) -> None:
     "terminal",
     [replace(TRUECOLOR_TERMINAL, mode=ColourMode.ANSI), replace(TRUECOLOR_TERMINAL, ascii=True)],
 )
-def test_unsuitable_terminals_are_not_queried(
-    terminal: Terminal, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unsuitable_terminals_are_not_queried(terminal, monkeypatch):
     monkeypatch.setattr(probe, "_ask_terminal", lambda: pytest.fail("asked"))
     monkeypatch.setattr(probe, "_has_terminal", lambda: True)
     assert "256 colours" in probe.probe_terminal(terminal, None, {}).reason
@@ -233,7 +223,7 @@ def test_unsuitable_terminals_are_not_queried(
 # --- strips --------------------------------------------------------------------------------------
 
 
-def test_placeholders_cover_exactly_the_box() -> None:
+def test_placeholders_cover_exactly_the_box():
     terminal = FakeTerminal()
     strips = terminal.draw(canvas(noise((16, 16))))
     written = codes(strips)
@@ -247,7 +237,7 @@ def test_placeholders_cover_exactly_the_box() -> None:
 
 
 @given(st.integers(0, 12), st.integers(0, 12))
-def test_a_cropped_strip_shows_its_part_of_the_image(start: int, end: int) -> None:
+def test_a_cropped_strip_shows_its_part_of_the_image(start, end):
     strip = FakeTerminal().draw(canvas(noise((16, 16))))[2].crop(start, end)
     columns = {column for cells in placed_cells(codes([strip])).values() for column, _ in cells}
     assert columns == {position - 2 for position in range(start, end) if 2 <= position < 8}
@@ -262,9 +252,7 @@ def test_a_cropped_strip_shows_its_part_of_the_image(start: int, end: int) -> No
     st.tuples(st.integers(1, 200), st.integers(1, 60)),
     st.tuples(st.integers(1, 40), st.integers(1, 80)),
 )
-def test_the_pixel_size_is_limited_by_image_box_and_maximum(
-    shape: Size, box: Size, cell: Size
-) -> None:
+def test_the_pixel_size_is_limited_by_image_box_and_maximum(shape, box, cell):
     plate = InlineImage(0, 0, *box, shape, lambda size: noise(size), shape)
     rows, columns = reduced_size(plate, cell)
     assert 1 <= rows <= max(1, min(shape[0], box[1] * cell[1]))
@@ -272,7 +260,7 @@ def test_the_pixel_size_is_limited_by_image_box_and_maximum(
     assert rows * columns <= max(MAX_PIXELS, *shape)
 
 
-def test_drawings_fill_their_box_up_to_a_maximum() -> None:
+def test_drawings_fill_their_box_up_to_a_maximum():
     drawing = InlineImage(0, 0, 60, 30, None, noise, "drawing")
     assert reduced_size(drawing, (9, 19)) == (30 * 19, 60 * 9)
     rows, columns = reduced_size(drawing, (40, 80))
@@ -280,13 +268,13 @@ def test_drawings_fill_their_box_up_to_a_maximum() -> None:
     assert rows == columns
 
 
-def test_large_images_are_reduced_to_the_byte_limit() -> None:
+def test_large_images_are_reduced_to_the_byte_limit():
     terminal = FakeTerminal()
     terminal.draw(canvas(noise((256, 256)), (8, 4)))
     assert 0 < KittyTerminal.after(terminal.written.encode()).received <= MAX_BYTES * 4 // 3 + 4
 
 
-def test_a_displayed_image_is_not_sent_again() -> None:
+def test_a_displayed_image_is_not_sent_again():
     terminal = FakeTerminal()
     terminal.draw(canvas(noise((16, 16))))
     written_before = terminal.written
@@ -296,7 +284,7 @@ def test_a_displayed_image_is_not_sent_again() -> None:
     assert terminal.written != written_before
 
 
-def test_images_are_encoded_in_the_background_and_the_newest_is_shown() -> None:
+def test_images_are_encoded_in_the_background_and_the_newest_is_shown():
     terminal, released, calls = FakeTerminal(), threading.Event(), []
 
     def blocking_pixels(shade: int, size: Size) -> Pixels:
@@ -326,7 +314,7 @@ def test_images_are_encoded_in_the_background_and_the_newest_is_shown() -> None:
     assert threading.current_thread() not in {thread for _, thread in calls}
 
 
-def test_images_encoded_after_deletion_are_not_sent() -> None:
+def test_images_encoded_after_deletion_are_not_sent():
     terminal, released = FakeTerminal(), threading.Event()
     canvas_with_image = canvas(noise((16, 16)))
     delayed_pixels = partial(lambda pixels, size: released.wait(10) and pixels, noise((16, 16)))
@@ -338,7 +326,7 @@ def test_images_encoded_after_deletion_are_not_sent() -> None:
     assert (terminal.written, terminal.ready_count) == ("", 0)
 
 
-def test_an_image_of_the_same_source_is_not_encoded_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_image_of_the_same_source_is_not_encoded_again(monkeypatch):
     terminal = FakeTerminal()
     terminal.draw(canvas(noise((16, 16)), source="one"))
     written_before = terminal.written
@@ -347,7 +335,7 @@ def test_an_image_of_the_same_source_is_not_encoded_again(monkeypatch: pytest.Mo
     assert terminal.written == written_before
 
 
-def test_instances_use_different_image_numbers() -> None:
+def test_instances_use_different_image_numbers():
     numbers_used = set()
     for _ in range(20):
         terminal = FakeTerminal()
@@ -356,7 +344,7 @@ def test_instances_use_different_image_numbers() -> None:
     assert len(numbers_used) > 10
 
 
-def test_a_displayed_image_keeps_its_number() -> None:
+def test_a_displayed_image_keeps_its_number():
     terminal = FakeTerminal()
     (strip, *_) = terminal.draw(canvas(noise((16, 16))), "instance")[1:]
     shown = set(placed_cells(codes([strip])))
@@ -366,7 +354,7 @@ def test_a_displayed_image_keeps_its_number() -> None:
     assert len(KittyTerminal.after(terminal.written.encode()).images) <= NUMBERS
 
 
-def test_every_sequence_is_wrapped_for_tmux() -> None:
+def test_every_sequence_is_wrapped_for_tmux():
     terminal = FakeTerminal(in_tmux=True)
     terminal.draw(canvas(noise((64, 64)), (10, 3)))
     terminal.manager.delete_all()

@@ -22,6 +22,7 @@ from s2rtui.charts.shared.image_pair_model import InstanceInput, instance_model,
 from s2rtui.session import Session
 from s2rtui.terminal.graphics.kitty_protocol import PLACEHOLDER
 from s2rtui.terminal.graphics.probe import parse_answer
+from tests.support.application import running
 from tests.support.kitty import (
     ANSWER,
     ATTRIBUTES,
@@ -69,10 +70,7 @@ def first_instance(tiny_store: Path) -> InstanceInput:
     """The instance input of the first screen."""
 
     async def read() -> InstanceInput:
-        app = S2RApp(Session(tiny_store), RenderOptions())
-        app.load_scheduler.debounce_seconds = 0.001
-        async with app.run_test(size=(120, 40)) as pilot:
-            await settle(app, pilot)
+        async with running(tiny_store) as (app, _pilot):
             assert app.resources.pictures is not None
             return app.resources.pictures
 
@@ -136,7 +134,7 @@ def all_images_complete(raw: bytes) -> bool:
     )  # fmt: skip
 
 
-def test_transmitted_images_are_exact(visit: Visit, first_instance: InstanceInput) -> None:
+def test_transmitted_images_are_exact(visit, first_instance):
     model = instance_model(first_instance)
     images = KittyTerminal.after(visit["first"]).images.values()
     sent = [image.pixels for image in images if image.pixels.shape == (16, 16, 3)]
@@ -150,18 +148,18 @@ def test_transmitted_images_are_exact(visit: Visit, first_instance: InstanceInpu
         np.testing.assert_array_equal(pixels, image)
 
 
-def test_intermediate_images_are_not_sent(visit: Visit) -> None:
+def test_intermediate_images_are_not_sent(visit):
     assert len(KittyTerminal.after(visit["moved"]).images) == IMAGES
     assert visit["moved"].count(b"a=T") == IMAGES
 
 
-def test_modal_screens_send_no_images(visit: Visit) -> None:
+def test_modal_screens_send_no_images(visit):
     assert b"\x1b_G" not in visit["help"]
     assert not placed_cells(visit["help"])
     assert b"\x1b_G" not in visit["back"]
 
 
-def test_resizing_changes_the_image_boxes(visit: Visit) -> None:
+def test_resizing_changes_the_image_boxes(visit):
     boxes = [
         {images.box for images in KittyTerminal.after(visit[part]).images.values()}
         for part in ("moved", "resized")
@@ -169,14 +167,14 @@ def test_resizing_changes_the_image_boxes(visit: Visit) -> None:
     assert boxes[0] != boxes[1]
 
 
-def test_images_are_deleted_before_leaving_the_screen(visit: Visit) -> None:
+def test_images_are_deleted_before_leaving_the_screen(visit):
     assert KittyTerminal.after(visit["all"]).images == {}
     before, _, after = visit["left"].partition(b"\x1b[?1049l")
     assert b"a=d" in before
     assert b"\x1b_G" not in after
 
 
-async def test_a_terminal_without_graphics_shows_half_blocks(tiny_store: Path) -> None:
+async def test_a_terminal_without_graphics_shows_half_blocks(tiny_store):
     app = S2RApp(Session(tiny_store), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
     enable_inline_images(app, parse_answer(ATTRIBUTES))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -295,7 +294,7 @@ def test_the_history_and_the_facts_describe_the_fit(name):
     assert result.facts["channels"] == 2
 
 
-def test_a_fit_of_minutes_ends_by_itself(tmp_path: Path):
+def test_a_fit_of_minutes_ends_by_itself(tmp_path):
     fractions = []
     settings = replace(
         tiny_settings("cut"),

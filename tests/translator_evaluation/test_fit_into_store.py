@@ -52,7 +52,7 @@ def write_folder(folder: Path, images: np.ndarray, first: int = 0) -> Path:
     ("count", "fitted", "held_out"),
     [(8, 8, 0), (16, 6, 8), (24, 14, 8), (40, 28, 8), (48, 30, 16), (96, 58, 32)],
 )
-def test_two_images_separate_the_fit_from_held_out_ones(count: int, fitted: int, held_out: int):
+def test_two_images_separate_the_fit_from_held_out_ones(count, fitted, held_out):
     codes = fit_split.split_codes(np.zeros(count, dtype=np.int32))
     assert (codes == fit_split.FITTED).sum() == fitted
     assert (codes == fit_split.HELD_OUT).sum() == held_out
@@ -68,9 +68,7 @@ def test_recordings_are_split_on_their_own():
     assert (together == np.concatenate(alone)).all()
 
 
-def test_fits_use_at_most_a_number_of_evenly_spaced_images(
-    store_copy: Path, used: list[ImageSet], monkeypatch: pytest.MonkeyPatch
-):
+def test_fits_use_at_most_a_number_of_evenly_spaced_images(store_copy, used, monkeypatch):
     monkeypatch.setattr(fitting, "MAX_FITTED", 3)
     fit_into_store(store_copy, FitRequest("mkl", "few"), "")
     with s2rstore.open(store_copy) as store:
@@ -85,7 +83,7 @@ def test_fits_use_at_most_a_number_of_evenly_spaced_images(
 
 
 @pytest.mark.parametrize("direction", ["sim2real", "real2sim"])
-def test_domains_of_the_wrong_kind_are_refused(store_copy: Path, direction: str):
+def test_domains_of_the_wrong_kind_are_refused(store_copy, direction):
     with pytest.raises(RequestError, match="real is a real domain; name them as SIM,REAL"):
         fit_into_store(store_copy, FitRequest("mkl", "t", direction, ("real", "sim")), "")
     fit_into_store(store_copy, FitRequest("mkl", "t", direction, ("sim", "real")), "")
@@ -95,7 +93,7 @@ def test_domains_of_the_wrong_kind_are_refused(store_copy: Path, direction: str)
     assert (record.source_domain, record.target_domain) == expected
 
 
-def test_a_translator_without_a_record_of_its_images_is_named(store_copy: Path):
+def test_a_translator_without_a_record_of_its_images_is_named(store_copy):
     fit_into_store(store_copy, FitRequest("mkl", "old"), "")
     with edit(store_copy) as draft:
         draft.delete("provenance", what="translator:old", key="split")
@@ -106,7 +104,7 @@ def test_a_translator_without_a_record_of_its_images_is_named(store_copy: Path):
         named_translator(store, "old")
 
 
-def test_pairs_are_refused_by_methods_that_do_not_use_them(store_copy: Path, tmp_path: Path):
+def test_pairs_are_refused_by_methods_that_do_not_use_them(store_copy, tmp_path):
     request = FitRequest("mkl", "t", settings=PAIRED)
     with pytest.raises(RequestError, match=r"--paired: mkl does not use pairs.*mkl\+residual"):
         fit_into_store(store_copy, request, "")
@@ -114,7 +112,7 @@ def test_pairs_are_refused_by_methods_that_do_not_use_them(store_copy: Path, tmp
         fit_folders(tmp_path, tmp_path, request, tmp_path / "t.safetensors")
 
 
-def test_pairs_in_a_store_need_poses(tmp_path: Path, capsys):
+def test_pairs_in_a_store_need_poses(tmp_path, capsys):
     images = rooms(0, 8)
     folders = [str(write_folder(tmp_path / name, images)) for name in ("sim", "real")]
     path = tmp_path / "s.s2r"
@@ -124,7 +122,7 @@ def test_pairs_in_a_store_need_poses(tmp_path: Path, capsys):
         fit_into_store(path, FitRequest("mkl+residual", "t", settings=PAIRED), "")
 
 
-def test_paired_folders_need_equal_file_names(tmp_path: Path):
+def test_paired_folders_need_equal_file_names(tmp_path):
     source = write_folder(tmp_path / "camera", rooms(0, 8))
     target = write_folder(tmp_path / "simulation", recoloured(rooms(0, 8)), first=1)
     request = FitRequest("mkl+residual", "t", settings=FitSettings(steps=1, paired=True))
@@ -135,7 +133,7 @@ def test_paired_folders_need_equal_file_names(tmp_path: Path):
     assert read_translator(tmp_path / "t.safetensors").method == "mkl+residual"
 
 
-def test_folders_are_judged_on_images_that_the_fit_held_out(tmp_path: Path, used: list[ImageSet]):
+def test_folders_are_judged_on_images_that_the_fit_held_out(tmp_path, used):
     source = write_folder(tmp_path / "camera", rooms(0, 24))
     target = write_folder(tmp_path / "simulation", recoloured(rooms(1, 24)))
     file = tmp_path / "t.safetensors"
@@ -154,7 +152,7 @@ def test_folders_are_judged_on_images_that_the_fit_held_out(tmp_path: Path, used
     assert "perhaps judged on images of the fit" in folder_text(other)
 
 
-def test_small_folders_are_judged_on_images_of_the_fit_and_say_so(tmp_path: Path):
+def test_small_folders_are_judged_on_images_of_the_fit_and_say_so(tmp_path):
     source = write_folder(tmp_path / "camera", rooms(0, 6))
     target = write_folder(tmp_path / "simulation", recoloured(rooms(1, 6)))
     file = tmp_path / "t.safetensors"

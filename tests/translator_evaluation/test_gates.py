@@ -77,19 +77,19 @@ DEEP = {
     "name",
     [pytest.param(name, marks=pytest.mark.deep) if name in DEEP else name for name in DAMAGE],
 )
-def test_damage_is_refused_with_its_reason(name: str):
+def test_damage_is_refused_with_its_reason(name):
     damage, reason = DAMAGE[name]
     assert reason in reasons(damage(MAPPED))
 
 
 @pytest.mark.parametrize("name", ["negative", "shuffled"])
-def test_damage_without_a_change_of_colours_is_refused_as_well(name: str):
+def test_damage_without_a_change_of_colours_is_refused_as_well(name):
     damage, reason = DAMAGE[name]
     assert reason in reasons(damage(SOURCE))
 
 
 @pytest.mark.parametrize("name", [name for name, method in METHODS.items() if not method.learned])
-def test_methods_that_match_statistics_are_accepted(name: str):
+def test_methods_that_match_statistics_are_accepted(name):
     fitted = METHODS[name].fit(image_set(SOURCE), image_set(TARGET), FitSettings())
     assert not reasons(fitted.translator.translate(SOURCE))
 

@@ -73,7 +73,7 @@ def test_identity_changes_nothing_and_earns_no_claim(reports):
         assert judged.row(metric).value == judged.row(metric, "identity").value
 
 
-def test_reports_are_made_on_images_that_no_translator_was_fitted_on(root: Path, reports):
+def test_reports_are_made_on_images_that_no_translator_was_fitted_on(root, reports):
     assert all(judged.held_out for judged in reports.values())
     assert all("run vanilla is not computed" in "; ".join(r.notes) for r in reports.values())
     with s2rstore.open(root) as store:
@@ -96,7 +96,7 @@ def test_errors_stand_beside_those_without_translation_and_of_the_target(reports
     }
 
 
-def test_reports_are_reproducible_apart_from_the_measured_time(root: Path, reports):
+def test_reports_are_reproducible_apart_from_the_measured_time(root, reports):
     with s2rstore.open(root) as store:
         (again,) = report.evaluate(
             store, [named_translator(store, "mkl")], report.ReportSettings(run="vanilla")
@@ -107,7 +107,7 @@ def test_reports_are_reproducible_apart_from_the_measured_time(root: Path, repor
             np.testing.assert_allclose(first.value, second.value, rtol=1e-5, atol=1e-7)
 
 
-def test_a_negative_is_refused_and_can_only_be_forced(root: Path, negative, tmp_path: Path):
+def test_a_negative_is_refused_and_can_only_be_forced(root, negative, tmp_path):
     assert "inverted" in "; ".join(negative.verdict.reasons)
     path = copy_store(root, tmp_path / "own.s2r")
     report.save_reports(path, [negative])
@@ -121,7 +121,7 @@ def test_a_negative_is_refused_and_can_only_be_forced(root: Path, negative, tmp_
     assert add_run(path, "dark", "vanilla", None, None, chain, force=True) == "dark"
 
 
-def test_figures_of_other_runs_stay(root: Path, reports, tmp_path: Path):
+def test_figures_of_other_runs_stay(root, reports, tmp_path):
     path = copy_store(root, tmp_path / "own.s2r")
     judged = reports["mkl"]
 
@@ -148,7 +148,7 @@ def test_figures_of_other_runs_stay(root: Path, reports, tmp_path: Path):
     assert runs() == {("cost", None), ("error_gain", "vanilla")}
 
 
-def test_saved_figures_replace_earlier_ones(root: Path, reports, tmp_path: Path):
+def test_saved_figures_replace_earlier_ones(root, reports, tmp_path):
     path = copy_store(root, tmp_path / "own.s2r")
     for _ in range(2):
         report.save_reports(path, list(reports.values()))
@@ -161,7 +161,7 @@ def test_saved_figures_replace_earlier_ones(root: Path, reports, tmp_path: Path)
     assert different == rows
 
 
-def test_translators_of_sim_images_claim_nothing_about_reality(root: Path):
+def test_translators_of_sim_images_claim_nothing_about_reality(root):
     with s2rstore.open(root) as store:
         known = named_translator(store, "identity")
         turned = replace(known, direction="sim2real", source="sim", target="real")
@@ -170,7 +170,7 @@ def test_translators_of_sim_images_claim_nothing_about_reality(root: Path):
     assert judged.row("sim_error_gain").value == 0
 
 
-def test_networks_trained_on_translated_images_are_compared_with_the_run(store_copy: Path):
+def test_networks_trained_on_translated_images_are_compared_with_the_run(store_copy):
     chain = [{"name": "translate:T", "value": 1.0, "sha256": "0" * 64}]
     with edit(store_copy) as draft:
         draft.update("run", {"run": "dataaug"}, {"sim_adjustments": json.dumps(chain)})
@@ -198,11 +198,11 @@ def test_networks_trained_on_translated_images_are_compared_with_the_run(store_c
         (Interval.unknown(0.5), "no claim: too few"),
     ],
 )
-def test_claims_are_made_only_where_the_interval_excludes_zero(interval: Interval, text: str):
+def test_claims_are_made_only_where_the_interval_excludes_zero(interval, text):
     assert task_metrics.claim(interval).startswith(text)
 
 
-def test_the_command_prints_tables_and_writes_sheets(root: Path, tmp_path: Path, capsys):
+def test_the_command_prints_tables_and_writes_sheets(root, tmp_path, capsys):
     path, out = copy_store(root, tmp_path / "own.s2r"), tmp_path / "out"
     request = ["translate", "report", "--store", str(path), "--run", "vanilla", "--out", str(out)]
     assert main(request) == 0
@@ -226,7 +226,7 @@ def write_folder(folder: Path, images: np.ndarray) -> str:
     return str(folder)
 
 
-def test_folders_are_judged_without_a_store(tmp_path: Path, capsys):
+def test_folders_are_judged_without_a_store(tmp_path, capsys):
     source = write_folder(tmp_path / "camera", rooms(0, 6))
     target = write_folder(tmp_path / "simulation", recoloured(rooms(1, 6)))
     file, out = str(tmp_path / "look.safetensors"), tmp_path / "out"
@@ -241,7 +241,7 @@ def test_folders_are_judged_without_a_store(tmp_path: Path, capsys):
     assert "6 images: accepted" in capsys.readouterr().out
 
 
-def test_a_store_without_poses_is_judged_by_content_and_colours(tmp_path: Path, capsys):
+def test_a_store_without_poses_is_judged_by_content_and_colours(tmp_path, capsys):
     real = write_folder(tmp_path / "real", rooms(0, 30))
     sim = write_folder(tmp_path / "sim", recoloured(rooms(1, 30)))
     path = str(tmp_path / "s.s2r")
@@ -270,7 +270,7 @@ def test_a_store_without_poses_is_judged_by_content_and_colours(tmp_path: Path, 
         ("x.safetensors --source a --target b --run vanilla", "--run"),
     ],
 )
-def test_wrong_requests_end_in_one_line(tiny_store: Path, capsys, request_text: str, message: str):
+def test_wrong_requests_end_in_one_line(tiny_store, capsys, request_text, message):
     words = request_text.replace("STORE", str(tiny_store)).split()
     assert main(["translate", "report", *words]) == 2
     captured = capsys.readouterr().err

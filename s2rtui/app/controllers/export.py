@@ -129,15 +129,14 @@ class ExportController:
 
     def _rows(self, store: Store, state: State, notes: Notes, path: Path) -> str:
         """Runs in a background thread."""
-        from s2rtui.export.rows.formats import with_deprecated, write_rows
-        from s2rtui.export.rows.selected_instances import DEPRECATED, selected_rows
+        from s2rtui.export.rows.formats import write_rows
+        from s2rtui.export.rows.selected_instances import selected_rows
 
         rows = selected_rows(
             store, state.expression, state.run, state.trajectories, notes, selected=state.selected,
             with_trained=state.with_trained,
         )  # fmt: skip
-        names, values = with_deprecated(rows.names, rows.rows, DEPRECATED)
-        write_rows(path, names, values, rows.facts.as_dict(), self.safe_csv)
+        write_rows(path, rows.names, rows.rows, rows.facts.as_dict(), self.safe_csv)
         return f": {rows.facts.count_text} instances"
 
     def _free_path(self, stem: str, suffix: str) -> Path:

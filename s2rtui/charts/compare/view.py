@@ -9,7 +9,6 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 from dataclasses import replace
-from types import MappingProxyType
 
 from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import identity_key
@@ -50,7 +49,6 @@ class CompareView(PointsView):
     wide_ratio = 1.1
     loads = ("floor plan",)
     figure_size = (2100, 1200)
-    deprecated = MappingProxyType({"first mean": "first_mean_m", "second mean": "second_mean_m"})
 
     def subtitle(self, scene: Scene) -> str:
         other = run_comparison.other_run(scene.state)

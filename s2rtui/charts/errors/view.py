@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from types import MappingProxyType
 
 import numpy as np
 
@@ -24,7 +23,6 @@ class ErrorsView(View):
     key = "7"
     description = "histogram of the position errors"
     narrow_ratio = 1.1
-    deprecated = MappingProxyType({"from": "from_m", "to": "to_m"})
 
     def subtitle(self, scene: Scene) -> str:
         return "position error of the selection"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from types import MappingProxyType
 
 from s2rstore.errors import RequestError
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
@@ -29,15 +28,6 @@ class InstanceView(View):
     single_instance = True
     needs_poses = False
     figure_size = (1600, 1200)
-    deprecated = MappingProxyType(
-        {
-            "x": "x_m",
-            "y": "y_m",
-            "heading": "heading_deg",
-            "error": "error_m",
-            "heading_error": "heading_error_deg",
-        }
-    )
 
     def subtitle(self, scene: Scene) -> str:
         """The source of the images; long titles are cut."""

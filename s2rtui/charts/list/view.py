@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import MappingProxyType
 
 import numpy as np
 
@@ -29,13 +28,6 @@ class ListView(View):
     narrow_ratio = 1.0
     needs_poses = False
     figure_size = (1600, 1200)
-    deprecated = MappingProxyType(
-        {
-            name: fields.with_unit(name)
-            for name in instance_list.COLUMNS
-            if fields.with_unit(name) != name
-        }
-    )
 
     def subtitle(self, scene: Scene) -> str:
         order = fields.with_unit(scene.state.sort)
@@ -66,7 +58,7 @@ class ListView(View):
         columns = self._columns(scene)
         iids = instance_list.order(scene.store, scene.state, scene.notes).tolist()
         rows = [[column.value(iid) for column in columns] for iid in iids]
-        return [fields.with_unit(column.name) for column in columns], rows
+        return [fields.with_unit(c.name).replace(".", "_") for c in columns], rows
 
     def summary(self, scene: Scene) -> str:
         sort = scene.state.sort

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -49,14 +48,6 @@ class MapView(PointsView):
     aliases = ("geomap",)
     loads = ("floor plan", "heat on the map", "seen floor")
     figure_size = (1600, 1200)
-    deprecated = MappingProxyType(
-        {
-            f"{prefix}{name.rpartition('_')[0]}": f"{prefix.replace(' ', '_')}{name}"
-            for prefix in ("", "sim ", "real ", "sim true ", "real true ")
-            for name in _POSE
-        }
-        | {"shift": "shift_m"}
-    )
 
     def subtitle(self, scene: Scene) -> str:
         state = scene.state

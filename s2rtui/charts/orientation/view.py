@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from types import MappingProxyType
 
 from s2rstore.records import SIDES
 from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
@@ -22,7 +21,6 @@ class OrientationView(View):
     key = "5"
     description = "headings in bins of 5 degrees: sim, truth, real"
     narrow_ratio = 2.4
-    deprecated = MappingProxyType({"from": "from_deg", "to": "to_deg"})
     figure_size = (1600, 720)
 
     def subtitle(self, scene: Scene) -> str:

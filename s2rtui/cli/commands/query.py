@@ -39,12 +39,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--with-expression", action="store_true",
         help="add the expression, run, generation and data set to the output")  # fmt: skip
     rows.add_output_options(parser)
-    rows.add_column_names(parser)
 
 
 def execute(options: argparse.Namespace) -> int:
     from s2rstore.language import evaluation
-    from s2rtui.export.rows.selected_instances import DEPRECATED, count_in_view, selected_rows
+    from s2rtui.export.rows.selected_instances import count_in_view, selected_rows
     from s2rtui.user_data.notebook import ReadNotebook
 
     with s2rstore.open(options.store) as store:
@@ -75,8 +74,7 @@ def execute(options: argparse.Namespace) -> int:
         if not selection.facts.count:
             _print_suggestions(store, *query, notes, options.with_trained)
     metadata = selection.facts.as_dict() if options.with_expression else None
-    deprecated = DEPRECATED if columns is None else {}
-    rows.write(selection.names, selection.rows, options, metadata, deprecated)
+    rows.write(selection.names, selection.rows, options, metadata)
     if selection.facts.trained_on or (options.format == "table" and options.out is None):
         _print_count(selection.facts.count_text, run)
     return 0

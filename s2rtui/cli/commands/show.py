@@ -20,7 +20,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--words", action="store_true", help="print a sentence, not the table")
     scene_arguments.add_selection(parser)
     output.add_output_options(parser)
-    output.add_column_names(parser)
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -38,5 +37,5 @@ def execute(options: argparse.Namespace) -> int:
         names, rows = view.numbers(scene)
         print_population(scene)
         without_nan = [[None if value != value else value for value in row] for row in rows]
-        output.write(names, without_nan, options, deprecated=view.deprecated)
+        output.write(names, without_nan, options)
     return 0

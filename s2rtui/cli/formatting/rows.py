@@ -5,10 +5,9 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from decimal import Decimal
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from rich.cells import cell_len
@@ -21,11 +20,9 @@ from s2rtui.export.rows.formats import (
     Rows,
     csv_text,
     json_text,
-    with_deprecated,
     write_parquet,
 )
 
-EMPTY: Mapping[str, str] = MappingProxyType({})
 FORMATS = ("table", "csv", "json", "parquet")
 
 
@@ -48,32 +45,16 @@ def add_safe_csv(parser: argparse._ActionsContainer) -> None:
                         "an apostrophe")  # fmt: skip
 
 
-def add_column_names(parser: argparse.ArgumentParser) -> None:
-    """Add `--column-names` to a command whose columns have deprecated names, too."""
-    parser.add_argument("--column-names", choices=("both", "new", "old"), default="both",
-                        help="names of columns: with units (new), the deprecated ones without "
-                        "(old), or in CSV, JSON and Parquet the deprecated ones after the new ones "
-                        "(both, the default)")  # fmt: skip
-
-
 def write(
     names: Sequence[str],
     rows: Rows,
     options: argparse.Namespace,
     metadata: Metadata | None = None,
-    deprecated: Mapping[str, str] = EMPTY,
 ) -> None:
     """Write rows in the requested format to `--out` or standard output.
 
-    deprecated: other names of columns and the columns that they stand for, for commands with
-    `--column-names`. Raises RequestError for Parquet without `--out`.
+    Raises RequestError for Parquet without `--out`.
     """
-    which = getattr(options, "column_names", "new")
-    if which == "old":
-        old = {new: name for name, new in deprecated.items()}
-        names = [old.get(name, name) for name in names]
-    elif which == "both" and options.format != "table":
-        names, rows = with_deprecated(names, rows, deprecated)
     if options.format == "parquet":
         if options.out is None:
             raise RequestError("--format parquet: needs --out FILE")

@@ -64,20 +64,6 @@ def json_text(names: Sequence[str], rows: Rows, metadata: Metadata | None = None
     return json.dumps(content, indent=1, default=str, allow_nan=False) + "\n"
 
 
-def with_deprecated(
-    names: Sequence[str], rows: Rows, deprecated: Mapping[str, str]
-) -> tuple[list[str], Rows]:
-    """Return the table with each column that has a deprecated name once more, under that name.
-
-    deprecated: deprecated names and the columns that they stand for; the new columns come last.
-    """
-    old = [name for name, new in deprecated.items() if new in names]
-    places = [names.index(deprecated[name]) for name in old]
-    if not old:
-        return list(names), rows
-    return [*names, *old], [(*row, *(row[place] for place in places)) for row in rows]
-
-
 def write_rows(
     target: Path,
     names: Sequence[str],

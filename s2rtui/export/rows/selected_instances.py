@@ -32,12 +32,6 @@ IMAGE_COLUMNS = ("iid", "trajectory", "seq", "timestamp_s")
 """Default columns in a data set without poses."""
 SPLIT_COLUMN = f"{SPLIT_SQL} AS split"
 """A further default column where trained instances are included."""
-DEPRECATED = {
-    "x": "x_m", "y": "y_m", "heading": "heading_deg", "sim_error": "sim_error_m",
-    "real_error": "real_error_m", "gap": "gap_m", "sim_heading_error": "sim_heading_error_deg",
-    "real_heading_error": "real_heading_error_deg", "timestamp": "timestamp_s",
-}  # fmt: skip
-"""Deprecated names of default columns, and the columns with their values."""
 NOTEBOOK_COLUMNS = ("tags", "note")
 _BLOCK_IIDS = 100_000
 """Number of instances whose rows are read at a time, which bounds the memory."""

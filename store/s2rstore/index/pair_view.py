@@ -19,10 +19,7 @@ _UNIT_NAMES = {
 
 
 def column_name(name: str) -> str:
-    """The name with its unit of a column of view `pair`: `sim_error_m` for `sim_error`.
-
-    The name without unit is a deprecated column. Columns without a unit have one name.
-    """
+    """The name in view `pair` of a column of its tables: `sim_error_m` for `sim_error`."""
     side, _, rest = name.partition("_")
     if side in ("sim", "real"):
         return f"{side}_{_UNIT_NAMES.get(rest, rest)}"
@@ -43,8 +40,8 @@ def _truth(alias: str) -> _Terms:
 
 
 def _with_units(terms: _Terms) -> _Terms:
-    """The columns, followed by those whose names have a unit."""
-    return terms + [(sql, column_name(name)) for sql, name in terms if column_name(name) != name]
+    """The columns under the names of view `pair`."""
+    return [(sql, column_name(name)) for sql, name in terms]
 
 
 def _select_list(terms: _Terms) -> str:
@@ -109,9 +106,7 @@ def column_comments() -> dict[str, str]:
     comments["shift"] = "distance between the sim and the real prediction, m"
     for name in GAP_SHARES:
         comments[f"{name}_m"] = f"share of the gap due to {name.removeprefix('share_')}, m"
-    renamed = {name: column_name(name) for name in comments if column_name(name) != name}
-    comments |= {new: comments[name] for name, new in renamed.items()}
-    return comments | {name: f"deprecated: use {new}" for name, new in renamed.items()}
+    return {column_name(name): comment for name, comment in comments.items()}
 
 
 def statements() -> list[str]:

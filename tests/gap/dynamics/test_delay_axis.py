@@ -13,7 +13,7 @@ SETTINGS = GapSettings(replicates=300)
 
 
 @pytest.mark.parametrize("noise", [0.1, 0.3, 0.6])
-def test_a_delay_at_the_threshold_rarely_passes(noise: float) -> None:
+def test_a_delay_at_the_threshold_rarely_passes(noise):
     rng = np.random.default_rng(3)
     spread = noise * stats.norm.ppf((np.arange(200) + 0.5) / 200)
     ends = []
@@ -29,7 +29,7 @@ def test_a_delay_at_the_threshold_rarely_passes(noise: float) -> None:
     assert failed < 0.036
 
 
-def test_only_a_delay_within_its_noise_is_shrunk() -> None:
+def test_only_a_delay_within_its_noise_is_shrunk():
     rng = np.random.default_rng(0)
     estimate = delay_axis.denoised_size(np.abs(0.05 + 0.01 * rng.standard_normal(4000)), 0.01)
     assert estimate.mean() == pytest.approx(0.05, rel=0.01)
@@ -38,7 +38,7 @@ def test_only_a_delay_within_its_noise_is_shrunk() -> None:
 
 
 @pytest.mark.parametrize("period", [0.05, 0.1, 1 / 30, 1 / 60, 0.02, 0.01, 0.0125, 0.008, 0.25])
-def test_slightly_different_periods_have_one_fingerprint(period: float) -> None:
+def test_slightly_different_periods_have_one_fingerprint(period):
     periods = {
         delay_axis.rounded_period(period * (1 + deviation))
         for deviation in (-2e-3, -1e-5, 0.0, 1e-5, 2e-3)

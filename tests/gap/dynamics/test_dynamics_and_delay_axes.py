@@ -47,7 +47,7 @@ def judged_gap(axis: Axis, evidence: Evidence) -> tuple[float, float, float]:
     return gap(axis.measure(evidence, SETTINGS), axis.anchor(evidence, SETTINGS))
 
 
-def test_equal_drives_have_no_gap_on_both_axes(evidence) -> None:
+def test_equal_drives_have_no_gap_on_both_axes(evidence):
     same = evidence(drives(3, delay=0.0))
     for axis in (DynamicsAxis(), DelayAxis()):
         value, low, high = judged_gap(axis, same)
@@ -55,7 +55,7 @@ def test_equal_drives_have_no_gap_on_both_axes(evidence) -> None:
         assert -5 < low <= high < 5
 
 
-def test_latency_affects_only_the_delay_axis(evidence) -> None:
+def test_latency_affects_only_the_delay_axis(evidence):
     delayed = evidence(drives(2, delay=0.08))
     measured = DelayAxis().measure(delayed, SETTINGS)
     assert measured.value == pytest.approx(0.08 / robot.PERIOD, rel=0.02)
@@ -65,20 +65,25 @@ def test_latency_affects_only_the_delay_axis(evidence) -> None:
     assert judged_gap(DynamicsAxis(), delayed)[2] < 3
 
 
-def test_motion_errors_affect_only_the_dynamics_axis(evidence) -> None:
+def test_motion_errors_affect_only_the_dynamics_axis(evidence):
     slower = evidence(drives(2, delay=0.0, gain=0.85, turn_gain=0.9))
     assert judged_gap(DynamicsAxis(), slower)[1] > 15
     assert judged_gap(DelayAxis(), slower)[2] < 3
 
 
-def test_the_sign_of_the_delay_is_reported(evidence) -> None:
+def test_the_delay_anchor_and_the_sign_of_a_delay_are_reported(evidence):
     early = DelayAxis().measure(evidence(drives(1, delay=-0.04)), SETTINGS)
     assert early.details["delay"] == pytest.approx(-0.04, abs=1e-3)
     assert early.value == pytest.approx(0.8, rel=0.05)
     assert early.floor == 0
+    several = evidence(drives(1))
+    assert DelayAxis(bad_state="untuned").anchor(several, SETTINGS).value > 3
+    default_anchor = DelayAxis().anchor(several, SETTINGS)
+    assert default_anchor.value == 1.0
+    assert default_anchor.replicates.tolist() == [1.0] * 300
 
 
-def test_nrmse_of_a_known_error(evidence) -> None:
+def test_nrmse_of_a_known_error(evidence):
     plan = WindowPlan(horizons=(0.5, 1.0))
     measured = DynamicsAxis(plan).measure(
         evidence(drives(1, delay=0.0, gain=0.9, noise=0.0, turn_noise=0.0)), SETTINGS
@@ -94,7 +99,7 @@ def test_nrmse_of_a_known_error(evidence) -> None:
     assert measured.n == sum(row["windows"] for row in rows)
 
 
-def test_the_scale_is_part_of_the_fingerprint(evidence) -> None:
+def test_the_scale_is_part_of_the_fingerprint(evidence):
     same = evidence(drives(1, gain=0.9))
     travel, extent = (DynamicsAxis(scale=s).measure(same, SETTINGS) for s in ("travel", "extent"))
     assert travel.fingerprint["scale"] == "travel"
@@ -105,7 +110,7 @@ def test_the_scale_is_part_of_the_fingerprint(evidence) -> None:
         DynamicsAxis(scale="metres")
 
 
-def test_repeated_real_drives_define_the_floor(evidence) -> None:
+def test_repeated_real_drives_define_the_floor(evidence):
     commands = robot.commands(30.0, np.random.default_rng(0))
     sim = robot.sampled(robot.drive(commands))
     repeated_drives = []
@@ -126,7 +131,7 @@ def test_repeated_real_drives_define_the_floor(evidence) -> None:
     assert mixed.fingerprint["floor_from"] == "mixed"
 
 
-def test_measure_floor_and_anchor_use_the_same_resamples(evidence) -> None:
+def test_measure_floor_and_anchor_use_the_same_resamples(evidence):
     several = evidence(drives(3, gain=0.9))
     measured = DynamicsAxis().measure(several, SETTINGS)
     same = [replace(d, untuned=d.sim) for d in several.drives]
@@ -136,15 +141,7 @@ def test_measure_floor_and_anchor_use_the_same_resamples(evidence) -> None:
     assert measured.replicates.shape == measured.floor_replicates.shape == (300,)
 
 
-def test_the_delay_anchor_is_a_period_or_the_untuned_simulator(evidence) -> None:
-    several = evidence(drives(1))
-    assert DelayAxis(bad_state="untuned").anchor(several, SETTINGS).value > 3
-    default_anchor = DelayAxis().anchor(several, SETTINGS)
-    assert default_anchor.value == 1.0
-    assert default_anchor.replicates.tolist() == [1.0] * 300
-
-
-def test_missing_evidence_is_explained(evidence) -> None:
+def test_missing_evidence_is_explained(evidence):
     without_drives = evidence([])
     assert "no drives" in (DynamicsAxis().missing(without_drives) or "")
     assert "no drives" in (DelayAxis().missing(without_drives) or "")
@@ -152,15 +149,14 @@ def test_missing_evidence_is_explained(evidence) -> None:
     assert DynamicsAxis().missing(without_commands) is None
     assert "commands.csv" in (DelayAxis().missing(without_commands) or "")
     assert DelayAxis(period=0.1).missing(without_commands) is None
-    assert DelayAxis(period=0.1).measure(without_commands, SETTINGS).value == pytest.approx(
-        0.3, rel=0.1
-    )
+    measured = DelayAxis(period=0.1).measure(without_commands, SETTINGS)
+    assert measured.value == pytest.approx(0.3, rel=0.1)
     for axis in (DynamicsAxis(), DelayAxis(bad_state="untuned")):
         with pytest.raises(RequestError, match=r"drive drive1 has no untuned\.\*"):
             axis.anchor(evidence([robot.pair(1)]), SETTINGS)
 
 
-def test_unequal_periods_and_short_drives_are_rejected(evidence) -> None:
+def test_unequal_periods_and_short_drives_are_rejected(evidence):
     a, b = drives(2)
     assert b.commands is not None
     other = replace(b, commands=replace(b.commands, period=0.1))
@@ -175,14 +171,12 @@ def thin_log(drive: Drive, rate: float, side: str) -> Drive:
     """The drive with one log thinned to `rate` Hz."""
     log = getattr(drive, side)
     rows = slice(None, None, round(50 / rate))
-    thinned = replace(
-        log, time=log.time[rows], x=log.x[rows], y=log.y[rows], heading=log.heading[rows]
-    )
-    return replace(drive, **{side: thinned})
+    columns = {name: getattr(log, name)[rows] for name in ("time", "x", "y", "heading")}
+    return replace(drive, **{side: replace(log, **columns)})
 
 
 @pytest.mark.parametrize("side", ["real", "sim"])
-def test_too_coarse_poses_are_inconclusive(evidence, side: str) -> None:
+def test_too_coarse_poses_are_inconclusive(evidence, side):
     drive = robot.pair(1, seconds=60.0, gain=0.9)
     coarse = evidence([thin_log(drive, 1.0, side)])
     with pytest.raises(InconclusiveError, match=r"poses every 1 s are too coarse .* record one"):
@@ -190,29 +184,26 @@ def test_too_coarse_poses_are_inconclusive(evidence, side: str) -> None:
     assert DynamicsAxis().measure(evidence([thin_log(drive, 10.0, side)]), SETTINGS).value > 0.05
 
 
-def test_motion_that_looks_like_noise_is_inconclusive(evidence) -> None:
+def test_motion_that_looks_like_noise_is_inconclusive(evidence):
     drive = robot.pair(1, seconds=60.0, gain=0.9, noise=0.0, turn_noise=0.0)
     coarse = evidence([thin_log(drive, 1.0, "real")])
     with pytest.raises(InconclusiveError, match="noise cannot be separated from motion"):
         DynamicsAxis(WindowPlan(horizons=(4.0, 8.0))).measure(coarse, SETTINGS)
 
 
-def test_a_robot_that_turns_in_place_is_inconclusive(evidence) -> None:
+def test_a_robot_that_turns_in_place_is_inconclusive(evidence):
     for noise in (0.0, 0.002):
         commands = robot.commands(20.0, np.random.default_rng(1))
         turning = replace(commands, channels={**commands.channels, "speed": 0 * commands.time})
         rng = np.random.default_rng(2)
         real = robot.sampled(robot.drive(turning), 50.0, noise, noise, rng, name="turning")
         drive = Drive("turns", real, robot.sampled(robot.drive(turning)), None, turning)
-        with pytest.raises(
-            InconclusiveError, match="turning: the robot only turns or stands"
-        ) as error:
+        with pytest.raises(InconclusiveError, match=r"turning: the robot only turns or stands.*$"):
             DynamicsAxis().measure(evidence([drive, robot.pair(3)]), SETTINGS)
-        assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("gain", [1.0, 0.9])
-def test_the_gap_is_independent_of_tracker_noise(evidence, gain: float) -> None:
+def test_the_gap_is_independent_of_tracker_noise(evidence, gain):
     gaps = []
     for noise in (0.001, 0.008):
         several = [drives(1, gain=gain, noise=noise, turn_noise=noise)[0]]
@@ -224,7 +215,7 @@ def test_the_gap_is_independent_of_tracker_noise(evidence, gain: float) -> None:
     assert (gaps[0] > 25) == (gain < 1)
 
 
-def test_a_vibrating_simulator_has_a_gap(evidence) -> None:
+def test_a_vibrating_simulator_has_a_gap(evidence):
     drive = robot.pair(1, untuned=0.15)
     vibration = 0.05 * np.sin(2 * np.pi * 12.0 * drive.sim.time)
     vibrating = replace(drive, sim=replace(drive.sim, y=drive.sim.y + vibration))
@@ -235,7 +226,7 @@ def delays(*seconds: float, seed: int = 0) -> list[Drive]:
     return [robot.pair(seed + i, delay=delayed, untuned=0.15) for i, delayed in enumerate(seconds)]
 
 
-def test_opposite_delays_do_not_cancel(evidence) -> None:
+def test_opposite_delays_do_not_cancel(evidence):
     measured = DelayAxis().measure(evidence(delays(0.05, -0.05)), SETTINGS)
     assert measured.value == pytest.approx(1.0, rel=0.05)
     assert measured.details["delay"] == pytest.approx(0.0, abs=2e-3)
@@ -244,27 +235,20 @@ def test_opposite_delays_do_not_cancel(evidence) -> None:
     assert "delays of both signs" in measured.notes[0]
 
 
-def test_both_axes_resample_the_same_drives(evidence) -> None:
+def test_both_axes_resample_the_same_drives(evidence):
     both = GapSettings(replicates=400, seed=5)
-    uneven = [
-        robot.pair(0, delay=0.0), robot.pair(1, delay=0.0), robot.pair(2, delay=0.1, gain=0.8)
-    ]  # fmt: skip
-    rows = [
-        axis.measure(evidence(uneven), both).replicates for axis in (DynamicsAxis(), DelayAxis())
-    ]
+    equal = [robot.pair(seed, delay=0.0) for seed in (0, 1)]
+    uneven = evidence([*equal, robot.pair(2, delay=0.1, gain=0.8)])
+    rows = [axis.measure(uneven, both).replicates for axis in (DynamicsAxis(), DelayAxis())]
     assert np.corrcoef(rows)[0, 1] > 0.7
 
 
-def is_json_data(value: object) -> bool:
-    return json.loads(json.dumps(value)) == value
-
-
-def test_details_are_json_data_and_fingerprints_are_stable(evidence) -> None:
+def test_details_are_json_data_and_fingerprints_are_stable(evidence):
     several: Sequence[Drive] = drives(2)
     for axis in (DynamicsAxis(), DelayAxis()):
         first, second = (axis.measure(evidence(several), SETTINGS) for _ in range(2))
-        assert is_json_data(first.details)
-        assert is_json_data(dict(first.fingerprint))
+        described = [first.details, dict(first.fingerprint)]
+        assert json.loads(json.dumps(described)) == described
         assert first.fingerprint == second.fingerprint
         longer = axis.measure(evidence([*several, *drives(3)[2:]]), SETTINGS)
         assert longer.n > first.n
@@ -273,12 +257,11 @@ def test_details_are_json_data_and_fingerprints_are_stable(evidence) -> None:
         assert np.isfinite(first.replicates).all()
 
 
-def test_a_mirrored_log_is_reported(evidence) -> None:
+def test_a_mirrored_log_is_reported(evidence):
     (drive,) = drives(1, delay=0.0)
     mirrored = replace(drive, sim=RigidTransform(reflected=True)(drive.sim))
     result = DynamicsAxis().measure(evidence([mirrored]), SETTINGS)
     assert any("mirrored frame" in note for note in result.notes)
     assert result.value > 10 * result.floor
-    assert not any(
-        "mirrored" in n for n in DynamicsAxis().measure(evidence([drive]), SETTINGS).notes
-    )
+    unchanged = DynamicsAxis().measure(evidence([drive]), SETTINGS)
+    assert not any("mirrored" in note for note in unchanged.notes)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import signal
 
 from bench.support import robot
 from s2rstore.errors import InconclusiveError, RequestError
@@ -22,24 +21,14 @@ BASE = robot.commands(20.0, np.random.default_rng(5))
 EXACT = robot.drive(BASE)
 
 
-def cross_correlation_delay(real: Log, sim: Log, rate: float = 50.0) -> float:
-    """The peak of the cross-correlation of speeds and yaw rates."""
-    time = np.arange(max(real.time[0], sim.time[0]), min(real.time[-1], sim.time[-1]), 1 / rate)
-    rates = []
-    for log in (real, sim):
-        x, y, heading = (
-            np.interp(time, log.time, c) for c in (log.x, log.y, np.unwrap(log.heading))
-        )
-        speed = np.hypot(np.gradient(x, time), np.gradient(y, time))
-        rates.append([signal.detrend(c, type="constant") for c in (speed, np.gradient(heading))])
-    total = sum(signal.correlate(a, b) / (a.std() * b.std()) for a, b in zip(*rates, strict=True))
-    lags = signal.correlation_lags(time.size, time.size)
-    near = np.abs(lags) <= rate
-    return float(lags[near][np.argmax(total[near])] / rate)
+def rows_of(log: Log, rows: object) -> Log:
+    """Some poses of a log."""
+    columns = {name: getattr(log, name)[rows] for name in ("time", "x", "y", "heading")}
+    return replace(log, **columns)
 
 
 @given(st.floats(-0.9, 0.9), st.floats(0, 1e9))
-def test_any_delay_is_recovered(shift: float, epoch: float) -> None:
+def test_any_delay_is_recovered(shift, epoch):
     sim = robot.sampled(EXACT)
     real = replace(sim, time=sim.time + shift + epoch)
     estimate = time_delay.estimate_delay(real, replace(sim, time=sim.time + epoch), QUICK)
@@ -49,15 +38,13 @@ def test_any_delay_is_recovered(shift: float, epoch: float) -> None:
 
 @settings(max_examples=5)
 @given(st.floats(-3, 3), st.floats(-50, 50), st.floats(0.5, 2.0))
-def test_the_delay_is_independent_of_frame_and_length_unit(
-    angle: float, x: float, scale: float
-) -> None:
+def test_the_delay_is_independent_of_frame_and_length_unit(angle, x, scale):
     sim = robot.sampled(EXACT)
     real = RigidTransform(angle, scale=scale, x=x)(robot.sampled(robot.drive(BASE, delay=0.033)))
     assert time_delay.estimate_delay(real, sim, QUICK).seconds == pytest.approx(0.033, abs=1e-4)
 
 
-def test_swapping_the_logs_negates_the_delay() -> None:
+def test_swapping_the_logs_negates_the_delay():
     drive = robot.pair(3, delay=0.047)
     forward = time_delay.estimate_delay(drive.real, drive.sim, QUICK).seconds
     backward = time_delay.estimate_delay(drive.sim, drive.real, QUICK).seconds
@@ -65,53 +52,39 @@ def test_swapping_the_logs_negates_the_delay() -> None:
     assert backward == pytest.approx(-forward, abs=1e-4)
 
 
-def test_no_delay_remains_after_compensation() -> None:
-    drive = robot.pair(3, delay=0.047)
-    delay = time_delay.estimate_delay(drive.real, drive.sim, QUICK).seconds
-    remaining = time_delay.estimate_delay(
-        drive.real, time_delay.shifted(drive.sim, delay), QUICK
-    ).seconds
-    assert abs(remaining) < 1e-4
-
-
 @pytest.mark.parametrize("rates", [(50, 50), (50, 20), (10, 100), (37.3, 50)])
-def test_logs_may_have_different_rates(rates: tuple[float, float]) -> None:
+def test_logs_may_have_different_rates(rates):
     delayed = robot.drive(BASE, delay=0.0613)
     real, sim = robot.sampled(delayed, rates[0], start=0.7), robot.sampled(EXACT, rates[1])
     assert time_delay.estimate_delay(real, sim, QUICK).seconds == pytest.approx(0.0613, abs=2e-3)
 
 
-def test_logs_may_have_irregular_timestamps() -> None:
+def test_logs_may_have_irregular_timestamps():
     rng = np.random.default_rng(0)
     real = robot.sampled(robot.drive(BASE, delay=0.05))
     rows = np.sort(rng.choice(real.time.size, 700, replace=False))
-    thinned = Log(real.time[rows], real.x[rows], real.y[rows], real.heading[rows], "thin", "")
-    estimate = time_delay.estimate_delay(thinned, robot.sampled(EXACT), QUICK)
+    estimate = time_delay.estimate_delay(rows_of(real, rows), robot.sampled(EXACT), QUICK)
     assert estimate.seconds == pytest.approx(0.05, abs=2e-3)
 
 
-def test_wrapped_headings_do_not_change_the_delay() -> None:
+def test_wrapped_headings_do_not_change_the_delay():
     drive = robot.pair(6, noise=0.0, turn_noise=0.0)
     assert np.abs(np.diff(drive.real.heading)).max() > 6
     unwrapped = replace(drive.real, heading=np.unwrap(drive.real.heading))
     wrapped = time_delay.estimate_delay(drive.real, drive.sim, QUICK).seconds
-    assert wrapped == pytest.approx(
-        time_delay.estimate_delay(unwrapped, drive.sim, QUICK).seconds, abs=1e-9
-    )
+    expected = time_delay.estimate_delay(unwrapped, drive.sim, QUICK).seconds
+    assert wrapped == pytest.approx(expected, abs=1e-9)
 
 
-def test_wrong_gains_and_partial_drives_do_not_bias_the_delay() -> None:
+def test_wrong_gains_and_partial_drives_do_not_bias_the_delay():
     drive = robot.pair(7, delay=0.04, gain=0.8, turn_gain=1.2, noise=0.0, turn_noise=0.0)
-    rows = slice(400, 1000)
-    log = drive.real
-    part = Log(log.time[rows], log.x[rows], log.y[rows], log.heading[rows], "part", "")
-    assert time_delay.estimate_delay(part, drive.sim, QUICK).seconds == pytest.approx(
-        0.04, abs=5e-4
-    )
+    part = rows_of(drive.real, slice(400, 1000))
+    estimate = time_delay.estimate_delay(part, drive.sim, QUICK)
+    assert estimate.seconds == pytest.approx(0.04, abs=5e-4)
 
 
-def test_the_estimate_is_more_accurate_than_cross_correlation() -> None:
-    errors, baseline_errors = [], []
+def test_estimates_of_noisy_drives_are_accurate_to_a_fraction_of_the_sampling_period():
+    errors = []
     for seed in range(12):
         rng = np.random.default_rng(seed)
         delay = rng.uniform(-0.1, 0.1)
@@ -119,14 +92,11 @@ def test_the_estimate_is_more_accurate_than_cross_correlation() -> None:
         real = robot.sampled(robot.drive(commands, delay=0.2 + delay), 50, 0.005, 0.005, rng)
         sim = robot.sampled(robot.drive(commands, delay=0.2))
         errors.append(time_delay.estimate_delay(real, sim, QUICK).seconds - delay)
-        baseline_errors.append(cross_correlation_delay(real, sim) - delay)
-    rms, baseline_rms = (float(np.sqrt(np.mean(np.square(e)))) for e in (errors, baseline_errors))
-    assert rms < 1.5e-3
-    assert baseline_rms > 3 * rms
+    assert np.sqrt(np.mean(np.square(errors))) < 1.5e-3
 
 
 @pytest.mark.deep
-def test_intervals_have_the_nominal_coverage() -> None:
+def test_intervals_have_the_nominal_coverage():
     covered = []
     for seed in range(100):
         drive = robot.pair(seed, delay=0.03, noise=0.005, turn_noise=0.005)
@@ -135,25 +105,16 @@ def test_intervals_have_the_nominal_coverage() -> None:
     assert 0.89 <= np.mean(covered) <= 0.99
 
 
-def test_the_same_seed_gives_the_same_interval() -> None:
-    drive = robot.pair(1)
-    first, second = (time_delay.estimate_delay(drive.real, drive.sim, QUICK) for _ in range(2))
-    assert (first.replicates == second.replicates).all()
-
-
-def test_logs_without_overlap_are_rejected_in_one_line() -> None:
+def test_logs_without_overlap_are_rejected_in_one_line():
     sim = robot.sampled(EXACT, name="sim.csv")
     for first, last in ((100.0, 120.0), (19.0, 40.0)):
         span = np.linspace(first, last, sim.time.size)
         real = replace(sim, time=span, source="real.csv")
-        with pytest.raises(
-            RequestError, match=r"real\.csv .* and sim\.csv .* overlap by"
-        ) as caught:
+        with pytest.raises(RequestError, match=r"real\.csv .* and sim\.csv .* overlap by.*$"):
             time_delay.estimate_delay(real, sim)
-        assert "\n" not in str(caught.value)
 
 
-def test_logs_without_usable_motion_are_inconclusive() -> None:
+def test_logs_without_usable_motion_are_inconclusive():
     sim = robot.sampled(EXACT, name="sim")
     still = replace(sim, x=sim.x * 0, y=sim.y * 0, heading=sim.heading * 0, source="still")
     with pytest.raises(InconclusiveError, match="still: the motion never changes"):
@@ -166,30 +127,24 @@ def test_logs_without_usable_motion_are_inconclusive() -> None:
     with pytest.raises(InconclusiveError, match="do not correlate at any time delay"):
         time_delay.estimate_delay(replace(still, x=x, y=y), sim)
     other = robot.sampled(robot.drive(robot.commands(20.0, np.random.default_rng(77))))
-    with pytest.raises(
-        InconclusiveError, match=r"do not correlate at any time delay|end of the search"
-    ):
+    with pytest.raises(InconclusiveError, match=r"do not correlate|end of the search"):
         time_delay.estimate_delay(other, sim)
 
 
-def test_a_delay_beyond_the_search_range_is_inconclusive() -> None:
+def test_a_delay_beyond_the_search_range_is_inconclusive():
     sim = robot.sampled(EXACT)
     real = robot.sampled(robot.drive(BASE, delay=0.3))
     with pytest.raises(InconclusiveError, match="end of the search"):
         time_delay.estimate_delay(real, sim, QUICK, max_delay=0.2)
-    assert time_delay.estimate_delay(real, sim, QUICK, max_delay=0.4).seconds == pytest.approx(
-        0.3, abs=1e-4
-    )
+    estimate = time_delay.estimate_delay(real, sim, QUICK, max_delay=0.4)
+    assert estimate.seconds == pytest.approx(0.3, abs=1e-4)
 
 
-def test_too_few_poses_are_rejected() -> None:
+def test_logs_of_two_poses_or_in_milliseconds_are_rejected():
     sim = robot.sampled(EXACT, name="sim")
-    two = Log(*(np.array([c[0], c[-1]]) for c in (sim.time, sim.x, sim.y, sim.heading)), "two", "")
+    two = replace(rows_of(sim, [0, -1]), source="two")
     with pytest.raises(RequestError, match=r"two: .* too slow to estimate a time delay"):
         time_delay.estimate_delay(two, sim)
-
-
-def test_logs_in_milliseconds_are_rejected_before_resampling() -> None:
     real, sim = (replace(log, time=1000 * log.time) for log in [robot.sampled(EXACT)] * 2)
     with pytest.raises(RequestError, match=r"a pose every 20 s .* are both clocks in seconds"):
         time_delay.estimate_delay(real, sim)
@@ -198,7 +153,7 @@ def test_logs_in_milliseconds_are_rejected_before_resampling() -> None:
 @pytest.mark.parametrize(
     "seconds", [2.05, *(pytest.param(each, marks=pytest.mark.deep) for each in (2.02, 2.1))]
 )
-def test_a_short_slow_drive_has_an_interval_or_is_inconclusive(seconds: float) -> None:
+def test_a_short_slow_drive_has_an_interval_or_is_inconclusive(seconds):
     messages = set()
     for seed in range(20):
         rng = np.random.default_rng(seed)

@@ -27,7 +27,7 @@ def circle(radius: float, speed: float, seconds: float = 10.0) -> Log:
     return Log(time, x, y, angles.wrap(turned), f"circle of {radius:g} m", "")
 
 
-def test_errors_of_two_circles_equal_the_closed_form() -> None:
+def test_errors_of_two_circles_equal_the_closed_form():
     result = windows(circle(1.0, 0.5), circle(2.0, 0.5), PLAN)
     for row, horizon in enumerate(PLAN.horizons):
         a, b = 0.5 * horizon / 1.0, 0.5 * horizon / 2.0
@@ -40,7 +40,7 @@ def test_errors_of_two_circles_equal_the_closed_form() -> None:
         assert (result.path[row][is_known] < result.end[row][is_known]).all()
 
 
-def test_window_errors_equal_relative_pose_errors() -> None:
+def test_window_errors_equal_relative_pose_errors():
     drive = robot.pair(4, gain=0.9, seconds=10.0)
     result = windows(drive.real, drive.sim, WindowPlan((1.0,), stride=0.02, scatter=0.0))
     real, sim = ape_rpe.resample_pair(drive.real, drive.sim)
@@ -50,7 +50,7 @@ def test_window_errors_equal_relative_pose_errors() -> None:
     assert result.heading[0][:n] == pytest.approx(expected.heading[:n], abs=1e-6)
 
 
-def test_window_errors_are_independent_of_the_frames() -> None:
+def test_window_errors_are_independent_of_the_frames():
     drive = robot.pair(4, gain=0.9, seconds=10.0)
     original = windows(drive.real, drive.sim, PLAN)
     transformed = windows(
@@ -60,7 +60,7 @@ def test_window_errors_are_independent_of_the_frames() -> None:
     assert np.nanmax(windows(drive.real, drive.real, PLAN).end) < 1e-12
 
 
-def test_long_drives_are_processed_in_parts_without_seams() -> None:
+def test_long_drives_are_processed_in_parts_without_seams():
     drive = robot.pair(9, gain=0.9, seconds=60.0)
     fine, coarse = (
         windows(drive.real, drive.sim, WindowPlan((0.5,), stride=s, scatter=0.0))
@@ -72,7 +72,7 @@ def test_long_drives_are_processed_in_parts_without_seams() -> None:
     assert fine.end[:, ::2][is_known] == pytest.approx(coarse.end[is_known])
 
 
-def test_windows_beyond_the_simulation_are_excluded() -> None:
+def test_windows_beyond_the_simulation_are_excluded():
     drive = robot.pair(4, seconds=10.0)
     early = drive.sim.time < 6.0
     sim = drive.sim
@@ -83,7 +83,7 @@ def test_windows_beyond_the_simulation_are_excluded() -> None:
     ]
 
 
-def test_windows_that_touch_a_hole_are_excluded() -> None:
+def test_windows_that_touch_a_hole_are_excluded():
     drive = robot.pair(4, seconds=10.0)
     real = drive.real
     rows = (real.time < 3.01) | (real.time > 5.01)
@@ -101,12 +101,12 @@ def test_windows_that_touch_a_hole_are_excluded() -> None:
 
 
 @pytest.mark.parametrize("horizons", [(), (1.0, 0.5), (0.0, 1.0), (-1.0,), (0.001,)])
-def test_invalid_horizons_are_rejected(horizons: tuple[float, ...]) -> None:
+def test_invalid_horizons_are_rejected(horizons):
     with pytest.raises(RequestError, match="horizon"):
         WindowPlan(horizons=horizons)
 
 
-def test_noise_is_estimated_independently_of_the_motion() -> None:
+def test_noise_is_estimated_independently_of_the_motion():
     rng = np.random.default_rng(3)
     exact = robot.drive(robot.commands(60.0, rng))
     estimate = noise_floor.estimate_noise(robot.sampled(exact, 50.0, 0.004, 0.006, rng))
@@ -117,7 +117,7 @@ def test_noise_is_estimated_independently_of_the_motion() -> None:
     assert noise_free.heading < 2e-4
 
 
-def test_the_noise_floor_equals_the_errors_caused_by_noise() -> None:
+def test_the_noise_floor_equals_the_errors_caused_by_noise():
     rng = np.random.default_rng(8)
     exact = robot.drive(robot.commands(40.0, rng))
     delay = 0.007
@@ -129,16 +129,13 @@ def test_the_noise_floor_equals_the_errors_caused_by_noise() -> None:
     for _ in range(20):
         real = robot.sampled(shifted, 50.0, 0.004, 0.01, rng)
         result = windows(real, sim, plan)
+        noise = noise_floor.noise_squares(real, result, noise_floor.estimate_noise(real))
         squares.append(np.nanmean(result.end**2, axis=1))
-        expected.append(
-            np.nanmean(
-                noise_floor.noise_squares(real, result, noise_floor.estimate_noise(real)), axis=1
-            )
-        )
+        expected.append(np.nanmean(noise, axis=1))
     assert np.mean(expected, axis=0) == pytest.approx(np.mean(squares, axis=0), rel=0.08)
 
 
-def test_all_quantities_use_the_same_resamples() -> None:
+def test_all_quantities_use_the_same_resamples():
     rng = np.random.default_rng(0)
     values = [rng.random((2, 40)), rng.random((2, 30))]
     values[0][1, 35:] = np.nan
@@ -152,7 +149,7 @@ def test_all_quantities_use_the_same_resamples() -> None:
 
 
 @pytest.mark.deep
-def test_intervals_of_one_drive_have_the_nominal_coverage() -> None:
+def test_intervals_of_one_drive_have_the_nominal_coverage():
     covered = 0
     for seed in range(200):
         rng = np.random.default_rng(seed)
@@ -167,7 +164,7 @@ def test_intervals_of_one_drive_have_the_nominal_coverage() -> None:
 @pytest.mark.parametrize(
     "count", [3, *(pytest.param(count, marks=pytest.mark.deep) for count in (2, 4, 6))]
 )
-def test_intervals_of_different_drives_have_the_nominal_coverage(count: int) -> None:
+def test_intervals_of_different_drives_have_the_nominal_coverage(count):
     rng = np.random.default_rng(count)
     covered = 0
     for seed in range(300):
@@ -180,18 +177,16 @@ def test_intervals_of_different_drives_have_the_nominal_coverage(count: int) -> 
 
 
 @pytest.mark.parametrize("period", [0.25, 0.1])
-def test_a_vibration_that_divides_stride_and_horizons_is_detected(period: float) -> None:
+def test_a_vibration_that_divides_stride_and_horizons_is_detected(period):
     drive = robot.pair(2, noise=0.0, turn_noise=0.0, delay=0.0)
-    vibrating = replace(
-        drive.sim, y=drive.sim.y + 0.05 * np.sin(2 * np.pi * drive.sim.time / period)
-    )
-    result = windows(drive.real, vibrating)
+    vibration = 0.05 * np.sin(2 * np.pi * drive.sim.time / period)
+    result = windows(drive.real, replace(drive.sim, y=drive.sim.y + vibration))
     rms = np.sqrt(np.nanmean(result.end**2, axis=1))
     assert rms == pytest.approx(0.05, rel=0.2)
     assert np.diff(result.starts).min() > 0
 
 
-def test_scattered_starts_and_lengths_are_deterministic() -> None:
+def test_scattered_starts_and_lengths_are_deterministic():
     log = robot.pair(2).real
     plan = WindowPlan()
     assert (plan.starts(log) == plan.starts(log)).all()
@@ -204,7 +199,7 @@ def test_scattered_starts_and_lengths_are_deterministic() -> None:
 
 
 @pytest.mark.parametrize("rate", [50.0, 4.0])
-def test_motion_between_coarse_poses_is_not_counted_as_noise(rate: float) -> None:
+def test_motion_between_coarse_poses_is_not_counted_as_noise(rate):
     rng = np.random.default_rng(4)
     exact = robot.drive(robot.commands(60.0, rng))
     assert noise_floor.estimate_noise(robot.sampled(exact, rate)).position < 1e-3
@@ -213,7 +208,7 @@ def test_motion_between_coarse_poses_is_not_counted_as_noise(rate: float) -> Non
     assert noisy.heading < 1.1 * 0.004
 
 
-def test_repeatability_equals_the_variation_of_one_real_drive() -> None:
+def test_repeatability_equals_the_variation_of_one_real_drive():
     commands = robot.commands(60.0, np.random.default_rng(0))
     drives = []
     for seed in range(2):
@@ -221,14 +216,12 @@ def test_repeatability_equals_the_variation_of_one_real_drive() -> None:
         real = robot.sampled(robot.drive(commands, slip=0.02, rng=rng), 50, 0.001, 0.001, rng)
         drives.append(Drive(f"d{seed}", real, robot.sampled(robot.drive(commands)), None, commands))
     plan = WindowPlan(horizons=(0.5, 1.0))
-    half = np.nanmean(
-        repeatability.repeatability_squares(drives[0], drives[1:], plan, GapSettings(50)), axis=1
-    )
+    half = repeatability.repeatability_squares(drives[0], drives[1:], plan, GapSettings(50))
     variations = [np.nanmean(windows(d.real, d.sim, plan).end ** 2, axis=1) for d in drives]
-    assert half == pytest.approx(np.mean(variations, axis=0), rel=0.3)
+    assert np.nanmean(half, axis=1) == pytest.approx(np.mean(variations, axis=0), rel=0.3)
 
 
-def test_drives_with_equal_commands_are_repetitions() -> None:
+def test_drives_with_equal_commands_are_repetitions():
     a, b, c = (robot.pair(seed, seconds=5.0) for seed in (1, 1, 2))
     b = replace(b, real=replace(b.real, sha256="another"))
     assert repeatability.repetitions([a, b, c]) == [[1], [0], []]

@@ -59,7 +59,7 @@ def write_description(root: Path, weights: str = "w.pth", size: int = 80, more: 
     return file
 
 
-def test_the_layout_matches_the_published_weights() -> None:
+def test_the_layout_matches_the_published_weights():
     network = FidInception()
     shapes = {key: tuple(value.shape) for key, value in network.state_dict().items()}
     assert shapes["Conv2d_1a_3x3.conv.weight"] == (32, 3, 3, 3)
@@ -80,7 +80,7 @@ def test_the_layout_matches_the_published_weights() -> None:
     assert sizes == {"Mixed_5d": (288, 35, 35), "Mixed_6e": (768, 17, 17), "Mixed_7c": (2048, 8, 8)}
 
 
-def test_averages_exclude_padding_and_the_last_block_uses_the_maximum() -> None:
+def test_averages_exclude_padding_and_the_last_block_uses_the_maximum():
     fine, coarse = randomize_weights(Fine(4, 32)), Coarse(4, maximum=True)
     with torch.inference_mode():
         pooled_path = fine(torch.ones(1, 4, 6, 6))[0, -32:]
@@ -92,7 +92,7 @@ def test_averages_exclude_padding_and_the_last_block_uses_the_maximum() -> None:
         )
 
 
-def test_features_equal_the_network_output_on_preprocessed_images(folder: Path) -> None:
+def test_features_equal_the_network_output_on_preprocessed_images(folder):
     rgb = np.random.default_rng(0).integers(0, 256, (3, 64, 64, 3)).astype(np.uint8)
     read = feature_network.read_network(write_description(folder))
     x = torch.from_numpy(rgb).permute(0, 3, 1, 2) / 255
@@ -119,7 +119,7 @@ def bilinear(image: np.ndarray, rows: int, columns: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("shape", [(40, 60), (200, 150), (75, 90)])
-def test_bilinear_resizing_equals_the_reference(shape: tuple[int, int]) -> None:
+def test_bilinear_resizing_equals_the_reference(shape):
     rgb = np.random.default_rng(1).integers(0, 256, (2, *shape, 3)).astype(np.uint8)
     prepare = feature_network.Preprocessing((75, 90), "bilinear", (0.5, 0.4, 0.3), (0.5, 0.25, 0.2))
     expected = np.stack([bilinear(image / 255, 75, 90) for image in rgb])
@@ -129,24 +129,24 @@ def test_bilinear_resizing_equals_the_reference(shape: tuple[int, int]) -> None:
     assert np.allclose(np.moveaxis(computed, 1, -1), expected, atol=2e-5)
 
 
-@pytest.mark.parametrize(("name", "mode"), [("bicubic", "bicubic"), ("nearest", "nearest")])
-def test_other_filters_equal_torch(name: str, mode: str) -> None:
+@pytest.mark.parametrize("name", ["bicubic", "nearest"])
+def test_other_filters_equal_torch(name):
     rgb = np.random.default_rng(2).integers(0, 256, (1, 150, 180, 3)).astype(np.uint8)
     prepare = feature_network.Preprocessing((75, 120), name, (0.0,) * 3, (1.0,) * 3)
     x = torch.from_numpy(rgb).permute(0, 3, 1, 2) / 255
-    corners = {} if mode == "nearest" else {"align_corners": False}
-    expected = torch.nn.functional.interpolate(x, (75, 120), mode=mode, **corners).numpy()
+    corners = {} if name == "nearest" else {"align_corners": False}
+    expected = torch.nn.functional.interpolate(x, (75, 120), mode=name, **corners).numpy()
     assert np.allclose(prepare(rgb), expected, atol=2e-5)
 
 
-def test_the_area_filter_averages_pixels() -> None:
+def test_the_area_filter_averages_pixels():
     rgb = np.random.default_rng(3).integers(0, 256, (1, 150, 225, 3)).astype(np.uint8)
     prepare = feature_network.Preprocessing((75, 75), "area", (0.0,) * 3, (1.0,) * 3)
     expected = (rgb[0] / 255).reshape(75, 2, 75, 3, 3).mean(axis=(1, 3))
     assert np.allclose(prepare(rgb)[0], np.moveaxis(expected, -1, 0), atol=2e-5)
 
 
-def test_the_fingerprint_covers_weights_and_preprocessing(folder: Path) -> None:
+def test_the_fingerprint_covers_weights_and_preprocessing(folder):
     identity = feature_network.read_network(write_description(folder)).identity
     assert identity["weights_sha256"] == hashlib.sha256((folder / "w.pth").read_bytes()).hexdigest()
     assert identity == feature_network.read_network(write_description(folder)).identity
@@ -183,9 +183,7 @@ def test_the_fingerprint_covers_weights_and_preprocessing(folder: Path) -> None:
         ("architecture =", "architecture", "network.toml: "),
     ],
 )
-def test_an_invalid_description_is_explained_in_one_line(
-    damaged: Path, old: str, new: str, expected: str
-) -> None:
+def test_an_invalid_description_is_explained_in_one_line(damaged, old, new, expected):
     file = write_description(damaged)
     file.write_text(file.read_text().replace(old, new))
     with pytest.raises(RequestError) as raised:
@@ -194,7 +192,7 @@ def test_an_invalid_description_is_explained_in_one_line(
     assert "\n" not in str(raised.value)
 
 
-def test_a_wrong_checksum_and_a_missing_file_are_rejected(folder: Path) -> None:
+def test_a_wrong_checksum_and_a_missing_file_are_rejected(folder):
     with pytest.raises(RequestError, match="its sha256 is"):
         feature_network.read_network(write_description(folder, more='sha256 = "00"'))
     with pytest.raises(RequestError, match="cannot be read"):

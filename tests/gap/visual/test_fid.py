@@ -1,4 +1,4 @@
-"""The Frechet distance compared with torchmetrics, scipy and properties of Gaussians."""
+"""Frechet and kernel distances compared with torchmetrics and properties of Gaussians."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.linalg import sqrtm
 from torchmetrics.image.fid import FrechetInceptionDistance
+from torchmetrics.image.kid import poly_mmd
 
+from s2rtools.gap.visual import kid
 from s2rtools.gap.visual.fid import frechet_distance, trace_root, trace_root_of_samples
 
 
@@ -31,7 +32,7 @@ class FlattenedImages(torch.nn.Module):
 
 
 @pytest.mark.parametrize(("n", "m", "d"), [(200, 150, 12), (20, 20, 48), (9, 40, 27)])
-def test_the_distance_equals_torchmetrics(n: int, m: int, d: int) -> None:
+def test_the_distance_equals_torchmetrics(n, m, d):
     x, y = samples(3, n, m, d)
     metric = FrechetInceptionDistance(feature=FlattenedImages(d), normalize=True)
     metric.set_dtype(torch.float64)
@@ -40,17 +41,8 @@ def test_the_distance_equals_torchmetrics(n: int, m: int, d: int) -> None:
     assert frechet_distance(x, y) == pytest.approx(float(metric.compute()), rel=1e-4)
 
 
-@given(st.integers(0, 10_000), st.integers(20, 60), st.integers(2, 8))
-def test_the_distance_equals_the_scipy_matrix_root(seed: int, n: int, d: int) -> None:
-    x, y = samples(seed, n, n + 3, d)
-    s, t = np.cov(x.T), np.cov(y.T)
-    root = np.trace(np.real(sqrtm(s @ t)))
-    shift = np.sum((x.mean(axis=0) - y.mean(axis=0)) ** 2)
-    assert frechet_distance(x, y) == pytest.approx(shift + np.trace(s + t) - 2 * root, rel=1e-6)
-
-
 @given(st.integers(0, 10_000), st.integers(3, 30), st.integers(2, 30))
-def test_both_computations_of_the_trace_root_agree(seed: int, n: int, d: int) -> None:
+def test_both_computations_of_the_trace_root_agree(seed, n, d):
     x, y = samples(seed, n, n, d)
     scale = np.abs(trace_root_of_samples(x, y)) + 1
     # Each eigenvalue that is 0 by rank contributes the root of the rounding error, 1e-8.
@@ -60,16 +52,14 @@ def test_both_computations_of_the_trace_root_agree(seed: int, n: int, d: int) ->
 
 
 @given(st.integers(0, 10_000), st.sampled_from([(10, 40), (80, 5)]))
-def test_equal_samples_have_distance_0_and_a_shift_adds_its_square(
-    seed: int, shape: tuple[int, int]
-) -> None:
+def test_equal_samples_have_distance_0_and_a_shift_adds_its_square(seed, shape):
     x, y = samples(seed, shape[0], shape[0], shape[1])
     assert frechet_distance(x, x) == pytest.approx(0, abs=1e-6)
     assert frechet_distance(x, x + 2) == pytest.approx(4 * shape[1], rel=1e-6)
     assert frechet_distance(x, y) == pytest.approx(frechet_distance(y, x), rel=1e-6)
 
 
-def test_the_distance_is_biased_for_small_samples() -> None:
+def test_the_distance_is_biased_for_small_samples():
     rng = np.random.default_rng(0)
     small_sample, large_sample = (
         frechet_distance(*rng.normal(size=(2, n, 64))) for n in (50, 2000)
@@ -77,6 +67,23 @@ def test_the_distance_is_biased_for_small_samples() -> None:
     assert small_sample > 10 * large_sample > 0
 
 
-def test_a_single_image_is_rejected() -> None:
+def test_a_single_image_is_rejected():
     with pytest.raises(ValueError, match="2 samples"):
         frechet_distance(np.zeros((1, 3)), np.zeros((5, 3)))
+    with pytest.raises(ValueError, match="2 samples"):
+        kid.kernel_distance(np.zeros((1, 3)), np.zeros((5, 3)))
+
+
+@given(st.integers(0, 10_000), st.integers(2, 40), st.integers(1, 30))
+def test_the_kernel_distance_equals_torchmetrics(seed, n, d):
+    rng = np.random.default_rng(seed)
+    x, y = rng.normal(size=(n, d)), rng.normal(0.4, 1.2, size=(n, d))
+    expected = float(poly_mmd(torch.from_numpy(x), torch.from_numpy(y)))
+    assert kid.kernel_distance(x, y) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_the_kernel_distance_is_unbiased_for_any_sample_size():
+    rng = np.random.default_rng(1)
+    for n in (5, 40):
+        distances = [kid.kernel_distance(*rng.normal(size=(2, n, 8))) for _ in range(600)]
+        assert np.mean(distances) == pytest.approx(0, abs=4 * np.std(distances) / np.sqrt(600))

@@ -14,23 +14,17 @@ from s2rstore.metrics.bootstrap import split_into_blocks
 from s2rstore.reader import Store
 from s2rtools.gap.visual.low_dimensional_samples import prediction_samples, principal_components
 from s2rtools.gap.visual.split_half_metrics import split_half_metrics
-from tests.support.copies import copy_store
 
 N = 40
 
 
 @pytest.fixture
-def path(tiny_store: Path, tmp_path: Path) -> Path:
-    return copy_store(tiny_store, tmp_path / "s.s2r")
-
-
-@pytest.fixture
-def store(path: Path) -> Iterator[Store]:
-    with s2rstore.open(path) as opened:
+def store(tiny_store: Path) -> Iterator[Store]:
+    with s2rstore.open(tiny_store) as opened:
         yield opened
 
 
-def test_poses_and_errors_are_standardized(store: Store) -> None:
+def test_poses_and_errors_are_standardized(store):
     samples = prediction_samples(store, "vanilla", np.arange(N))
     columns = store.run_columns("vanilla")
     poses, errors = samples["poses"], samples["errors"]
@@ -46,20 +40,18 @@ def test_poses_and_errors_are_standardized(store: Store) -> None:
     assert not errors.periods.any()
 
 
-def test_missing_headings_are_excluded(path: Path) -> None:
-    with edit(path) as draft:
-        draft.update(
-            "prediction", {"run": "vanilla", "side": "sim"},
-            {"heading": None, "heading_error": None},
-        )  # fmt: skip
+def test_missing_headings_are_excluded(store_copy):
+    with edit(store_copy) as draft:
+        key = {"run": "vanilla", "side": "sim"}
+        draft.update("prediction", key, {"heading": None, "heading_error": None})
         draft.update("run", {"run": "dataaug"}, {"key": None})
-    with s2rstore.open(path) as store:
+    with s2rstore.open(store_copy) as store:
         samples = prediction_samples(store, "vanilla", np.arange(N))
         assert [samples[name].sim.shape[1] for name in ("poses", "errors")] == [2, 1]
         assert prediction_samples(store, "dataaug", np.arange(N)) == {}
 
 
-def test_divergences_ignore_missing_rows_and_need_enough_samples(store: Store) -> None:
+def test_divergences_ignore_missing_rows_and_need_enough_samples(store):
     rng = np.random.default_rng(0)
     sim, real = rng.normal(size=(2, N, 6))
     blocks = split_into_blocks(np.zeros(N, np.int32))
@@ -67,8 +59,7 @@ def test_divergences_ignore_missing_rows_and_need_enough_samples(store: Store) -
     assert points.sim.shape == points.real.shape == (N, 2)
     points.sim[::4] = np.nan
     result = split_half_metrics(sim, real, blocks, 1, {"some": points})
-    assert np.isfinite(
-        [result["kl_some_sim_real"]["value"], result["kl_some_sim_real"]["floor"]]
-    ).all()
+    divergence = result["kl_some_sim_real"]
+    assert np.isfinite([divergence["value"], divergence["floor"]]).all()
     points.sim[5:] = np.nan
     assert "kl_some_sim_real" not in split_half_metrics(sim, real, blocks, 1, {"some": points})

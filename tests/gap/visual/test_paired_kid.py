@@ -34,7 +34,7 @@ def split_distance(
 
 
 @given(st.integers(0, 10_000), st.sampled_from([4, 6]), st.integers(1, 4))
-def test_the_value_is_the_mean_over_all_half_splits(seed: int, count: int, length: int) -> None:
+def test_the_value_is_the_mean_over_all_half_splits(seed, count, length):
     rng = np.random.default_rng(seed)
     n = count * length
     sim, real = rng.normal(0.5, 1, size=(n, 5)), rng.normal(size=(n, 5))
@@ -49,7 +49,7 @@ def test_the_value_is_the_mean_over_all_half_splits(seed: int, count: int, lengt
     assert block_mmd(real, real, blocks).value() == pytest.approx(floor, abs=1e-9)
 
 
-def test_identical_images_give_exactly_the_floor() -> None:
+def test_identical_images_give_exactly_the_floor():
     real = np.random.default_rng(0).normal(size=(60, 8))
     blocks = one_trajectory(60)
     counts = block_counts(blocks, GapSettings(50, 1), min_units=2)
@@ -72,7 +72,7 @@ def features_at(rng: np.random.Generator, positions: np.ndarray, shift: float) -
     return np.maximum(positions @ mix + shift, 0) + 0.2 * rng.normal(size=(len(positions), 16))
 
 
-def test_the_value_is_unbiased_and_its_intervals_cover_the_truth() -> None:
+def test_the_value_is_unbiased_and_its_intervals_cover_the_truth():
     rng = np.random.default_rng(4)
     pose_samples = [rng.normal(size=(2000, 4)) for _ in range(6)]
     truth = np.mean(
@@ -95,7 +95,7 @@ def test_the_value_is_unbiased_and_its_intervals_cover_the_truth() -> None:
     assert covered / 150 >= 0.87
 
 
-def test_the_swap_test_is_calibrated_and_powerful() -> None:
+def test_the_swap_test_is_calibrated_and_powerful():
     rng = np.random.default_rng(5)
     p_values = []
     for seed in range(200):
@@ -112,7 +112,7 @@ def test_the_swap_test_is_calibrated_and_powerful() -> None:
     assert pair.swap_p(999, 1) == 2.0 ** (1 - pair.blocks)
 
 
-def test_blocks_stay_in_trajectories_and_halves_are_disjoint() -> None:
+def test_blocks_stay_in_trajectories_and_halves_are_disjoint():
     codes = np.repeat([0, 1, 2], [13, 50, 4]).astype(np.int32)
     blocks = split_into_blocks(codes)
     assert blocks.start[0] == 0

@@ -14,7 +14,7 @@ from s2rtools.gap.visual.wasserstein import sliced_wasserstein, wasserstein_by_d
 
 
 @given(st.integers(0, 10_000), st.integers(1, 30), st.integers(1, 30), st.booleans())
-def test_wasserstein_equals_scipy(seed: int, n: int, m: int, ties: bool) -> None:
+def test_wasserstein_equals_scipy(seed, n, m, ties):
     rng = np.random.default_rng(seed)
     x, y = rng.normal(size=(n, 3)), rng.normal(0.5, 2, size=(m, 3))
     if ties:
@@ -23,7 +23,7 @@ def test_wasserstein_equals_scipy(seed: int, n: int, m: int, ties: bool) -> None
     assert np.allclose(wasserstein_by_dimension(x, y), expected)
 
 
-def test_sliced_wasserstein_is_seeded_and_measures_a_shift() -> None:
+def test_sliced_wasserstein_is_seeded_and_measures_a_shift():
     rng = np.random.default_rng(0)
     x = rng.normal(size=(50, 1))
     assert sliced_wasserstein(x, x + 3) == pytest.approx(3)
@@ -41,7 +41,7 @@ def gaussian_divergence(mean: np.ndarray, s: np.ndarray, t: np.ndarray) -> float
 
 
 @pytest.mark.parametrize("d", [1, 2, 3])
-def test_divergences_equal_the_closed_form_of_gaussians(d: int) -> None:
+def test_divergences_equal_the_closed_form_of_gaussians(d):
     rng = np.random.default_rng(d)
     mean, a, b = np.full(d, 0.6), np.eye(d) * 1.5, np.eye(d) + 0.3
     n = 2000 if d < 3 else 20_000
@@ -55,7 +55,7 @@ def test_divergences_equal_the_closed_form_of_gaussians(d: int) -> None:
     assert np.mean([f.backward for f in computed]) == pytest.approx(backward, abs=0.05)
 
 
-def test_divergences_of_samples_with_duplicates_are_finite() -> None:
+def test_divergences_of_samples_with_duplicates_are_finite():
     rng = np.random.default_rng(0)
     x = rng.normal(size=(300, 2))
     duplicated = np.concatenate([x[:150], np.repeat(x[150:160], 15, axis=0)])
@@ -68,7 +68,7 @@ def test_divergences_of_samples_with_duplicates_are_finite() -> None:
     assert divergences(*rounded).forward == pytest.approx(0, abs=0.15)
 
 
-def test_divergences_of_angles_are_independent_of_the_origin() -> None:
+def test_divergences_of_angles_are_independent_of_the_origin():
     rng = np.random.default_rng(5)
     x, y = rng.normal(0, 0.4, size=(200, 2)), rng.normal(0.3, 0.6, size=(150, 2))
     periods = np.array([0.0, 2 * np.pi])
@@ -84,7 +84,7 @@ def test_divergences_of_angles_are_independent_of_the_origin() -> None:
     assert np.isfinite(divergences(at_the_edge, rng.normal(size=(16, 1)), 2, periods[1:]).backward)
 
 
-def test_divergences_warn_above_3_dimensions_and_reject_few_samples() -> None:
+def test_divergences_warn_above_3_dimensions_and_reject_few_samples():
     rng = np.random.default_rng(0)
     with pytest.warns(BiasWarning, match="4 dimensions"):
         divergences(rng.normal(size=(30, 4)), rng.normal(size=(30, 4)))
@@ -93,7 +93,7 @@ def test_divergences_warn_above_3_dimensions_and_reject_few_samples() -> None:
 
 
 @given(st.integers(0, 10_000), st.integers(4, 20), st.integers(4, 20))
-def test_prdc_equals_brute_force(seed: int, n: int, m: int) -> None:
+def test_prdc_equals_brute_force(seed, n, m):
     rng = np.random.default_rng(seed)
     k = 3
     real, sim = rng.normal(size=(n, 2)), rng.normal(0.5, 1, size=(m, 2))
@@ -114,7 +114,7 @@ def test_prdc_equals_brute_force(seed: int, n: int, m: int) -> None:
     assert computed.coverage == pytest.approx(inside.any(axis=1).mean())
 
 
-def test_prdc_of_equal_and_distant_samples() -> None:
+def test_prdc_of_equal_and_distant_samples():
     x = np.random.default_rng(1).normal(size=(40, 300)) * 1e3
     identical, distant = prdc(x, x.copy()), prdc(x, x + 1e5)
     assert (identical.precision, identical.recall, identical.coverage) == (1, 1, 1)
