@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import torch
 
 import s2rstore
 from s2rstore.index.transaction import edit
+from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import check
 from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store
@@ -24,9 +26,11 @@ from s2rtools.gap import instance_selection
 from s2rtools.gap.axis_result import Evidence
 from s2rtools.models import build_network
 from s2rtools.models.model_registration import pack_weights, register_model
+from s2rtools.precompute import pipeline
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import insert_run
 from tests.support import pairs
+from tests.support.copies import copy_store
 from tests.support.silent_reporter import SilentReporter
 
 KINDS = ("activation", "pixel_difference")
@@ -86,8 +90,15 @@ def stores(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     compute(grown, "plain")
     for counts, domains in (({"a": 4, "b": 7}, SIDES), ({"a": N, "b": N}, (*SIDES, EDIT))):
         before = array_files(grown)
-        append(part_of(scan, counts, domains), grown, "s2r ingest", True, lambda steps: None)
-        compute(grown, "plain")
+        with s2rstore.open(grown) as earlier, pytest.MonkeyPatch.context() as patch:
+            append(part_of(scan, counts, domains), grown, "s2r ingest", True, lambda steps: None)
+            patch.setattr(pipeline, "publish_run", Mock(side_effect=KeyboardInterrupt))
+            with pytest.raises(KeyboardInterrupt):  # between merging and publishing
+                compute(grown, "plain")
+            patch.undo()
+            patch.setattr(pipeline.UnitPlan, "finish", Mock(side_effect=AssertionError))
+            compute(grown, "plain")
+            assert np.isfinite(earlier.array("plain", "prediction", "sim")[1][:]).all()
         after = array_files(grown)
         assert {path: after[path] for path in before} == before
     add_run(grown, "edited", EDIT)
@@ -126,15 +137,24 @@ def test_predictions_equal_those_of_a_store_that_was_ingested_at_once(
     assert check(stores[1]).damages == check(stores[1]).notes == ()
 
 
-def test_merged_arrays_hold_each_instance_once(stores: tuple[Path, Path]) -> None:
-    with s2rstore.open(stores[1]) as grown:
+def test_arrays_of_parts_are_merged_and_superseded_ones_pruned(
+    stores: tuple[Path, Path], tmp_path: Path
+) -> None:
+    """Points of a published projection stay; those of later parts have arrays of their own."""
+    path = copy_store(stores[1], tmp_path / "s.s2r")
+    prune(path, keep=1)
+    keys = {f"{each.parent.name}/{each.name}" for each in (path / "runs.zarr").glob("*/*")}
+    with s2rstore.open(path) as grown:
         assert [part.first_iid for part in grown.parts] == [0, 7, 11]
-        for run in ("plain", "edited"):
-            found = [r for r in grown.array_parts(run) if r.kind == "prediction"]
-            rows = sorted({(record.first_iid, record.shape[0]) for record in found})
-            ends = [first + count for first, count in rows]
-            assert [first for first, _ in rows] == [0, *ends[:-1]]
-            assert ends[-1] == 2 * N
+        for run, fitted in (("plain", {(0, 7), (7, 13)}), ("edited", {(0, 20)})):
+            rows: dict[str, set[tuple[int, int]]] = {}
+            for record in grown.array_parts(run):
+                if record.axes[0] == "iid":
+                    rows.setdefault(record.kind, set()).add((record.first_iid, record.shape[0]))
+            later = dict.fromkeys(("pca", "umap", "neighbour_distance"), fitted)
+            assert rows == {kind: {(0, 2 * N)} for kind in rows} | later
+        assert keys == {"/".join(each.split("/")[:2]) for each in grown.array_paths}
+    assert check(path).damages == check(path).notes == ()
 
 
 def test_intervals_equal_those_of_a_store_that_was_ingested_at_once(
