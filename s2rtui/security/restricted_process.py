@@ -88,6 +88,7 @@ def restrict_process(permissions: Permissions) -> None:
     """
     clean_environment(os.environ)
     os.environ["MPLCONFIGDIR"] = str(permissions.user_data_dir / "matplotlib")
+    os.environ["XDG_CACHE_HOME"] = str(permissions.user_data_dir / "cache")
     _disable_signal_keys()
     sys.dont_write_bytecode = True
     sys.addaudithook(_audit_hook(permissions))

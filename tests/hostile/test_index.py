@@ -197,17 +197,3 @@ def test_a_store_may_have_an_unusual_name(tiny_store, tmp_path, name, monkeypatc
     capsys.readouterr()
     assert main(["sql", name, "SELECT run FROM run ORDER BY run", "--format", "csv"]) == 0
     assert capsys.readouterr().out == "run\ndataaug\nmore\nvanilla\n"
-
-
-@pytest.mark.parametrize("name", ["a?access_mode=read_write", "a\\b"])
-def test_a_name_that_duckdb_cannot_open_is_rejected_with_advice(
-    tiny_store, tmp_path, name, monkeypatch, capsys
-):
-    copy_store(tiny_store, tmp_path / name)
-    monkeypatch.chdir(tmp_path)
-    add = ["run", "add", "more", "--model", "vanilla", "--store", name]
-    for command in (["verify", name], ["runs", name], ["sql", name, "SELECT 1"], add):
-        assert main(command) == 2
-        output = capsys.readouterr()
-        assert "rename" in output.err
-        assert output.out == ""

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import atexit
 import os
+import shutil
 import stat
+import tempfile
+from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 
@@ -22,3 +27,20 @@ def is_private(folder: Path) -> bool:
         and status.st_uid == os.geteuid()
         and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
     )
+
+
+def private_folder(name: str) -> Path:
+    """A folder of the cache, which is made; a temporary one where the cache cannot be used."""
+    path = folder(name)
+    with suppress(OSError):
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if is_private(path) and os.access(path, os.W_OK):
+            return path
+    return _temporary_folder()
+
+
+@cache
+def _temporary_folder() -> Path:
+    path = Path(tempfile.mkdtemp(prefix="s2r-"))
+    atexit.register(shutil.rmtree, path, ignore_errors=True)
+    return path

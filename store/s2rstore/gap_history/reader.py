@@ -13,6 +13,7 @@ import duckdb
 
 from s2rstore.errors import RequestError, first_line
 from s2rstore.files import input_files, layout, safe_files
+from s2rstore.files.plain_paths import plain_path
 from s2rstore.files.store_files import Stamp
 from s2rstore.gap_history import schema
 from s2rstore.index import locked_connection
@@ -203,7 +204,9 @@ def _opened(path: Path) -> Iterator[duckdb.DuckDBPyConnection]:
     path = path.resolve()
     if not path.is_file():
         raise RequestError(f"{path}: no history; `s2r nightly CONFIG.toml` writes one")
-    connection = locked_connection.connect_empty([path.absolute().parent], _MEMORY)
+    connection = locked_connection.connect_empty(
+        [plain_path(path.parent, path.name).parent], _MEMORY
+    )
     try:
         locked_connection.attach_read_only(connection, path, "history", schema.TABLES, schema.VIEWS)
         yield connection

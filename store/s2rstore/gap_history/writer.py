@@ -18,6 +18,7 @@ import duckdb
 
 from s2rstore.errors import RequestError, first_line
 from s2rstore.files import atomic_writes
+from s2rstore.files.plain_paths import plain_path
 from s2rstore.gap_history import reader, schema
 from s2rstore.index import locked_connection
 from s2rstore.index.table_definition import Table
@@ -65,7 +66,7 @@ def _replace(path: Path, change: Change, check: Check) -> None:
 
 def _write(path: Path, base: Path | None, change: Change) -> None:
     """Write a new file: copy all rows of `base`, apply `change`, create the views again."""
-    connection = locked_connection.connect_empty([path.absolute().parent])
+    connection = locked_connection.connect_empty([plain_path(path.parent, path.name).parent])
     try:
         locked_connection.attach_new(connection, path, "history", schema.statements())
         if base is not None:
@@ -78,7 +79,7 @@ def _write(path: Path, base: Path | None, change: Change) -> None:
                 connection.execute(f'INSERT INTO history."{table.name}" ({names}) {rows}')
             connection.execute("DETACH base")
         change(connection)
-        locked_connection.detach_new(connection, "history")
+        locked_connection.detach_new(connection, path, "history")
     finally:
         connection.close()
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import duckdb
 
 from s2rstore.errors import RequestError, first_line
-from s2rstore.files import atomic_writes, layout, safe_files
+from s2rstore.files import atomic_writes, layout, plain_paths, safe_files
 from s2rstore.index import locked_connection, pair_view, row_files, schema
 from s2rstore.index.row_files import PARTITIONS, RowFile, RowFiles
 from s2rstore.index.table_definition import comments_on, statements_of
@@ -36,6 +36,8 @@ class FileTables:
     def take_over(self, files: RowFiles) -> None:
         """Keep the files of the present generation."""
         self._kept = {table: list(group) for table, group in files.items()}
+        for file in (file for group in files.values() for file in group):
+            plain_paths.link(self._folder, file.path)
 
     @property
     def names(self) -> list[str]:
@@ -133,12 +135,16 @@ class FileTables:
         folder = "/".join(filter(None, (layout.INDEX, row_files.FOLDER, table, run)))
         atomic_writes.make_folder(self._root, folder)
         partial = f"{folder}/.{secrets.token_hex(8)}{atomic_writes.PARTIAL}"
-        path = str(safe_files.checked_path(self._root, partial).absolute()).replace("'", "''")
+        safe_files.checked_path(self._root, partial)
+        plain = plain_paths.plain_path(self._folder, partial.removeprefix(f"{layout.INDEX}/"))
+        plain_paths.make_parent(plain)
+        path = locked_connection.escaped(str(plain))
         self._partial.append(partial)
         ((rows,),) = self._connection.execute(
             f"COPY (SELECT {names} FROM {source} WHERE {condition}) TO '{path}' "
             "(FORMAT parquet, USE_TMP_FILE false)"
         ).fetchall()
+        plain_paths.move_back(plain, self._root, partial)
         atomic_writes.sync(self._root, partial)
         sha256 = safe_files.sha256(self._root, partial)
         size = safe_files.size(self._root, partial)
@@ -157,6 +163,7 @@ class FileTables:
             if any(other.path == file.path for other in kept):
                 raise RequestError(f"{self._root}: table {file.table}: rows that it has already")
             kept.append(file)
+            plain_paths.link(self._folder, file.path)
         for folder in folders - {"."}:
             with safe_files.folder(self._root, folder) as descriptor:
                 os.fsync(descriptor)

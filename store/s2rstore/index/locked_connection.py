@@ -20,7 +20,7 @@ from pathlib import Path
 import duckdb
 
 from s2rstore.errors import RequestError, first_line
-from s2rstore.files import safe_files
+from s2rstore.files import plain_paths, safe_files
 from s2rstore.index import catalog_check, catalog_check_cache, pair_view, row_files, schema
 from s2rstore.index.row_files import RowFile, RowFiles
 from s2rstore.index.table_definition import Table
@@ -68,7 +68,7 @@ def connect(
     """
     require_regular(path)
     try:
-        connection = duckdb.connect(literal_path(path), read_only=True, config=_CLOSED)
+        connection = duckdb.connect(_link(path), read_only=True, config=_CLOSED)
         with _opening:
             _lock(connection, memory or DEFAULT_MEMORY)
     except duckdb.Error as error:
@@ -98,9 +98,9 @@ def _connect_with_files(
 ) -> duckdb.DuckDBPyConnection:
     """A database in memory with a view on every table of an index, and on its files of rows."""
     row_files.check_present(path, files)
-    index = literal_path(path)
-    folder = Path(index).parent
-    paths = [f"{folder}/{file.path}" for group in files.values() for file in group]
+    index = _link(path)
+    every = [file for group in files.values() for file in group]
+    paths = [str(plain_paths.link(path.parent, file.path)) for file in every]
     allowed = ", ".join(f"'{escaped(text)}'" for text in (index, f"{index}.wal", *paths))
     connection = duckdb.connect()
     try:
@@ -112,7 +112,7 @@ def _connect_with_files(
             name = table.replace('"', '""')
             connection.execute(f'CREATE VIEW "{name}" AS SELECT * FROM stored."{name}"')
         for table in files:
-            connection.execute(row_files.view(table, files[table], folder))
+            connection.execute(row_files.view(table, files[table], path.parent))
         connection.execute(views[0])
         row_files.check_types(connection, files, path)
         identity = *_identity(path), hash(tuple(paths))
@@ -137,12 +137,13 @@ def connect_empty(
     It can make views over files of rows by their paths relative to `search_folder`.
     """
     connection = duckdb.connect()
-    allowed = [literal_path(folder) for folder in folders]
+    allowed = [str(plain_paths.plain_path(folder)) for folder in folders]
     if search_folder is not None:
         # DuckDB checks a relative path as one in the working folder, before it searches for it.
         with suppress(FileNotFoundError):  # a working folder that was removed
             allowed.append(os.path.abspath(row_files.FOLDER))
-        connection.execute(f"SET file_search_path = '{escaped(literal_path(search_folder))}'")
+        search = str(plain_paths.plain_path(search_folder))
+        connection.execute(f"SET file_search_path = '{escaped(search)}'")
     listed = ", ".join(f"'{escaped(folder)}'" for folder in allowed)
     connection.execute(f"SET allowed_directories = [{listed}]")
     for setting in _CLOSED_SETTINGS:
@@ -155,7 +156,7 @@ def connect_to_file(path: Path, memory: str = DEFAULT_MEMORY) -> duckdb.DuckDBPy
     """A locked connection to an empty database that can read one file, by its absolute path."""
     safe_files.checked_path(path.parent, path.name)
     connection = duckdb.connect()
-    connection.execute(f"SET allowed_paths = ['{escaped(literal_path(path))}']")
+    connection.execute(f"SET allowed_paths = ['{escaped(_link(path))}']")
     for setting in _CLOSED_SETTINGS:
         connection.execute(f"SET {setting}")
     _lock(connection, memory)
@@ -171,15 +172,20 @@ def attach_read_only(
 ) -> None:
     """Attach a file of a folder that the connection may reach, and check its catalog."""
     require_regular(path)
-    connection.execute(f"ATTACH '{escaped(literal_path(path))}' AS {name} (READ_ONLY)")
+    connection.execute(f"ATTACH '{escaped(_link(path))}' AS {name} (READ_ONLY)")
     _check(connection, tables, views, path, name)
 
 
 def attach_new(
     connection: duckdb.DuckDBPyConnection, path: Path, name: str, statements: Sequence[str]
 ) -> None:
-    """Attach a new file, make it the current database and fill it by SQL statements."""
-    literal = escaped(literal_path(path))
+    """Attach a new file, make it the current database and fill it by SQL statements.
+
+    The file may get its place only when it is detached, see `plain_paths`.
+    """
+    plain = plain_paths.plain_path(path.parent, path.name)
+    plain_paths.make_parent(plain)
+    literal = escaped(str(plain))
     version = schema.STORAGE_VERSION
     connection.execute(f"ATTACH '{literal}' AS {name} (STORAGE_VERSION '{version}')")
     connection.execute(f"USE {name}")
@@ -194,10 +200,12 @@ def run_at_once(connection: duckdb.DuckDBPyConnection, statements: Iterable[str]
     connection.execute("COMMIT")
 
 
-def detach_new(connection: duckdb.DuckDBPyConnection, name: str) -> None:
-    """Write a file of `attach_new` completely and detach it."""
+def detach_new(connection: duckdb.DuckDBPyConnection, path: Path, name: str) -> None:
+    """Write a file of `attach_new` completely, detach it and put it in its place."""
     for statement in (f"CHECKPOINT {name}", "USE memory", f"DETACH {name}"):
         connection.execute(statement)
+    plain = plain_paths.plain_path(path.parent, path.name)
+    plain_paths.move_back(plain, path.parent, path.name)
 
 
 def _lock(connection: duckdb.DuckDBPyConnection, memory: str) -> None:
@@ -225,16 +233,9 @@ def require_regular(path: Path) -> None:
         raise RequestError(f"{log}: a write-ahead log beside a published file; remove it")
 
 
-def literal_path(path: Path) -> str:
-    """The absolute path, which DuckDB takes literally; a relative one could name an extension.
-
-    Raises RequestError for characters that DuckDB treats as patterns.
-    """
-    absolute = str(path.absolute())
-    for character in "?\\":
-        if character in absolute:
-            raise RequestError(f"{path}: DuckDB cannot open a path with {character}; rename it")
-    return absolute
+def _link(path: Path) -> str:
+    """The path by which DuckDB opens an existing file."""
+    return str(plain_paths.link(path.parent, path.name))
 
 
 def escaped(text: str) -> str:

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError, first_line
 from s2rstore.files.input_files import check_regular
-from s2rstore.index.locked_connection import connect_to_file, escaped, literal_path
+from s2rstore.files.plain_paths import link
+from s2rstore.index.locked_connection import connect_to_file, escaped
 
 MAX_ROWS = 4_000_000
 """Rows that a file may have."""
@@ -95,7 +96,8 @@ def _opened(path: Path) -> Iterator[tuple[duckdb.DuckDBPyConnection, str]]:
     Raises RequestError for a file that cannot be read, or has more than `MAX_ROWS` rows.
     """
     check_regular(path)
-    table = f"read_parquet(['{escaped(literal_path(path))}'], hive_partitioning = false)"
+    plain = escaped(str(link(path.parent, path.name)))
+    table = f"read_parquet(['{plain}'], hive_partitioning = false)"
     try:
         with closing(connect_to_file(path)) as connection:
             (count,) = connection.execute(f"SELECT count(*) FROM {table}").fetchall()[0]

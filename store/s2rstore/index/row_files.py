@@ -23,6 +23,7 @@ import duckdb
 
 from s2rstore.errors import RequestError, first_line
 from s2rstore.files import layout
+from s2rstore.files.plain_paths import plain_path
 from s2rstore.files.store_files import LocalFiles, StoreFiles
 from s2rstore.index import schema
 
@@ -117,16 +118,17 @@ def _is_valid(file: RowFile) -> bool:
 def select(table: str, files: Iterable[RowFile], folder: Path | None = None) -> str:
     """The SELECT over the rows of `files`, with the table's columns.
 
-    Paths are relative, or below `folder`, the absolute folder of the index. A filter on the run
-    reads the files of that run alone, since the run is the name of the folder that holds a file.
+    Paths are relative, or those of `plain_path` below `folder`, that of the index. A filter on the
+    run reads the files of that run alone, since the run is the name of the folder that holds a
+    file.
     """
     columns = schema.BY_NAME[table].columns
     empty = ", ".join(f'NULL::{column.type} AS "{column.name}"' for column in columns)
     files = list(files)
     if not files:
         return f"SELECT {empty} WHERE false"
-    paths = (file.path if folder is None else f"{folder}/{file.path}" for file in files)
-    literals = ", ".join("'" + path.replace("'", "''") + "'" for path in paths)
+    paths = (file.path if folder is None else plain_path(folder, file.path) for file in files)
+    literals = ", ".join("'" + str(path).replace("'", "''") + "'" for path in paths)
     partition = PARTITIONS[table]
     stored = "*" if partition is None else f"*, {_FOLDER_NAME} AS {partition}"
     options = _OPTIONS if partition is None else f"filename = true, {_OPTIONS}"
@@ -145,8 +147,8 @@ def view(table: str, files: Iterable[RowFile], folder: Path | None = None) -> st
 def stored_columns(
     connection: duckdb.DuckDBPyConnection, folder: Path, files: Iterable[RowFile]
 ) -> dict[str, dict[str, str]]:
-    """Types of the columns of each file, by its path below `folder`, that of the index."""
-    paths = [f"{folder.absolute()}/{file.path}" for file in files]
+    """Types of the columns of each file, by its `plain_path` below `folder`, that of the index."""
+    paths = [str(plain_path(folder, file.path)) for file in files]
     query = "SELECT file_name, name, duckdb_type FROM parquet_schema(?) WHERE type IS NOT NULL"
     found: dict[str, dict[str, str]] = {path: {} for path in paths}
     for path, name, kind in connection.execute(query, [paths]).fetchall() if paths else []:
@@ -202,7 +204,7 @@ def check_files(connection: duckdb.DuckDBPyConnection, index: Path, files: RowFi
     A file of repeated values could otherwise hold far more rows than its size lets expect.
     """
     expected = {
-        f"{index.parent.absolute()}/{file.path}": file for group in files.values() for file in group
+        str(plain_path(index.parent, file.path)): file for group in files.values() for file in group
     }
     query = "SELECT file_name, num_rows FROM parquet_file_metadata(?)"
     try:
@@ -212,12 +214,13 @@ def check_files(connection: duckdb.DuckDBPyConnection, index: Path, files: RowFi
         reason = first_line(error)
         raise RequestError(f"{index}: rows cannot be read ({reason}); run `s2r verify`") from error
     counts = dict(rows)
-    for path, file in expected.items():
-        if counts.get(path) != file.rows:
+    for plain, file in expected.items():
+        path = index.parent / file.path
+        if counts.get(plain) != file.rows:
             raise RequestError(
-                f"{path}: {counts.get(path)} rows instead of {file.rows}; run `s2r verify`"
+                f"{path}: {counts.get(plain)} rows instead of {file.rows}; run `s2r verify`"
             )
-        if not _has_columns(columns[path], file.table):
+        if not _has_columns(columns[plain], file.table):
             raise RequestError(
                 f"{path}: other columns than those of table {file.table}; run `s2r verify`"
             )

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.files import atomic_writes, layout, locks, safe_files
+from s2rstore.files import atomic_writes, layout, locks, plain_paths, safe_files
 from s2rstore.index import locked_connection, pair_view, row_files, schema
 from s2rstore.index.file_tables import FileTables
 
@@ -147,7 +147,9 @@ def edit(root: Path, check: Check = lambda: None) -> Iterator[IndexTransaction]:
                 _copy_without(connection, root, compacted, [*tables.names, *moved])
             check_leases()
             tables.finish()
-            locked_connection.detach_new(connection, "compacted" if moved else "draft")
+            locked_connection.detach_new(
+                connection, root / finished, "compacted" if moved else "draft"
+            )
             connection.close()
             dataset_hash = str(rows[0][0]) if rows else ""
             generation = _next_generation(root, base)
@@ -161,6 +163,8 @@ def edit(root: Path, check: Check = lambda: None) -> Iterator[IndexTransaction]:
             for path in (building, compacted):
                 atomic_writes.remove(root, path)
                 atomic_writes.remove(root, f"{path}.wal")
+                for name in (Path(path).name, f"{Path(path).name}.wal"):
+                    plain_paths.discard(folder, name)
 
 
 def check_writable(root: Path) -> None:

@@ -64,8 +64,6 @@ def check(path: str | Path) -> VerifyReport:
     DuckDB can open, UnreachableStoreError where a server does not give a file.
     """
     files = open_files(path)
-    if not files.is_remote:
-        locked_connection.literal_path(files.path)
     try:
         current = layout.current_of(files)
     except RequestError as error:

@@ -7,16 +7,13 @@ whose checksum is known is never taken from the cache or from the server without
 
 from __future__ import annotations
 
-import atexit
 import hashlib
 import os
 import re
 import shutil
-import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from functools import cache
 from pathlib import Path
 
 from s2rstore.errors import DamagedStoreError, RequestError
@@ -46,7 +43,9 @@ class LocalCopies:
     def __init__(self, url: str, fetch: Fetch) -> None:
         self._url = url
         self._fetch = fetch
-        self._folder = _cache_folder() / hashlib.sha256(url.encode()).hexdigest()[:32]
+        self._folder = (
+            user_cache.private_folder(NAME) / hashlib.sha256(url.encode()).hexdigest()[:32]
+        )
         self._generation: Path | None = None
         self._checked: set[Path] = set()
 
@@ -161,20 +160,3 @@ def _remove_unused(folder: Path, since: float) -> None:
     with suppress(OSError):
         if folder.stat().st_mtime < since:
             shutil.rmtree(folder, ignore_errors=True)
-
-
-@cache
-def _temporary_folder() -> Path:
-    folder = Path(tempfile.mkdtemp(prefix="s2r-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return folder
-
-
-def _cache_folder() -> Path:
-    """The folder of the copies; a temporary one where the cache cannot be used or trusted."""
-    folder = user_cache.folder(NAME)
-    with suppress(OSError):
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if user_cache.is_private(folder) and os.access(folder, os.W_OK):
-            return folder
-    return _temporary_folder()
