@@ -34,7 +34,7 @@ def _printed(folder: Path, capsys: pytest.CaptureFixture[str]) -> list[str]:
     assert main(["verify", store]) == 0
     capsys.readouterr()
     for command in (
-        ["sql", store, "SELECT iid, sim_error, real_error FROM pair ORDER BY iid"],
+        ["sql", store, "SELECT iid, sim_error_m, real_error_m FROM pair ORDER BY iid"],
         ["query", store, "real.error > 0 & traj:b"],
         ["query", store, "worst15", "--format", "parquet", "--out", str(out)],
         ["snapshot", store, "--size", "80x24", "--keys", "w", "--out", str(folder / "s.txt")],

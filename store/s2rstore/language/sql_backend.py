@@ -244,7 +244,7 @@ def _named(node: tree.Named, writer: _Writer) -> str:
         return _split(value, writer)
     if name != "room" or not side:
         return f"q.{fields.TEXT[node.field.name].column} = {writer.bind(value)}"
-    x, y = f"q.{side}_x", f"q.{side}_y"
+    x, y = f"q.{side}_x_m", f"q.{side}_y_m"
     return (
         "(SELECT arg_min(r.room, r.position) FROM room r WHERE "
         f"{x} >= r.x0 AND {x} <= r.x1 AND {y} >= r.y0 AND {y} <= r.y1) = {writer.bind(value)}"
