@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.metrics.bootstrap import LEVEL_TEXT
+from s2rstore.intervals import LEVEL_TEXT
 from s2rtui.canvas import LIGHT, Theme
 from s2rtui.charts.overview.bands import MOST_LINES, accuracy_quantiles
 from s2rtui.charts.overview.lines import PALE, levels, pair_counts

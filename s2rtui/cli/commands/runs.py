@@ -7,7 +7,7 @@ import sys
 from typing import TYPE_CHECKING
 
 import s2rstore
-from s2rstore.metrics.bootstrap import LEVEL_TEXT
+from s2rstore.intervals import LEVEL_TEXT
 from s2rstore.records import SIDES
 from s2rstore.run_inputs import chain_text
 from s2rtui.cli import store_argument

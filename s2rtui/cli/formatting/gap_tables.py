@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from s2rstore.gap_history.gate_status import report_outcome
-from s2rstore.metrics.bootstrap import LEVEL_TEXT
+from s2rstore.intervals import LEVEL_TEXT
 from s2rtui.cli.formatting import rows as output
 from s2rtui.cli.formatting.gap_details import details, with_interval
 

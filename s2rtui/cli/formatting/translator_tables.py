@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from s2rstore.metrics.bootstrap import LEVEL_TEXT, Interval
+from s2rstore.intervals import LEVEL_TEXT
+from s2rstore.metrics.bootstrap import Interval
 from s2rtui.cli.formatting import rows as output
 
 if TYPE_CHECKING:

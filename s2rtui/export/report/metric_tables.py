@@ -8,8 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.intervals import LEVEL_TEXT
 from s2rstore.metrics import run_metrics
-from s2rstore.metrics.bootstrap import LEVEL_TEXT, Interval
+from s2rstore.metrics.bootstrap import Interval
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtui.export.report.report_model import ReportTable

@@ -12,7 +12,7 @@ from s2rstore.index.table_definition import (
     statements_of,
     table_of,
 )
-from s2rstore.metrics.bootstrap import LEVEL_TEXT
+from s2rstore.intervals import LEVEL_TEXT
 
 BOUNDS = {"": "", "_low": f", lower {LEVEL_TEXT} bound", "_high": f", upper {LEVEL_TEXT} bound"}
 """Suffixes of the columns of a figure and its interval, and of their comments."""

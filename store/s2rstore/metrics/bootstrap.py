@@ -29,10 +29,10 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.intervals import LEVEL, Bound
+
 Floats = NDArray[np.float64]
 
-LEVEL = 0.95
-LEVEL_TEXT = f"{100 * LEVEL:g} %"
 REPLICATES = 1000
 SEED = 1
 
@@ -43,24 +43,6 @@ MIN_TRAJECTORIES = 6
 """Fewest trajectories that are resampled as a whole."""
 MAX_TRAJECTORY_SHARE = 1 / 3
 """A trajectory with more than this share of the rows leaves too few others to resample."""
-
-
-class Bound(float):
-    """A bound of an interval, in texts with a `<` or `>` where the interval goes beyond all values.
-
-    JSON, CSV and arithmetic have the number alone.
-    """
-
-    __slots__ = ("mark",)
-    mark: str
-
-    def __new__(cls, value: float, mark: str = "") -> Bound:
-        bound = super().__new__(cls, value)
-        bound.mark = mark
-        return bound
-
-    def __format__(self, spec: str) -> str:
-        return self.mark + super().__format__(spec)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from s2rstore.metrics.bootstrap import LEVEL_TEXT, MIN_TRAJECTORIES, Interval
+from s2rstore.intervals import LEVEL_TEXT
+from s2rstore.metrics.bootstrap import MIN_TRAJECTORIES, Interval
 from s2rtools.lane_detection.line_detector import COLOURS
 from s2rtools.lane_detection.line_scores import false_pixels_of_absent, mean_f1, precision_recall
 from s2rtools.lane_detection.threshold_experiment import (

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from s2rstore.metrics.bootstrap import LEVEL, circular_block_sums, percentile_bounds
+from s2rstore.intervals import LEVEL
+from s2rstore.metrics.bootstrap import circular_block_sums, percentile_bounds
 from s2rtools.sysid.drive_bootstrap import drive_interval
 from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.simulators.simulator import Floats, Integers

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from s2rstore.errors import RequestError
-from s2rstore.metrics.bootstrap import LEVEL
+from s2rstore.intervals import LEVEL
 from s2rtools.sysid.parameter_space import Range
 
 

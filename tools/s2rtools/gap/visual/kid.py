@@ -22,7 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.metrics.bootstrap import LEVEL, Blocks, corrected
+from s2rstore.intervals import LEVEL
+from s2rstore.metrics.bootstrap import Blocks, corrected
 
 Floats = NDArray[np.float64]
 
