@@ -20,11 +20,11 @@ from typing import cast, get_args
 
 import numpy as np
 import torch
+from s2rstore.metrics.bootstrap import BootstrapSettings, Interval, mean_interval
 
 from bench.budget import BudgetRow
 from bench.support.collection_trial import Trial, TrialSettings
 from bench.support.json_log import append_log, read_log
-from s2rstore.metrics.bootstrap import BootstrapSettings, Interval, mean_interval
 from s2rtools.data_collection import Method
 
 SIZES = (15, 30, 60)

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from s2rtools.scoring.block_intervals import weighted_pearson
 from safetensors.torch import save_file
 
 import s2rstore
@@ -27,7 +28,6 @@ from s2rstore.reader import Store
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.scoring import harm_report
-from s2rtools.scoring.block_intervals import weighted_pearson
 from s2rtools.scoring.counterfactual_errors import open_runs
 from s2rtools.scoring.factor_shares import measure_shares
 from s2rtools.scoring.ground_truth import GroundTruth

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from s2rstore.metrics.bootstrap import Interval
 
 import s2rstore
 from s2rstore.findings import (
@@ -26,7 +27,6 @@ from s2rstore.index.schema import GAP_SHARES
 from s2rstore.index.transaction import edit
 from s2rstore.language import evaluation
 from s2rstore.metrics import run_metrics
-from s2rstore.metrics.bootstrap import Interval
 from s2rstore.reader import Store
 from tests.support import gaps, tiny
 from tests.support.copies import copy_store

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
 from s2rstore.metrics.bootstrap import (
     Blocks,
     block_counts,
@@ -14,6 +13,7 @@ from s2rstore.metrics.bootstrap import (
     mean_replicates,
     split_into_blocks,
 )
+
 from s2rtools.gap import defaults
 from s2rtools.gap.axis_result import GapSettings
 from s2rtools.gap.instance_selection import bootstrap_note, random_blocks, random_halves

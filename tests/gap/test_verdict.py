@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from s2rstore.metrics.bootstrap import Interval
 
 from s2rstore.errors import RequestError
 from s2rstore.gap_history.gate_status import outcome_of
-from s2rstore.metrics.bootstrap import Interval
 from s2rtools.gap.axis_result import Anchor, AxisResult, GapSettings
 from s2rtools.gap.gate import reference
 from s2rtools.gap.gate.verdict import judge

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from s2rstore.metrics.bootstrap import student_quantile
+
 from s2rtools import translation
 from s2rtools.lane_detection import experiment_arms
 from s2rtools.lane_detection.arm_evaluation import Scores

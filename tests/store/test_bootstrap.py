@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from s2rstore.metrics.bootstrap import BootstrapSettings, Interval
 from scipy import stats
 
 import s2rstore
 from s2rstore.metrics import bootstrap, run_metrics
-from s2rstore.metrics.bootstrap import BootstrapSettings, Interval
 from s2rtools.gap.axes import axis
 from s2rtools.gap.axis_result import Evidence, GapSettings
 from tests.support import tiny

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from s2rstore.metrics.bootstrap import BootstrapSettings, Interval
 
 from s2rstore.metrics import bootstrap, median_intervals
-from s2rstore.metrics.bootstrap import BootstrapSettings, Interval
 
 
 def correlated(rng: np.random.Generator, n: int, correlation: float) -> np.ndarray:

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from s2rstore.metrics.bootstrap import mean_interval, student_quantile
 
 import s2rstore
 from s2rstore.errors import InconclusiveError
 from s2rstore.index.transaction import edit
-from s2rstore.metrics.bootstrap import mean_interval, student_quantile
 from s2rtools.suggestions.held_out_split import Part, split_instances
 from s2rtools.suggestions.simulator_match import SimulatorMatch
 from s2rtools.suggestions.sliders import Slider

@@ -36,9 +36,7 @@ class ShareBar:
     def text(self) -> str:
         """The mean and its interval in metres: `+2.41 m (1.90 to 3.02)`."""
         mean = self.share.mean
-        if math.isnan(mean.low):
-            return f"{mean.value:+.2f} m"
-        return f"{mean.value:+.2f} m ({mean.low:.2f} to {mean.high:.2f})"
+        return f"{mean.value:+.2f} m ({mean.bounds_text()})"
 
 
 @dataclass(frozen=True, slots=True)

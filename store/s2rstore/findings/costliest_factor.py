@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore import intervals
 from s2rstore.findings.expressions import new_to
 from s2rstore.findings.finding import MIN_INSTANCES, Finding, bounds_text, evidence_text
 from s2rstore.findings.run_differences import RunErrors
+from s2rstore.intervals import Interval, simultaneous_level
 from s2rstore.language.syntax_tree import Compare, Everything, Field
-from s2rstore.metrics.bootstrap import Interval, mean_interval, simultaneous
 from s2rstore.metrics.gap_shares import SHARED_FACTORS, mean_shares
 from s2rstore.reader import Store
 from s2rstore.run_inputs import chain_text
@@ -37,8 +38,8 @@ def of_score(rows: list[dict[str, Any]], run: str) -> Finding | None:
         return None
     worst = max(known, key=lambda row: row["cost"])
     cost, gain = (_interval(worst, name) for name in ("cost", "gain"))
-    cost = cost.at_level(simultaneous(len(known)).level)
-    evident = cost.low > 0
+    cost = cost.at_level(simultaneous_level(len(known)))
+    evident = cost.is_positive
     figures = f"{cost.value:+.2f} m real error ({bounds_text(cost)}), n {worst['n']}"
     subject = f"{worst['factor']}, alone {figures}"
     return Finding(
@@ -87,7 +88,7 @@ def of_shares(store: Store, run: str, new: NDArray[np.bool_]) -> Finding | None:
         run=run,
         n=found.n if node is None else count,
         evidence=f"{others}; estimated by exchanging the factors of both images",
-        evident=worst.mean.low > 0,
+        evident=worst.mean.is_positive,
         values={
             "factor": worst.factor,
             "share_m": worst.mean.value,
@@ -110,8 +111,8 @@ def of_translators(store: Store, run: str) -> Finding | None:
         return None
     name, *figures = rows[0]
     value, low, high = map(float, figures)
-    gain = Interval(low, value, high).at_level(simultaneous(len(rows)).level)
-    evident = gain.low > 0
+    gain = Interval(low, value, high).at_level(simultaneous_level(len(rows)))
+    evident = gain.is_positive
     subject = f"appearance: translator {name} gains {value:.2f} m ({bounds_text(gain)})"
     return Finding(
         kind=KIND,
@@ -155,12 +156,12 @@ def of_adjusted_runs(store: Store, runs: list[RunErrors]) -> Finding | None:
     if not found:
         return None
     _, other, rows = max(found, key=lambda candidate: candidate[0])
-    gain_interval = mean_interval(
+    gain_interval = intervals.paired_difference(
         present.real[rows] - other.real[rows],
         store.instances.trajectory[rows],
-        simultaneous(len(found)),
+        level=simultaneous_level(len(found)),
     )
-    evident = gain_interval.low > 0
+    evident = gain_interval.is_positive
     chain = chain_text(store.run(other.run).real_adjustments)
     bounds = bounds_text(gain_interval)
     subject = f"{chain} (run {other.run}) gains {gain_interval.value:.2f} m ({bounds})"

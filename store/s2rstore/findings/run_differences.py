@@ -7,14 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore import intervals
 from s2rstore.findings.expressions import new_to
 from s2rstore.findings.finding import MIN_INSTANCES, Finding, bounds_text, evidence_text
 from s2rstore.findings.groups import Group, groups_of, members_of
 from s2rstore.geometry.rooms import NO_ROOM
+from s2rstore.intervals import Interval, simultaneous_level
 from s2rstore.language import Node
 from s2rstore.language.syntax_tree import Everything
 from s2rstore.metrics import run_metrics
-from s2rstore.metrics.bootstrap import Interval, mean_interval, simultaneous
 from s2rstore.reader import Store
 
 MOST_RUNS = 12
@@ -64,11 +65,13 @@ def best_run(store: Store, runs: list[RunErrors]) -> Finding | None:
     trajectory = store.instances.trajectory[rows]
     ordered = sorted(compared, key=lambda run: float(run.real[rows].mean()))
     best, next_run = ordered[:2]
-    mean = mean_interval(best.real[rows], trajectory).clipped(0.0, np.inf)
+    mean = intervals.mean(best.real[rows], trajectory)
     comparisons = len(compared) - 1
-    settings = simultaneous(comparisons)
+    level = simultaneous_level(comparisons)
     differences = {
-        run.run: mean_interval(run.real[rows] - best.real[rows], trajectory, settings)
+        run.run: intervals.paired_difference(
+            run.real[rows] - best.real[rows], trajectory, level=level
+        )
         for run in ordered[1:]
     }
     difference = differences[next_run.run]
@@ -130,10 +133,12 @@ def largest_regression(store: Store, runs: list[RunErrors]) -> Finding | None:
                 candidates.append((mean, other, code, rows))
     if not candidates:
         return None
-    settings, trajectory = simultaneous(len(candidates)), store.instances.trajectory
+    level, trajectory = simultaneous_level(len(candidates)), store.instances.trajectory
 
     def increase_of(other: RunErrors, rows: NDArray[np.int64]) -> Interval:
-        return mean_interval(present.real[rows] - other.real[rows], trajectory[rows], settings)
+        return intervals.paired_difference(
+            present.real[rows] - other.real[rows], trajectory[rows], level=level
+        )
 
     candidates.sort(key=lambda candidate: -candidate[0])
     tested = (

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from s2rtools.gap.dynamics.window_bootstrap import Resamples
 
 from bench.support import robot
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
 from s2rtools.gap.axis_result import GapSettings
 from s2rtools.gap.dynamics import ape_rpe, noise_floor, repeatability
-from s2rtools.gap.dynamics.window_bootstrap import Resamples
 from s2rtools.gap.dynamics.windows import WindowPlan, windows
 from s2rtools.motion_logs import Drive, Log
 from s2rtools.motion_logs.rigid_alignment import RigidTransform

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from s2rstore.metrics.bootstrap import mean_replicates, split_into_blocks
 
 import s2rstore
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.metrics import bootstrap
-from s2rstore.metrics.bootstrap import mean_replicates, split_into_blocks
 from s2rstore.reader import Store
 from s2rtools.gap.axis_result import Evidence, GapSettings
 from s2rtools.gap.gate import gate

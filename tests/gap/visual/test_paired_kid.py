@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
 from s2rstore.metrics.bootstrap import Blocks, block_counts, split_into_blocks
+
 from s2rtools.gap.axis_result import GapSettings
 from s2rtools.gap.instance_selection import random_halves
 from s2rtools.gap.visual.kid import block_mmd, kernel_distance, polynomial_gram
