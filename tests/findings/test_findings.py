@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from s2rstore.metrics.bootstrap import Interval
 
 import s2rstore
 from s2rstore.findings import (
@@ -25,6 +24,7 @@ from s2rstore.findings import gap_drift as DRIFT
 from s2rstore.findings.groups import GROUPINGS, SECTORS, group_errors, groups_of
 from s2rstore.index.schema import GAP_SHARES
 from s2rstore.index.transaction import edit
+from s2rstore.intervals import Interval
 from s2rstore.language import evaluation
 from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from s2rstore.metrics.bootstrap import student_quantile
+from scipy import stats
 
 from s2rtools import translation
 from s2rtools.lane_detection import experiment_arms
@@ -114,7 +114,7 @@ def test_the_interval_over_recordings_is_about_students_interval_of_their_scores
     of = experiment({"sim+ai": np.repeat(shares, 4)}, 8)
     found = of.f1("sim+ai", "all")
     values = np.array([f1_of(share) for share in shares])
-    half = student_quantile(7, 0.95) * values.std(ddof=1) / np.sqrt(8)
+    half = stats.t.ppf(0.975, 7) * values.std(ddof=1) / np.sqrt(8)
     assert found.value == pytest.approx(f1_of(shares.mean()))
     assert found.high - found.value == pytest.approx(half, rel=0.15)
     assert found.value - found.low == pytest.approx(half, rel=0.15)

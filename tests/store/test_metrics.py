@@ -14,7 +14,7 @@ import s2rstore
 from s2rstore.findings import store_summary, worst_room
 from s2rstore.geometry import angles
 from s2rstore.index.transaction import edit
-from s2rstore.metrics import bootstrap, pose_metrics, run_metrics
+from s2rstore.metrics import pose_metrics, run_metrics
 from tests.conftest import BuildOnce
 from tests.support import tiny
 from tests.support.copies import copy_store
@@ -54,18 +54,6 @@ def test_ranks_order_by_error_then_index(error):
 def test_the_loss_is_the_weighted_sum_of_the_paper():
     loss = pose_metrics.pose_loss(np.array([2.0]), np.array([0.5]))
     assert np.allclose(loss, 0.7 * 4 + 0.3 * 0.5)
-
-
-def test_repeated_neighbouring_values_widen_the_interval():
-    rng = np.random.default_rng(4)
-    values = rng.normal(0, 1, 40)
-    single = bootstrap.mean_interval(np.tile(values, 1).repeat(1))
-    repeated = bootstrap.mean_interval(values.repeat(10))
-    naive = bootstrap.mean_interval(
-        values.repeat(10), settings=bootstrap.BootstrapSettings(block_length=1)
-    )
-    assert repeated.high - repeated.low > 2 * (naive.high - naive.low)
-    assert single.low < single.value < single.high
 
 
 def test_metrics_exclude_training_instances(trained_tiny):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from s2rstore.metrics.bootstrap import split_into_blocks
 
+from s2rtools.common.blocks import split_into_blocks
 from s2rtools.gap.visual.wasserstein import wasserstein_by_dimension
 from s2rtools.translator_evaluation.distance_metrics import (
     CHANNELS,

@@ -9,11 +9,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from s2rstore.metrics.bootstrap import Interval
 
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
+from s2rstore.intervals import Interval
 from s2rtools.precompute.run_registration import add_run
 from s2rtools.translation.identity import IdentityTranslator
 from s2rtools.translation.translator_file import StoredTranslator

@@ -37,7 +37,7 @@ LARGE = 0.5
 ALL = "all"
 NOT_EVIDENT, UNKNOWN = "no", "too few"
 _MOST_SORTED = 20_000
-"""Changes up to which their interval sorts them; those of more are sorted once for all selections."""
+"""Most changes that an interval sorts; those of more are sorted once for all selections."""
 Codes = NDArray[np.integer]
 
 

@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from s2rstore.intervals.interval import (
+    FEWEST_TRAJECTORIES,
     LEVEL,
     LEVEL_TEXT,
     MIN_MEAN,
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from s2rstore.intervals.jackknife import of_rows, of_units, without_each
 
 __all__ = [
+    "FEWEST_TRAJECTORIES",
     "LEVEL",
     "LEVEL_TEXT",
     "MIN_MEAN",

@@ -13,7 +13,7 @@ from s2rstore.intervals.dependence import Codes, Floats, Spread
 from s2rstore.intervals.estimates import linear
 from s2rstore.intervals.interval import LEVEL, MIN_MEDIAN, Interval, Sample
 
-MIN_UNITS = 3
+MIN_UNITS = 2
 """Fewest independent units of an interval."""
 Statistics = Callable[[Floats], Sequence[float]]
 """Values of some statistics, where row k counts `weights[k]` times."""
@@ -30,7 +30,7 @@ def of_units(
     known = np.asarray(left_out, dtype=np.float64)
     count = known.size
     if count < MIN_UNITS:
-        return Interval.unknown(value, f"{count} {unit}, an interval needs {MIN_UNITS}")
+        return Interval.unknown(value, f"{unit}: {count}, an interval needs {MIN_UNITS}")
     if not np.isfinite(known).all():
         return Interval.unknown(value, f"a single one of {count} {unit} determines it")
     error = float(np.sqrt((count - 1) / count * np.square(known - known.mean()).sum()))

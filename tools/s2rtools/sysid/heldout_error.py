@@ -1,41 +1,44 @@
 """Prediction error on held-out windows before and after identification.
 
-Windows of one drive depend on each other; the interval takes drives for trajectories.
+Windows of one drive depend on each other, so drives are the independent units.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from s2rstore.intervals import Interval, paired_difference
+from s2rstore.intervals import Interval, of_units
 from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.simulators.simulator import Floats, Integers
 
 _MAX_HEADING_RATIO = 1.02
 """Largest ratio of heading errors after and before that counts as no worse."""
+_TINY = 1e-12
+"""Sum of errors in metres below which all count as equal."""
 
 
 @dataclass(frozen=True, slots=True)
 class HeldOut:
-    """Root mean square position (m) and heading (rad) errors of the windows, and the mean
-    `improvement` of a window's position error, m.
+    """Root mean square position (m) and heading (rad) errors of the windows.
+
+    ratio: mean position error after the change over that before, as the geometric mean of the
+    drives.
     """
 
     drives: int
     windows: int
     untuned: tuple[float, float]
     fitted: tuple[float, float]
-    improvement: Interval
+    ratio: Interval
 
     @property
     def helps(self) -> bool:
         """Whether positions improve significantly and headings do not get worse."""
-        return (
-            self.improvement.is_positive and self.fitted[1] <= _MAX_HEADING_RATIO * self.untuned[1]
-        )
+        return self.ratio.high < 1 and self.fitted[1] <= _MAX_HEADING_RATIO * self.untuned[1]
 
     def record(self) -> dict[str, Any]:
         """JSON data with six significant digits."""
@@ -46,7 +49,7 @@ class HeldOut:
             "windows": self.windows,
             "untuned": {"place_m": u0, "heading_rad": u1},
             "fitted": {"place_m": f0, "heading_rad": f1},
-            "improvement_m": self.improvement.as_json(),
+            "position_error_ratio": self.ratio.as_json(),
             "helps": self.helps,
         }  # fmt: skip
 
@@ -68,6 +71,17 @@ def compared(before: Floats, after: Floats, drives: Integers) -> HeldOut:
 
     `drives` (w,) are the drives of the windows, which are in recording order.
     """
-    gain = paired_difference(before[:, 0] - after[:, 0], drives)
+    ratio = _mean_ratio(before[:, 0], after[:, 0], drives)
     untuned, fitted = (np.sqrt((table**2).mean(axis=0)).tolist() for table in (before, after))
-    return HeldOut(np.unique(drives).size, len(before), tuple(untuned), tuple(fitted), gain)
+    return HeldOut(np.unique(drives).size, len(before), tuple(untuned), tuple(fitted), ratio)
+
+
+def _mean_ratio(before: Floats, after: Floats, drives: Integers) -> Interval:
+    """Geometric mean over the drives of the ratio of their mean errors (w,), after to before."""
+    _, codes = np.unique(drives, return_inverse=True)
+    sums = np.stack([np.bincount(codes, errors) for errors in (after, before)])
+    logs = np.log(np.maximum(sums[0], _TINY) / np.maximum(sums[1], _TINY))
+    left_out = (logs.sum() - logs) / max(logs.size - 1, 1)
+    found = of_units(float(logs.mean()), left_out, unit="held-out drives")
+    low, value, high = (math.exp(log) for log in (found.low, found.value, found.high))
+    return replace(found, low=low, value=value, high=high)

@@ -42,14 +42,13 @@ class Residual:
         verdict = "helps" if self.accepted else "does not help and is discarded"
         if error.drives < MIN_HELD_OUT:
             verdict = f"discarded, because judging it needs {MIN_HELD_OUT} held-out drives"
+        bounds = error.ratio.bounds_text(to=" .. ")
         turn = 57.29578 * error.untuned[1], 57.29578 * error.fitted[1]
         without, with_it = 100 * error.untuned[0], 100 * error.fitted[0]
-        improvement = error.improvement.scaled(100)
-        bounds = improvement.bounds_text(to=" .. ")
         return (
             f"residual network: {verdict}; error on held-out windows {without:.2f} cm without and "
-            f"{with_it:.2f} cm with it, improvement {improvement.value:.2f} cm "
-            f"({bounds}); headings {turn[0]:.2f} and {turn[1]:.2f} degrees"
+            f"{with_it:.2f} cm with it, ratio {error.ratio.value:.2f} ({bounds}); headings "
+            f"{turn[0]:.2f} and {turn[1]:.2f} degrees"
         )
 
     def record(self) -> dict[str, Any]:

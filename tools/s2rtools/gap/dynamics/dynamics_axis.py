@@ -271,6 +271,8 @@ def _notes(drives: Sequence[_DriveResult], floor_source: str) -> tuple[str, ...]
     notes.extend(warning for each in drives for warning in log_quality.log_warnings(each.drive))
     if len(drives) == 1:
         notes.append("one drive: the interval does not cover differences between drives")
+    else:
+        notes.append(f"n counts windows of {len(drives)} drives, which are the independent units")
     if floor_source in (_NOISE, "mixed"):
         notes.append(
             "the noise floor contains only the noise of the real poses; repeat real drives with "

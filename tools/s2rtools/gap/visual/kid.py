@@ -72,6 +72,8 @@ class BlockMMD:
     def interval(self, level: float = LEVEL) -> Interval:
         """The distance with its interval, from the influence of each instance."""
         value, sizes = self.value(), np.diff(self.blocks.start)
+        if not self.sums.any():  # sim and real images are identical
+            return Interval(0.0, 0.0, 0.0, level)
         influence = 2 * (self.sums - value * self.pairs) / self.pairs.mean()
         return linear(value, influence, np.repeat(self.blocks.trajectory, sizes), level=level)
 
