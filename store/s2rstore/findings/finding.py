@@ -111,6 +111,11 @@ def bounds_text(interval: Interval, unit: str = "", signed: bool = False) -> str
     return interval.bounds_text(("{:+.2f}" if signed else "{:.2f}").format, unit)
 
 
+def sample_text(interval: Interval, n: int) -> str:
+    """`n 100, about 31 independent`; `n 7` where the interval is not known."""
+    return interval.text or f"n {n}"
+
+
 def evidence_text(interval: Interval, comparisons: int, of: str) -> str:
     """`1.20 to 2.10 m, corrected for 7 rooms`: the bounds of a difference in metres."""
     bounds = bounds_text(interval, "m", signed=True)

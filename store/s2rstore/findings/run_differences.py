@@ -9,7 +9,13 @@ from numpy.typing import NDArray
 
 from s2rstore import intervals
 from s2rstore.findings.expressions import new_to
-from s2rstore.findings.finding import MIN_INSTANCES, Finding, bounds_text, evidence_text
+from s2rstore.findings.finding import (
+    MIN_INSTANCES,
+    Finding,
+    bounds_text,
+    evidence_text,
+    sample_text,
+)
 from s2rstore.findings.groups import Group, groups_of, members_of
 from s2rstore.geometry.rooms import NO_ROOM
 from s2rstore.intervals import Interval, simultaneous_level
@@ -77,7 +83,11 @@ def best_run(store: Store, runs: list[RunErrors]) -> Finding | None:
     difference = differences[next_run.run]
     open_runs = [name for name, interval in differences.items() if not interval.is_positive]
     evident = not open_runs
-    figures = f"mean real error {mean.value:.2f} m ({bounds_text(mean)}), n {rows.size} new to all"
+    known = all(run_metrics.knows_training_set(store, run.run) for run in compared)
+    sample = (
+        f"{sample_text(mean, rows.size)}, {'new to all' if known else 'not known to be trained on'}"
+    )
+    figures = f"mean real error {mean.value:.2f} m ({bounds_text(mean)}), {sample}"
     text = f"{best.run}: {figures}"
     evidence = (
         f"next is {next_run.run}, {difference.value:+.2f} m "

@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore import intervals
-from s2rstore.findings.finding import MIN_INSTANCES, Finding, bounds_text, evidence_text
+from s2rstore.findings.finding import (
+    MIN_INSTANCES,
+    Finding,
+    bounds_text,
+    evidence_text,
+    sample_text,
+)
 from s2rstore.findings.groups import Group, Grouping, Groups, groups_of, members_of, real_median
 from s2rstore.geometry.rooms import NO_ROOM
 from s2rstore.intervals import Interval, difference_of, simultaneous_level
@@ -120,7 +126,7 @@ def _finding(
     evident = difference.is_positive
     text = (
         f"{group.name}: median real error {median.value:.2f} m ({bounds_text(median)}), "
-        f"n {iids.size} new"
+        f"{sample_text(median, iids.size)} new"
     )
     apart = "" if math.isnan(difference.value) else f"{difference.value:+.2f} m from all others "
     return Finding(
