@@ -118,9 +118,10 @@ def sample_text(interval: Interval, n: int) -> str:
 
 def evidence_text(interval: Interval, comparisons: int, of: str) -> str:
     """`1.20 to 2.10 m, corrected for 7 rooms`: the bounds of a difference in metres."""
+    if not interval.is_known:
+        return "not tested"
     bounds = bounds_text(interval, "m", signed=True)
-    corrected = comparisons > 1 and interval.is_known
-    return f"{bounds}, corrected for {comparisons} {of}" if corrected else bounds
+    return f"{bounds}, corrected for {comparisons} {of}" if comparisons > 1 else bounds
 
 
 def _known(value: float | str) -> float | str | None:

@@ -71,7 +71,8 @@ def best_run(store: Store, runs: list[RunErrors]) -> Finding | None:
     trajectory = store.instances.trajectory[rows]
     ordered = sorted(compared, key=lambda run: float(run.real[rows].mean()))
     best, next_run = ordered[:2]
-    mean = intervals.mean(best.real[rows], trajectory)
+    level = simultaneous_level(len(compared))  # the best one is chosen by its mean
+    mean = intervals.mean(best.real[rows], trajectory, level=level)
     comparisons = len(compared) - 1
     level = simultaneous_level(comparisons)
     differences = {

@@ -122,7 +122,7 @@ def _finding(
     note: str,
 ) -> Finding:
     columns = store.run_columns(run)
-    median = real_median(store, run, iids)
+    median = real_median(store, run, iids, simultaneous_level(compared))
     evident = difference.is_positive
     text = (
         f"{group.name}: median real error {median.value:.2f} m ({bounds_text(median)}), "
