@@ -107,18 +107,20 @@ class Store(DatasetReader):
     def coverage(self, run: str) -> Coverage:
         """For how many instances a run is computed; for all in a store of one part.
 
-        Of imported predictions, how many instances have one on both sides. Nothing needs to be
-        computed for `NO_RUN`. Raises RequestError for an unknown run.
+        Of imported predictions, to how many instances both sides were applied, and how many of
+        these have no pose on one of them. Nothing needs to be computed for `NO_RUN`. Raises
+        RequestError for an unknown run.
         """
         with self._lock:
             if run not in self._coverages:
                 total = computed = self.parts[-1].stop
+                lost = 0
                 is_imported = run != NO_RUN and self.run(run).is_imported
                 if is_imported:
-                    computed = self._imported_count(run)
+                    computed, lost = self._imported_counts(run)
                 elif run != NO_RUN and (len(self.parts) > 1 or self.run(run).key is None):
                     computed = self._computed_count(run)
-                self._coverages[run] = Coverage(run, computed, total, is_imported)
+                self._coverages[run] = Coverage(run, computed, total, is_imported, lost)
             return self._coverages[run]
 
     def _computed_count(self, run: str) -> int:
@@ -129,11 +131,14 @@ class Store(DatasetReader):
         query = "SELECT count(DISTINCT iid) FROM prediction WHERE run = ?"
         return int(self.execute(query, [run])[0][0])
 
-    def _imported_count(self, run: str) -> int:
-        """The instances with a predicted position on both sides."""
-        query = """SELECT count(*) FROM (SELECT iid FROM prediction WHERE run = ? AND x IS NOT NULL
+    def _imported_counts(self, run: str) -> tuple[int, int]:
+        """The attempted instances, and those of them that have no position on some side."""
+        query = """SELECT count(*), count(*) FILTER (located < 2) FROM (
+                   SELECT iid, count(x) AS located FROM prediction
+                   WHERE run = ? AND split IS NOT NULL
                    GROUP BY iid HAVING count(DISTINCT side) = 2)"""
-        return int(self.execute(query, [run])[0][0])
+        attempted, lost = self.execute(query, [run])[0]
+        return int(attempted), int(lost)
 
     def drop_run_columns(self, run: str) -> None:
         """Free the memory of a run's columns; the next use loads them again."""

@@ -48,9 +48,16 @@ class Bounds:
         return float((self.width**2 + self.height**2) ** 0.5)
 
 
+RecallThresholds = tuple[tuple[float, float], ...]
+RECALL_THRESHOLDS: RecallThresholds = ((0.25, 2.0), (0.5, 5.0), (1.0, 10.0), (2.0, 20.0))
+"""Pairs of metres and degrees within which recall counts a prediction, by default."""
+
+
 @dataclass(frozen=True, slots=True)
 class Dataset:
     """One environment. `accuracy_scale` is S of `accuracy = max(0, 1 - error / S)`, metres.
+
+    `recall_thresholds` are pairs of metres and degrees, ascending, of recall.
 
     Without poses (`has_poses` false) it is a set of images: there are no depth, no cameras, no map
     and no runs; `bounds` and `accuracy_scale` are NaN.
@@ -65,6 +72,7 @@ class Dataset:
     frame_height: int
     frame_width: int
     has_poses: bool = True
+    recall_thresholds: RecallThresholds = RECALL_THRESHOLDS
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,13 +147,15 @@ class Domain:
 class Coverage:
     """For how many of a store's instances a run is computed; appended ones may be missing.
 
-    Of a run whose predictions were imported, how many instances have one on both sides.
+    Of a run whose predictions were imported, to how many instances both sides were applied;
+    `not_localised` of these have no pose on one of the sides.
     """
 
     run: str
     computed: int
     instances: int
     is_imported: bool = False
+    not_localised: int = 0
 
     @property
     def is_partial(self) -> bool:
@@ -154,18 +164,24 @@ class Coverage:
 
     @property
     def summary(self) -> str:
-        """`computed for 40 of 45 instances`; unless that is partial, `imported` or empty."""
+        """`computed for 40 of 45 instances`; unless that is partial, `imported` or empty.
+
+        Instances that were not localised follow: `imported, 5 not localised`.
+        """
         verb = "imported" if self.is_imported else "computed"
         text = f"{verb} for {self.computed} of {self.instances} instances"
-        return text if self.is_partial else "imported" * self.is_imported
+        text = text if self.is_partial else "imported" * self.is_imported
+        return f"{text}, {self.not_localised} not localised" if self.not_localised else text
 
     @property
     def note(self) -> str:
-        """A line that names the run and the command to use; empty if all instances are computed."""
-        advice = "`s2r precompute` computes the others"
+        """A line about a run that is partial or has instances that are not localised; or empty."""
+        advice = "; `s2r precompute` computes the others"
         if self.is_imported:
-            advice = "the others have no prediction on both sides"
-        return f"run {self.run}: {self.summary}; {advice}" if self.is_partial else ""
+            advice = "; the others have no prediction on both sides"
+        if not (self.is_partial or self.not_localised):
+            return ""
+        return f"run {self.run}: {self.summary}{advice if self.is_partial else ''}"
 
 
 @dataclass(frozen=True, slots=True)

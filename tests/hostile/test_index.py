@@ -94,6 +94,8 @@ INVALID_ROWS = {
     "a bound that is NaN": "UPDATE dataset SET bounds_y1 = 'NaN'",
     "bounds without a size": "UPDATE dataset SET bounds_x1 = bounds_x0",
     "a scale of 0": "UPDATE dataset SET accuracy_scale = 0",
+    "thresholds that are no pairs": "UPDATE dataset SET recall_thresholds = '[0.25, 2]'",
+    "thresholds that descend": "UPDATE dataset SET recall_thresholds = '[[1, 10], [0.5, 20]]'",
     "frames of a million rows": "UPDATE dataset SET frame_height = 1000000",
     "a name that is NULL": "UPDATE dataset SET name = NULL",
     "a hash that is a path": "UPDATE dataset SET hash = '../../../../tmp/x'",
@@ -156,12 +158,14 @@ def test_frames_of_inconsistent_trajectories_are_rejected(store_copy, statement)
         store.frame(30, "sim")
 
 
-def test_verify_detects_dangling_names(store_copy, capsys):
+def test_verify_detects_dangling_names_and_parts_of_poses(store_copy, capsys):
     edited(store_copy, ["UPDATE instance SET room = 'nowhere' WHERE iid = 3",
-                        "UPDATE run SET sim_domain = 'nowhere' WHERE run = 'vanilla'"])  # fmt: skip
+                        "UPDATE run SET sim_domain = 'nowhere' WHERE run = 'vanilla'",
+                        "UPDATE prediction SET heading = NULL WHERE iid = 3",
+                        "UPDATE prediction SET split = NULL WHERE iid = 4"])  # fmt: skip
     assert main(["verify", str(store_copy)]) == 1
     found = capsys.readouterr()
-    for word in ("room", "domain"):
+    for word in ("room", "domain", "without the others", "without a split"):
         assert word in found.out + found.err
 
 

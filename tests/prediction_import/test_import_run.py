@@ -60,7 +60,8 @@ def paths_of(store: Path) -> dict[tuple[str, int], str]:
 def test_a_csv_by_iid_gives_the_metrics_of_its_poses(store, tmp_path):
     made = make(store)
     report = run_import(store, write_csv(tmp_path / "p.csv", made))
-    assert report.counts == {"sim": N, "real": N, "both": N}
+    assert report.counts == {"sim": N, "real": N, "both": N, "attempted": N, "not_localised": 0,
+                             "absent": 0}  # fmt: skip
     assert (report.issues.lines(), report.warnings) == ([], ())
     assert "matched by iid; positions in m (recognised)" in report.lines[0]
     assert_equal(predicted(store), made)
@@ -204,8 +205,8 @@ def test_rows_that_cannot_be_used_are_reported_with_their_lines(store, tmp_path)
     )
     lines = report.issues.lines()
     assert report.issues.counts == {
-        "row of another side": 1, "unmatched row": 8, "no number": 3, "out of range": 1,
-        "duplicate row": 2,
+        "row of another side": 1, "unmatched row": 8, "out of range": 1, "duplicate row": 2,
+        "incomplete pose, not localised": 3,
     }  # fmt: skip
     assert "  p.csv:10 side 'left', not sim or real" in lines
     assert "  p.csv:9 iid 99: the store holds 0 .. 23" in lines
@@ -213,16 +214,14 @@ def test_rows_that_cannot_be_used_are_reported_with_their_lines(store, tmp_path)
     assert "  p.csv:5 (sim) no number in x" in lines
     assert "  p.csv:8 (sim) beyond 1e+06 m or 1e+06 rad" in lines
     assert "  p.csv:50 (sim) repeats instance 0 of p.csv:2 (sim), which is used" in lines
-    assert report.counts == {"sim": N - 6, "real": N, "both": N - 6}
+    assert report.counts == {"sim": N - 6, "real": N, "both": N - 6, "attempted": N,
+                             "not_localised": 6, "absent": 3}  # fmt: skip
     found, missing = predicted(store), [3, 4, 5, 6, 7, 8]
     assert np.flatnonzero(np.isnan(found.sim[:, 0])).tolist() == missing
     np.testing.assert_allclose(found.sim[0], made.sim[0])
     with s2rstore.open(store) as opened:
         coverage = opened.coverage("theirs")
-        assert coverage.note == (
-            "run theirs: imported for 18 of 24 instances; the others have no prediction on both "
-            "sides"
-        )
+        assert coverage.note == "run theirs: imported, 6 not localised"
         assert np.flatnonzero(~opened.run_columns("theirs").valid).tolist() == missing
     checked = check(store)
     assert list(checked.damages) == []
@@ -245,7 +244,7 @@ def test_rows_of_a_tum_file_that_cannot_be_used(store, tmp_path):
     assert "s.tum:4 (sim) no number in " in text
     assert "s.tum:5 the nearest instance is 67.7 s away" in text
     assert "s.tum:6 another row is nearer to instance 1" in text
-    assert report.counts == {"sim": 2, "real": 1, "both": 1}
+    assert [report.counts[name] for name in ("sim", "real", "both", "absent")] == [2, 1, 1, 11]
 
 
 def test_importing_again_replaces_the_run(store, tmp_path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
+from collections.abc import Mapping
 
 import s2rstore
 from s2rtui.cli import store_argument
@@ -54,6 +55,9 @@ def _add_import(parser: argparse.ArgumentParser) -> None:
                         "(default 0+h)")  # fmt: skip
     parser.add_argument("--tolerance", type=float, default=0.02, metavar="SECONDS",
                         help="largest difference of times that match (default 0.02)")  # fmt: skip
+    parser.add_argument("--absent", choices=("failure", "ignore"), default="failure",
+                        help="instances without a row, in the recordings that the files cover: "
+                        "failure: not localised (default); ignore: not attempted")  # fmt: skip
     parser.set_defaults(action=_import)
 
 
@@ -99,6 +103,7 @@ def _import(options: argparse.Namespace) -> int:
         options.real,
         reading,
         shlex.join(["s2r", *sys.argv[1:]]),
+        options.absent,
     )
     report = import_run(options.store, options.name, request)
     for line in report.lines:
@@ -112,7 +117,18 @@ def _import(options: argparse.Namespace) -> int:
     embeddings = f"embeddings of {report.width} numbers" if report.width else "no embeddings"
     print(
         f"{options.store}: run {options.name} {verb}: {counts['both']} of {total} instances on "
-        f"both sides (sim {counts['sim']}, real {counts['real']}); {embeddings}; next: "
+        f"both sides (sim {counts['sim']}, real {counts['real']}){_failures(counts)}; "
+        f"{embeddings}; next: "
         f"`s2r precompute {shlex.quote(str(options.store))} --run {options.name}`"
     )
     return 0
+
+
+def _failures(counts: Mapping[str, int]) -> str:
+    """How many instances count as not localised, and how many of these for lack of a row."""
+    lost, absent = counts["not_localised"], counts["absent"]
+    if not lost:
+        return ""
+    text = f"; {lost} not localised, which count as failures"
+    hint = f" ({absent} of them have no row; --absent ignore leaves these out)"
+    return text + hint * bool(absent)

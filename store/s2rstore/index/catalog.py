@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Collection
 from functools import cached_property
@@ -16,6 +17,7 @@ from s2rstore.index import row_check, schema
 from s2rstore.index.open_index import OpenIndex
 from s2rstore.records import (
     NO_RUN,
+    RECALL_THRESHOLDS,
     SIDES,
     ArrayRecord,
     Bounds,
@@ -77,7 +79,11 @@ class IndexCatalog(OpenIndex):
         if not row["has_poses"]:
             row = {name: math.nan if _is_map(name) else value for name, value in row.items()}
         bounds = Bounds(*(row.pop(f"bounds_{name}") for name in ("x0", "y0", "x1", "y1")))
-        return Dataset(bounds=bounds, **row)
+        stored = row.pop("recall_thresholds")
+        thresholds = RECALL_THRESHOLDS
+        if stored is not None:
+            thresholds = tuple((float(m), float(deg)) for m, deg in json.loads(stored))
+        return Dataset(bounds=bounds, recall_thresholds=thresholds, **row)
 
     @property
     def has_poses(self) -> bool:

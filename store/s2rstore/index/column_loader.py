@@ -123,6 +123,8 @@ def load_run_columns(
             return np.asarray(real.error - sim.error)
         if name == "valid":
             return np.asarray(~(np.isnan(sim.error) | np.isnan(real.error)))
+        if name == "attempted":
+            return np.asarray(((sim.split >= 0) & (real.split >= 0)) | columns.valid)
         if name == "trained":
             return trained_instances(loader, run)
         if name == "split":
@@ -132,7 +134,8 @@ def load_run_columns(
         dx, dy = real.x - sim.x, real.y - sim.y
         return np.asarray(np.sqrt(dx * dx + dy * dy))
 
-    return RunColumns(cached(None, of_run), run, sim, real)
+    columns = RunColumns(cached(None, of_run), run, sim, real)
+    return columns
 
 
 def trained_instances(loader: ColumnLoader, run: str) -> NDArray[np.bool_]:
@@ -152,8 +155,8 @@ def unpredicted(n: int) -> RunColumns:
             blank = np.full(n, -1, dtype=np.int32)
         elif name == "rank":
             blank = np.zeros(n, dtype=np.int32)
-        elif name in ("valid", "trained"):
-            blank = np.full(n, name == "valid")
+        elif name in ("valid", "attempted", "trained"):
+            blank = np.full(n, name != "trained")
         return cache.setdefault(name, blank)
 
     return RunColumns(read, NO_RUN, SideColumns(read), SideColumns(read))

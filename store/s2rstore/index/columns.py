@@ -113,14 +113,16 @@ class SideColumns(Columns):
 class RunColumns(Columns):
     """A run's two sides, with gap = real error - sim error and shift between predictions, metres.
 
-    `valid` marks the instances that both sides predicted, and `trained` those of which an image
-    was used to fit or to choose the model. `split` is the first in `records.SPLITS` of the splits
+    `attempted` marks the instances that the run was applied to on both sides, `valid` those of them
+    that it localised on both, and `trained` those of which an image was used to fit or to choose
+    the model. `split` is the first in `records.SPLITS` of the splits
     of both sides, as a code with -1 for NULL.
     """
 
     gap: FloatColumn
     shift: FloatColumn
     valid: BoolColumn
+    attempted: BoolColumn
     split: IntColumn
     trained: BoolColumn
 

@@ -52,13 +52,21 @@ class Population:
         valid = runs[0].valid
         for run in runs[1:]:
             valid = valid & run.valid
+        return self._in_trajectories(truth, valid)
+
+    def attempted(self, truth: InstanceColumns, run: RunColumns) -> BoolColumn:
+        """(N,) as `mask` of one run, with the instances that the run did not localise."""
+        chosen = self._in_trajectories(truth, run.attempted)
+        return chosen & ~run.trained if self.leaves_out_trained(run) else chosen
+
+    def _in_trajectories(self, truth: InstanceColumns, chosen: BoolColumn) -> BoolColumn:
         if self.trajectories is None:
-            return valid
+            return chosen
         known = truth.trajectory_names
         codes = [known.index(name) for name in self.trajectories if name in known]
         is_named = np.zeros(len(known) + 1, dtype=np.bool_)  # the last for code -1
         is_named[codes] = True
-        return valid & is_named[truth.trajectory]
+        return chosen & is_named[truth.trajectory]
 
 
 NEW_INSTANCES = Population()

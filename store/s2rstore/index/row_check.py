@@ -26,6 +26,12 @@ MAX_IMAGE_SIZE = 16_384
 """Rows or columns of a stored frame, or of the input of a model."""
 MAX_INPUT_NUMBER = 1e9
 """Numbers of an input contract: units, ranges, means."""
+MAX_THRESHOLDS = 8
+THRESHOLDS_ARE = (
+    f"not 1 to {MAX_THRESHOLDS} pairs [metres, degrees] in ascending order, from 0.001 to "
+    f"{MAX_COORDINATE:g} m and 180 degrees"
+)
+"""What is wrong with thresholds of recall that are refused."""
 MAX_TEXT = 1_000
 MAX_JSON = 100_000
 MAX_ROWS = {"trajectory": 100_000, "room": 4_096, "domain": 1_024, "model": 10_000, "run": 10_000,
@@ -138,7 +144,8 @@ def check_dataset(index: Path, row: Row) -> None:
     check.numbers(1, MAX_IMAGE_SIZE, "frame_height", "frame_width")
     check.choice("has_poses", (True, False, None))
     if row["has_poses"] is False:
-        check.nulls("floor_plan", *(f"bounds_{edge}" for edge in _EDGES), "accuracy_scale")
+        edges = (f"bounds_{edge}" for edge in _EDGES)
+        check.nulls("floor_plan", *edges, "accuracy_scale", "recall_thresholds")
         return
     x0, y0, x1, y1 = (
         check.number(f"bounds_{edge}", -MAX_COORDINATE, MAX_COORDINATE) for edge in _EDGES
@@ -146,6 +153,30 @@ def check_dataset(index: Path, row: Row) -> None:
     if not (x1 > x0 and y1 > y0):
         check.refuse("bounds", "x1 and y1 must be larger than x0 and y0")
     check.number("accuracy_scale", 1e-6, 2 * MAX_COORDINATE)
+    if check.has("recall_thresholds") and not are_thresholds(
+        check.parsed("recall_thresholds", list)
+    ):
+        check.refuse("recall_thresholds", THRESHOLDS_ARE)
+
+
+def are_thresholds(pairs: Sequence[Any]) -> bool:
+    """Whether `pairs` of metres and degrees are what `THRESHOLDS_ARE` says."""
+    if not 1 <= len(pairs) <= MAX_THRESHOLDS or not all(map(_is_threshold, pairs)):
+        return False
+    metres, degrees = zip(*pairs, strict=True)
+    return len(set(metres)) == len(pairs) and all(
+        list(column) == sorted(column) for column in (metres, degrees)
+    )
+
+
+def _is_threshold(pair: Any) -> bool:
+    return (
+        isinstance(pair, list | tuple)
+        and len(pair) == 2
+        and all(type(limit) in (int, float) for limit in pair)
+        and 1e-3 <= pair[0] <= MAX_COORDINATE
+        and 1e-3 <= pair[1] <= 180
+    )
 
 
 def check_trajectories(index: Path, rows: Sequence[Row]) -> None:

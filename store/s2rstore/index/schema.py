@@ -58,6 +58,12 @@ TABLES: tuple[Table, ...] = (
             "false: images without poses, depth, cameras and map, whose columns are NULL; "
             "NULL = true",
         ),
+        (
+            "recall_thresholds",
+            "VARCHAR",
+            "JSON list of [metres, degrees], ascending, within which recall counts a prediction; "
+            "NULL = [[0.25, 2], [0.5, 5], [1, 10], [2, 20]]",
+        ),
     ),
     table_of(
         "trajectory",
@@ -236,7 +242,8 @@ TABLES: tuple[Table, ...] = (
     ),
     table_of(
         "prediction",
-        "what each run predicts on each side",
+        "what each run predicts on each side; a row with a split but without a pose was not "
+        "localised, one without a split was not asked for",
         "run side iid",
         ("run", "VARCHAR", "run"),
         ("iid", "INTEGER", "instance"),
@@ -254,7 +261,12 @@ TABLES: tuple[Table, ...] = (
             "by error among all instances of the run's side, trained ones included, 1 = smallest, "
             "ties by iid",
         ),
-        ("split", "VARCHAR", "train, validation, test or unseen: what the model knew of it"),
+        (
+            "split",
+            "VARCHAR",
+            "train, validation, test or unseen: what the model knew of it; NULL = the instance is "
+            "not among those that the run was applied to",
+        ),
         (
             "outlier",
             "DOUBLE",

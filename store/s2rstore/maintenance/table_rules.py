@@ -52,6 +52,15 @@ _RULES = (
         "isnan(error) OR isnan(heading_error) OR isnan(loss) OR isnan(accuracy)",
     ),
     (
+        "prediction",
+        "some figures of a pose without the others",
+        " OR ".join(
+            f"(x IS NULL) <> ({name} IS NULL)"
+            for name in ("y", "heading", "error", "heading_error", "loss", "accuracy")
+        ),
+    ),
+    ("prediction", "a pose without a split", "x IS NOT NULL AND split IS NULL"),
+    (
         "instance",
         "room without a row in room",
         "room IS NOT NULL AND room NOT IN (SELECT room FROM room)",

@@ -54,12 +54,3 @@ def population_ranks(population: Population, run: RunColumns, side: Side) -> NDA
     if not population.leaves_out_trained(run):
         return part.rank
     return rank(np.where(run.trained, np.nan, part.error))
-
-
-def baseline_accuracy(
-    x: NDArray[np.float64], y: NDArray[np.float64], scale: float
-) -> NDArray[np.float64]:
-    """Accuracy of the constant prediction of the mean position, per instance, shape (n,)."""
-    if x.size == 0:
-        return np.zeros(0)
-    return accuracy(np.hypot(x - x.mean(), y - y.mean()), scale)

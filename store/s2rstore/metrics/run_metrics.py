@@ -89,7 +89,18 @@ def baseline_accuracy(
     the position stays the mean of all.
     """
     keep = held_out(store, run)
-    poses = store.poses(store.run(run).domain(side))[keep]
-    values = pose_metrics.baseline_accuracy(poses[:, 0], poses[:, 1], store.dataset.accuracy_scale)
-    values = values if members is None else values[members[keep]]
+    values = pose_metrics.accuracy(constant_errors(store, run, side), store.dataset.accuracy_scale)
+    values = values[keep if members is None else keep & members]
     return float(values.mean()) if values.size else float("nan")
+
+
+def constant_errors(store: Store, run: str, side: Side) -> NDArray[np.float64]:
+    """(N,) distance in metres of each instance to the mean position of a run's held-out ones.
+
+    Positions are those of the side's images; NaN without a held-out instance.
+    """
+    keep = held_out(store, run)
+    x, y = store.poses(store.run(run).domain(side))[:, :2].T
+    if not keep.any():
+        return np.full(x.size, np.nan)
+    return np.asarray(np.hypot(x - x[keep].mean(), y - y[keep].mean()))

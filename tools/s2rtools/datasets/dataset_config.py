@@ -1,6 +1,7 @@
 """Data set configuration: bounds, rooms and cameras of a data set, as TOML or JSON.
 
     name = "office"             y_down = true          accuracy_scale = 26.0   (optional, m)
+    recall_thresholds = [[0.25, 2], [0.5, 5], [1, 10], [2, 20]]   metres and degrees (optional)
     floor_plan = "map.png"      image that fills the bounds, a ROS map.yaml, or a table
                                 { image, points }: see `floor_plans` (optional)
     [bounds]                    x0, y0, x1, y1 in metres; by default those of a placed floor plan
@@ -31,6 +32,7 @@ from msgspec import Meta, Struct, field
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import read_document
 from s2rstore.files.layout import checked_name
+from s2rstore.index.row_check import THRESHOLDS_ARE, are_thresholds
 from s2rstore.records import Bounds, Domain, Intrinsics, Room
 from s2rtools.common.documents import convert
 from s2rtools.common.image_files import MAX_PIXELS
@@ -153,6 +155,7 @@ class DatasetTable(Struct, forbid_unknown_fields=True):
     bounds: BoundsTable | msgspec.UnsetType = msgspec.UNSET
     floor_plan: str | PointsTable = ""
     accuracy_scale: Positive | msgspec.UnsetType = msgspec.UNSET
+    recall_thresholds: list[tuple[float, float]] | None = None
     recorded_at: dict[str, Any] = field(default_factory=dict)
     rooms: list[RoomTable] = []
     domains: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -161,6 +164,8 @@ class DatasetTable(Struct, forbid_unknown_fields=True):
         for key, text in (("name", self.name), ("floor_plan", self.floor_plan)):
             if isinstance(text, str) and not text.isprintable():
                 raise ValueError(f"{key} must be printable text")
+        if self.recall_thresholds is not None and not are_thresholds(self.recall_thresholds):
+            raise ValueError(f"recall_thresholds: {THRESHOLDS_ARE}")
 
 
 class DatasetConfig:
@@ -198,6 +203,7 @@ class DatasetConfig:
             rooms=tuple(Room(name, n, *edges) for n, (name, edges) in enumerate(rectangles)),
             outside_folders=containment.outside_folders,
             has_default_scale=isinstance(scale, msgspec.UnsetType),
+            recall_thresholds=tuple(table.recall_thresholds) if table.recall_thresholds else None,
         )
         if plan is not None:
             result.floor_plan = plan.resampled(bounds, table.y_down)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError, shortened
 from s2rstore.files.layout import checked_name
 from s2rstore.geometry import angles
-from s2rstore.records import Bounds, Domain, Room, Side
+from s2rstore.records import Bounds, Domain, RecallThresholds, Room, Side
 
 FRAME_SIZE = (256, 256)
 _MAX_SHOWN = 300
@@ -163,6 +163,7 @@ class Scan:
     drives into a new folder.
     `outside_folders` counts the files that were read outside the data set's folder, by folder.
     With `has_default_scale`, `accuracy_scale` is not stated, and that of a store counts.
+    `recall_thresholds` are None where they are not stated.
     Without poses (`has_poses` false) there are no depth, no cameras, no bounds and no floor plan.
     """
 
@@ -184,6 +185,7 @@ class Scan:
     outside_folders: Mapping[str, int] = field(default_factory=dict)
     has_poses: bool = True
     has_default_scale: bool = False
+    recall_thresholds: RecallThresholds | None = None
 
     @property
     def unit(self) -> str:

@@ -15,6 +15,8 @@ from s2rstore.metrics import pose_metrics
 from s2rstore.records import SPLITS
 
 UNSEEN = SPLITS.index("unseen")
+NOT_ATTEMPTED = -1
+"""Split code of an instance that a run was not applied to."""
 
 
 def prediction_columns(
@@ -31,7 +33,8 @@ def prediction_columns(
 
     `poses` (n, 3) of the first n instances and `truth` (N, 3), as `Store.poses` gives it for the
     side's domain: x and y in metres, heading in radians. A pose that is not finite is a missing
-    prediction: its metrics are NaN and its rank is 0 (both become NULL). `shares` (n, 5) of the gap
+    prediction: its metrics are NaN and its rank is 0 (both become NULL). `split` is -1 where the
+    run was not applied to the instance; then it becomes NULL. `shares` (n, 5) of the gap
     by `records.GAP_FACTORS` in metres, where they are computed.
     """
     n = len(poses)
@@ -54,7 +57,7 @@ def prediction_columns(
         "loss": pose_metrics.pose_loss(error, heading_error),
         "accuracy": pose_metrics.accuracy(error, accuracy_scale),
         "rank": np.where(rank > 0, rank, np.nan),
-        "split": np.array(SPLITS, dtype=object)[split[:n]],
+        "split": np.array([*SPLITS, None], dtype=object)[split[:n]],
         "outlier": outlier,
         **_share_columns(shares, n),
     }
@@ -78,8 +81,9 @@ def encode_split(codes: NDArray[np.int8]) -> str:
 def decode_split(text: str | None, n: int) -> NDArray[np.int8]:
     """Codes into `records.SPLITS`, shape (n,); all `unseen` if `text` is None.
 
-    Instances beyond those of the split were appended to the store later: they are `unseen`. Raises
-    RequestError for a malformed split, or one of more instances.
+    -1 stands for an instance that the run was not applied to. Instances beyond those of the split
+    were appended to the store later: they are `unseen`. Raises RequestError for a malformed split,
+    or one of more instances.
     """
     if text is None:
         return np.full(n, UNSEEN, dtype=np.int8)
@@ -87,7 +91,11 @@ def decode_split(text: str | None, n: int) -> NDArray[np.int8]:
     try:
         runs = np.array(pairs, dtype=np.int64).reshape(-1, 2)
         codes, counts = runs.T
-        if (counts < 0).any() or ((codes < 0) | (codes >= len(SPLITS))).any() or counts.sum() > n:
+        if (
+            (counts < 0).any()
+            or ((codes < NOT_ATTEMPTED) | (codes >= len(SPLITS))).any()
+            or counts.sum() > n
+        ):
             size = int(counts.sum())
             raise RequestError(f"the model's split covers {size} instances, not {n}")
     except (ValueError, TypeError, OverflowError) as error:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -47,6 +48,8 @@ class ReadingOptions:
 class FilePredictions:
     """Usable predictions of a file: at most one for each instance and side.
 
+    One without a pose, which the other program did not localise, has NaN in `poses`.
+
     `iids`, `sides` (indexes into `SIDES`), `rows` of the table and `splits` (indexes into
     `SPLITS`), each (n,); `poses` (n, 3): x, y in metres, heading in radians on the map.
     `without_numbers` says of a side how many of its predictions have no number, and where.
@@ -86,6 +89,11 @@ class _Entries:
         return _Entries(self.rows[entries], self.sides[entries], self.iids[entries],
                         self.numbers[entries], self.heading_from, self.splits[entries])  # fmt: skip
 
+    @property
+    def localised(self) -> _Entries:
+        """The entries with a pose."""
+        return self.chosen(_is_whole(self.numbers))
+
 
 def read_predictions(
     table: PredictionTable,
@@ -112,16 +120,17 @@ def read_predictions(
     found = _entries(table, matches, row_sides)
     without_numbers = _without_numbers(table, found, is_wide)
     entries = _usable(table, found, is_wide)
-    length, angle = _units(table, entries, options.units, target)
+    length, angle = _units(table, entries.localised, options.units, target)
     scale = np.array([length.scale, length.scale, angle.scale])
     entries = _first_of_each(table, _in_range(table, entries, entries.numbers * scale))
-    poses = entries.numbers * scale
-    convention, error, warnings = _convention(table, entries, poses[:, 2], angle, target, options)
+    poses, localised = entries.numbers * scale, entries.localised
+    convention, error, warnings = _convention(table, localised, angle, target, options)
     poses[:, 2] = pose_units.to_map(poses[:, 2], convention)
     warnings += pose_units.length_warnings(
-        entries.numbers[:, :2], length.name, _truth(entries, target)[:, :2],
+        localised.numbers[:, :2], length.name, _truth(localised, target)[:, :2],
         target.store.dataset.bounds, str(table.path),
     )  # fmt: skip
+    lost = len(entries.iids) - len(localised.iids)
     if matches.offsets is not None:
         named += f" (largest difference {np.nanmax(matches.offsets):.2g} s)"
     facts = {
@@ -130,13 +139,15 @@ def read_predictions(
         "rows": count,
         "matched_by": named,
         "used": len(entries.iids),
+        "without_pose": lost,
         "not_used": dict(table.issues.counts),
         "length": length.name,
         "angle": angle.name,
         "heading": convention,
     }
     summary = (
-        f"{table.path.name}: {len(entries.iids)} predictions in {count} rows, matched by {named}; "
+        f"{table.path.name}: {len(entries.iids)} predictions in {count} rows, "
+        f"{f'{lost} of them without a pose, ' if lost else ''}matched by {named}; "
         f"positions in {length}, headings in {angle}, map heading {convention}; median error "
         f"{_median_errors(entries, poses, target)}, heading {math.degrees(error):.3g} deg"
     )
@@ -149,14 +160,13 @@ def read_predictions(
 def _convention(
     table: PredictionTable,
     entries: _Entries,
-    headings: Floats,
     unit: pose_units.Unit,
     target: ImportTarget,
     options: ReadingOptions,
 ) -> tuple[str, float, tuple[str, ...]]:
-    """The convention of `headings` (n,) in radians, its median error, and warnings about it."""
+    """The convention of the headings of `entries`, its median error, and warnings about it."""
     truth, where = _truth(entries, target)[:, 2], str(table.path)
-    errors = pose_units.heading_errors(headings, truth)
+    errors = pose_units.heading_errors(entries.numbers[:, 2] * unit.scale, truth)
     convention = options.heading
     if convention == AUTO:
         convention = pose_units.best_convention(errors, len(truth), where)
@@ -173,12 +183,13 @@ def _truth(entries: _Entries, target: ImportTarget) -> Floats:
 
 
 def _median_errors(entries: _Entries, poses: Floats, target: ImportTarget) -> str:
-    """The median distance of `poses` (n, 3) to the ground truth on each side."""
+    """The median distance of the known `poses` (n, 3) to the ground truth on each side."""
     off = np.hypot(*(poses - _truth(entries, target))[:, :2].T)
+    known = [off[(entries.sides == code) & np.isfinite(off)] for code in range(len(SIDES))]
     return ", ".join(
-        f"{side} {np.median(off[entries.sides == code]):.3g} m"
-        for code, side in enumerate(SIDES)
-        if (entries.sides == code).any()
+        f"{side} {np.median(errors):.3g} m"
+        for side, errors in zip(SIDES, known, strict=True)
+        if errors.size
     )
 
 
@@ -272,7 +283,7 @@ def _number_columns(entries: _Entries, entry: int, is_wide: bool) -> list[str]:
 def _without_numbers(table: PredictionTable, entries: _Entries, is_wide: bool) -> dict[Side, str]:
     """How many predictions of a side have no number, in which columns, and the first one."""
     found: dict[Side, str] = {}
-    is_finite = np.isfinite(entries.numbers).all(axis=1)
+    is_finite = _is_whole(entries.numbers)
     for code, side in enumerate(SIDES):
         of_side = (entries.iids != NONE) & (entries.sides == code)
         bad = np.flatnonzero(of_side & ~is_finite).tolist()
@@ -288,28 +299,35 @@ def _without_numbers(table: PredictionTable, entries: _Entries, is_wide: bool) -
     return found
 
 
-def _usable(table: PredictionTable, entries: _Entries, is_wide: bool) -> _Entries:
-    """The entries with instance, side and numbers; reports those without numbers.
+def _is_whole(numbers: Floats) -> NDArray[np.bool_]:
+    """(n,) whether all numbers of a pose are known."""
+    return np.asarray(np.isfinite(numbers).all(axis=1))
 
-    Raises RequestError where there is none.
+
+def _usable(table: PredictionTable, entries: _Entries, is_wide: bool) -> _Entries:
+    """The entries with instance and side; those without a whole pose become NaN.
+
+    A pose of which a part alone is missing is reported. Raises RequestError where none is whole.
     """
     is_named = (entries.iids != NONE) & (entries.sides != UNKNOWN)
-    is_finite = np.isfinite(entries.numbers).all(axis=1)
+    known, is_whole = np.isfinite(entries.numbers), _is_whole(entries.numbers)
     table.issues.add_rows(
-        "no number",
-        np.flatnonzero(is_named & ~is_finite),
+        "incomplete pose, not localised",
+        np.flatnonzero(is_named & ~is_whole & known.any(axis=1)),
         lambda k: (
             f"{_place(table, entries, k)} no number in "
             f"{', '.join(_number_columns(entries, k, is_wide))}"
         ),
     )
-    if not (is_named & is_finite).any():
-        raise _unusable(table)
-    return entries.chosen(is_named & is_finite)
+    if not (is_named & is_whole).any():
+        raise _unusable(table, _without_numbers(table, entries, is_wide))
+    numbers = np.where(is_whole[:, None], entries.numbers, np.nan)
+    return replace(entries, numbers=numbers).chosen(is_named)
 
 
-def _unusable(table: PredictionTable) -> RequestError:
-    reasons = "; ".join(" ".join(text.split()) for text in table.issues.lines()[:2])
+def _unusable(table: PredictionTable, without: Mapping[Side, str] | None = None) -> RequestError:
+    lines = [f"{side}: {text}" for side, text in (without or {}).items()] or table.issues.lines()
+    reasons = "; ".join(" ".join(text.split()) for text in lines[:2])
     return RequestError(f"{table.path}: no row can be used ({reasons})")
 
 

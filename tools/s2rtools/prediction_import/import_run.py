@@ -19,7 +19,12 @@ from s2rstore.index.transaction import IndexTransaction, check_writable, edit
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtools.precompute.imported_arrays import imported_specs, write_arrays
-from s2rtools.precompute.prediction_rows import UNSEEN, encode_split, prediction_columns
+from s2rtools.precompute.prediction_rows import (
+    NOT_ATTEMPTED,
+    UNSEEN,
+    encode_split,
+    prediction_columns,
+)
 from s2rtools.precompute.publish_results import array_row, run_key
 from s2rtools.precompute.run_registration import find_domain, insert_run
 from s2rtools.precompute.segments import segments
@@ -33,6 +38,9 @@ from s2rtools.prediction_import.sided_files import PredictionFile, SidedFile, re
 
 _TABLES = ("prediction", "projection", "zarr_array", "run")
 
+FAILURE, IGNORE = ABSENT = ("failure", "ignore")
+"""What instances without a row are: not localised, or not attempted."""
+
 Poses = dict[Side, NDArray[np.float64]]
 Splits = dict[Side, NDArray[np.int8]]
 
@@ -42,6 +50,8 @@ class ImportRequest:
     """Files of predictions and embeddings, the domains of both sides, and how to read the files.
 
     Domains are those of `run_registration.find_domain` where None. `command` is for the provenance.
+    `absent` is one of `ABSENT`: what instances without a row are, in the trajectories of which the
+    files have rows.
     """
 
     predictions: Sequence[SidedFile]
@@ -50,14 +60,17 @@ class ImportRequest:
     real: str | None = None
     reading: ReadingOptions = field(default_factory=ReadingOptions)
     command: str = ""
+    absent: str = FAILURE
 
 
 @dataclass(frozen=True, slots=True)
 class ImportReport:
     """What was imported: a line about each file, warnings, and the rows that were not used.
 
-    `counts` are the instances with a prediction by side and, as `both`, on both sides; `instances`
-    are those of the store, `width` the numbers of an embedding. `is_new` is false where an earlier
+    `counts` are the instances with a pose by side and, as `both`, on both sides; those that the
+    other program attempted on both sides (`attempted`), those of them without a pose on one side
+    (`not_localised`), and those of these without any row on a side (`absent`). `instances` are
+    those of the store, `width` the numbers of an embedding. `is_new` is false where an earlier
     import was replaced.
     """
 
@@ -96,7 +109,10 @@ def import_run(root: Path, name: str, request: ImportRequest) -> ImportReport:
             for file in request.predictions
         ]
         issues, poses, splits = _combined(files, len(store.instances))
-        counts = _counts(poses)
+        without_row = [splits[side] == NOT_ATTEMPTED for side in SIDES]
+        if request.absent == FAILURE:
+            _add_absent(splits, store.instances.trajectory)
+        counts = _counts(poses, splits, without_row[0] | without_row[1])
         if not counts["both"]:
             raise _no_pairs(files, counts)
         embeddings = read_embeddings(request.embeddings, files, len(store.instances))
@@ -134,17 +150,18 @@ def _no_pairs(files: Sequence[PredictionFile], counts: Mapping[str, int]) -> Req
 def _combined(files: Sequence[PredictionFile], count: int) -> tuple[RowIssues, Poses, Splits]:
     """Issues of all files, and by side the poses (N, 3), NaN where missing, and splits (N,).
 
-    Where two files predict the same, the first counts.
+    The split of an instance without a row is `NOT_ATTEMPTED`. Where two files predict the same, the
+    first counts.
     """
     issues = RowIssues()
     poses: Poses = {side: np.full((count, 3), np.nan) for side in SIDES}
-    splits: Splits = {side: np.full(count, UNSEEN, dtype=np.int8) for side in SIDES}
+    splits: Splits = {side: np.full(count, NOT_ATTEMPTED, dtype=np.int8) for side in SIDES}
     for each in files:
         file = each.predictions
         issues.merge(file.table.issues)
         for code, side in enumerate(SIDES):
             chosen = np.flatnonzero(file.sides == code)
-            is_repeated = np.isfinite(poses[side][file.iids[chosen], 0])
+            is_repeated = splits[side][file.iids[chosen]] != NOT_ATTEMPTED
             for k in chosen[is_repeated].tolist():
                 place, iid = file.table.place(file.rows[k]), file.iids[k]
                 reason = f"({side}) instance {iid} is in an earlier file, which is used"
@@ -155,10 +172,25 @@ def _combined(files: Sequence[PredictionFile], count: int) -> tuple[RowIssues, P
     return issues, poses, splits
 
 
-def _counts(poses: Poses) -> dict[str, int]:
+def _add_absent(splits: Splits, trajectories: NDArray[np.int32]) -> None:
+    """Count instances without a row as attempted, in the trajectories in which a side has rows.
+
+    `trajectories` (N,) are codes. Their split is `unseen`.
+    """
+    for codes in splits.values():
+        is_covered = np.isin(trajectories, trajectories[codes != NOT_ATTEMPTED])
+        codes[is_covered & (codes == NOT_ATTEMPTED)] = UNSEEN
+
+
+def _counts(poses: Poses, splits: Splits, without_row: NDArray[np.bool_]) -> dict[str, int]:
+    """See `ImportReport`; `without_row` (N,) marks the instances without a row on some side."""
     known = {side: np.isfinite(poses[side]).all(axis=1) for side in SIDES}
     counts = {str(side): int(known[side].sum()) for side in SIDES}
-    return counts | {"both": int((known["sim"] & known["real"]).sum())}
+    both = known["sim"] & known["real"]
+    attempted = (splits["sim"] != NOT_ATTEMPTED) & (splits["real"] != NOT_ATTEMPTED)
+    marked = {"both": both, "attempted": attempted, "not_localised": attempted & ~both,
+              "absent": attempted & without_row}  # fmt: skip
+    return counts | {name: int(mask.sum()) for name, mask in marked.items()}
 
 
 def _facts(
@@ -178,6 +210,7 @@ def _facts(
         "imported predictions": predictions,
         "imported embeddings": embeddings,
         "imported instances": {**counts, "store": n},
+        "absent instances": request.absent,
         "imported at": datetime.now(UTC).isoformat(timespec="seconds"),
         "command": request.command,
     }

@@ -67,7 +67,7 @@ def read_embeddings(
             if side in by_side:
                 raise RequestError(f"--embeddings {each.path}: the {side} side has a file already")
             predictions, rows = _aligned_rows(each, files, side, values)
-            chosen = predictions.sides == code
+            chosen = (predictions.sides == code) & np.isfinite(predictions.poses[:, 0])
             used[side] = predictions.iids[chosen], rows[predictions.rows[chosen]]
         check_finite(each.path, values, np.concatenate([numbers for _, numbers in used.values()]))
         for side, (iids, numbers) in used.items():

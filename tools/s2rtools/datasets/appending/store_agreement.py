@@ -131,6 +131,9 @@ def _report_other_map(scan: Scan, store: Store) -> None:
     )  # fmt: skip
     if rooms and not same:  # names may have been changed by `s2r rooms`
         _report_kept(scan, "rooms")
+    thresholds = scan.recall_thresholds or store.dataset.recall_thresholds
+    if thresholds != store.dataset.recall_thresholds:
+        _report_kept(scan, "recall thresholds")
     plan = floor_plan_image(scan)
     if plan is None:
         return

@@ -273,6 +273,7 @@ def _dataset_row(scan: Scan, stored: StoredRecords, plan: str | None) -> dict[st
         "frame_height": scan.frame[0],
         "frame_width": scan.frame[1],
         "has_poses": scan.has_poses,
+        "recall_thresholds": scan.recall_thresholds and json.dumps(scan.recall_thresholds),
     }
 
 

@@ -1,0 +1,212 @@
+"""Recall of poses within thresholds, median errors, and skill over the mean position.
+
+Recall at (metres, degrees) is the share of instances whose position and heading are both within.
+An instance that the run was applied to but did not localise has infinite errors: it counts as a
+failure in every recall and median. Source of the thresholds: Sattler et al., "Benchmarking 6DOF
+outdoor visual localization in changing conditions", CVPR 2018; here on the scale of rooms.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore import intervals
+from s2rstore.index.population import NEW_INSTANCES, Population
+from s2rstore.intervals import Interval
+from s2rstore.metrics import run_metrics
+from s2rstore.reader import Store
+from s2rstore.records import RecallThresholds, Side
+
+NOT_LOCALISED = "not localised"
+Floats = NDArray[np.float64]
+Codes = NDArray[np.int32]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class RecallPoint:
+    """The share 0 .. 1 of instances within `metres` and `degrees`."""
+
+    metres: float
+    degrees: float
+    share: Interval
+
+    @property
+    def name(self) -> str:
+        """`1 m, 10 deg`."""
+        return f"{self.metres:g} m, {self.degrees:g} deg"
+
+
+@dataclass(frozen=True, slots=True)
+class SideRecall:
+    """One side of a run over the `n` instances that it was applied to and that are new to it.
+
+    `not_localised` of these have no pose on this side; `trained_on` instances are left out. The
+    medians of `position`, metres, and `heading`, radians, are infinite where half of the instances
+    are not localised. `skill` is 1 - mean error / mean error of the mean position, over the
+    localised instances: 0 is no better than that constant. All are NaN where n is 0.
+    """
+
+    n: int
+    not_localised: int
+    trained_on: int
+    points: tuple[RecallPoint, ...]
+    position: Interval
+    heading: Interval
+    skill: Interval
+
+    @property
+    def headline(self) -> RecallPoint:
+        """The point that summaries lead with: that of the second largest thresholds."""
+        return self.points[headline_index(len(self.points))]
+
+    @property
+    def position_text(self) -> str:
+        """The median position error: `4.02 m`, or `not localised`."""
+        return median_text(self.position, "{:.2f} m".format)
+
+    @property
+    def heading_text(self) -> str:
+        """The median heading error: `45.3 deg`, or `not localised`."""
+        return median_text(self.heading, lambda rad: f"{math.degrees(rad):.1f} deg")
+
+
+def headline_index(count: int) -> int:
+    """The second to last of `count` thresholds, or the only one."""
+    return max(0, count - 2)
+
+
+def median_text(median: Interval, number: object) -> str:
+    """A median by the function `number`, `not localised` where it is infinite, else `n/a`."""
+    if math.isinf(median.value):
+        return NOT_LOCALISED
+    return number(median.value) if median.value == median.value else "n/a"  # type: ignore[operator]
+
+
+def severities(errors: Floats, heading_errors: Floats, metres: float, degrees: float) -> Floats:
+    """(n,) the factor by which both thresholds must grow to hold an instance; inf without a pose.
+
+    `errors` in metres and `heading_errors` in radians, both (n,), NaN where not localised.
+    """
+    factors = np.maximum(errors / metres, np.degrees(heading_errors) / degrees)
+    return np.where(np.isnan(factors), np.inf, factors)
+
+
+def recall_point(
+    errors: Floats, heading_errors: Floats, metres: float, degrees: float, trajectories: Codes
+) -> RecallPoint:
+    """Recall at one pair of thresholds; arguments as in `severities`, in recording order.
+
+    The interval knows the dependence of the instances from that of their severities, of which
+    recall is the share of at most 1.
+    """
+    factors = severities(errors, heading_errors, metres, degrees)
+    share = intervals.proportion(factors <= 1, trajectories, errors=factors)
+    return RecallPoint(metres, degrees, share)
+
+
+def median_error(errors: Floats, trajectories: Codes) -> Interval:
+    """Median of `errors` (n,), of which NaN, not localised, counts as larger than any number.
+
+    Median and upper bound are infinite where they lie among these; a lower bound there is the
+    largest number, and so is the upper one of `ends`.
+    """
+    known = errors[~np.isnan(errors)]
+    if not known.size:
+        value = math.inf if errors.size else math.nan
+        return Interval.unknown(value, "no instance is localised" if errors.size else "n 0")
+    largest = float(known.max())
+    beyond = 2 * largest + 1  # stands for infinite errors, which cannot be interpolated
+    found = intervals.median(np.where(np.isnan(errors), beyond, errors), trajectories)
+    value, high = (math.inf if x > largest else x for x in (found.value, found.high))
+    low = min(found.low, largest) if found.is_known else found.low
+    ends = found.ends and (found.ends[0], largest)
+    return replace(found, low=low, value=value, high=high, ends=ends)
+
+
+def skill(errors: Floats, constant: Floats, trajectories: Codes) -> Interval:
+    """1 - mean of `errors` / mean of `constant`, the errors of a constant prediction; both (n,).
+
+    Instances without an error (NaN) are left out of both means.
+    """
+    known = ~(np.isnan(errors) | np.isnan(constant))
+    errors, constant = errors[known], constant[known]
+    mean = float(constant.mean()) if constant.size else 0.0
+    if not mean > 0:
+        return Interval.unknown(math.nan, "no instance is localised")
+    ratio = float(errors.mean()) / mean
+    influence = (ratio * constant - errors) / mean
+    return intervals.linear(1 - ratio, influence, trajectories[known])
+
+
+def side_recall(
+    store: Store, run: str, side: Side, members: Mask | None = None,
+    thresholds: RecallThresholds | None = None, population: Population = NEW_INSTANCES,
+) -> SideRecall:  # fmt: skip
+    """Recall, medians and skill of one side of a computed run, over `members` (N,) or all.
+
+    `thresholds` are those of the data set by default; `population` may hold trained instances.
+    """
+    columns = store.run_columns(run)
+    chosen = columns.attempted if members is None else columns.attempted & members
+    keep = population.attempted(store.instances, columns) & chosen
+    errors, turns, codes, order = _side_errors(store, run, side, keep)
+    limits = store.dataset.recall_thresholds if thresholds is None else thresholds
+    return SideRecall(
+        n=int(keep.sum()),
+        not_localised=int(np.isnan(errors).sum()),
+        trained_on=int((chosen & columns.trained & ~keep).sum()),
+        points=tuple(recall_point(errors, turns, *pair, codes) for pair in limits),
+        position=median_error(errors, codes),
+        heading=median_error(turns, codes),
+        skill=skill(errors, run_metrics.constant_errors(store, run, side)[order], codes),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecallCurve:
+    """Recall at (m, `ratio` m) for every m: the share of `limits` (n,) up to m.
+
+    `limits` ascend, in metres; infinite ones are of instances that are not localised.
+    """
+
+    ratio: float
+    limits: Floats
+
+    def at(self, metres: Floats) -> Floats:
+        """The recall 0 .. 1 at positions `metres` of any shape; NaN without instances."""
+        if not self.limits.size:
+            return np.full(np.shape(metres), np.nan)
+        held = np.searchsorted(self.limits, np.asarray(metres) * (1 + 1e-12), side="right")
+        return np.asarray(held / self.limits.size)
+
+
+def recall_curve(
+    store: Store, run: str, side: Side, members: Mask | None = None,
+    population: Population = NEW_INSTANCES,
+) -> RecallCurve:  # fmt: skip
+    """The curve of one side of a computed run, over `members` (N,) or all.
+
+    The degrees per metre are those of the headline's thresholds: of the default ones 10.
+    """
+    pairs = store.dataset.recall_thresholds
+    metres, degrees = pairs[headline_index(len(pairs))]
+    columns = store.run_columns(run)
+    keep = population.attempted(store.instances, columns)
+    errors, turns, _, _ = _side_errors(
+        store, run, side, keep if members is None else keep & members
+    )
+    ratio = degrees / metres
+    return RecallCurve(ratio, np.sort(severities(errors, turns, 1.0, ratio)))
+
+
+def _side_errors(
+    store: Store, run: str, side: Side, keep: Mask
+) -> tuple[Floats, Floats, Codes, NDArray[np.intp]]:
+    """Errors, heading errors, trajectories and iids of the instances of `keep` in order."""
+    part, order = store.run_columns(run).side(side), store.in_recording_order(keep)
+    return (part.error[order], part.heading_error[order], store.instances.trajectory[order], order)
