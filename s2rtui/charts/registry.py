@@ -15,6 +15,7 @@ NAMES = (
     "errors",
     "scatter",
     "shares",
+    "recall",
     "list",
     "compare",
     "history",

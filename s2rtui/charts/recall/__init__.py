@@ -1,0 +1,1 @@
+"""The recall view: shares of instances within thresholds of position and heading."""
