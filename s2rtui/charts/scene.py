@@ -14,6 +14,7 @@ from s2rstore.findings import FindingReport
 from s2rstore.findings.groups import GroupErrors, Groups
 from s2rstore.gap_history.reader import History
 from s2rstore.language import base_population, evaluation
+from s2rstore.metrics.recall import Headline
 from s2rstore.reader import Store
 from s2rstore.records import SPLITS, Direction, Side
 from s2rtui.analysis.identity_cache import cached_by_identity
@@ -39,6 +40,7 @@ class OverviewRow:
     """The mean accuracies of one run, 0 .. 1, with 95 % intervals; None or NaN where unknown.
 
     `n` counts the instances behind the numbers; `note` is shown beside them or in their place.
+    `headlines` are the median errors and the recall of both sides.
     """
 
     run: str
@@ -48,6 +50,7 @@ class OverviewRow:
     real_interval: Interval | None = None
     n: int = 0
     note: str = ""
+    headlines: tuple[Headline, Headline] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -123,11 +123,15 @@ def test_the_numbers_equal_those_of_the_store(tiny_store: Path, page: Page) -> N
         table = page.tables["Run dataaug on the selection"]
         for row, part in zip(table[1:], (columns.sim, columns.real), strict=True):
             accuracy = part.accuracy[held_out_selected].mean()
-            assert row[1].startswith(f"{100 * accuracy:.1f} %")
-            assert row[2] == f"{100 * chance:.1f} %"
-            assert row[3] == f"{np.median(part.error[held_out_selected]):.2f} m"
-            assert row[5] == f"{part.error[held_out_selected].max():.2f} m"
-            assert row[7] == str(int(held_out_selected.sum()))
+            turns = np.degrees(part.heading_error[held_out_selected])
+            held = (part.error[held_out_selected] <= 1) & (turns <= 10)
+            assert row[1] == f"{np.median(part.error[held_out_selected]):.2f} m"
+            assert row[2] == f"{np.median(turns):.1f}°"
+            assert row[3].startswith(f"{100 * held.mean():.1f} %")
+            assert row[5].startswith(f"{100 * accuracy:.1f} %")
+            assert row[6] == f"{100 * chance:.1f} %"
+            assert row[8] == f"{part.error[held_out_selected].max():.2f} m"
+            assert row[9:] == [str(int(held_out_selected.sum())), "0"]
         assert 0 < held_out_selected.sum() == selected.sum()
         assert f"{int(selected.sum())} of 40 instances" in page.texts_in("dd")
         worst = np.flatnonzero(selected)[np.argsort(-columns.real.error[selected])][:3]
@@ -142,8 +146,8 @@ def test_all_runs_are_compared_on_the_same_instances(tiny_store, page):
         rows = page.tables["The instances that it selects in dataaug, in every run"]
         for row in rows[1:]:
             real = run_metrics.side_metrics(store, row[0], "real", selected)
-            assert row[2].startswith(f"{100 * real.accuracy.value:.1f} %")
-            assert row[6] == f"{real.median_error:.2f} m"
+            assert row[8].startswith(f"{100 * real.accuracy.value:.1f} %")
+            assert row[2] == f"{real.median_error:.2f} m"
     assert [row[0] for row in rows[1:]] == list(tiny.RUNS)
 
 

@@ -82,7 +82,7 @@ def test_a_median_among_the_not_localised_is_infinite():
     errors[::2] = np.nan
     found = recall.median_error(errors, codes)
     assert (found.value, found.high, found.low <= 2.0) == (np.inf, np.inf, True)
-    assert recall.median_text(found, "{:.2f} m".format) == "not localised"
+    assert recall.metres_text(found.value) == "not localised"
     errors[:10:2] = 1.0
     found = recall.median_error(errors, codes)
     assert found.value == np.median(np.nan_to_num(errors, nan=9.0))

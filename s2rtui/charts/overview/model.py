@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from s2rstore.metrics import run_metrics
+from s2rstore.metrics.recall import headline
 from s2rstore.reader import Store
 from s2rstore.records import Side
 from s2rtui.analysis.binning import Bools
@@ -139,6 +140,7 @@ def overview_rows(
                 real_interval=(real.accuracy.low, real.accuracy.high),
                 n=real.n,
                 note="" if real.n else "the model was trained on every instance",
+                headlines=(headline(store, name, "sim"), headline(store, name, "real")),
             )
         )
     return rows, run_metrics.baseline_accuracy(store, rows[0].run) if rows else math.nan

@@ -8,6 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from s2rstore.language.canonical_text import string
+from s2rstore.metrics.recall import Headline
+from s2rstore.records import SIDES
 from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import range_expression
@@ -28,7 +30,7 @@ class OverviewView(View):
     name = "overview"
     key = "1"
     pane: Pane = "overview"
-    description = "runs: accuracy in simulation and in reality"
+    description = "runs: median errors, recall and accuracy in simulation and in reality"
     narrow_ratio = 1.7
     loads = ("rows", "lines")
 
@@ -39,9 +41,13 @@ class OverviewView(View):
         if lines is None:
             return "accuracy, sim and real"
         found = self.lines(scene)
-        drawn = f"bands: {BAND_TEXT}" if found and found.banded[0] else "a line per instance"
+        drawn = f"bands: {BAND_TEXT}" if found and found.banded[0] else "lines"
         pale = ", pale: trained on" if lines.trained is not None else ""
-        return f"accuracy; {drawn}, {lines.side}{pale}"
+        row = next((row for row in self._rows(scene) if row.run == scene.state.run), None)
+        if row is None or row.headlines is None:
+            return f"{lines.side} accuracy {drawn}{pale}"
+        lead = row.headlines[SIDES.index(lines.side)].short
+        return f"{lines.side} {lead and f'{lead}; '}accuracy {drawn}{pale}"
 
     def lines(self, scene: Scene) -> OverviewLines | None:
         """The instances as lines across the runs, once they are loaded."""
@@ -93,10 +99,12 @@ class OverviewView(View):
         )
 
     def numbers(self, scene: Scene) -> Table:
-        names = ("run", "sim accuracy", "sim low", "sim high", "real accuracy", "real low",
-                 "real high", "n", "baseline")  # fmt: skip
+        names = ("run", "sim median_m", "sim heading_deg", "sim recall", "real median_m",
+                 "real heading_deg", "real recall", "not localised", "sim accuracy", "sim low",
+                 "sim high", "real accuracy", "real low", "real high", "n", "baseline")  # fmt: skip
         rows = [
-            (row.run, row.sim_accuracy, *(row.sim_interval or (None, None)), row.real_accuracy,
+            (row.run, *_leading(row.headlines), row.sim_accuracy,
+             *(row.sim_interval or (None, None)), row.real_accuracy,
              *(row.real_interval or (None, None)), row.n, scene.resources.baseline)
             for row in scene.resources.rows
         ]  # fmt: skip
@@ -104,13 +112,14 @@ class OverviewView(View):
 
     def summary(self, scene: Scene) -> str:
         runs = [
-            f"{row.run}: sim {_percent(row.sim_accuracy, row.sim_interval)}, "
+            f"{row.run}: {_headlines(row.headlines)}accuracy sim "
+            f"{_percent(row.sim_accuracy, row.sim_interval)}, "
             f"real {_percent(row.real_accuracy, row.real_interval)}, {row.n} instances"
             for row in scene.resources.rows
         ]
         mean = _percent(scene.resources.baseline, None)
         accuracies = "; ".join(runs) or "no run"
-        text = f"Accuracy of {accuracies}. Baseline (always the mean position): {mean}."
+        text = f"{accuracies}. Baseline (always the mean position): accuracy {mean}."
         run = scene.state.run
         fitted = [
             f"{row.translator}: "
@@ -175,6 +184,23 @@ class OverviewView(View):
 
 
 VIEW = OverviewView()
+
+
+def _headlines(headlines: tuple[Headline, Headline] | None) -> str:
+    parts = zip(SIDES, headlines or (), strict=False)
+    return "".join(f"{side} {headline.text}; " for side, headline in parts)
+
+
+def _leading(headlines: tuple[Headline, Headline] | None) -> list[object]:
+    """Median errors and recall of both sides, and the larger number that is not localised."""
+    if headlines is None:
+        return [None] * 7
+    figures = [
+        value if math.isfinite(value) else None
+        for each in headlines
+        for value in (each.position, math.degrees(each.heading), each.recall)
+    ]
+    return [*figures, max(each.not_localised for each in headlines)]
 
 
 def _caption(scene: Scene, lines: OverviewLines | None) -> str:

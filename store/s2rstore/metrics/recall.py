@@ -27,6 +27,11 @@ Codes = NDArray[np.int32]
 Mask = NDArray[np.bool_]
 
 
+def threshold_name(metres: float, degrees: float) -> str:
+    """`1 m, 10 deg`."""
+    return f"{metres:g} m, {degrees:g} deg"
+
+
 @dataclass(frozen=True, slots=True)
 class RecallPoint:
     """The share 0 .. 1 of instances within `metres` and `degrees`."""
@@ -38,7 +43,7 @@ class RecallPoint:
     @property
     def name(self) -> str:
         """`1 m, 10 deg`."""
-        return f"{self.metres:g} m, {self.degrees:g} deg"
+        return threshold_name(self.metres, self.degrees)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,12 +72,45 @@ class SideRecall:
     @property
     def position_text(self) -> str:
         """The median position error: `4.02 m`, or `not localised`."""
-        return median_text(self.position, "{:.2f} m".format)
+        return metres_text(self.position.value)
 
     @property
     def heading_text(self) -> str:
         """The median heading error: `45.3 deg`, or `not localised`."""
-        return median_text(self.heading, lambda rad: f"{math.degrees(rad):.1f} deg")
+        return degrees_text(self.heading.value)
+
+
+@dataclass(frozen=True, slots=True)
+class Headline:
+    """What a line about one side of a run leads with; fields as in `SideRecall`, no intervals.
+
+    `recall` is the share 0 .. 1 at the headline's thresholds, `at`.
+    """
+
+    n: int
+    not_localised: int
+    position: float
+    heading: float
+    recall: float
+    at: str
+
+    @property
+    def short(self) -> str:
+        """`3.18 m, recall 1 %`; empty without instances."""
+        if not self.n:
+            return ""
+        return f"{metres_text(self.position)}, recall {100 * self.recall:.0f} %"
+
+    @property
+    def text(self) -> str:
+        """`median 3.18 m, 44.5 deg, recall 1 % (1 m, 10 deg)`, and how many are not localised."""
+        if not self.n:
+            return "no instance"
+        lost = f", {self.not_localised} {NOT_LOCALISED}" if self.not_localised else ""
+        return (
+            f"median {metres_text(self.position)}, {degrees_text(self.heading)}, "
+            f"recall {100 * self.recall:.0f} % ({self.at}){lost}"
+        )
 
 
 def headline_index(count: int) -> int:
@@ -80,11 +118,20 @@ def headline_index(count: int) -> int:
     return max(0, count - 2)
 
 
-def median_text(median: Interval, number: object) -> str:
-    """A median by the function `number`, `not localised` where it is infinite, else `n/a`."""
-    if math.isinf(median.value):
+def metres_text(metres: float) -> str:
+    """A median position error: `4.02 m`, or `not localised`."""
+    return _median_text(metres, f"{metres:.2f} m")
+
+
+def degrees_text(heading: float) -> str:
+    """A median heading error, radians: `45.3 deg`, or `not localised`."""
+    return _median_text(heading, f"{math.degrees(heading):.1f} deg")
+
+
+def _median_text(median: float, text: str) -> str:
+    if math.isinf(median):
         return NOT_LOCALISED
-    return number(median.value) if median.value == median.value else "n/a"  # type: ignore[operator]
+    return "n/a" if math.isnan(median) else text
 
 
 def severities(errors: Floats, heading_errors: Floats, metres: float, degrees: float) -> Floats:
@@ -165,6 +212,32 @@ def side_recall(
         heading=median_error(turns, codes),
         skill=skill(errors, run_metrics.constant_errors(store, run, side)[order], codes),
     )
+
+
+def headline(store: Store, run: str, side: Side) -> Headline:
+    """The headline of one side of a computed run, without the cost of intervals."""
+    columns, pairs = store.run_columns(run), store.dataset.recall_thresholds
+    metres, degrees = pairs[headline_index(len(pairs))]
+    keep = NEW_INSTANCES.attempted(store.instances, columns)
+    errors, turns, _, _ = _side_errors(store, run, side, keep)
+    held = severities(errors, turns, metres, degrees) <= 1
+    return Headline(
+        n=errors.size,
+        not_localised=int(np.isnan(errors).sum()),
+        position=_middle(errors),
+        heading=_middle(turns),
+        recall=float(held.mean()) if held.size else math.nan,
+        at=threshold_name(metres, degrees),
+    )
+
+
+def _middle(errors: Floats) -> float:
+    """The median as in `median_error`."""
+    if not errors.size:
+        return math.nan
+    ordered = np.sort(np.where(np.isnan(errors), np.inf, errors))
+    first, second = ordered[(errors.size - 1) // 2], ordered[errors.size // 2]
+    return float(first + (second - first) / 2) if np.isfinite(second) else math.inf
 
 
 @dataclass(frozen=True, slots=True, eq=False)
