@@ -280,7 +280,7 @@ class _Clock:
         return self.seconds
 
 
-@pytest.mark.parametrize("budget", [60.0, 100.0])
+@pytest.mark.parametrize("budget", [80.0, 120.0])
 def test_the_budget_is_kept(camera_world, monkeypatch, budget):
     clock = _Clock(monkeypatch)
     settings = SuggestSettings("sim", budget=budget, frames=8, judged=16, changes=2)
