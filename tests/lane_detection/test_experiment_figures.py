@@ -174,13 +174,13 @@ def test_one_recording_gives_an_interval_within_it_and_no_verdict():
     assert "pieces of one recording, intervals within it" in to_table(of)
 
 
-def test_few_recordings_are_resampled_in_pieces_and_the_unit_is_printed():
+def test_units_of_few_recordings_are_pieces_and_the_unit_is_printed():
     of = experiment({"sim+ai": np.linspace(0.5, 0.9, 24)}, 3, images=8)
     assert of.unit("all") == f"{of.blocks('all').unit_count} pieces of 3 recordings"
     assert of.blocks("all").unit_count > 3
     assert f"resampled: {of.unit('all')}" in to_table(of)
     assert f"intervals from {of.unit('all')}" in in_words(of)
-    assert "Below 6 recordings pieces of them are resampled" in in_words(of)
+    assert "Below 6 recordings pieces of them are the units" in in_words(of)
     assert "pieces" not in in_words(experiment({"sim+ai": np.linspace(0.5, 0.9, 32)}, 8))
 
 

@@ -32,11 +32,15 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunErrors:
-    """Real errors (N,) in metres of one run, and the (N,) mask of the instances new to it."""
+    """Real errors (N,) in metres of one run, and the (N,) mask of the instances new to it.
+
+    knows_training: whether the store knows which instances its model was trained on.
+    """
 
     run: str
     real: Errors
     new: Mask
+    knows_training: bool = True
 
 
 def read_runs(store: Store, run: str) -> list[RunErrors]:
@@ -45,7 +49,8 @@ def read_runs(store: Store, run: str) -> list[RunErrors]:
     found = []
     for name in [run, *computed][:MOST_RUNS]:
         new = run_metrics.population(store, name)
-        found.append(RunErrors(name, store.run_columns(name).real.error, new))
+        knows = run_metrics.knows_training_set(store, name)
+        found.append(RunErrors(name, store.run_columns(name).real.error, new, knows))
         if name != run:
             store.drop_run_columns(name)
     return found
@@ -84,7 +89,7 @@ def best_run(store: Store, runs: list[RunErrors]) -> Finding | None:
     difference = differences[next_run.run]
     open_runs = [name for name, interval in differences.items() if not interval.is_positive]
     evident = not open_runs
-    known = all(run_metrics.knows_training_set(store, run.run) for run in compared)
+    known = all(run.knows_training for run in compared)
     sample = (
         f"{sample_text(mean, rows.size)}, {'new to all' if known else 'not known to be trained on'}"
     )
