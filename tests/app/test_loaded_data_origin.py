@@ -70,11 +70,11 @@ async def test_images_keep_label_and_place_until_new_ones_arrive(tiny_store):
 async def test_unreadable_images_are_not_shown_as_loading(tiny_store, monkeypatch):
     async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "c")
-        assert subtitle(app, "overview") == "real 1.87 m, recall 5 %; accuracy lines"
+        assert subtitle(app, "overview") == "real 1.93 m, recall 15 %; accuracy"
         lines = app.resources.lines
         await pilot.press("d")
         app.resources = replace(app.resources, lines=lines)  # labelled by their own side
-        assert subtitle(app, "overview") == "real 1.87 m, recall 5 %; accuracy lines"
+        assert subtitle(app, "overview") == "real 1.93 m, recall 15 %; accuracy"
         monkeypatch.setattr(store_data, "instance_input", lambda *_: 1 / 0)
         await press(app, pilot, "right")
         assert "pictures" in app.session.state.message

@@ -34,7 +34,8 @@ def test_it_says_how_files_were_read_and_keeps_command_and_files(store_copy, pre
     assert "run theirs replaced: 40 of 40" in capsys.readouterr().out
     with s2rstore.open(store_copy) as store:
         facts = store.provenance("run:theirs")
-    counts = {"sim": 40, "real": 40, "both": 40, "store": 40}
+    counts = {"sim": 40, "real": 40, "both": 40, "store": 40, "attempted": 40,
+                  "not_localised": 0, "absent": 0}  # fmt: skip
     assert json.loads(facts["imported instances"]) == counts
     (file,) = json.loads(facts["imported predictions"])
     assert file["sha256"] == hashlib.sha256(predictions.read_bytes()).hexdigest()

@@ -41,13 +41,13 @@ class OverviewView(View):
         if lines is None:
             return "accuracy, sim and real"
         found = self.lines(scene)
-        drawn = f"bands: {BAND_TEXT}" if found and found.banded[0] else "lines"
+        drawn = f" bands: {BAND_TEXT}" if found and found.banded[0] else ""
         pale = ", pale: trained on" if lines.trained is not None else ""
         row = next((row for row in self._rows(scene) if row.run == scene.state.run), None)
         if row is None or row.headlines is None:
-            return f"{lines.side} accuracy {drawn}{pale}"
+            return f"{lines.side} accuracy{drawn}{pale}"
         lead = row.headlines[SIDES.index(lines.side)].short
-        return f"{lines.side} {lead and f'{lead}; '}accuracy {drawn}{pale}"
+        return f"{lines.side} {lead and f'{lead}; '}accuracy{drawn}{pale}"
 
     def lines(self, scene: Scene) -> OverviewLines | None:
         """The instances as lines across the runs, once they are loaded."""

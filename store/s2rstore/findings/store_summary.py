@@ -5,7 +5,6 @@ from __future__ import annotations
 from s2rstore.findings.report import find_all
 from s2rstore.metrics import run_metrics
 from s2rstore.metrics.recall import side_recall
-from s2rstore.metrics.run_metrics import side_metrics
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rstore.security.printable_text import printable
@@ -45,7 +44,7 @@ def finding_lines(store: Store, run: str) -> list[str]:
 def _run_line(store: Store, run: str) -> str:
     parts = []
     for side in SIDES:
-        found, metrics = (each(store, run, side) for each in (side_recall, side_metrics))
+        found = side_recall(store, run, side)
         if not found.n:
             parts.append(f"{side} n/a (all {found.trained_on} trained on)")
             continue
@@ -53,10 +52,11 @@ def _run_line(store: Store, run: str) -> str:
         share = point.share.scaled(100)
         left_out = f", {found.trained_on} trained on left out" if found.trained_on else ""
         lost = f", {found.not_localised} not localised" if found.not_localised else ""
+        accuracy = run_metrics.side_metrics(store, run, side).accuracy
         span = share.bounds_text("{:.0f}".format, to=" .. ")
         parts.append(
             f"{side} median {found.position_text} ({median}) and {found.heading_text}, recall "
             f"{share.value:.0f} % ({span}) at {point.name}, accuracy "
-            f"{100 * metrics.accuracy.value:.1f} %, n {found.n}{lost}{left_out}"
+            f"{100 * accuracy.value:.1f} %, n {found.n}{lost}{left_out}"
         )
     return f"  {run}: " + "; ".join(parts)
