@@ -114,7 +114,7 @@ RESOURCE_CHANGES: dict[str, Callable[[Resources], object]] = {
     "saving": lambda resources: "1 of 3",
 }
 NEVER_DRAWN = {
-    "newest", "trajectories", "expression", "operator", "lasso", "message", "is_error", "past",
+    "newest", "expression", "operator", "lasso", "message", "is_error", "past",
     "future", "centre", "progress", "saving", "pending", "keeps_message", "suggested",
     "first_rows",  # no table of these scenes is longer than its view
 }  # fmt: skip

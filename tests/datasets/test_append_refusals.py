@@ -77,13 +77,13 @@ def test_no_store_is_made(scan, tmp_path):
     assert not (tmp_path / "missing.s2r").exists()
 
 
-def test_bounds_rooms_and_floor_plan_of_the_store_are_kept_and_others_reported(
+def test_bounds_rooms_plan_and_thresholds_of_the_store_are_kept_and_others_reported(
     source, store, tmp_path
 ):
     text = source[1].read_text().replace("x1 = 8.0", "x1 = 6.0")
     text = text.replace("0.0, 4.0, 6.0", "0.0, 3.0, 6.0")
     header = tmp_path / "other.toml"
-    header.write_text(text)
+    header.write_text(f"recall_thresholds = [[1, 10]]\n{text}")
     with s2rstore.open(store) as opened:
         dataset, rooms = opened.dataset, opened.rooms
     other = scan_of("sim2realviz", source[0], header=header)
@@ -92,7 +92,8 @@ def test_bounds_rooms_and_floor_plan_of_the_store_are_kept_and_others_reported(
         add(other, store, strict=True)
     other.issues.clear()
     add(other, store)
-    assert kinds(other) == {"other bounds": 1, "other rooms": 1, "other floor plan": 1}
+    assert kinds(other) == {"other bounds": 1, "other rooms": 1, "other floor plan": 1,
+                            "other recall thresholds": 1}  # fmt: skip
     with s2rstore.open(store) as opened:
         assert (opened.dataset.bounds, opened.rooms) == (dataset.bounds, rooms)
         assert opened.dataset.floor_plan == dataset.floor_plan

@@ -167,6 +167,7 @@ def test_problems_of_a_manifest_are_reported(manifest, tmp_path):
         ("[bounds]", "[bounds", "data.toml"),
         ("[domains.real]", "[domains.elsewhere]", "domains.real"),
         ("width = 64", "width = 0", "rgb.width: expected a number > 0, got 0"),
+        ("y_down", "recall_thresholds = [[1, 10], [1, 20]]\ny_down", "not 1 to 8 pairs"),
         ("y_down", "y_donw", "data.toml: y_donw: unknown key; did you mean y_down?"),
         ("[[rooms]]", "[[rooms]]\nnmae = 1", r"rooms\[0\].nmae: unknown key; known: room, rect"),
         ("hfov = 80.0", "hfov = 80.0, fx = 20", "sim.rgb.fx: unknown key"),

@@ -120,6 +120,8 @@ def test_an_incomplete_domain_is_skipped_unless_its_trajectory_is_chosen(tmp_pat
 @pytest.mark.parametrize(("bits", "dtype"), [(8, "uint8"), (16, "uint16")])
 def test_a_manifest_is_ingested(tmp_path, bits, dtype):
     path = pairs.manifest(tmp_path / "data", 12, bits)
+    (header,) = path.parent.glob("*.toml")
+    header.write_text(f"recall_thresholds = [[0.1, 5], [3, 20]]\n{header.read_text()}")
     scan = ingest("csv", path, tmp_path / "s.s2r")
     assert scan.issues == []
     with s2rstore.open(tmp_path / "s.s2r") as store:
@@ -127,6 +129,7 @@ def test_a_manifest_is_ingested(tmp_path, bits, dtype):
         frame = store.frame(0, "sim")
         assert frame.depth.dtype == dtype
         assert store.dataset.accuracy_scale == 10
+        assert store.dataset.recall_thresholds == ((0.1, 5), (3, 20))
         assert np.allclose(store.instances.timestamp, 0.1 * np.arange(12))
         expected = [a for *_, a in pairs.circular_poses(12)]
         assert angles.distance(store.instances.heading, expected).max() < 1e-5

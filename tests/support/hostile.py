@@ -24,7 +24,8 @@ HOSTILE = f"{CLIPBOARD}{C1}{BIDI}\u2028\u2029\x7f\x00\r\n\t{MARKUP}".replace("\x
 _VALIDATED = {"run", "model", "domain", "trajectory", "hash", "key", "sha256", "path", "dtype",
             "shape", "axes", "kind", "side", "mode", "split", "floor_plan", "sim_domain",
             "real_domain", "sim_adjustments", "real_adjustments", "source",
-            "convention", "metadata_sha256", "table_name", "input"}  # fmt: skip
+            "convention", "metadata_sha256", "table_name", "input",
+            "recall_thresholds"}  # fmt: skip
 """Columns whose content is validated and tested separately."""
 FREE_TEXT_COLUMNS = tuple(
     (table.name, column.name)

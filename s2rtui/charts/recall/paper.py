@@ -14,7 +14,7 @@ _LINE = 0.17
 """Height of a line of notes in inches."""
 _SHIFT = 1.012
 """Factor that sets the marks of both sides apart on the axis of positions."""
-_SAMPLES = 800
+_SAMPLES = 3000
 
 
 @own_settings()
@@ -55,7 +55,8 @@ def recall_figure(
     axes.set_xticks([point.metres for point in points], [f"{point.metres:g}" for point in points])
     axes.set_xticks([], minor=True)
     axes.set_ylim(-2, 102)
-    axes.set_xlabel(model.axis_names[0])
+    long, short = model.axis_names
+    axes.set_xlabel(f"position (m); {short}" if page.inches[0] <= NARROW else long)
     axes.set_ylabel("recall (%)")
     axes.legend(loc="upper left", fontsize=font, frameon=False, labelcolor=inks.text)
     for row, line in enumerate(reversed(lines)):
