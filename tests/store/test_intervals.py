@@ -15,6 +15,7 @@ from bench.simulated_errors import Process
 from s2rstore import intervals
 from s2rstore.intervals import Interval, verdict
 from s2rstore.intervals.dependence import midranks
+from s2rstore.intervals.sequential import BASELINE, YEAR, change_alarm
 
 REPEATS = 300
 Floats = np.ndarray
@@ -174,3 +175,27 @@ def test_the_largest_of_several_is_not_taken_for_the_one_that_is_largest_by_chan
         found = verdict.largest([normal(value, 1.0) for value in rng.normal(size=8)])
         hits += found.low <= 0.0 <= found.high
     assert hits / 1000 >= 0.93
+
+
+def test_a_year_without_change_has_no_alarm_and_a_rise_has_one() -> None:
+    rng = np.random.default_rng(3)
+    quiet = [change_alarm(rng.normal(1, 0.15, YEAR), 0.3).outcome for _ in range(200)]
+    assert quiet.count("FAIL") <= 0.05 * 200
+    for _ in range(20):
+        nights = rng.normal(1, 0.15, BASELINE + 20)
+        nights[BASELINE:] += 0.3
+        found = change_alarm(nights, 0.3)
+        assert found.outcome == "FAIL"
+        assert BASELINE <= (found.since or 0) < BASELINE + 10
+        mended = np.concatenate([nights, rng.normal(1, 0.15, 40)])
+        assert change_alarm(mended, 0.3).outcome == "PASS"
+
+
+def test_an_alarm_needs_a_baseline_and_a_constant_one_counts_no_trifle() -> None:
+    assert change_alarm(np.ones(BASELINE), 0.3).outcome == "INCONCLUSIVE"
+    constant = np.ones(BASELINE + 5)
+    assert change_alarm(constant + np.arange(BASELINE + 5) * 1e-6, 0.3).outcome == "PASS"
+    constant[BASELINE:] = 1.3
+    assert change_alarm(constant, 0.3).outcome == "FAIL"
+    with pytest.raises(ValueError, match="positive"):
+        change_alarm(constant, 0.0)
