@@ -87,6 +87,15 @@ def test_equal_poses_of_a_robot_that_stands_still_are_all_paired():
     assert len(a) == len(set(b.tolist())) == 300
 
 
+def test_poses_are_paired_beyond_the_nearest_candidates():
+    """All have the same nearest ones, fewer than there are."""
+    first, second = np.zeros((100, 3)), np.zeros((100, 3))
+    second[:, 0] = np.arange(100) / 1000
+    a, b = match_poses(first, second, TOLERANCE)
+    assert np.array_equal(np.sort(a), np.arange(100))
+    assert np.array_equal(np.sort(b), np.arange(100))
+
+
 @pytest.mark.parametrize("counts", [(0, 3), (3, 0), (0, 0)])
 def test_nothing_is_paired_without_images(counts):
     a, b = match_poses(np.zeros((counts[0], 3)), np.zeros((counts[1], 3)), TOLERANCE)

@@ -14,7 +14,7 @@ from scipy import stats
 from bench.simulated_errors import Process
 from s2rstore import intervals
 from s2rstore.intervals import Interval, verdict
-from s2rstore.intervals.dependence import midranks
+from s2rstore.intervals.dependence import between_spread, midranks, series_spread
 
 REPEATS = 300
 Floats = np.ndarray
@@ -111,6 +111,31 @@ def test_unknown_values_are_left_out_and_failures_are_not() -> None:
     hits = np.append(values < 1, [False] * 100)
     failed = intervals.proportion(hits, errors=np.append(values, [np.nan] * 100))
     assert failed.value == pytest.approx((values < 1).sum() / 300)
+    none, is_large = np.zeros(values.size, dtype=np.bool_), values > 2
+    lost, large = (np.where(is_large, each, values) for each in (np.nan, 1e9))
+    assert intervals.proportion(none, errors=lost) == intervals.proportion(none, errors=large)
+
+
+def test_the_spread_of_a_series_is_that_of_its_lowest_cosines() -> None:
+    n, rho, count = 400, 0.7, 10
+    values, places = series(7, n, rho), np.pi * (np.arange(n) + 0.5) / n
+    squares = []
+    for number in range(1, count + 1):
+        weight = np.sqrt(2) * (values * np.cos(number * places)).sum()
+        noise = 1 - 2 * rho * np.cos(np.pi * number / n) + rho**2
+        squares.append(weight**2 * noise / (1 - rho) ** 2)
+    found = series_spread(values, rho)
+    assert found.error == pytest.approx(np.sqrt(np.mean(squares)) / n)
+    assert found.freedom == count
+
+
+def test_the_median_of_recordings_that_differ_has_the_spread_between_them() -> None:
+    """High and low levels in turn: neighbouring recordings hide how much they differ."""
+    codes = np.repeat(np.arange(12), 20)
+    values = 3.0 * (codes % 2) + series(8, codes.size, 0.0)
+    below = (values <= np.median(values)).astype(np.float64)
+    half = between_spread(below, codes).half_width(0.95)
+    assert (values <= intervals.median(values, codes).high).mean() >= min(0.5 + half, 1.0)
 
 
 def test_trajectories_must_not_be_interleaved() -> None:

@@ -33,6 +33,22 @@ def test_readers_keep_their_generation(store_copy):
         assert "dataaug" not in store.runs
 
 
+def test_a_file_that_names_the_generation_is_replaced_as_a_whole(store_copy):
+    with (store_copy / layout.CURRENT).open() as held:
+        with edit(store_copy) as draft:
+            draft.set_provenance("a", {"b": 1})
+        named = json.load(held)["generation"]
+    assert layout.read_current(store_copy).generation == named + 1
+
+
+def test_a_lease_is_checked_when_all_but_the_name_of_the_generation_is_written(store_copy):
+    index = store_copy / layout.index_name(layout.read_current(store_copy).generation + 1)
+    is_there: list[bool] = []
+    with edit(store_copy, lambda: is_there.append(index.exists())) as draft:
+        draft.set_provenance("a", {"b": 1})
+    assert is_there[-1]
+
+
 def test_an_index_name_is_never_used_again(store_copy):
     with edit(store_copy) as draft:
         draft.set_provenance("a", {"b": 1})
