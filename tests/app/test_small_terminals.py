@@ -14,7 +14,7 @@ from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.screens.doctor import DoctorScreen
 from s2rtui.app.status_line import status_line
-from s2rtui.app.titled_view import truncated
+from s2rtui.app.titled_view import _divided, truncated
 from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.charts.registry import VIEWS
 from s2rtui.cli.formatting.rows import table
@@ -115,6 +115,7 @@ def test_a_card_has_the_computed_height(width, rows):
 def test_titles_and_tables_count_cells():
     for width in range(8, 24):
         assert cell_len(truncated("所有世界 is 12.5 m", width, RenderOptions())) <= width
+        assert cell_len(_divided("所有 世界 所有 世界 所有 世界", width)[0]) <= width
     lines = table(["name", "value"], [["所有世界", 1], ["all", 12]]).splitlines()
     assert {cell_len(line) for line in lines} == {15}
 

@@ -13,7 +13,13 @@ from scipy.optimize import linear_sum_assignment
 
 from s2rstore.geometry import angles
 from s2rtools.datasets.pairing import pair_matching
-from s2rtools.datasets.pairing.pair_matching import Candidates, PoseTolerance, assign, match_poses
+from s2rtools.datasets.pairing.pair_matching import (
+    Candidates,
+    PoseTolerance,
+    assign,
+    match_poses,
+    match_times,
+)
 from s2rtools.datasets.pairing.recording_pairs import parse_tolerance
 from tests.support.refusals import refused
 
@@ -73,6 +79,11 @@ def test_a_chain_of_images_is_not_shifted_for_one_more_pair():
     a, b = match_poses(line[:-1], line[1:], TOLERANCE)
     np.testing.assert_array_equal(a - 1, b)
     assert len(a) == 10
+
+
+def test_a_chain_of_times_is_not_shifted_for_one_more_pair():
+    a, b = match_times(np.array([0.0, 1.0]), np.array([1.0, 1.95]), 1.0)
+    assert (a.tolist(), b.tolist()) == ([1], [0])
 
 
 def test_headings_near_the_turn_are_near():

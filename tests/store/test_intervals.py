@@ -129,6 +129,23 @@ def test_the_spread_of_a_series_is_that_of_its_lowest_cosines() -> None:
     assert found.freedom == count
 
 
+def test_the_spread_between_recordings_is_that_of_clusters() -> None:
+    codes = np.repeat([0, 1, 2], [20, 30, 70])
+    values, error = series(9, codes.size) + codes, 0.0
+    for code in range(3):
+        part = values[codes == code]
+        share = part.size / values.size
+        error += (share * (part.mean() - values.mean())) ** 2 / (1 - share)
+    assert between_spread(values, codes).error == pytest.approx(np.sqrt(error))
+
+
+def test_a_share_of_few_recordings_has_the_quantile_of_few() -> None:
+    none, codes = np.zeros(120, dtype=np.bool_), np.repeat([0, 1, 2], 40)
+    t = between_spread(none.astype(np.float64), codes).critical(0.95)
+    assert t > 4
+    assert intervals.proportion(none, codes).high == pytest.approx(t**2 / (120 + t**2))
+
+
 def test_the_median_of_recordings_that_differ_has_the_spread_between_them() -> None:
     """High and low levels in turn: neighbouring recordings hide how much they differ."""
     codes = np.repeat(np.arange(12), 20)
