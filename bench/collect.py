@@ -24,7 +24,7 @@ import torch
 from bench.budget import BudgetRow
 from bench.support.collection_trial import Trial, TrialSettings
 from bench.support.json_log import append_log, read_log
-from s2rstore.metrics.bootstrap import BootstrapSettings, Interval, mean_interval
+from s2rstore.intervals import Interval, of_units
 from s2rtools.data_collection import Method
 
 SIZES = (15, 30, 60)
@@ -92,7 +92,12 @@ def paired_gain(
     )
     seeds = sorted(first.keys() & second.keys())
     differences = np.array([second[seed] - first[seed] for seed in seeds])
-    return mean_interval(differences, settings=BootstrapSettings(block_length=1))
+    return _mean_over_seeds(differences)
+
+
+def _mean_over_seeds(values: np.ndarray) -> Interval:
+    left_out = (values.sum() - values) / max(values.size - 1, 1)
+    return of_units(float(values.mean()), left_out, unit="seeds")
 
 
 def report(results: Sequence[Result]) -> str:
@@ -105,7 +110,7 @@ def report(results: Sequence[Result]) -> str:
         curve = []
         for size in sizes:
             errors = np.array([float(r["mean"]) for r in _of(results, method, size)])
-            interval = mean_interval(errors, settings=BootstrapSettings(block_length=1))
+            interval = _mean_over_seeds(errors)
             curve.append(
                 f"{size}: {interval.value:.3f} ({interval.low:.3f} to {interval.high:.3f}, "
                 f"n {errors.size})"

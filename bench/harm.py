@@ -27,12 +27,12 @@ from s2rstore.reader import Store
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.scoring import harm_report
-from s2rtools.scoring.block_intervals import weighted_pearson
 from s2rtools.scoring.counterfactual_errors import open_runs
 from s2rtools.scoring.factor_shares import measure_shares
 from s2rtools.scoring.ground_truth import GroundTruth
 from s2rtools.scoring.harm_metrics import HarmScore, ScoredPairs, harm_score, pool_runs, pool_stores
 from s2rtools.scoring.object_gains import ObjectGains, measure_object_gains
+from s2rtools.scoring.weighted_statistics import weighted_pearson
 from s2rtools.synthetic_world.factors import FACTOR_GROUPS
 from s2rtools.training import pretrained
 

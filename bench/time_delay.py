@@ -9,7 +9,6 @@ from scipy import signal
 
 from bench.budget import BudgetRow
 from bench.support import robot
-from s2rtools.gap.axis_result import GapSettings
 from s2rtools.gap.delay import time_delay
 from s2rtools.motion_logs import Log
 
@@ -26,9 +25,10 @@ def figures(seeds: int = SEEDS) -> Iterator[BudgetRow]:
         ours, theirs, held = [], [], []
         for seed in range(seeds):
             late, real, sim = _pair(seed, noise, turn_noise)
-            estimate = time_delay.estimate_delay(real, sim, GapSettings(400))
+            estimate = time_delay.estimate_delay(real, sim)
             ours.append(estimate.seconds - late)
-            held.append(estimate.low <= late <= estimate.high)
+            bounds = estimate.interval()
+            held.append(bounds.low <= late <= bounds.high)
             theirs.append(cross_correlation(real, sim) - late)
         name = f"delay, noise {1000 * noise:g} mm {1000 * turn_noise:g} mrad"
         yield BudgetRow(f"{name}: cross-correlation", _rms(theirs), "ms")

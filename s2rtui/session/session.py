@@ -13,7 +13,7 @@ import numpy as np
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files.planned_poses import read_planned_poses
-from s2rstore.findings import largest_room, worst_room
+from s2rstore.findings import largest_room
 from s2rstore.gap_history import reader
 from s2rstore.language import Node
 from s2rstore.language.syntax_tree import Extreme, Field
@@ -270,15 +270,14 @@ def _select_finding(context: SessionContext, state: State, error: str) -> State:
 
 
 def _worst_room(store: Store, run: str) -> tuple[Node, str] | None:
-    """The expression and the description of the worst room, untested in a large store."""
-    if len(store.instances) <= pending_target.SMALL_STORE:
-        finding = worst_room(store, run)
-        if finding is None or finding.node is None:
-            return None
-        return finding.node, finding.message
+    """The expression and the description of the room with the largest errors.
+
+    Whether it is evident is tested for the findings, which come later: the first screen waits for
+    no interval.
+    """
     largest = largest_room(store, run)
     if largest is None:
         return None
     group, median, n = largest
-    text = f"largest median real error: {group.name}, {median:.2f} m, n {n} new"
+    text = f"worst room: {group.name}, median real error {median:.2f} m, n {n} new"
     return group.node, f"{text} (I says whether it is evident)"

@@ -9,8 +9,8 @@ import numpy as np
 
 from s2rstore.findings import Finding, FindingReport
 from s2rstore.findings.groups import Group, GroupErrors
+from s2rstore.intervals import Interval
 from s2rstore.language.syntax_tree import Field, Named
-from s2rstore.metrics.bootstrap import Interval
 from s2rstore.records import Bounds, Room
 from s2rtui.charts.compare.model import CompareInput
 from s2rtui.charts.errors.model import ErrorsInput

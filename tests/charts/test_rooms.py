@@ -159,7 +159,7 @@ def test_each_row_shows_median_interval_and_count(size):
     for text in ("2.00", "1.00..3.50", "0.40", "+1.60", "12"):
         assert text in hall.split()
     alone = next(line for line in lines if line.split()[:1] == ["5"])
-    assert alone.split()[1:3] == ["1.00", "-"]
+    assert alone.split()[1:4] == ["1.00", "too", "few"]
 
 
 def test_rows_mark_bounds_beyond_all_values():

@@ -8,7 +8,7 @@ import pytest
 import s2rstore
 from s2rstore.index.schema import GAP_SHARES
 from s2rstore.index.transaction import edit
-from s2rstore.metrics.bootstrap import Interval
+from s2rstore.intervals import Interval
 from s2rstore.metrics.gap_shares import FactorShare, GapShares, mean_shares
 from s2rstore.records import GAP_FACTORS
 from s2rtools.adjustments import ADJUSTMENTS

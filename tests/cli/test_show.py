@@ -45,7 +45,7 @@ def test_the_overview_uses_only_held_out_instances(tmp_path: Path, capsys) -> No
         assert computed["n"] == row["n"] == 8
         assert computed["sim accuracy"] == pytest.approx(row["s"], rel=1e-12)
         assert computed["real accuracy"] == pytest.approx(row["r"], rel=1e-12)
-        assert computed["real low"] <= computed["real accuracy"] <= computed["real high"]
+        assert computed["real low"] is None
 
 
 def test_map_and_umap_list_the_selection(query):
@@ -208,13 +208,11 @@ def _approximately(rows: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
     ]
 
 
-def test_bounds_that_few_blocks_do_not_bound_are_marked(
-    tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """All changes lie below 0, in too few blocks: the interval must not look evident."""
-    path = tiny.build(tmp_path / "few.s2r", 12)
+def test_open_bounds_are_marked(tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All changes lie below 0, but three stretches of them say little: this is not evident."""
+    path = tiny.build(tmp_path / "few.s2r", 30)
     with edit(path) as draft:
-        for run, error in (("vanilla", "3"), ("dataaug", "[2.9, 2.7, 2.1][1 + iid // 4]")):
+        for run, error in (("vanilla", "3"), ("dataaug", "[2.9, 2.7, 2.1][1 + iid // 10]")):
             where = f"WHERE run = '{run}' AND side = 'real'"
             draft.rows(f"UPDATE prediction SET error = {error} {where}")
     command = ["show", str(path), "compare", "--run", "vanilla", "--with", "dataaug"]

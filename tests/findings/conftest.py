@@ -13,8 +13,8 @@ from tests.support import tiny
 
 @pytest.fixture(scope="session")
 def plain(build_once: BuildOnce) -> Path:
-    """120 instances with errors of one distribution in both rooms; two runs."""
-    return build_once("plain.s2r", lambda path: tiny.build(path, n=120))
+    """300 instances with errors of one distribution in both rooms; two runs."""
+    return build_once("plain.s2r", lambda path: tiny.build(path, n=300))
 
 
 @pytest.fixture(scope="session")
@@ -27,7 +27,7 @@ def marked(build_once: BuildOnce) -> Path:
 
 
 def _build_marked(path: Path) -> None:
-    tiny.build(path, n=240, trained=("vanilla",))
+    tiny.build(path, n=560, trained=("vanilla",))
     with edit(path) as draft:
         draft.rows(
             "UPDATE prediction SET error = error + 6 WHERE run = 'vanilla' AND side = 'real' "

@@ -10,6 +10,6 @@ from tests.support import tiny
 
 
 @pytest.fixture(scope="session")
-def store_of_200(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A store of 200 instances; tests that modify it copy it first."""
-    return tiny.build(tmp_path_factory.mktemp("gap") / "s.s2r", n=200, trained=tiny.RUNS)
+def store_of_400(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store of 400 instances; tests that modify it copy it first."""
+    return tiny.build(tmp_path_factory.mktemp("gap") / "s.s2r", n=400, trained=tiny.RUNS)

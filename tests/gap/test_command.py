@@ -16,12 +16,12 @@ from tests.support.copies import copy_store
 
 
 @pytest.fixture
-def store(store_of_200: Path) -> Path:
-    return store_of_200
+def store(store_of_400: Path) -> Path:
+    return store_of_400
 
 
 def gap(store: Path, *options: str) -> int:
-    return main(["gap", str(store), "--axis", "task", "--replicates", "100", *options])
+    return main(["gap", str(store), "--axis", "task", *options])
 
 
 def test_all_requested_files_are_written(store, tmp_path, capsys):
@@ -115,7 +115,7 @@ def test_a_task_reference_is_valid_for_another_split(store, tmp_path, capsys):
     capsys.readouterr()
     assert gap(other, "--reference", str(ref), "--json") in (0, 1, 3)
     (axis_entry,) = json.loads(capsys.readouterr().out)["axes"]
-    assert axis_entry["n"] == 200 // 5 + 12
+    assert axis_entry["n"] == 400 // 5 + 12
     anchor = json.loads(ref.read_text())["axes"]["task"]["anchor"]
     assert axis_entry["anchor"] == pytest.approx(anchor)
     assert axis_entry["gap"] == pytest.approx(100 * axis_entry["value"] / axis_entry["anchor"])

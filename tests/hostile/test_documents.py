@@ -49,7 +49,6 @@ def test_a_pipe_in_place_of_a_document_is_rejected(tmp_path, tiny_store, s2r):
         ("nightly", pipe),
         ("gap", tiny_store, "--golden", pipe),
         ("gap", tiny_store, "--reference", pipe),
-        ("gap", tiny_store, "--features", pipe),
     ):
         with deadline():
             s2r(*arguments).assert_refused(f"{pipe}: a pipe, not a regular file")

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
-from s2rstore.metrics.bootstrap import student_quantile
 from s2rtools import translation
 from s2rtools.lane_detection import experiment_arms
 from s2rtools.lane_detection.arm_evaluation import Scores
@@ -114,7 +114,7 @@ def test_the_interval_over_recordings_is_about_students_interval_of_their_scores
     of = experiment({"sim+ai": np.repeat(shares, 4)}, 8)
     found = of.f1("sim+ai", "all")
     values = np.array([f1_of(share) for share in shares])
-    half = student_quantile(7, 0.95) * values.std(ddof=1) / np.sqrt(8)
+    half = stats.t.ppf(0.975, 7) * values.std(ddof=1) / np.sqrt(8)
     assert found.value == pytest.approx(f1_of(shares.mean()))
     assert found.high - found.value == pytest.approx(half, rel=0.15)
     assert found.value - found.low == pytest.approx(half, rel=0.15)
@@ -174,13 +174,13 @@ def test_one_recording_gives_an_interval_within_it_and_no_verdict():
     assert "pieces of one recording, intervals within it" in to_table(of)
 
 
-def test_few_recordings_are_resampled_in_pieces_and_the_unit_is_printed():
+def test_units_of_few_recordings_are_pieces_and_the_unit_is_printed():
     of = experiment({"sim+ai": np.linspace(0.5, 0.9, 24)}, 3, images=8)
     assert of.unit("all") == f"{of.blocks('all').unit_count} pieces of 3 recordings"
     assert of.blocks("all").unit_count > 3
     assert f"resampled: {of.unit('all')}" in to_table(of)
     assert f"intervals from {of.unit('all')}" in in_words(of)
-    assert "Below 6 recordings pieces of them are resampled" in in_words(of)
+    assert "Below 6 recordings pieces of them are the units" in in_words(of)
     assert "pieces" not in in_words(experiment({"sim+ai": np.linspace(0.5, 0.9, 32)}, 8))
 
 

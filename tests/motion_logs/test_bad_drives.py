@@ -54,8 +54,7 @@ def clock(start: float, factor: float) -> Damage:
 
 def run(command: str, drives: Path, store: Path, out: Path) -> int:
     arguments = {
-        GAP: ["gap", str(store), "--drives", str(drives), "--axis", "dynamics", "--axis", "delay",
-              "--replicates", "100"],
+        GAP: ["gap", str(store), "--drives", str(drives), "--axis", "dynamics", "--axis", "delay"],
         SYSID: ["sysid", str(drives), "--seeds", "1", "--evaluations", "10"],
     }  # fmt: skip
     return main([*arguments[command], "--out", str(out)])
@@ -130,6 +129,6 @@ def test_doubtful_logs_are_reported_with_the_results(
 ):
     drives = damaged_copy(valid_drives, tmp_path / "drives", damage)
     options = ["--dynamics", "horizons=0.5,1"]
-    command = ["gap", str(tiny_store), "--drives", str(drives), "--replicates", "100", *options]
+    command = ["gap", str(tiny_store), "--drives", str(drives), *options]
     assert main([*command, "--axis", "dynamics", "--axis", "delay"]) == 3
     assert expected in capsys.readouterr().out

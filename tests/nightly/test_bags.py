@@ -34,7 +34,7 @@ def bag_folder(config: NightlyConfig) -> Path:
 def run_night(config: NightlyConfig, drives: str) -> int:
     """Run the delay axis and the identification."""
     config.source.write_text(
-        f'store = "{config.store}"\naxes = ["delay"]\nreplicates = 100\n[drives]\n{drives}\n'
+        f'store = "{config.store}"\naxes = ["delay"]\n[drives]\n{drives}\n'
         '[sysid]\nseeds = 1\n[output]\nreports = "reports"\n'
     )
     return main(["nightly", str(config.source), "--night", "2026-11-21"])

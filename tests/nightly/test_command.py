@@ -85,14 +85,14 @@ def test_json_output_contains_the_outcome(config, fake_gate, capsys):
 def test_the_configuration_is_passed_to_the_gate(config, fake_gate):
     text = config.source.read_text().replace(
         "[drives]", 'run = "vanilla"\nselect = "worst15"\naxes = ["task"]\nthreshold = 20\n'
-        "margin = 0.1\nseed = 4\nreplicates = 200\n[drives]\ntopic = \"/odom\"\n"
+        "margin = 0.1\nseed = 4\n[drives]\ntopic = \"/odom\"\n"
         "dynamics = [\"reach=2\"]", 1,
     )  # fmt: skip
     config.source.write_text(text)
     command(config)
     (request,) = fake_gate.requests
     settings = request.pop("settings")
-    assert (settings.replicates, settings.seed) == (200, 4)
+    assert settings.seed == 4
     assert request == {
         "run": "vanilla", "expression": "worst15", "axes": ("task",), "rate": None,
         "drives": str(config.source.parent / "drives"), "features": None, "reference": None,
@@ -137,7 +137,7 @@ def test_the_simulator_is_identified_from_drives(config, fake_gate):
 
 def test_warnings_of_an_identification_are_reported(config, fake_gate):
     drives = config.source.parent / "made"
-    make_drives(drives, 1, {"latency": 0.8, "wheels": 1.0}, Recording(count=6, seconds=6.0))
+    make_drives(drives, 1, {"latency": 0.8, "wheels": 1.0}, Recording(count=8, seconds=9.0))
     with config.source.open("a") as file:
         file.write('[sysid]\ndrives = "made"\nparameters = ["damping"]\nseeds = 1\n'
                    'range = { latency = "0..0.05" }\n')  # fmt: skip

@@ -30,7 +30,7 @@ def test_missing_keys_have_defaults_and_paths_are_relative_to_the_file(tmp_path)
     unset = (parsed.run, parsed.drives, parsed.sysid, parsed.metrics, parsed.axes)
     assert unset == (None, None, None, None, ())
     assert (parsed.threshold, parsed.margin) == (15.0, 0.05)
-    assert (parsed.seed, parsed.replicates) == (1, 1000)
+    assert parsed.seed == 1
 
 
 def test_drives_of_the_store_are_the_default(tmp_path):
@@ -103,7 +103,6 @@ def test_all_keys_are_read(tmp_path):
         ('store = "s.s2r"\nthreshold = nan', "threshold: expected a finite number"),
         ('store = "s.s2r"\nthreshold = 0', "threshold: expected a number > 0"),
         ('store = "s.s2r"\nseed = 1.5', "seed: expected a whole number, got 1.5"),
-        ('store = "s.s2r"\nreplicates = 10', "replicates: expected a whole number >= 100"),
         ('store = "s.s2r"\naxes = ["tsak"]', "axes: 'tsak': expected one of visual, task"),
         ('store = "s.s2r"\naxes = ["task", "task"]', "axes: an axis is listed twice"),
         ('store = "s.s2r"\naxes = [1]', r"axes\[0\]: expected text, got 1"),

@@ -86,7 +86,7 @@ def test_a_changed_configuration_is_measured_again(week):
     config = week.config
     week.night(1)
     for change in (
-        {"threshold": 20.0}, {"margin": 0.1}, {"seed": 2}, {"replicates": 500},
+        {"threshold": 20.0}, {"margin": 0.1}, {"seed": 2},
         {"select": "worst15"}, {"axes": ("task",)}, {"stale_after": 9.0}, {"run": "dataaug"},
     ):  # fmt: skip
         week.config = replace(config, **change)

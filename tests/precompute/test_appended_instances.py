@@ -22,8 +22,6 @@ from s2rtools.datasets import IMPORTERS
 from s2rtools.datasets.appending.append import append
 from s2rtools.datasets.scan import Scan, ScanOptions
 from s2rtools.datasets.writing.build import build
-from s2rtools.gap import instance_selection
-from s2rtools.gap.axis_result import Evidence
 from s2rtools.models import build_network
 from s2rtools.models.model_registration import pack_weights, register_model
 from s2rtools.precompute import pipeline
@@ -160,18 +158,15 @@ def test_arrays_of_parts_are_merged_and_superseded_ones_pruned(
 def test_intervals_equal_those_of_a_store_that_was_ingested_at_once(
     stores: tuple[Path, Path],
 ) -> None:
-    """Blocks of the bootstrap follow the recordings, not the iids."""
+    """Neighbours are those of the recordings, not of the iids."""
     found = []
     for path in stores:
         with s2rstore.open(path) as store:
             metrics = run_metrics.side_metrics(store, "plain", "real")
-            evidence = Evidence(store, "plain", np.arange(2 * N))
-            blocks = instance_selection.sufficient_blocks(
-                evidence, instance_selection.held_out(evidence), 4, 2
-            )
-            found.append((metrics.accuracy, blocks))
-    (once, blocks), (grown, of_grown) = found
-    assert of_grown.start.tolist() == blocks.start.tolist()
-    np.testing.assert_allclose(
-        [grown.low, grown.value, grown.high], [once.low, once.value, once.high], atol=1e-6
-    )
+            rows = store.in_recording_order(run_metrics.held_out(store, "plain"))
+            errors = store.run_columns("plain").real.error[rows]
+            found.append((metrics.accuracy, np.sort(errors), errors))
+    (once, ordered, errors), (grown, ordered_grown, errors_grown) = found
+    np.testing.assert_allclose(ordered_grown, ordered, atol=1e-6)
+    np.testing.assert_allclose(errors_grown, errors, atol=1e-6)
+    assert grown.value == pytest.approx(once.value)

@@ -13,7 +13,7 @@ from s2rstore.gap_history.gate_status import (
     stored_status,
     worst_outcome,
 )
-from s2rstore.metrics.bootstrap import Interval
+from s2rstore.intervals import Interval
 
 
 def report(headline: str, golden: str | None, judged: bool = True) -> dict[str, Any]:

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 import s2rstore
-from s2rstore.findings import store_summary, worst_room
+from s2rstore.findings import find_all, store_summary
 from s2rstore.geometry import angles
 from s2rstore.index.transaction import edit
-from s2rstore.metrics import bootstrap, pose_metrics, run_metrics
+from s2rstore.metrics import pose_metrics, run_metrics
 from tests.conftest import BuildOnce
 from tests.support import tiny
 from tests.support.copies import copy_store
@@ -56,18 +56,6 @@ def test_the_loss_is_the_weighted_sum_of_the_paper():
     assert np.allclose(loss, 0.7 * 4 + 0.3 * 0.5)
 
 
-def test_repeated_neighbouring_values_widen_the_interval():
-    rng = np.random.default_rng(4)
-    values = rng.normal(0, 1, 40)
-    single = bootstrap.mean_interval(np.tile(values, 1).repeat(1))
-    repeated = bootstrap.mean_interval(values.repeat(10))
-    naive = bootstrap.mean_interval(
-        values.repeat(10), settings=bootstrap.BootstrapSettings(block_length=1)
-    )
-    assert repeated.high - repeated.low > 2 * (naive.high - naive.low)
-    assert single.low < single.value < single.high
-
-
 def test_metrics_exclude_training_instances(trained_tiny):
     with s2rstore.open(trained_tiny) as store:
         columns = store.run_columns("vanilla")
@@ -87,13 +75,12 @@ def test_metrics_exclude_training_instances(trained_tiny):
 
 def test_the_summary_names_the_worst_room(tmp_path):
     with s2rstore.open(tiny.build(tmp_path / "s.s2r", n=120, trained=tiny.RUNS)) as store:
-        worst = worst_room(store, "vanilla")
+        (worst, *_) = find_all(store, "vanilla").findings
         medians = store.execute(
             """SELECT room, median(real_error_m), count(*) FROM pair
                WHERE run = 'vanilla' AND sim_split = 'test' AND room IS NOT NULL GROUP BY room
                HAVING count(*) >= 5 ORDER BY 2 DESC"""
         )
-        assert worst is not None
         assert (worst.values["room"], worst.n) == (medians[0][0], medians[0][2])
         assert np.isclose(worst.values["median_real_error_m"], medians[0][1])
         lines = store_summary.summary_lines(store)

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import s2rstore
 from s2rstore.errors import InconclusiveError
 from s2rstore.index.transaction import edit
-from s2rstore.metrics.bootstrap import mean_interval, student_quantile
 from s2rtools.suggestions.held_out_split import Part, split_instances
 from s2rtools.suggestions.simulator_match import SimulatorMatch
 from s2rtools.suggestions.sliders import Slider
@@ -108,17 +108,14 @@ LEVELS = np.array([1.0, 3.0, 2.0, 5.0])
 TRAJECTORIES = np.repeat(np.arange(4), 30)
 
 
-def test_intervals_of_a_part_resample_its_units() -> None:
-    """Student's interval of four levels, where blocks in each would be far more certain."""
-    part = Part(np.arange(120), TRAJECTORIES)
-    values = LEVELS[TRAJECTORIES]
-    found = part.mean(values)
-    margin = student_quantile(3, 0.95) * LEVELS.std(ddof=1) / 2
-    assert found.high - found.low == pytest.approx(2 * margin, rel=0.15)
-    by_block = mean_interval(values, TRAJECTORIES)
-    assert found.high - found.low > 2 * (by_block.high - by_block.low)
-    assert part.resampled.unit_count == 4
-    assert part.mean(values, 4).low < found.low
+def test_the_mean_of_a_part_is_about_trajectories_like_its_own() -> None:
+    """Student's interval of four levels, where the instances alone would be far more certain."""
+    part = Part(np.arange(120), TRAJECTORIES, TRAJECTORIES)
+    found = part.mean(LEVELS[TRAJECTORIES])
+    margin = stats.t.ppf(0.975, 3) * LEVELS.std(ddof=1) / 2
+    assert found.high - found.low >= 2 * margin
+    assert part.unit_blocks.unit_count == 4
+    assert part.mean(LEVELS[TRAJECTORIES], 4).low < found.low
 
 
 class _Level:
@@ -128,11 +125,11 @@ class _Level:
         return 1e-3 * (values["level"] - LEVELS[TRAJECTORIES])[:, None]
 
 
-def test_intervals_of_fitted_values_resample_the_units_of_the_fit() -> None:
+def test_intervals_of_fitted_values_are_over_the_units_of_the_fit() -> None:
     match = object.__new__(SimulatorMatch)
-    match._fit_part, match._whole = Part(np.arange(120), TRAJECTORIES), _Level()
+    match._fit_part, match._whole = Part(np.arange(120), TRAJECTORIES, TRAJECTORIES), _Level()
     match._weights, match._chain = np.ones(1), dict
     level = Slider("level", "level", "m", 0.0, 0.0, 10.0, 3)
     found = match.intervals({"level": float(LEVELS.mean())}, [level])["level"]
-    margin = student_quantile(3, 0.95) * LEVELS.std(ddof=1) / 2
+    margin = stats.t.ppf(0.975, 3) * LEVELS.std(ddof=1) / 2
     assert found.high - found.low == pytest.approx(2 * margin, rel=0.15)

@@ -9,7 +9,7 @@ from typing import Any
 
 from s2rstore.gap_history.gate_status import EXIT_CODES, axis_status
 from s2rstore.gap_history.reader import AxisFigures, History, Night
-from s2rstore.metrics.bootstrap import Interval
+from s2rstore.intervals import Interval
 
 FIRST = datetime.date(2026, 11, 16)
 UNKNOWN = Interval.unknown()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import s2rstore
 from s2rstore.index.transaction import edit
-from s2rstore.metrics.bootstrap import Interval
+from s2rstore.intervals import Interval
 from s2rstore.records import Side
 from s2rstore.suggestions import Agreement, Answer, Change, SuggestReport, section
 from s2rstore.suggestions.report import AIMS

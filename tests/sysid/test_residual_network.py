@@ -8,6 +8,7 @@ import json
 import numpy as np
 import torch
 
+from s2rstore.intervals import Interval
 from s2rtools.sysid.residual_network import ResidualNetwork
 from s2rtools.sysid.residual_training import _stretches, learn
 from tests.sysid.conftest import StepCounter
@@ -30,13 +31,14 @@ def test_the_network_is_rejected_if_only_noise_remains(identified):
 def test_the_network_is_accepted_for_a_structural_mismatch(identified_unequal_wheels):
     residual = learn(identified_unequal_wheels, StepCounter(), epochs=120)
     assert residual.accepted
-    assert residual.error.low > 0
+    assert residual.error.ratio.high < 1
     assert residual.error.fitted[0] < 0.8 * residual.error.untuned[0]
 
 
 def test_a_single_held_out_drive_is_not_enough(identified_unequal_wheels):
     residual = learn(identified_unequal_wheels, StepCounter(), epochs=3)
-    better = dataclasses.replace(residual.error, low=0.01, fitted=residual.error.untuned)
+    ratio = Interval(0.8, 0.85, 0.9)
+    better = dataclasses.replace(residual.error, ratio=ratio, fitted=residual.error.untuned)
     assert dataclasses.replace(residual, error=better).accepted
     single_drive = dataclasses.replace(residual, error=dataclasses.replace(better, drives=1))
     assert not single_drive.accepted

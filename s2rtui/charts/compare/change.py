@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore import intervals
 from s2rstore.geometry.rooms import NO_ROOM
-from s2rstore.metrics import bootstrap, median_intervals
+from s2rstore.intervals import Interval
 from s2rtui.analysis.binning import (
     Bins,
     Bools,
@@ -35,6 +36,8 @@ LARGE = 0.5
 """Metres; the share of instances that change by more is stated."""
 ALL = "all"
 NOT_EVIDENT, UNKNOWN = "no", "too few"
+_MOST_SORTED = 20_000
+"""Most changes that an interval sorts; those of more are sorted once for all selections."""
 Codes = NDArray[np.integer]
 
 
@@ -51,7 +54,7 @@ class Change:
     n: int
     first: float
     second: float
-    change: bootstrap.Interval
+    change: Interval
     better: int
     worse: int
     large: float
@@ -228,19 +231,17 @@ class _Changes:
             second_mean=second_mean,
         )
 
-    def _interval(self, group: int | None, n: int) -> bootstrap.Interval:
-        """The median change with the interval of `median_intervals.median_interval`."""
+    def _interval(self, group: int | None, n: int) -> Interval:
+        """The median change; the changes of many instances are sorted already."""
         columns, ranks = self._columns, self._ranks[2]
         rows = columns.groups.rows[-1 if group is None else group]
         chosen = rows[take(self._members, rows)]
         apart = take(columns.apart, chosen)
         trajectory = take(columns.groups.trajectory, chosen)
-        if n <= median_intervals.MOST_RESAMPLED:
-            return median_intervals.median_interval(apart, trajectory)
-        median = ranks.median(group)
-        bound = median_intervals.median_bound_rank(apart, median, trajectory)
-        return bootstrap.Interval(
-            ranks.value(bound - 1, group), median, ranks.value(n - bound, group)
+        if n <= _MOST_SORTED:
+            return intervals.median(apart, trajectory)
+        return intervals.ranked_quantile(
+            apart, ranks.median(group), 0.5, trajectory, lambda rank: ranks.value(rank - 1, group)
         )
 
 
@@ -252,7 +253,7 @@ def sentences(
     head = f"{side.capitalize()} errors of {a} (A) and {b} (B)"
     if not whole.n:
         return f"{head}: no instance with both errors is selected."
-    interval = "" if math.isnan(whole.change.low) else f"95 % interval {interval_text(whole)}; "
+    interval = f"95 % interval {interval_text(whole)}; " if whole.change.is_known else ""
     verdict = {
         "A": f"so {a} is evidently better",
         "B": f"so {b} is evidently better",
@@ -266,23 +267,21 @@ def sentences(
     )
 
 
-def _doubt(change: bootstrap.Interval) -> str:
+def _doubt(change: Interval) -> str:
     """Why an interval on one side of 0 is not evident; empty for other intervals."""
-    if change.low > 0 or change.high < 0:
-        return ": too few blocks of neighbouring images"
-    return ""
+    return "" if change.is_known else f": {change.bounds_text()}"
 
 
 def interval_text(part: Change) -> str:
     """`-0.61 to -0.20`, as `Interval.bound_texts` says; empty without an interval."""
-    if math.isnan(part.change.low):
+    if not part.change.is_known:
         return ""
     return " to ".join(part.change.bound_texts(signed))
 
 
 def evidence(part: Change) -> str:
     """`B better`, `A better`, `NOT_EVIDENT`, or `UNKNOWN` where there are too few instances."""
-    if math.isnan(part.change.low):
+    if not part.change.is_known:
         return UNKNOWN
     return f"{part.better_run} better" if part.better_run else NOT_EVIDENT
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from s2rstore.gap_history.gate_status import AxisStatus, axis_status, stored_status
 from s2rstore.gap_history.reader import AxisFigures, Night
-from s2rstore.metrics.bootstrap import Interval
+from s2rstore.intervals import Interval
 
 HEADLINE = "headline"
 LOWEST, HIGHEST = -20.0, 120.0

@@ -10,7 +10,7 @@ from textwrap import wrap
 from s2rstore.errors import RequestError, counted, sentence
 from s2rstore.gap_history.gate_status import axis_status, stored_status
 from s2rstore.gap_history.reader import History, Night
-from s2rstore.metrics.bootstrap import Interval
+from s2rstore.intervals import Interval
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.charts.history import terminal
 from s2rtui.charts.scene import Scene

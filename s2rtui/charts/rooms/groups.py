@@ -123,6 +123,6 @@ def number_text(value: float, signed: bool = False) -> str:
 
 
 def _bounds(row: GroupErrors) -> str:
-    if math.isnan(row.real.low):
-        return "-"
+    if not row.real.is_known:
+        return "too few"
     return "..".join(row.real.bound_texts(number_text))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from s2rtui.canvas import LIGHT, Theme
@@ -36,8 +34,8 @@ def groups_figure(
     axes = page.axes(left, bottom, max(0.3, wide - left - right), height)
     style_axes(axes, page)
     for place, row in enumerate(shown):
-        if not math.isnan(row.real.low):
-            axes.plot([row.real.low, row.real.high], [place, place], color=inks.real, linewidth=2)
+        if row.real.is_known:
+            axes.plot(row.real.bounds, [place, place], color=inks.real, linewidth=2)
     at = np.arange(len(shown))
     axes.plot([row.sim for row in shown], at, "D", color=inks.sim, markersize=5, label="sim")
     medians = [row.real.value for row in shown]

@@ -167,8 +167,8 @@ def _scale(
     def column(value: float) -> int:
         return left + round(float(scale_fraction(value, scale)) * (width - 1))
 
-    if not math.isnan(row.real.low):
-        start, stop = column(row.real.low), column(row.real.high)
+    if row.real.is_known:
+        start, stop = map(column, row.real.bounds)
         canvas.hline(start, stop, y, glyphs.interval, theme.real)
     canvas.put(column(row.sim), y, glyphs.sim, theme.sim)
     canvas.put(column(row.real.value), y, glyphs.selected, theme.real, bold=True)
@@ -176,5 +176,5 @@ def _scale(
 
 def _longest(data: GroupsInput) -> float:
     """The right end of the scale: the largest bound or median."""
-    ends = (end for row in data.rows for end in (row.real.high, row.real.value, row.sim))
+    ends = (end for row in data.rows for end in (row.real.bounds[1], row.real.value, row.sim))
     return max((end for end in ends if math.isfinite(end)), default=1.0) or 1.0

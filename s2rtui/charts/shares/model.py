@@ -36,9 +36,8 @@ class ShareBar:
     def text(self) -> str:
         """The mean and its interval in metres: `+2.41 m (1.90 to 3.02)`."""
         mean = self.share.mean
-        if math.isnan(mean.low):
-            return f"{mean.value:+.2f} m"
-        return f"{mean.value:+.2f} m ({mean.low:.2f} to {mean.high:.2f})"
+        bounds = f" ({mean.bounds_text()})" if mean.is_known else ""
+        return f"{mean.value:+.2f} m{bounds}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +57,8 @@ class SharesModel:
     def counted(self) -> str:
         """The mean gap and the instances it is of: `mean gap +3.32 m, n 50`."""
         apart = f"; {counted(self.apart, 'pair')} too far apart left out" if self.apart else ""
-        return f"mean gap {self.gap:+.2f} m, n {self.n}{apart}"
+        few = " (too few)" if not all(bar.share.mean.is_known for bar in self.bars) else ""
+        return f"mean gap {self.gap:+.2f} m, n {self.n}{few}{apart}"
 
 
 def shares_model(data: SharesInput) -> SharesModel | None:

@@ -114,8 +114,8 @@ def details(direction: Direction, number: int) -> list[str]:
             continue
         truth = "" if change.truth is None else f", true {change.truth:g}"
         known = change.interval
-        bounds = f" ({known.low:.3g} .. {known.high:.3g})" if math.isfinite(known.low) else ""
-        lines.append(f"{change.name}={change.value:g}{bounds}{truth}")
+        bounds = known.bounds_text("{:.3g}".format, to=" .. ")
+        lines.append(f"{change.name}={change.value:g} ({bounds}){truth}")
     if lines:
         lines = ["; ".join(lines)]
     made = answer.agreement
@@ -123,7 +123,7 @@ def details(direction: Direction, number: int) -> list[str]:
         lines.append(
             f"sim error {made.sim_error_before:.2f} -> {made.sim_error:.2f} m, real "
             f"{made.real_error:.2f} m; predictions closer by {made.closer.value:.2f} m "
-            f"({made.closer.low:.2f} .. {made.closer.high:.2f}); correlation of errors "
+            f"({made.closer.bounds_text(to=' .. ')}); correlation of errors "
             f"{made.correlation_before:.2f} -> {made.correlation:.2f}"
         )
     return lines

@@ -59,10 +59,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--golden", type=Path, metavar="FILE", help="fail if errors are worse than this golden run")
     add("--margin", type=float, default=defaults.MARGIN, metavar="METRES",
         help="tolerance of the golden run (default %(default)g)")  # fmt: skip
-    add = parser.add_argument_group("bootstrap").add_argument
-    add("--seed", type=int, default=defaults.SEED, help="random seed (default %(default)s)")
-    add("--replicates", type=int, default=defaults.REPLICATES,
-        help="bootstrap replicates (default %(default)s)")  # fmt: skip
+    add("--seed", type=int, default=defaults.SEED,
+        help="seed of the random splits of the visual axis (default %(default)s)")  # fmt: skip
     add = parser.add_argument_group("output").add_argument
     add("--details", action="store_true", help="print all figures of every axis")
     add("--json", action="store_true", help="print the report as JSON")
@@ -117,7 +115,6 @@ def _request(options: argparse.Namespace) -> GapRequest:
     if options.freeze_golden and options.golden:
         raise RequestError("--freeze-golden and --golden: one writes the file, the other reads it")
     for name, lowest, highest in (
-        ("replicates", defaults.MIN_REPLICATES, defaults.MAX_REPLICATES),
         ("seed", 0, defaults.MAX_SEED),
         ("pca", 1, 50),
     ):
@@ -138,5 +135,5 @@ def _request(options: argparse.Namespace) -> GapRequest:
         threshold=options.threshold,
         margin=options.margin,
         dynamics=tuple(options.dynamics),
-        settings=GapSettings(options.replicates, options.seed, pca=options.pca),
+        settings=GapSettings(seed=options.seed, pca=options.pca),
     )

@@ -63,7 +63,7 @@ def _side(metrics: SideMetrics) -> list[object]:
     if metrics.n < 2:
         return [None, None, None]
     accuracy = metrics.accuracy
-    interval = f"{100 * accuracy.low:.1f}..{100 * accuracy.high:.1f}"
+    interval = accuracy.scaled(100).bounds_text("{:.1f}".format, to="..")
     return [round(100 * accuracy.value, 1), interval, round(metrics.median_error, 3)]
 
 

@@ -235,8 +235,8 @@ def _details(report: SuggestReport, number: int, answer: Answer) -> list[str]:
         if change.interval is None:
             continue
         truth = "" if change.truth is None else f", true {change.truth:g}"
-        low, high = (f"{bound:.3g}" for bound in (change.interval.low, change.interval.high))
-        lines.append(f"{number}  {change.name}={change.value:g} ({low} .. {high}){truth}")
+        bounds = change.interval.bounds_text("{:.3g}".format, to=" .. ")
+        lines.append(f"{number}  {change.name}={change.value:g} ({bounds}){truth}")
     made = answer.agreement
     if made is not None:
         lines.append(

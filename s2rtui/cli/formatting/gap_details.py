@@ -79,8 +79,6 @@ def _task(details: Details) -> Iterator[str]:
         f"{details['baseline']:.2f} m for the constant prediction; relative drop "
         f"{interval_text(drop['value'], drop['low'], drop['high'], 2)}"
     )
-    low, high = details["no_gap_interval"]
-    yield f"mean gap after random exchange of sim and real: {low:.3f} .. {high:.3f} m"
     for kind in ("runs", "trajectories", "rooms", "headings"):
         groups = details[kind].items()
         if len(groups) < 2:

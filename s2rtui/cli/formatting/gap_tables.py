@@ -76,8 +76,18 @@ def _rank_consistency(across: dict[str, Any]) -> Iterator[str]:
     if "refused" in across:
         yield f"  across runs: {across['refused']}"
         return
-    for name, key in (("Sim-vs-Real correlation", "srcc"), ("MMRV", "mmrv")):
-        yield f"  across {len(across['runs'])} runs: {name} {with_interval(across, key, 2)}"
+    correlations = ", ".join(
+        f"{name} {'-' if across[name.lower()] is None else format(across[name.lower()], '.2f')}"
+        for name in ("Kendall", "Pearson")
+    )
+    yield (
+        f"  across {across['scope']}: Spearman {with_interval(across, 'spearman', 2)}, "
+        f"{correlations}, MMRV {across['mmrv']:.2f} m"
+    )
+    yield (
+        f"  regret of {across['chosen_run']}, which simulation ranks first: "
+        f"{with_interval(across, 'regret', 2)} m more real error than {across['best_run']}"
+    )
 
 
 def _golden(golden: dict[str, Any]) -> str:

@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from s2rstore.intervals import LEVEL_TEXT
-from s2rstore.metrics.bootstrap import Interval
+from s2rstore.intervals import LEVEL_TEXT, Interval
 from s2rtui.cli.formatting import rows as output
 
 if TYPE_CHECKING:
@@ -164,11 +163,15 @@ def _bounded(row: MetricRow | None, digits: int) -> str:
     """Value and interval; `-` where there is none."""
     if row is None:
         return "-"
-    value, low, high = (f"{x:.{digits}f}" for x in (row.value, row.low, row.high))
-    return value if low == "nan" else f"{value} ({low} .. {high})"
+    number = f"{{:.{digits}f}}".format
+    interval = Interval(row.low, row.value, row.high)
+    bounds = f" ({interval.bounds_text(number, to=' .. ')})" if interval.is_known else ""
+    return number(row.value) + bounds
 
 
 def _percent(row: MetricRow | None) -> str:
     if row is None:
         return "-"
-    return f"{100 * row.value:.0f} % ({100 * row.low:.0f} .. {100 * row.high:.0f})"
+    interval = Interval(row.low, row.value, row.high).scaled(100)
+    bounds = interval.bounds_text("{:.0f}".format, to=" .. ")
+    return f"{interval.value:.0f} % ({bounds})"

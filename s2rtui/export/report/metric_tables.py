@@ -8,9 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.intervals import LEVEL_TEXT
+from s2rstore.intervals import LEVEL_TEXT, Interval
 from s2rstore.metrics import run_metrics
-from s2rstore.metrics.bootstrap import Interval
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtui.export.report.report_model import ReportTable
@@ -19,7 +18,7 @@ from s2rtui.user_data.notebook import Notes
 Members = NDArray[np.bool_]
 _MAX_REMARKS = 40
 _NOTE = (
-    f"Accuracy with its {LEVEL_TEXT} block bootstrap interval. Baseline: accuracy of "
+    f"Accuracy with its {LEVEL_TEXT} interval. Baseline: accuracy of "
     "predicting the mean position of all instances that are new to the model. n is the number of "
     "instances that are new to the model; all others are left out."
 )
@@ -38,11 +37,10 @@ def percent(value: float) -> str:
 
 
 def percent_interval(share: Interval) -> str:
-    """Format a share with its interval: `98.0 % (97.6 to 98.3)`."""
+    """Format a share with its interval: `98.0 % (97.6 to 98.3)`, or the reason for none."""
     if not math.isfinite(share.value):
         return "n/a"
-    ends = f"{100 * share.low:.1f} to {100 * share.high:.1f}"
-    return percent(share.value) + (f" ({ends})" if math.isfinite(share.low) else "")
+    return f"{percent(share.value)} ({share.scaled(100).bounds_text('{:.1f}'.format)})"
 
 
 def compared_runs(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from s2rstore.findings.finding import Finding
 from s2rstore.heatmap_kinds import SHIPPED_PLACE, heatmap_facts
+from s2rstore.intervals import simultaneous_level
 from s2rstore.metrics import heatmap_scores
-from s2rstore.metrics.bootstrap import simultaneous
 from s2rstore.reader import Store
 
 KIND = "best heatmap"
@@ -25,7 +25,7 @@ def best_heatmap(store: Store, run: str) -> Finding | None:
     best = scores[0]
     others = [score for score in scores[1:] if score.kind != best.kind]
     other = others[0] if others else None
-    level = simultaneous(len(others)).level
+    level = simultaneous_level(len(others))
     low = best.auroc.at_level(level).low
     evident = all(low > score.auroc.at_level(level).high for score in others)
     corrected = f", corrected for {len(others)} comparisons" if len(others) > 1 else ""

@@ -11,14 +11,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore import intervals
 from s2rstore.findings.expressions import new_to
-from s2rstore.findings.finding import MIN_INSTANCES, Finding, bounds_text, evidence_text
+from s2rstore.findings.finding import (
+    MIN_INSTANCES,
+    Finding,
+    bounds_text,
+    evidence_text,
+    sample_text,
+)
 from s2rstore.findings.run_differences import RunErrors
+from s2rstore.intervals import Interval, simultaneous_level
 from s2rstore.language.syntax_tree import Compare, Everything, Field
-from s2rstore.metrics.bootstrap import Interval, mean_interval, simultaneous
 from s2rstore.metrics.gap_shares import SHARED_FACTORS, mean_shares
 from s2rstore.reader import Store
 from s2rstore.run_inputs import chain_text
+from s2rstore.security.printable_text import printable
 
 KIND = "costliest factor"
 _EVIDENT = 0.25
@@ -37,8 +45,8 @@ def of_score(rows: list[dict[str, Any]], run: str) -> Finding | None:
         return None
     worst = max(known, key=lambda row: row["cost"])
     cost, gain = (_interval(worst, name) for name in ("cost", "gain"))
-    cost = cost.at_level(simultaneous(len(known)).level)
-    evident = cost.low > 0
+    cost = cost.at_level(simultaneous_level(len(known)))
+    evident = cost.is_positive
     figures = f"{cost.value:+.2f} m real error ({bounds_text(cost)}), n {worst['n']}"
     subject = f"{worst['factor']}, alone {figures}"
     return Finding(
@@ -46,8 +54,8 @@ def of_score(rows: list[dict[str, Any]], run: str) -> Finding | None:
         text=subject,
         run=run,
         n=int(worst["n"]),
-        evidence=f"leaving it out gains {gain.value:.2f} m ({bounds_text(gain)}); the largest of "
-        f"{len(known)} factors, corrected for their number",
+        evidence=f"{_removal(gain)}; the largest of {len(known)} factors, corrected for their "
+        "number",
         evident=evident,
         values={
             "factor": worst["factor"],
@@ -63,6 +71,14 @@ def of_score(rows: list[dict[str, Any]], run: str) -> Finding | None:
     )
 
 
+def _removal(gain: Interval) -> str:
+    """What rendering all other factors without this one shows."""
+    figures = f"{gain.value:.2f} m ({bounds_text(gain)})"
+    if gain.is_positive:
+        return f"removing it alone gains {figures}"
+    return f"enough on its own; removing it is not shown to help: {figures}"
+
+
 def of_shares(store: Store, run: str, new: NDArray[np.bool_]) -> Finding | None:
     """The factor with the largest mean share of the gap over the instances `new` (N,)."""
     found = mean_shares(store, run, new)
@@ -73,8 +89,7 @@ def of_shares(store: Store, run: str, new: NDArray[np.bool_]) -> Finding | None:
         f"{share.factor} {share.mean.value:+.2f} m" for share in found.shares if share != worst
     )
     columns = SHARED_FACTORS[worst.factor]
-    verb = "causes" if len(columns) == 1 else "cause"
-    part = f"{worst.factor} {verb} {worst.mean.value:.2f} m ({bounds_text(worst.mean)})"
+    part = f"{worst.mean.value:.2f} m ({bounds_text(worst.mean)})"
     node = None
     if len(columns) == 1:
         field = Field(f"share.{columns[0]}")
@@ -83,11 +98,12 @@ def of_shares(store: Store, run: str, new: NDArray[np.bool_]) -> Finding | None:
         count = int(np.count_nonzero(selected))
     return Finding(
         kind=KIND,
-        text=f"{part} of the mean gap {found.gap:.2f} m, n {found.n}",
+        text=f"{part} of the mean gap {found.gap:.2f} m is attributed to {worst.factor}, "
+        f"{sample_text(worst.mean, found.n)}",
         run=run,
         n=found.n if node is None else count,
         evidence=f"{others}; estimated by exchanging the factors of both images",
-        evident=worst.mean.low > 0,
+        evident=worst.mean.is_positive,
         values={
             "factor": worst.factor,
             "share_m": worst.mean.value,
@@ -110,8 +126,8 @@ def of_translators(store: Store, run: str) -> Finding | None:
         return None
     name, *figures = rows[0]
     value, low, high = map(float, figures)
-    gain = Interval(low, value, high).at_level(simultaneous(len(rows)).level)
-    evident = gain.low > 0
+    gain = Interval(low, value, high).at_level(simultaneous_level(len(rows)))
+    evident = gain.is_positive
     subject = f"appearance: translator {name} gains {value:.2f} m ({bounds_text(gain)})"
     return Finding(
         kind=KIND,
@@ -155,12 +171,12 @@ def of_adjusted_runs(store: Store, runs: list[RunErrors]) -> Finding | None:
     if not found:
         return None
     _, other, rows = max(found, key=lambda candidate: candidate[0])
-    gain_interval = mean_interval(
+    gain_interval = intervals.paired_difference(
         present.real[rows] - other.real[rows],
         store.instances.trajectory[rows],
-        simultaneous(len(found)),
+        level=simultaneous_level(len(found)),
     )
-    evident = gain_interval.low > 0
+    evident = gain_interval.is_positive
     chain = chain_text(store.run(other.run).real_adjustments)
     bounds = bounds_text(gain_interval)
     subject = f"{chain} (run {other.run}) gains {gain_interval.value:.2f} m ({bounds})"
@@ -185,4 +201,4 @@ def of_adjusted_runs(store: Store, runs: list[RunErrors]) -> Finding | None:
 def _interval(row: dict[str, Any], name: str) -> Interval:
     ends = (row.get(f"{name}{end}") for end in ("_low", "", "_high"))
     low, value, high = (float("nan") if end is None else float(end) for end in ends)
-    return Interval(low, value, high)
+    return Interval(low, value, high, reason=printable(row.get(f"{name}_reason") or ""))

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from s2rstore.intervals import Interval
 from s2rstore.language import Node, to_text
-from s2rstore.metrics.bootstrap import Interval
 from s2rstore.security.printable_text import printable
 
 MIN_INSTANCES = 5
@@ -71,9 +71,7 @@ class Finding:
         if self.interval is not None:
             interval = {
                 "of": self.interval_of,
-                "low": _known(self.interval.low),
-                "high": _known(self.interval.high),
-                "level": round(self.interval.level, 6),
+                **self.interval.as_json(),
                 "comparisons": self.comparisons,
             }
         return {
@@ -109,18 +107,19 @@ class FindingReport:
 
 
 def bounds_text(interval: Interval, unit: str = "", signed: bool = False) -> str:
-    """`0.84 to 1.57 m`; `interval unknown` where there are too few blocks."""
-    if math.isnan(interval.low) or math.isnan(interval.high):
-        return "interval unknown"
-    form = "+.2f" if signed else ".2f"
-    bounds = interval.bound_texts(lambda bound: f"{bound:{form}}")
-    return f"{' to '.join(bounds)} {unit}".rstrip()
+    """`0.84 to 1.57 m`, or why there is no interval."""
+    return interval.bounds_text(("{:+.2f}" if signed else "{:.2f}").format, unit)
+
+
+def sample_text(interval: Interval, n: int) -> str:
+    """`n 100, about 31 independent`; `n 7` where the interval is not known."""
+    return interval.text or f"n {n}"
 
 
 def evidence_text(interval: Interval, comparisons: int, of: str) -> str:
     """`1.20 to 2.10 m, corrected for 7 rooms`: the bounds of a difference in metres."""
-    if math.isnan(interval.low) or math.isnan(interval.high):
-        return "too few instances for an interval"
+    if not interval.is_known:
+        return "not tested"
     bounds = bounds_text(interval, "m", signed=True)
     return f"{bounds}, corrected for {comparisons} {of}" if comparisons > 1 else bounds
 

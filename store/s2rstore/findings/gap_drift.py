@@ -8,7 +8,7 @@ from pathlib import Path
 from s2rstore.findings.finding import Finding, bounds_text
 from s2rstore.gap_history import reader
 from s2rstore.gap_history.reader import Night
-from s2rstore.metrics.bootstrap import difference_of
+from s2rstore.intervals import difference_of
 from s2rstore.reader import Store
 
 

@@ -10,13 +10,13 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore import intervals
 from s2rstore.findings.expressions import any_of
 from s2rstore.geometry.curvature import STRAIGHT_BELOW
 from s2rstore.geometry.rooms import NO_ROOM
+from s2rstore.intervals import LEVEL, Interval
 from s2rstore.language import Node, to_text
 from s2rstore.language.syntax_tree import And, Bend, Compare, Everything, Field, Minus, Named, Or
-from s2rstore.metrics.bootstrap import Interval
-from s2rstore.metrics.median_intervals import median_interval
 from s2rstore.reader import Store
 
 Grouping = Literal["room", "heading", "curvature", "trajectory"]
@@ -105,10 +105,10 @@ def group_errors(
     return tuple(found)
 
 
-def real_median(store: Store, run: str, iids: NDArray[np.int64]) -> Interval:
-    """Median real error in metres of instances in recording order, with its 95 % interval."""
+def real_median(store: Store, run: str, iids: NDArray[np.int64], level: float = LEVEL) -> Interval:
+    """Median real error in metres of instances in recording order."""
     errors, trajectory = store.run_columns(run).real.error, store.instances.trajectory
-    return median_interval(errors[iids], trajectory[iids]).clipped(0.0, np.inf)
+    return intervals.median(errors[iids], trajectory[iids], level=level)
 
 
 def members_of(

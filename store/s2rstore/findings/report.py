@@ -28,11 +28,6 @@ from s2rstore.reader import Store
 ReportShare = Callable[[float], bool]
 
 
-def worst_room(store: Store, run: str) -> Finding | None:
-    """The room with the largest median real error among the instances new to a run."""
-    return worst_group(store, run, "room", run_metrics.population(store, run))
-
-
 def largest_room(store: Store, run: str) -> tuple[Group, float, int] | None:
     """The room with the largest median real error, untested; see `largest_group`."""
     return largest_group(store, run, "room", run_metrics.population(store, run))

@@ -7,14 +7,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore import intervals
 from s2rstore.findings.expressions import new_to
-from s2rstore.findings.finding import MIN_INSTANCES, Finding, bounds_text, evidence_text
+from s2rstore.findings.finding import (
+    MIN_INSTANCES,
+    Finding,
+    bounds_text,
+    evidence_text,
+    sample_text,
+)
 from s2rstore.findings.groups import Group, groups_of, members_of
 from s2rstore.geometry.rooms import NO_ROOM
+from s2rstore.intervals import Interval, simultaneous_level
 from s2rstore.language import Node
 from s2rstore.language.syntax_tree import Everything
 from s2rstore.metrics import run_metrics
-from s2rstore.metrics.bootstrap import Interval, mean_interval, simultaneous
 from s2rstore.reader import Store
 
 MOST_RUNS = 12
@@ -25,11 +32,15 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunErrors:
-    """Real errors (N,) in metres of one run, and the (N,) mask of the instances new to it."""
+    """Real errors (N,) in metres of one run, and the (N,) mask of the instances new to it.
+
+    knows_training: whether the store knows which instances its model was trained on.
+    """
 
     run: str
     real: Errors
     new: Mask
+    knows_training: bool = True
 
 
 def read_runs(store: Store, run: str) -> list[RunErrors]:
@@ -38,7 +49,8 @@ def read_runs(store: Store, run: str) -> list[RunErrors]:
     found = []
     for name in [run, *computed][:MOST_RUNS]:
         new = run_metrics.population(store, name)
-        found.append(RunErrors(name, store.run_columns(name).real.error, new))
+        knows = run_metrics.knows_training_set(store, name)
+        found.append(RunErrors(name, store.run_columns(name).real.error, new, knows))
         if name != run:
             store.drop_run_columns(name)
     return found
@@ -64,17 +76,24 @@ def best_run(store: Store, runs: list[RunErrors]) -> Finding | None:
     trajectory = store.instances.trajectory[rows]
     ordered = sorted(compared, key=lambda run: float(run.real[rows].mean()))
     best, next_run = ordered[:2]
-    mean = mean_interval(best.real[rows], trajectory).clipped(0.0, np.inf)
+    level = simultaneous_level(len(compared))  # the best one is chosen by its mean
+    mean = intervals.mean(best.real[rows], trajectory, level=level)
     comparisons = len(compared) - 1
-    settings = simultaneous(comparisons)
+    level = simultaneous_level(comparisons)
     differences = {
-        run.run: mean_interval(run.real[rows] - best.real[rows], trajectory, settings)
+        run.run: intervals.paired_difference(
+            run.real[rows] - best.real[rows], trajectory, level=level
+        )
         for run in ordered[1:]
     }
     difference = differences[next_run.run]
     open_runs = [name for name, interval in differences.items() if not interval.is_positive]
     evident = not open_runs
-    figures = f"mean real error {mean.value:.2f} m ({bounds_text(mean)}), n {rows.size} new to all"
+    known = all(run.knows_training for run in compared)
+    sample = (
+        f"{sample_text(mean, rows.size)}, {'new to all' if known else 'not known to be trained on'}"
+    )
+    figures = f"mean real error {mean.value:.2f} m ({bounds_text(mean)}), {sample}"
     text = f"{best.run}: {figures}"
     evidence = (
         f"next is {next_run.run}, {difference.value:+.2f} m "
@@ -130,10 +149,12 @@ def largest_regression(store: Store, runs: list[RunErrors]) -> Finding | None:
                 candidates.append((mean, other, code, rows))
     if not candidates:
         return None
-    settings, trajectory = simultaneous(len(candidates)), store.instances.trajectory
+    level, trajectory = simultaneous_level(len(candidates)), store.instances.trajectory
 
     def increase_of(other: RunErrors, rows: NDArray[np.int64]) -> Interval:
-        return mean_interval(present.real[rows] - other.real[rows], trajectory[rows], settings)
+        return intervals.paired_difference(
+            present.real[rows] - other.real[rows], trajectory[rows], level=level
+        )
 
     candidates.sort(key=lambda candidate: -candidate[0])
     tested = (

@@ -47,7 +47,7 @@ def _run_line(store: Store, run: str) -> str:
         if not metrics.n:
             parts.append(f"{side} n/a (all {metrics.trained_on} trained on)")
             continue
-        span = f"{100 * metrics.accuracy.low:.1f} .. {100 * metrics.accuracy.high:.1f}"
+        span = metrics.accuracy.scaled(100).bounds_text("{:.1f}".format, to=" .. ")
         left_out = f", {metrics.trained_on} trained on left out" if metrics.trained_on else ""
         parts.append(
             f"{side} {100 * metrics.accuracy.value:.1f} % ({span}), median "

@@ -33,13 +33,11 @@ def _finding(report: SuggestReport) -> Finding:
     answer = report.answers[report.best]
     gain = answer.gain
     if side == "real":
-        figures = f"gains {gain.value:.2f} m ({gain.low:.2f} to {gain.high:.2f} m)"
+        figures = f"gains {gain.value:.2f} m ({gain.bounds_text(unit='m')})"
         name = "gain_m"
     else:
-        share, bounds = (
-            f"{100 * gain.value:.0f} %",
-            f"{100 * gain.low:.0f} to {100 * gain.high:.0f} %",
-        )
+        share = f"{100 * gain.value:.0f} %"
+        bounds = gain.scaled(100).bounds_text("{:.0f}".format, "%")
         figures, name = f"closes {share} of the mismatch of the images ({bounds})", "mismatch_share"
     return Finding(
         kind=KIND,

@@ -8,11 +8,17 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.findings.finding import MIN_INSTANCES, Finding, bounds_text, evidence_text
+from s2rstore import intervals
+from s2rstore.findings.finding import (
+    MIN_INSTANCES,
+    Finding,
+    bounds_text,
+    evidence_text,
+    sample_text,
+)
 from s2rstore.findings.groups import Group, Grouping, Groups, groups_of, members_of, real_median
 from s2rstore.geometry.rooms import NO_ROOM
-from s2rstore.metrics.bootstrap import Interval, difference_of, simultaneous
-from s2rstore.metrics.median_intervals import median_interval
+from s2rstore.intervals import Interval, difference_of, simultaneous_level
 from s2rstore.reader import Store
 
 _PLURALS: dict[Grouping, str] = {
@@ -97,9 +103,9 @@ def _difference(
     errors, trajectory = store.run_columns(run).real.error, store.instances.trajectory
     others = population.copy()
     others[members[code]] = False
-    settings = simultaneous(len(members))
+    level = simultaneous_level(len(members))
     inside, outside = (
-        median_interval(errors[rows], trajectory[rows], settings)
+        intervals.median(errors[rows], trajectory[rows], level=level)
         for rows in (members[code], store.in_recording_order(others))
     )
     return difference_of(inside, outside)
@@ -116,11 +122,11 @@ def _finding(
     note: str,
 ) -> Finding:
     columns = store.run_columns(run)
-    median = real_median(store, run, iids)
+    median = real_median(store, run, iids, simultaneous_level(compared))
     evident = difference.is_positive
     text = (
         f"{group.name}: median real error {median.value:.2f} m ({bounds_text(median)}), "
-        f"n {iids.size} new"
+        f"{sample_text(median, iids.size)} new"
     )
     apart = "" if math.isnan(difference.value) else f"{difference.value:+.2f} m from all others "
     return Finding(

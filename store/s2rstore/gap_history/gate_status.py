@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Literal, get_args
 
 from s2rstore.errors import CheckFailedError, InconclusiveError, RequestError
+from s2rstore.intervals import Interval
 from s2rstore.intervals.verdict import Outcome
-from s2rstore.metrics.bootstrap import Interval
 
 AxisStatus = Outcome | Literal["SKIPPED"]
 NightStatus = AxisStatus | Literal["ERROR"]

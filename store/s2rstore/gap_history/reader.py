@@ -17,7 +17,7 @@ from s2rstore.files.plain_paths import plain_path
 from s2rstore.files.store_files import Stamp
 from s2rstore.gap_history import schema
 from s2rstore.index import locked_connection
-from s2rstore.metrics.bootstrap import Interval
+from s2rstore.intervals import Interval
 from s2rstore.security.printable_text import printable_values
 
 _MEMORY = "64MB"

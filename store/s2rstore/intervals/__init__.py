@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from s2rstore.intervals.interval import (
+    FEWEST_TRAJECTORIES,
     LEVEL,
     LEVEL_TEXT,
     MIN_MEAN,
@@ -34,8 +35,10 @@ if TYPE_CHECKING:
         ranked_quantile,
         spearman,
     )
+    from s2rstore.intervals.jackknife import of_rows, of_units, without_each
 
 __all__ = [
+    "FEWEST_TRAJECTORIES",
     "LEVEL",
     "LEVEL_TEXT",
     "MIN_MEAN",
@@ -49,17 +52,23 @@ __all__ = [
     "linear",
     "mean",
     "median",
+    "of_rows",
+    "of_units",
     "paired_difference",
     "proportion",
     "quantile",
     "ranked_quantile",
     "simultaneous_level",
     "spearman",
+    "without_each",
 ]
+
+_JACKKNIFE = ("of_rows", "of_units", "without_each")
 
 
 def __getattr__(name: str) -> Any:
     """Import the estimates, which load SciPy, when the first one is used."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module("s2rstore.intervals.estimates"), name)
+    module = "jackknife" if name in _JACKKNIFE else "estimates"
+    return getattr(import_module(f"s2rstore.intervals.{module}"), name)

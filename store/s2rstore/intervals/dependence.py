@@ -23,11 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, special
 
+from s2rstore.intervals.interval import FEWEST_TRAJECTORIES
+
 Floats = NDArray[np.float64]
 Codes = NDArray[np.integer]
 
-FEWEST_TRAJECTORIES = 3
-"""Trajectories from which on their differences are estimated: below, only these are described."""
 _MAX_RHO = 0.97
 _FEWEST_COSINES, _COSINES, _MOST_COSINES = 3, 0.2, 512
 _MOST_ROWS = 1 << 15

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from statistics import NormalDist
+from typing import Any
 
 LEVEL = 0.95
 LEVEL_TEXT = f"{100 * LEVEL:g} %"
@@ -13,6 +14,8 @@ LEVEL_TEXT = f"{100 * LEVEL:g} %"
 MIN_MEAN = 49
 """Fewest values of an interval of a mean: a rare failure among fewer is not seen."""
 MIN_MEDIAN = 25
+FEWEST_TRAJECTORIES = 3
+"""Trajectories from which on their differences are estimated: below, only these are described."""
 MIN_SHARE = 9
 """Fewest values of an interval of a proportion or a rank correlation."""
 
@@ -53,6 +56,15 @@ class Sample:
         dependent = round(self.effective_n) < self.n
         about = f", about {self.effective_n:.0f} independent" if dependent else ""
         return f"n {self.n}{about}"
+
+    @property
+    def scope(self) -> str:
+        """`about these 2 trajectories alone`, or `also about trajectories like these 5`."""
+        if self.trajectories == 1:
+            return "about this trajectory alone"
+        if self.trajectories < FEWEST_TRAJECTORIES:
+            return f"about these {self.trajectories} trajectories alone"
+        return f"also about trajectories like these {self.trajectories}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +130,44 @@ class Interval:
         high = Bound(last, ">") if math.isinf(self.high) else Bound(self.high)
         return low, high
 
+    def bounds_text(
+        self, number: Callable[[float], str] = "{:.2f}".format, unit: str = "", to: str = " to "
+    ) -> str:
+        """`0.84 to >1.57 m`, or `no interval: n 7, a median needs 25`."""
+        if not self.is_known:
+            return f"no interval: {self.reason}" if self.reason else "no interval"
+        return f"{to.join(self.bound_texts(number))} {unit}".rstrip()
+
+    def as_json(self) -> dict[str, Any]:
+        """The interval as JSON data; unknown and infinite numbers are null. `from_json` reads it.
+
+        An interval without bounds has a `reason`; where one bound alone is null, the quantity is
+        bounded on one side only.
+        """
+        sample = self.sample
+        return {
+            "low": _finite(self.low), "value": _finite(self.value), "high": _finite(self.high),
+            "level": round(self.level, 6), "reason": self.reason or None,
+            "ends": None if self.ends is None else [_finite(end) for end in self.ends],
+            "n": None if sample is None else sample.n,
+            "effective_n": None if sample is None else round(sample.effective_n, 1),
+            "trajectories": None if sample is None else sample.trajectories,
+        }  # fmt: skip
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Interval:
+        """Read `as_json`. Raises ArithmeticError, KeyError, TypeError or ValueError."""
+        value, reason = _number(data["value"]), str(data["reason"] or "")
+        low, high = _number(data["low"]), _number(data["high"])
+        if not reason and not (math.isnan(low) and math.isnan(high)):
+            low = -math.inf if math.isnan(low) else low
+            high = math.inf if math.isnan(high) else high
+        ends = data["ends"] and (_number(data["ends"][0]), _number(data["ends"][1]))
+        sample = None
+        if data["n"] is not None:
+            sample = Sample(int(data["n"]), float(data["effective_n"]), int(data["trajectories"]))
+        return cls(low, value, high, float(data["level"]), reason, ends or None, sample)
+
     def bound_texts(self, number: Callable[[float], str]) -> tuple[str, str]:
         """Both bounds by `number`, marked as in `bounds`."""
         low, high = self.bounds
@@ -139,6 +189,14 @@ class Interval:
     def clipped(self, low: float, high: float) -> Interval:
         """The interval with its bounds inside the range that the quantity can have."""
         return replace(self, low=_clip(self.low, low, high), high=_clip(self.high, low, high))
+
+
+def _finite(number: float) -> float | None:
+    return round(float(number), 6) if math.isfinite(number) else None
+
+
+def _number(value: Any) -> float:
+    return math.nan if value is None else float(value)
 
 
 def _clip(bound: float, low: float, high: float) -> float:

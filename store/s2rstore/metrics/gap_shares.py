@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.metrics.bootstrap import Interval, mean_interval, simultaneous
+from s2rstore import intervals
+from s2rstore.intervals import Interval
 from s2rstore.reader import Store
 from s2rstore.records import GAP_FACTORS
 
@@ -65,14 +66,14 @@ def mean_shares(store: Store, run: str, chosen: NDArray[np.bool_]) -> GapShares 
     if not rows.size:
         return None
     trajectory = store.instances.trajectory[rows]
-    settings = simultaneous(len(SHARED_FACTORS))
+    level = intervals.simultaneous_level(len(SHARED_FACTORS))
     shares = tuple(
         FactorShare(
             name,
-            mean_interval(
+            intervals.paired_difference(
                 values[[GAP_FACTORS.index(part) for part in parts]][:, rows].sum(axis=0),
                 trajectory,
-                settings,
+                level=level,
             ),
         )
         for name, parts in SHARED_FACTORS.items()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from s2rstore.errors import RequestError
 from s2rstore.heatmap_kinds import HEATMAPS, NO_HEAT, SHIPPED_PLACE, heatmap_facts
-from s2rstore.metrics.bootstrap import Interval
+from s2rstore.intervals import Interval
 from s2rstore.reader import Store
 from s2rstore.security.printable_text import printable
 
@@ -32,8 +32,8 @@ class HeatmapScore:
     @property
     def text(self) -> str:
         """`AUROC 0.97 (0.95 to 0.99)`; without the bounds where they are unknown."""
-        bounds = f" ({self.auroc.low:.2f} to {self.auroc.high:.2f})"
-        return f"AUROC {self.auroc.value:.2f}{'' if math.isnan(self.auroc.low) else bounds}"
+        bounds = f" ({self.auroc.bounds_text()})" if self.auroc.is_known else ""
+        return f"AUROC {self.auroc.value:.2f}{bounds}"
 
 
 def own_scores(store: Store, run: str) -> list[HeatmapScore]:

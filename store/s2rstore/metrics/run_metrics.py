@@ -11,8 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore import intervals
 from s2rstore.index.population import NEW_INSTANCES, Population
-from s2rstore.metrics import bootstrap, pose_metrics
+from s2rstore.intervals import Interval
+from s2rstore.metrics import pose_metrics
 from s2rstore.reader import Store
 from s2rstore.records import SPLITS, Side
 
@@ -26,7 +28,7 @@ class SideMetrics:
 
     n: int
     trained_on: int
-    accuracy: bootstrap.Interval
+    accuracy: Interval
     mean_error: float
     median_error: float
 
@@ -70,7 +72,7 @@ def side_metrics(
     return SideMetrics(
         n=int(keep.sum()),
         trained_on=int(chosen.sum() - keep.sum()),
-        accuracy=bootstrap.mean_interval(
+        accuracy=intervals.mean(
             part.accuracy[ordered], store.instances.trajectory[ordered]
         ).clipped(0.0, 1.0),
         mean_error=float(errors.mean()) if errors.size else float("nan"),

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 import shlex
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from s2rstore.metrics.bootstrap import Interval
+from s2rstore.intervals import Interval
 from s2rstore.records import SIDES, Run, Side
 from s2rstore.run_inputs import chain_text
 from s2rstore.security.printable_text import printable
 
-VERSION = 1
+VERSION = 2
 _LARGEST = 1e9
 """Above every gain, in metres or as a share."""
 AIMS: dict[Side, str] = {
@@ -69,7 +69,7 @@ class Answer:
     @property
     def evident(self) -> bool:
         """Whether the whole interval is above zero."""
-        return self.gain.low > 0
+        return self.gain.is_positive
 
     @property
     def factor(self) -> str:
@@ -186,15 +186,14 @@ class SuggestReport:
         """A gain with its interval: `+0.412 m (+0.100 .. +0.800)`."""
         if self.side == "real":
             return bounds_text(gain, "m", signed=True, digits=3)
-        scaled = Interval(100 * gain.low, 100 * gain.value, 100 * gain.high, gain.level)
-        return bounds_text(scaled, "%", signed=True, digits=1)
+        return bounds_text(gain.scaled(100), "%", signed=True, digits=1)
 
     def as_json(self) -> dict[str, Any]:
         """Plain data with unknown numbers as None; `from_json` reads it."""
         return {
             "version": VERSION, "run": self.run, "for": self.side, "key": self.key,
             "price": self.price, "seed": self.seed, "before": _number(self.before),
-            "unit": self.unit, "gap_m": _interval(self.gap),
+            "unit": self.unit, "gap_m": self.gap.as_json(),
             "fitted_instances": self.fitted_instances,
             "judged_instances": self.judged_instances, "evaluations": self.evaluations,
             "complete": self.complete, "helps": self.helps, "best": self.best,
@@ -207,7 +206,7 @@ class SuggestReport:
             "factors": [
                 {
                     "factor": each.factor, "values": each.values,
-                    "fitted_gain": _number(each.fitted), "gain": _interval(each.gain),
+                    "fitted_gain": _number(each.fitted), "gain": each.gain.as_json(),
                 }
                 for each in self.factors
             ],
@@ -218,9 +217,8 @@ class SuggestReport:
 def bounds_text(interval: Interval, unit: str, signed: bool = False, digits: int = 2) -> str:
     """A value with its interval: `1.35 m (0.23 .. 2.64)`."""
     form = f"{'+' if signed else ''}.{digits}f"
-    if math.isnan(interval.low):
-        return f"{interval.value:{form}} {unit} (interval unknown)"
-    return f"{interval.value:{form}} {unit} ({interval.low:{form}} .. {interval.high:{form}})"
+    bounds = interval.bounds_text(lambda bound: f"{bound:{form}}", to=" .. ")
+    return f"{interval.value:{form}} {unit} ({bounds})"
 
 
 def from_json(data: dict[str, Any]) -> SuggestReport:
@@ -266,7 +264,7 @@ def _answer(answer: Answer) -> dict[str, Any]:
             "sim_error_before_m": _number(made.sim_error_before),
             "sim_error_m": _number(made.sim_error), "real_error_m": _number(made.real_error),
             "shift_before_m": _number(made.shift_before), "shift_m": _number(made.shift),
-            "closer_m": _interval(made.closer),
+            "closer_m": made.closer.as_json(),
             "correlation_before": _number(made.correlation_before),
             "correlation": _number(made.correlation),
         }  # fmt: skip
@@ -275,14 +273,14 @@ def _answer(answer: Answer) -> dict[str, Any]:
             {
                 "adjustment": change.name, "factor": change.factor, "unit": change.unit,
                 "before": change.before, "value": change.value,
-                "interval": None if change.interval is None else _interval(change.interval),
+                "interval": change.interval and change.interval.as_json(),
                 "truth": change.truth,
             }
             for change in answer.changes
         ],
         "factor": answer.factor, "factors": list(answer.factors),
         "fitted_gain": _number(answer.fitted),
-        "gain": _interval(answer.gain), "evident": answer.evident,
+        "gain": answer.gain.as_json(), "evident": answer.evident,
         "chain": [dict(step) for step in answer.chain], "agreement": agreement,
     }  # fmt: skip
 
@@ -317,19 +315,14 @@ def _read_answer(data: dict[str, Any]) -> Answer:
     )
 
 
-def _interval(interval: Interval) -> dict[str, float | None]:
-    return {
-        "low": _number(interval.low), "value": _number(interval.value),
-        "high": _number(interval.high), "level": round(interval.level, 6),
-    }  # fmt: skip
-
-
 def _read_interval(data: dict[str, Any]) -> Interval:
     """Raises ValueError for values that no gain has, which could not be drawn."""
-    low, value, high = (_float(data[name]) for name in ("low", "value", "high"))
-    if any(abs(each) > _LARGEST for each in (low, value, high)):
+    interval = Interval.from_json(data)
+    ends = interval.ends or (0.0, 0.0)
+    numbers = (interval.low, interval.value, interval.high, *ends)
+    if any(_LARGEST < abs(each) < math.inf for each in numbers):
         raise ValueError("a gain out of range")
-    return Interval(low, value, high, float(data["level"]))
+    return replace(interval, reason=_text(interval.reason))
 
 
 def _text(value: Any) -> str:

@@ -13,13 +13,14 @@ import pytest
 import s2rstore
 from bench.support import robot
 from s2rstore.errors import InconclusiveError, RequestError
+from s2rstore.intervals import Interval
 from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
 from s2rtools.gap.dynamics import DelayAxis, DynamicsAxis
 from s2rtools.gap.dynamics.windows import WindowPlan
 from s2rtools.motion_logs import Drive
 from s2rtools.motion_logs.rigid_alignment import RigidTransform
 
-SETTINGS = GapSettings(replicates=300)
+SETTINGS = GapSettings()
 
 
 @pytest.fixture(scope="module")
@@ -34,13 +35,9 @@ def drives(count: int = 1, **real: float) -> list[Drive]:
 
 
 def gap(measured: AxisResult, anchor: Anchor) -> tuple[float, float, float]:
-    """G in percent with its bounds, from paired replicates."""
-    value = (measured.value - measured.floor) / (anchor.value - measured.floor)
-    spread = (measured.replicates - measured.floor_replicates) / (
-        anchor.replicates - measured.floor_replicates
-    )
-    low, high = np.percentile(100 * spread, [2.5, 97.5])
-    return 100 * value, float(low), float(high)
+    """G in percent with its bounds."""
+    found = measured.bounds(SETTINGS.level).scaled(100 / anchor.interval.value)
+    return found.value, found.low, found.high
 
 
 def judged_gap(axis: Axis, evidence: Evidence) -> tuple[float, float, float]:
@@ -56,7 +53,7 @@ def test_equal_drives_have_no_gap_on_both_axes(evidence):
 
 
 def test_latency_affects_only_the_delay_axis(evidence):
-    delayed = evidence(drives(2, delay=0.08))
+    delayed = evidence(drives(3, delay=0.08))
     measured = DelayAxis().measure(delayed, SETTINGS)
     assert measured.value == pytest.approx(0.08 / robot.PERIOD, rel=0.02)
     assert measured.details["delay"] == pytest.approx(0.08, abs=1e-3)
@@ -77,10 +74,9 @@ def test_the_delay_anchor_and_the_sign_of_a_delay_are_reported(evidence):
     assert early.value == pytest.approx(0.8, rel=0.05)
     assert early.floor == 0
     several = evidence(drives(1))
-    assert DelayAxis(bad_state="untuned").anchor(several, SETTINGS).value > 3
+    assert DelayAxis(bad_state="untuned").anchor(several, SETTINGS).interval.value > 3
     default_anchor = DelayAxis().anchor(several, SETTINGS)
-    assert default_anchor.value == 1.0
-    assert default_anchor.replicates.tolist() == [1.0] * 300
+    assert default_anchor.interval == Interval(1.0, 1.0, 1.0)
 
 
 def test_nrmse_of_a_known_error(evidence):
@@ -131,14 +127,12 @@ def test_repeated_real_drives_define_the_floor(evidence):
     assert mixed.fingerprint["floor_from"] == "mixed"
 
 
-def test_measure_floor_and_anchor_use_the_same_resamples(evidence):
+def test_the_anchor_of_equal_logs_is_the_measure(evidence):
     several = evidence(drives(3, gain=0.9))
     measured = DynamicsAxis().measure(several, SETTINGS)
     same = [replace(d, untuned=d.sim) for d in several.drives]
     anchor = DynamicsAxis().anchor(evidence(same), SETTINGS)
-    assert anchor.value == pytest.approx(measured.value)
-    assert anchor.replicates == pytest.approx(measured.replicates)
-    assert measured.replicates.shape == measured.floor_replicates.shape == (300,)
+    assert anchor.interval == measured.bounds(SETTINGS.level)
 
 
 def test_missing_evidence_is_explained(evidence):
@@ -235,14 +229,6 @@ def test_opposite_delays_do_not_cancel(evidence):
     assert "delays of both signs" in measured.notes[0]
 
 
-def test_both_axes_resample_the_same_drives(evidence):
-    both = GapSettings(replicates=400, seed=5)
-    equal = [robot.pair(seed, delay=0.0) for seed in (0, 1)]
-    uneven = evidence([*equal, robot.pair(2, delay=0.1, gain=0.8)])
-    rows = [axis.measure(uneven, both).replicates for axis in (DynamicsAxis(), DelayAxis())]
-    assert np.corrcoef(rows)[0, 1] > 0.7
-
-
 def test_details_are_json_data_and_fingerprints_are_stable(evidence):
     several: Sequence[Drive] = drives(2)
     for axis in (DynamicsAxis(), DelayAxis()):
@@ -253,8 +239,8 @@ def test_details_are_json_data_and_fingerprints_are_stable(evidence):
         longer = axis.measure(evidence([*several, *drives(3)[2:]]), SETTINGS)
         assert longer.n > first.n
         assert longer.fingerprint == first.fingerprint
-        assert (first.replicates == second.replicates).all()
-        assert np.isfinite(first.replicates).all()
+        assert first.bounds(0.9) == second.bounds(0.9)
+        assert first.bounds(0.95).is_known
 
 
 def test_a_mirrored_log_is_reported(evidence):

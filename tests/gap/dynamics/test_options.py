@@ -18,7 +18,7 @@ from s2rtools.gap.dynamics.noise_floor import Noise
 from s2rtools.motion_logs.rigid_alignment import RigidTransform
 from s2rtui.cli import main
 
-SETTINGS = GapSettings(replicates=100)
+SETTINGS = GapSettings()
 
 
 @pytest.fixture(scope="module")
@@ -138,7 +138,7 @@ def store_with_odometry(store_copy: Path) -> Path:
     return store_copy
 
 
-ODOMETRY = ["--drives", "odometry", "--rate", "1", "--axis", "dynamics", "--replicates", "100",
+ODOMETRY = ["--drives", "odometry", "--rate", "1", "--axis", "dynamics",
             "--dynamics", "horizons=4", "--dynamics", "noise=0,0"]  # fmt: skip
 
 

@@ -10,9 +10,8 @@ import pytest
 from bench.support import robot
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
-from s2rtools.gap.axis_result import GapSettings
 from s2rtools.gap.dynamics import ape_rpe, noise_floor, repeatability
-from s2rtools.gap.dynamics.window_bootstrap import Resamples
+from s2rtools.gap.dynamics.window_units import WindowUnits
 from s2rtools.gap.dynamics.windows import WindowPlan, windows
 from s2rtools.motion_logs import Drive, Log
 from s2rtools.motion_logs.rigid_alignment import RigidTransform
@@ -135,17 +134,13 @@ def test_the_noise_floor_equals_the_errors_caused_by_noise():
     assert np.mean(expected, axis=0) == pytest.approx(np.mean(squares, axis=0), rel=0.08)
 
 
-def test_all_quantities_use_the_same_resamples():
+def test_means_are_over_all_windows_and_without_each_drive():
     rng = np.random.default_rng(0)
     values = [rng.random((2, 40)), rng.random((2, 30))]
     values[0][1, 35:] = np.nan
-    blocks = Resamples([40, 30], 5, GapSettings(replicates=50))
-    mean, draws = blocks.means(values)
+    mean, left_out = WindowUnits([40, 30], 5).means(values)
     assert mean == pytest.approx(np.nanmean(np.concatenate(values, axis=1), axis=1))
-    _, doubled = blocks.means([2 * v for v in values])
-    assert doubled == pytest.approx(2 * draws)
-    assert draws.shape == (2, 50)
-    assert draws.std(axis=1).min() > 0
+    assert pytest.approx(np.array([np.nanmean(v, axis=1) for v in values[::-1]])) == left_out.T
 
 
 @pytest.mark.deep
@@ -154,25 +149,25 @@ def test_intervals_of_one_drive_have_the_nominal_coverage():
     for seed in range(200):
         rng = np.random.default_rng(seed)
         wave = np.convolve(rng.standard_normal(419), np.ones(20) / 20, mode="valid")[None]
-        blocks = Resamples([400], 20, GapSettings(replicates=300, seed=seed))
-        mean, draws = blocks.means([wave + 5])
-        low, high = np.percentile(blocks.corrected(mean, draws)[0], [2.5, 97.5])
-        covered += low <= 5 <= high
+        units = WindowUnits([400], 20)
+        mean, left_out = units.means([wave + 5])
+        found = units.interval(mean[0], left_out[0], 0.95)
+        covered += found.low <= 5 <= found.high
     assert 0.88 <= covered / 200 <= 0.99
 
 
 @pytest.mark.parametrize(
-    "count", [3, *(pytest.param(count, marks=pytest.mark.deep) for count in (2, 4, 6))]
+    "count", [3, *(pytest.param(count, marks=pytest.mark.deep) for count in (4, 6))]
 )
 def test_intervals_of_different_drives_have_the_nominal_coverage(count):
     rng = np.random.default_rng(count)
     covered = 0
-    for seed in range(300):
+    for _ in range(300):
         levels = rng.normal(1.0, 0.3, count)
-        blocks = Resamples([20] * count, 5, GapSettings(replicates=300, seed=seed))
-        mean, draws = blocks.means([np.full((1, 20), size) for size in levels])
-        low, high = np.percentile(blocks.corrected(mean, draws)[0], [2.5, 97.5])
-        covered += low <= 1 <= high
+        units = WindowUnits([20] * count, 5)
+        mean, left_out = units.means([np.full((1, 20), size) for size in levels])
+        found = units.interval(mean[0], left_out[0], 0.95)
+        covered += found.low <= 1 <= found.high
     assert covered / 300 >= 0.89
 
 
@@ -216,7 +211,7 @@ def test_repeatability_equals_the_variation_of_one_real_drive():
         real = robot.sampled(robot.drive(commands, slip=0.02, rng=rng), 50, 0.001, 0.001, rng)
         drives.append(Drive(f"d{seed}", real, robot.sampled(robot.drive(commands)), None, commands))
     plan = WindowPlan(horizons=(0.5, 1.0))
-    half = repeatability.repeatability_squares(drives[0], drives[1:], plan, GapSettings(50))
+    half = repeatability.repeatability_squares(drives[0], drives[1:], plan)
     variations = [np.nanmean(windows(d.real, d.sim, plan).end ** 2, axis=1) for d in drives]
     assert np.nanmean(half, axis=1) == pytest.approx(np.mean(variations, axis=0), rel=0.3)
 

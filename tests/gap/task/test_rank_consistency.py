@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import pearsonr
+from scipy.stats import kendalltau, pearsonr, spearmanr
 
 import s2rstore
 from s2rstore.errors import InconclusiveError
 from s2rtools.gap.axis_result import GapSettings
-from s2rtools.gap.task.rank_consistency import correlation, rank_consistency, rank_violation
+from s2rtools.gap.task.rank_consistency import rank_consistency, rank_violation, regret
 from tests.support import tiny
 
-N = 120
+N = 300
 
 
 def brute_violation(sim: np.ndarray, real: np.ndarray) -> float:
@@ -32,34 +32,29 @@ def brute_violation(sim: np.ndarray, real: np.ndarray) -> float:
 
 
 @given(st.integers(0, 10_000), st.integers(3, 9), st.booleans())
-def test_both_measures_equal_their_definitions(seed: int, runs: int, ties: bool) -> None:
+def test_the_rank_violation_equals_its_definition(seed: int, runs: int, ties: bool) -> None:
     rng = np.random.default_rng(seed)
     sim, real = rng.gamma(2, 1, size=(2, runs))
     if ties:
         sim, real = np.round(sim), np.round(real)
-    assert rank_violation(sim[None], real[None])[0] == pytest.approx(brute_violation(sim, real))
-    result = correlation(sim[None], real[None])[0]
-    if np.ptp(sim) and np.ptp(real):
-        assert result == pytest.approx(pearsonr(sim, real).statistic)
-    else:
-        assert np.isnan(result)
+    assert rank_violation(sim, real) == pytest.approx(brute_violation(sim, real))
 
 
 @given(st.integers(0, 10_000), st.integers(5, 9))
 def test_rank_violation_is_0_for_equal_and_largest_for_reversed_order(seed: int, runs: int) -> None:
-    real = np.sort(np.random.default_rng(seed).gamma(2, 1, size=runs))[None]
-    assert rank_violation(real**3, real)[0] == 0
-    reverse = rank_violation(-real, real)[0]
+    real = np.sort(np.random.default_rng(seed).gamma(2, 1, size=runs))
+    assert rank_violation(real**3, real) == 0
+    reverse = rank_violation(-real, real)
     for other in range(5):
-        shuffled = np.random.default_rng(other).permuted(real, axis=1)
-        assert rank_violation(shuffled, real)[0] <= reverse + 1e-12
+        shuffled = np.random.default_rng(other).permuted(real)
+        assert rank_violation(shuffled, real) <= reverse + 1e-12
 
 
 def test_five_runs_are_compared_with_intervals(tmp_path: Path) -> None:
     root = tiny.build(tmp_path / "s.s2r", N, tuple("abcde"), trained=tuple("abcde"))
     with s2rstore.open(root) as store:
-        result = rank_consistency(store, np.arange(N), GapSettings(300))
-        repeated = rank_consistency(store, np.arange(N), GapSettings(300))
+        result = rank_consistency(store, np.arange(N), GapSettings())
+        repeated = rank_consistency(store, np.arange(N), GapSettings())
         with pytest.raises(InconclusiveError, match="3 instances"):
             rank_consistency(store, np.array([4, 9, 14]), GapSettings())
         held_out = np.arange(N) % 5 == 4
@@ -68,9 +63,27 @@ def test_five_runs_are_compared_with_intervals(tmp_path: Path) -> None:
     assert result.runs == tuple("abcde")
     assert result.n == N // 5
     assert result.real == pytest.approx(real)
-    assert result.correlation.value == pytest.approx(pearsonr(result.sim, result.real).statistic)
-    assert -1 <= result.correlation.low <= result.correlation.value <= result.correlation.high <= 1
-    assert 0 <= result.rank_violation.low <= result.rank_violation.high
+    for figure, reference in (
+        (result.pearson, pearsonr), (result.kendall, kendalltau), (result.spearman.value, spearmanr)
+    ):  # fmt: skip
+        assert figure == pytest.approx(reference(result.sim, result.real).statistic)
+    assert not result.spearman.is_known
+    assert result.scope == "5 runs, these runs only"
+    chosen, best = result.runs.index(result.chosen), result.runs.index(result.best)
+    assert (result.sim[chosen], result.real[best]) == (min(result.sim), min(result.real))
+    assert result.regret.value == pytest.approx(result.real[chosen] - result.real[best])
+    assert 0 <= result.regret.low <= result.regret.value <= result.regret.high
+
+
+def test_the_regret_of_the_best_run_may_be_0_and_of_a_bad_one_is_not() -> None:
+    rng = np.random.default_rng(0)
+    real = (
+        rng.gamma(2, 1, size=(100, 1)) + np.array([0.0, 0.01, 1.0]) + rng.normal(0, 0.1, (100, 3))
+    )
+    trajectory = np.zeros(100, dtype=np.intp)
+    best, bad = (regret(real, chosen, trajectory, 0.95) for chosen in (0, 2))
+    assert best.low == best.value == 0
+    assert 0.9 < bad.low < bad.value < bad.high < 1.1
 
 
 def test_fewer_than_five_runs_are_inconclusive(tiny_store: Path) -> None:

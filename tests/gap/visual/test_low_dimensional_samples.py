@@ -10,8 +10,8 @@ import pytest
 
 import s2rstore
 from s2rstore.index.transaction import edit
-from s2rstore.metrics.bootstrap import split_into_blocks
 from s2rstore.reader import Store
+from s2rtools.common.blocks import split_into_blocks
 from s2rtools.gap.visual.low_dimensional_samples import prediction_samples, principal_components
 from s2rtools.gap.visual.split_half_metrics import split_half_metrics
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from s2rstore.metrics.bootstrap import Blocks, block_counts, split_into_blocks
-from s2rtools.gap.axis_result import GapSettings
+from s2rstore.intervals import Interval
+from s2rtools.common.blocks import Blocks, split_into_blocks
 from s2rtools.gap.instance_selection import random_halves
 from s2rtools.gap.visual.kid import block_mmd, kernel_distance, polynomial_gram
 
@@ -52,10 +52,9 @@ def test_the_value_is_the_mean_over_all_half_splits(seed, count, length):
 def test_identical_images_give_exactly_the_floor():
     real = np.random.default_rng(0).normal(size=(60, 8))
     blocks = one_trajectory(60)
-    counts = block_counts(blocks, GapSettings(50, 1), min_units=2)
     same, floor = block_mmd(real.copy(), real, blocks), block_mmd(real, real, blocks)
     assert same.value() == floor.value() == 0.0
-    assert np.array_equal(same.replicates(counts), floor.replicates(counts))
+    assert same.interval() == floor.interval() == Interval(0.0, 0.0, 0.0)
     assert same.swap_p(99, 1) == 1.0
 
 
@@ -82,15 +81,13 @@ def test_the_value_is_unbiased_and_its_intervals_cover_the_truth():
         ]
     )
     covered, values = 0, []
-    for seed in range(150):
+    for _ in range(150):
         positions = correlated_positions(rng, 80, 0.8)
         blocks = one_trajectory(80)
         pair = block_mmd(features_at(rng, positions, 0.3), features_at(rng, positions, 0.0), blocks)
         values.append(pair.value())
-        low, high = np.percentile(
-            pair.replicates(block_counts(blocks, GapSettings(300, seed), min_units=2)), [2.5, 97.5]
-        )
-        covered += low <= truth <= high
+        found = pair.interval()
+        covered += found.low <= truth <= found.high
     assert np.mean(values) == pytest.approx(truth, rel=0.1)
     assert covered / 150 >= 0.87
 
@@ -109,7 +106,7 @@ def test_the_swap_test_is_calibrated_and_powerful():
     pair = block_mmd(
         features_at(rng, positions, 0.5), features_at(rng, positions, 0.0), one_trajectory(64)
     )
-    assert pair.swap_p(999, 1) == 2.0 ** (1 - pair.blocks)
+    assert pair.swap_p(999, 1) == 2.0 ** (1 - pair.blocks.count)
 
 
 def test_blocks_stay_in_trajectories_and_halves_are_disjoint():
@@ -124,7 +121,4 @@ def test_blocks_stay_in_trajectories_and_halves_are_disjoint():
         assert a.size == b.size > 10
         assert not set(a) & set(b)
         assert len(set(label[a]) & set(label[b])) == 0
-    counts = block_counts(blocks, GapSettings(20, 3), min_units=2)
-    assert (counts.sum(axis=1) == blocks.count).all()
-    assert np.array_equal(counts, block_counts(blocks, GapSettings(20, 3), min_units=2))
     assert split_into_blocks(np.zeros(0, np.int32)).count == 0

@@ -10,20 +10,25 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.metrics.bootstrap import BootstrapSettings
+from s2rstore.intervals import LEVEL, Interval
+from s2rstore.intervals.verdict import Bounds
 from s2rstore.reader import Store
+from s2rtools.gap import defaults
 from s2rtools.motion_logs import Drive
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class GapSettings(BootstrapSettings):
-    """Bootstrap settings of all axes.
+class GapSettings:
+    """Settings of all axes.
 
-    `pca` is the number of principal components whose divergence the visual axis reports.
+    `level` is that of the intervals, `seed` that of random splits. `pca` is the number of principal
+    components whose divergence the visual axis reports.
     """
 
+    level: float = LEVEL
+    seed: int = defaults.SEED
     pca: int = 3
 
 
@@ -49,9 +54,9 @@ class AxisResult:
     """Measurement of one axis.
 
     `value` is the measure m and `floor` its value without a gap, in the unit of the axis, from `n`
-    samples (images, instances or windows). `replicates` and `floor_replicates` (R,) are paired: row
-    r of both comes from one resample. Two measurements are comparable if their `fingerprint` is
-    equal; it holds n only where m depends on it. `details` are further figures as JSON data,
+    samples (images, instances or windows). `bounds` gives the interval of m at a level. Two
+    measurements are comparable if their `fingerprint` is equal; it holds n only where m depends on
+    it. `details` are further figures as JSON data,
     `notes` are sentences for the reader (warnings, omissions).
     """
 
@@ -59,8 +64,7 @@ class AxisResult:
     value: float
     floor: float
     n: int
-    replicates: Floats
-    floor_replicates: Floats
+    bounds: Bounds
     fingerprint: Mapping[str, str | int | float]
     details: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -68,10 +72,9 @@ class AxisResult:
 
 @dataclass(frozen=True, slots=True)
 class Anchor:
-    """m in the declared bad state: its value, replicates (R,), and the name of the state."""
+    """m in the declared bad state with its interval, and the name of the state."""
 
-    value: float
-    replicates: Floats
+    interval: Interval
     state: str
 
 

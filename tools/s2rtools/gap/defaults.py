@@ -7,7 +7,5 @@ THRESHOLD = 15.0
 MARGIN = 0.05
 """Metres by which the mean real error may grow since the golden run, as an upper bound."""
 SEED, MAX_SEED = 1, 2**31 - 1
-REPLICATES, MIN_REPLICATES, MAX_REPLICATES = 1000, 100, 100_000
-"""Replicates of every bootstrap."""
 ODOMETRY = "odometry"
 """Value of `--drives` for the odometry of the data set, compared with its ground truth."""

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import InconclusiveError, RequestError
+from s2rstore.intervals import Interval
 from s2rstore.metrics import run_metrics
-from s2rstore.metrics.bootstrap import MIN_TRAJECTORIES, Blocks, split_into_blocks
 from s2rstore.reader import Store
+from s2rtools.common.blocks import Blocks
 from s2rtools.gap.axis_result import Evidence
 
 Iids = NDArray[np.int64]
@@ -65,31 +66,20 @@ def uncomputed_reason(evidence: Evidence) -> str | None:
     return None
 
 
-def sufficient_blocks(
-    evidence: Evidence, iids: Iids, min_instances: int = 20, min_blocks: int = 4
-) -> Blocks:
-    """The blocks of `iids` in recording order.
-
-    Raises InconclusiveError for too few instances or blocks.
-    """
-    blocks = split_into_blocks(evidence.store.instances.trajectory[iids])
-    if iids.size < min_instances or blocks.count < min_blocks:
+def require_instances(evidence: Evidence, iids: Iids, minimum: int) -> None:
+    """Raises InconclusiveError for fewer than `minimum` instances."""
+    if iids.size < minimum:
         raise InconclusiveError(
-            f"{iids.size} usable instances of {evidence.expression!r} in {blocks.count} "
-            f"blocks; at least {min_instances} in {min_blocks} are needed"
+            f"{iids.size} usable instances of {evidence.expression!r}; at least {minimum} are "
+            "needed"
         )
-    return blocks
 
 
-def bootstrap_note(blocks: Blocks) -> str:
-    """A note on the bootstrap over these blocks, for the reader of a report."""
-    if blocks.by_trajectory:
-        return f"intervals by bootstrap over {blocks.unit_count} whole trajectories"
-    return (
-        f"intervals by bootstrap over {blocks.count} blocks of about {blocks.sizes.mean():.0f} "
-        f"consecutive instances (fewer than {MIN_TRAJECTORIES} trajectories of similar length): "
-        "too narrow where instances of different blocks are still alike"
-    )
+def sample_note(interval: Interval) -> str:
+    """A note on what an interval rests on and is about, for the reader of a report."""
+    if interval.sample is None:
+        return f"no interval: {interval.reason}"
+    return f"interval from {interval.text}, {interval.sample.scope}"
 
 
 def random_blocks(blocks: Blocks, max_rows: int, seed: int) -> tuple[Iids, Blocks]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from s2rstore.metrics.bootstrap import Interval, percentile_interval
+from s2rstore.intervals import Interval
 from s2rtools.gap.axis_result import Axis, AxisResult, Evidence, GapSettings
 from s2rtools.gap.gate.golden_run import GoldenComparison
 from s2rtools.gap.gate.reference import AxisScale, Reference
@@ -52,7 +52,6 @@ def report(evidence: Evidence, settings: GapSettings, result: GapResult) -> Repo
         "note": store.coverage(run.run).note,
         "drives": [drive.name for drive in evidence.drives],
         "settings": {
-            "replicates": settings.replicates,
             "seed": settings.seed,
             "level": settings.level,
             "pca": settings.pca,
@@ -87,8 +86,8 @@ def report(evidence: Evidence, settings: GapSettings, result: GapResult) -> Repo
 def _axis(measured: AxisResult, settings: GapSettings, result: GapResult) -> dict[str, Any]:
     axis, scale = result.axes[measured.axis], result.scales.get(measured.axis)
     gaps = {each.axis: each.gap for each in result.verdict.axes}
-    value = percentile_interval(measured.value, measured.replicates, settings.level)
-    floor = percentile_interval(measured.floor, measured.floor_replicates, settings.level)
+    value = measured.bounds(settings.level)
+    floor = Interval(measured.floor, measured.floor, measured.floor)
     anchor: dict[str, Any] = {}
     if scale is not None:
         interval = Interval(scale.anchor_low, scale.anchor, scale.anchor_high)
@@ -98,6 +97,8 @@ def _axis(measured: AxisResult, settings: GapSettings, result: GapResult) -> dic
         "measure": axis.measure_is,
         "unit": axis.unit,
         **_bounds("value", value),
+        "value_reason": value.reason or None,
+        "sample": value.text or None,
         **_bounds("floor", floor),
         "floor_is": axis.floor_is,
         "n": measured.n,
@@ -115,8 +116,16 @@ def across_report(ranks: RankConsistency) -> Report:
     return {
         "runs": [{"run": run, "sim": sim, "real": real} for run, sim, real in runs],
         "n": ranks.n,
-        **_bounds("srcc", ranks.correlation),
-        **_bounds("mmrv", ranks.rank_violation),
+        "scope": ranks.scope,
+        "pearson": ranks.pearson,
+        "kendall": ranks.kendall,
+        **_bounds("spearman", ranks.spearman),
+        "spearman_reason": ranks.spearman.reason or None,
+        "chosen_run": ranks.chosen,
+        "best_run": ranks.best,
+        **_bounds("regret", ranks.regret),
+        "regret_reason": ranks.regret.reason or None,
+        "mmrv": ranks.rank_violation,
     }
 
 

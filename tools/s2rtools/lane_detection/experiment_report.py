@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from s2rstore.intervals import LEVEL_TEXT
-from s2rstore.metrics.bootstrap import MIN_TRAJECTORIES, Interval
+from s2rstore.intervals import LEVEL_TEXT, Interval
+from s2rtools.common.blocks import MIN_TRAJECTORIES
 from s2rtools.lane_detection.line_detector import COLOURS
 from s2rtools.lane_detection.line_scores import false_pixels_of_absent, mean_f1, precision_recall
 from s2rtools.lane_detection.threshold_experiment import (
@@ -252,7 +252,7 @@ def _limits(experiment: Experiment) -> list[str]:
     several = [group for group in experiment.groups if experiment.recordings(group) > 1]
     if not all(experiment.blocks(group).by_trajectory for group in several):
         sentences.append(
-            f"Below {MIN_TRAJECTORIES} recordings pieces of them are resampled: such intervals are "
+            f"Below {MIN_TRAJECTORIES} recordings pieces of them are the units: such intervals are "
             "too narrow where recordings differ."
         )
     if any(len(scores.by_seed) > 1 for scores in experiment.scores.values()):

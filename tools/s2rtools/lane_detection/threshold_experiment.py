@@ -3,9 +3,8 @@
 Label-free arms (default and simulation-tuned thresholds, each alone and with every translator) are
 compared on labelled real images with thresholds that are tuned on labels. One label-free arm is
 chosen without any label of the real images, by its mean F1 on simulated images in simulated
-lights (`choose_arm`). Intervals are block bootstraps over recordings, below
-`MIN_TRAJECTORIES` recordings over pieces of them; differences are paired: both arms are computed
-from the same resampled blocks.
+lights (`choose_arm`). The units of intervals are recordings, or pieces of them where there are too
+few; differences are paired.
 """
 
 from __future__ import annotations
@@ -19,15 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.metrics.bootstrap import (
-    DEFAULT_SETTINGS,
-    Blocks,
-    Interval,
-    block_counts,
-    corrected,
-    percentile_interval,
-    split_into_blocks,
-)
+from s2rstore.intervals import Interval, of_units
+from s2rtools.common.blocks import Blocks, split_into_blocks
 from s2rtools.lane_detection.arm_evaluation import Evaluation, Scores
 from s2rtools.lane_detection.conditions import CONDITIONS
 from s2rtools.lane_detection.experiment_arms import (
@@ -118,7 +110,7 @@ class Experiment:
         return len(set(self.sequences[self.groups[group]].tolist()))
 
     def unit(self, group: str) -> str:
-        """What is resampled for the intervals of a group."""
+        """The units of the intervals of a group."""
         recordings, blocks = self.recordings(group), self.blocks(group)
         if blocks.by_trajectory:
             return f"{recordings} recordings"
@@ -140,18 +132,19 @@ class Experiment:
         length = int(np.ceil(np.sqrt(len(codes) / len(set(codes.tolist())))))
         return split_into_blocks(codes[order], length)
 
-    def _replicates(self, name: str, group: str, blocks: Blocks) -> Floats:
-        """Pixel counts (R, colours, 3) of resampled blocks."""
+    def _without_units(self, name: str, group: str, blocks: Blocks) -> Floats:
+        """Pixel counts (U, colours, 3) without each unit."""
         rows = self.groups[group]
         order = np.argsort(np.unique(self.sequences[rows], return_inverse=True)[1], kind="stable")
         sums = blocks.sums(self.scores[name].pixels[rows[order]])
-        drawn = block_counts(blocks, DEFAULT_SETTINGS)
-        return np.tensordot(drawn, sums, axes=1)
+        units = np.zeros((blocks.unit_count, *sums.shape[1:]))
+        np.add.at(units, blocks.units, sums)
+        return np.asarray(units.sum(axis=0) - units)
 
     def f1(self, name: str, group: str, colour: str | None = None) -> Interval:
         """F1 of an arm on a group: of a colour, or the mean over the group's true colours.
 
-        Bootstrap samples without a pixel of one of these colours are left out.
+        There is no interval where one unit has all pixels of one of these colours.
         """
         return self._interval({name: 1.0}, group, colour, (0.0, 1.0))
 
@@ -166,17 +159,12 @@ class Experiment:
         ends: tuple[float, float],
     ) -> Interval:  # fmt: skip
         blocks, colours = self.blocks(group), self.true_colours(group)
-        value, replicates = 0.0, np.zeros(DEFAULT_SETTINGS.replicates)
+        value, left_out = 0.0, np.zeros(blocks.unit_count)
         for name, weight in weights.items():
             value += weight * _score(self.counts(name, group), colour, colours).item()
-            if blocks.unit_count >= 2:
-                resampled = self._replicates(name, group, blocks)
-                replicates = replicates + weight * _score(resampled, colour, colours)
-        replicates = replicates[np.isfinite(replicates)]
-        if blocks.unit_count < 2 or not np.isfinite(value) or not replicates.size:
-            return Interval.unknown(value)
-        spread = corrected(replicates, value, blocks.unit_count)
-        return percentile_interval(value, spread).clipped(*ends)
+            without = self._without_units(name, group, blocks)
+            left_out = left_out + weight * _score(without, colour, colours)
+        return of_units(value, left_out, unit="recordings or pieces of them").clipped(*ends)
 
     def gap_closed(self, name: str, group: str, oracle: str = ORACLE) -> float:
         """(F - F_sim) / (F_oracle - F_sim) with the thresholds tuned on simulation as F_sim; NaN

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,79}\Z")
 Positive = Annotated[float, Meta(gt=0)]
 Seed = Annotated[int, Meta(ge=0, le=defaults.MAX_SEED)]
-Replicates = Annotated[int, Meta(ge=defaults.MIN_REPLICATES, le=defaults.MAX_REPLICATES)]
 
 
 class DrivesTable(Struct, frozen=True, forbid_unknown_fields=True):
@@ -103,7 +102,6 @@ class ConfigFile(Struct, frozen=True, forbid_unknown_fields=True):
     threshold: Positive = defaults.THRESHOLD
     margin: Positive = defaults.MARGIN
     seed: Seed = defaults.SEED
-    replicates: Replicates = defaults.REPLICATES
     features: str | None = None
     drives: DrivesTable = DrivesTable()
     sysid: SysidTable | None = None
@@ -131,7 +129,6 @@ class NightlyConfig:
     threshold: float
     margin: float
     seed: int
-    replicates: int
     features: Path | None
     drives: str | None
     rate: float | None
@@ -171,7 +168,6 @@ def read(path: Path) -> NightlyConfig:
         threshold=file.threshold,
         margin=file.margin,
         seed=file.seed,
-        replicates=file.replicates,
         features=_file(source, "features", file.features),
         drives=drives,
         rate=file.drives.rate,

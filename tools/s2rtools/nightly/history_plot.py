@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from s2rstore.gap_history.gate_status import axis_status
 from s2rstore.gap_history.reader import Night
-from s2rstore.metrics.bootstrap import Interval
+from s2rstore.intervals import Interval
 from s2rtools.nightly.report_model import NightReport
 
 if TYPE_CHECKING:

@@ -75,7 +75,6 @@ def inputs(config: NightlyConfig, store: Store, current: layout.Current) -> Inpu
         "threshold": config.threshold,
         "margin": config.margin,
         "seed": config.seed,
-        "replicates": config.replicates,
         "stale_after": config.stale_after,
         "drives": [config.drives == ODOMETRY, config.rate, config.topic, config.dynamics, drives],
         "sysid": sysid,

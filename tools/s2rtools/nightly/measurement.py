@@ -39,7 +39,7 @@ def measure_gap(store: Store, config: NightlyConfig) -> Report:
         golden=config.golden,
         threshold=config.threshold,
         margin=config.margin,
-        settings=GapSettings(config.replicates, config.seed),
+        settings=GapSettings(seed=config.seed),
     )
     return gate.measured_report(gate.collect_evidence(store, request), request)
 

@@ -16,8 +16,7 @@ from s2rstore.gap_history.gate_status import (
     worst_outcome,
 )
 from s2rstore.gap_history.reader import AxisFigures, History, Night
-from s2rstore.intervals import LEVEL_TEXT
-from s2rstore.metrics.bootstrap import Interval
+from s2rstore.intervals import LEVEL_TEXT, Interval
 
 MAX_NIGHTS = 90
 """Number of nights in tables and plots."""

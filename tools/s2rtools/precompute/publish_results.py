@@ -19,7 +19,6 @@ from s2rstore.files.input_files import parse_object
 from s2rstore.files.ledger import Ledger
 from s2rstore.index.schema import GAP_SHARES
 from s2rstore.index.transaction import IndexTransaction, edit
-from s2rstore.metrics import bootstrap
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, ArrayRecord, Run
 from s2rtools.counterfactual import gap_shares
@@ -267,7 +266,6 @@ def _provenance(
         "heat ranges": parse_object(previous.get("heat ranges", "{}"), "heat ranges") | ranges,
         "projection": asdict(SETTINGS),
         "outlier": asdict(outliers.SETTINGS),
-        "bootstrap": asdict(bootstrap.DEFAULT_SETTINGS),
         "python": platform.python_version(),
         "packages": {name: metadata.version(name) for name in _PACKAGES},
         ARRAY_FACTS: _environments(root, run, specs, previous),

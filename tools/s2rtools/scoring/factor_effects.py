@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.intervals import Interval, mean, of_units, paired_difference
 from s2rstore.metrics import run_metrics
-from s2rstore.metrics.bootstrap import BootstrapSettings, Interval, mean_interval
 from s2rtools.scoring.counterfactual_errors import (
     CounterfactualErrors,
     Errors,
@@ -96,11 +96,11 @@ class Counterfactuals:
                 alone, without = of[f"only {name}"], of[f"no {name}"]
                 scores.append(
                     FactorScore(
-                        run, name, mean_interval(alone, trajectory),
-                        mean_interval(without, trajectory),
+                        run, name, mean(alone, trajectory),
+                        mean(without, trajectory),
                         float(np.median(alone)), float(np.median(without)),
-                        mean_interval(alone - of["none"], trajectory),
-                        mean_interval(of["all"] - without, trajectory),
+                        paired_difference(alone - of["none"], trajectory),
+                        paired_difference(of["all"] - without, trajectory),
                         int(fresh.sum()), int((~fresh).sum()),
                     )
                 )  # fmt: skip
@@ -171,6 +171,7 @@ class Counterfactuals:
 
 def _mean_of_views(values: NDArray[np.float64]) -> Interval:
     """Mean over views that are not neighbours; too few views have no interval."""
-    if values.size < MIN_VIEWS:
-        return Interval.unknown(float(values.mean()))
-    return mean_interval(values, settings=BootstrapSettings(block_length=1))
+    value, n = float(values.mean()), values.size
+    if n < MIN_VIEWS:
+        return Interval.unknown(value, f"{n} views, a mean needs {MIN_VIEWS}")
+    return of_units(value, (values.sum() - values) / (n - 1), unit="views")

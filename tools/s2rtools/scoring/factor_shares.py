@@ -9,12 +9,12 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.intervals import Interval, mean, of_rows, proportion
 from s2rstore.metrics import run_metrics
-from s2rstore.metrics.bootstrap import Interval, mean_interval
 from s2rtools.common.shapley import shapley_values
-from s2rtools.scoring.block_intervals import block_intervals, weighted_pearson
 from s2rtools.scoring.counterfactual_errors import CounterfactualErrors, EvaluatedRuns, Factors
 from s2rtools.scoring.ground_truth import GroundTruth
+from s2rtools.scoring.weighted_statistics import weighted_pearson
 from s2rtools.synthetic_world.factors import FACTOR_GROUPS, FACTORS
 
 LIGHTING = FACTOR_GROUPS.index("lighting")
@@ -111,13 +111,11 @@ def score_shares(
     for column, group in enumerate(FACTOR_GROUPS):
         actual = true.shares[run][new, column]
         guessed = np.asarray(estimate, dtype=np.float64)[new, column]
-        (correlation,) = block_intervals(
-            partial(_correlation, actual, guessed), np.arange(actual.size), trajectory
-        )
+        (correlation,) = of_rows(partial(_correlation, actual, guessed), trajectory)
         scores.append(
             ShareScore(
                 run, estimator, group, correlation.clipped(-1, 1),
-                mean_interval(np.abs(actual - guessed), trajectory), float(actual.mean()),
+                mean(np.abs(actual - guessed), trajectory), float(actual.mean()),
                 int(new.sum()), int((~new).sum()),
             )
         )  # fmt: skip
@@ -128,7 +126,7 @@ def largest_share_named(true: TrueShares, run: str, named: NDArray[np.intp]) -> 
     """Share of the run's new instances in which the `named` group (V,) has the largest share."""
     new = true.is_new[run]
     right = np.argmax(true.shares[run][new], axis=1) == named[new]
-    return mean_interval(right.astype(np.float64), true.trajectory[new]).clipped(0, 1)
+    return proportion(right, true.trajectory[new])
 
 
 def _correlation(a: Floats, b: Floats, weights: Floats) -> list[float]:

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.metrics.bootstrap import BootstrapSettings, Interval
-from s2rtools.scoring import block_intervals
-from s2rtools.scoring.block_intervals import weighted_mean, weighted_pearson
+from s2rstore.intervals import Interval, of_rows
+from s2rtools.scoring.weighted_statistics import weighted_mean, weighted_pearson
 
 HARMFUL = 0.25
 """Metres from which a gain counts as harm, and an estimate as a claim of harm."""
@@ -43,7 +42,7 @@ class HarmScore:
     `correlation` is Spearman's, `auroc` that for gains above `HARMFUL`; both NaN where undefined.
     Of estimates in metres above `HARMFUL`, the `claims`: `precision` is the share with such a gain,
     `delivered` their mean gain in metres. `base_rate` and `mean_gain` are those of random claims.
-    Intervals are 95 % block bootstraps over the views.
+    Intervals are over the views.
     """
 
     correlation: Interval
@@ -57,9 +56,7 @@ class HarmScore:
     views: int
 
 
-def harm_score(
-    pairs: ScoredPairs, settings: BootstrapSettings = block_intervals.SETTINGS
-) -> HarmScore:
+def harm_score(pairs: ScoredPairs) -> HarmScore:
     """Score of the estimates of some pairs."""
     estimate = _known(pairs.estimate)
     claimed = (pairs.estimate > HARMFUL) & pairs.in_metres
@@ -74,12 +71,15 @@ def harm_score(
         ]
 
     if int((pairs.gain > HARMFUL).sum()) >= MIN_COUNT:
-        found = block_intervals.block_intervals(statistics, pairs.view, pairs.trajectory, settings)
+        found = of_rows(lambda views: statistics(views[pairs.view]), pairs.trajectory)
     else:
-        found = [Interval.unknown(value) for value in statistics(np.ones(pairs.gain.size))]
+        few = f"fewer than {MIN_COUNT} harmful pairs"
+        values = statistics(np.ones(pairs.gain.size))
+        found = [Interval.unknown(value, few) for value in values]
     correlation, auroc, *of_claims = found
     if claimed.sum() < MIN_COUNT:
-        of_claims = [Interval.unknown(each.value) for each in of_claims]
+        few = f"fewer than {MIN_COUNT} claims"
+        of_claims = [Interval.unknown(each.value, few) for each in of_claims]
     precision, delivered = of_claims
     return HarmScore(
         correlation.clipped(-1, 1), auroc.clipped(0, 1), int(claimed.sum()),

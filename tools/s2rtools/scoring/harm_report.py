@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.index.schema import GAP_SHARES
-from s2rstore.metrics.bootstrap import Interval
+from s2rstore.intervals import Interval
 from s2rstore.metrics.gap_shares import has_shares
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side

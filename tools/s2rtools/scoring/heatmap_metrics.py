@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from s2rstore.metrics import bootstrap
+from s2rstore import intervals
+from s2rstore.intervals import Interval
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtools.heatmaps import HEATMAP_KINDS
-from s2rtools.scoring.block_intervals import resampled_intervals
 from s2rtools.scoring.ground_truth import (
     NO_CAMERA_MOVES,
     POSITIVE_SHARE,
@@ -29,10 +29,8 @@ Place = Literal["image", "floor"]
 
 SMOOTH = 0.6
 TILE = 12
-"""Cells along each side of a resampled floor tile; larger than an object."""
-REPLICATES = 300
+"""Cells along each side of a floor tile, which counts as independent; larger than an object."""
 MIN_SAMPLES = 3
-MIN_FRAMES = 8
 _ROWS = 64
 
 
@@ -41,8 +39,7 @@ class HeatScore:
     """Score of one heatmap in one place, over `n` frames with positives or `n` floor cells.
 
     `without` counts the frames without positives. `base_rate` is the share of positive cells, the
-    precision of a random map. Intervals are 95 % bootstraps over blocks of neighbouring frames or
-    over tiles of the floor.
+    precision of a random map. Intervals are over frames, or over tiles of the floor.
     """
 
     run: str
@@ -51,8 +48,8 @@ class HeatScore:
     side: str
     """sim, real, or both (floor maps added)."""
     place: Place
-    auroc: bootstrap.Interval
-    precision: bootstrap.Interval
+    auroc: Interval
+    precision: Interval
     base_rate: float
     n: int
     without: int
@@ -100,7 +97,7 @@ def _random_image(truth: GroundTruth, seed: int) -> HeatScore:
 
 def _per_frame(
     truth: GroundTruth, cells: NDArray[Any], positive: NDArray[np.bool_], seed: int
-) -> tuple[bootstrap.Interval, bootstrap.Interval, float, int, int]:
+) -> tuple[Interval, Interval, float, int, int]:
     """Mean AUROC and precision of frames with positives, base rate, frames with and without."""
     share = positive.mean(axis=(1, 2))
     scored = truth.store.in_recording_order((share > 0) & (share < 1))
@@ -146,14 +143,16 @@ def _floor_score(
     ranked = RankedCells.of(heat[observed], positive[observed], np.random.default_rng([seed, 3]))
     _, tile = np.unique(tile, return_inverse=True)
     count = int(tile.max()) + 1 if tile.size else 0
-    tiles = bootstrap.Blocks(np.arange(count + 1), np.zeros(count, dtype=np.int64))
+    values = ranked.auroc(), ranked.precision(TOP_SHARE)
+
+    def statistics(weights: NDArray[np.float64]) -> tuple[float, float]:
+        return ranked.auroc(weights[tile]), ranked.precision(TOP_SHARE, weights[tile])
+
+    without = intervals.without_each(statistics, count).reshape(count, len(values))
     auroc, precision = (
-        interval.clipped(0.0, 1.0)
-        for interval in resampled_intervals(
-            lambda weights: (ranked.auroc(weights), ranked.precision(TOP_SHARE, weights)),
-            tile, tiles, bootstrap.BootstrapSettings(REPLICATES, seed),
-        )
-    )  # fmt: skip
+        intervals.of_units(value, left_out, unit="floor tiles").clipped(0.0, 1.0)
+        for value, left_out in zip(values, without.T, strict=True)
+    )
     base = float(positive[observed].mean()) if observed.any() else float("nan")
     return HeatScore(run, kind, mode, side, "floor", auroc, precision, base, int(observed.sum()), 0)
 
@@ -192,9 +191,6 @@ def _smoothed(total: NDArray[np.float64], count: NDArray[np.float64]) -> NDArray
     return np.where(known, soft, np.nan)
 
 
-def _mean(values: NDArray[np.float64], trajectory: NDArray[np.integer]) -> bootstrap.Interval:
-    """Mean of shares; without an interval if there are too few frames for blocks."""
-    found = bootstrap.mean_interval(values, trajectory)
-    if values.size < MIN_FRAMES:
-        return bootstrap.Interval.unknown(found.value)
-    return found.clipped(0.0, 1.0)
+def _mean(values: NDArray[np.float64], trajectory: NDArray[np.integer]) -> Interval:
+    """Mean of shares."""
+    return intervals.mean(values, trajectory).clipped(0.0, 1.0)

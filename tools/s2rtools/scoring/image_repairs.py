@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.heatmap_kinds import heatmap_facts
+from s2rstore.intervals import Interval, paired_difference
 from s2rstore.metrics import run_metrics
-from s2rstore.metrics.bootstrap import Interval, mean_interval
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtools.counterfactual.attribution import pose_errors
@@ -116,8 +116,8 @@ def _of_run(
     for (kind, variant), values in gains.items():
         of_mode = np.stack(values)
         for column, share in enumerate(SHARES):
-            gain = mean_interval(of_mode[:, column], trajectory)
-            over = mean_interval((of_mode - chance)[:, column], trajectory)
+            gain = paired_difference(of_mode[:, column], trajectory)
+            over = paired_difference((of_mode - chance)[:, column], trajectory)
             mean = float(np.mean(whole))
             rows.append(ImageRepair(run, kind, variant, share, gain, over, mean, iids.size))
     return rows

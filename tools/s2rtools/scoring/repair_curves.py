@@ -9,7 +9,7 @@ from itertools import combinations, permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.metrics.bootstrap import Interval, mean_interval
+from s2rstore.intervals import Interval, paired_difference
 from s2rtools.scoring.counterfactual_errors import CounterfactualErrors, EvaluatedRuns
 from s2rtools.scoring.ground_truth import GroundTruth
 from s2rtools.scoring.object_gains import ObjectGains
@@ -102,7 +102,7 @@ def repair_scores(
     scores = []
     for count in range(1, REPAIRS + 1):
         own, random, best = curves[:, :, count].T
-        saved = mean_interval(random - own, trajectory)
+        saved = paired_difference(random - own, trajectory)
         error, by_chance, least = (float(values.mean()) for values in (own, random, best))
         scores.append(RepairScore(count, error, by_chance, least, saved, len(rows)))
     return scores

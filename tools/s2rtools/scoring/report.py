@@ -16,7 +16,7 @@ from typing import Any
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import check_writable, edit
-from s2rstore.metrics.bootstrap import Interval
+from s2rstore.intervals import Interval
 from s2rstore.reader import Store
 from s2rtools.precompute.pipeline import ProgressReporter
 from s2rtools.scoring import harm_report, heatmap_metrics
@@ -155,6 +155,7 @@ def json_row(row: Any) -> dict[str, Any]:
         if isinstance(value, Interval):
             low, high = f"{field.name}_low", f"{field.name}_high"
             values |= {field.name: value.value, low: value.low, high: value.high}
+            values[f"{field.name}_reason"] = value.reason or None
         elif is_dataclass(value):
             values |= json_row(value)
         else:

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import InconclusiveError
-from s2rstore.metrics.bootstrap import (
-    Blocks,
-    Interval,
-    mean_interval,
-    simultaneous,
-    split_into_blocks,
-)
+from s2rstore.intervals import Interval, paired_difference, simultaneous_level
 from s2rstore.metrics.run_metrics import population
 from s2rstore.reader import Store
+from s2rtools.common.blocks import Blocks, split_into_blocks
 
 MIN_INSTANCES = 16
 """Fewest new instances of a search."""
@@ -25,37 +20,37 @@ _FEWEST_BLOCKS = 6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """Instances in recording order: `iids` (n,), and the code (n,) of the unit of each.
+    """Instances in recording order: `iids` (n,), and the codes (n,) of trajectory and unit of each.
 
-    Units count as independent and are what intervals resample: trajectories where
-    `split_instances` divides by them, else blocks of neighbouring instances.
+    Units are what `split_instances` divides by: trajectories, else blocks of neighbours.
     """
 
     iids: NDArray[np.int64]
+    trajectory: NDArray[np.int64]
     units: NDArray[np.int64]
 
     @property
-    def resampled(self) -> Blocks:
+    def unit_blocks(self) -> Blocks:
         """The rows of each unit as one block."""
         return split_into_blocks(self.units, self.iids.size)
 
-    def mean(self, values: NDArray[np.float64], compared: int = 1) -> Interval:
-        """The mean of values (n,) of the instances, for `compared` intervals at once."""
-        settings = replace(simultaneous(compared), block_length=max(1, self.iids.size))
-        return mean_interval(values, self.units, settings)
+    def mean(self, differences: NDArray[np.float64], compared: int = 1) -> Interval:
+        """The mean of paired differences (n,) of the instances, for `compared` of them at once."""
+        level = simultaneous_level(compared)
+        return paired_difference(differences, self.trajectory, level=level)
 
     def thinned(self, most: int) -> Part:
         """At most `most` of the instances, evenly spread."""
         n = self.iids.size
         rows = np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(np.intp))
-        return Part(self.iids[rows], self.units[rows])
+        return Part(self.iids[rows], self.trajectory[rows], self.units[rows])
 
 
 def split_instances(store: Store, run: str, fitted: int, judged: int) -> tuple[Part, Part]:
     """At most `fitted` instances to fit on, and `judged` others to judge on.
 
-    Where intervals resample whole trajectories, by the rule of `Blocks.by_trajectory`, each
-    trajectory is in one part. Else blocks of neighbouring instances alternate between the parts,
+    Where there are enough trajectories, by the rule of `Blocks.by_trajectory`, each of them is in
+    one part. Else blocks of neighbouring instances alternate between the parts,
     so that neighbours, which look alike, are in one part. Instances that the run's model was
     trained on are in neither. Raises InconclusiveError where there are too few.
     """
@@ -73,7 +68,9 @@ def split_instances(store: Store, run: str, fitted: int, judged: int) -> tuple[P
     else:
         units = np.repeat(np.arange(blocks.count), np.diff(blocks.start))
         is_fit = units % 2 == 0
-    fit, judge = (Part(iids[chosen], units[chosen]) for chosen in (is_fit, ~is_fit))
+    fit, judge = (
+        Part(iids[chosen], trajectories[chosen], units[chosen]) for chosen in (is_fit, ~is_fit)
+    )
     return fit.thinned(fitted), judge.thinned(judged)
 
 

@@ -7,13 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.metrics.bootstrap import (
-    DEFAULT_SETTINGS,
-    Interval,
-    block_counts,
-    corrected,
-    percentile_interval,
-)
+from s2rstore.intervals import Interval, of_units
 from s2rstore.reader import Store
 from s2rstore.records import Domain, Run
 from s2rtools.adjustments import Chain
@@ -91,21 +85,14 @@ class SimulatorMatch:
     def intervals(self, values: Values, sliders: Sequence[Slider]) -> dict[str, Interval]:
         """Intervals of the fitted values of `sliders`, all of which `values` names.
 
-        A replicate of a block bootstrap is one step of Gauss and Newton from the values, with the
-        derivatives and robust weights at them. Source of the one-step bootstrap: Davison and
-        Hinkley, "Bootstrap methods and their application", 1997, section 2.7.
+        They follow from the values without each unit of the fit, by one step of Gauss and Newton
+        with the derivatives and robust weights at the values.
         """
         normal, slope = self._normal_equations(values, sliders)
-        blocks = self._fit_part.resampled
-        counts = block_counts(blocks)
-        steps = -_solved(
-            np.einsum("rb,bpq->rpq", counts, normal), np.einsum("rb,bp->rp", counts, slope)
-        )
-        step = -_solved(normal.sum(axis=0)[None], slope.sum(axis=0)[None])[0]
-        moved = corrected(steps - step, np.zeros(len(sliders)), blocks.unit_count)
+        left_out = -_solved(normal.sum(axis=0) - normal, slope.sum(axis=0) - slope)
         return {
-            slider.name: _interval(values[slider.name], moved[:, column], blocks.unit_count)
-            for column, slider in enumerate(sliders)
+            slider.name: of_units(values[slider.name], column, unit="blocks of instances")
+            for slider, column in zip(sliders, left_out.T, strict=True)
         }
 
     def whole_cost(self, values: Values) -> float:
@@ -123,7 +110,7 @@ class SimulatorMatch:
         weighted = derivatives * weight[..., None]
         normal = np.swapaxes(weighted, 1, 2) @ derivatives
         slope = (weighted * present[..., None]).sum(axis=1)
-        units = self._fit_part.resampled
+        units = self._fit_part.unit_blocks
         return units.sums(normal), units.sums(slope)
 
     def _derivative(self, values: Values, slider: Slider) -> Floats:
@@ -174,9 +161,3 @@ def _solved(normal: Floats, slope: Floats) -> Floats:
     size = normal.shape[-1]
     ridge = 1e-9 * np.trace(normal, axis1=-2, axis2=-1)[:, None, None] * np.eye(size) + 1e-300
     return np.asarray(np.linalg.solve(normal + ridge, slope[..., None])[..., 0])
-
-
-def _interval(value: float, moved: Floats, units: int) -> Interval:
-    if units < 2 or not np.isfinite(moved).all():
-        return Interval.unknown(value)
-    return percentile_interval(value, value + moved, DEFAULT_SETTINGS.level)

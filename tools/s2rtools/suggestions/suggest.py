@@ -11,7 +11,7 @@ import numpy as np
 
 import s2rstore
 from s2rstore.errors import RequestError, counted
-from s2rstore.metrics.bootstrap import Interval
+from s2rstore.intervals import Interval
 from s2rstore.reader import Store
 from s2rstore.records import Run
 from s2rstore.suggestions import Agreement, Answer, Change, FactorGain, SuggestReport
@@ -190,7 +190,7 @@ class _Judgement:
         if not sliders:
             return NO_SLIDER
         if self._settings.side == "real":
-            return "" if gap.low > 0 else NO_GAP
+            return "" if gap.is_positive else NO_GAP
         return "" if judged.mean() > _LEAST_MISMATCH else NO_MISMATCH
 
     def _answer(

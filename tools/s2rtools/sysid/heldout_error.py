@@ -1,64 +1,60 @@
 """Prediction error on held-out windows before and after identification.
 
-Windows of one drive depend on each other, so the bootstrap resamples drives, with the correction
-for few drives. Where there are fewer than 6 drives it also resamples blocks of consecutive windows
-inside each drive, which widens the interval instead of the correction.
+Windows of one drive depend on each other, so drives are the independent units.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from s2rstore.intervals import LEVEL
-from s2rstore.metrics.bootstrap import circular_block_sums, percentile_bounds
-from s2rtools.sysid.drive_bootstrap import drive_interval
+from s2rstore.intervals import Interval, of_units
 from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.simulators.simulator import Floats, Integers
 
-_MIN_DRIVES = 6
-"""Fewest drives that are resampled as a whole."""
 _MAX_HEADING_RATIO = 1.02
 """Largest ratio of heading errors after and before that counts as no worse."""
+_TINY = 1e-12
+"""Sum of errors in metres below which all count as equal."""
 
 
 @dataclass(frozen=True, slots=True)
 class HeldOut:
-    """Root mean square position (m) and heading (rad) errors of the windows, and the mean
-    `improvement` of a window's position error, m, with its bootstrap interval over drives.
+    """Root mean square position (m) and heading (rad) errors of the windows.
+
+    ratio: mean position error after the change over that before, as the geometric mean of the
+    drives.
     """
 
     drives: int
     windows: int
     untuned: tuple[float, float]
     fitted: tuple[float, float]
-    improvement: float
-    low: float
-    high: float
+    ratio: Interval
 
     @property
     def helps(self) -> bool:
         """Whether positions improve significantly and headings do not get worse."""
-        return self.low > 0 and self.fitted[1] <= _MAX_HEADING_RATIO * self.untuned[1]
+        return self.ratio.high < 1 and self.fitted[1] <= _MAX_HEADING_RATIO * self.untuned[1]
 
     def record(self) -> dict[str, Any]:
         """JSON data with six significant digits."""
-        figures = (*self.untuned, *self.fitted, self.improvement, self.low, self.high)
-        u0, u1, f0, f1, improvement, low, high = (float(f"{value:.6g}") for value in figures)
+        figures = (*self.untuned, *self.fitted)
+        u0, u1, f0, f1 = (float(f"{value:.6g}") for value in figures)
         return {
             "drives": self.drives,
             "windows": self.windows,
             "untuned": {"place_m": u0, "heading_rad": u1},
             "fitted": {"place_m": f0, "heading_rad": f1},
-            "improvement_m": improvement, "improvement_low": low, "improvement_high": high,
+            "position_error_ratio": self.ratio.as_json(),
             "helps": self.helps,
         }  # fmt: skip
 
 
-def held_out_error(problem: PredictionError, before: Floats, after: Floats, count: int,
-                   rng: np.random.Generator) -> HeldOut:  # fmt: skip
+def held_out_error(problem: PredictionError, before: Floats, after: Floats) -> HeldOut:
     """Compare two sets of normalised parameters from the same start states."""
     replays = problem.windows.replays
     errors = []
@@ -67,46 +63,25 @@ def held_out_error(problem: PredictionError, before: Floats, after: Floats, coun
         squares = np.stack([(deviations[:, :2] ** 2).sum(axis=1), deviations[:, 2] ** 2], axis=1)
         counts = np.diff(replays.first)[:, None]
         errors.append(np.sqrt(np.add.reduceat(squares, replays.first[:-1]) / counts))
-    return compared(errors[0], errors[1], replays.drive, count, rng)
+    return compared(errors[0], errors[1], replays.drive)
 
 
-def compared(before: Floats, after: Floats, drives: Integers, count: int,
-             rng: np.random.Generator) -> HeldOut:  # fmt: skip
+def compared(before: Floats, after: Floats, drives: Integers) -> HeldOut:
     """Compare root mean square errors (w, 2), position and heading, of two predictions.
 
     `drives` (w,) are the drives of the windows, which are in recording order.
     """
-    gain = before[:, 0] - after[:, 0]
-    groups = [gain[drives == drive] for drive in np.unique(drives)]
-    mean = float(gain.mean())
-    replicates = grouped_mean_replicates(groups, count, rng)
-    if len(groups) < _MIN_DRIVES:
-        low, high = percentile_bounds(replicates)
-    else:
-        low, high = map(float, drive_interval(replicates, LEVEL, len(groups)))
+    ratio = _mean_ratio(before[:, 0], after[:, 0], drives)
     untuned, fitted = (np.sqrt((table**2).mean(axis=0)).tolist() for table in (before, after))
-    return HeldOut(len(groups), len(gain), tuple(untuned), tuple(fitted), mean, low, high)
+    return HeldOut(np.unique(drives).size, len(before), tuple(untuned), tuple(fitted), ratio)
 
 
-def grouped_mean_replicates(groups: list[Floats], count: int, rng: np.random.Generator) -> Floats:
-    """Bootstrap replicates (count,) of the mean over windows, which are grouped by drive."""
-    sizes = np.array([len(group) for group in groups])
-    total, number = np.zeros(count), np.zeros(count)
-    for _ in groups:
-        chosen = rng.integers(0, len(groups), count)
-        if len(groups) < _MIN_DRIVES:
-            sums = np.stack([_block_sums(group, count, rng) for group in groups])
-        else:
-            sums = np.broadcast_to([[group.sum()] for group in groups], (len(groups), count))
-        total += sums[chosen, np.arange(count)]
-        number += sizes[chosen]
-    return total / number
-
-
-def _block_sums(values: Floats, count: int, rng: np.random.Generator) -> Floats:
-    """Sums (count,) of circular block resamples, scaled to the length of `values`."""
-    n = len(values)
-    length = int(np.ceil(np.sqrt(n)))
-    parts = -(-n // length)
-    starts = rng.integers(0, n, (count, parts))
-    return circular_block_sums(values, length, starts) * (n / (parts * length))
+def _mean_ratio(before: Floats, after: Floats, drives: Integers) -> Interval:
+    """Geometric mean over the drives of the ratio of their mean errors (w,), after to before."""
+    _, codes = np.unique(drives, return_inverse=True)
+    sums = np.stack([np.bincount(codes, errors) for errors in (after, before)])
+    logs = np.log(np.maximum(sums[0], _TINY) / np.maximum(sums[1], _TINY))
+    left_out = (logs.sum() - logs) / max(logs.size - 1, 1)
+    found = of_units(float(logs.mean()), left_out, unit="held-out drives")
+    low, value, high = (math.exp(log) for log in (found.low, found.value, found.high))
+    return replace(found, low=low, value=value, high=high)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2rtools.sysid.drive_bootstrap import NormalEquations
+from s2rtools.sysid.normal_equations import NormalEquations
 from s2rtools.sysid.parameter_space import Space
 from s2rtools.sysid.simulators.simulator import Floats, Parameter
 

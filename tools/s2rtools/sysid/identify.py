@@ -10,7 +10,6 @@ import numpy as np
 
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rtools.motion_logs import Drive
-from s2rtools.sysid.drive_bootstrap import drive_interval, normal_equations, refit_replicates
 from s2rtools.sysid.heldout_error import HeldOut, held_out_error
 from s2rtools.sysid.identifiability import (
     Identifiability,
@@ -19,6 +18,7 @@ from s2rtools.sysid.identifiability import (
     range_warning,
 )
 from s2rtools.sysid.model_mismatch import Structure, structure
+from s2rtools.sysid.normal_equations import normal_equations, parameter_bounds
 from s2rtools.sysid.parameter_space import Space, check, space_of, with_ranges
 from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.search import SearchTrace, search
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from s2rtools.precompute.pipeline import ProgressReporter
 
 MIN_FITTED = 4
-"""Fewest fitted drives, for the bootstrap over drives."""
+"""Fewest fitted drives, for the intervals over drives."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,14 +108,12 @@ def identify(
         problem, settings.seeds, settings.seed, evaluations, reporter.advance
     )
     normal = normal_equations(problem, cube)
-    rng = np.random.default_rng((settings.seed, 10_000))
-    refits = refit_replicates(normal, cube, settings.replicates, rng)
     information = identifiability(normal, space)
-    limits = drive_interval(refits, settings.level, len(fitted))
+    limits = parameter_bounds(normal, cube, settings.level)
     held_problem = problem.of(windows.only(number[is_held]))
     everything = problem.of(windows)
-    shape = structure(held_problem, everything, cube, settings.replicates, rng)
-    error = held_out_error(held_problem, space.start(), cube, settings.replicates, rng)
+    shape = structure(held_problem, everything, cube)
+    error = held_out_error(held_problem, space.start(), cube)
     ends = tuple(
         name
         for name in at_range_limits(space, cube, limits)

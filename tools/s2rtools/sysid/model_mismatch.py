@@ -3,7 +3,7 @@
 If the simulator can follow reality and sensor noise is independent, residuals of held-out windows
 are white. Their mean autocorrelation over short lags is compared with its upper limit for white
 noise. Then one Gauss-Newton step estimates each fixed structural parameter together with the
-searched ones (a score test), with an interval by bootstrap over all drives.
+searched ones (a score test), with an interval over all drives.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2rtools.sysid.drive_bootstrap import drive_interval, normal_equations, refit_replicates
+from s2rtools.sysid.normal_equations import normal_equations, parameter_bounds
 from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.simulators.simulator import Floats
 
@@ -92,13 +92,12 @@ class Structure:
         return tuple(warnings)
 
 
-def structure(held_out: PredictionError, everything: PredictionError, cube: Floats, count: int,
-              rng: np.random.Generator) -> Structure:  # fmt: skip
+def structure(held_out: PredictionError, everything: PredictionError, cube: Floats) -> Structure:
     """Test for model mismatch at the fitted parameters `cube`, in unit-cube coordinates.
 
     Residuals come from the held-out windows, candidate terms from all windows.
     """
-    return Structure(_channels(held_out, cube), _candidates(everything, cube, count, rng))
+    return Structure(_channels(held_out, cube), _candidates(everything, cube))
 
 
 def _channels(problem: PredictionError, cube: Floats) -> tuple[Channel, ...]:
@@ -126,8 +125,7 @@ def _channels(problem: PredictionError, cube: Floats) -> tuple[Channel, ...]:
     return tuple(channels)
 
 
-def _candidates(problem: PredictionError, cube: Floats, count: int,
-                rng: np.random.Generator) -> tuple[Candidate, ...]:  # fmt: skip
+def _candidates(problem: PredictionError, cube: Floats) -> tuple[Candidate, ...]:
     space = problem.space
     candidates = []
     for declared in space.simulator.parameters:
@@ -137,10 +135,9 @@ def _candidates(problem: PredictionError, cube: Floats, count: int,
         point = np.append(cube, wide.start()[-1])
         wider = problem.over(wide).restarted(point)
         normal = normal_equations(wider, point)
-        refits = refit_replicates(normal, point, count, rng)
         centre = point - np.linalg.solve(normal.matrices.sum(axis=0) + 1e-9 * np.eye(len(point)),
                                          normal.vectors.sum(axis=0))  # fmt: skip
-        low, high = drive_interval(refits, _LEVEL, len(normal.vectors))
+        low, high = parameter_bounds(normal, point, _LEVEL)
         values = wide.natural(np.clip(np.stack([centre, low, high]), 0.0, 1.0))[:, -1]
         candidates.append(Candidate(declared.name, space.fixed[declared.name], *values.tolist()))
     return tuple(candidates)

@@ -96,7 +96,6 @@ def record(result: Identification) -> dict[str, Any]:
         },
         "fixed": {name: _short(value) for name, value in sorted(result.space.fixed.items())},
         "level": settings.level,
-        "replicates": settings.replicates,
         "window": settings.window,
         "seed": settings.seed,
         "drives": {"fitted": list(result.fitted), "held_out": list(result.held_out)},

@@ -42,13 +42,13 @@ class Residual:
         verdict = "helps" if self.accepted else "does not help and is discarded"
         if error.drives < MIN_HELD_OUT:
             verdict = f"discarded, because judging it needs {MIN_HELD_OUT} held-out drives"
+        bounds = error.ratio.bounds_text(to=" .. ")
         turn = 57.29578 * error.untuned[1], 57.29578 * error.fitted[1]
         without, with_it = 100 * error.untuned[0], 100 * error.fitted[0]
-        low, high = 100 * error.low, 100 * error.high
         return (
             f"residual network: {verdict}; error on held-out windows {without:.2f} cm without and "
-            f"{with_it:.2f} cm with it, improvement {100 * error.improvement:.2f} cm "
-            f"({low:.2f} .. {high:.2f}); headings {turn[0]:.2f} and {turn[1]:.2f} degrees"
+            f"{with_it:.2f} cm with it, ratio {error.ratio.value:.2f} ({bounds}); headings "
+            f"{turn[0]:.2f} and {turn[1]:.2f} degrees"
         )
 
     def record(self) -> dict[str, Any]:
@@ -89,10 +89,9 @@ def learn(result: Identification, reporter: ProgressReporter, epochs: int = 200)
     held_out = stretches.of(stretches.drive >= fitted)
     correction = ResidualNetwork(training, result.settings.seed)
     train(correction, training, stopping, epochs, reporter)
-    rng = np.random.default_rng((result.settings.seed, 20_000))
     error = compared(_errors(held_out.states[:, :, :3], held_out.poses),
                      _errors(correction.poses(held_out), held_out.poses),
-                     held_out.drive, result.settings.replicates, rng)  # fmt: skip
+                     held_out.drive)  # fmt: skip
     return Residual(error, correction.saved(result.values))
 
 

@@ -26,7 +26,6 @@ class SysidSettings:
     held_out: int | None = None
     window: float = 3.0
     evaluations: int | None = None
-    replicates: int = 2000
     level: float = LEVEL
     seed: int = 1
     ranges: Mapping[str, Range] = field(default_factory=dict)

@@ -15,15 +15,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.metrics.bootstrap import (
-    DEFAULT_SETTINGS,
-    Blocks,
-    BootstrapSettings,
-    Interval,
-    block_counts,
-    corrected,
-    percentile_interval,
-)
+from s2rstore.intervals import Interval, linear
+from s2rtools.common.blocks import Blocks
 from s2rtools.gap.instance_selection import random_halves
 from s2rtools.gap.visual.kid import block_mmd, kernel_distance
 from s2rtools.gap.visual.prdc import NEIGHBOURS, prdc
@@ -99,7 +92,7 @@ def paired_distances(
         rows = found.setdefault(translator, [])
         for name, compute in features.items():
             values = compute(images)
-            rows.append(Distance(f"kid_{name}", reference, _kid(values, known[name], blocks), ""))
+            rows.append(_kid(name, reference, values, known[name], blocks))
             rows += _prdc(name, reference, values, known[name], halves)
         w1 = _channel_intervals(channel_histograms(images), shares, blocks)
         rows += [
@@ -109,15 +102,10 @@ def paired_distances(
     return found
 
 
-def _kid(
-    values: Floats, target: Floats, blocks: Blocks, settings: BootstrapSettings = DEFAULT_SETTINGS
-) -> Interval:
-    """KID of images of different blocks with its block bootstrap interval."""
-    mmd = block_mmd(values, target, blocks)
-    if blocks.unit_count < 3:
-        return Interval.unknown(mmd.value())
-    counts = block_counts(blocks, settings, min_units=2)
-    return percentile_interval(mmd.value(), mmd.replicates(counts, settings.level), settings.level)
+def _kid(name: str, reference: str, values: Floats, target: Floats, blocks: Blocks) -> Distance:
+    """KID of images of different blocks."""
+    interval = block_mmd(values, target, blocks).interval()
+    return Distance(f"kid_{name}", reference, interval, "")
 
 
 def _prdc(
@@ -140,21 +128,16 @@ def _prdc(
     ]
 
 
-def _channel_intervals(
-    shares: Floats, target: Floats, blocks: Blocks, settings: BootstrapSettings = DEFAULT_SETTINGS
-) -> list[Interval]:
-    """W1 per channel of the pixels of all images, with block bootstrap intervals."""
-    values = histogram_distance(shares.mean(axis=0), target.mean(axis=0))
-    if blocks.unit_count < 2:
-        return [Interval.unknown(float(value)) for value in values]
-    difference = np.cumsum(blocks.sums(shares - target), axis=-1)
-    counts = block_counts(blocks, settings)
-    total = (counts @ blocks.sizes)[:, None, None]
-    means = np.einsum("rb,bck->rck", counts, difference) / total
-    replicates = corrected(np.abs(means).sum(axis=-1), values, blocks.unit_count, settings.level)
+def _channel_intervals(shares: Floats, target: Floats, blocks: Blocks) -> list[Interval]:
+    """W1 per channel of the pixels of all images."""
+    difference = np.cumsum(shares - target, axis=-1)  # (N, 3, 256)
+    mean = difference.mean(axis=0)
+    influence = ((difference - mean) * np.sign(mean)).sum(axis=-1)
+    trajectory = np.repeat(blocks.trajectory, np.diff(blocks.start))
+    values = np.abs(mean).sum(axis=-1)
     return [
-        percentile_interval(float(value), column, settings.level).clipped(0.0, 255.0)
-        for value, column in zip(values, replicates.T, strict=True)
+        linear(float(value), column, trajectory).clipped(0.0, 255.0)
+        for value, column in zip(values, influence.T, strict=True)
     ]
 
 

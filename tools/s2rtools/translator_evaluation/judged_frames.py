@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.metrics.bootstrap import Blocks, split_into_blocks
 from s2rstore.reader import Store
 from s2rtools.adjustments.translation import apply_translator
+from s2rtools.common.blocks import Blocks, split_into_blocks
 from s2rtools.gap.instance_selection import random_blocks
 from s2rtools.translation.image_set import Rgb
 from s2rtools.translator_evaluation.named_translator import NamedTranslator
@@ -96,7 +96,7 @@ def _drawn(store: Store, iids: Iids, max_images: int, seed: int) -> Iids:
 
 
 def instance_blocks(store: Store, iids: Iids) -> Blocks:
-    """Blocks of instances in recording order, for the bootstrap."""
+    """Blocks of instances in recording order."""
     return split_into_blocks(store.instances.trajectory[iids])
 
 

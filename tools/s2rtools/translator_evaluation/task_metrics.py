@@ -2,13 +2,11 @@
 
 Networks are given the frames of the store here, before and after the translation alike, not the
 images of the source's size. A gain is positive where the translator helps. Its interval is that of
-paired differences by block bootstrap, on images that were not used for the fit; where it holds
-zero, no claim is made.
+paired differences, on images that were not used for the fit; where it holds zero, no claim is made.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.geometry.camera_offset import UNCHANGED
+from s2rstore.intervals import Interval, mean, paired_difference
 from s2rstore.metrics import pose_metrics, run_metrics
-from s2rstore.metrics.bootstrap import Interval, mean_interval
 from s2rstore.reader import Store
 from s2rstore.records import Domain, Run, Side
 from s2rstore.run_inputs import run_render_change
@@ -55,9 +53,9 @@ class NetworkOutputs:
 
 def claim(interval: Interval, unit: str = "m") -> str:
     """A gain in words; no claim where its interval is unknown or holds zero."""
-    if math.isnan(interval.low) or math.isnan(interval.high):
-        return "no claim: too few independent images for an interval"
-    if interval.low <= 0 <= interval.high:
+    if not interval.is_known:
+        return f"no claim: {interval.bounds_text()}"
+    if not interval.excludes_zero:
         return "no claim: the interval holds zero"
     verb = "less" if interval.value > 0 else "more"
     return f"{abs(interval.value):.2f} {unit} {verb} error"
@@ -173,17 +171,17 @@ def run_time_metrics(
     }
     error = "error" if translator.side == "real" else "sim_error"
     rows = [
-        TaskMetric(error, reference, run.run, mean_interval(values, recording), "m")
+        TaskMetric(error, reference, run.run, mean(values, recording), "m")
         for reference, values in errors.items()
     ]
-    gain = mean_interval(errors["identity"] - errors["translator"], recording)
+    gain = paired_difference(errors["identity"] - errors["translator"], recording)
     rows.append(TaskMetric(f"{error}_gain", "translator", run.run, gain, "m"))
     before, after = (
         np.linalg.norm(each.embedding - ideal.embedding, axis=1)[untrained]
         for each in (plain, moved)
     )
     if before.mean() > 0:
-        closer = mean_interval((before - after) / before.mean(), recording)
+        closer = paired_difference((before - after) / before.mean(), recording)
         rows.append(TaskMetric("features_gain", "translator", run.run, closer, "share"))
     return rows
 
@@ -211,7 +209,9 @@ def training_metrics(store: Store, run: str, name: str, held_out: Iids) -> list[
             store.run_columns(each).real.error[compared].astype(np.float64)
             for each in (run, record.run)
         )
-        for metric, values in (("trained_error", trained), ("trained_error_gain", plain - trained)):
-            interval = mean_interval(values, recording)
+        for metric, interval in (
+            ("trained_error", mean(trained, recording)),
+            ("trained_error_gain", paired_difference(plain - trained, recording)),
+        ):
             rows.append(TaskMetric(metric, "translator", record.run, interval, "m"))
     return rows

@@ -19,7 +19,6 @@ from s2rstore.geometry.rooms import room_codes
 from s2rstore.index import schema
 from s2rstore.index.row_check import CAMERA_COLUMNS, DEPTH_COLUMNS
 from s2rstore.index.transaction import IndexTransaction
-from s2rstore.metrics import bootstrap
 from s2rstore.reader import Store
 from s2rstore.records import Domain
 from s2rtools.datasets.scan import FramePose, InstanceRecord, Scan
@@ -44,10 +43,6 @@ def write_index(
     draft.set_provenance("dataset", facts)
     for section, facts in (scan.provenance | scan.part_provenance).items():
         draft.set_provenance(section, facts)
-    rule = "block_length 0: the rounded-up square root of n, in recording order"
-    draft.set_provenance(
-        "statistics", {"bootstrap": {**asdict(bootstrap.DEFAULT_SETTINGS), "rule": rule}}
-    )
 
 
 def insert_domain(

@@ -16,8 +16,7 @@ from scipy import ndimage, optimize
 from scipy.interpolate import CubicSpline
 
 from s2rstore.errors import InconclusiveError, RequestError
-from s2rstore.metrics.bootstrap import correction_factor, percentile_bounds
-from s2rtools.gap.axis_result import GapSettings
+from s2rstore.intervals import LEVEL, Interval, of_units
 from s2rtools.motion_logs.motion_log import Floats, Log, poses_at
 
 RATES = ("forward speed", "sideways speed", "yaw rate")
@@ -29,10 +28,10 @@ MAX_STEP = 10.0
 MIN_OVERLAP = 2.0
 """Shortest duration of a log and of the overlap, s."""
 BLOCK = 2.0
-"""Block length of the bootstrap, s."""
+"""Length of the blocks that count as independent, s."""
 MAX_BLOCKS = 200
 MIN_GRID_TIMES = 8
-"""Fewest grid times at which the bootstrap compares the logs."""
+"""Fewest grid times at which blocks are compared."""
 STILL = 1e-4
 """Speed below which nothing moves, m/s and rad/s."""
 MIN_Z_SCORE = 4.0
@@ -40,25 +39,30 @@ MIN_Z_SCORE = 4.0
 _BLOCK_SHIFTS = 41
 _TRUNCATE = 3.0
 """Half width of the smoothing kernel, in its standard deviations."""
-_QUICK_REPLICATES = 20
-"""Replicates for delays whose interval is not reported."""
-_DEFAULTS = GapSettings()
 
 
 @dataclass(frozen=True, slots=True)
 class TimeDelay:
     """Time delay of the real log behind the simulated one, s; negative where reality is earlier.
 
-    `low` and `high` bound it at the settings' level, from `replicates` (R,). `correlation` holds
-    that of each of `RATES` at the delay; `overlap` is in s.
+    `left_out` (B,) are the delays without each of B blocks of the overlap. `correlation` holds that
+    of each of `RATES` at the delay; `overlap` is in s.
     """
 
     seconds: float
-    low: float
-    high: float
-    replicates: Floats
+    left_out: Floats
     correlation: dict[str, float]
     overlap: float
+
+    def interval(self, level: float = LEVEL) -> Interval:
+        """The delay with its interval, s."""
+        return of_units(self.seconds, self.left_out, unit=f"blocks of {BLOCK:g} s", level=level)
+
+    @property
+    def error(self) -> float:
+        """Standard error of the delay, s."""
+        n = self.left_out.size
+        return float(np.sqrt((n - 1) * self.left_out.var()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,19 +78,13 @@ def shifted(log: Log, delay: float) -> Log:
     return replace(log, time=log.time + delay)
 
 
-def remove_delay(
-    real: Log, sim: Log, settings: GapSettings, rate: float, max_delay: float
-) -> tuple[TimeDelay, Log]:
-    """The delay, with an interval from few replicates, and `sim` shifted by it."""
-    quick = replace(settings, replicates=_QUICK_REPLICATES)
-    delay = estimate_delay(real, sim, quick, rate, max_delay)
+def remove_delay(real: Log, sim: Log, rate: float, max_delay: float) -> tuple[TimeDelay, Log]:
+    """The delay, and `sim` shifted by it."""
+    delay = estimate_delay(real, sim, rate, max_delay)
     return delay, shifted(sim, delay.seconds)
 
 
-def estimate_delay(
-    real: Log, sim: Log, settings: GapSettings = _DEFAULTS, rate: float = 50.0,
-    max_delay: float = 1.0,
-) -> TimeDelay:  # fmt: skip
+def estimate_delay(real: Log, sim: Log, rate: float = 50.0, max_delay: float = 1.0) -> TimeDelay:
     """Estimate how much later `real` is than `sim`, within `max_delay` s on a grid of `rate` Hz.
 
     Raises RequestError where the logs do not overlap, and InconclusiveError where nothing moves,
@@ -107,14 +105,12 @@ def estimate_delay(
     correlation = _correlation(*rates_at(shift))
     _require_significant(correlation, overlap, width, names)
     try:
-        replicates = _bootstrap_shifts(rates_at, shift, step, most, settings) * step
+        left_out = _shifts_without_blocks(rates_at, shift, step, most) * step
     except InconclusiveError as error:
         raise InconclusiveError(f"{names}: {error}") from error
-    low, high = percentile_bounds(replicates, settings.level)
     return TimeDelay(
-        float(shift) * step, low, high, replicates,
-        dict(zip(RATES, correlation.tolist(), strict=True)), overlap,
-    )  # fmt: skip
+        float(shift) * step, left_out, dict(zip(RATES, correlation.tolist(), strict=True)), overlap
+    )
 
 
 def _checked_overlap(real: Log, sim: Log, width: float) -> float:
@@ -259,20 +255,20 @@ def _require_significant(correlation: Floats, overlap: float, width: float, name
         )
 
 
-def _bootstrap_shifts(
-    rates_at: RatesAtShift, best: float, step: float, max_delay: int, settings: GapSettings
+def _shifts_without_blocks(
+    rates_at: RatesAtShift, best: float, step: float, max_delay: int
 ) -> Floats:
-    """Shifts of resampled blocks, in samples; the search widens until none is at its border."""
+    """Shifts without each block, in samples; the search widens until none is at its border."""
     reach = 2.0
     while True:
-        delays, inside = _resampled_shifts(rates_at, best, step, reach, settings)
+        delays, inside = _left_out_shifts(rates_at, best, step, reach)
         if inside or reach >= max_delay:
             return delays
         reach = min(4 * reach, float(max_delay))
 
 
-def _resampled_shifts(
-    rates_at: RatesAtShift, best: float, step: float, reach: float, settings: GapSettings
+def _left_out_shifts(
+    rates_at: RatesAtShift, best: float, step: float, reach: float
 ) -> tuple[Floats, bool]:
     shifts = np.linspace(-reach, reach, _BLOCK_SHIFTS)
     pairs = [rates_at(best + shift, reach, best) for shift in shifts]
@@ -288,11 +284,9 @@ def _resampled_shifts(
     products = (np.stack([np.ones_like(a), a, b, a * a, b * b, a * b]) for a, b in pairs)
     per_block = [np.add.reduceat(each, edges, axis=1) for each in products]
     sums = np.stack(per_block, axis=2)  # 1, a, b, aa, bb, ab; blocks; shifts; rates
-    rng = np.random.default_rng(settings.seed)
-    counts = rng.multinomial(blocks, np.full(blocks, 1 / blocks), settings.replicates)
-    middle = _unexplained_squares(sums.sum(axis=1))[_BLOCK_SHIFTS // 2]
-    resampled = np.einsum("rb,kbsc->krsc", counts, sums, optimize=True)
-    residual = _unexplained_squares(resampled) @ (1.0 / np.maximum(middle, 1e-12 * n))
+    total = sums.sum(axis=1)
+    middle = _unexplained_squares(total)[_BLOCK_SHIFTS // 2]
+    residual = _unexplained_squares(total[:, None] - sums) @ (1.0 / np.maximum(middle, 1e-12 * n))
     at = np.argmin(residual, axis=1)
     inside = bool(((at > 0) & (at < _BLOCK_SHIFTS - 1)).all())
     at = np.clip(at, 1, _BLOCK_SHIFTS - 2)
@@ -301,7 +295,7 @@ def _resampled_shifts(
     bend = np.maximum(before - 2 * here + after, 1e-300)
     fine = np.clip(0.5 * (before - after) / bend, -1, 1)
     deviation = shifts[at] + fine * (shifts[1] - shifts[0])
-    return best + deviation * correction_factor(blocks, settings.level), inside
+    return best + deviation, inside
 
 
 def _unexplained_squares(sums: Floats) -> Floats:

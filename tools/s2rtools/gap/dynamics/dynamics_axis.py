@@ -9,13 +9,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from s2rstore.errors import InconclusiveError
-from s2rstore.metrics.bootstrap import percentile_bounds
+from s2rstore.intervals import Interval
 from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
 from s2rtools.gap.delay import time_delay
 from s2rtools.gap.dynamics import ape_rpe, log_quality, noise_floor, repeatability
 from s2rtools.gap.dynamics.ape_rpe import DEFAULT_OPTIONS, DriveErrorOptions
 from s2rtools.gap.dynamics.noise_floor import Noise
-from s2rtools.gap.dynamics.window_bootstrap import Resamples
+from s2rtools.gap.dynamics.window_units import WindowUnits
 from s2rtools.gap.dynamics.windows import DEFAULT, DriveWindows, WindowPlan, windows
 from s2rtools.motion_logs.motion_log import Drive, Floats, Log
 
@@ -38,7 +38,7 @@ class _DriveResult:
 
 @dataclass(frozen=True, slots=True)
 class _DriveSet:
-    """All drives: window `counts` (H,), and figures per horizon (H,) and replicate (H, R).
+    """All drives: window `counts` (H,), and figures per horizon (H,) and without each unit (H, G).
 
     `scales` are lengths that normalise errors, m; `ends` are mean squared errors at the windows'
     ends, m^2, and `floors` their expectation without a gap.
@@ -47,17 +47,18 @@ class _DriveSet:
     drives: list[_DriveResult]
     floor_sources: list[str]
     counts: Floats
-    blocks: Resamples
+    units: WindowUnits
     scales: tuple[Floats, Floats]
     ends: tuple[Floats, Floats]
     floors: tuple[Floats, Floats]
 
-    def excess(self) -> tuple[float, Floats]:
-        """m and its replicates (R,): signed root of the mean squared error minus its floor."""
-        values, draws = (e - f for e, f in zip(self.ends, self.floors, strict=True))
-        shares = values / self.scales[0] ** 2
-        spread = self.blocks.corrected(shares, draws / self.scales[1] ** 2)
-        return float(_signed_root(shares).mean()), _signed_root(spread).mean(axis=0)
+    def excess(self, level: float) -> Interval:
+        """m: the signed root of the mean squared error minus its floor, mean over the horizons."""
+        values, left_out = (
+            _signed_root((ends - floors) / scales**2).mean(axis=0)
+            for ends, floors, scales in zip(self.ends, self.floors, self.scales, strict=True)
+        )
+        return self.units.interval(float(values), left_out, level)
 
 
 class DynamicsAxis(Axis):
@@ -109,8 +110,7 @@ class DynamicsAxis(Axis):
 
     def measure(self, evidence: Evidence, settings: GapSettings) -> AxisResult:
         sims = [drive.sim for drive in evidence.drives]
-        measured = self._compare_all(evidence.drives, sims, settings)
-        value, replicates = measured.excess()
+        measured = self._compare_all(evidence.drives, sims)
         sources = measured.floor_sources
         source = sources[0] if len(set(sources)) == 1 else "mixed"
         nrmse, floor = (
@@ -119,11 +119,10 @@ class DynamicsAxis(Axis):
         )
         return AxisResult(
             axis=self.name,
-            value=value,
+            value=measured.excess(settings.level).value,
             floor=0.0,
             n=int(measured.counts.sum()),
-            replicates=replicates,
-            floor_replicates=np.zeros(replicates.size),
+            bounds=measured.excess,
             fingerprint={
                 "horizons": ", ".join(f"{h:g}" for h in self.plan.horizons),
                 "stride": self.plan.stride,
@@ -138,7 +137,7 @@ class DynamicsAxis(Axis):
                 "nrmse": nrmse,
                 "floor_nrmse": floor,
                 "floor_from": source,
-                "horizons": self._horizon_rows(measured, settings),
+                "horizons": _horizon_rows(self.plan, measured, settings.level),
                 "alignment": str(self.drive_errors.alignment),
                 "rpe_step": str(self.drive_errors.step),
                 "reach": self.max_delay,
@@ -152,13 +151,11 @@ class DynamicsAxis(Axis):
 
     def anchor(self, evidence: Evidence, settings: GapSettings) -> Anchor:
         untuned = [log_quality.untuned_log(drive, self.name) for drive in evidence.drives]
-        measured = self._compare_all(evidence.drives, untuned, settings)
-        return Anchor(*measured.excess(), "the untuned simulator")
+        measured = self._compare_all(evidence.drives, untuned)
+        return Anchor(measured.excess(settings.level), "the untuned simulator")
 
-    def _compare_all(
-        self, drives: Sequence[Drive], sims: Sequence[Log], settings: GapSettings
-    ) -> _DriveSet:
-        compared = [self._compare(d, s, settings) for d, s in zip(drives, sims, strict=True)]
+    def _compare_all(self, drives: Sequence[Drive], sims: Sequence[Log]) -> _DriveSet:
+        compared = [self._compare(d, s) for d, s in zip(drives, sims, strict=True)]
         ends = [each.windows.end**2 for each in compared]
         counts = np.sum([np.isfinite(end).sum(axis=1) for end in ends], axis=0)
         for horizon, count in zip(self.plan.horizons, counts, strict=True):
@@ -173,36 +170,32 @@ class DynamicsAxis(Axis):
                 f"a drive is shorter than two windows of {self.plan.horizons[0]:g} s"
             )
         longest = int(np.ceil(self.plan.longest / self.plan.stride))
-        blocks = Resamples(windows_of, longest, settings)
-        scales = self._scales(drives, blocks)
-        floors, sources = self._floors(drives, compared, settings)
+        units = WindowUnits(windows_of, longest)
+        floors, sources = self._floors(drives, compared)
         return _DriveSet(
-            compared, sources, counts, blocks, scales, blocks.means(ends), blocks.means(floors)
-        )
+            compared, sources, counts, units, self._scales(drives, units), units.means(ends),
+            units.means(floors),
+        )  # fmt: skip
 
-    def _compare(self, drive: Drive, sim: Log, settings: GapSettings) -> _DriveResult:
+    def _compare(self, drive: Drive, sim: Log) -> _DriveResult:
         for log in (drive.real, sim):
             log_quality.require_sampling(log, self.plan.horizons[0])
         log_quality.require_motion(drive.real, self.plan.horizons[0], self._noise(drive.real))
-        delay, aligned = time_delay.remove_delay(
-            drive.real, sim, settings, self.plan.rate, self.max_delay
-        )
+        delay, aligned = time_delay.remove_delay(drive.real, sim, self.plan.rate, self.max_delay)
         return _DriveResult(drive, aligned, delay, windows(drive.real, aligned, self.plan))
 
     def _noise(self, real: Log) -> Noise:
         return self.noise or noise_floor.estimate_noise(real)
 
-    def _scales(self, drives: Sequence[Drive], blocks: Resamples) -> tuple[Floats, Floats]:
-        """Means over the drives weighted by duration: (H,), and per resample of drives (H, R)."""
+    def _scales(self, drives: Sequence[Drive], units: WindowUnits) -> tuple[Floats, Floats]:
+        """Means over the drives weighted by duration: (H,), and without each unit (H, G)."""
         scale = ape_rpe.scale_of(self.scale)
         seconds = np.array([drive.real.time[-1] - drive.real.time[0] for drive in drives])
         table = np.array([[scale(d.real, h) for h in self.plan.horizons] for d in drives])
-        weights = blocks.drive_counts * seconds
-        draws = (weights @ table).T / weights.sum(axis=1)
-        return seconds @ table / seconds.sum(), draws
+        return units.drive_means(table, seconds)
 
     def _floors(
-        self, drives: Sequence[Drive], compared: Sequence[_DriveResult], settings: GapSettings
+        self, drives: Sequence[Drive], compared: Sequence[_DriveResult]
     ) -> tuple[list[Floats], list[str]]:
         """Expected squares (H, K) per drive without a gap, and the source of each."""
         floors, sources = [], []
@@ -211,7 +204,7 @@ class DynamicsAxis(Axis):
                 repeated = [drives[j] for j in others]
                 floors.append(
                     repeatability.repeatability_squares(
-                        each.drive, repeated, self.plan, settings, self.max_delay
+                        each.drive, repeated, self.plan, self.max_delay
                     )
                 )
                 sources.append("repeated real drives")
@@ -220,30 +213,6 @@ class DynamicsAxis(Axis):
                 floors.append(noise_floor.noise_squares(real, each.windows, self._noise(real)))
                 sources.append(_NOISE if self.noise is None else f"declared noise {self.noise}")
         return floors, sources
-
-    def _horizon_rows(self, measured: _DriveSet, settings: GapSettings) -> list[dict[str, Any]]:
-        kinds: dict[str, Callable[[DriveWindows], Floats]] = {
-            "rmse": lambda each: each.end**2,
-            "path_rmse": lambda each: each.path**2,
-            "heading_rmse": lambda each: each.heading**2,
-        }
-        blocks, scales = measured.blocks, measured.scales
-        floors = np.sqrt(measured.floors[0])
-        rows: list[dict[str, Any]] = [
-            {"horizon": float(h), "windows": int(n), "scale": float(s), "floor_rmse": float(f)}
-            for h, n, s, f in zip(
-                self.plan.horizons, measured.counts, scales[0], floors, strict=True
-            )
-        ]
-        for name, squares in kinds.items():
-            mean, draws = blocks.means([squares(each.windows) for each in measured.drives])
-            for i, row in enumerate(rows):
-                root = np.sqrt(draws[i])
-                row |= _with_bounds(name, float(np.sqrt(mean[i])), root, blocks, settings)
-                if name == "rmse":
-                    share = row["rmse"] / row["scale"]
-                    row |= _with_bounds("nrmse", share, root / scales[1][i], blocks, settings)
-        return rows
 
     def _drive_row(self, compared: _DriveResult, floor_source: str) -> dict[str, Any]:
         noise = self._noise(compared.drive.real)
@@ -262,12 +231,28 @@ def _signed_root(squares: Floats) -> Floats:
     return np.asarray(np.sign(squares) * np.sqrt(np.abs(squares)))
 
 
-def _with_bounds(
-    name: str, value: float, draws: Floats, blocks: Resamples, settings: GapSettings
-) -> dict[str, float]:
-    spread = np.maximum(blocks.corrected(np.array(value), draws), 0.0)
-    low, high = percentile_bounds(spread, settings.level)
-    return {name: value, f"{name}_low": low, f"{name}_high": high}
+def _horizon_rows(plan: WindowPlan, measured: _DriveSet, level: float) -> list[dict[str, Any]]:
+    kinds: dict[str, Callable[[DriveWindows], Floats]] = {
+        "rmse": lambda each: each.end**2,
+        "path_rmse": lambda each: each.path**2,
+        "heading_rmse": lambda each: each.heading**2,
+    }
+    units, scales = measured.units, measured.scales
+    floors = np.sqrt(measured.floors[0])
+    rows: list[dict[str, Any]] = [
+        {"horizon": float(h), "windows": int(n), "scale": float(s), "floor_rmse": float(f)}
+        for h, n, s, f in zip(plan.horizons, measured.counts, scales[0], floors, strict=True)
+    ]
+    for name, squares in kinds.items():
+        roots = [np.sqrt(m) for m in units.means([squares(d.windows) for d in measured.drives])]
+        figures = {name: roots}
+        if name == "rmse":
+            figures["nrmse"] = [root / scale for root, scale in zip(roots, scales, strict=True)]
+        for figure, (values, left_out) in figures.items():
+            for row, value, without in zip(rows, values.tolist(), left_out, strict=True):
+                found = units.interval(value, without, level).at_least(0.0)
+                row |= {figure: value, f"{figure}_low": found.low, f"{figure}_high": found.high}
+    return rows
 
 
 def _notes(drives: Sequence[_DriveResult], floor_source: str) -> tuple[str, ...]:
@@ -286,6 +271,8 @@ def _notes(drives: Sequence[_DriveResult], floor_source: str) -> tuple[str, ...]
     notes.extend(warning for each in drives for warning in log_quality.log_warnings(each.drive))
     if len(drives) == 1:
         notes.append("one drive: the interval does not cover differences between drives")
+    else:
+        notes.append(f"n counts windows of {len(drives)} drives, which are the independent units")
     if floor_source in (_NOISE, "mixed"):
         notes.append(
             "the noise floor contains only the noise of the real poses; repeat real drives with "

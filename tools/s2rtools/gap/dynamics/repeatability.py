@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from s2rtools.gap.axis_result import GapSettings
 from s2rtools.gap.delay import time_delay
 from s2rtools.gap.dynamics.windows import WindowPlan, windows
 from s2rtools.motion_logs.motion_log import Commands, Drive, Floats
@@ -44,7 +43,6 @@ def repeatability_squares(
     drive: Drive,
     others: Sequence[Drive],
     plan: WindowPlan,
-    settings: GapSettings,
     max_delay: float = 1.0,
 ) -> Floats:
     """Half the mean square (H, K), m^2, of the windows of a drive against each repetition of it.
@@ -58,7 +56,7 @@ def repeatability_squares(
         assert other.commands is not None
         shift = float(drive.commands.time[0] - other.commands.time[0])
         _, aligned = time_delay.remove_delay(
-            drive.real, time_delay.shifted(other.real, shift), settings, plan.rate, max_delay
+            drive.real, time_delay.shifted(other.real, shift), plan.rate, max_delay
         )
         repeated.append(windows(drive.real, aligned, plan).end ** 2)
     stacked = np.stack(repeated)

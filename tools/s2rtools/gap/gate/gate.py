@@ -149,7 +149,7 @@ def freeze(evidence: Evidence, request: GapRequest, measured: GapResult) -> tupl
     settings, requested = request.settings, request.requested_axes
     scales = {
         name: reference.freeze(
-            result, requested[name].anchor(evidence, settings), requested[name].unit, settings
+            result, requested[name].anchor(evidence, settings), requested[name].unit
         )
         for name, result in measurement.measured.items()
     }

@@ -13,27 +13,18 @@ from typing import Annotated
 
 import numpy as np
 from msgspec import Meta, Struct, structs
-from numpy.typing import NDArray
 
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.files.input_files import read_json
 from s2rstore.gap_history.gate_status import outcome_of
+from s2rstore.intervals import MIN_MEAN, Interval, paired_difference
 from s2rstore.intervals.verdict import Outcome
-from s2rstore.metrics.bootstrap import (
-    Blocks,
-    Interval,
-    mean_replicates,
-    percentile_interval,
-    split_into_blocks,
-)
 from s2rtools.common.documents import convert
 from s2rtools.gap import defaults, instance_selection
 from s2rtools.gap.axis_result import Evidence, GapSettings
 from s2rtools.gap.gate.verdict import NOTHING
 
 FORMAT = 1
-_MIN_INSTANCES = 20
-_MIN_BLOCKS = 4
 _MAX_BYTES = 256 << 20
 """Largest golden run that is read, in bytes; an instance takes about 31."""
 _MAX_MISSING = 0.1
@@ -73,12 +64,9 @@ class GoldenComparison:
 def take(evidence: Evidence) -> GoldenRun:
     """A golden run of the present state. Raises InconclusiveError for too few instances."""
     errors = _errors(evidence)
-    iids = evidence.store.in_recording_order(np.array([*errors], dtype=np.int64))
-    count = _blocks(evidence, iids).count
-    if len(errors) < _MIN_INSTANCES or count < _MIN_BLOCKS:
+    if len(errors) < MIN_MEAN:
         raise InconclusiveError(
-            f"a golden run needs {_MIN_INSTANCES} held-out instances in {_MIN_BLOCKS} blocks, not "
-            f"{len(errors)} in {count}"
+            f"a golden run needs {MIN_MEAN} held-out instances, not {len(errors)}"
         )
     return GoldenRun(
         poses=instance_selection.poses_sha256(evidence.store),
@@ -131,26 +119,17 @@ def compare(
     common = np.array([*(now.keys() & golden.errors.keys())], dtype=np.int64)
     shared = evidence.store.in_recording_order(common)
     missing = len(golden.errors) - shared.size
-    blocks = _blocks(evidence, shared)
-    if shared.size < _MIN_INSTANCES or blocks.count < _MIN_BLOCKS:
-        reason = (
-            f"{shared.size} instances in {blocks.count} blocks are common to both "
-            f"runs, {_MIN_INSTANCES} in {_MIN_BLOCKS} are needed"
-        )
+    if shared.size < MIN_MEAN:
+        reason = f"{shared.size} instances are common to both runs, {MIN_MEAN} are needed"
         return GoldenComparison("INCONCLUSIVE", NOTHING, shared.size, margin, missing, reason)
     changes = np.array([now[iid] - golden.errors[iid] for iid in shared.tolist()])
-    replicates = mean_replicates(changes, blocks, settings)
-    change = percentile_interval(float(changes.mean()), replicates, settings.level)
-    outcome, reason = outcome_of(change, margin), ""
+    trajectories = evidence.store.instances.trajectory[shared]
+    change = paired_difference(changes, trajectories, level=settings.level)
+    outcome, reason = outcome_of(change, margin), change.reason
     if outcome == "PASS" and missing > _MAX_MISSING * len(golden.errors):
         outcome = "INCONCLUSIVE"
         reason = f"{missing} of {len(golden.errors)} are no longer comparable"
     return GoldenComparison(outcome, change, shared.size, margin, missing, reason)
-
-
-def _blocks(evidence: Evidence, iids: NDArray[np.int64]) -> Blocks:
-    """The blocks of instances in recording order."""
-    return split_into_blocks(evidence.store.instances.trajectory[iids])
 
 
 def _errors(evidence: Evidence) -> dict[int, float]:

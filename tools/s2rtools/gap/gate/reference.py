@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,9 +14,8 @@ from msgspec import Meta, Struct
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import MAX_JSON_BYTES, parse_json, read_bytes
-from s2rstore.metrics.bootstrap import percentile_bounds
 from s2rtools.common.documents import convert
-from s2rtools.gap.axis_result import Anchor, AxisResult, GapSettings
+from s2rtools.gap.axis_result import Anchor, AxisResult
 
 FORMAT = 2
 _MIN_SPAN, _MAX_NUMBER = 1e-100, 1e100
@@ -57,21 +55,22 @@ class Reference:
     sha256: str
 
 
-def freeze(measured: AxisResult, anchor: Anchor, unit: str, settings: GapSettings) -> AxisScale:
-    """Scale of a measured axis. Raises RequestError where the anchor is within the floor's noise.
+def freeze(measured: AxisResult, anchor: Anchor, unit: str) -> AxisScale:
+    """Scale of a measured axis.
 
-    The noise is that of their difference, because a resample changes both.
+    Raises RequestError where the anchor is within its noise of the floor, or has no interval.
     """
-    span = anchor.value - measured.floor
-    low, _ = percentile_bounds(anchor.replicates - measured.floor_replicates, settings.level)
-    if not (math.isfinite(span) and span > 0 and low > 0):
+    bad = anchor.interval
+    if not bad.low > measured.floor:
+        why = f"is within noise of the floor ({measured.floor:.3g} {unit})"
+        if not bad.is_known:
+            why = f"has {bad.bounds_text()}"
         raise RequestError(
-            f"{measured.axis}: the anchor ({anchor.state}: {anchor.value:.3g} {unit}) is within "
-            f"noise of the floor ({measured.floor:.3g} {unit}) and gives no scale; declare a worse "
-            "state (--anchor-run, untuned logs), or leave this axis out (name the others by --axis)"
+            f"{measured.axis}: the anchor ({anchor.state}: {bad.value:.3g} {unit}) {why} and gives "
+            "no scale; declare a worse state (--anchor-run, untuned logs), or leave this axis out "
+            "(name the others by --axis)"
         )
-    anchor_low, anchor_high = percentile_bounds(anchor.replicates, settings.level)
-    return AxisScale(anchor.value, anchor_low, anchor_high, measured.floor, anchor.state,
+    return AxisScale(bad.value, bad.low, bad.high, measured.floor, anchor.state,
                      dict(measured.fingerprint))  # fmt: skip
 
 

@@ -1,8 +1,8 @@
 """Verdict of the gate: G of every axis, and whether all of them lie below the threshold.
 
 G = 100 (m - floor) / (anchor - floor) puts all axes on one scale: 0 is no gap, 100 the declared bad
-state. The numerator is measured, with m and floor from the same resamples; the denominator is that
-of the frozen reference, so that G changes only with the gap. The headline is the axis with the
+state. The numerator is measured; the denominator is that of the frozen reference, so that G changes
+only with the gap. The headline is the axis with the
 largest G. Each axis is tested by its own interval (`s2rstore.intervals.verdict.judge`).
 """
 
@@ -12,11 +12,10 @@ import re
 from dataclasses import dataclass
 
 from s2rstore.errors import RequestError
-from s2rstore.intervals import verdict
-from s2rstore.intervals.verdict import Outcome
-from s2rstore.metrics.bootstrap import Interval, percentile_interval
+from s2rstore.intervals import Interval, verdict
+from s2rstore.intervals.verdict import Bounds, Outcome
 from s2rtools.gap import defaults
-from s2rtools.gap.axis_result import AxisResult, Floats, GapSettings
+from s2rtools.gap.axis_result import AxisResult, GapSettings
 from s2rtools.gap.gate.reference import AxisScale, Reference
 from s2rtools.gap.measure import Measurement
 
@@ -31,15 +30,11 @@ _REASONS: dict[Outcome, str] = {
 
 @dataclass(frozen=True, slots=True)
 class AxisGap:
-    """G of one axis with its interval and `replicates` (R,); not clipped to 0 .. 100."""
+    """G of one axis with its interval, also at any level by `bounds`; not clipped to 0 .. 100."""
 
     axis: str
     gap: Interval
-    replicates: Floats
-
-    def bounds(self, level: float) -> Interval:
-        """The interval at a level."""
-        return percentile_interval(self.gap.value, self.replicates, level)
+    bounds: Bounds
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,10 +104,12 @@ def unjudged(threshold: float) -> Verdict:
 
 
 def _axis_gap(measured: AxisResult, scale: AxisScale, level: float) -> AxisGap:
-    span = scale.anchor - scale.floor
-    value = 100 * (measured.value - measured.floor) / span
-    replicates = 100 * (measured.replicates - measured.floor_replicates) / span
-    return AxisGap(measured.axis, percentile_interval(value, replicates, level), replicates)
+    factor = 100 / (scale.anchor - scale.floor)
+
+    def bounds(level: float) -> Interval:
+        return measured.bounds(level).scaled(factor, -measured.floor)
+
+    return AxisGap(measured.axis, bounds(level), bounds)
 
 
 def _check_fits(measured: AxisResult, scale: AxisScale, source: str) -> None:

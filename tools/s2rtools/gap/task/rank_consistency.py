@@ -1,8 +1,12 @@
 """Rank consistency: whether simulation ranks the runs of a store in the same order as reality.
 
-The intervals resample the instances of these runs; they do not generalise to other runs. Source:
-Li et al., "Evaluating real-world robot manipulation policies in simulation" (SIMPLER), 2024, for
-the mean maximum rank violation; Kadian et al., "Sim2Real predictivity", 2020, for the coefficient.
+The regret is what choosing a run by simulation costs in reality; its interval is about these runs.
+The rank correlation has an interval about other runs like these where there are enough runs. The
+mean maximum rank violation cannot be below 0 and grows with the noise of the errors: it has none.
+
+Source: Li et al., "Evaluating real-world robot manipulation policies in simulation" (SIMPLER),
+2024, for the mean maximum rank violation; Kadian et al., "Sim2Real predictivity", 2020, for the
+correlation.
 """
 
 from __future__ import annotations
@@ -11,15 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from s2rstore.errors import InconclusiveError
+from s2rstore.intervals import MIN_MEAN, MIN_SHARE, Interval, paired_difference, spearman
+from s2rstore.intervals.verdict import Bounds, largest
 from s2rstore.metrics import run_metrics
-from s2rstore.metrics.bootstrap import (
-    Interval,
-    mean_replicates,
-    percentile_interval,
-    split_into_blocks,
-)
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtools.gap.axis_result import GapSettings
@@ -27,23 +28,35 @@ from s2rtools.gap.axis_result import GapSettings
 Floats = NDArray[np.float64]
 
 MIN_RUNS = 5
-MIN_INSTANCES = 20
-MIN_BLOCKS = 4
 
 
 @dataclass(frozen=True, slots=True)
 class RankConsistency:
     """Mean errors `sim` and `real` (m) of `runs` on the same `n` instances, and their agreement.
 
-    `correlation` is Pearson's, NaN where all runs have the same error; `rank_violation` is in m.
+    spearman, kendall, pearson: correlations of the mean errors, NaN where all runs have the same
+    error. chosen: the run that simulation ranks first; best: the one that reality does. regret:
+    real error of the chosen run minus that of the best, m. rank_violation: in m.
     """
 
     runs: tuple[str, ...]
     sim: tuple[float, ...]
     real: tuple[float, ...]
     n: int
-    correlation: Interval
-    rank_violation: Interval
+    spearman: Interval
+    kendall: float
+    pearson: float
+    chosen: str
+    best: str
+    regret: Interval
+    rank_violation: float
+
+    @property
+    def scope(self) -> str:
+        """What the correlations are about."""
+        if self.spearman.is_known:
+            return f"{len(self.runs)} runs, and runs like these"
+        return f"{len(self.runs)} runs, these runs only"
 
 
 def rank_consistency(
@@ -63,53 +76,65 @@ def rank_consistency(
     common[iids] = True
     for run in runs:
         common &= run_metrics.held_out(store, run)
-    chosen = store.in_recording_order(common)
-    blocks = split_into_blocks(store.instances.trajectory[chosen])
-    n = chosen.size
-    if n < MIN_INSTANCES or blocks.count < MIN_BLOCKS:
+    rows = store.in_recording_order(common)
+    if rows.size < MIN_MEAN:
         raise InconclusiveError(
-            f"{store.path}: {n} instances in {blocks.count} blocks that no run's model was trained "
-            f"on; at least {MIN_INSTANCES} in {MIN_BLOCKS} are needed"
+            f"{store.path}: {rows.size} instances that no run's model was trained on; at least "
+            f"{MIN_MEAN} are needed"
         )
     columns = [store.run_columns(run) for run in runs]
-    sides = (np.stack([getattr(c, s).error[chosen] for c in columns], axis=1) for s in SIDES)
-    (sim, sims), (real, reals) = (
-        (errors.mean(axis=0)[None, :], mean_replicates(errors, blocks, settings))
-        for errors in sides
+    sims, reals = (
+        np.stack([getattr(each, side).error[rows] for each in columns], axis=1) for side in SIDES
     )
+    sim, real = sims.mean(axis=0), reals.mean(axis=0)
+    chosen = int(np.argmin(sim))
     return RankConsistency(
-        tuple(runs),
-        tuple(sim[0].tolist()),
-        tuple(real[0].tolist()),
-        n,
-        _interval(correlation(sim, real), correlation(sims, reals), settings.level),
-        _interval(rank_violation(sim, real), rank_violation(sims, reals), settings.level),
+        runs=tuple(runs),
+        sim=tuple(sim.tolist()),
+        real=tuple(real.tolist()),
+        n=int(rows.size),
+        spearman=_rank_correlation(sim, real, settings.level),
+        kendall=_correlation(stats.kendalltau, sim, real),
+        pearson=_correlation(stats.pearsonr, sim, real),
+        chosen=runs[chosen],
+        best=runs[int(np.argmin(real))],
+        regret=regret(reals, chosen, store.instances.trajectory[rows], settings.level),
+        rank_violation=rank_violation(sim, real),
     )
 
 
-def correlation(sim: Floats, real: Floats) -> Floats:
-    """Pearson correlation of each row of (R, runs), shape (R,); NaN where a row is constant."""
-    a, b = (side - side.mean(axis=1, keepdims=True) for side in (sim, real))
-    scale = np.sqrt((a * a).sum(axis=1) * (b * b).sum(axis=1))
-    small = 1e-12 * np.maximum(np.abs(sim).max(axis=1) * np.abs(real).max(axis=1), 1e-300)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(scale > small, (a * b).sum(axis=1) / scale, np.nan)
-    return np.asarray(np.clip(ratio, -1.0, 1.0))
+def regret(real: Floats, chosen: int, trajectory: NDArray[np.integer], level: float) -> Interval:
+    """Mean real error of the chosen run minus that of the best of the runs, in metres.
+
+    `real` (n, runs) are errors of the same instances in recording order. At least 0.
+    """
+
+    def excess_over(other: int) -> Bounds:
+        difference = real[:, chosen] - real[:, other]
+        return lambda level: paired_difference(difference, trajectory, level=level)
+
+    return largest(map(excess_over, range(real.shape[1])), level).at_least(0.0)
 
 
-def rank_violation(sim: Floats, real: Floats) -> Floats:
-    """Mean maximum rank violation of each row of (R, runs), shape (R,), in the unit of the errors.
+def rank_violation(sim: Floats, real: Floats) -> float:
+    """Mean maximum rank violation of mean errors (runs,), in their unit.
 
     The violation of two runs is the difference of their real errors where sim ranks them the other
     way round, else 0; the largest violation of each run is averaged over the runs.
     """
-    wrong = (sim[:, :, None] < sim[:, None, :]) != (real[:, :, None] < real[:, None, :])
-    distance = np.abs(real[:, :, None] - real[:, None, :])
-    return np.asarray(np.where(wrong, distance, 0.0).max(axis=2).mean(axis=1))
+    wrong = (sim[:, None] < sim[None, :]) != (real[:, None] < real[None, :])
+    distance = np.abs(real[:, None] - real[None, :])
+    return float(np.where(wrong, distance, 0.0).max(axis=1).mean())
 
 
-def _interval(value: Floats, replicates: Floats, level: float) -> Interval:
-    known = replicates[np.isfinite(replicates)]
-    if not np.isfinite(value[0]) or not known.size:
-        return Interval.unknown()
-    return percentile_interval(value[0], known, level)
+def _rank_correlation(sim: Floats, real: Floats, level: float) -> Interval:
+    value = _correlation(stats.spearmanr, sim, real)
+    if sim.size < MIN_SHARE or np.isnan(value):
+        return Interval.unknown(value, f"{sim.size} runs, a correlation needs {MIN_SHARE}")
+    return spearman(sim, real, np.arange(sim.size), level=level)
+
+
+def _correlation(of: object, sim: Floats, real: Floats) -> float:
+    if np.ptp(sim) == 0 or np.ptp(real) == 0:
+        return float("nan")
+    return float(of(sim, real).statistic)  # type: ignore[operator]

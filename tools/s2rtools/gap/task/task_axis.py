@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import InconclusiveError
+from s2rstore.intervals import MIN_MEAN, paired_difference
 from s2rstore.metrics import run_metrics
-from s2rstore.metrics.bootstrap import mean_replicates
 from s2rtools.gap import instance_selection
 from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
-from s2rtools.gap.task.group_metrics import GroupErrors, group_metrics, no_gap_interval
+from s2rtools.gap.task.group_metrics import GroupErrors, group_metrics
 
 Floats = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class TaskAxis(Axis):
     def measure(self, evidence: Evidence, settings: GapSettings) -> AxisResult:
         iids, errors = _errors(evidence)
         left_out = instance_selection.selected(evidence).size - iids.size
-        notes: tuple[str, ...] = (instance_selection.bootstrap_note(errors.blocks),)
+        notes: tuple[str, ...] = (instance_selection.sample_note(errors.mean_gap(settings.level)),)
         if left_out:
             notes += (f"{left_out} instances are left out: not predicted, or used for training",)
         return AxisResult(
@@ -53,8 +53,7 @@ class TaskAxis(Axis):
             value=float(errors.gap.mean()),
             floor=0.0,
             n=iids.size,
-            replicates=mean_replicates(errors.gap, errors.blocks, settings),
-            floor_replicates=np.zeros(settings.replicates),
+            bounds=errors.mean_gap,
             fingerprint={
                 "poses": instance_selection.poses_sha256(evidence.store),
                 "expression": evidence.expression,
@@ -67,38 +66,37 @@ class TaskAxis(Axis):
     def anchor(self, evidence: Evidence, settings: GapSettings) -> Anchor:
         _, errors = _errors(evidence)
         gap = errors.constant - errors.sim
-        replicates = mean_replicates(gap, errors.blocks, settings)
-        state = "the constant prediction of the mean position"
-        return Anchor(float(gap.mean()), replicates, state)
+        interval = paired_difference(gap, errors.trajectory, level=settings.level)
+        return Anchor(interval, "the constant prediction of the mean position")
 
 
 def _errors(evidence: Evidence) -> tuple[NDArray[np.int64], GroupErrors]:
-    """Raises InconclusiveError where there are too few instances or blocks."""
+    """Raises InconclusiveError where there are too few instances."""
     store, iids = evidence.store, instance_selection.held_out(evidence)
     columns = store.run_columns(evidence.run)
-    blocks = instance_selection.sufficient_blocks(evidence, iids)
+    instance_selection.require_instances(evidence, iids, MIN_MEAN)
     every = run_metrics.held_out(store, evidence.run)
     positions = store.poses(store.run(evidence.run).sim_domain)[:, :2]
     constant = np.hypot(*(positions[iids] - positions[every].mean(axis=0)).T)
-    return iids, GroupErrors(columns.sim.error[iids], columns.real.error[iids], constant, blocks)
+    trajectory = store.instances.trajectory[iids]
+    errors = GroupErrors(columns.sim.error[iids], columns.real.error[iids], constant, trajectory)
+    return iids, errors
 
 
 def _details(
     evidence: Evidence, iids: NDArray[np.int64], errors: GroupErrors, settings: GapSettings
 ) -> dict[str, Any]:
     truth = evidence.store.instances
-    whole = group_metrics(errors, np.zeros(iids.size, np.int32), ["all"], settings)["all"]
-    by_block = replace(errors, blocks=errors.blocks.ungrouped())
+    level = settings.level
+    whole = group_metrics(errors, np.zeros(iids.size, np.int32), ["all"], level)["all"]
     sector, sector_names = heading_sectors(truth.heading[iids])
     return {
         **whole,
-        "blocks": errors.blocks.count,
-        "no_gap_interval": no_gap_interval(errors, settings),
-        "runs": _runs(evidence, settings),
-        "rooms": group_metrics(errors, truth.room[iids], truth.room_names, settings),
-        "headings": group_metrics(errors, sector, sector_names, settings),
+        "runs": _runs(evidence, level),
+        "rooms": group_metrics(errors, truth.room[iids], truth.room_names, level),
+        "headings": group_metrics(errors, sector, sector_names, level),
         "trajectories": group_metrics(
-            by_block, truth.trajectory[iids], truth.trajectory_names, settings
+            errors, truth.trajectory[iids], truth.trajectory_names, level
         ),
     }
 
@@ -111,7 +109,7 @@ def heading_sectors(heading: Floats) -> tuple[NDArray[np.int64], list[str]]:
     return code, [str(int(centre)) for centre in degrees]
 
 
-def _runs(evidence: Evidence, settings: GapSettings) -> dict[str, Any]:
+def _runs(evidence: Evidence, level: float) -> dict[str, Any]:
     """The same metrics for every computed run with enough instances of the selection."""
     metrics: dict[str, Any] = {}
     for run in evidence.store.runs.values():
@@ -121,5 +119,5 @@ def _runs(evidence: Evidence, settings: GapSettings) -> dict[str, Any]:
             iids, errors = _errors(replace(evidence, run=run.run))
         except InconclusiveError:
             continue
-        metrics |= group_metrics(errors, np.zeros(iids.size, np.int32), [run.run], settings)
+        metrics |= group_metrics(errors, np.zeros(iids.size, np.int32), [run.run], level)
     return metrics

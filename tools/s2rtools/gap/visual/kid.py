@@ -9,7 +9,7 @@ and the real images of A, averaged over all splits. Pairs of images of one block
 because neighbouring images are alike and would count as a gap. The average has a closed form, a sum
 over pairs of blocks: d' (SS + RR - 2 SR) d / d' N d, with S and R the block sums of the kernel, N
 the numbers of pairs and d all ones. Where sim and real images are identical every term is 0.
-Bootstrap replicates and permutations change only d.
+Permutations change only d.
 
 Source: Binkowski et al., "Demystifying MMD GANs", 2018; Gretton et al., "A kernel two-sample test",
 2012.
@@ -22,8 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.intervals import LEVEL
-from s2rstore.metrics.bootstrap import Blocks, corrected
+from s2rstore.intervals import LEVEL, Interval, linear
+from s2rtools.common.blocks import Blocks
 
 Floats = NDArray[np.float64]
 
@@ -53,35 +53,29 @@ def kernel_distance(x: Floats, y: Floats) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BlockMMD:
-    """Kernel sums of B blocks: `excess` (B, B) is SS + RR - 2 SR, `pairs` (B, B) the numbers of
-    pairs; both have a diagonal of 0. `units` (B,) are the codes of the resampling units.
+    """Kernel sums of n instances in B blocks.
+
+    `excess` (B, B) is SS + RR - 2 SR of two blocks, with a diagonal of 0. `sums` (n,) are the sums
+    of each instance over those of other blocks, `pairs` (n,) their numbers.
     """
 
     excess: Floats
+    sums: Floats
     pairs: Floats
-    units: NDArray[np.int64]
-
-    @property
-    def blocks(self) -> int:
-        return self.pairs.shape[0]
+    blocks: Blocks
 
     def value(self) -> float:
         """NaN below 2 blocks."""
         total = self.pairs.sum()
-        return float(self.excess.sum() / total) if total else float("nan")
+        return float(self.sums.sum() / total) if total else float("nan")
 
-    def replicates(self, counts: Floats, level: float = LEVEL) -> Floats:
-        """Bootstrap replicates (R,) of samples that hold block b `counts` (R, B) times.
-
-        Copies of one unit form no pairs with each other, because the pair of an instance and
-        itself would bias the distance; pairs inside a unit count once for each of its copies.
-        """
-        resampled = self._resampled(counts, self.excess) / self._resampled(counts, self.pairs)
-        return corrected(resampled, self.value(), int(self.units.max()) + 1, level)
-
-    def _resampled(self, counts: Floats, matrix: Floats) -> Floats:
-        inside = np.where(self.units[:, None] == self.units, matrix, 0.0)
-        return np.asarray(_quadratic(counts, matrix - inside) + counts @ inside.sum(axis=1))
+    def interval(self, level: float = LEVEL) -> Interval:
+        """The distance with its interval, from the influence of each instance."""
+        value, sizes = self.value(), np.diff(self.blocks.start)
+        if not self.sums.any():  # sim and real images are identical
+            return Interval(0.0, 0.0, 0.0, level)
+        influence = 2 * (self.sums - value * self.pairs) / self.pairs.mean()
+        return linear(value, influence, np.repeat(self.blocks.trajectory, sizes), level=level)
 
     def swap_p(self, permutations: int, seed: int) -> float:
         """Permutation p-value: the sim and real images of whole units are exchanged.
@@ -90,7 +84,8 @@ class BlockMMD:
         permutations are tried where there are at most `permutations`; the smallest possible value
         is 2^(1 - units).
         """
-        count = int(self.units.max()) + 1
+        units = self.blocks.units
+        count = int(units.max()) + 1
         if 2 ** (count - 1) <= permutations:
             signs = _all_signs(count)
         else:
@@ -99,7 +94,7 @@ class BlockMMD:
             signs = np.concatenate([np.ones((1, count)), drawn], axis=0)
         observed = float(self.excess.sum())
         slack = 1e-9 * float(np.abs(self.excess).sum())
-        return float((_quadratic(signs[:, self.units], self.excess) >= observed - slack).mean())
+        return float((_quadratic(signs[:, units], self.excess) >= observed - slack).mean())
 
 
 def _all_signs(count: int) -> Floats:
@@ -109,24 +104,20 @@ def _all_signs(count: int) -> Floats:
 
 
 def block_mmd(sim: Floats, real: Floats, blocks: Blocks) -> BlockMMD:
-    """Block sums for features (n, d) of both sides of the same instances, in recording order.
+    """Kernel sums for features (n, d) of both sides of the same instances, in recording order.
 
     Sums of the size of rounding errors count as 0.
     """
-    within = _block_sums(sim, sim, blocks) + _block_sums(real, real, blocks)
-    excess = within - 2 * _block_sums(sim, real, blocks)
-    excess[np.abs(excess) < _ROUNDING * np.abs(within)] = 0.0
-    pairs = np.outer(blocks.sizes, blocks.sizes)
-    np.fill_diagonal(pairs, 0.0)
-    return BlockMMD(excess, pairs, blocks.units)
-
-
-def _block_sums(x: Floats, y: Floats, blocks: Blocks) -> Floats:
-    """Kernel sums over all pairs of two blocks, symmetric (B, B) with a diagonal of 0."""
-    sums = blocks.sums(blocks.sums(polynomial_gram(x, y)).T)
-    sums = (sums + sums.T) / 2
-    np.fill_diagonal(sums, 0.0)
-    return sums
+    within = polynomial_gram(sim, sim) + polynomial_gram(real, real)
+    across = polynomial_gram(sim, real)
+    kernel = within - across - across.T
+    kernel[np.abs(kernel) < _ROUNDING * np.abs(within)] = 0.0
+    to_blocks = blocks.sums(kernel).T  # (n, B)
+    own = np.repeat(np.arange(blocks.count), np.diff(blocks.start))
+    to_blocks[np.arange(own.size), own] = 0.0
+    return BlockMMD(
+        blocks.sums(to_blocks), to_blocks.sum(axis=1), own.size - blocks.sizes[own], blocks
+    )
 
 
 def _quadratic(rows: Floats, matrix: Floats) -> Floats:

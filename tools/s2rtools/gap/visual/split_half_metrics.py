@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.metrics.bootstrap import Blocks
+from s2rtools.common.blocks import Blocks
 from s2rtools.gap.instance_selection import random_halves
 from s2rtools.gap.visual.fid import frechet_distance
 from s2rtools.gap.visual.kid import kernel_distance

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.metrics.bootstrap import Blocks, block_counts, split_into_blocks
+from s2rstore.intervals import MIN_MEAN
 from s2rstore.records import Run, Side
 from s2rstore.run_inputs import chain_text
+from s2rtools.common.blocks import Blocks, split_into_blocks
 from s2rtools.gap import instance_selection
 from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
 from s2rtools.gap.visual.features import FeatureSource, feature_source
@@ -22,14 +23,6 @@ from s2rtools.gap.visual.split_half_metrics import split_half_metrics
 
 Floats = NDArray[np.float64]
 
-MIN_INSTANCES = 40
-MIN_BLOCKS = 6
-"""2^(1 - 6) < 0.05: with fewer blocks no permutation test is significant at 5 %.
-
-In simulations with a correlation of 0.8 between neighbours, 95 % intervals covered the truth in
-95 % for 40 instances in 6 blocks and in 90 to 97 % for 100 to 500 instances; with a correlation of
-0.95, which reaches beyond a block of 100 instances, in 78 %.
-"""
 MAX_INSTANCES = 2000
 _SEED = 7
 _PERMUTATIONS = 999
@@ -81,7 +74,6 @@ class VisualAxis(Axis):
     def measure(self, evidence: Evidence, settings: GapSettings) -> AxisResult:
         sample = _sample(evidence)
         pair = block_mmd(sample.sim, sample.real, sample.blocks)
-        counts = block_counts(sample.blocks, settings, min_units=2)
         components = principal_components(sample.sim, sample.real, settings.pca)
         predictions = prediction_samples(evidence.store, evidence.run, sample.iids)
         warning = bias_warning(components.periods.size)
@@ -101,8 +93,7 @@ class VisualAxis(Axis):
             value=pair.value(),
             floor=0.0,
             n=sample.iids.size,
-            replicates=pair.replicates(counts, settings.level),
-            floor_replicates=np.zeros(settings.replicates),
+            bounds=pair.interval,
             fingerprint={
                 **sample.source.identity,
                 "poses": instance_selection.poses_sha256(evidence.store),
@@ -113,7 +104,7 @@ class VisualAxis(Axis):
                 "n": int(sample.iids.size),
             },
             details={
-                "blocks": pair.blocks,
+                "blocks": pair.blocks.count,
                 "kid_p": pair.swap_p(_PERMUTATIONS, settings.seed),
                 "permutations": _PERMUTATIONS,
                 "halves": halves,
@@ -121,7 +112,7 @@ class VisualAxis(Axis):
             notes=(
                 *sample.notes,
                 noise_floor,
-                instance_selection.bootstrap_note(sample.blocks),
+                instance_selection.sample_note(pair.interval(settings.level)),
                 _RAW_FID,
                 *([f"PCA: {warning}"] if warning else []),
             ),
@@ -138,8 +129,7 @@ class VisualAxis(Axis):
             state = f"the {side} images before {chain_text(chain)} (run {raw.run})"
         sample = _sample(replace(evidence, run=raw.run), iids=_iids(evidence))
         pair = block_mmd(sample.sim, sample.real, sample.blocks)
-        counts = block_counts(sample.blocks, settings, min_units=2)
-        return Anchor(pair.value(), pair.replicates(counts, settings.level), state)
+        return Anchor(pair.interval(settings.level), state)
 
 
 def _iids(evidence: Evidence) -> NDArray[np.int64]:
@@ -150,10 +140,11 @@ def _iids(evidence: Evidence) -> NDArray[np.int64]:
 
 
 def _sample(evidence: Evidence, iids: NDArray[np.int64] | None = None) -> _Sample:
-    """Raises InconclusiveError where there are too few instances or blocks."""
+    """Raises InconclusiveError where there are too few instances."""
     store = evidence.store
     iids = _iids(evidence) if iids is None else iids
-    blocks = instance_selection.sufficient_blocks(evidence, iids, MIN_INSTANCES, MIN_BLOCKS)
+    instance_selection.require_instances(evidence, iids, MIN_MEAN)
+    blocks = split_into_blocks(store.instances.trajectory[iids])
     notes: tuple[str, ...] = ()
     if iids.size > MAX_INSTANCES:
         fine = split_into_blocks(store.instances.trajectory[iids], round(MAX_INSTANCES**0.5))
