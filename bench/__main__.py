@@ -1,4 +1,4 @@
-"""Run all measurements, or those selected by --only."""
+"""Run all measurements, or those that are named."""
 
 from __future__ import annotations
 
@@ -38,6 +38,7 @@ from bench import (
     terminal_bytes,
     time_delay,
     true_pixels,
+    verdicts,
 )
 from bench.budget import BudgetRow
 from bench.measured_stores import QUIET
@@ -62,16 +63,18 @@ _MEASUREMENTS = (
     "harm_cost",
     "end_to_end",
 )
-_ON_REQUEST = ("harm", "suggest", "collect", "intervals")
-"""Measurements of more than ten minutes, which run only where --only names them."""
+_ON_REQUEST = ("harm", "suggest", "collect", "intervals", "verdicts")
+"""Measurements of more than ten minutes, which run only where they are named."""
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m bench", description=__doc__)
     parser.add_argument("--json", action="store_true", help="one JSON object per line")
     parser.add_argument(
-        "--only", choices=(*_MEASUREMENTS, *_ON_REQUEST), action="append", help="repeatable"
-    )
+        "names", nargs="*", metavar="NAME",
+        help=f"of {', '.join((*_MEASUREMENTS, *_ON_REQUEST))} (default: all that take less than "
+        "ten minutes)",
+    )  # fmt: skip
     parser.add_argument(
         "--store",
         type=Path,
@@ -91,11 +94,14 @@ def main() -> int:
     )  # fmt: skip
     parser.add_argument(
         "--repeats", type=int, default=intervals.REPEATS,
-        help="simulated series of each row of intervals (default %(default)s)",
+        help="simulated series of each row of intervals and verdicts (default %(default)s)",
     )  # fmt: skip
     parser.add_argument("--threads", type=int, default=os.cpu_count() or 1)
     options = parser.parse_args()
-    selected = options.only or list(_MEASUREMENTS)
+    selected = options.names or list(_MEASUREMENTS)
+    unknown = set(selected) - {*_MEASUREMENTS, *_ON_REQUEST}
+    if unknown:
+        parser.error(f"unknown: {', '.join(sorted(unknown))}")
     failed = 0
     folder = Path(tempfile.mkdtemp())
     try:
@@ -150,6 +156,8 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
         yield from collect.figures(options.seeds or collect.SEEDS)
     if "intervals" in selected:
         yield from intervals.figures(options.repeats)
+    if "verdicts" in selected:
+        yield from verdicts.figures(options.repeats)
     if "suggest" in selected:
         yield from suggest.figures(options.seeds or suggest.SEEDS)
     if "end_to_end" in selected:

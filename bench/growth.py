@@ -1,4 +1,4 @@
-"""Cost of one more run in a store of 10 and of 100 runs: `python -m bench --only growth`.
+"""Cost of one more run in a store of 10 and of 100 runs: `python -m bench growth`.
 
 The stores have 10^6 instances. Their first runs are published as usual; the files of rows of the
 others are hard links to those of the first, since their content does not matter to a writer, which

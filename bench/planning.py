@@ -1,4 +1,4 @@
-"""Planning of runs in a store of 100 runs of 10^6 instances: `python -m bench --only planning`.
+"""Planning of runs in a store of 100 runs of 10^6 instances: `python -m bench planning`.
 
 A second store has few runs and many parts, as one to which a lab appends every week.
 

@@ -14,7 +14,7 @@ from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.screens.doctor import DoctorScreen
 from s2rtui.app.status_line import status_line
-from s2rtui.app.titled_view import truncated
+from s2rtui.app.titled_view import _divided, truncated
 from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.charts.registry import VIEWS
 from s2rtui.cli.formatting.rows import table
@@ -37,16 +37,16 @@ def test_the_status_line_fits_and_keeps_count_and_expression(
     state = replace(
         session.state,
         newest=session.state.generation + newer,
-        trajectories=("a",) if narrowed else None,
+        trajectories=("所有",) if narrowed else None,
         expression="x" * length,
     )
     head, text, tail = status_line(session.store, state, width, RenderOptions())
     assert state.count in head
     assert text.rstrip("…") == "x" * len(text.rstrip("…"))
-    assert len(head + text + tail) <= max(width - 2, len(state.count) + 3 + 8)
+    assert cell_len(head + text + tail) <= max(width - 2, len(state.count) + 3 + 8)
     if width >= 40:
         assert len(text) >= min(length, 20)
-    for part in ("run vanilla", "traj a" if narrowed else "run vanilla"):
+    for part in ("run vanilla", "traj 所有" if narrowed else "run vanilla"):
         if width >= 60:
             assert part in head
 
@@ -115,8 +115,9 @@ def test_a_card_has_the_computed_height(width, rows):
 def test_titles_and_tables_count_cells():
     for width in range(8, 24):
         assert cell_len(truncated("所有世界 is 12.5 m", width, RenderOptions())) <= width
-    lines = table(["name", "value"], [["所有", 1], ["all", 12]]).splitlines()
-    assert {cell_len(line) for line in lines} == {11}
+        assert cell_len(_divided("所有 世界 所有 世界 所有 世界", width)[0]) <= width
+    lines = table(["name", "value"], [["所有世界", 1], ["all", 12]]).splitlines()
+    assert {cell_len(line) for line in lines} == {15}
 
 
 SCREENS = Path(__file__).parent / "screens"

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from io import BytesIO
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from s2rstore.records import Bounds, Room
 from s2rtui.analysis.map_frame import fit_frame, panned, sample, zoomed
-from s2rtui.canvas import DARK, DEFAULT_OPTIONS, ColourMode, RenderOptions, heading_arrow
+from s2rtui.canvas import DARK, DEFAULT_OPTIONS, LIGHT, ColourMode, RenderOptions, heading_arrow
 from s2rtui.canvas.colour import legible, mix, turbo
 from s2rtui.canvas.marks import Mark
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.charts.map.model import LINES_UP_TO, iids_with_error_lines
+from s2rtui.charts.map.paper import map_figure
 from s2rtui.charts.map.terminal import draw_map, map_layout, map_panels
 from s2rtui.charts.shared.base_map_background import DIMMED
 from s2rtui.charts.shared.base_map_model import MapInput, map_model, sorted_by_value
-from s2rtui.charts.shared.heat_colours import heat_ramp, map_opacity
+from s2rtui.charts.shared.heat_colours import map_opacity
 from tests.charts.examples import BOUNDS, map_input
 
 SIZE = (80, 26)
@@ -240,14 +243,25 @@ def thirds(view: MapInput, pixels: np.ndarray) -> list[list[int]]:
     return [pixels[int(y * scale / 2), int(x * scale)].tolist() for x, y in places]
 
 
+def is_green(pixels: np.ndarray) -> np.ndarray:
+    """Where the middle of a scale without sign would be drawn."""
+    red, green, blue = np.moveaxis(pixels.astype(int), -1, 0)
+    return (green > red + 40) & (green > blue + 40)
+
+
+NO_POINTS = {"valid": np.zeros(60, np.bool_), "selected": np.zeros(60, np.bool_), "value_label": ""}
+
+
 def test_signed_heat_on_the_map_is_blue_and_orange_and_transparent_at_0():
-    view = signed_map()
+    view = signed_map(**NO_POINTS)
     canvas, layout = draw_map(view, SIZE), map_layout(view, SIZE)
     rows = np.repeat(canvas.bg[:, layout.x : layout.x + layout.frame.width], 2, axis=0)
     low, zero, high = thirds(view, np.asarray(rows[layout.y :]))
     assert low[2] > low[0] + 80
     assert tuple(zero) == DARK.background
     assert high[0] > high[2] + 80
+    assert not is_green(canvas.fg).any()
+    assert not is_green(canvas.bg).any()
     assert map_model(signed_map(heat=np.full((15, 30), -0.5))).heat_range == (-0.5, 0.5)
 
 
@@ -260,10 +274,15 @@ def test_signed_heat_without_colours_differs_by_its_glyphs():
         assert lines[2].index("MMMM") < lines[2].index("%%%%")
 
 
-def test_signed_heat_on_paper_is_transparent_at_0():
+def test_signed_heat_on_paper_is_blue_and_orange_and_transparent_at_0():
     shares = np.array([0.0, 0.5, 1.0, np.nan])
     assert map_opacity(shares, True).tolist() == [0.86, 0.0, 0.86, 0.0]
     assert map_opacity(shares, False)[0] > 0
-    (blue, _, orange) = heat_ramp(True)(shares[:3]).tolist()
-    assert blue[2] > blue[0]
-    assert orange[0] > orange[2]
+    page = map_figure(signed_map(**NO_POINTS), (600, 400))
+    pixels = np.asarray(Image.open(BytesIO(page)).convert("RGB")).astype(int)
+    assert not is_green(pixels).any()
+    excess = pixels[..., 2] - pixels[..., 0]
+    blue, orange = (np.flatnonzero((sign * excess > 80).sum(axis=0) > 150) for sign in (1, -1))
+    middle = pixels[100, blue.max() + 2 : orange.min() - 1]
+    assert len(middle) > 100
+    assert (middle == LIGHT.background).all()

@@ -34,6 +34,13 @@ def test_text_is_clipped_aligned_and_has_no_control_characters():
     assert "\x1b" not in canvas.lines()[2]
 
 
+def test_a_number_that_does_not_fit_is_left_out_whole():
+    for x in range(-8, 11):
+        canvas = Canvas(10, 1)
+        canvas.text(x, 0, "u -10.5")
+        assert canvas.lines()[0].strip() in {"", "u", "-10.5", "u -10.5"}
+
+
 def test_wide_characters_occupy_two_whole_cells():
     canvas = Canvas(4, 1)
     canvas.text(0, 0, "a界界")

@@ -15,6 +15,7 @@ from s2rtui.canvas.colour import mix
 from s2rtui.canvas.marks import Mark
 from s2rtui.charts.errors.model import errors_model
 from s2rtui.charts.errors.terminal import draw_errors, errors_panels
+from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.bars import SOLID
 from tests.charts.examples import N, errors_input
 
@@ -43,6 +44,18 @@ def test_large_errors_count_in_the_last_bin_and_nan_in_none():
     model = errors_model(view, 2)
     assert model.sim.total.tolist() == [0, 2]
     assert model.sim.beyond == 1
+
+
+@pytest.mark.parametrize("median", [0.0184, 123456.0])
+def test_the_number_of_a_median_is_never_cut(median):
+    everything = np.ones(4, dtype=np.bool_)
+    errors = np.full(4, median)
+    view = errors_input(
+        sim=errors, real=errors, selected=everything, valid=everything, upper=2 * median
+    )
+    for columns in range(24, 40):
+        line = draw_errors(view, (columns, 11)).lines()[1]
+        assert f"median {short_number(median, 2)} " in line
 
 
 @given(columns, columns, masks, masks, st.integers(1, 40))

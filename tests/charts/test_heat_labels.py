@@ -14,6 +14,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from scipy import ndimage
 
 import s2rstore
+from s2rstore.heatmap_kinds import heatmap_facts
 from s2rstore.metrics.heatmap_scores import trust_line
 from s2rstore.reader import Store
 from s2rstore.records import ArrayRecord
@@ -89,6 +90,7 @@ def test_every_label_names_kind_mode_and_unit(store, state, monkeypatch):
         unit = view.heat_unit
         assert unit in UNITS
         assert unit not in kinds
+        assert view.heat_is_signed == heatmap_facts(kind).is_signed
         map_paper.map_figure(view, (800, 600))
         images = instance_input(**heat_fields(store, RUN, heat))
         instance_paper.instance_figure(images, (800, 600))
@@ -107,6 +109,11 @@ def test_modes_of_a_kind_have_units_of_their_own(store):
         for mode in ("rgb", "depth")
     }
     assert units == {"rgb": "standard deviations", "depth": "m"}
+
+
+def test_numbers_of_pixels_have_no_sign(store, state):
+    counted = replace(state, heat=HeatChoice("harm", "position"), overlay="run", aggregate="count")
+    assert not map_input(store, counted, heat=np.ones((4, 4))).heat_is_signed
 
 
 @given(arrays(np.bool_, array_shapes(min_dims=2, max_dims=2, max_side=12), elements=st.booleans()))

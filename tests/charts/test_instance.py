@@ -12,11 +12,13 @@ import s2rstore
 from s2rstore.index.transaction import edit
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.canvas.colour import NO_DEPTH
+from s2rtui.charts.instance import paper as instance_paper
 from s2rtui.charts.instance.model import instance_input as stored_instance_input
 from s2rtui.charts.map.model import error_glyphs, full_scale
 from s2rtui.charts.map.terminal import draw_map, map_layout
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.scene import Resources, Scene
+from s2rtui.charts.shared import image_pair_terminal
 from s2rtui.charts.shared.base_map_model import MapInput, map_input, map_model
 from s2rtui.charts.shared.heat_colours import heat_colours
 from s2rtui.charts.shared.image_pair_model import instance_model, panel_pixels
@@ -56,6 +58,24 @@ def test_signed_scale_is_symmetric_and_shared_and_unsigned_starts_at_zero():
     unsigned = instance_model(instance_input(signed=False, sim=side(1, heat=False)))
     assert unsigned.heat_range is not None
     assert unsigned.heat_range[0] <= 0
+
+
+@pytest.mark.parametrize(
+    ("module", "bar", "colours", "draw"),
+    [(instance_paper, "draw_colour_bar", 6, instance_paper.instance_figure),
+     (image_pair_terminal, "colour_bar", 5, image_pair_terminal.draw_instance)],
+)  # fmt: skip
+def test_the_bar_of_signed_heat_is_neutral_in_the_middle(module, bar, colours, draw, monkeypatch):
+    drawn, ramps = getattr(module, bar), []
+
+    def record(*arguments):
+        ramps.append(arguments[colours])
+        return drawn(*arguments)
+
+    monkeypatch.setattr(module, bar, record)
+    draw(instance_input(), (600, 400))
+    assert np.ptp(ramps[0]([0.5])) == 0
+    assert np.ptp(ramps[0]([0.9])) > 80
 
 
 def test_zero_heat_is_transparent():

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
+from s2rstore.intervals.interval import Bound
 from s2rtui.canvas import DARK, Canvas, RenderOptions
 from s2rtui.charts.findings.model import FindingsInput, report_lines
 from s2rtui.charts.findings.paper import _lines as paper_lines
 from s2rtui.charts.findings.terminal import draw_findings, findings_panels
+from s2rtui.charts.findings.view import VIEW
 from s2rtui.charts.map.terminal import draw_map
 from s2rtui.charts.shared.legend import (
     colour_bar,
@@ -84,6 +89,16 @@ def test_all_findings_with_evidence_and_notes_are_shown(size):
         for part in (finding.kind, finding.text.split(",")[0], "corrected for 7 rooms"):
             assert part in text
     assert "- gap drift" in text
+
+
+def test_rows_of_findings_mark_bounds_beyond_all_values(monkeypatch):
+    report = finding_report(1)
+    interval = SimpleNamespace(bounds=(Bound(0.4, "<"), Bound(9.25, ">")))
+    report = replace(report, findings=(replace(report.findings[0], interval=interval),))
+    monkeypatch.setattr(type(VIEW), "_report", lambda self, scene: report)
+    names, (row,) = VIEW.numbers(None)
+    values = dict(zip(names, row, strict=True))
+    assert (f"{values['low']:.4g}", f"{values['high']:.4g}") == ("<0.4", ">9.25")
 
 
 def test_findings_that_are_not_evident_are_marked():

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rstore.findings.groups import Group, Groups
+from s2rstore.intervals.interval import Bound
 from s2rstore.language.syntax_tree import Everything
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.canvas.marks import Mark
@@ -18,6 +21,7 @@ from s2rtui.charts.rooms.groups import fitting_columns, ordered, selected_per_gr
 from s2rtui.charts.rooms.groups_terminal import draw_groups, groups_layout, groups_panels
 from s2rtui.charts.rooms.model import rooms_model
 from s2rtui.charts.rooms.terminal import draw_rooms, rooms_layout, rooms_panels
+from s2rtui.charts.rooms.view import _row
 from s2rtui.session.error_groups import COLUMN_NAMES
 from tests.charts.examples import ROOM_NAMES, N, groups_input, rooms_input
 
@@ -156,6 +160,13 @@ def test_each_row_shows_median_interval_and_count(size):
         assert text in hall.split()
     alone = next(line for line in lines if line.split()[:1] == ["5"])
     assert alone.split()[1:4] == ["1.00", "too", "few"]
+
+
+def test_rows_mark_bounds_beyond_all_values():
+    data = groups_input()
+    unbounded = SimpleNamespace(value=2.0, bounds=(Bound(0.4, "<"), Bound(9.25, ">")))
+    row = _row(replace(data.rows[0], real=unbounded), data)
+    assert [f"{bound:.4g}" for bound in row[2:4]] == ["<0.4", ">9.25"]
 
 
 @pytest.mark.parametrize("sort", COLUMN_NAMES[:-1])

@@ -14,7 +14,14 @@ from s2rtui.canvas import DARK, LIGHT, ColourMode, RenderOptions
 from s2rtui.canvas.colour import legible, turbo
 from s2rtui.canvas.marks import Mark
 from s2rtui.charts.umap.model import LEVELS, UmapInput, umap_frame, umap_model
-from s2rtui.charts.umap.terminal import SHADE_STEPS, draw_umap, umap_layout, umap_panels
+from s2rtui.charts.umap.terminal import (
+    AXES,
+    SHADE_STEPS,
+    _left_ticks,
+    draw_umap,
+    umap_layout,
+    umap_panels,
+)
 from tests.charts.examples import N, umap_input
 
 SIZE = (60, 14)
@@ -22,6 +29,14 @@ COUNT = 25
 points = arrays.arrays(np.float64, (COUNT, 2), elements=st.floats(-9, 9) | st.just(np.nan))
 masks = arrays.arrays(np.bool_, COUNT)
 values = arrays.arrays(np.float64, COUNT, elements=st.floats(-1, 5) | st.just(np.nan))
+
+
+@pytest.mark.parametrize("scale", [1.0, 10.5, 1234.5, 1e-4, 1e7])
+def test_no_tick_of_the_vertical_axis_is_cut(scale):
+    for height in range(4, 40, 3):
+        ticks = _left_ticks(-scale, scale, height)
+        assert all(len(text) < AXES for _, text in ticks)
+        assert [float(text) for _, text in ticks] == pytest.approx([tick for tick, _ in ticks])
 
 
 @given(points, points, values, masks, masks)

@@ -10,7 +10,7 @@ import pytest
 
 import s2rstore
 from s2rstore.arrays import array_writer
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, StoreBusyError
 from s2rstore.files import atomic_writes, layout
 from s2rstore.files.ingest_folder import appending_folder, appending_folders
 from s2rstore.maintenance.prune import prune
@@ -142,6 +142,17 @@ def test_damaged_frames_are_not_moved(scan, store, monkeypatch):
     with pytest.raises(RequestError, match="differs from what was written"):
         add(scan, store)
     assert verify(store) == []
+
+
+@pytest.mark.parametrize(("error", "is_kept"), [(StoreBusyError, True), (RequestError, False)])
+def test_an_append_to_a_busy_store_keeps_its_frames(scan, store, monkeypatch, error, is_kept):
+    def fail(*arguments: object) -> None:
+        raise error("no")
+
+    monkeypatch.setattr(append, "_publish", fail)
+    with pytest.raises(error):
+        add(scan, store)
+    assert bool(appending_folders(store)) == is_kept
 
 
 def test_an_interrupted_append_is_resumed(source, tmp_path, monkeypatch):

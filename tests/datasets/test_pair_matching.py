@@ -13,7 +13,13 @@ from scipy.optimize import linear_sum_assignment
 
 from s2rstore.geometry import angles
 from s2rtools.datasets.pairing import pair_matching
-from s2rtools.datasets.pairing.pair_matching import Candidates, PoseTolerance, assign, match_poses
+from s2rtools.datasets.pairing.pair_matching import (
+    Candidates,
+    PoseTolerance,
+    assign,
+    match_poses,
+    match_times,
+)
 from s2rtools.datasets.pairing.recording_pairs import parse_tolerance
 from tests.support.refusals import refused
 
@@ -75,6 +81,11 @@ def test_a_chain_of_images_is_not_shifted_for_one_more_pair():
     assert len(a) == 10
 
 
+def test_a_chain_of_times_is_not_shifted_for_one_more_pair():
+    a, b = match_times(np.array([0.0, 1.0]), np.array([1.0, 1.95]), 1.0)
+    assert (a.tolist(), b.tolist()) == ([1], [0])
+
+
 def test_headings_near_the_turn_are_near():
     first, second = np.array([[0, 0, np.pi - 0.01]]), np.array([[0, 0, -np.pi + 0.01]])
     assert len(match_poses(first, second, TOLERANCE)[0]) == 1
@@ -85,6 +96,15 @@ def test_equal_poses_of_a_robot_that_stands_still_are_all_paired():
     first, second = np.zeros((300, 3)), np.zeros((400, 3))
     a, b = match_poses(first, second, TOLERANCE)
     assert len(a) == len(set(b.tolist())) == 300
+
+
+def test_poses_are_paired_beyond_the_nearest_candidates():
+    """All have the same nearest ones, fewer than there are."""
+    first, second = np.zeros((100, 3)), np.zeros((100, 3))
+    second[:, 0] = np.arange(100) / 1000
+    a, b = match_poses(first, second, TOLERANCE)
+    assert np.array_equal(np.sort(a), np.arange(100))
+    assert np.array_equal(np.sort(b), np.arange(100))
 
 
 @pytest.mark.parametrize("counts", [(0, 3), (3, 0), (0, 0)])

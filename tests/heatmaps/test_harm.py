@@ -10,6 +10,7 @@ from s2rtools.counterfactual.attribution import repair_gains
 from s2rtools.counterfactual.depth_tolerance import DepthTolerance
 from s2rtools.counterfactual.scene_comparison import ImageArrays
 from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch, SideBatch
+from s2rtools.heatmaps.harm import _resized
 from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.inference import Backend
 from s2rtools.models.preprocessing import preprocess
@@ -48,6 +49,23 @@ def test_maps_of_segments_sum_to_the_gains_of_their_repair(changed):
     maps = HEATMAP_KINDS["harm"].compute(changed)["real", None][0]
     assert np.abs(gains).max() > 0
     assert np.allclose(maps.sum(axis=(1, 2)), gains.sum(axis=0), rtol=1e-4, atol=1e-6)
+
+
+def test_the_gain_of_a_segment_is_spread_by_the_squares_of_its_change(changed):
+    inputs = changed.counterfactuals[0]
+    heat = HEATMAP_KINDS["harm"].attribute(changed, inputs, TRUTH[0])[0]
+    for number in range(1, inputs.count + 1):
+        inside = inputs.scenes.segments == number
+        squares = np.square(inputs.scenes.change[inside])
+        expected = heat[inside].sum() * squares / squares.sum()
+        assert np.allclose(heat[inside], expected, rtol=1e-3, atol=1e-7)
+
+
+def test_resampled_maps_keep_their_sums():
+    maps = np.random.default_rng(1).normal(size=(3, 40, 60)).astype(np.float32)
+    small = _resized(maps, (16, 20))
+    assert small.shape == (3, 16, 20)
+    assert np.allclose(small.sum(axis=(1, 2)), maps.sum(axis=(1, 2)), rtol=1e-3)
 
 
 @pytest.mark.parametrize("side", ["sim", "real"])

@@ -11,7 +11,7 @@ import pytest
 import s2rstore
 from s2rstore.arrays import array_writer
 from s2rstore.errors import RequestError
-from s2rstore.files import layout
+from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.prune import prune
@@ -56,6 +56,17 @@ def test_links_inside_a_store_are_not_followed(store_copy, tmp_path, relative):
         _read(store_copy)
     damages = verify(store_copy)
     assert any("symbolic link" in damage.what for damage in damages)
+
+
+@pytest.mark.parametrize("name", ["../secret", "index/../../secret", "/etc/hostname", "a\0b"])
+def test_a_path_that_leads_out_of_a_store_is_refused(store_copy, name):
+    (store_copy.parent / "secret").write_text("secret")
+    for use in (safe_files.read, safe_files.sha256, safe_files.checked_path, atomic_writes.remove):
+        with pytest.raises(RequestError, match="lies outside"):
+            use(store_copy, name)
+    with pytest.raises(RequestError, match="lies outside"):
+        atomic_writes.write(store_copy, name, b"1")
+    assert (store_copy.parent / "secret").read_text() == "secret"
 
 
 def test_a_linked_index_is_rejected(store_copy, tmp_path):

@@ -18,7 +18,9 @@ from s2rstore.language import (
     parse,
     to_text,
 )
+from s2rstore.language.numpy_backend import mask
 from s2rstore.reader import Store
+from tests.support.columns import mask_context
 
 
 @pytest.fixture(scope="module")
@@ -198,6 +200,16 @@ def test_shapes_have_short_names(store):
     ):
         assert parse(short) == parse(long)
     assert to_text(parse("umap.sim.box(0, 0, 3, 3)")) == "umap.sim(0, 0, 3, 3)"
+
+
+@pytest.mark.parametrize(
+    ("text", "chosen"),
+    [("near(0, 0, 5)", [0, 1, 2]), ("box(0, 0, 3, 4)", [0, 1]), ("box(3, 3, 4, 4)", [1, 2]),
+     ("x:3..4", [1, 2]), ("x:2+-2", [0, 1, 2])],
+)  # fmt: skip
+def test_ends_belong_to_shapes_and_ranges(text, chosen):
+    context = mask_context(4, x=[0.0, 3, 4, 9], y=[0.0, 4, 3, 9])
+    assert np.flatnonzero(mask(parse(text), context)).tolist() == chosen
 
 
 def test_a_returned_mask_is_a_copy(store):

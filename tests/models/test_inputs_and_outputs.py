@@ -60,6 +60,8 @@ def test_depth_in_millimetres_is_clipped_at_10_m():
 
 def test_small_frames_are_enlarged(frames):
     assert preprocess(*frames, 0.04, contract((20, 24))).shape == (3, 4, 20, 24)
+    areas, lines = (resize(frames[0], (20, 24), how) for how in ("area", "bilinear"))
+    np.testing.assert_array_equal(areas, lines)
 
 
 def test_colours_are_normalised_as_torchvision_does(frames):

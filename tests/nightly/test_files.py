@@ -73,7 +73,8 @@ def test_junit_has_the_standard_structure(recorded_week):
 
 
 def test_junit_fails_from_day_five_on(recorded_week):
-    names = {"headline", "visual", "task", "dynamics", "delay", "golden", "staleness"}
+    names = {"headline", "visual", "task", "dynamics", "delay", "growth", "golden",
+             "staleness"}  # fmt: skip
     for number in range(1, 8):
         parsed = cases(recorded_week, number)
         assert set(parsed) == names
@@ -95,7 +96,8 @@ def test_junit_marks_inconclusive_and_stale_results_as_skipped(config):
     assert night_run.night.exit_code == 3
     root = ET.parse(config.reports / str(day(9)) / "junit.xml").getroot()
     parsed = {case.attrib["name"]: case[0] for case in root.iter("testcase")}
-    assert set(parsed) == {"headline", "task", "visual", "delay", "golden", "staleness"}
+    assert set(parsed) == {"headline", "task", "visual", "delay", "growth", "golden",
+                           "staleness"}  # fmt: skip
     assert {result.tag for result in parsed.values()} == {"skipped"}
     assert parsed["visual"].attrib["message"].startswith("inconclusive: ")
     assert "3 images & <few>" in parsed["visual"].attrib["message"]

@@ -16,6 +16,7 @@ from s2rstore.arrays import array_writer
 from s2rstore.errors import RequestError, StoreBusyError
 from s2rstore.files import atomic_writes, locks, safe_files
 from s2rstore.files.ledger import Ledger, LedgerEntry
+from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import verify
 from s2rtools.precompute import restart, unit_computer
 from s2rtools.precompute.machine import Machine, this_machine
@@ -152,7 +153,10 @@ def test_nothing_is_removed_without_the_lease(computed):
         restart.discard_incomplete(store, [], lost)
 
 
-def test_lines_that_a_publisher_adds_meanwhile_stay_in_the_ledger(store_copy, monkeypatch):
+@pytest.mark.parametrize("is_prune", [False, True], ids=["restart", "prune"])
+def test_lines_that_a_publisher_adds_meanwhile_stay_in_the_ledger(
+    store_copy, monkeypatch, is_prune
+):
     """An append or a registered model adds its lines under the publish lock."""
     spec = ArraySpec("activation", "sim", None, (2,), "float32", ("iid", "x"), "m", "begun", 4)
     stage = Stage("activation", "vanilla", (spec,), 4)
@@ -179,7 +183,7 @@ def test_lines_that_a_publisher_adds_meanwhile_stay_in_the_ledger(store_copy, mo
 
     with s2rstore.open(store_copy) as store, monkeypatch.context() as patch:
         patch.setattr(atomic_writes, "write", compacting)
-        restart.discard_incomplete(store, [stage], lambda: None)
+        prune(store_copy) if is_prune else restart.discard_incomplete(store, [stage], lambda: None)
     if not added:
         add()
     assert file.path not in ledger.by_path()

@@ -14,7 +14,8 @@ from scipy import stats
 from bench.simulated_errors import Process
 from s2rstore import intervals
 from s2rstore.intervals import Interval, verdict
-from s2rstore.intervals.dependence import midranks
+from s2rstore.intervals.dependence import between_spread, midranks, series_spread
+from s2rstore.intervals.sequential import BASELINE, YEAR, change_alarm
 
 REPEATS = 300
 Floats = np.ndarray
@@ -111,6 +112,48 @@ def test_unknown_values_are_left_out_and_failures_are_not() -> None:
     hits = np.append(values < 1, [False] * 100)
     failed = intervals.proportion(hits, errors=np.append(values, [np.nan] * 100))
     assert failed.value == pytest.approx((values < 1).sum() / 300)
+    none, is_large = np.zeros(values.size, dtype=np.bool_), values > 2
+    lost, large = (np.where(is_large, each, values) for each in (np.nan, 1e9))
+    assert intervals.proportion(none, errors=lost) == intervals.proportion(none, errors=large)
+
+
+def test_the_spread_of_a_series_is_that_of_its_lowest_cosines() -> None:
+    n, rho, count = 400, 0.7, 10
+    values, places = series(7, n, rho), np.pi * (np.arange(n) + 0.5) / n
+    squares = []
+    for number in range(1, count + 1):
+        weight = np.sqrt(2) * (values * np.cos(number * places)).sum()
+        noise = 1 - 2 * rho * np.cos(np.pi * number / n) + rho**2
+        squares.append(weight**2 * noise / (1 - rho) ** 2)
+    found = series_spread(values, rho)
+    assert found.error == pytest.approx(np.sqrt(np.mean(squares)) / n)
+    assert found.freedom == count
+
+
+def test_the_spread_between_recordings_is_that_of_clusters() -> None:
+    codes = np.repeat([0, 1, 2], [20, 30, 70])
+    values, error = series(9, codes.size) + codes, 0.0
+    for code in range(3):
+        part = values[codes == code]
+        share = part.size / values.size
+        error += (share * (part.mean() - values.mean())) ** 2 / (1 - share)
+    assert between_spread(values, codes).error == pytest.approx(np.sqrt(error))
+
+
+def test_a_share_of_few_recordings_has_the_quantile_of_few() -> None:
+    none, codes = np.zeros(120, dtype=np.bool_), np.repeat([0, 1, 2], 40)
+    t = between_spread(none.astype(np.float64), codes).critical(0.95)
+    assert t > 4
+    assert intervals.proportion(none, codes).high == pytest.approx(t**2 / (120 + t**2))
+
+
+def test_the_median_of_recordings_that_differ_has_the_spread_between_them() -> None:
+    """High and low levels in turn: neighbouring recordings hide how much they differ."""
+    codes = np.repeat(np.arange(12), 20)
+    values = 3.0 * (codes % 2) + series(8, codes.size, 0.0)
+    below = (values <= np.median(values)).astype(np.float64)
+    half = between_spread(below, codes).half_width(0.95)
+    assert (values <= intervals.median(values, codes).high).mean() >= min(0.5 + half, 1.0)
 
 
 def test_trajectories_must_not_be_interleaved() -> None:
@@ -174,3 +217,27 @@ def test_the_largest_of_several_is_not_taken_for_the_one_that_is_largest_by_chan
         found = verdict.largest([normal(value, 1.0) for value in rng.normal(size=8)])
         hits += found.low <= 0.0 <= found.high
     assert hits / 1000 >= 0.93
+
+
+def test_a_year_without_change_has_no_alarm_and_a_rise_has_one() -> None:
+    rng = np.random.default_rng(3)
+    quiet = [change_alarm(rng.normal(1, 0.15, YEAR), 0.3).outcome for _ in range(200)]
+    assert quiet.count("FAIL") <= 0.05 * 200
+    for _ in range(20):
+        nights = rng.normal(1, 0.15, BASELINE + 20)
+        nights[BASELINE:] += 0.3
+        found = change_alarm(nights, 0.3)
+        assert found.outcome == "FAIL"
+        assert BASELINE <= (found.since or 0) < BASELINE + 10
+        mended = np.concatenate([nights, rng.normal(1, 0.15, 40)])
+        assert change_alarm(mended, 0.3).outcome == "PASS"
+
+
+def test_an_alarm_needs_a_baseline_and_a_constant_one_counts_no_trifle() -> None:
+    assert change_alarm(np.ones(BASELINE), 0.3).outcome == "INCONCLUSIVE"
+    constant = np.ones(BASELINE + 5)
+    assert change_alarm(constant + np.arange(BASELINE + 5) * 1e-6, 0.3).outcome == "PASS"
+    constant[BASELINE:] = 1.3
+    assert change_alarm(constant, 0.3).outcome == "FAIL"
+    with pytest.raises(ValueError, match="positive"):
+        change_alarm(constant, 0.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import multiprocessing
 import shutil
+from functools import partial
 from pathlib import Path
 
 import duckdb
@@ -12,7 +13,7 @@ import pytest
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rstore.files import layout
+from s2rstore.files import atomic_writes, layout
 from s2rstore.index import schema
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.prune import prune
@@ -31,6 +32,37 @@ def test_readers_keep_their_generation(store_copy):
     with s2rstore.open(store_copy) as store:
         assert store.provenance("test") == {"told": "new"}
         assert "dataaug" not in store.runs
+
+
+def test_a_file_that_names_the_generation_is_replaced_as_a_whole(store_copy):
+    with (store_copy / layout.CURRENT).open() as held:
+        with edit(store_copy) as draft:
+            draft.set_provenance("a", {"b": 1})
+        named = json.load(held)["generation"]
+    assert layout.read_current(store_copy).generation == named + 1
+
+
+def test_a_lease_is_checked_when_all_but_the_name_of_the_generation_is_written(store_copy):
+    index = store_copy / layout.index_name(layout.read_current(store_copy).generation + 1)
+    is_there: list[bool] = []
+    with edit(store_copy, lambda: is_there.append(index.exists())) as draft:
+        draft.set_provenance("a", {"b": 1})
+    assert is_there[-1]
+
+
+def test_an_index_is_on_the_disk_before_it_has_its_name(store_copy, monkeypatch):
+    calls, rename, sync = [], atomic_writes.rename, atomic_writes.sync
+
+    def recorded(use, root, path, *others):
+        calls.append((use, path))
+        use(root, path, *others)
+
+    monkeypatch.setattr(atomic_writes, "sync", partial(recorded, sync))
+    monkeypatch.setattr(atomic_writes, "rename", partial(recorded, rename))
+    with edit(store_copy) as draft:
+        draft.set_provenance("a", {"b": 1})
+    (index,) = (path for use, path in calls if use is rename)
+    assert calls.index((sync, index)) < calls.index((rename, index))
 
 
 def test_an_index_name_is_never_used_again(store_copy):

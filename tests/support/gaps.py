@@ -33,7 +33,8 @@ def night(number: int, gaps: Mapping[str, float], half_width: float = 2.0, **cha
         "model": "vanilla", "expression": "all", "outcome": outcome,
         "exit_code": EXIT_CODES[outcome], "headline": outcome,
         "gap": gap, "worst": worst.axis if worst else None, "threshold": 15.0,
-        "reason": "because", "golden": None, "golden_change": UNKNOWN, "golden_margin": math.nan,
+        "reason": "because", "change": None, "change_reason": None,
+        "golden": None, "golden_change": UNKNOWN, "golden_margin": math.nan,
         "evidence_since": FIRST, "evidence_age": 0, "stale_after": 2.0,
         "written_at": "2026-11-16T03:00:00Z", "axes": axes,
     }  # fmt: skip

@@ -126,6 +126,7 @@ def _as_dict(config: NightlyConfig, result: NightRun) -> dict[str, object]:
         "outcome": night.outcome, "exit_code": night.exit_code, "worst": night.worst,
         "gap": night.gap.value, "gap_low": night.gap.low, "gap_high": night.gap.high,
         "threshold": night.threshold, "reason": night.reason, "golden": night.golden,
+        "change": night.change, "change_reason": night.change_reason,
         "evidence_age": night.evidence_age, "stale": night.stale, "new": result.new,
         "computed": result.computed, "history": str(config.history),
         "reports": str(config.reports / str(night.night)),

@@ -73,6 +73,8 @@ class Night:
     worst: str | None
     threshold: float
     reason: str
+    change: str | None
+    change_reason: str | None
     golden: str | None
     golden_change: Interval
     golden_margin: float

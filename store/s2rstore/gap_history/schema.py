@@ -42,8 +42,9 @@ _MEASURED: tuple[Table, ...] = (
         (
             "outcome",
             "VARCHAR",
-            "PASS, FAIL or INCONCLUSIVE: headline, golden run and age of the evidence; "
-            "ERROR = the request does not fit what is there",
+            "PASS, FAIL or INCONCLUSIVE: headline, golden run, growth and age of the evidence, "
+            "with a budget of false alarms for a year; ERROR = the request does not fit what is "
+            "there",
         ),
         ("exit_code", "INTEGER", EXIT_CODES_TEXT),
         ("headline", "VARCHAR", "PASS, FAIL or INCONCLUSIVE: the worst axis"),
@@ -51,6 +52,12 @@ _MEASURED: tuple[Table, ...] = (
         ("worst", "VARCHAR", "the worst axis; NULL = none was judged"),
         ("threshold", "DOUBLE", "of G"),
         ("reason", "VARCHAR", "of the headline, or why nothing was measured"),
+        (
+            "change",
+            "VARCHAR",
+            "PASS, FAIL or INCONCLUSIVE: growth of G over the nights; NULL = none",
+        ),
+        ("change_reason", "VARCHAR", "of the growth, by axis"),
         ("golden", "VARCHAR", "PASS, FAIL or INCONCLUSIVE; NULL = no golden run"),
         *_bounds("golden_change", "mean real error against the golden run, m"),
         ("golden_margin", "DOUBLE", "by which it may have grown, m"),

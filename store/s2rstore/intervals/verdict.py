@@ -38,16 +38,17 @@ def judge(
     quantities: Mapping[str, Callable[[float], HasBounds]],
     thresholds: Mapping[str, float],
     level: float = LEVEL,
+    fail_level: float | None = None,
 ) -> Judgement:
     """Whether all quantities, given by their bounds at a level, lie below their thresholds.
 
     FAIL where the lower bound of any of k quantities lies above its threshold, by intervals at
     1 - (1 - level) / k, so that k quantities on their thresholds fail as rarely as one. PASS where
     every upper bound at `level` lies below its threshold, which needs no correction: one quantity
-    above its threshold prevents it. Source: Berger, "Multiparameter hypothesis testing and
-    acceptance sampling", Technometrics 24, 1982.
+    above its threshold prevents it. `fail_level` replaces `level` for a FAIL. Source: Berger,
+    "Multiparameter hypothesis testing and acceptance sampling", Technometrics 24, 1982.
     """
-    corrected = simultaneous_level(len(quantities), level)
+    corrected = simultaneous_level(len(quantities), fail_level or level)
     above = tuple(
         name for name, bounds in quantities.items() if bounds(corrected).low > thresholds[name]
     )

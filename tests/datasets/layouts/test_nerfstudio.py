@@ -170,6 +170,18 @@ def test_bad_frames_are_reported_and_the_others_are_read(tmp_path):
     assert other.kind == "wrong size"
 
 
+@pytest.mark.parametrize("key", ["file_path", "depth_file_path"])
+@pytest.mark.parametrize("name", ["a" * 100_000, "a\0b.png"], ids=["long", "nul"])
+def test_a_frame_with_a_name_that_no_file_can_have_is_left_out(tmp_path, key, name):
+    scene = walk()
+    document = write(tmp_path, scene)
+    document["frames"][0][key] = name
+    rewrite(tmp_path, document)
+    recording = read("nerfstudio", tmp_path)
+    assert kinds(recording) == {"missing image" if key == "file_path" else "no depth image": 1}
+    assert_poses(recording, scene.poses[1:])
+
+
 def test_the_orientation_that_a_photo_states_is_ignored(tmp_path):
     """Intrinsics are those of the stored pixels; orientation 3 would turn them by 180 degrees."""
     write(tmp_path, walk(), depth=False)

@@ -23,11 +23,13 @@ Floats = NDArray[np.float64]
 class GapSettings:
     """Settings of all axes.
 
-    `level` is that of the intervals, `seed` that of random splits. `pca` is the number of principal
+    `level` is that of the intervals, and of a FAIL unless `fail_level` is given; `seed` is that of
+    random splits. `pca` is the number of principal
     components whose divergence the visual axis reports.
     """
 
     level: float = LEVEL
+    fail_level: float | None = None
     seed: int = defaults.SEED
     pca: int = 3
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from s2rstore.gap_history import reader
+from s2rstore.gap_history.change_check import Change, change_of
 from s2rstore.gap_history.gate_status import EXIT_CODES
 from s2rstore.gap_history.reader import History, Night
 from s2rstore.gap_history.writer import Rows
@@ -66,7 +67,7 @@ def rows(result: NightResult, history: History, now: datetime.datetime) -> Rows:
     measured = number if result.measured is None else result.measured
     first_nights = _first_nights(result, history)
     added: Rows = {
-        "night": [_night_row(result, max(first_nights.values()), number, measured, now)],
+        "night": [_night_row(result, history, max(first_nights.values()), number, measured, now)],
         "recorded": [
             {"name": result.config.name, "part": part, "night": night}
             for part, night in first_nights.items()
@@ -93,12 +94,14 @@ def _first_nights(result: NightResult, history: History) -> dict[str, datetime.d
 
 
 def _night_row(
-    result: NightResult, since: datetime.date, number: int, measured: int, now: datetime.datetime
-) -> dict[str, Any]:
+    result: NightResult, history: History, since: datetime.date, number: int, measured: int,
+    now: datetime.datetime,
+) -> dict[str, Any]:  # fmt: skip
     config, report, verdict = result.config, result.report, result.report["verdict"]
     golden = report["golden"] or {}
     age = (result.night - since).days
-    final_outcome = outcome(report, age > config.stale_after)
+    change = _change(result, history)
+    final_outcome = outcome(report, change, age > config.stale_after)
     return {
         "id": number,
         "name": config.name,
@@ -119,6 +122,8 @@ def _night_row(
         "worst": verdict["worst"],
         "threshold": verdict["threshold"],
         "reason": verdict["reason"],
+        "change": change and change.outcome,
+        "change_reason": change and change.reason,
         "golden": golden.get("outcome"),
         **{f"golden_change{end}": golden.get(f"change{end}") for end in _SUFFIXES},
         "golden_margin": golden.get("margin"),
@@ -127,6 +132,21 @@ def _night_row(
         "stale_after": config.stale_after,
         "written_at": now.astimezone(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
     }
+
+
+def _change(result: NightResult, history: History) -> Change | None:
+    """The growth of G over the earlier nights and this one."""
+    report = result.report
+    past = [
+        night for night in history.of_configuration(result.config.name)
+        if night.night < result.night and night.measured != result.measured
+    ]  # fmt: skip
+    gaps = {
+        axis["axis"]: (axis["gap"], axis["anchor"])
+        for axis in report["axes"]
+        if axis.get("gap") is not None and axis.get("anchor") is not None
+    }
+    return change_of(past, report["dataset"]["name"], report["run"], report["expression"], gaps)
 
 
 def _axis_rows(report: Report) -> list[dict[str, Any]]:

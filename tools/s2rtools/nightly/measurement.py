@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from s2rstore.errors import InconclusiveError, S2RError
+from s2rstore.gap_history.change_check import YEAR_LEVEL
 from s2rstore.reader import Store
 from s2rtools.nightly.config import NightlyConfig, SysidConfig
 from s2rtools.nightly.input_fingerprint import Inputs
@@ -39,7 +40,7 @@ def measure_gap(store: Store, config: NightlyConfig) -> Report:
         golden=config.golden,
         threshold=config.threshold,
         margin=config.margin,
-        settings=GapSettings(seed=config.seed),
+        settings=GapSettings(fail_level=YEAR_LEVEL, seed=config.seed),
     )
     return gate.measured_report(gate.collect_evidence(store, request), request)
 

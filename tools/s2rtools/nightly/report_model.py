@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from s2rstore.errors import counted
+from s2rstore.gap_history.change_check import Change
 from s2rstore.gap_history.gate_status import (
     AxisStatus,
     NightStatus,
@@ -89,16 +90,24 @@ def night_report(history: History, night: Night) -> NightReport:
     return NightReport(night, tuple(checks(night)), past)
 
 
-def outcome(report: dict[str, Any], stale: bool) -> str:
-    """Outcome of a night; unjudged or stale evidence turns PASS into INCONCLUSIVE."""
+def outcome(report: dict[str, Any], change: Change | None, stale: bool) -> str:
+    """Outcome of a night; unjudged or stale evidence turns PASS into INCONCLUSIVE.
+
+    Growth fails it; that too few nights are known to tell growth does not change it.
+    """
     if report.get("refused"):
         return str(report["refused"]["outcome"])
     judged = report_outcome(report) or "INCONCLUSIVE"
+    if change is not None and change.outcome == "FAIL":
+        judged = "FAIL"
     return worst_outcome([judged, "INCONCLUSIVE"]) if stale else judged
 
 
 def checks(night: Night) -> list[Check]:
-    """Checks of the headline, every axis, the golden run, and the age of the evidence."""
+    """Checks of the headline, every axis, the growth, the golden run, and the evidence's age.
+
+    The outcome of an axis is that of its interval of this single night.
+    """
     if night.refused:
         failed: NightStatus = "ERROR" if night.outcome == "ERROR" else "INCONCLUSIVE"
         message = f"nothing was measured: {night.reason}"
@@ -109,6 +118,7 @@ def checks(night: Night) -> list[Check]:
     return [
         Check("headline", stored_status(night.headline), message),
         *(axis_check(axis, night.threshold) for axis in night.axes),
+        _change_check(night),
         _golden_check(night),
         _staleness_check(night),
     ]
@@ -133,8 +143,14 @@ def axis_check(axis: AxisFigures, threshold: float) -> Check:
     status = axis_status(axis.gap, threshold)
     if status == "SKIPPED":
         return Check(axis.axis, status, f"not judged: {value}")
-    gap = f"G {format_interval(axis.gap)}, threshold {threshold:g}"
+    gap = f"single night: G {format_interval(axis.gap)}, threshold {threshold:g}"
     return Check(axis.axis, status, f"{gap}; {value}")
+
+
+def _change_check(night: Night) -> Check:
+    if night.change is None:
+        return Check("growth", "SKIPPED", "no axis was judged")
+    return Check("growth", stored_status(night.change), str(night.change_reason))
 
 
 def _golden_check(night: Night) -> Check:

@@ -194,7 +194,8 @@ class WorldData:
         steps = np.stack([local[:, 0] * cos - local[:, 1] * sin,
                           local[:, 0] * sin + local[:, 1] * cos], axis=1)  # fmt: skip
         at = poses[0, :2] + np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
-        return np.concatenate([at, angles.wrap(angle)[:, None]], axis=1)
+        drifted = np.concatenate([at, angles.wrap(angle)[:, None]], axis=1)
+        return np.round(drifted, 9)  # the last digits differ between processors
 
     def provenance(self) -> dict[str, Any]:
         """The recipe and the labelled changes, for the store's provenance."""

@@ -23,6 +23,11 @@ _COMFORT = 0.45
 _TURN = math.radians(22)
 
 
+def _rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values whose last digits, which differ between processors, decide on nothing."""
+    return np.round(values, 6)
+
+
 def clearance(taken: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Distance of every cell to the nearest occupied cell, metres."""
     return np.asarray(ndimage.distance_transform_edt(~taken) * FLOOR_CELL)
@@ -40,7 +45,7 @@ class DrivableFloor:
 
     def _edges(self) -> sparse.csr_matrix:
         n = self._cells
-        cost = 1.0 + 6.0 * np.exp(-self.clearance / _COMFORT)
+        cost = _rounded(1.0 + 6.0 * np.exp(-self.clearance / _COMFORT))
         index = np.arange(n * n).reshape(n, n)
         rows, cols, weights = [], [], []
         for dy, dx in ((0, 1), (1, 0), (1, 1), (1, -1)):
@@ -88,8 +93,8 @@ class DrivableFloor:
     def _index(self, point: tuple[float, float]) -> int:
         """The free cell nearest to a point."""
         rows, cols = np.nonzero(self.free)
-        distance = np.hypot(
-            (cols + 0.5) * FLOOR_CELL - point[0], (rows + 0.5) * FLOOR_CELL - point[1]
+        distance = _rounded(
+            np.hypot((cols + 0.5) * FLOOR_CELL - point[0], (rows + 0.5) * FLOOR_CELL - point[1])
         )
         best = int(distance.argmin())
         return int(rows[best]) * self._cells + int(cols[best])
@@ -125,7 +130,7 @@ def drive_along(
     The robot looks ahead along the path, sways a little, turns on the spot at sharp bends, and
     leaves out views without content.
     """
-    step = np.hypot(*np.diff(line, axis=0).T)
+    step = _rounded(np.hypot(*np.diff(line, axis=0).T))
     way = np.concatenate([[0.0], np.cumsum(step)])
     dense = np.arange(0.0, way[-1], 0.02)
     x, y = (np.interp(dense, way, line[:, k]) for k in (0, 1))
@@ -134,7 +139,7 @@ def drive_along(
     heading = np.unwrap(np.arctan2(y[ahead] - y[back], x[ahead] - x[back]))
     heading = ndimage.gaussian_filter1d(heading, 8)
     sway = np.radians(9) * np.sin(dense * 1.3 + rng.uniform(0, 6.28))
-    poses = np.stack([x, y, angles.wrap(heading + sway)], axis=1)[:-45]
+    poses = _rounded(np.stack([x, y, angles.wrap(heading + sway)], axis=1))[:-45]
     turning = np.abs(np.diff(np.unwrap(poses[:, 2]), prepend=poses[0, 2])) / _TURN
     clock = np.cumsum(0.02 / 0.25 + turning)
     if len(poses) < 2:

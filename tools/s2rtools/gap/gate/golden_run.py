@@ -126,6 +126,9 @@ def compare(
     trajectories = evidence.store.instances.trajectory[shared]
     change = paired_difference(changes, trajectories, level=settings.level)
     outcome, reason = outcome_of(change, margin), change.reason
+    if outcome == "FAIL" and settings.fail_level is not None:
+        at_fail_level = paired_difference(changes, trajectories, level=settings.fail_level)
+        outcome = "FAIL" if at_fail_level.low > margin else "INCONCLUSIVE"
     if outcome == "PASS" and missing > _MAX_MISSING * len(golden.errors):
         outcome = "INCONCLUSIVE"
         reason = f"{missing} of {len(golden.errors)} are no longer comparable"

@@ -65,7 +65,9 @@ def judge(
         return Verdict("INCONCLUSIVE", threshold, None, NOTHING, (), "; ".join(inconclusive))
     worst = max(gaps, key=lambda each: each.gap.value)
     quantities = {each.axis: each.bounds for each in gaps}
-    found = verdict.judge(quantities, dict.fromkeys(quantities, threshold), settings.level)
+    found = verdict.judge(
+        quantities, dict.fromkeys(quantities, threshold), settings.level, settings.fail_level
+    )
     outcome = found.outcome
     reason = _REASONS[outcome].format(threshold, axes=", ".join(found.deciding))
     unjudged_axes = [axis for axis in measurement.measured if axis not in reference.axes]

@@ -1,0 +1,90 @@
+"""An alarm over a history of measurements, with a budget of false alarms for a year.
+
+Source: Roberts, "A comparison of some control chart procedures", Technometrics 8, 1966, and Pollak,
+"Optimal detection of a change in distribution", Annals of Statistics 13, 1985 (Shiryaev-Roberts).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.intervals.interval import LEVEL
+from s2rstore.intervals.verdict import Outcome
+
+YEAR = 365
+"""Measurements that a budget of false alarms is for."""
+BASELINE = 30
+"""First measurements, which tell the level and its spread."""
+_LARGEST_DEVIATION = 3.0
+_SPREAD_QUANTILE = 0.1
+"""The spread is taken at its upper bound: a baseline shows too little of it in one of ten cases."""
+_SPEED, _FASTEST = 0.75, 1.5
+"""Share of the wanted change that the statistic is tuned to, and its largest tuning in spreads."""
+_MOST = 100.0
+"""Statistic, in limits, beyond which it does not grow, so that an alarm ends soon after a mend."""
+_LEAST_SPREAD = 0.05
+"""Smallest spread that is believed, in wanted changes."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChangeAlarm:
+    """Whether the last of some measurements are above their baseline.
+
+    outcome: INCONCLUSIVE until there are more than `BASELINE` measurements. since: number of the
+    measurement from which the evidence grew, from 0; None without an alarm.
+    """
+
+    outcome: Outcome
+    n: int
+    baseline: float
+    statistic: float
+    limit: float
+    since: int | None = None
+
+
+def change_alarm(
+    values: NDArray[np.float64], change: float, *, budget: float = 1 - LEVEL
+) -> ChangeAlarm:
+    """Whether a measurement has risen since its first `BASELINE` values, by about `change` or more.
+
+    `values` (n,) are independent measurements in order, `change` is in their unit and positive. In
+    a year of `YEAR` measurements whose level does not change, the share `budget` of the histories
+    has an alarm, or less (`python -m bench verdicts` measures it). The alarm lasts as long as the
+    evidence stays above its limit. NaN values are left out. Raises ValueError for a change that is
+    not positive.
+    """
+    if not change > 0:
+        raise ValueError(f"change {change:g}: must be positive")
+    known = np.asarray(values, dtype=np.float64)
+    known = known[np.isfinite(known)]
+    limit = YEAR / budget
+    first = known[:BASELINE]
+    level = float(first.mean()) if first.size else np.nan
+    if known.size <= BASELINE:
+        return ChangeAlarm("INCONCLUSIVE", known.size, level, 0.0, limit)
+    spread = float(first.std(ddof=1))
+    raised = level + spread / np.sqrt(BASELINE)
+    spread = max(spread * _spread_factor(), _LEAST_SPREAD * change)
+    tuning = min(_SPEED * change / spread, _FASTEST)
+    statistic, since = 0.0, BASELINE
+    for number, value in enumerate(known[BASELINE:].tolist(), BASELINE):
+        deviation = float(np.clip((value - raised) / spread, -_LARGEST_DEVIATION,
+                                  _LARGEST_DEVIATION))  # fmt: skip
+        if statistic < 1:
+            since = number
+        grown = (1 + statistic) * np.exp(tuning * deviation - tuning**2 / 2)
+        statistic = float(min(grown, _MOST * limit))
+    if statistic > limit:
+        return ChangeAlarm("FAIL", known.size, level, statistic, limit, since)
+    return ChangeAlarm("PASS", known.size, level, statistic, limit)
+
+
+def _spread_factor() -> float:
+    """Upper bound of the spread over that of the baseline, for normal values."""
+    from scipy import special
+
+    freedom = BASELINE - 1
+    return float(np.sqrt(freedom / special.chdtri(freedom, 1 - _SPREAD_QUANTILE)))
