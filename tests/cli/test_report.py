@@ -100,7 +100,7 @@ def test_a_report_is_accessible_without_images(page):
     assert levels.count(1) == 1
     assert all(after - before <= 1 for before, after in pairwise(levels))
     images = page.elements("img")
-    assert len(images) == 2 + 4 + 3 * 4
+    assert len(images) == 2 + 5 + 3 * 4
     assert all(re.search(r"\d", str(image["alt"])) for image in images)
     assert all(image["width"] and image["height"] for image in images)
     assert all(cell["scope"] in ("row", "col") for cell in page.elements("th"))
@@ -161,7 +161,7 @@ def test_dark_figures_are_used_on_dark_screens(tiny_store):
     request = ReportRequest((RequestedSelection("ids(3)"),))
     page = Page(render_report(tiny_store, request).decode())
     sources = page.elements("source")
-    assert len(sources) == 2 + 4
+    assert len(sources) == 2 + 5
     assert all(
         str(s["media"]).startswith("screen and (prefers-color-scheme: dark)") for s in sources
     )
@@ -216,7 +216,7 @@ def test_a_store_with_one_run_has_no_comparison(tmp_path):
     path = tiny.build(tmp_path / "one.s2r", runs=("only",))
     selections = RequestedSelection("none"), RequestedSelection("all")
     page = Page(render_report(path, ReportRequest(selections, theme="light")).decode())
-    assert len(page.elements("img")) == 1 + 4 + 3 * 4
+    assert len(page.elements("img")) == 1 + 5 + 3 * 4
     assert "No instance is selected." in page.texts_in("p")
 
 

@@ -28,7 +28,7 @@ from s2rtui.user_data.notebook import ReadNotebook
 
 Plan = Sequence[tuple[RequestedSelection, Sequence[str]]]
 """The requested selections, each with the runs in which it is reported."""
-_SELECTION_VIEWS = ("map", "errors", "rooms", "orientation")
+_SELECTION_VIEWS = ("map", "recall", "errors", "rooms", "orientation")
 _WIDE_PIXELS = 1500
 _HASH_CHARACTERS = 16
 
@@ -243,7 +243,7 @@ def _part(session: Session, request: ReportRequest, run: str) -> RunPart:
     images = []
     for name in _SELECTION_VIEWS:
         numbers = None
-        if name in ("errors", "rooms"):
+        if name in ("recall", "errors", "rooms"):
             numbers = _numbers(scene, name, BY_NAME[name].summary(scene))
         images.append(figure(BY_NAME[name], scene, request, numbers=numbers))
     members = state.selected & state.base
@@ -262,6 +262,6 @@ def _numbers(scene: Scene, name: str, caption: str) -> ReportTable:
     names, rows = BY_NAME[name].numbers(scene)
 
     def cell(value: object) -> str:
-        return metric_tables.number(value) if isinstance(value, float) else str(value)
+        return metric_tables.number(value) if isinstance(value, float | None) else str(value)
 
     return ReportTable(caption, names, [[cell(value) for value in row] for row in rows])
