@@ -180,7 +180,7 @@ def proportion(
     rho = rho_cut = autocorrelation(share, codes)
     if errors is not None:
         cut = np.where(np.isnan(errors), np.inf, errors)
-        rho_cut = indicator_autocorrelation(autocorrelation(normal_scores(cut), codes))
+        rho_cut = indicator_autocorrelation(_latent_autocorrelation(cut, codes))
     parts = spreads(share, codes, rho)
     counts = [p * (1 - p) / part.error**2 for part in parts if part.error > 0]
     effective = float(np.clip(min(n / variance_inflation(rho_cut, n), *counts, n), 1, n))
