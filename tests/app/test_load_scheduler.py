@@ -46,7 +46,10 @@ def four_runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
-    """Treat every store as large and block reads in background threads until the event is set."""
+    """Treat every store as large, and block reads in background threads while the event is clear.
+
+    It is set at first, so that the application starts.
+    """
     released, ui_thread = threading.Event(), threading.current_thread()
     predicted = column_loader._predicted
 
@@ -58,6 +61,7 @@ def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
 
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     monkeypatch.setattr(column_loader, "_predicted", blocking_read)
+    released.set()
     yield released
     released.set()
 
@@ -75,6 +79,7 @@ def add_later_run(store: Path) -> None:
 
 async def test_keys_are_handled_while_a_run_loads(store, gate):
     async with running(store, size=(80, 24)) as (app, pilot):
+        gate.clear()
         await press(app, pilot, "c", "r")
         assert app.session.state.run == "vanilla"
         assert "run vanilla (loading b)" in take_screenshot(app).text
@@ -92,6 +97,7 @@ async def test_keys_are_handled_while_a_run_loads(store, gate):
 
 async def test_a_shared_selection_waits_until_its_run_is_loaded(store, gate):
     async with running(store, size=(80, 24)) as (app, pilot):
+        gate.clear()
         await press(app, pilot, "c")
         before, dataset_hash = app.session.state, app.session.store.dataset.hash
         comment = f"data set {dataset_hash}, generation {before.generation}, run b, 3 instances"
@@ -197,6 +203,7 @@ def test_a_selection_made_during_a_run_change_is_kept(store, monkeypatch):
 
 async def test_the_compared_run_is_read_in_the_background(store, gate):
     async with running(store, size=(80, 24)) as (app, pilot):
+        gate.clear()
         await press(app, pilot, "9")
         assert "loading run b" in take_screenshot(app).text
         gate.set()
@@ -206,7 +213,6 @@ async def test_the_compared_run_is_read_in_the_background(store, gate):
 
 
 async def test_an_unreadable_run_shows_an_error(store, gate, monkeypatch):
-    gate.set()
     async with running(store, size=(80, 24)) as (app, pilot):
 
         def failing_read(*_: object) -> None:

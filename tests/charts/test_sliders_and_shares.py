@@ -112,7 +112,7 @@ def test_pairs_far_apart_are_left_out_and_counted(tiny_store):
         assert (found.n, found.apart) == (len(chosen) - 15, 15)
         assert found.gap == pytest.approx(store.run_columns("vanilla").gap[15:].mean(), abs=1e-5)
     text = " ".join(text_of(SharesInput(found, found), (100, 20)))
-    assert f"n {found.n}; 15 pairs too far apart left out" in text
+    assert f"n {found.n} (too few); 15 pairs too far apart left out" in text
 
 
 def test_the_reason_follows_a_change_of_the_run(store_copy):
