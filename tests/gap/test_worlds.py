@@ -36,7 +36,7 @@ def _build(folder: Path) -> None:
     folder.mkdir()
     for name, factors in WORLDS.items():
         path = folder / f"{name}.s2r"
-        options = ["ingest", "world", "--instances", "56", "--size", "64", "--factors", factors]
+        options = ["ingest", "world", "--instances", "28", "--size", "64", "--factors", factors]
         assert main([*options, "--store", str(path)]) == 0
         pretrained.add_pretrained_models(path)
         precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(("activation",)))
