@@ -60,11 +60,7 @@ async def test_pressing_every_key_causes_no_error(tiny_store, tmp_path, size, ti
 
 async def test_each_size_shows_its_views(tiny_store):
     wide = {"overview", "umap", "orientation", "rooms", "errors", "map", "findings", "instance"}
-    views = {
-        (200, 60): wide,
-        (80, 24): {"map"},
-        (120, 40): {"overview", "map", "instance"},
-    }
+    views = {(200, 60): wide, (80, 24): {"map"}, (120, 40): {"overview", "map", "instance"}}
     async with running(tiny_store, size=(200, 60)) as (app, pilot):
         for size, expected in (*views.items(), ((200, 60), wide)):
             await pilot.resize_terminal(*size)

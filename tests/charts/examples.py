@@ -227,10 +227,7 @@ def groups_input(**changes: Any) -> GroupsInput:
     )  # fmt: skip
     return replace(
         GroupsInput(
-            rows=rows,
-            grouping="room",
-            selected={"hall": 12, "kitchen": 1},
-            cursor="kitchen",
+            rows=rows, grouping="room", selected={"hall": 12, "kitchen": 1}, cursor="kitchen"
         ),
         **changes,
     )

@@ -114,15 +114,11 @@ def wide_text(width: int, start: int = 0) -> Canvas:
 @pytest.mark.parametrize(
     ("text", "width", "fitted"),
     [
-        ("median 0.018", 12, "median 0.018"),
-        ("median 0.018", 11, "median"),
-        ("-10.5", 4, ""),
-        ("peak 12k more", 7, "peak"),
-        ("peak 12k more", 9, "peak 12k"),
-        ("所有世界", 5, "所有"),
+        ("median 0.018", 12, "median 0.018"), ("median 0.018", 11, "median"), ("-10.5", 4, ""),
+        ("peak 12k more", 7, "peak"), ("peak 12k more", 9, "peak 12k"), ("所有世界", 5, "所有"),
         ("所有 12", 6, "所有"),
     ],
-)
+)  # fmt: skip
 def test_fitted_text_has_no_part_of_a_number(text, width, fitted):
     assert fit_text(text, width) == fitted
     assert cell_len(fit_text(text, width, "…")) <= width

@@ -78,8 +78,7 @@ VIEWS: dict[str, Draw] = {
     "history": drawing(draw_history, gaps.week()),
     "no history": drawing(draw_history, ()),
     "marked umap": drawing(
-        draw_umap,
-        umap_input(mark=Mark("real", ((-9.0, -9.0), (3.0, 3.0), (4.0, 9.0)), lasso=True)),
+        draw_umap, umap_input(mark=Mark("real", ((-9.0, -9.0), (3.0, 3.0), (4.0, 9.0)), lasso=True))
     ),
     "marked orientation": drawing(
         draw_orientation, orientation_input(mark=Mark("sim", ((170.0, 1.0), (-120.0, 9.0))))

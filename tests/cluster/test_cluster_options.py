@@ -156,17 +156,11 @@ def test_a_port_without_dask_is_told_soon(store_copy, s2r, monkeypatch, answer):
 @pytest.mark.parametrize(
     ("address", "is_warned"),
     [
-        ("tcp://10.0.0.5:8786", True),
-        ("node1:8786", True),
-        ("tcp://[2001:db8::1]:8786", True),
-        ("ws://node1:8786", True),
-        ("tcp://127.0.0.1:8786", False),
-        ("localhost:8786", False),
-        ("tcp://[::1]:8786", False),
-        ("tls://10.0.0.5:8786", False),
-        ("wss://node1:8786", False),
+        ("tcp://10.0.0.5:8786", True), ("node1:8786", True), ("tcp://[2001:db8::1]:8786", True),
+        ("ws://node1:8786", True), ("tcp://127.0.0.1:8786", False), ("localhost:8786", False),
+        ("tcp://[::1]:8786", False), ("tls://10.0.0.5:8786", False), ("wss://node1:8786", False),
     ],
-)
+)  # fmt: skip
 def test_a_scheduler_without_encryption_is_warned_of(monkeypatch, address, is_warned):
     from s2rtools.precompute.executors import clusters
 

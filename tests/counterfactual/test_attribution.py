@@ -11,11 +11,7 @@ from hypothesis import strategies as st
 from torch import nn
 
 from s2rtools.common.shapley import shapley_values
-from s2rtools.counterfactual.attribution import (
-    integrated_gradients,
-    pose_errors,
-    repair_gains,
-)
+from s2rtools.counterfactual.attribution import integrated_gradients, pose_errors, repair_gains
 from s2rtools.counterfactual.counterfactual_inputs import (
     CounterfactualInputs,
     OwnView,

@@ -16,14 +16,10 @@ from s2rtools.precompute.executors.executor import largest_first
 @pytest.mark.parametrize(
     ("processors", "memory", "instances", "workers"),
     [
-        (8, 64 * 2**30, 100, 1),
-        (8, 64 * 2**30, 1084, 4),
-        (2, 64 * 2**30, 10**6, 2),
-        (8, 5 * 2**30, 10**6, 2),
-        (8, 2**30, 10**6, 1),
-        (8, None, 10**6, 8),
+        (8, 64 * 2**30, 100, 1), (8, 64 * 2**30, 1084, 4), (2, 64 * 2**30, 10**6, 2),
+        (8, 5 * 2**30, 10**6, 2), (8, 2**30, 10**6, 1), (8, None, 10**6, 8),
     ],
-)
+)  # fmt: skip
 def test_workers_are_limited_by_processors_memory_and_work(
     monkeypatch, processors, memory, instances, workers
 ):

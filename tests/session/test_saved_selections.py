@@ -66,14 +66,12 @@ MIXED_CONTENT = {
         "endless": {"expression": "all", "generation": float("inf"), "run": "a", "count": 6},
     },
     "remarks": {
-        "3": {"tags": ["door"], "note": "dark"},
-        "four": {"tags": [], "note": "x"},
-        "5": {"tags": "door", "note": ""},
-        "6": None,
+        "3": {"tags": ["door"], "note": "dark"}, "four": {"tags": [], "note": "x"},
+        "5": {"tags": "door", "note": ""}, "6": None,
     },
     "history": ["all", 7],
     "pinned": {"a": 1},
-}
+}  # fmt: skip
 
 
 def write_notebook(session: Session, **sections: object) -> Path:

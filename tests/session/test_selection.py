@@ -46,11 +46,9 @@ def selected_iids(session: Session) -> set[int]:
 
 
 OPERATORS = {
-    "replace": lambda a, b: b,
-    "intersect": lambda a, b: a & b,
-    "union": lambda a, b: a | b,
+    "replace": lambda a, b: b, "intersect": lambda a, b: a & b, "union": lambda a, b: a | b,
     "subtract": lambda a, b: a - b,
-}
+}  # fmt: skip
 
 
 @given(

@@ -52,12 +52,9 @@ def test_every_kind_of_the_tools_is_registered_with_the_same_facts():
         assert tuple(HEATMAPS[name].planes) == kind.planes
         assert HEATMAPS[name].needs_network == (name not in IMAGE_KINDS)
     assert DEFAULT_MODES == {
-        "activation": "loss",
-        "harm": "position",
-        "harm_fine": "position",
-        "occlusion": "rgbd",
+        "activation": "loss", "harm": "position", "harm_fine": "position", "occlusion": "rgbd",
         "pixel_difference": "rgb",
-    }
+    }  # fmt: skip
     assert "harmonised_difference" not in NETWORK_KINDS
 
 

@@ -45,11 +45,9 @@ def _run_cell(source: str, names: dict[str, Any], number: int) -> list[Output]:
         outputs.append({"output_type": "stream", "name": "stdout", "text": text})
     if value is not None:
         data = {
-            "output_type": "execute_result",
-            "execution_count": number,
-            "metadata": {},
+            "output_type": "execute_result", "execution_count": number, "metadata": {},
             "data": _shown(value),
-        }
+        }  # fmt: skip
         outputs.append(data)
     return outputs
 

@@ -10,22 +10,11 @@ import pytest
 import torch
 
 from s2rstore.errors import RequestError
-from s2rtools.translation import (
-    METHODS,
-    feature_network,
-    find_method,
-    fit_loop,
-    network_translator,
-)
+from s2rtools.translation import METHODS, feature_network, find_method, fit_loop, network_translator
 from s2rtools.translation.adversarial_training import AdversarialLearner
 from s2rtools.translation.method import FitResult, FitSettings
 from s2rtools.translation.translator_file import StoredTranslator, decode, encode
-from tests.translation.palette_world import (
-    SIZE,
-    counterparts,
-    image_set,
-    unpaired,
-)
+from tests.translation.palette_world import SIZE, counterparts, image_set, unpaired
 
 LEARNED = [name for name, method in METHODS.items() if method.learned]
 GENERATIVE = ["cyclegan", "cut", "unit", "style-network", "mkl+residual"]

@@ -191,9 +191,7 @@ def test_reinhard_computes_statistics_of_many_images_in_blocks():
     largest = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            reinhard,
-            "to_lab",
-            lambda block: (largest.append(len(block)), to_lab(block))[1],
+            reinhard, "to_lab", lambda block: (largest.append(len(block)), to_lab(block))[1]
         )
         fit("reinhard", images, images)
     assert max(largest) < len(images)

@@ -11,13 +11,7 @@ from s2rstore.errors import RequestError
 from s2rtools.translator_evaluation import content_metrics as metrics
 from s2rtools.translator_evaluation import image_structure as structure
 from s2rtools.translator_evaluation.content_summary import measure_content
-from tests.translator_evaluation.scenes import (
-    as_images,
-    blurred,
-    recoloured,
-    rooms,
-    with_object,
-)
+from tests.translator_evaluation.scenes import as_images, blurred, recoloured, rooms, with_object
 
 ROOMS = rooms(0)
 

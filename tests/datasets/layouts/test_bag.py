@@ -141,13 +141,10 @@ def test_what_is_no_bag_ends_in_one_line(tmp_path):
 @pytest.mark.parametrize(
     ("name", "compression"),
     [
-        ("one.bag", "BZ2"),
-        ("one.bag", "LZ4"),
-        ("folder", "FILE"),
-        ("folder", "MESSAGE"),
+        ("one.bag", "BZ2"), ("one.bag", "LZ4"), ("folder", "FILE"), ("folder", "MESSAGE"),
         ("folder-mcap", "STORAGE"),
     ],
-)
+)  # fmt: skip
 def test_compressed_bags(tmp_path, scene, name, compression):
     walk_bag(tmp_path / name, scene).write(compression)
     recording = read("bag", tmp_path / name)

@@ -158,10 +158,7 @@ def test_depth_in_some_rows_is_reported_or_refused(recording):
         read_with("csv", path)
 
 
-@pytest.mark.parametrize(
-    "pose",
-    ["nan,0,0,0,0,0,1", "x,0,0,0,0,0,1", "0,0,0,0,0,0,2", "1"],
-)
+@pytest.mark.parametrize("pose", ["nan,0,0,0,0,0,1", "x,0,0,0,0,0,1", "0,0,0,0,0,0,2", "1"])
 def test_unusable_poses_are_reported_with_their_line(recording, pose):
     path, frames = recording
     with path.open("a") as file:
