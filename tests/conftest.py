@@ -1,7 +1,5 @@
 """Fixtures shared by all test packages."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

@@ -1,7 +1,5 @@
 """The adjustment by a translator: chains, strength, registration and refusals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The adjustment panel: sliders, live predictions, release of the model and saved runs."""
 
-from __future__ import annotations
-
 import asyncio
 import sys
 import threading

@@ -1,7 +1,5 @@
 """The application in Textual's test pilot: sizes, all keys, colour modes, ASCII output."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """Background threads run the newest waiting job; delayed calls run, cancelled ones never."""
 
-from __future__ import annotations
-
 import asyncio
 import gc
 import subprocess

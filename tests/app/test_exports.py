@@ -1,7 +1,5 @@
 """Exports of the application: reports, rows and screenshots, and their restrictions."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from threading import Event

@@ -1,7 +1,5 @@
 """Modal screens: several keys at once, letters of the jump mode, search in the help."""
 
-from __future__ import annotations
-
 import pytest
 from textual import events
 from textual.containers import VerticalScroll

@@ -1,7 +1,5 @@
 """Quitting leaves no process; errors are shown in one line; a restricted session."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import re

@@ -1,7 +1,5 @@
 """A store without a computed run, and one with a single run, which is compared with a baseline."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The map: frame, points, heat of both signs, floor plan, clipping, rooms, marks and legend."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from io import BytesIO
 

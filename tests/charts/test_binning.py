@@ -1,7 +1,5 @@
 """Counts, sums, medians and ranks per bin compared with direct computation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

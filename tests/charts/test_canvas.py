@@ -1,7 +1,5 @@
 """The canvas: clipping, cells, wide characters, images and dots in the correct cells."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from rich.cells import cell_len

@@ -1,7 +1,5 @@
 """The compare view: differences of two runs compared with direct subtraction."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The error histogram: counts, highlighted bars and medians."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Every view draws at any size in any mode, and ASCII mode uses only ASCII characters."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Figures have exactly the requested size, deterministic bytes and visible content."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from io import BytesIO
 

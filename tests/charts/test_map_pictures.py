@@ -1,7 +1,5 @@
 """Maps in true pixels show what their cells show, stand out and are resampled by area."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

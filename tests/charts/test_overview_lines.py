@@ -1,7 +1,5 @@
 """The overview: marks, numbers and scrolling, and the density and brushing of instance lines."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

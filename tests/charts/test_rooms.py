@@ -1,7 +1,5 @@
 """The rooms view: counts per room, errors per group, order, marks and scrolling."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 from types import SimpleNamespace

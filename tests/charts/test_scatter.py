@@ -1,7 +1,5 @@
 """The scatter view: counts, axes and brushes compared with independent computation."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

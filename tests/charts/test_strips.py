@@ -1,7 +1,5 @@
 """Strips contain the text of the canvas in few bytes, and the rasterizer draws their pixels."""
 
-from __future__ import annotations
-
 import re
 from io import BytesIO
 

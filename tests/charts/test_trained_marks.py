@@ -1,7 +1,5 @@
 """Cells of several or of trained instances say so, and the cursor lies on top of them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """No view shows a part of a number, and every colour bar has the numbers of its two ends."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

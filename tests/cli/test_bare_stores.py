@@ -1,7 +1,5 @@
 """Stores without frames, and paths that are not stores."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Detection of terminals and the options `--theme`, `--symbols` and `--remember`."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

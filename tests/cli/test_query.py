@@ -1,7 +1,5 @@
 """The query command: rows, formats, columns and metadata, also without a computed run."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """HTML reports: self-contained, consistent with the store and deterministic."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from html.parser import HTMLParser

@@ -1,7 +1,5 @@
 """Invalid requests: exit code 2, a one-line message and no partial output."""
 
-from __future__ import annotations
-
 import argparse
 import errno
 import json

@@ -1,7 +1,5 @@
 """The show command: every number of a view equals the result of an SQL query."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -4,8 +4,6 @@ Two stores differ only in the trained instances of their runs: in one of them th
 predictions. Whatever leaves trained instances out must be equal for both stores.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator

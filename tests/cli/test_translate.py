@@ -1,7 +1,5 @@
 """`s2r translate`: fit, list and wrong requests."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

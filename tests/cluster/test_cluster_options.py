@@ -1,7 +1,5 @@
 """Options of `s2r precompute` for clusters, and the file of SLURM settings."""
 
-from __future__ import annotations
-
 import socketserver
 import threading
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Jobs that SLURM accepts or refuses, with programs that answer as `sbatch` does."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

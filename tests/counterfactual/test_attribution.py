@@ -1,7 +1,5 @@
 """Attributions compared with direct computations."""
 
-from __future__ import annotations
-
 from itertools import permutations
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Relighting, its compiled loops, and the estimated noise and range of a depth sensor."""
 
-from __future__ import annotations
-
 import math
 
 import cv2

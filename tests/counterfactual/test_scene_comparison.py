@@ -1,7 +1,5 @@
 """Changed content is cut into segments; views of other rigs are synthesised."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

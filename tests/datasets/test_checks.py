@@ -1,7 +1,5 @@
 """Invalid input is reported and skipped, and rejected with --strict."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Appends that are killed or run at the same time, and what prune makes of their remains."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The documentation refers to what exists, builds as a site, and its notebook runs."""
 
-from __future__ import annotations
-
 import base64
 import importlib.util
 import re

@@ -1,7 +1,5 @@
 """Findings and grouped errors: independent figures, exact expressions, honest silence."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

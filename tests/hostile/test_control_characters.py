@@ -1,7 +1,5 @@
 """Control characters in external texts are escaped, except in CSV and JSON written to a pipe."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

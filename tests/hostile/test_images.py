@@ -1,7 +1,5 @@
 """Images are checked by their headers before decoding, and damaged image data is detected."""
 
-from __future__ import annotations
-
 import io
 import os
 import re

@@ -1,7 +1,5 @@
 """Leftovers of interrupted ingests and their removal."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Symbolic links, pipes and devices inside a store are rejected."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

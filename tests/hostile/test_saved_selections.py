@@ -1,7 +1,5 @@
 """Recursive selections, extreme expressions and invalid notebooks are rejected in one line."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """The forward pass that keeps the outputs of all operations, and what goes on from it."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

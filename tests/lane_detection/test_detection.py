@@ -1,7 +1,5 @@
 """Detector, scores, tuning and lane pose."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

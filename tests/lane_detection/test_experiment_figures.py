@@ -1,7 +1,5 @@
 """Intervals, shares, verdicts and words of the threshold experiment on hand-made counts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

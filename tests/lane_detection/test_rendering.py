@@ -1,7 +1,5 @@
 """Camera, road map and renderer agree with geometry."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Folders of road images: what is read, and one-line errors for damaged ones."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The threshold experiment: splits without leaks, arms, verdicts, and the command."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

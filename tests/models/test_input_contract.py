@@ -1,7 +1,5 @@
 """Input contracts: files that override them, the check of a forward pass, and stored models."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Preprocessing of frames to the network input, and decoding of outputs to poses."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The built-in architectures: names, shapes and an independent forward pass."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 from torch import Tensor, fx

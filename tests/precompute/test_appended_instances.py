@@ -1,7 +1,5 @@
 """Precompute of a store with a continued trajectory and an added domain."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import replace
 from pathlib import Path

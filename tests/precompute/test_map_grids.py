@@ -1,7 +1,5 @@
 """Map grids: equal to a plain computation, from one pass over the images, merged from ranges."""
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Arrays of appended parts are merged to those of few segments, without computing them again."""
 
-from __future__ import annotations
-
 import hashlib
 import tempfile
 from collections import Counter

@@ -1,7 +1,5 @@
 """Number of worker processes, and the order in which they compute units."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import SimpleNamespace
 

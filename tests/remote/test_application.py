@@ -1,7 +1,5 @@
 """The application on a store on a web server: equal screens, messages in place of tracebacks."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`s2r ros replay`, and its bags in ROS's own tools."""
 
-from __future__ import annotations
-
 import csv
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The lane-following loop in simulation, and what a translator before the detector changes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Permissions of a session: paths, models and actions."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """`s2r serve`: access control, page content and session lifetime."""
 
-from __future__ import annotations
-
 import re
 import sys
 from typing import Any

@@ -1,7 +1,5 @@
 """Messages are cleared by the next change of the state and kept when nothing changes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path

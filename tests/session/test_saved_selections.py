@@ -1,7 +1,5 @@
 """Notebooks: deleted names, unreadable entries and selections applied to other data."""
 
-from __future__ import annotations
-
 import errno
 import json
 from collections.abc import Sequence

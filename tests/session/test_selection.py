@@ -1,7 +1,5 @@
 """Selections: operators, undo and redo, saving, sharing and the sorted list."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Which heatmap is offered first, and what is said about how far each can be trusted."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Stores, histories and Parquet files below folders whose names DuckDB takes for patterns."""
 
-from __future__ import annotations
-
 import errno
 import os
 import shutil

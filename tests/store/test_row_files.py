@@ -1,7 +1,5 @@
 """Rows in Parquet files beside the index: same results, shared by generations, and checked."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shutil

@@ -1,7 +1,5 @@
 """The split of a run's instances into those of the fit and those of the judgement."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Suggestions for small worlds with one factor and with none, their storage and their command."""
 
-from __future__ import annotations
-
 import json
 import shlex
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Stores, notebooks and histories whose texts contain terminal escapes, markup and controls."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -5,8 +5,6 @@
 as text, HTML or PNG.
 """
 
-from __future__ import annotations
-
 import ast
 import base64
 import contextlib

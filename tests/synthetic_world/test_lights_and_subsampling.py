@@ -1,7 +1,5 @@
 """Views with other lights, and views of every n-th pixel."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

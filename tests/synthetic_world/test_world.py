@@ -1,7 +1,5 @@
 """The synthetic world: deterministic images, free trajectories and visible factors."""
 
-from __future__ import annotations
-
 import hashlib
 
 import numpy as np

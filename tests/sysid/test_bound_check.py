@@ -1,7 +1,5 @@
 """Estimates at the limits of their ranges."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

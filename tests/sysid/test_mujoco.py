@@ -1,7 +1,5 @@
 """The MuJoCo simulator compared with the planar robot."""
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

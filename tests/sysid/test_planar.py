@@ -1,7 +1,5 @@
 """The planar robot simulator satisfies its equations."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Result files of the identification, and the command."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Sixels, iTerm2's images and PNG, decoded by independent decoders."""
 
-from __future__ import annotations
-
 import asyncio
 import sys
 import time

@@ -1,7 +1,5 @@
 """Inline images: the query to the terminal, strips with placeholders, and transmission."""
 
-from __future__ import annotations
-
 import re
 import threading
 import time

@@ -1,7 +1,5 @@
 """Learned translation methods: what they learn, seeds, checkpoints, stored files."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """`mkl+residual`: gain over the linear map, its bound and its fallback."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

@@ -1,7 +1,5 @@
 """Translation methods that match statistics."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

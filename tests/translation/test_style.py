@@ -1,7 +1,5 @@
 """Style methods: their losses, and the networks whose features they use."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

@@ -1,7 +1,5 @@
 """Metrics of the content that a translator keeps, on procedural rooms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Gates: which damage of translated images is refused, and what is accepted."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

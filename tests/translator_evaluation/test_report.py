@@ -1,7 +1,5 @@
 """Reports of translators of a small store, from the fit to the saved verdict."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

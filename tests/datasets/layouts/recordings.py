@@ -1,7 +1,5 @@
 """Write recordings with known poses in the layouts, without code of the readers."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Iterable, Sequence
