@@ -39,13 +39,6 @@ def test_a_number_that_does_not_fit_is_left_out_whole():
         assert canvas.lines()[0].strip() in {"", "u", "-10.5", "u -10.5"}
 
 
-def test_wide_characters_occupy_two_whole_cells():
-    canvas = Canvas(4, 1)
-    canvas.text(0, 0, "a界界")
-    assert canvas.char[0].tolist() == ["a", "界", "", " "]
-    assert canvas.lines() == ["a界 "]
-
-
 def test_boxes_and_pasted_canvases_are_drawn():
     canvas, small = Canvas(6, 4), Canvas(3, 2)
     small.text(0, 0, "xyz", DARK.real)

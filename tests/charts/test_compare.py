@@ -104,15 +104,6 @@ def test_unselected_points_are_grey_and_the_cursor_is_marked():
     assert canvas.char[cursor] == "◉"
 
 
-def test_empty_selections_and_missing_values_can_be_drawn():
-    none_selected = np.zeros(N, dtype=np.bool_)
-    missing = np.full(N, np.nan)
-    draw_compare(compare_input(selected=none_selected), SIZE)
-    summary = compare_model(compare_input(first=missing)).summary
-    assert (summary.improved, summary.worse, summary.equal, summary.unknown) == (0, 0, 0, 15)
-    assert "no instance" in compare_input(first=missing).sentences
-
-
 @given(errors, errors, masks, arrays.arrays(np.int64, N, elements=st.integers(-1, 2)))
 def test_changes_by_room_equal_direct_computation(first, second, members, room):
     changes = room_changes(first, second, members, None, room, ("a", "b", "c"))

@@ -106,13 +106,6 @@ def test_selected_bars_are_coloured_and_others_grey():
     assert grey in colours
 
 
-def test_selected_bars_differ_by_glyph_without_colours():
-    for options, glyph in (
-        (RenderOptions(mode=ColourMode.NONE), "█"), (RenderOptions(ascii=True), "#"),
-    ):  # fmt: skip
-        assert glyph in "".join(draw_errors(errors_input(), (60, 12), options).lines())
-
-
 def test_a_pending_range_is_marked_only_on_its_side():
     view = errors_input(mark=Mark("real", ((1.0, 0.0), (2.0, 0.0))), upper=6.0)
     canvas = draw_errors(view, (72, 11), PALETTE)

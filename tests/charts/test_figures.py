@@ -125,10 +125,6 @@ def test_the_background_and_the_colours_of_the_sides_appear(name, theme):
         assert (np.abs(pixels - colour).max(axis=-1) <= 3).any()
 
 
-def test_dollar_signs_are_literal_text():
-    map_figure(map_input(), (300, 200), title="a$b$c", subtitle="id$")
-
-
 def test_an_invalid_size_is_rejected():
     with pytest.raises(RequestError, match="--size"):
         overview_figure(ROWS, None, (0, 100))

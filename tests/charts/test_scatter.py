@@ -215,14 +215,6 @@ def test_the_cursor_and_the_limits_are_drawn():
     assert "│" in set(canvas.char[: panel.height, column])
 
 
-def test_missing_errors_and_empty_selections_can_be_drawn():
-    none_selected = np.zeros(60, dtype=np.bool_)
-    missing = scatter_input(sim=np.full(60, np.nan), valid=none_selected, cursor=1)
-    for data in (scatter_input(selected=none_selected), missing):
-        draw_scatter(data, SIZE)
-        assert len(scatter_figure(data, (300, 200))) > 1000
-
-
 @pytest.mark.parametrize(
     ("options", "diagonal", "sides"),
     [(RenderOptions(mode=ColourMode.NONE), "╱", "◇◆"), (RenderOptions(ascii=True), "/", "RS")],

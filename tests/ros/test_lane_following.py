@@ -62,9 +62,3 @@ def test_a_translator_restores_the_drive_in_coloured_light(thresholds):
     assert (before["translated"], after["translated"]) == (False, True)
     assert after["kept"] == 1
     assert after["detected"] > before["detected"] + 0.2
-
-
-def test_strength_0_drives_as_without_a_translator(thresholds):
-    short = replace(SHORT, distance=0.15)
-    plain = follow_lane(BLUE, 0, thresholds, settings=short)
-    assert follow_lane(BLUE, 0, thresholds, Blind(), 0.0, settings=short) == plain

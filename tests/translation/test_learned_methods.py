@@ -272,28 +272,6 @@ def test_wrong_options_are_refused_by_name(options):
         find_method("cyclegan").fit(*unpaired(), FitSettings(steps=1, options=options))
 
 
-@pytest.mark.parametrize("name", GENERATIVE)
-def test_the_history_and_the_facts_describe_the_fit(name):
-    result = tiny_fit(name)
-    assert [row["step"] for row in result.history] == [1, 2, 3, 4]
-    assert all(np.isfinite(value) for row in result.history for value in row.values())
-    assert result.facts["steps"] == 4
-    assert result.facts["channels"] == 2
-
-
-def test_a_fit_of_minutes_ends_by_itself(tmp_path):
-    fractions = []
-    settings = replace(
-        tiny_settings("cut"),
-        steps=None,
-        minutes=0.002,
-        report=lambda f, loss, s: fractions.append(f),
-    )
-    find_method("cut").fit(*unpaired(), settings)
-    assert fractions == sorted(fractions)
-    assert fractions[-1] == 1
-
-
 def test_sizes_and_pairs_that_do_not_match_are_refused():
     first, second = unpaired()
     small = image_set(second.images[:, :16])

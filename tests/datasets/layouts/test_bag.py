@@ -111,17 +111,6 @@ def test_mcap_files_without_an_index(tmp_path, scene):
     assert_images(recording, scene)
 
 
-def test_a_damaged_schema_of_a_database_ends_in_one_line(tmp_path, scene):
-    """SQLite quotes the damaged text, which is not UTF-8."""
-    path = walk_bag(tmp_path / "folder", scene).write()
-    (file,) = path.glob("*.db3")
-    content = file.read_bytes()
-    assert b"name TEXT NOT NULL" in content
-    file.write_bytes(content.replace(b"name TEXT NOT NULL", b"name TEXT NOT \x88ULL"))
-    with refused("cannot be read as a ROS bag"):
-        read("bag", path)
-
-
 def test_what_is_no_bag_ends_in_one_line(tmp_path):
     (tmp_path / "notes.txt").write_text("nothing")
     (tmp_path / "empty.mcap").write_bytes(b"")
