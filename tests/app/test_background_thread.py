@@ -69,18 +69,6 @@ def test_a_worker_that_never_started_runs_no_last_job():
     LatestOnlyWorker("lane").end(lambda: pytest.fail("the last job runs"))
 
 
-def test_workers_run_independently():
-    blocking, busy_worker = BlockingJob(), LatestOnlyWorker("busy")
-    other_worker = LatestOnlyWorker("other")
-    finished = threading.Event()
-    busy_worker.put(blocking.wait)
-    assert blocking.entered.wait(60)
-    other_worker.put(finished.set)
-    assert finished.wait(60)
-    blocking.open.set()
-    assert background_thread.wait_until_idle(60)
-
-
 def test_the_process_exits_while_a_job_runs():
     code = (
         "import sys, time; from s2rtui.jobs import background_thread\n"

@@ -125,7 +125,7 @@ def test_changes_by_room_equal_direct_computation(first, second, members, room):
         assert part.worse == (two - one > 0.05).sum()
 
 
-def test_changes_of_many_instances_are_those_of_their_members() -> None:
+def test_changes_of_many_instances_are_those_of_their_members():
     """Above 20,000 values numbers come from sorted columns."""
     rng = np.random.default_rng(8)
     n = 60_000
@@ -172,7 +172,7 @@ def test_a_clear_change_is_evident_and_said_in_words():
     assert "no evident difference" in sentences(same, ("vanilla", "dataaug"), "real")
 
 
-def test_few_neighbours_on_one_side_are_not_called_evident() -> None:
+def test_few_neighbours_on_one_side_are_not_called_evident():
     second = np.repeat([0.4, 5.8, 9.2], 10)
     rooms = np.zeros(30, dtype=np.int64)
     changes = room_changes(np.zeros(30), second, np.ones(30, dtype=np.bool_), None, rooms, ("a",))

@@ -133,12 +133,6 @@ def test_many_rows_are_written_to_parquet(tmp_path):
     assert stored == rows
 
 
-def test_an_empty_result_is_a_valid_parquet_file(tmp_path):
-    write_rows(tmp_path / "a.parquet", ["n"], [])
-    with duckdb.connect() as connection:
-        assert connection.execute(f"SELECT * FROM '{tmp_path}/a.parquet'").fetchall() == []
-
-
 def test_an_empty_result_suggests_expressions_that_select_something(tiny_store, capsys):
     empty = "worst(1, sim.error) & best(1, sim.error)"
     for options in (["--count"], ["--format", "csv"]):

@@ -160,13 +160,6 @@ def test_the_view_of_another_rig_equals_its_rendering():
     assert np.mean(depths) < 0.01
 
 
-def test_nothing_is_seen_without_depth():
-    synthesis = ViewSynthesis(rig(CAMERA), rig(LOWERED), FRAME)
-    made = synthesis(np.full((*FRAME, 3), 7, np.uint8), np.zeros(FRAME, np.float32))
-    assert not made.seen.any()
-    assert not made.depth.any()
-
-
 def shifted(columns: float) -> Domain:
     """A rig whose depth camera is turned so that its image lies `columns` to the left."""
     lens = Intrinsics(60.0, 60.0, SIZE / 2, SIZE / 2, 0.0)

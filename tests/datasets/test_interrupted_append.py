@@ -33,7 +33,7 @@ from tests.datasets.helpers import Killed, add, files, kill, kill_after, rows_by
     ("owner", "name", "calls"),
     [(build, "write_trajectory", 1), (atomic_writes, "move", 3), (layout, "write_current", 0)],
 )
-def test_a_kill_leaves_the_old_generation_and_a_rerun_succeeds(
+def test_a_kill_keeps_the_old_generation_and_a_rerun_works(
     scan, store, monkeypatch, owner, name, calls
 ):
     """The building folder stays, too, as after a real kill."""

@@ -11,8 +11,6 @@ from s2rtools.lane_detection.lane_pose import lane_pose
 from s2rtools.lane_detection.line_detector import (
     DEFAULT_THRESHOLDS,
     Segments,
-    anti_instagram,
-    colour_masks,
     detect,
     detector_images,
     road_part,
@@ -48,13 +46,6 @@ def test_whole_camera_images_lose_the_upper_third_and_wide_ones_nothing():
         road_part(np.zeros((1, 4, 4, 3), np.uint8), "left")  # type: ignore[arg-type]
 
 
-def test_a_range_over_hue_180_is_two_boxes():
-    red = DEFAULT_THRESHOLDS["red"]
-    assert len(red.boxes()) == 2
-    hsv = np.array([[[178, 200, 200], [5, 200, 200], [90, 200, 200]]], dtype=np.uint8)
-    assert red.contains(hsv).tolist() == [[True, True, False]]
-
-
 def test_default_thresholds_find_painted_stripes_with_normals_into_them():
     images, masks = painted()
     found = detect(images[0], DEFAULT_THRESHOLDS)
@@ -68,17 +59,6 @@ def test_default_thresholds_find_painted_stripes_with_normals_into_them():
         outer = np.abs(middles - (40 * label + 4.5)) > 3
         upright = np.abs(segments.normals[:, 0]) > 0.9
         assert (np.sign(segments.normals[:, 0]) == into)[outer & upright].mean() > 0.9
-
-
-def test_anti_instagram_undoes_a_cast():
-    images, _ = painted()
-    cast = np.clip(images * 0.8 + np.array([0, 15, 51]), 0, 255).astype(np.uint8)
-    plain, restored = (
-        colour_masks(each, DEFAULT_THRESHOLDS)["white"]
-        for each in (anti_instagram(images)[0], anti_instagram(cast)[0])
-    )
-    assert (plain == restored).mean() > 0.98
-    assert anti_instagram(cast)[0][:, :30].mean() < 10
 
 
 def test_pixel_scores_ignore_255_and_leave_out_absent_colours():
@@ -119,16 +99,6 @@ def test_tuning_recovers_painted_colours_and_centres_the_bounds(seed):
     assert 110 < low < 190
     assert tuning.ranges["white"].plateau["value"][0] > 60
     assert tuning.ranges["yellow"].range.high[1:] == (255, 255)
-
-
-def test_tuning_keeps_default_ranges_of_colours_without_labels():
-    images, masks = painted()
-    masks[masks == 3] = 0
-    tuning = tune(images, masks)
-    assert tuning.untuned == ("red",)
-    assert tuning.thresholds["red"] == DEFAULT_THRESHOLDS["red"]
-    with pytest.raises(RequestError, match="no line pixels"):
-        tune(images, np.zeros_like(masks))
 
 
 def test_lane_pose_of_rendered_day_images(rendered):

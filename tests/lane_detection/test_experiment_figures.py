@@ -7,13 +7,12 @@ import pytest
 from scipy import stats
 
 from s2rtools.lane_detection.arm_evaluation import Scores
-from s2rtools.lane_detection.experiment_arms import Arm, FitRequest, TranslatorCache, parse_sources
+from s2rtools.lane_detection.experiment_arms import Arm, parse_sources
 from s2rtools.lane_detection.experiment_data import split_images
-from s2rtools.lane_detection.experiment_report import in_words, to_document, to_table
+from s2rtools.lane_detection.experiment_report import in_words, to_table
 from s2rtools.lane_detection.line_scores import agreement, f1, mean_f1
 from s2rtools.lane_detection.road_images import RoadImages
 from s2rtools.lane_detection.threshold_experiment import Choice, Experiment, pick_arm, verdict
-from s2rtools.translation.image_set import ImageSet
 
 TRUE = 100
 """True pixels per colour and image."""
@@ -73,20 +72,6 @@ def test_agreement_is_the_mean_over_colours_that_either_mask_has():
     assert agreement(counts) == pytest.approx(0.45)
     assert agreement(counts[:2]) == pytest.approx(0.9)
     assert np.isnan(agreement(np.zeros((3, 3))))
-
-
-def test_false_pixels_of_absent_colours_are_reported_apart():
-    of = experiment({"sim+ai": 0.8}, 6, absent_red=7)
-    assert of.f1("sim+ai", "all").value == pytest.approx(f1_of(0.8))
-    assert of.gap_closed("oracle per light", "all") == pytest.approx(1)
-    document = to_document(of)
-    assert document["true_colours"] == {"all": ["white", "yellow"]}
-    absent = {
-        row["colour"]: row["false_pixels_of_absent_colours_per_image"]
-        for row in document["arms"] if row["arm"] == "sim+ai"
-    }  # fmt: skip
-    assert absent == {"all": 7, "white": None, "yellow": None, "red": 7}
-    assert "red" not in in_words(of)
 
 
 def test_gap_closed_is_the_share_between_simulation_and_oracle():
@@ -201,17 +186,3 @@ def test_the_choice_is_the_best_mean_that_does_no_harm_in_ordinary_lights():
         "reinhard (light) > sim", "mkl (light) > sim", "levels (light) > sim", "sim",
     ]  # fmt: skip
     assert choice.candidates["mkl (light) > sim"] == pytest.approx(0.77)
-
-
-def test_translators_of_other_recordings_or_sizes_are_fitted_anew(tmp_path):
-    rng = np.random.default_rng(0)
-    images = rng.integers(0, 256, (8, 8, 16, 3), dtype=np.uint8)
-    target = ImageSet("sim", images[::-1].copy(), np.zeros(8, np.int32), tuple("abcdefgh"))
-    same = ImageSet("real", images, np.zeros(8, np.int32), tuple("abcdefgh"))
-    grouped = replace(same, groups=np.arange(8, dtype=np.int32) // 4)
-    tall = replace(same, images=images.reshape(8, 16, 8, 3))
-    request = FitRequest(parse_sources("mkl")[0], "real2sim", 0, None)
-    cache = TranslatorCache(tmp_path)
-    for source, files in ((same, 1), (grouped, 2), (tall, 3), (same, 3)):
-        cache.get(request, source, target)
-        assert len(list(tmp_path.glob("mkl-*.safetensors"))) == files

@@ -27,11 +27,6 @@ def test_ground_points_survive_projection_and_back(x, y):
     assert CAMERA.to_ground(pixel) == pytest.approx(np.array([[x, y]]), abs=2e-3)
 
 
-def test_points_behind_the_camera_and_above_the_horizon_have_no_projection():
-    assert np.isnan(CAMERA.to_pixels(np.array([[-1.0, 0.0]]))).all()
-    assert np.isnan(CAMERA.to_ground(np.array([[320.0, -60.0]]))).all()
-
-
 def test_projected_line_points_have_the_label_of_their_line(town):
     """From the middle of the right-hand lane of a straight road that leads to the east."""
     x, y = 1.1 * TILE, 0.5 * TILE - LANE_OFFSET

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from s2rstore.errors import RequestError
-from s2rtools.lane_detection.road_images import read_road_images, reduce_mask
+from s2rtools.lane_detection.road_images import read_road_images
 
 FIRST = "day-00_0000"
 
@@ -20,16 +20,6 @@ def test_rendered_folders_are_read_with_lights_recordings_and_poses(rendered):
     assert rendered.images.shape == (48, 80, 160, 3)
     assert np.isfinite(rendered.poses).all()
     assert rendered.labelled.all()
-
-
-def test_reduced_masks_ignore_pixels_without_a_majority():
-    mask = np.zeros((320, 640), dtype=np.uint8)
-    mask[:, 320:] = 1
-    mask[:, 8:10] = 255
-    reduced = reduce_mask(mask)
-    assert (reduced[:, 80:] == 1).all()
-    assert (reduced[:, 2] == 255).all()
-    assert (reduced[:, 3:80] == 0).all()
 
 
 def _without_mask(folder: Path) -> None:

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from s2rstore.errors import RequestError
 from s2rtools.lane_detection.arm_evaluation import Evaluation
 from s2rtools.lane_detection.experiment_arms import (
     Arm,
@@ -55,13 +54,6 @@ def test_levels_recover_the_dark_without_labels(rendered, tmp_path):
     again = Evaluation(split, sim, TranslatorCache(tmp_path), sim_thresholds(sim))
     repeated = again.arm(next(arm for arm in arms if arm.thresholds == "sim" and arm.source))
     assert np.array_equal(through.pixels, repeated.pixels)
-
-
-@pytest.mark.parametrize("text", ["magic", "mkl:colour=red", "levels:low", "missing.safetensors"])
-def test_unknown_translators_are_refused_in_one_line(text):
-    with pytest.raises(RequestError) as caught:
-        parse_sources(text)
-    assert "\n" not in str(caught.value)
 
 
 def test_report_writes_table_rows_figure_and_words(rendered_folder, tmp_path, capsys):

@@ -50,11 +50,6 @@ def test_processes_are_kept_until_more_are_needed():
         assert pool.processes(2) is not first
 
 
-def test_available_memory_is_positive_where_it_is_known():
-    memory = available_memory()
-    assert memory is None or memory > 0
-
-
 @pytest.mark.parametrize(
     ("group", "files"),
     [

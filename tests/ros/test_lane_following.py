@@ -49,13 +49,6 @@ def test_the_robot_stays_in_the_lane_by_day(thresholds):
     assert drive.mean_error < 0.05
 
 
-def test_a_robot_that_sees_nothing_leaves_the_lane(thresholds):
-    drive = follow_lane(DAY, 0, thresholds, Blind(), settings=replace(SHORT, distance=2.0))
-    assert not drive.kept
-    assert drive.detected == 0
-    assert drive.progress < 1
-
-
 def test_a_translator_restores_the_drive_in_coloured_light(thresholds):
     without, with_translator = compare([BLUE], [0], translator(BLUE), thresholds, settings=SHORT)
     before, after = without.summary(), with_translator.summary()

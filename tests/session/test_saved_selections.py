@@ -159,16 +159,6 @@ def test_a_shared_line_restores_its_trajectories(session):
     assert "in nowhere" in session.state.message
 
 
-def test_a_shared_line_of_another_generation_shows_a_message(session):
-    session.select("worst15")
-    line = shared_line(session).replace("generation 2", "generation 7")
-    session.select("all")
-    past = len(session.state.past)
-    state = session.dispatch(shared_selection.select_text, line)
-    assert "6 on vanilla, generation 2; saved: 6 on vanilla, generation 7" in state.message
-    assert len(state.past) == past + 1
-
-
 def test_waiting_for_a_lock_times_out(session, monkeypatch):
     session.writable_notebook.note(3, "first")
     monkeypatch.setattr(notebook, "_LOCK_SECONDS", 0.1)

@@ -59,7 +59,7 @@ def test_the_same_seed_gives_the_same_translator(name):
         np.testing.assert_array_equal(value, first[key])
 
 
-@pytest.mark.parametrize("name", ["cyclegan", "cut", "unit", "style-network", "mkl+residual"])
+@pytest.mark.parametrize("name", GENERATIVE)
 def test_a_continued_fit_equals_an_uninterrupted_one(name, tmp_path):
     checkpoint = tmp_path / "fit.safetensors"
     steps = 0
