@@ -1,7 +1,5 @@
 """Image adjustments: neutral values, chains, and the effect of each adjustment."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

@@ -1,7 +1,5 @@
 """The adjustment by a translator: chains, strength, registration and refusals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,11 +18,7 @@ from s2rtools.precompute.input_hashes import InputHashes
 from s2rtools.precompute.run_registration import add_run
 from s2rtools.translation import fit_split
 from s2rtools.translation.translator_file import load_translator
-from s2rtools.translator_evaluation.fit_into_store import (
-    FitRequest,
-    fit_into_store,
-    stored_split,
-)
+from s2rtools.translator_evaluation.fit_into_store import FitRequest, fit_into_store, stored_split
 from s2rtui.session import Session, adjusting
 from tests.conftest import BuildOnce
 from tests.support.copies import copy_store

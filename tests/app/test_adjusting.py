@@ -1,7 +1,5 @@
 """The adjustment panel: sliders, live predictions, release of the model and saved runs."""
 
-from __future__ import annotations
-
 import asyncio
 import sys
 import threading
@@ -209,17 +207,6 @@ def test_the_live_model_uses_the_generation_of_the_session(few_pairs_store, tmp_
         assert model._store.generation == store.generation
         assert "later" not in model._store.runs
         model.close()
-
-
-async def test_the_panel_explains_how_to_install_the_tools(tiny_store, monkeypatch):
-    unload_modules(monkeypatch, lambda name: name.startswith("s2rtools."))
-    monkeypatch.setitem(sys.modules, "s2rtools", None)
-    async with running(tiny_store) as (app, pilot):
-        await press(app, pilot, "a", "right", "S", "escape")
-        text = " ".join(take_screenshot(app).text.split())
-        assert "live adjustments need s2rtools" in text
-        assert "'s2rtui[tools]'" in text
-        assert app.settled
 
 
 async def test_clicking_other_views_keeps_the_panel_and_the_live_marks(few_pairs_store):

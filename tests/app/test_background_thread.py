@@ -1,7 +1,5 @@
 """Background threads run the newest waiting job; delayed calls run, cancelled ones never."""
 
-from __future__ import annotations
-
 import asyncio
 import gc
 import subprocess
@@ -69,18 +67,6 @@ def test_ending_a_worker_drops_waiting_jobs_and_runs_its_last_job():
 
 def test_a_worker_that_never_started_runs_no_last_job():
     LatestOnlyWorker("lane").end(lambda: pytest.fail("the last job runs"))
-
-
-def test_workers_run_independently():
-    blocking, busy_worker = BlockingJob(), LatestOnlyWorker("busy")
-    other_worker = LatestOnlyWorker("other")
-    finished = threading.Event()
-    busy_worker.put(blocking.wait)
-    assert blocking.entered.wait(60)
-    other_worker.put(finished.set)
-    assert finished.wait(60)
-    blocking.open.set()
-    assert background_thread.wait_until_idle(60)
 
 
 def test_the_process_exits_while_a_job_runs():

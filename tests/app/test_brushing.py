@@ -1,7 +1,5 @@
 """Brushing by keys and mouse, operators, saved selections, notes and tags in the application."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Cache keys of the views: a view is redrawn if and only if something that it shows has changed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
 from pathlib import Path

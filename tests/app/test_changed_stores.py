@@ -1,7 +1,5 @@
 """The application on a run of imported predictions, and after instances are appended."""
 
-from __future__ import annotations
-
 import asyncio
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Exports of the application: reports, rows and screenshots, and their restrictions."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from threading import Event
@@ -34,7 +32,7 @@ async def answer(app: S2RApp, pilot: Pilot[None], text: str) -> str:
     return app.session.state.message
 
 
-async def test_reports_contain_saved_selections_or_the_current_one(
+async def test_reports_contain_saved_selections_or_the_present_one(
     tiny_store, tmp_path, monkeypatch
 ):
     def failing_report(*_: object) -> None:
@@ -144,9 +142,7 @@ async def test_two_simultaneous_exports_write_two_files(tiny_store, tmp_path, mo
     assert len(list(tmp_path.iterdir())) == 2 + (tmp_path / "share").exists()
 
 
-async def test_a_file_created_during_the_export_is_not_overwritten(
-    tiny_store, tmp_path, monkeypatch
-):
+async def test_a_file_made_during_the_export_is_not_overwritten(tiny_store, tmp_path, monkeypatch):
     target, write_rows = tmp_path / "s2r-selection-001.csv", formats.write_rows
 
     def write_after_other_process(*arguments: Any) -> None:
@@ -174,7 +170,7 @@ def test_an_existing_numbered_file_is_skipped(tmp_path):
     assert len(list(tmp_path.iterdir())) == 2
 
 
-async def test_a_restricted_session_writes_only_to_the_user_data_folder(
+async def test_a_restricted_session_writes_to_the_user_data_only(
     tiny_store, tmp_path, user_data_folder
 ):
     async with running(tiny_store, folder=tmp_path, restricted=True) as (app, pilot):

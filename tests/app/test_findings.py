@@ -1,7 +1,5 @@
 """Findings, grouped errors and scrolled tables in the application."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

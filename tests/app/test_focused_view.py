@@ -1,7 +1,5 @@
 """The focused view: zoom, full screen, the instance under the mouse, first and last instance."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from s2rtui.app.app import S2RApp

@@ -1,7 +1,5 @@
 """The gap history in the application: view, outputs and updates after new nights."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The application on a data set of images without poses."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

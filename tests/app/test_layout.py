@@ -1,7 +1,5 @@
 """The layout of the views: inside the screen, without overlap, rows by need."""
 
-from __future__ import annotations
-
 import itertools
 
 import pytest

@@ -1,7 +1,5 @@
 """Large runs load in a background worker: keys stay responsive and the newest request wins."""
 
-from __future__ import annotations
-
 import gc
 import threading
 import weakref

@@ -1,7 +1,5 @@
 """Data on the screen is labelled with its origin while newer data is loading."""
 
-from __future__ import annotations
-
 import threading
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Modal screens: several keys at once, letters of the jump mode, search in the help."""
 
-from __future__ import annotations
-
 import pytest
 from textual import events
 from textual.containers import VerticalScroll
@@ -74,8 +72,7 @@ async def test_deleting_selections_keeps_the_row_and_names_what_uses_them(tiny_s
 
 
 @pytest.mark.parametrize(
-    ("expression", "name"),
-    [("traj:a", "traj all run 所.s2r"), ('run("dataaug").gap > 0', "s.s2r")],
+    ("expression", "name"), [("traj:a", "traj all run 所.s2r"), ('run("dataaug").gap > 0', "s.s2r")]
 )
 async def test_jump_letters_lie_on_their_parts_of_the_status_line(
     tiny_store, tmp_path, expression, name

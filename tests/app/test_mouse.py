@@ -1,7 +1,5 @@
 """Mouse events are coalesced without losing positions or wheel steps."""
 
-from __future__ import annotations
-
 import time
 
 import pytest

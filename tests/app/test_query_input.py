@@ -1,7 +1,5 @@
 """The query input: completion at the cursor and quoted names."""
 
-from __future__ import annotations
-
 from textual import events
 
 from s2rtui.app.widgets.query_input import QueryInput

@@ -1,9 +1,6 @@
 """Quitting leaves no process; errors are shown in one line; a restricted session."""
 
-from __future__ import annotations
-
 import asyncio
-import json
 import re
 import sys
 import threading
@@ -17,8 +14,6 @@ import pytest
 import s2rstore
 from bench.support.processes import commands_below, wait_until
 from bench.support.screen import RIGHT, Screen
-from s2rstore.index.transaction import edit
-from s2rtools.adjustments import parse_adjustment
 from s2rtui.app import load_scheduler
 from s2rtui.app.app import S2RApp
 from s2rtui.app.controllers.navigation import NavigationController
@@ -136,9 +131,7 @@ async def test_quit_while_a_loader_reads(tiny_store, monkeypatch, loader):
         release.set()
 
 
-def test_an_unexpected_error_while_starting_is_printed_in_one_line(
-    tiny_store, tmp_path, open_screen
-):
+def test_an_unexpected_error_at_the_start_is_printed_in_one_line(tiny_store, tmp_path, open_screen):
     folder = tmp_path / "broken"
     folder.mkdir()
     (folder / "sitecustomize.py").write_text(
@@ -198,19 +191,3 @@ async def test_a_state_that_cannot_be_drawn_is_left(tiny_store, monkeypatch):
         assert app.fault is None
         assert app.session.state.map_mode == before.map_mode
         assert "internal error" in app.session.state.message
-
-
-def test_an_adjusted_run_shows_its_unadjusted_images(store_copy, open_screen):
-    with edit(store_copy) as draft:
-        adjusted = {"real_adjustments": json.dumps(parse_adjustment("real:brightness=1.5")["real"])}
-        draft.update("run", {"run": "dataaug"}, adjusted)
-    screen = open_application(open_screen, store_copy, "--restricted", "--run", "dataaug")
-    screen.wait_for("before")
-    screen.press("a")
-    screen.wait_for("not in a restricted session")
-    screen.press("r")
-    screen.wait_for("run vanilla")
-    screen.wait_for(lambda text: "before" not in text)
-    screen.press("q")
-    assert screen.wait_for_end() == 0
-    assert b"Traceback" not in screen.raw

@@ -3,8 +3,6 @@
 `S2R_UPDATE_SCREENS=1 pytest tests/app/test_screen_snapshots.py` rewrites them; check the diff.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass

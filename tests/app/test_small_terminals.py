@@ -1,7 +1,5 @@
 """Small terminals: the most important parts come first, and texts are shown completely."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

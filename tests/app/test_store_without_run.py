@@ -1,7 +1,5 @@
 """A store without a computed run, and one with a single run, which is compared with a baseline."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +14,6 @@ from s2rtui.app.pilot import settle, snapshot, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.compare.model import constant_errors
 from s2rtui.charts.registry import BY_NAME, VIEWS
-from s2rtui.cli import main
 from s2rtui.export.load_scene import SceneOptions, open_scene
 from s2rtui.export.report.build_report import render_report
 from s2rtui.export.report.report_request import ReportRequest
@@ -143,12 +140,3 @@ def test_one_run_is_compared_with_its_baseline(one_run, size):
         assert "Real errors of vanilla (A) and baseline (B): baseline is better on" in text
     assert "left hall" in text
     assert "better in baseline" in text or size[1] == 20
-
-
-def test_the_figure_and_the_numbers_have_the_baseline_too(one_run, tmp_path, capsys):
-    figure = tmp_path / "figure.png"
-    view = ["export", str(one_run), "--view", "compare", "--size", "600x400", "--out", str(figure)]
-    assert main(view) == 0
-    assert figure.stat().st_size > 1000
-    assert main(["show", str(one_run), "compare", "--words"]) == 0
-    assert "vanilla (A) and baseline (B)" in capsys.readouterr().out

@@ -1,7 +1,5 @@
 """Answers of `s2r suggest` in the application: choosing and applying them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

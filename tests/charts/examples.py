@@ -1,7 +1,5 @@
 """Small synthetic inputs of every view."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -227,10 +225,7 @@ def groups_input(**changes: Any) -> GroupsInput:
     )  # fmt: skip
     return replace(
         GroupsInput(
-            rows=rows,
-            grouping="room",
-            selected={"hall": 12, "kitchen": 1},
-            cursor="kitchen",
+            rows=rows, grouping="room", selected={"hall": 12, "kitchen": 1}, cursor="kitchen"
         ),
         **changes,
     )

@@ -1,7 +1,5 @@
 """The map: frame, points, heat of both signs, floor plan, clipping, rooms, marks and legend."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from io import BytesIO
 
@@ -10,7 +8,7 @@ import pytest
 from PIL import Image
 
 from s2rstore.records import Bounds, Room
-from s2rtui.analysis.map_frame import fit_frame, panned, sample, zoomed
+from s2rtui.analysis.map_frame import fit_frame, panned, zoomed
 from s2rtui.canvas import DARK, DEFAULT_OPTIONS, LIGHT, ColourMode, RenderOptions, heading_arrow
 from s2rtui.canvas.colour import legible, mix, turbo
 from s2rtui.canvas.marks import Mark
@@ -139,15 +137,6 @@ def test_bounds_can_be_zoomed_and_panned():
     assert (moved.x0, moved.y0) == (5, -5)
 
 
-def test_sampled_image_rows_follow_the_y_direction():
-    image = np.array([[1.0, 2.0], [3.0, np.nan]])
-    square = Bounds(0, 0, 2, 2)
-    frame = fit_frame(square, 4, 4, True)
-    assert sample(image, square, frame, True)[[0, 0, 3], [0, 3, 0]].tolist() == [1, 2, 3]
-    assert np.isnan(sample(image, square, frame, True)[3, 3])
-    assert sample(image, square, frame, False)[0, 0] == 3
-
-
 def test_the_model_sorts_by_value_and_excludes_invalid_instances():
     view = map_input(cursor=3)
     model = map_model(view)
@@ -204,28 +193,6 @@ def test_zooming_in_draws_the_error_lines_of_visible_instances():
 )  # fmt: skip
 def test_heading_arrows_follow_the_y_direction(degrees, y_down, arrow, step):
     assert heading_arrow(np.radians(degrees), y_down, UNICODE) == (arrow, *step)
-
-
-def test_heat_colours_only_cells_with_values():
-    without_heat = draw_map(map_input(heat=None, cursor=None), SIZE)
-    with_heat = draw_map(map_input(cursor=None), SIZE)
-    warm, cold = cell_at(5.0, 3.0), cell_at(15.0, 5.0)
-    assert int(with_heat.bg[warm][1]) > int(without_heat.bg[warm][1]) + 60
-    assert (with_heat.bg[cold] == without_heat.bg[cold]).all()
-
-
-def test_the_floor_plan_is_drawn_dimmed():
-    canvas = draw_map(map_input(heat=None, cursor=None, rooms=()), SIZE)
-    dark, bright = (canvas.bg[cell_at(x, 5.0)].astype(int).sum() for x in (5.0, 15.0))
-    assert dark < bright < 3 * 170
-
-
-@pytest.mark.parametrize("mode", ["colour", "glyph", "full"])
-def test_empty_selections_and_missing_values_can_be_drawn(mode):
-    nobody, missing = np.zeros(60, dtype=np.bool_), np.full(60, np.nan)
-    no_heat = np.full((3, 3), np.nan)
-    draw_map(map_input(valid=nobody, values=missing, mode=mode, heat=no_heat), SIZE)
-    draw_map(map_input(values=missing, mode=mode, truth=np.full((60, 2), np.nan)), SIZE)
 
 
 def signed_map(**changes: object) -> MapInput:

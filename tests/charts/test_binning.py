@@ -1,7 +1,5 @@
 """Counts, sums, medians and ranks per bin compared with direct computation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,11 +8,7 @@ from hypothesis.extra import numpy as arrays
 
 from s2rtui.analysis import joint_histogram
 from s2rtui.analysis import ranked_column as ranked
-from s2rtui.analysis.binning import (
-    bin_values,
-    count_selected,
-    selection_indices,
-)
+from s2rtui.analysis.binning import bin_values, count_selected, selection_indices
 from s2rtui.charts.map.paper import _overlap
 
 SIZE = 40
@@ -37,13 +31,11 @@ def test_counts_per_bin_equal_masked_counts(column, selected, base):
 @pytest.mark.parametrize(
     ("first", "second", "shared"),
     [
-        ((0, 40), (30, 90), (30, 40)),
-        ((0, 40), (50, 90), None),
-        ((170, 190), (-190, -175), (170, 185)),
-        ((-10, 10), (355, 375), (-5, 10)),
+        ((0, 40), (30, 90), (30, 40)), ((0, 40), (50, 90), None),
+        ((170, 190), (-190, -175), (170, 185)), ((-10, 10), (355, 375), (-5, 10)),
         ((0, 40), None, None),
     ],
-)
+)  # fmt: skip
 def test_angular_intervals_overlap_across_360_degrees(first, second, shared):
     assert _overlap(first, second) == shared
 
@@ -51,12 +43,10 @@ def test_angular_intervals_overlap_across_360_degrees(first, second, shared):
 @pytest.mark.parametrize(
     ("few", "largest", "piece"),
     [
-        (SIZE, 0, joint_histogram.PIECE),
-        (0, joint_histogram.LARGEST, 7),
-        (0, 12, 7),
+        (SIZE, 0, joint_histogram.PIECE), (0, joint_histogram.LARGEST, 7), (0, 12, 7),
         (0, 1, joint_histogram.PIECE),
     ],
-)
+)  # fmt: skip
 def test_margins_equal_the_counts_of_each_column(few, largest, piece, monkeypatch):
     monkeypatch.setattr(joint_histogram, "FEW", few)
     monkeypatch.setattr(joint_histogram, "LARGEST", largest)

@@ -1,7 +1,5 @@
 """Block characters show cells of two colours exactly, and all others with the least error."""
 
-from __future__ import annotations
-
 import unicodedata
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The compare view: differences of two runs compared with direct subtraction."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -106,15 +104,6 @@ def test_unselected_points_are_grey_and_the_cursor_is_marked():
     assert canvas.char[cursor] == "◉"
 
 
-def test_empty_selections_and_missing_values_can_be_drawn():
-    none_selected = np.zeros(N, dtype=np.bool_)
-    missing = np.full(N, np.nan)
-    draw_compare(compare_input(selected=none_selected), SIZE)
-    summary = compare_model(compare_input(first=missing)).summary
-    assert (summary.improved, summary.worse, summary.equal, summary.unknown) == (0, 0, 0, 15)
-    assert "no instance" in compare_input(first=missing).sentences
-
-
 @given(errors, errors, masks, arrays.arrays(np.int64, N, elements=st.integers(-1, 2)))
 def test_changes_by_room_equal_direct_computation(first, second, members, room):
     changes = room_changes(first, second, members, None, room, ("a", "b", "c"))
@@ -136,7 +125,7 @@ def test_changes_by_room_equal_direct_computation(first, second, members, room):
         assert part.worse == (two - one > 0.05).sum()
 
 
-def test_changes_of_many_instances_are_those_of_their_members() -> None:
+def test_changes_of_many_instances_are_those_of_their_members():
     """Above 20,000 values numbers come from sorted columns."""
     rng = np.random.default_rng(8)
     n = 60_000
@@ -183,7 +172,7 @@ def test_a_clear_change_is_evident_and_said_in_words():
     assert "no evident difference" in sentences(same, ("vanilla", "dataaug"), "real")
 
 
-def test_few_neighbours_on_one_side_are_not_called_evident() -> None:
+def test_few_neighbours_on_one_side_are_not_called_evident():
     second = np.repeat([0.4, 5.8, 9.2], 10)
     rooms = np.zeros(30, dtype=np.int64)
     changes = room_changes(np.zeros(30), second, np.ones(30, dtype=np.bool_), None, rooms, ("a",))

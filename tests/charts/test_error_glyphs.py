@@ -1,7 +1,5 @@
 """Error glyphs of the map: means, directions, sizes and distinguishability."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The error histogram: counts, highlighted bars and medians."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -106,13 +104,6 @@ def test_selected_bars_are_coloured_and_others_grey():
     assert {DARK.sim, DARK.real} <= colours
     grey = tuple(mix(DARK.background, DARK.unselected, SOLID).tolist())
     assert grey in colours
-
-
-def test_selected_bars_differ_by_glyph_without_colours():
-    for options, glyph in (
-        (RenderOptions(mode=ColourMode.NONE), "█"), (RenderOptions(ascii=True), "#"),
-    ):  # fmt: skip
-        assert glyph in "".join(draw_errors(errors_input(), (60, 12), options).lines())
 
 
 def test_a_pending_range_is_marked_only_on_its_side():

@@ -1,7 +1,5 @@
 """Every view draws at any size in any mode, and ASCII mode uses only ASCII characters."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
@@ -78,8 +76,7 @@ VIEWS: dict[str, Draw] = {
     "history": drawing(draw_history, gaps.week()),
     "no history": drawing(draw_history, ()),
     "marked umap": drawing(
-        draw_umap,
-        umap_input(mark=Mark("real", ((-9.0, -9.0), (3.0, 3.0), (4.0, 9.0)), lasso=True)),
+        draw_umap, umap_input(mark=Mark("real", ((-9.0, -9.0), (3.0, 3.0), (4.0, 9.0)), lasso=True))
     ),
     "marked orientation": drawing(
         draw_orientation, orientation_input(mark=Mark("sim", ((170.0, 1.0), (-120.0, 9.0))))

@@ -1,7 +1,5 @@
 """Figures have exactly the requested size, deterministic bytes and visible content."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from io import BytesIO
 
@@ -125,10 +123,6 @@ def test_the_background_and_the_colours_of_the_sides_appear(name, theme):
     truth = [] if name == "errors" else [theme.truth]
     for colour in (theme.sim, theme.real, *truth):
         assert (np.abs(pixels - colour).max(axis=-1) <= 3).any()
-
-
-def test_dollar_signs_are_literal_text():
-    map_figure(map_input(), (300, 200), title="a$b$c", subtitle="id$")
 
 
 def test_an_invalid_size_is_rejected():

@@ -1,7 +1,5 @@
 """Walls are found in floor plans, stay whole when thin, and are drawn without colours."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Labels of heat name kind, mode and unit; the metres of changed regions are listed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The history view: every night at its day, with interval, outcome glyph and threshold."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from io import BytesIO

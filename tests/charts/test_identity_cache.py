@@ -1,7 +1,5 @@
 """The identity cache keeps results as long as their arrays exist."""
 
-from __future__ import annotations
-
 import gc
 import threading
 import weakref

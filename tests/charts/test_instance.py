@@ -1,7 +1,5 @@
 """The instance view: image panels, heat, numbers, and pairs whose sim image has its own pose."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

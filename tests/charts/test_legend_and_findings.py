@@ -1,7 +1,5 @@
 """Legends are wrapped and marked where cut; every finding is visible in cells and on paper."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """The list view: row order, cursor position and conversion of cells to rows."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Binned map points compared with point-wise evaluation."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

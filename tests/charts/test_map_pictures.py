@@ -1,7 +1,5 @@
 """Maps in true pixels show what their cells show, stand out and are resampled by area."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -38,9 +36,8 @@ from s2rtui.canvas.colour import (
     with_luminance,
 )
 from s2rtui.canvas.pixel_marks import diamond, disc, draw_dots_by_level, highest_at, hollow, stamped
-from s2rtui.charts.compare.terminal import draw_compare
 from s2rtui.charts.map.terminal import draw_map
-from tests.charts.examples import compare_input, map_input
+from tests.charts.examples import map_input
 
 SIZE = (60, 24)
 CELL = (10, 20)
@@ -81,12 +78,6 @@ def test_the_picture_shows_the_marks_of_each_mode(mode, roles):
     _, pixels = map_picture(mode=mode)
     for role in roles:
         assert has(pixels, getattr(DARK, role))
-
-
-def test_the_picture_of_a_comparison_shows_the_cursor():
-    data = compare_input(cursor=int(np.flatnonzero(compare_input().valid)[0]))
-    (image,) = draw_compare(data, SIZE).images
-    assert has(picture(image), DARK.cursor)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,5 @@
 """The orientation view: counts, directions, means and readability in every mode."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

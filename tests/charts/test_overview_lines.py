@@ -1,7 +1,5 @@
 """The overview: marks, numbers and scrolling, and the density and brushing of instance lines."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -67,20 +65,6 @@ def test_density_equals_individually_drawn_lines(first, second, third, selected,
     assert (density.others == others).all()
 
 
-def test_adjacent_runs_are_drawn_as_bars():
-    lines = overview_lines()
-    layout = overview_layout(ROWS, 0, (60, 6), lines)
-    assert layout.step == 1
-    density = line_density(lines, AXIS, layout)
-    assert density.highlighted.shape == (4 * 3, 2 * layout.chart_width)
-    assert density.highlighted[3].sum() == 15
-    assert density.others[7].sum() == 44
-    assert not density.highlighted[8:].any()
-    column_heights = (density.highlighted[:4] > 0).sum(axis=0)
-    assert column_heights.max() <= 4
-    assert (density.highlighted[3] > 0).sum() == (column_heights > 0).sum()
-
-
 def many_lines(count: int = 400, **changes: object) -> OverviewLines:
     """Evenly spread accuracies: 0.5 to 1 in the first run, 0.7 to 0.9 in the second."""
     spread = np.linspace(0, 1, count)
@@ -134,15 +118,6 @@ def test_quantiles_of_bins_agree_with_those_of_the_values():
     np.testing.assert_allclose(binned, exact, atol=0.006)
     assert np.isnan(bands.accuracy_quantiles(lines.values, ~lines.valid)).all()
     assert np.isnan(bands.binned_quantiles(0 * counts)).all()
-
-
-def test_no_band_leads_to_a_run_without_accuracies():
-    lines = many_lines()
-    unknown = replace(lines, values=(*lines.values, np.full(400, np.nan)))
-    layout = overview_layout(rows(3), 0, (80, 30), unknown)
-    density = line_density(unknown, AXIS, layout).highlighted
-    assert density[2 : 2 + 4 * layout.step].any()
-    assert not density[2 + 4 * layout.step :].any()
 
 
 def test_bins_are_cached_across_selections(monkeypatch):
@@ -222,15 +197,6 @@ def test_unselected_lines_are_fainter_without_colours():
         assert set("".join(band)) & set(glyphs)
 
 
-def test_notes_are_drawn_over_lines():
-    lines = overview_lines()
-    waiting = [replace(row, sim_accuracy=None, real_accuracy=None, note="reading") for row in ROWS]
-    canvas = draw_overview(waiting, None, 0, SIZE, RenderOptions(), lines)
-    layout = overview_layout(waiting, 0, SIZE, lines)
-    for index in range(2):
-        assert "reading " in canvas.lines()[layout.row_of(index)][layout.chart :]
-
-
 def test_the_cursor_s_line_is_drawn_on_top_with_its_accuracies():
     lines = overview_lines()
     canvas = draw_overview(ROWS, None, 0, SIZE, RenderOptions(), lines)
@@ -303,13 +269,6 @@ def test_a_marked_range_is_drawn_on_its_run(options):
 
 
 ROWS_SIZE = (70, 10)
-
-
-def test_the_axis_covers_all_values_with_round_limits():
-    low, high = overview_model(ROWS, 0.72).axis
-    assert low <= 0.72
-    assert high >= 0.96
-    assert (100 * low) % 5 == pytest.approx(0, abs=1e-9)
 
 
 def test_the_visible_rows_follow_the_selected_run():

@@ -1,7 +1,5 @@
 """Translators below the overview: order, verdicts and gains."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """Panels of the views: conversion of cells to data, position inside the view and no overlap."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

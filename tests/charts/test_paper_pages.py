@@ -1,7 +1,5 @@
 """Figures on narrow and wide pages of paper: texts apart and whole, units on every axis."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The rooms view: counts per room, errors per group, order, marks and scrolling."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 from types import SimpleNamespace
@@ -69,17 +67,6 @@ def test_bar_lengths_are_proportional_to_counts():
             inked = "".join(canvas.char[row, bar]).rstrip()
             assert len(inked) == -(-total * layout.bar // 32)
             assert abs(inked.count("█") - highlighted * layout.bar / 32) <= 1
-
-
-def test_columns_have_the_colours_of_the_sides():
-    view = rooms_input()
-    canvas = draw_rooms(view, SIZE)
-    for panel, colour in zip(
-        rooms_panels(view, SIZE), (DARK.sim, DARK.truth, DARK.real), strict=True
-    ):
-        panel_cells = (slice(panel.y, None), slice(panel.x, panel.x + panel.width))
-        inked = canvas.char[panel_cells] != " "
-        assert (canvas.fg[panel_cells][inked] == colour).all(axis=-1).any()
 
 
 def test_the_visible_rooms_follow_the_cursor_and_the_brush():

@@ -1,7 +1,5 @@
 """The scatter view: counts, axes and brushes compared with independent computation."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -215,14 +213,6 @@ def test_the_cursor_and_the_limits_are_drawn():
     limit = scatter_summary(data).sim.worst
     column = int(panel.to_cells(limit, 1.0)[0])
     assert "│" in set(canvas.char[: panel.height, column])
-
-
-def test_missing_errors_and_empty_selections_can_be_drawn():
-    none_selected = np.zeros(60, dtype=np.bool_)
-    missing = scatter_input(sim=np.full(60, np.nan), valid=none_selected, cursor=1)
-    for data in (scatter_input(selected=none_selected), missing):
-        draw_scatter(data, SIZE)
-        assert len(scatter_figure(data, (300, 200))) > 1000
 
 
 @pytest.mark.parametrize(

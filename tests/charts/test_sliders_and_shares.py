@@ -1,7 +1,5 @@
 """The slider view has complete labels and units; the shares view shows means of a selection."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

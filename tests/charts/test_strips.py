@@ -1,13 +1,9 @@
 """Strips contain the text of the canvas in few bytes, and the rasterizer draws their pixels."""
 
-from __future__ import annotations
-
 import re
-from io import BytesIO
 
 import numpy as np
 import pytest
-from PIL import Image
 from rich.console import Console
 from rich.segment import Segment
 from rich.style import Style
@@ -16,7 +12,7 @@ from textual.strip import Strip
 from s2rtui.canvas import DARK, Canvas, ColourMode
 from s2rtui.canvas.glyph_masks import glyph_mask
 from s2rtui.canvas.raster import draw_half_blocks
-from s2rtui.export.rasterizer import rasterize, rasterize_png
+from s2rtui.export.rasterizer import rasterize
 from s2rtui.terminal.strips import merge_similar_colours, to_strips
 
 
@@ -160,14 +156,6 @@ def test_every_geometric_character_has_ink_within_its_cell():
         assert mask.max() <= 1
 
 
-def test_mirrored_blocks_have_mirrored_pixels():
-    left, right, upper, lower, one, other, full = (glyph_mask(g, 20, 10) for g in "▌▐▀▄▛▟█")
-    assert (left[:, ::-1] == right).all()
-    assert (upper[::-1] == lower).all()
-    assert (one[::-1, ::-1] == other).all()
-    assert full.all()
-
-
 def test_bold_letters_have_more_ink():
     plain = (pixels("m") != (0, 0, 255)).any(axis=-1).sum()
     bold = (pixels("m", RED + Style(bold=True)) != (0, 0, 255)).any(axis=-1).sum()
@@ -179,11 +167,3 @@ def test_missing_colours_are_those_of_the_theme():
     assert (cell == DARK.background).all()
     reversed_cell = np.asarray(rasterize([[Segment(" ", Style(reverse=True))]]))
     assert (reversed_cell == DARK.text).all()
-
-
-def test_rasterized_images_are_deterministic():
-    canvas = Canvas(30, 4)
-    canvas.text(2, 1, "sim ◆ real ◇", DARK.sim, bold=True)
-    first, second = (rasterize_png(to_strips(canvas, ColourMode.TRUECOLOR)) for _ in range(2))
-    assert first == second
-    assert Image.open(BytesIO(first)).size == (300, 80)

@@ -1,7 +1,5 @@
 """The suggestions view: answers of both directions, their gains, the chosen one and its command."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

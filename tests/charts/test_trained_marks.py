@@ -1,7 +1,5 @@
 """Cells of several or of trained instances say so, and the cursor lies on top of them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -79,10 +77,7 @@ def test_the_cursor_is_on_top_of_several_instances():
 
 @pytest.mark.parametrize(
     ("options", "forms", "legend"),
-    [
-        (PLAIN, "⓪①②③④⑤⑥⑦⑧⑨", "⓪-⑨ trained on"),
-        (ASCII, "abcdefghij", "a-j (for 0-9) trained on"),
-    ],
+    [(PLAIN, "⓪①②③④⑤⑥⑦⑧⑨", "⓪-⑨ trained on"), (ASCII, "abcdefghij", "a-j (for 0-9) trained on")],
 )
 def test_digits_of_values_keep_their_value(options, forms, legend):
     before, canvas = (map_cells(options, "colour", trained)[0] for trained in (None, TRAINED))
@@ -95,11 +90,7 @@ def test_digits_of_values_keep_their_value(options, forms, legend):
 
 @pytest.mark.parametrize(
     ("options", "legend"),
-    [
-        (COLOURS, "○ ②-⑨ ⊕ trained on"),
-        (PLAIN, "trained on"),
-        (ASCII, "a-j (for 0-9) trained on"),
-    ],
+    [(COLOURS, "○ ②-⑨ ⊕ trained on"), (PLAIN, "trained on"), (ASCII, "a-j (for 0-9) trained on")],
 )
 def test_the_umap_shows_number_and_mark(options, legend):
     sim = twins(umap_input().sim)

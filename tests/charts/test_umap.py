@@ -1,7 +1,5 @@
 """The UMAP view: common frame, mean colour of a cell, and counts."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

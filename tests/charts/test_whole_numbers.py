@@ -1,7 +1,5 @@
 """No view shows a part of a number, and every colour bar has the numbers of its two ends."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np
@@ -18,13 +16,7 @@ from s2rtui.charts.shared.image_pair_model import instance_model
 from s2rtui.charts.shared.image_pair_terminal import draw_instance, instance_layout
 from s2rtui.charts.umap.model import umap_frame, umap_model
 from s2rtui.charts.umap.terminal import draw_umap
-from tests.charts.examples import (
-    N,
-    compare_input,
-    instance_input,
-    map_input,
-    umap_input,
-)
+from tests.charts.examples import N, compare_input, instance_input, map_input, umap_input
 from tests.charts.test_every_size import VIEWS
 
 Written = list[tuple[Canvas, int, int, str]]

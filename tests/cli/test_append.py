@@ -1,7 +1,5 @@
 """`s2r ingest --append`, and the note that a run is not computed for appended instances."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Stores without frames, and paths that are not stores."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path
@@ -23,9 +21,7 @@ def store_without_frames(store_copy: Path) -> Path:
     return store_copy
 
 
-def test_an_instance_without_frames_shows_its_numbers_and_no_image(
-    store_without_frames, capsys, tmp_path
-):
+def test_an_instance_without_frames_shows_its_numbers_alone(store_without_frames, capsys, tmp_path):
     assert main(["show", str(store_without_frames), "instance", "--iid", "5", "--json"]) == 0
     rows = {row["what"]: row for row in json.loads(capsys.readouterr().out)}
     with s2rstore.open(store_without_frames) as store:

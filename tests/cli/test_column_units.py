@@ -1,7 +1,5 @@
 """Columns of lengths and angles name their units, and equal numbers are equal everywhere."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """The demo command: full run, resumption after an interruption, and damaged recipes and scores."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The export command: views, sizes, options and deterministic output."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """`s2r findings`: JSON that agrees with `s2r query`, a table of 80 columns, and refusals."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Help texts and shell completion scripts."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import shlex

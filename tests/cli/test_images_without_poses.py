@@ -1,7 +1,5 @@
 """Commands on a data set of images without poses."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The query command: rows, formats, columns and metadata, also without a computed run."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path
@@ -133,12 +131,6 @@ def test_many_rows_are_written_to_parquet(tmp_path):
     with duckdb.connect() as connection:
         stored = connection.execute(f"SELECT * FROM '{tmp_path}/a.parquet' ORDER BY n").fetchall()
     assert stored == rows
-
-
-def test_an_empty_result_is_a_valid_parquet_file(tmp_path):
-    write_rows(tmp_path / "a.parquet", ["n"], [])
-    with duckdb.connect() as connection:
-        assert connection.execute(f"SELECT * FROM '{tmp_path}/a.parquet'").fetchall() == []
 
 
 def test_an_empty_result_suggests_expressions_that_select_something(tiny_store, capsys):

@@ -1,7 +1,5 @@
 """HTML reports: self-contained, consistent with the store and deterministic."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -109,7 +107,7 @@ def test_a_report_is_accessible_without_images(page):
     assert {str(link["href"])[1:] for link in page.elements("a")} <= anchors
 
 
-def test_the_numbers_equal_those_of_the_store(tiny_store: Path, page: Page) -> None:
+def test_the_numbers_equal_those_of_the_store(tiny_store, page):
     with s2rstore.open(tiny_store) as store:
         selected = evaluation.select(store, "worst15", "dataaug")
         held_out_selected = selected & run_metrics.held_out(store, "dataaug")

@@ -1,7 +1,5 @@
 """Invalid requests: exit code 2, a one-line message and no partial output."""
 
-from __future__ import annotations
-
 import argparse
 import errno
 import json
@@ -21,16 +19,13 @@ from s2rtui.cli.formatting import rows as output
 INVALID_REQUESTS = [
     ("query STORE 'ids(all)'", "whole numbers"),
     ("query STORE 'worst(1e30, gap)'", "beyond"),
-    ("query STORE '" + "!" * 3000 + "all'", "within each other"),
     ("query STORE '" + " & ".join(["all"] * 2000) + "'", "more than 200 parts"),
     ("query STORE 'heading:90'  --run nobody", "nobody"),
     ("sql STORE ''", "no statement"),
     ("sql STORE 'SELECT 1 AS a, 2 AS a' --json", "twice"),
     ("sql STORE 'SELECT 1' --format parquet", "--out"),
     ("snapshot STORE --keys nosuchkey --out a.txt", "nosuchkey"),
-    ("snapshot STORE --size 0x0 --out a.txt", "0x0"),
     ("train --recipe vanilla --minutes nan --store STORE", "--minutes"),
-    ("train --recipe vanilla --seed -1 --store STORE", "--seed"),
     ("ingest csv --store x.s2r", "path"),
     ("ingest world somewhere --store x.s2r", "somewhere"),
     ("ingest world --calibration c.toml --store x.s2r", "--calibration"),
@@ -40,14 +35,9 @@ INVALID_REQUESTS = [
     ("score STORE", "ground truth is unknown"),
     ("score STORE --instances 1", "--instances"),
     ("model shipped --store STORE", "--seed 1"),
-    ("demo --workers 0", "--workers"),
-    ("demo --minutes nan", "--minutes"),
-    ("demo --data /nowhere", "/nowhere"),
     ("demo --data . --seed 3", "--data"),
     ("ingest csv m.csv --size 0 --store x.s2r", "--size"),
     ("ingest world --factors moon --store x.s2r", "moon"),
-    ("ingest world --factors lights=3 --store x.s2r", "0 .. 2"),
-    ("ingest world --instances 0 --store x.s2r", "--instances"),
     ("query", "required"),
     ("nosuchcommand", "nosuchcommand"),
     ("runs /nowhere/x.s2r", "no such folder"),
@@ -57,7 +47,6 @@ INVALID_REQUESTS = [
     ("export STORE --view workbench --out a.svg", ".png"),
     ("export STORE --view map --out a.png --size 10x10", "--size"),
     ("export STORE --view map --out a.png --heat feature_distance", "--on selection"),
-    ("export STORE --view map --out a.png --heat rubbish", "feature_distance"),
     ("export STORE --view map --out a.png --heat occlusion:x", "occlusion:rgb"),
     ("export STORE --view map --out a.png --trajectory c", "one of a, b"),
     ("export STORE --view map --out a.png --iid 40", "0 to 39"),
@@ -65,9 +54,6 @@ INVALID_REQUESTS = [
     ("export STORE --view list --out a.png --sort rubbish", "real.error"),
     ("export STORE --view instance --out a.png --select none", "selects nothing"),
     ("export STORE --view map --out no/folder/a.png", "cannot be written"),
-    ("export STORE --view map --out a.png --cmap jet", "--cmap jet: must be one of turbo, viridis"),
-    ("export STORE --view map --out a.png --width 900", "--width 900: must be 40 to 420"),
-    ("export STORE --view map --out a.png --dpi 5", "--dpi 5: must be 72 to 1200"),
     ("export STORE --view map --out a.png --width 80 --size 300x300", "--size: pixels; leave it"),
     ("tui STORE --graphics --ascii", "--ascii"),
     ("tui STORE --cell-size 10x20", "--graphics"),

@@ -1,7 +1,5 @@
 """`s2r rooms` lists and renames rooms; `s2r snapshot` takes keys by name and character."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

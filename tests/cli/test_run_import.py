@@ -1,7 +1,5 @@
 """`s2r run import`: what it prints, and requests that are wrong."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from pathlib import Path

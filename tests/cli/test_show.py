@@ -1,7 +1,5 @@
 """The show command: every number of a view equals the result of an SQL query."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -31,7 +29,7 @@ def query(tiny_store: Path, capsys):
     return rows
 
 
-def test_the_overview_uses_only_held_out_instances(tmp_path: Path, capsys) -> None:
+def test_the_overview_uses_only_held_out_instances(tmp_path, capsys):
     path = str(tiny.build(tmp_path / "s.s2r", trained=tiny.RUNS))
     new = f"sim_split NOT IN ({TRAINING_SPLITS}) AND real_split NOT IN ({TRAINING_SPLITS})"
     text = "SELECT run, avg(sim_accuracy) s, avg(real_accuracy) r, count(*) n FROM pair"
@@ -208,7 +206,7 @@ def _approximately(rows: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
     ]
 
 
-def test_open_bounds_are_marked(tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_open_bounds_are_marked(tmp_path, capsys, monkeypatch):
     """All changes lie below 0, but three stretches of them say little: this is not evident."""
     path = tiny.build(tmp_path / "few.s2r", 30)
     with edit(path) as draft:

@@ -4,8 +4,6 @@ Two stores differ only in the trained instances of their runs: in one of them th
 predictions. Whatever leaves trained instances out must be equal for both stores.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator
@@ -231,9 +229,7 @@ def test_the_key_includes_and_leaves_out_trained_instances(session):
 @pytest.mark.parametrize(
     ("expression", "count"), [("trained", 20), ("split:train", 7), ("sim.split:validation", 13)]
 )
-def test_an_expression_that_names_trained_instances_says_that_they_are_left_out(
-    session, expression, count
-):
+def test_an_expression_of_trained_instances_says_that_they_are_left_out(session, expression, count):
     message = session.select(expression).message
     assert message == f"nothing is selected; {count} trained instances left out: M includes them"
     mixed = session.select(f"{expression} | ids(1, 3)")

@@ -1,7 +1,5 @@
 """`s2r translate`: fit, list and wrong requests."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -51,21 +49,14 @@ WRONG_REQUESTS = (
     ("fit mkl --source a --out b", "--target"),
     ("fit mkl --store STORE --domains sim", "SIM,REAL"),
     ("fit mkl --store STORE --domains sim,sim", "two different domains"),
-    ("fit mkl --store STORE --domains sim,moon", "moon"),
     ("fit mkl --store STORE --domains real,sim", "real is a real domain"),
     ("fit mkl --store STORE --paired", "mkl does not use pairs"),
-    ("fit all --store STORE --paired", "does not use pairs; methods that do: mkl+residual"),
     ("fit mkl --store STORE --option beta=1", "mkl takes statistics=VALUE"),
-    ("fit mkl --store STORE --option statistics=frame", "statistics=frame"),
-    ("fit mkl --store STORE --minutes 0", "--minutes"),
-    ("fit mkl --store STORE --steps 0", "--steps"),
-    ("fit mkl --store STORE --seed -1", "--seed"),
     ("fit mkl --store STORE --size 3", "--size"),
     ("fit mkl --store STORE --name ../x", "../x"),
     ("fit all --store STORE --name x", "--name"),
     ("fit mkl --source /nowhere --target /nowhere --out x.safetensors", "/nowhere"),
     ("apply nothing in out", "--store"),
-    ("apply nothing in out --store STORE", "translators: none"),
     ("apply missing.safetensors in out", "missing.safetensors"),
     ("apply missing.safetensors in out --strength 2", "--strength"),
 )

@@ -1,7 +1,5 @@
 """Units of a small store that compute in milliseconds, and record which worker computed them."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile

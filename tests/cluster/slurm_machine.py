@@ -5,8 +5,6 @@ need; it ends with ctrl+c. It needs root and the packages slurmctld, slurmd, slu
 of Debian, but neither systemd nor control groups.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

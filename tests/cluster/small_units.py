@@ -3,8 +3,6 @@
 So a run of a small store has many units.
 """
 
-from __future__ import annotations
-
 import sys
 
 from s2rtools.precompute.tasks import network_outputs

@@ -1,7 +1,5 @@
 """Options of `s2r precompute` for clusters, and the file of SLURM settings."""
 
-from __future__ import annotations
-
 import socketserver
 import threading
 from collections.abc import Callable
@@ -98,10 +96,7 @@ def test_invalid_settings_are_named(script, text, message):
         (["--scheduler", "tcp://h:1", "--threads", "2"], "dask worker --nthreads"),
         (["--cluster", "none.toml"], "--cluster none.toml: cannot be read (No such file"),
         (["--cluster", "local:0"], "use local:N, with 1 to 9999 workers"),
-        (["--cluster", "local:two"], "use local:N, with 1 to 9999 workers"),
         (["--cluster", ""], "--cluster: names nothing"),
-        (["--scheduler", ""], "--scheduler: names nothing"),
-        (["--kinds", ""], "--kinds: names nothing"),
         (["--cluster", "local:2", "--show-job-script"], "has no job script"),
         (["--show-job-script"], "needs --cluster FILE"),
         (["--threads", "0"], "must be at least 1"),
@@ -156,17 +151,9 @@ def test_a_port_without_dask_is_told_soon(store_copy, s2r, monkeypatch, answer):
 @pytest.mark.parametrize(
     ("address", "is_warned"),
     [
-        ("tcp://10.0.0.5:8786", True),
-        ("node1:8786", True),
-        ("tcp://[2001:db8::1]:8786", True),
-        ("ws://node1:8786", True),
-        ("tcp://127.0.0.1:8786", False),
-        ("localhost:8786", False),
-        ("tcp://[::1]:8786", False),
-        ("tls://10.0.0.5:8786", False),
-        ("wss://node1:8786", False),
+        ("ws://node1:8786", True), ("tcp://127.0.0.1:8786", False), ("localhost:8786", False),
     ],
-)
+)  # fmt: skip
 def test_a_scheduler_without_encryption_is_warned_of(monkeypatch, address, is_warned):
     from s2rtools.precompute.executors import clusters
 

@@ -1,7 +1,5 @@
 """The executor of Dask clusters: lost workers, mixed workers, failing units, a lost scheduler."""
 
-from __future__ import annotations
-
 import logging
 import threading
 from collections import defaultdict

@@ -1,7 +1,5 @@
 """Jobs that SLURM accepts or refuses, with programs that answer as `sbatch` does."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path
@@ -95,10 +93,7 @@ def test_only_accepted_jobs_are_told_as_submitted(tmp_path, monkeypatch):
         if line.startswith("waiting"):
             raise SeenError
 
-    with (
-        open_cluster(settings, None, None, report_line) as executor,
-        pytest.raises(SeenError),
-    ):
+    with open_cluster(settings, None, None, report_line) as executor, pytest.raises(SeenError):
         list(executor.run(tasks_in(tmp_path / "s.s2r")))
     assert lines[0].startswith("1 SLURM job(s) submitted; the scheduler is tls://127.0.0.1:")
     assert lines[1:] == [f"2 of 3 jobs were refused ({_REFUSED})", "waiting for 1 workers to start"]

@@ -1,7 +1,5 @@
 """Precompute in the jobs of a real SLURM with two nodes, each with its own mount of the store."""
 
-from __future__ import annotations
-
 import shutil
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Commands that run as one SLURM job, with programs that answer as those of SLURM do."""
 
-from __future__ import annotations
-
 import argparse
 import io
 from pathlib import Path

@@ -4,8 +4,6 @@
 where it is set, each job leaves a file when it begins a unit, and units wait for the file `open`.
 """
 
-from __future__ import annotations
-
 import os
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Changed content is cut into segments; views of other rigs are synthesised."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -160,13 +158,6 @@ def test_the_view_of_another_rig_equals_its_rendering():
         depths.append(np.median(np.abs(made.depth - metres(target))[both] / metres(target)[both]))
     assert np.mean(errors) < 0.5 * np.mean(unmoved)
     assert np.mean(depths) < 0.01
-
-
-def test_nothing_is_seen_without_depth():
-    synthesis = ViewSynthesis(rig(CAMERA), rig(LOWERED), FRAME)
-    made = synthesis(np.full((*FRAME, 3), 7, np.uint8), np.zeros(FRAME, np.float32))
-    assert not made.seen.any()
-    assert not made.depth.any()
 
 
 def shifted(columns: float) -> Domain:

@@ -1,7 +1,5 @@
 """Views of a small synthetic world for tests of counterfactual images."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

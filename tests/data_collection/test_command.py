@@ -1,7 +1,5 @@
 """`s2r collect`, its CSV file, and the map layer of planned poses."""
 
-from __future__ import annotations
-
 import json
 import math
 

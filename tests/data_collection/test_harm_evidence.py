@@ -1,7 +1,5 @@
 """The harm of new real images: which rows, side and plane are read."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

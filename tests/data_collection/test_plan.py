@@ -1,7 +1,5 @@
 """Which poses are chosen for new real images."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Small paired data sets on disk, and a store to append to."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

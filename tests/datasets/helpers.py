@@ -1,7 +1,5 @@
 """Run an ingest or an append with the options that the tests use."""
 
-from __future__ import annotations
-
 import hashlib
 from collections import Counter
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Invalid input is reported and skipped, and rejected with --strict."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from pathlib import Path
@@ -202,12 +200,7 @@ def test_the_example_of_a_header_in_the_documentation_is_valid(tmp_path):
     used = set(re.findall(r"^\s*(\w+) =|[{,] (\w+) =", example, re.M))
     named = {first or second for first, second in used}
     tables = (
-        DatasetTable,
-        BoundsTable,
-        RoomTable,
-        DomainTable,
-        FieldOfViewCamera,
-        IntrinsicsCamera,
-    )
+        DatasetTable, BoundsTable, RoomTable, DomainTable, FieldOfViewCamera, IntrinsicsCamera,
+    )  # fmt: skip
     keys = {field.name for table in tables for field in msgspec.structs.fields(table)}
     assert keys - {"bounds", "recorded_at", "rooms", "domains"} <= named

@@ -1,7 +1,5 @@
 """Depth images tell whether headings, handedness and depth scale are as declared."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Floor plans that are placed by known points or by a ROS occupancy grid fill the bounds."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import astuple
 from pathlib import Path

@@ -1,7 +1,5 @@
 """6-DoF poses are put on the floor, from any world, with what does not fit on a plane reported."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Images without poses: ingest, reading, queries and verification."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """A name that no file can have is that of a missing image, in whatever source it stands."""
 
-from __future__ import annotations
-
 import pytest
 
 import s2rstore

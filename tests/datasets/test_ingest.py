@@ -1,7 +1,5 @@
 """Ingest of both layouts stores valid data losslessly."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import tomllib

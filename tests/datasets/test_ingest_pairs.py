@@ -1,7 +1,5 @@
 """`s2r ingest pairs`: from two recordings with known poses to a store."""
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import math

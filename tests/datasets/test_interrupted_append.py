@@ -1,7 +1,5 @@
 """Appends that are killed or run at the same time, and what prune makes of their remains."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from pathlib import Path
@@ -28,26 +26,14 @@ from s2rtools.datasets.writing import (
     source_arrays,
 )
 from tests.datasets.conftest import N
-from tests.datasets.helpers import (
-    Killed,
-    add,
-    files,
-    kill,
-    kill_after,
-    rows_by_trajectory,
-    scan_of,
-)
+from tests.datasets.helpers import Killed, add, files, kill, kill_after, rows_by_trajectory, scan_of
 
 
 @pytest.mark.parametrize(
     ("owner", "name", "calls"),
-    [
-        (build, "write_trajectory", 1),
-        (atomic_writes, "move", 3),
-        (layout, "write_current", 0),
-    ],
+    [(build, "write_trajectory", 1), (atomic_writes, "move", 3), (layout, "write_current", 0)],
 )
-def test_a_kill_leaves_the_old_generation_and_a_rerun_succeeds(
+def test_a_kill_keeps_the_old_generation_and_a_rerun_works(
     scan, store, monkeypatch, owner, name, calls
 ):
     """The building folder stays, too, as after a real kill."""
@@ -99,8 +85,7 @@ def test_frames_of_a_kept_generation_are_never_replaced(scan, store):
     third = layout.index_name(3)
     shutil.copy(store / old.index, store / third)
     layout.write_current(
-        store,
-        layout.Current(3, third, old.sha256, old.bytes, old.schema, old.dataset_hash),
+        store, layout.Current(3, third, old.sha256, old.bytes, old.schema, old.dataset_hash)
     )
     before = files(store)
     with pytest.raises(RequestError, match="a kept generation has these frames"):

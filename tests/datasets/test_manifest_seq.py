@@ -1,7 +1,5 @@
 """The `seq` of a manifest is that of the store, with its gaps."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable
 from pathlib import Path

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import os
 import re
 import tempfile
@@ -90,13 +88,10 @@ def test_numbers_of_files_are_found_with_any_padding(tmp_path):
 @pytest.mark.parametrize(
     ("text", "name"),
     [
-        ("desk 1", "desk_1"),
-        ("../x", "x"),
-        ("a..b", "a.b"),
-        ("", "recording"),
+        ("desk 1", "desk_1"), ("../x", "x"), ("a..b", "a.b"), ("", "recording"),
         ("ä" * 99, "recording"),
     ],
-)
+)  # fmt: skip
 def test_trajectories_are_named_by_folders(text, name):
     assert trajectory_name(text) == name
 

@@ -1,7 +1,5 @@
 """Ingest decodes every image once and holds no list of the instances."""
 
-from __future__ import annotations
-
 import gc
 import hashlib
 import itertools

@@ -1,7 +1,5 @@
 """The assignment of poses and times, against scipy's dense one and known pairs."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """An ingest that was killed is resumed, and its store equals that of an undisturbed ingest."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

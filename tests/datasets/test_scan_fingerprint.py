@@ -1,7 +1,5 @@
 """The fingerprint of a scan changes with what its frames depend on."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

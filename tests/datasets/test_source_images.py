@@ -1,7 +1,5 @@
 """Images at the size of their source, which networks see, beside the frames of a store."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """The documentation refers to what exists, builds as a site, and its notebook runs."""
 
-from __future__ import annotations
-
 import base64
 import importlib.util
 import re
@@ -155,7 +153,7 @@ NOTEBOOK = Path(__file__).parents[2] / "examples" / "store.ipynb"
 
 
 @pytest.mark.usefixtures("declared_entry_points")
-def test_all_cells_run_on_a_small_store(tiny_store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_all_cells_run_on_a_small_store(tiny_store, monkeypatch):
     monkeypatch.setenv("S2R_STORE", str(tiny_store))
     outputs = [output for cell in notebooks.run(notebooks.code_cells(NOTEBOOK)) for output in cell]
     shown = [output["data"] for output in outputs if output["output_type"] == "execute_result"]
@@ -166,7 +164,7 @@ def test_all_cells_run_on_a_small_store(tiny_store: Path, monkeypatch: pytest.Mo
         assert Image.open(BytesIO(base64.b64decode(picture))).width == round(120 / 25.4 * 110)
 
 
-def test_the_notebook_holds_outputs_and_no_machine_path() -> None:
+def test_the_notebook_holds_outputs_and_no_machine_path():
     cells = notebooks.code_cells(NOTEBOOK)
     assert [cell["execution_count"] for cell in cells] == list(range(1, len(cells) + 1))
     assert sum("image/png" in output.get("data", {}) for c in cells for output in c["outputs"]) == 2

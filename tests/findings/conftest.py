@@ -1,7 +1,5 @@
 """Stores whose errors are known: random ones, and one with a bad room and a bad run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

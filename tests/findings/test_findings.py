@@ -1,7 +1,5 @@
 """Findings and grouped errors: independent figures, exact expressions, honest silence."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace
@@ -12,13 +10,7 @@ import pandas as pd
 import pytest
 
 import s2rstore
-from s2rstore.findings import (
-    Finding,
-    FindingReport,
-    costliest_factor,
-    find_all,
-    run_differences,
-)
+from s2rstore.findings import Finding, FindingReport, costliest_factor, find_all, run_differences
 from s2rstore.findings import gap_drift as DRIFT
 from s2rstore.findings.groups import GROUPINGS, SECTORS, group_errors, groups_of
 from s2rstore.index.schema import GAP_SHARES

@@ -1,7 +1,5 @@
 """The packaged calibration compared with the real images."""
 
-from __future__ import annotations
-
 import csv
 import math
 from dataclasses import replace

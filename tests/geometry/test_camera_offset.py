@@ -1,7 +1,5 @@
 """Camera adjustments: accumulation, unchanged parameters and rejected values."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Samples of a batch that heat of any size and ray is looked up from, and totals that merge."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Back-projection compared with an explicit loop and with known walls."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The harm maps sum to what changed content costs, and lie where it is."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Image harmonisation: equal rigs change nothing, and the offset of a moved rig is estimated."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

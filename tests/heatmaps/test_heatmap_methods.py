@@ -1,7 +1,5 @@
 """Every heatmap kind compared with a direct implementation of its formula."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A store in which every free text column is hostile, and the markup that is parsed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

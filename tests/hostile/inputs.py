@@ -1,7 +1,5 @@
 """Run `s2r` on hostile inputs in a subprocess and check how it ended."""
 
-from __future__ import annotations
-
 import resource
 import signal
 import subprocess

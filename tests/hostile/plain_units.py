@@ -1,7 +1,5 @@
 """A computation that worker processes can import."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """ROS bags that are decompression bombs, pipes or endless views."""
 
-from __future__ import annotations
-
 import bz2
 import os
 import sqlite3

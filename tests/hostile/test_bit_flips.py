@@ -1,7 +1,5 @@
 """A flipped bit anywhere in a store is detected by `verify` or affects no result."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

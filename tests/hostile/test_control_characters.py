@@ -1,7 +1,5 @@
 """Control characters in external texts are escaped, except in CSV and JSON written to a pipe."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -216,9 +214,7 @@ def test_the_terminal_receives_no_forbidden_sequence(hostile_store, user_data_fo
 
 
 @pytest.mark.parametrize("arguments", TABLES, ids=" ".join)
-def test_tables_summaries_and_errors_contain_no_control_characters(
-    hostile_store, capsys, arguments
-):
+def test_tables_words_and_errors_contain_no_control_characters(hostile_store, capsys, arguments):
     main(command(arguments, hostile_store))
     output = capsys.readouterr()
     assert output.out + output.err

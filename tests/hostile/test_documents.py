@@ -1,7 +1,5 @@
 """External TOML and JSON files that are deeply nested, huge, ambiguous or not regular files."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

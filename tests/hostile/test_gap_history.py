@@ -1,7 +1,5 @@
 """Nights with a wrong clock date, and their withdrawal."""
 
-from __future__ import annotations
-
 import datetime
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Every entry point that reads an array of a store fails where one of its shards is missing."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from itertools import product

@@ -1,7 +1,5 @@
 """Folders of images that are damaged, malformed or crafted end in one line, and no store."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from functools import partial

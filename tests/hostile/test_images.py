@@ -1,7 +1,5 @@
 """Images are checked by their headers before decoding, and damaged image data is detected."""
 
-from __future__ import annotations
-
 import io
 import os
 import re
@@ -18,7 +16,7 @@ from PIL import Image
 from s2rstore.files.image_header import jpeg_segments, read_header
 from s2rtools.common.image_files import whole_image
 from s2rtui.charts.shared.base_map_background import floor_plan_pixels
-from tests.hostile.inputs import jpeg, png
+from tests.hostile.inputs import jpeg
 from tests.hostile.inputs import s2r as run_process
 from tests.support import pairs
 from tests.support.refusals import RunCommand, refused
@@ -63,7 +61,7 @@ def bomb(width: int, height: int, missing_bytes: int = 0) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + parts
 
 
-def test_a_decompression_bomb_is_skipped_by_its_header(tmp_path: Path, manifest: Path) -> None:
+def test_a_decompression_bomb_is_skipped_by_its_header(tmp_path, manifest):
     arguments = ("ingest", "csv", manifest, "--size", "32", "--store")
     baseline = run_process(tmp_path, *arguments, tmp_path / "harmless.s2r")
     (manifest.parent / "sim" / "0_rgb.png").write_bytes(bomb(12_000, 12_000))
@@ -74,16 +72,14 @@ def test_a_decompression_bomb_is_skipped_by_its_header(tmp_path: Path, manifest:
     assert result.megabytes < baseline.megabytes + 12_000 * 12_000 * 3 / 2**20 / 2
 
 
-def test_an_implausible_camera_size_is_rejected(manifest: Path, ingest: RunCommand) -> None:
+def test_an_implausible_camera_size_is_rejected(manifest, ingest):
     header = manifest.with_suffix(".toml")
     text = header.read_text().replace("width = 64", "width = 20000")
     header.write_text(text.replace("height = 48", "height = 20000"))
     ingest().assert_refused("20000x20000 pixels; at most")
 
 
-def test_an_image_that_is_not_a_regular_file_is_skipped_or_refused(
-    tmp_path: Path, manifest: Path, ingest: RunCommand
-) -> None:
+def test_an_image_that_is_not_a_regular_file_is_skipped_or_refused(tmp_path, manifest, ingest):
     path = manifest.parent / "sim" / "0_rgb.png"
     path.unlink()
     path.symlink_to("/dev/zero")
@@ -112,14 +108,12 @@ def truncated(content: bytes) -> bytes:
 @pytest.mark.parametrize("options", [(), (cv2.IMWRITE_JPEG_PROGRESSIVE, 1),
                                      (cv2.IMWRITE_JPEG_RST_INTERVAL, 2)])  # fmt: skip
 @pytest.mark.parametrize("damage_image", [with_random_bytes, truncated])
-def test_damaged_data_of_a_jpeg_is_detected(damage_image, options: tuple[int, ...]) -> None:
+def test_damaged_data_of_a_jpeg_is_detected(damage_image, options):
     with pytest.raises(ValueError, match=r"\w"):
         whole(damage_image(jpeg(IMAGE, *options)))
 
 
-def test_a_jpeg_with_damaged_data_and_a_png_with_a_wrong_checksum_are_skipped(
-    manifest: Path, ingest: RunCommand
-) -> None:
+def test_a_jpeg_with_damaged_data_and_a_png_with_a_wrong_checksum_are_skipped(manifest, ingest):
     (manifest.parent / "sim" / "0_rgb.png").write_bytes(truncated(jpeg(IMAGE)))
     path = manifest.parent / "sim" / "1_rgb.png"
     content = bytearray(path.read_bytes())
@@ -159,7 +153,7 @@ def without_huffman_tables(content: bytes) -> bytes:
     return content
 
 
-def test_valid_jpegs_of_all_kinds_are_whole() -> None:
+def test_valid_jpegs_of_all_kinds_are_whole():
     contents = jpeg_variants()
     for content in contents:
         assert whole(content) == content
@@ -169,7 +163,7 @@ def test_valid_jpegs_of_all_kinds_are_whole() -> None:
 
 @pytest.mark.parametrize("fill", [b"\0", b"\xff", b"\xff\0", b"\0\xff"])
 @pytest.mark.parametrize("count", [1, 3, 500])
-def test_fill_bytes_around_the_end_marker_of_a_jpeg_are_left_out(fill: bytes, count: int) -> None:
+def test_fill_bytes_around_the_end_marker_of_a_jpeg_are_left_out(fill, count):
     for content in jpeg_variants():
         filled = content[:-2] + fill * count + b"\xff\xd9" + bytes(5000)
         decoded = [
@@ -179,7 +173,7 @@ def test_fill_bytes_around_the_end_marker_of_a_jpeg_are_left_out(fill: bytes, co
         assert np.array_equal(*decoded)
 
 
-def test_most_damage_of_a_jpeg_is_detected() -> None:
+def test_most_damage_of_a_jpeg_is_detected():
     """A changed amplitude gives another valid image, so not all damage can be detected."""
     rng = np.random.default_rng(1)
     content = jpeg(cv2.resize(IMAGE, (320, 240)))
@@ -202,7 +196,7 @@ def animated(array: np.ndarray, kind: str) -> bytes:
     return file.getvalue()
 
 
-def test_files_with_several_images_are_skipped(manifest: Path, ingest: RunCommand) -> None:
+def test_files_with_several_images_are_skipped(manifest, ingest):
     for number, kind in enumerate(("PNG", "TIFF", "WEBP")):
         (manifest.parent / "sim" / f"{number}_rgb.png").write_bytes(animated(IMAGE, kind))
     output = lines_of(ingest)
@@ -210,9 +204,7 @@ def test_files_with_several_images_are_skipped(manifest: Path, ingest: RunComman
     assert "1 kept" in output
 
 
-def test_common_formats_are_read_regardless_of_the_suffix(
-    manifest: Path, ingest: RunCommand
-) -> None:
+def test_common_formats_are_read_regardless_of_the_suffix(manifest, ingest):
     for number, suffix in enumerate((".bmp", ".ppm", ".tiff", ".webp", ".jpg", ".png")):
         content = bytes(cv2.imencode(suffix, IMAGE[..., ::-1])[1])
         name = f"{('sim', 'real')[number % 2]}/{number // 2}_rgb.png"
@@ -220,20 +212,8 @@ def test_common_formats_are_read_regardless_of_the_suffix(
     assert "4 kept" in lines_of(ingest)
 
 
-def test_16_bit_colours_are_converted_to_8_bits_and_reported(
-    manifest: Path, ingest: RunCommand
-) -> None:
-    wide = IMAGE.astype(np.uint16) * 257
-    (manifest.parent / "sim" / "0_rgb.png").write_bytes(png(wide[..., ::-1]))
-    output = lines_of(ingest)
-    assert "4 kept" in output
-    assert "colours of more than 8 bits: 1\n  sim/0_rgb.png 16 bits; stored with 8" in output
-
-
 @pytest.mark.parametrize(("width", "height"), [(60_000, 1), (1, 60_000), (20_000, 20_000)])
-def test_a_floor_plan_of_implausible_size_is_rejected(
-    manifest: Path, ingest: RunCommand, width: int, height: int
-) -> None:
+def test_a_floor_plan_of_implausible_size_is_rejected(manifest, ingest, width, height):
     header = manifest.with_suffix(".toml")
     header.write_text('floor_plan = "plan.png"\n' + header.read_text())
     (manifest.parent / "plan.png").write_bytes(bomb(width, height))
@@ -241,9 +221,7 @@ def test_a_floor_plan_of_implausible_size_is_rejected(
 
 
 @pytest.mark.parametrize("value", ["nan", "inf", "1e300", "0.0"])
-def test_empty_or_non_finite_bounds_are_rejected(
-    manifest: Path, ingest: RunCommand, value: str
-) -> None:
+def test_empty_or_non_finite_bounds_are_rejected(manifest, ingest, value):
     header = manifest.with_suffix(".toml")
     header.write_text(header.read_text().replace("x1 = 8.0", f"x1 = {value}", 1))
     ingest().assert_refused("bounds")
@@ -257,9 +235,7 @@ def test_empty_or_non_finite_bounds_are_rejected(
     ],
     ids=["large", "undecodable"],
 )
-def test_an_unusable_floor_plan_of_a_store_is_named(
-    tmp_path: Path, content: bytes, message: str
-) -> None:
+def test_an_unusable_floor_plan_of_a_store_is_named(tmp_path, content, message):
     path = tmp_path / "floor_plan.png"
     path.write_bytes(content)
     floor_plan_pixels.cache_clear()

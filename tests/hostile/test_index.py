@@ -1,7 +1,5 @@
 """A manipulated index runs no code, reads no other file and is rejected in one line."""
 
-from __future__ import annotations
-
 import duckdb
 import pytest
 

@@ -1,7 +1,5 @@
 """Leftovers of interrupted ingests and their removal."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
@@ -61,9 +59,7 @@ def test_leftovers_of_an_ended_process_are_removed_and_reported(manifest, tmp_pa
 
 
 @pytest.mark.parametrize("changes", [{"host": "another-host", "process": 7}, {}])
-def test_leftovers_of_a_possibly_running_process_are_kept_and_reported(
-    manifest, tmp_path, capsys, changes
-):
+def test_leftovers_of_a_process_that_may_run_are_kept_and_told(manifest, tmp_path, capsys, changes):
     store = tmp_path / "s.s2r"
     identity = structs.replace(process_identity.this_process(), **changes)
     building = make_leftover(store, identity)

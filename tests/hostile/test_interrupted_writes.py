@@ -1,7 +1,5 @@
 """Leftovers of killed writes are reported and removed; unreadable or unwritable files are named."""
 
-from __future__ import annotations
-
 import resource
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Symbolic links, pipes and devices inside a store are rejected."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 
@@ -132,7 +130,7 @@ def test_prune_removes_nothing_outside(store_copy, tmp_path, add_link):
 
 @pytest.mark.parametrize("replacement", ["link", "pipe", "folder", "other content"])
 @pytest.mark.parametrize("generation", ["published", "old"])
-def test_prune_removes_nothing_if_an_index_is_unreadable(
+def test_prune_removes_nothing_if_an_index_is_unusable(
     store_copy, tmp_path, replacement, generation
 ):
     published = store_copy / layout.read_current(store_copy).index

@@ -1,7 +1,5 @@
 """Lock files that somebody else has made: any content, links, pipes and folders."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

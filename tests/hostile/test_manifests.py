@@ -1,7 +1,5 @@
 """A manifest cannot refer to files outside its folder."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

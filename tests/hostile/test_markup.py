@@ -1,7 +1,5 @@
 """External texts are never parsed as markup by Textual, rich or matplotlib."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A missing shard is an error that names the array, for every reader."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The `--safe-csv` option: cells that a spreadsheet would execute as formulas become text."""
 
-from __future__ import annotations
-
 import csv
 import io
 from decimal import Decimal

@@ -1,7 +1,5 @@
 """Recursive selections, extreme expressions and invalid notebooks are rejected in one line."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os
@@ -32,15 +30,11 @@ CHAINS = {
     "circle": ("@s{next}", "@s0"),
 }
 EXTREME_EXPRESSIONS = {
-    "parentheses": "(" * 100_000,
-    "not": "!" * 100_000 + "all",
-    "megabyte": "all & " * 200_000 + "all",
-    "ids": "ids(" + "1," * 9000 + "1)",
-    "exponent": "gap > 1e999",
-    "huge iid": "ids(99999999999999999999)",
-    "NUL": "all\x00",
+    "parentheses": "(" * 100_000, "not": "!" * 100_000 + "all",
+    "megabyte": "all & " * 200_000 + "all", "ids": "ids(" + "1," * 9000 + "1)",
+    "exponent": "gap > 1e999", "huge iid": "ids(99999999999999999999)", "NUL": "all\x00",
     "name": "@" + "a" * 19_000,
-}
+}  # fmt: skip
 
 
 def chain(kind: str, depth: int = DEPTH) -> dict[str, str]:
@@ -180,8 +174,7 @@ def _odd(path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "make_file",
-    [os.mkfifo, Path.mkdir, _link, _huge, _nested, _deep_rest, _number, _bytes, _odd],
+    "make_file", [os.mkfifo, Path.mkdir, _link, _huge, _nested, _deep_rest, _number, _bytes, _odd]
 )
 def test_an_invalid_notebook_is_rejected(tiny_store, user_data_folder, capsys, make_file):
     user_data_folder.mkdir(parents=True)

@@ -1,7 +1,5 @@
 """`s2r serve` with hostile pages, requests and signals."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import os

@@ -1,7 +1,5 @@
 """Closed streams, interrupts and SIGTERM: prompt end, one line and the correct exit code."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """`s2r verify --source`: the ingested images are compared with the checksums of the index."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Terminals of any size use bounded memory, and SIGTERM ends the application."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import signal

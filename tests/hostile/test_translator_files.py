@@ -1,7 +1,5 @@
 """Translator files that are damaged or made to harm end in one line that names the file."""
 
-from __future__ import annotations
-
 import json
 import struct
 from typing import Any

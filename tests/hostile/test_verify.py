@@ -1,7 +1,5 @@
 """`verify` detects every kind of damage and reports none in an intact store."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

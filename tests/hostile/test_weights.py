@@ -1,7 +1,5 @@
 """Malicious and damaged weights files, and models that break the expected interface."""
 
-from __future__ import annotations
-
 import io
 import os
 import pickle

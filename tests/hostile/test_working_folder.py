@@ -1,7 +1,5 @@
 """A command started in a folder with malicious modules runs none of them."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Arrays are opened only in the exact format that the store writes."""
 
-from __future__ import annotations
-
 import json
 import struct
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The forward pass that keeps the outputs of all operations, and what goes on from it."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,12 +9,7 @@ from torch import nn
 
 from s2rstore.errors import RequestError
 from s2rtools.heatmaps import occlusion
-from s2rtools.incremental_inference import (
-    BasePass,
-    DifferenceGraph,
-    LocalGraph,
-    cut_patches,
-)
+from s2rtools.incremental_inference import BasePass, DifferenceGraph, LocalGraph, cut_patches
 from s2rtools.incremental_inference.graph import convolve_directly
 from s2rtools.inference import Backend, open_backend
 from s2rtools.precompute.run_backends import BackendIdentity, RunBackends

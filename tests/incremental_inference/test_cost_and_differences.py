@@ -1,7 +1,5 @@
 """Estimated cost of locality, and recomputation by differences."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

@@ -1,7 +1,5 @@
 """The compiled update after a convolution of differences, against the same steps in torch."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

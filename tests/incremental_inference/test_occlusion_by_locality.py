@@ -1,7 +1,5 @@
 """Incremental inference equals full inference, and non-local networks are detected."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

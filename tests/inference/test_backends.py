@@ -1,7 +1,5 @@
 """Inference backends: batch norm folding and reduced precision."""
 
-from __future__ import annotations
-
 import importlib.util
 import time
 from dataclasses import replace

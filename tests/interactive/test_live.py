@@ -1,7 +1,5 @@
 """The live model gives the results of precompute and computes only what has changed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

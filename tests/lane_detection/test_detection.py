@@ -1,9 +1,5 @@
 """Detector, scores, tuning and lane pose."""
 
-from __future__ import annotations
-
-import re
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,10 +10,7 @@ from s2rtools.lane_detection.arm_evaluation import CAMERA
 from s2rtools.lane_detection.lane_pose import lane_pose
 from s2rtools.lane_detection.line_detector import (
     DEFAULT_THRESHOLDS,
-    HsvRange,
     Segments,
-    anti_instagram,
-    colour_masks,
     detect,
     detector_images,
     road_part,
@@ -26,11 +19,9 @@ from s2rtools.lane_detection.line_scores import (
     f1,
     mean_f1,
     pixel_counts,
-    precision_recall,
     segment_counts,
 )
 from s2rtools.lane_detection.threshold_tuning import tune
-from s2rtools.lane_detection.thresholds_text import tuning_yaml
 
 PAINT = {1: (230, 230, 230), 2: (230, 215, 20), 3: (200, 20, 30)}
 
@@ -55,13 +46,6 @@ def test_whole_camera_images_lose_the_upper_third_and_wide_ones_nothing():
         road_part(np.zeros((1, 4, 4, 3), np.uint8), "left")  # type: ignore[arg-type]
 
 
-def test_a_range_over_hue_180_is_two_boxes():
-    red = DEFAULT_THRESHOLDS["red"]
-    assert len(red.boxes()) == 2
-    hsv = np.array([[[178, 200, 200], [5, 200, 200], [90, 200, 200]]], dtype=np.uint8)
-    assert red.contains(hsv).tolist() == [[True, True, False]]
-
-
 def test_default_thresholds_find_painted_stripes_with_normals_into_them():
     images, masks = painted()
     found = detect(images[0], DEFAULT_THRESHOLDS)
@@ -75,30 +59,6 @@ def test_default_thresholds_find_painted_stripes_with_normals_into_them():
         outer = np.abs(middles - (40 * label + 4.5)) > 3
         upright = np.abs(segments.normals[:, 0]) > 0.9
         assert (np.sign(segments.normals[:, 0]) == into)[outer & upright].mean() > 0.9
-
-
-def test_tuned_thresholds_and_segments_on_rendered_day_images(rendered):
-    day = rendered.rows(rendered.conditions == "day")
-    tuned = tune(day.images[:20], day.masks[:20]).thresholds
-    judged = list(zip(day.images[20:], day.masks[20:], strict=True))
-    found = [detect(image, tuned) for image, _ in judged]
-    pairs = list(zip(found, judged, strict=True))
-    assert mean_f1(sum(pixel_counts(d.masks, mask) for d, (_, mask) in pairs)) > 0.8
-    counts = sum(segment_counts(d.segments, mask) for d, (_, mask) in pairs)
-    precision, recall = precision_recall(counts[0])
-    assert precision > 0.8
-    assert recall > 0.6
-
-
-def test_anti_instagram_undoes_a_cast():
-    images, _ = painted()
-    cast = np.clip(images * 0.8 + np.array([0, 15, 51]), 0, 255).astype(np.uint8)
-    plain, restored = (
-        colour_masks(each, DEFAULT_THRESHOLDS)["white"]
-        for each in (anti_instagram(images)[0], anti_instagram(cast)[0])
-    )
-    assert (plain == restored).mean() > 0.98
-    assert anti_instagram(cast)[0][:, :30].mean() < 10
 
 
 def test_pixel_scores_ignore_255_and_leave_out_absent_colours():
@@ -141,23 +101,6 @@ def test_tuning_recovers_painted_colours_and_centres_the_bounds(seed):
     assert tuning.ranges["yellow"].range.high[1:] == (255, 255)
 
 
-def test_tuning_keeps_default_ranges_of_colours_without_labels():
-    images, masks = painted()
-    masks[masks == 3] = 0
-    tuning = tune(images, masks)
-    assert tuning.untuned == ("red",)
-    assert tuning.thresholds["red"] == DEFAULT_THRESHOLDS["red"]
-    with pytest.raises(RequestError, match="no line pixels"):
-        tune(images, np.zeros_like(masks))
-
-
-def test_yaml_has_two_red_ranges_and_one_white():
-    text = tuning_yaml(tune(*painted()))
-    assert "RED" in text
-    assert re.search(r"WHITE:\n.*\n    low: \[", text)
-    assert "low_1" in text.split("RED")[1]
-
-
 def test_lane_pose_of_rendered_day_images(rendered):
     day = rendered.rows(rendered.conditions == "day")
     tuned = tune(day.images, day.masks).thresholds
@@ -169,9 +112,3 @@ def test_lane_pose_of_rendered_day_images(rendered):
     assert len(errors) > 15
     assert np.median(errors, axis=0)[0] < 0.03
     assert np.median(errors, axis=0)[1] < 0.2
-
-
-def test_no_segments_give_no_pose():
-    images, _ = painted()
-    nothing = dict.fromkeys(DEFAULT_THRESHOLDS, HsvRange((0, 0, 255), (0, 0, 255)))
-    assert lane_pose(detect(images[0], nothing).segments, CAMERA) is None

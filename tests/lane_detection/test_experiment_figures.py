@@ -1,23 +1,18 @@
 """Intervals, shares, verdicts and words of the threshold experiment on hand-made counts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy import stats
 
-from s2rtools import translation
-from s2rtools.lane_detection import experiment_arms
 from s2rtools.lane_detection.arm_evaluation import Scores
-from s2rtools.lane_detection.experiment_arms import Arm, FitRequest, TranslatorCache, parse_sources
+from s2rtools.lane_detection.experiment_arms import Arm, parse_sources
 from s2rtools.lane_detection.experiment_data import split_images
-from s2rtools.lane_detection.experiment_report import in_words, to_document, to_table
+from s2rtools.lane_detection.experiment_report import in_words, to_table
 from s2rtools.lane_detection.line_scores import agreement, f1, mean_f1
 from s2rtools.lane_detection.road_images import RoadImages
 from s2rtools.lane_detection.threshold_experiment import Choice, Experiment, pick_arm, verdict
-from s2rtools.translation.image_set import ImageSet
 
 TRUE = 100
 """True pixels per colour and image."""
@@ -72,32 +67,11 @@ def test_a_false_pixel_of_an_absent_colour_does_not_change_the_mean():
     assert np.isnan(mean_f1(np.zeros((3, 3))))
 
 
-def test_a_sample_without_a_colour_of_the_group_has_no_mean():
-    samples = np.array([[[9, 0, 1], [5, 0, 5], [0, 1, 0]], [[9, 0, 1], [5, 0, 5], [1, 0, 0]]])
-    values = mean_f1(samples.astype(np.float64))
-    assert np.isnan(values[0])
-    assert values[1] == pytest.approx((18 / 19 + 10 / 15 + 1) / 3)
-
-
 def test_agreement_is_the_mean_over_colours_that_either_mask_has():
     counts = np.array([[90, 10, 10], [0, 0, 0], [0, 1, 0]], dtype=np.float64)
     assert agreement(counts) == pytest.approx(0.45)
     assert agreement(counts[:2]) == pytest.approx(0.9)
     assert np.isnan(agreement(np.zeros((3, 3))))
-
-
-def test_false_pixels_of_absent_colours_are_reported_apart():
-    of = experiment({"sim+ai": 0.8}, 6, absent_red=7)
-    assert of.f1("sim+ai", "all").value == pytest.approx(f1_of(0.8))
-    assert of.gap_closed("oracle per light", "all") == pytest.approx(1)
-    document = to_document(of)
-    assert document["true_colours"] == {"all": ["white", "yellow"]}
-    absent = {
-        row["colour"]: row["false_pixels_of_absent_colours_per_image"]
-        for row in document["arms"] if row["arm"] == "sim+ai"
-    }  # fmt: skip
-    assert absent == {"all": 7, "white": None, "yellow": None, "red": 7}
-    assert "red" not in in_words(of)
 
 
 def test_gap_closed_is_the_share_between_simulation_and_oracle():
@@ -174,28 +148,6 @@ def test_one_recording_gives_an_interval_within_it_and_no_verdict():
     assert "pieces of one recording, intervals within it" in to_table(of)
 
 
-def test_units_of_few_recordings_are_pieces_and_the_unit_is_printed():
-    of = experiment({"sim+ai": np.linspace(0.5, 0.9, 24)}, 3, images=8)
-    assert of.unit("all") == f"{of.blocks('all').unit_count} pieces of 3 recordings"
-    assert of.blocks("all").unit_count > 3
-    assert f"resampled: {of.unit('all')}" in to_table(of)
-    assert f"intervals from {of.unit('all')}" in in_words(of)
-    assert "Below 6 recordings pieces of them are the units" in in_words(of)
-    assert "pieces" not in in_words(experiment({"sim+ai": np.linspace(0.5, 0.9, 32)}, 8))
-
-
-def test_words_name_lights_fitted_on_judged_recordings_hard_lights_and_seeds():
-    of = experiment({"sim+ai": np.linspace(0.5, 0.9, 32)}, 8)
-    plain = in_words(of)
-    of.facts["fitted_on_judged_recordings"] = ["night"]
-    of.groups["hard lights"] = np.arange(16)
-    of.scores["sim+ai"].by_seed = [np.ones((3, 3))] * 3
-    words = in_words(of)
-    for part in ("recordings, without labels, in night", "stated too high", "seed_spread"):
-        assert part in words
-        assert part not in plain
-
-
 def blank_images(labelled: np.ndarray, sequences: np.ndarray) -> RoadImages:
     """Black images of one light without lines."""
     count = len(labelled)
@@ -224,11 +176,9 @@ def arm(text: str) -> Arm:
 
 def test_the_choice_is_the_best_mean_that_does_no_harm_in_ordinary_lights():
     results = {
-        Arm("sim"): np.array([0.95, 0.1]),
-        arm("reinhard"): np.array([0.90, 0.9]),
-        arm("mkl"): np.array([0.94, 0.6]),
-        arm("levels"): np.array([0.94, 0.5]),
-    }
+        Arm("sim"): np.array([0.95, 0.1]), arm("reinhard"): np.array([0.90, 0.9]),
+        arm("mkl"): np.array([0.94, 0.6]), arm("levels"): np.array([0.94, 0.5]),
+    }  # fmt: skip
     choice = pick_arm(results, lambda _: 1.0)
     assert choice.unguarded == arm("mkl")
     assert choice.arm == replace(arm("mkl"), guarded=True)
@@ -236,44 +186,3 @@ def test_the_choice_is_the_best_mean_that_does_no_harm_in_ordinary_lights():
         "reinhard (light) > sim", "mkl (light) > sim", "levels (light) > sim", "sim",
     ]  # fmt: skip
     assert choice.candidates["mkl (light) > sim"] == pytest.approx(0.77)
-
-
-def test_stability_decides_between_arms_of_nearly_the_best_mean_only():
-    results = {
-        Arm("sim"): np.array([0.9, 0.1]),
-        arm("mkl"): np.array([0.9, 0.80]),
-        arm("reinhard"): np.array([0.9, 0.77]),
-        arm("levels"): np.array([0.9, 0.70]),
-    }
-    stability = {arm("mkl"): 0.6, arm("reinhard"): 0.8, arm("levels"): 1.0}
-    assert pick_arm(results, stability.__getitem__).unguarded == arm("reinhard")
-
-
-def test_translators_of_other_recordings_or_sizes_are_fitted_anew(tmp_path):
-    rng = np.random.default_rng(0)
-    images = rng.integers(0, 256, (8, 8, 16, 3), dtype=np.uint8)
-    target = ImageSet("sim", images[::-1].copy(), np.zeros(8, np.int32), tuple("abcdefgh"))
-    same = ImageSet("real", images, np.zeros(8, np.int32), tuple("abcdefgh"))
-    grouped = replace(same, groups=np.arange(8, dtype=np.int32) // 4)
-    tall = replace(same, images=images.reshape(8, 16, 8, 3))
-    request = FitRequest(parse_sources("mkl")[0], "real2sim", 0, None)
-    cache = TranslatorCache(tmp_path)
-    for source, files in ((same, 1), (grouped, 2), (tall, 3), (same, 3)):
-        cache.get(request, source, target)
-        assert len(list(tmp_path.glob("mkl-*.safetensors"))) == files
-
-
-def test_translators_of_other_code_are_fitted_anew(tmp_path, monkeypatch):
-    code = tmp_path / "code"
-    code.mkdir()
-    monkeypatch.setattr(translation, "__file__", str(code / "__init__.py"))
-    images = np.random.default_rng(0).integers(0, 256, (8, 8, 16, 3), dtype=np.uint8)
-    source = ImageSet("real", images, np.zeros(8, np.int32), tuple("abcdefgh"))
-    request = FitRequest(parse_sources("fda")[0], "real2sim", 0, None)
-    for default, files in (("0.01", 1), ("0.02", 2), ("0.01", 2)):
-        (code / "fda.py").write_text(f"BETA = {default}")
-        experiment_arms._translation_code.cache_clear()
-        TranslatorCache(tmp_path).get(request, source, source)
-        assert len(list(tmp_path.glob("fda-*.safetensors"))) == files
-    monkeypatch.undo()
-    experiment_arms._translation_code.cache_clear()

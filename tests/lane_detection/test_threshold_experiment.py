@@ -1,22 +1,16 @@
 """The threshold experiment: splits without leaks, arms, verdicts, and the command."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from s2rstore.errors import RequestError
 from s2rtools.lane_detection.arm_evaluation import Evaluation
 from s2rtools.lane_detection.experiment_arms import (
-    BASELINE,
-    FIT_SCOPES,
     Arm,
     TranslatorCache,
     arms_of,
-    parse_scopes,
     parse_sources,
 )
 from s2rtools.lane_detection.experiment_data import split_images
@@ -45,28 +39,6 @@ def test_labels_for_tuning_never_come_from_judged_images(rendered):
             assert not set(np.concatenate(together)) & set(split.tuning_rows(part))
 
 
-def test_unlabelled_images_are_preferred_for_fitting(rendered):
-    labelled = np.arange(len(rendered)) // 2 % 2 == 0
-    split = split_images(replace(rendered, labelled=labelled))
-    for light in split.lights:
-        assert not labelled[split.fit_rows(light, "light")].any()
-    assert labelled[split.judged].all()
-
-
-def test_images_without_labels_cannot_be_judged(rendered):
-    with pytest.raises(RequestError, match="labelled"):
-        split_images(replace(rendered, labelled=np.zeros(len(rendered), dtype=bool)))
-
-
-def test_translators_are_fitted_on_the_images_of_the_named_scopes():
-    sources = parse_sources("mkl,fda")
-    assert {arm.scope for arm in arms_of(sources, 2) if arm.source} == {*FIT_SCOPES, "image"}
-    named = arms_of(sources, 2, parse_scopes("others, light"))
-    assert {arm.scope for arm in named if arm.source} == {"light", "others", "image"}
-    with pytest.raises(RequestError, match="scope 'day': one of light, all, others"):
-        parse_scopes("day")
-
-
 def test_levels_recover_the_dark_without_labels(rendered, tmp_path):
     sim = rendered.rows(rendered.conditions == "day")
     split = split_images(rendered.rows(rendered.conditions == "dark"))
@@ -82,31 +54,6 @@ def test_levels_recover_the_dark_without_labels(rendered, tmp_path):
     again = Evaluation(split, sim, TranslatorCache(tmp_path), sim_thresholds(sim))
     repeated = again.arm(next(arm for arm in arms if arm.thresholds == "sim" and arm.source))
     assert np.array_equal(through.pixels, repeated.pixels)
-
-
-def test_a_guarded_arm_translates_only_where_plain_detections_are_implausible(rendered):
-    sim = rendered.rows(rendered.conditions == "day")
-    split = split_images(rendered)
-    evaluation = Evaluation(split, sim, TranslatorCache(None), sim_thresholds(sim))
-    arm = next(arm for arm in arms_of(parse_sources("levels"), 1) if arm.source is not None)
-    names = (BASELINE, arm.name, replace(arm, guarded=True).name)
-    assert names[2] == f"{BASELINE} | {arm.name}"
-    plain, translated, guarded = (
-        evaluation.arm(each).pixels for each in (Arm(BASELINE), arm, replace(arm, guarded=True))
-    )
-    plausible = evaluation.plausible_lights()
-    assert "dark" not in plausible
-    for light in split.lights:
-        rows = np.searchsorted(split.judged, split.judged_in(light))
-        expected = plain if light in plausible else translated
-        assert np.array_equal(guarded[rows], expected[rows])
-
-
-@pytest.mark.parametrize("text", ["magic", "mkl:colour=red", "levels:low", "missing.safetensors"])
-def test_unknown_translators_are_refused_in_one_line(text):
-    with pytest.raises(RequestError) as caught:
-        parse_sources(text)
-    assert "\n" not in str(caught.value)
 
 
 def test_report_writes_table_rows_figure_and_words(rendered_folder, tmp_path, capsys):
@@ -146,13 +93,10 @@ def test_tune_prints_ranges_as_yaml_and_json(rendered_folder, capsys):
     ("arguments", "message"),
     [
         ("tune FOLDER --condition moon", "moon"),
-        ("tune FOLDER --images 0", "--images"),
         ("tune /nowhere", "no such folder"),
         ("render --out FOLDER", "not empty"),
-        ("render --out NEW --condition moon", "moon"),
         ("render --out NEW --frames 0", "--frames"),
         ("report --sim FOLDER --real FOLDER --seeds 0", "--seeds"),
-        ("report --sim FOLDER --real FOLDER --minutes 0", "--minutes"),
     ],
 )
 def test_wrong_requests_end_in_one_line(rendered_folder, tmp_path, capsys, arguments, message):

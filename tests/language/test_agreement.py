@@ -1,7 +1,5 @@
 """Numpy masks and SQL select the same instances for arbitrary expressions and data."""
 
-from __future__ import annotations
-
 import duckdb
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """The selection language: syntax, precedence, error messages and completion."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

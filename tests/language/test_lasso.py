@@ -1,7 +1,5 @@
 """Points in polygons: the even-odd rule, edges that belong to one side, and banded evaluation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

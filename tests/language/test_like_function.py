@@ -1,7 +1,5 @@
 """The `like` function: an instance and its nearest neighbours in the embedding of a run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """An unknown name of a field or a column says which one is meant."""
 
-from __future__ import annotations
-
 import pytest
 
 import s2rstore

@@ -1,7 +1,5 @@
 """Suggestions for expressions that select nothing: they parse, and they select what they say."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

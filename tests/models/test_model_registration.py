@@ -1,7 +1,5 @@
 """Weights files: accepted formats, rejected files, and storage in a store."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from pathlib import Path

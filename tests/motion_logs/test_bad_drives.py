@@ -1,7 +1,5 @@
 """Invalid logs end both commands with a one-line error that names the place, and no output."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Folders of drives, and drives from the odometry of a store."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Log files: written logs can be read, and every error is one line that names the place."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """ROS 1 and ROS 2 bags: writing and reading."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A small store whose run is not computed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

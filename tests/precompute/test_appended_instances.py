@@ -1,7 +1,5 @@
 """Precompute of a store with a continued trajectory and an added domain."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import replace
 from pathlib import Path
@@ -114,9 +112,7 @@ def by_position(store: Store, run: str) -> list[tuple[object, ...]]:
 
 
 @pytest.mark.parametrize("run", ["plain", "edited"])
-def test_predictions_equal_those_of_a_store_that_was_ingested_at_once(
-    stores: tuple[Path, Path], run: str
-) -> None:
+def test_predictions_equal_those_of_a_store_that_was_ingested_at_once(stores, run):
     with s2rstore.open(stores[0]) as once, s2rstore.open(stores[1]) as grown:
         expected, found = by_position(once, run), by_position(grown, run)
         assert [row[:3] for row in found] == [row[:3] for row in expected]
@@ -135,9 +131,7 @@ def test_predictions_equal_those_of_a_store_that_was_ingested_at_once(
     assert check(stores[1]).damages == check(stores[1]).notes == ()
 
 
-def test_arrays_of_parts_are_merged_and_superseded_ones_pruned(
-    stores: tuple[Path, Path], tmp_path: Path
-) -> None:
+def test_arrays_of_parts_are_merged_and_superseded_ones_pruned(stores, tmp_path):
     """Points of a published projection stay; those of later parts have arrays of their own."""
     path = copy_store(stores[1], tmp_path / "s.s2r")
     prune(path, keep=1)
@@ -156,8 +150,8 @@ def test_arrays_of_parts_are_merged_and_superseded_ones_pruned(
 
 
 def test_intervals_equal_those_of_a_store_that_was_ingested_at_once(
-    stores: tuple[Path, Path],
-) -> None:
+    stores,
+):
     """Neighbours are those of the recordings, not of the iids."""
     found = []
     for path in stores:

@@ -1,7 +1,5 @@
 """Keys of arrays: what a change of the store computes again, and what runs share."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

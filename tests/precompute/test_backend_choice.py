@@ -1,7 +1,5 @@
 """The backends of a run are chosen once, recorded, reported and kept."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from types import SimpleNamespace

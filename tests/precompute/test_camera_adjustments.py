@@ -1,7 +1,5 @@
 """Runs with moved cameras: their frames, rigs and derived results."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Runs on loose pairs, and on images without depth."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from tempfile import TemporaryDirectory

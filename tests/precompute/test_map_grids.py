@@ -1,7 +1,5 @@
 """Map grids: equal to a plain computation, from one pass over the images, merged from ranges."""
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 
@@ -145,12 +143,3 @@ def test_missing_arrays_alone_are_computed(moved_camera_store, tmp_path):
     precompute(path, SilentReporter(), ["up"], PrecomputeOptions(KINDS))
     for spec, values in before.items():
         np.testing.assert_allclose(spec.open_array(path, "up")[:], values, rtol=1e-6, atol=1e-6)
-
-
-def test_runs_without_heatmaps_have_no_maps(store):
-    run, model = store.run("vanilla"), load_model(store, "vanilla")
-    torch = BackendIdentity("torch", str(run.precision))
-    backends = RunBackends(torch, torch)
-    keys = ArrayKeys(InputHashes(store), run, store.parts[0].iids)
-    forward, others = network_stages(keys, run, store.parts[0].iids, model, backends, ())
-    assert map_stages(store, keys, forward, others) == []

@@ -1,7 +1,5 @@
 """Predictions against plain scripts that use OpenCV and torch alone."""
 
-from __future__ import annotations
-
 import csv
 import shutil
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Compiled numba functions of libraries are cached between processes."""
 
-from __future__ import annotations
-
 import importlib
 
 import numba

@@ -1,7 +1,5 @@
 """Outlier scores: compared with brute force, and computed alone where they are missing."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Precompute of a data set of several segments, each with arrays of its own."""
 
-from __future__ import annotations
-
 import hashlib
 import shutil
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Precompute: correct, resumable results that survive a killed process."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

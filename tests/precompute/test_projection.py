@@ -1,7 +1,5 @@
 """The joint projection of both sides by umap-learn itself."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

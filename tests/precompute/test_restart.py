@@ -1,7 +1,5 @@
 """`--restart`: arrays that cannot be completed here are begun again, and recorded as such."""
 
-from __future__ import annotations
-
 import errno
 from contextlib import suppress
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Arrays of appended parts are merged to those of few segments, without computing them again."""
 
-from __future__ import annotations
-
 import hashlib
 import tempfile
 from collections import Counter
@@ -50,7 +48,7 @@ def ranges(sizes: list[int]) -> list[range]:
 
 
 @given(st.lists(st.sampled_from([1, 3, 20, 500, 5_000, 20_000, 400_000]), min_size=1, max_size=60))
-def test_a_data_set_of_any_history_has_at_most_three_segments(sizes: list[int]) -> None:
+def test_a_data_set_of_any_history_has_at_most_three_segments(sizes):
     parts, before = ranges(sizes), list[range]()
     for count in range(1, len(parts) + 1):
         found = segments(parts[:count])
@@ -180,9 +178,7 @@ def small_shards() -> Iterator[Path]:
     st.lists(st.tuples(st.integers(1, 40), st.booleans(), st.integers(0, 8)), max_size=6),
     st.booleans(),
 )
-def test_a_store_that_grew_equals_one_that_was_computed_at_once(
-    appends: list[tuple[int, bool, int]], has_links: bool
-) -> None:
+def test_a_store_that_grew_equals_one_that_was_computed_at_once(appends, has_links):
     """Also where merges are killed, where a kind is left out at times, and without hard links."""
     with small_shards() as root, pytest.MonkeyPatch.context() as patch:
         if not has_links:
@@ -203,7 +199,7 @@ def test_a_store_that_grew_equals_one_that_was_computed_at_once(
         assert max(Counter(map(label, store.listed)).values()) <= MOST_SEGMENTS
 
 
-def test_whole_shards_are_linked_and_environments_of_all_parts_recorded() -> None:
+def test_whole_shards_are_linked_and_environments_of_all_parts_recorded():
     with small_shards() as root:
         store, ledger = Growing(root, ranges([40, 30])), Ledger(root)
         store.precompute(1)
@@ -216,7 +212,7 @@ def test_whole_shards_are_linked_and_environments_of_all_parts_recorded() -> Non
         assert {environment.device for environment in found} == {"processor 0", "processor 1"}
 
 
-def test_damaged_arrays_are_not_merged() -> None:
+def test_damaged_arrays_are_not_merged():
     with small_shards() as root:
         store = Growing(root, ranges([10, 10, 10]))
         store.precompute(1)

@@ -1,7 +1,5 @@
 """Data sets with few instances, and simultaneous requests for one run name."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Results of units: only intact results of the same instances become shards."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from dataclasses import replace

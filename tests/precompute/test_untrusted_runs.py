@@ -1,7 +1,5 @@
 """A run whose model executes code does not stop the others."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Kinds that take long for a model are computed on request."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """The stage in which one pass serves predictions, occlusion and the other heatmaps."""
 
-from __future__ import annotations
-
 import multiprocessing
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Number of worker processes, and the order in which they compute units."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,14 +14,10 @@ from s2rtools.precompute.executors.executor import largest_first
 @pytest.mark.parametrize(
     ("processors", "memory", "instances", "workers"),
     [
-        (8, 64 * 2**30, 100, 1),
-        (8, 64 * 2**30, 1084, 4),
-        (2, 64 * 2**30, 10**6, 2),
-        (8, 5 * 2**30, 10**6, 2),
-        (8, 2**30, 10**6, 1),
-        (8, None, 10**6, 8),
+        (8, 64 * 2**30, 100, 1), (8, 64 * 2**30, 1084, 4), (2, 64 * 2**30, 10**6, 2),
+        (8, 5 * 2**30, 10**6, 2), (8, 2**30, 10**6, 1), (8, None, 10**6, 8),
     ],
-)
+)  # fmt: skip
 def test_workers_are_limited_by_processors_memory_and_work(
     monkeypatch, processors, memory, instances, workers
 ):
@@ -54,11 +48,6 @@ def test_processes_are_kept_until_more_are_needed():
         assert pool.processes(3) is not first
         pool.close()
         assert pool.processes(2) is not first
-
-
-def test_available_memory_is_positive_where_it_is_known():
-    memory = available_memory()
-    assert memory is None or memory > 0
 
 
 @pytest.mark.parametrize(

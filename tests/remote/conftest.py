@@ -1,7 +1,5 @@
 """A synthetic store on a web server of this machine."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The application on a store on a web server: equal screens, messages in place of tracebacks."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +13,7 @@ from s2rstore.files import layout
 from s2rstore.gap_history import reader, writer
 from s2rstore.index.transaction import edit
 from s2rtui.app.app import S2RApp
-from s2rtui.app.pilot import settle, snapshot, take_screenshot
+from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import RenderOptions
 from s2rtui.cli import main
@@ -38,15 +36,6 @@ async def until(condition: Callable[[], bool], pilot: Pilot[None]) -> None:
             return
         await pilot.pause(0.01)
     raise AssertionError("the application did not get there")
-
-
-def test_screens_are_equal(served):
-    keys = ("w", "3", "n", "h", "o", "4")
-    local = snapshot(served.path, (160, 48), keys, RenderOptions())
-    served.server.requests.clear()
-    remote = snapshot(served.url, (160, 48), keys, RenderOptions())
-    assert remote.text == local.text
-    assert served.server.methods == {"GET", "HEAD"}
 
 
 async def test_a_cut_connection_is_a_message_and_no_end(served):

@@ -1,7 +1,5 @@
 """Objects that are replaced in a known version only, on a server that knows no conditions."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer

@@ -1,7 +1,5 @@
 """A store on a web server gives the results of the folder that is served, and only reads it."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Copies of a store on a real S3 server: pushed, resumed, and read by a user who may not write."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

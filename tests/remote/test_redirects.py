@@ -1,7 +1,5 @@
 """Redirects of a web server: followed on the same host, refused to another one."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

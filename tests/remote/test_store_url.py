@@ -1,7 +1,5 @@
 """URLs of stores: what is taken, what is refused, and that no function of the system opens one."""
 
-from __future__ import annotations
-
 import pickle
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A ROS 1 master on loopback, and a translator file."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Items of a callback as an iterator."""
 
-from __future__ import annotations
-
 import threading
 from itertools import islice
 

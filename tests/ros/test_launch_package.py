@@ -1,7 +1,5 @@
 """The ROS package with the launch file."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 from pathlib import Path

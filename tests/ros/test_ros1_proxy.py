@@ -1,7 +1,5 @@
 """The proxy between a camera and a listener, at a real ROS 1 master."""
 
-from __future__ import annotations
-
 import signal
 
 import numpy as np

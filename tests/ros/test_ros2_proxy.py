@@ -1,7 +1,5 @@
 """The node of ROS 2, on a stand-in for rclpy."""
 
-from __future__ import annotations
-
 import array
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace

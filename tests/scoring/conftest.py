@@ -1,7 +1,5 @@
 """A small default world that the tests of scores share."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

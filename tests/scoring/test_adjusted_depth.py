@@ -1,7 +1,5 @@
 """Depth that a run's adjustments make invalid is missing in its counterfactual views, too."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Scores of estimated shares of the gap."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

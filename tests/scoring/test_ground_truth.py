@@ -1,7 +1,5 @@
 """Scores on worlds with simple ground truth: only object changes, or only other factors."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Scores of estimates of harm, on made-up gains with known answers."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Repairing images in the order of a heatmap."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

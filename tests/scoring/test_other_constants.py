@@ -1,7 +1,5 @@
 """A store of a world whose camera and sensors differ from the default ones."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Ranking metrics compared with sklearn, and the common grid compared with brute force."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

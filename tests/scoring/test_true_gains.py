@@ -1,7 +1,5 @@
 """True gains and shares: equal to direct renderings, complete, and scored end to end."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path

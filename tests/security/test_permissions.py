@@ -1,7 +1,5 @@
 """Permissions of a session: paths, models and actions."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -13,12 +11,7 @@ from s2rstore.errors import RequestError
 from s2rtui.app import key_bindings
 from s2rtui.app.action import Action
 from s2rtui.app.app import S2RApp
-from s2rtui.app.key_bindings import (
-    ACTIONS,
-    find_action,
-    footer,
-    permitted_actions,
-)
+from s2rtui.app.key_bindings import ACTIONS, find_action, footer, permitted_actions
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.screens.help_content import help_text
 from s2rtui.canvas import RenderOptions

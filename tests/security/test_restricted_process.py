@@ -1,7 +1,5 @@
 """A restricted process: forbidden calls raise, and environment variables cannot re-enable them."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """A fixture that starts servers."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

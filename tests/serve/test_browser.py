@@ -1,7 +1,5 @@
 """The application in a headless Chromium with access only to the loopback network."""
 
-from __future__ import annotations
-
 import asyncio
 from urllib.parse import urlsplit
 

@@ -1,7 +1,5 @@
 """`s2r serve`: access control, page content and session lifetime."""
 
-from __future__ import annotations
-
 import re
 import sys
 from typing import Any
@@ -67,13 +65,11 @@ async def test_a_closed_page_ends_its_application(serve):
 @pytest.mark.parametrize(
     ("options", "expected"),
     [
-        (["--host", "0.0.0.0"], "--public"),
-        (["--host", "::"], "--public"),
-        (["--host", "example.org"], "ssh -L"),
-        (["--port", "0"], "1 to 65535"),
+        (["--host", "0.0.0.0"], "--public"), (["--host", "::"], "--public"),
+        (["--host", "example.org"], "ssh -L"), (["--port", "0"], "1 to 65535"),
         (["--users", "0"], "--users"),
     ],
-)
+)  # fmt: skip
 def test_invalid_options_are_rejected(tiny_store, capsys, options, expected):
     assert main(["serve", str(tiny_store), *options]) == 2
     err = capsys.readouterr().err

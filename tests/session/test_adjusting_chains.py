@@ -1,7 +1,5 @@
 """Adjustment sliders on runs that already have adjustment chains."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

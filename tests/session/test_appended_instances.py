@@ -1,7 +1,5 @@
 """A session and the user's notes on a store to which instances are appended."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

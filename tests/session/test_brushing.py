@@ -1,7 +1,5 @@
 """Geometry of brushes: start, movement, scaling and stretching on panels."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """Scales and ranks of a run count the population of the state, in one place."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

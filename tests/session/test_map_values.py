@@ -1,7 +1,5 @@
 """What colours the instances on the map."""
 
-from __future__ import annotations
-
 import csv
 import io
 

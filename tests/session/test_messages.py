@@ -1,7 +1,5 @@
 """Messages are cleared by the next change of the state and kept when nothing changes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
@@ -9,8 +7,6 @@ from pathlib import Path
 import pytest
 
 from s2rtui.app.key_bindings import ACTIONS
-from s2rtui.charts.list.view import VIEW
-from s2rtui.charts.scene import Resources, Scene
 from s2rtui.session import Session, State, navigation, view_settings
 from s2rtui.session.state import Adjust, Slider, Step
 
@@ -73,12 +69,3 @@ def test_m_says_that_a_run_has_no_trained_instances(session):
     assert "vanilla" in state.message
     assert "\n" not in state.message
     assert "trained" not in state.count
-
-
-def test_headers_of_the_list_are_fields_with_units(session):
-    state = replace(session.state, sort="real.error")
-    columns = VIEW.input(Scene(session.store, state, Resources())).columns
-    titles = [column.title for column in columns]
-    assert titles[1] == "real.error_m"
-    assert {"real.heading_error_deg", "sim.error_m", "gap_m", "shift_m", "heading_deg"} <= {*titles}
-    assert all(column.width >= len(column.title) for column in columns if column.right)

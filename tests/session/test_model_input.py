@@ -1,7 +1,5 @@
 """The instance view shows the images as the model received them, or labels them otherwise."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Deferred loading gives the same state as synchronous loading, whatever keys are pressed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from types import SimpleNamespace

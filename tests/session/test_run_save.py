@@ -1,7 +1,5 @@
 """Runs saved in the background: equal to the command's, cancellable, and free of leftovers."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Notebooks: deleted names, unreadable entries and selections applied to other data."""
 
-from __future__ import annotations
-
 import errno
 import json
 from collections.abc import Sequence
@@ -66,14 +64,12 @@ MIXED_CONTENT = {
         "endless": {"expression": "all", "generation": float("inf"), "run": "a", "count": 6},
     },
     "remarks": {
-        "3": {"tags": ["door"], "note": "dark"},
-        "four": {"tags": [], "note": "x"},
-        "5": {"tags": "door", "note": ""},
-        "6": None,
+        "3": {"tags": ["door"], "note": "dark"}, "four": {"tags": [], "note": "x"},
+        "5": {"tags": "door", "note": ""}, "6": None,
     },
     "history": ["all", 7],
     "pinned": {"a": 1},
-}
+}  # fmt: skip
 
 
 def write_notebook(session: Session, **sections: object) -> Path:
@@ -161,16 +157,6 @@ def test_a_shared_line_restores_its_trajectories(session):
     elsewhere = line.replace('"b"', '"nowhere"')
     assert session.dispatch(shared_selection.select_text, elsewhere).trajectories == ("b",)
     assert "in nowhere" in session.state.message
-
-
-def test_a_shared_line_of_another_generation_shows_a_message(session):
-    session.select("worst15")
-    line = shared_line(session).replace("generation 2", "generation 7")
-    session.select("all")
-    past = len(session.state.past)
-    state = session.dispatch(shared_selection.select_text, line)
-    assert "6 on vanilla, generation 2; saved: 6 on vanilla, generation 7" in state.message
-    assert len(state.past) == past + 1
 
 
 def test_waiting_for_a_lock_times_out(session, monkeypatch):

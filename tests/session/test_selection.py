@@ -1,7 +1,5 @@
 """Selections: operators, undo and redo, saving, sharing and the sorted list."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from dataclasses import replace
@@ -46,11 +44,9 @@ def selected_iids(session: Session) -> set[int]:
 
 
 OPERATORS = {
-    "replace": lambda a, b: b,
-    "intersect": lambda a, b: a & b,
-    "union": lambda a, b: a | b,
+    "replace": lambda a, b: b, "intersect": lambda a, b: a & b, "union": lambda a, b: a | b,
     "subtract": lambda a, b: a - b,
-}
+}  # fmt: skip
 
 
 @given(

@@ -1,7 +1,5 @@
 """The session without a screen: frozen states and transitions."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import FrozenInstanceError
 from pathlib import Path

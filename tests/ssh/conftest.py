@@ -1,7 +1,5 @@
 """An OpenSSH server on the loopback interface, shared by the tests of this folder."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The restricted account: every request gets the application or a one-line error."""
 
-from __future__ import annotations
-
 import subprocess
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Sessions over SSH: login, keys, sizes, colours, lost connections and tmux."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import shutil

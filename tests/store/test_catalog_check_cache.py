@@ -1,7 +1,5 @@
 """The catalog check runs once per index content and again after any difference."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Damaged, hostile and incomplete stores are refused or detected."""
 
-from __future__ import annotations
-
 import json
 import multiprocessing
 import time

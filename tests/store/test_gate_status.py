@@ -1,7 +1,5 @@
 """Gate outcomes and their exit codes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

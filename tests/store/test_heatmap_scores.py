@@ -1,7 +1,5 @@
 """Which heatmap is offered first, and what is said about how far each can be trusted."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any
@@ -52,12 +50,9 @@ def test_every_kind_of_the_tools_is_registered_with_the_same_facts():
         assert tuple(HEATMAPS[name].planes) == kind.planes
         assert HEATMAPS[name].needs_network == (name not in IMAGE_KINDS)
     assert DEFAULT_MODES == {
-        "activation": "loss",
-        "harm": "position",
-        "harm_fine": "position",
-        "occlusion": "rgbd",
+        "activation": "loss", "harm": "position", "harm_fine": "position", "occlusion": "rgbd",
         "pixel_difference": "rgb",
-    }
+    }  # fmt: skip
     assert "harmonised_difference" not in NETWORK_KINDS
 
 

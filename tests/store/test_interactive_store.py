@@ -1,7 +1,5 @@
 """The store of scripts and notebooks: SQL relations, descriptions, figures."""
 
-from __future__ import annotations
-
 import sys
 from io import BytesIO
 

@@ -1,7 +1,5 @@
 """Files are written atomically, and a failed write leaves no temporary file."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

@@ -1,7 +1,5 @@
 """Leases: exclusive, taken over only when stale, and noticed by the process that has lost one."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """The ledger of finished work units: changed files and torn lines are not accepted as finished."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Several threads open an index at once."""
 
-from __future__ import annotations
-
 import threading
 from concurrent.futures import ThreadPoolExecutor
 

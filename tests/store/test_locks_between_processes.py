@@ -1,7 +1,5 @@
 """Processes that are killed, suspended or simultaneous never hold one lock together."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """The LRU cache keeps the most recently used values within its limit."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np

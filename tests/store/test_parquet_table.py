@@ -1,7 +1,5 @@
 """Columns of Parquet files from outside."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import duckdb

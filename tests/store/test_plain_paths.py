@@ -1,7 +1,5 @@
 """Stores, histories and Parquet files below folders whose names DuckDB takes for patterns."""
 
-from __future__ import annotations
-
 import errno
 import os
 import shutil
@@ -45,8 +43,8 @@ def _printed(folder: Path, capsys: pytest.CaptureFixture[str]) -> list[str]:
 
 
 def test_commands_make_grow_and_read_a_store_below_a_folder_of_patterns(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+    tmp_path, monkeypatch, capsys
+):
     monkeypatch.setattr(row_files, "MAX_ROWS", 0)  # rows are in Parquet files
     calibration = pairs.sim2realviz(tmp_path / "data", n=5, trajectories=("a", "b"))
     folder = tmp_path / "we?ird\\ [x]*,'\" %25#\u00fc"
@@ -67,8 +65,8 @@ def test_commands_make_grow_and_read_a_store_below_a_folder_of_patterns(
 
 @pytest.mark.parametrize("name", ["a?b", "a\\b", "a*b", "a[x]b", "a,b"])
 def test_rows_are_those_of_the_folder_and_not_of_one_that_its_name_matches(
-    tiny_store: Path, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    tiny_store, tmp_path, name, monkeypatch
+):
     monkeypatch.setattr(row_files, "MAX_ROWS", 0)
     store = copy_store(tiny_store, tmp_path / name)
     assert main(["run", "add", "more", "--model", "vanilla", "--store", str(store)]) == 0
@@ -79,9 +77,7 @@ def test_rows_are_those_of_the_folder_and_not_of_one_that_its_name_matches(
         assert opened.execute("SELECT count(*) FROM prediction") == [(160,)]
 
 
-def test_files_of_another_file_system_are_copied(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_files_of_another_file_system_are_copied(tmp_path, monkeypatch):
     def refuse(*arguments: object, **options: object) -> None:
         raise OSError(errno.EXDEV, "Invalid cross-device link")
 
@@ -99,9 +95,7 @@ def test_files_of_another_file_system_are_copied(
     assert plain_paths.link(folder, "new").read_bytes() == b"replaced"
 
 
-def test_private_folders_go_with_their_process_and_those_of_killed_ones_later(
-    tiny_store: Path, tmp_path: Path
-) -> None:
+def test_private_folders_go_with_their_process_and_those_of_killed_ones_later(tiny_store, tmp_path):
     store = copy_store(tiny_store, tmp_path / "a?b")
     listed = []
     for end in ("killed", "ended"):

@@ -1,7 +1,5 @@
 """Rows in Parquet files beside the index: same results, shared by generations, and checked."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shutil
@@ -285,29 +283,6 @@ def test_verify_finds_other_damage_beside_a_missing_file(filed):
     places = [damage.where for damage in verify(filed)]
     assert shard.relative_to(filed).as_posix() in places
     assert any(place.startswith("index/rows/prediction/vanilla/") for place in places)
-
-
-def test_publishing_again_repairs_a_damaged_file_of_an_earlier_generation(filed):
-    path = _file(filed)
-    content = path.read_bytes()
-    with edit(filed) as draft:
-        draft.delete("prediction", run="vanilla")
-    path.write_bytes(b"damaged")
-    with s2rstore.open(filed) as store:
-        assert "vanilla" not in {file.run for file in store.row_files["prediction"]}
-    _insert_parquet(filed, content)
-    assert path.read_bytes() == content
-    assert verify(filed) == []
-
-
-def _insert_parquet(root: Path, content: bytes) -> None:
-    copy = root.with_name("rows.parquet")
-    copy.write_bytes(content)
-    rows = duckdb.sql(f"SELECT * FROM '{copy}'").fetchall()
-    names = [name for name in schema.BY_NAME["prediction"].column_names if name != "run"]
-    columns = dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
-    with edit(root) as draft:
-        draft.insert("prediction", {"run": ["vanilla"] * len(rows), **columns})
 
 
 def test_an_unlisted_file_is_ignored_and_pruned(filed):

@@ -1,7 +1,5 @@
 """Top-k selection without sorting equals selection from the sorted column."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

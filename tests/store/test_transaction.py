@@ -1,7 +1,5 @@
 """Index generations: published atomically, never modified, readable by plain DuckDB."""
 
-from __future__ import annotations
-
 import json
 import multiprocessing
 import shutil

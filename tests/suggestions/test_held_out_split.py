@@ -1,7 +1,5 @@
 """The split of a run's instances into those of the fit and those of the judgement."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -26,8 +24,8 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_no_instance_is_in_both_parts_and_each_consists_of_blocks_of_neighbours(
-    store: Path,
-) -> None:
+    store,
+):
     with s2rstore.open(store) as opened:
         fit, judge = split_instances(opened, "dataaug", 1000, 1000)
         assert not set(fit.iids) & set(judge.iids)
@@ -41,7 +39,7 @@ def test_no_instance_is_in_both_parts_and_each_consists_of_blocks_of_neighbours(
             assert np.unique(part.units).size >= 3
 
 
-def test_trained_instances_are_in_neither_part(store: Path) -> None:
+def test_trained_instances_are_in_neither_part(store):
     with s2rstore.open(store) as opened:
         trained = set(np.flatnonzero(opened.run_columns("vanilla").trained))
         assert trained
@@ -49,7 +47,7 @@ def test_trained_instances_are_in_neither_part(store: Path) -> None:
             assert not trained & set(part.iids)
 
 
-def test_fewer_instances_are_spread_over_the_part(store: Path) -> None:
+def test_fewer_instances_are_spread_over_the_part(store):
     with s2rstore.open(store) as opened:
         every, _ = split_instances(opened, "dataaug", 1000, 1000)
         some, judge = split_instances(opened, "dataaug", 20, 12)
@@ -58,7 +56,7 @@ def test_fewer_instances_are_spread_over_the_part(store: Path) -> None:
     assert {some.iids[0], some.iids[-1]} == {every.iids[0], every.iids[-1]}
 
 
-def test_too_few_new_instances_are_inconclusive(tmp_path: Path) -> None:
+def test_too_few_new_instances_are_inconclusive(tmp_path):
     path = tiny.build(tmp_path / "s.s2r", n=40, trained=("vanilla",))
     with s2rstore.open(path) as opened, pytest.raises(InconclusiveError, match="needs 16"):
         split_instances(opened, "vanilla", 10, 10)
@@ -83,7 +81,7 @@ def with_trajectories(store: Path, path: Path, lengths: list[int]) -> Path:
 @pytest.mark.parametrize(
     "lengths", [[27, 27, 27, 27, 26, 26], [10, 40, 10, 40, 10, 40, 10], [16] * 10]
 )
-def test_six_and_more_trajectories_are_divided_as_a_whole(store: Path, tmp_path, lengths) -> None:
+def test_six_and_more_trajectories_are_divided_as_a_whole(store, tmp_path, lengths):
     path = with_trajectories(store, tmp_path / "many.s2r", lengths)
     with s2rstore.open(path) as opened:
         fit, judge = split_instances(opened, "dataaug", 1000, 1000)
@@ -96,7 +94,7 @@ def test_six_and_more_trajectories_are_divided_as_a_whole(store: Path, tmp_path,
         assert min(fit.iids.size, judge.iids.size) >= 60
 
 
-def test_one_long_trajectory_among_six_leaves_alternating_blocks(store: Path, tmp_path) -> None:
+def test_one_long_trajectory_among_six_leaves_alternating_blocks(store, tmp_path):
     path = with_trajectories(store, tmp_path / "long.s2r", [80, 16, 16, 16, 16, 16])
     with s2rstore.open(path) as opened:
         fit, judge = split_instances(opened, "dataaug", 1000, 1000)
@@ -108,7 +106,7 @@ LEVELS = np.array([1.0, 3.0, 2.0, 5.0])
 TRAJECTORIES = np.repeat(np.arange(4), 30)
 
 
-def test_the_mean_of_a_part_is_about_trajectories_like_its_own() -> None:
+def test_the_mean_of_a_part_is_about_trajectories_like_its_own():
     """Student's interval of four levels, where the instances alone would be far more certain."""
     part = Part(np.arange(120), TRAJECTORIES, TRAJECTORIES)
     found = part.mean(LEVELS[TRAJECTORIES])
@@ -125,7 +123,7 @@ class _Level:
         return 1e-3 * (values["level"] - LEVELS[TRAJECTORIES])[:, None]
 
 
-def test_intervals_of_fitted_values_are_over_the_units_of_the_fit() -> None:
+def test_intervals_of_fitted_values_are_over_the_units_of_the_fit():
     match = object.__new__(SimulatorMatch)
     match._fit_part, match._whole = Part(np.arange(120), TRAJECTORIES, TRAJECTORIES), _Level()
     match._weights, match._chain = np.ones(1), dict

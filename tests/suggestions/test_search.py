@@ -1,7 +1,5 @@
 """The search on costs whose minimum is known, and the mismatch of image pairs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

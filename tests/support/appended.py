@@ -1,7 +1,5 @@
 """Append made-up trajectories to any store with poses."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The application in Textual's test pilot."""
 
-from __future__ import annotations
-
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path

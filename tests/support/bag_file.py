@@ -1,7 +1,5 @@
 """Write ROS 1 and ROS 2 bags message by message with `rosbags`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any

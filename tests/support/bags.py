@@ -1,7 +1,5 @@
 """Write ROS 1 and ROS 2 bags from motion logs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

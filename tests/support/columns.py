@@ -1,7 +1,5 @@
 """Columns in memory to evaluate expressions on, without a store."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any, cast
 

@@ -1,7 +1,5 @@
 """Copy stores for tests that modify them."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

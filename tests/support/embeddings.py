@@ -1,7 +1,5 @@
 """Add synthetic embeddings to a store."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

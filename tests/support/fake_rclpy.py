@@ -1,7 +1,5 @@
 """A small stand-in for rclpy: one process, callbacks called by the test."""
 
-from __future__ import annotations
-
 import array
 import sys
 from collections.abc import Callable

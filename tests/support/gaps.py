@@ -1,7 +1,5 @@
 """Build the nights of a gap history in memory."""
 
-from __future__ import annotations
-
 import datetime
 import math
 from collections.abc import Mapping

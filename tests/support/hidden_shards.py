@@ -1,7 +1,5 @@
 """Hide shards of a store, and record which of its files a function reads."""
 
-from __future__ import annotations
-
 import io
 import pickle
 import shutil

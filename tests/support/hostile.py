@@ -1,7 +1,5 @@
 """Stores, notebooks and histories whose texts contain terminal escapes, markup and controls."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -78,13 +76,9 @@ def with_nights(store: Path, text: str = HOSTILE) -> Path:
             row: dict[str, object] = {}
             for column in history_schema.TABLES[0].columns:
                 fixed = {
-                    "id": number,
-                    "night": f"2026-01-0{number}",
-                    "measured": number,
-                    "dataset": text,
-                    "run": "vanilla",
-                    "evidence_since": "2026-01-01",
-                }
+                    "id": number, "night": f"2026-01-0{number}", "measured": number,
+                    "dataset": text, "run": "vanilla", "evidence_since": "2026-01-01",
+                }  # fmt: skip
                 defaults = {"VARCHAR": "x", "INTEGER": 0, "DOUBLE": 9.0, "DATE": "2026-01-01"}
                 value = fixed.get(column.name, defaults[column.type])
                 row[column.name] = text if column.name in text_columns else value

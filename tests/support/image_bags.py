@@ -1,7 +1,5 @@
 """Write ROS bags with an image topic and a topic of strings."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

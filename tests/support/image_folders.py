@@ -1,7 +1,5 @@
 """Folders of sim and real images without poses, and stores of them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

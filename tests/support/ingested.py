@@ -1,7 +1,5 @@
 """Build a small store with `s2r ingest`'s functions: floor plan, drives and model weights."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

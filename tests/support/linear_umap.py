@@ -1,7 +1,5 @@
 """A stand-in for `umap` that compiles nothing: two components, standardised by the fit."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

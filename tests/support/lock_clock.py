@@ -1,7 +1,5 @@
 """A clock for waiting on locks in tests: a pause takes no time and advances the clock."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

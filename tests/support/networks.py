@@ -1,7 +1,5 @@
 """Small networks with random weights, with and without local trunks."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 import torch

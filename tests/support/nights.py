@@ -1,7 +1,5 @@
 """Synthetic nights: reports as `s2r gap` writes them, and configurations that need no images."""
 
-from __future__ import annotations
-
 import datetime
 import itertools
 import math

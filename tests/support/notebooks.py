@@ -5,8 +5,6 @@
 as text, HTML or PNG.
 """
 
-from __future__ import annotations
-
 import ast
 import base64
 import contextlib
@@ -45,11 +43,9 @@ def _run_cell(source: str, names: dict[str, Any], number: int) -> list[Output]:
         outputs.append({"output_type": "stream", "name": "stdout", "text": text})
     if value is not None:
         data = {
-            "output_type": "execute_result",
-            "execution_count": number,
-            "metadata": {},
+            "output_type": "execute_result", "execution_count": number, "metadata": {},
             "data": _shown(value),
-        }
+        }  # fmt: skip
         outputs.append(data)
     return outputs
 

@@ -1,7 +1,5 @@
 """Write small paired data sets in both layouts that `s2r ingest` reads."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

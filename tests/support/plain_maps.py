@@ -1,7 +1,5 @@
 """Map grids by a plain computation: one heatmap after another, from the definitions."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from s2rstore.geometry import camera

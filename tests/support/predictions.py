@@ -1,7 +1,5 @@
 """Files of made-up predictions for the instances of any store with poses."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Sequence
 from dataclasses import dataclass

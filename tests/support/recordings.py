@@ -1,7 +1,5 @@
 """Recordings with known poses: images in files and one JSON file, and a layout that reads them."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Refusals: errors of one line, from a function or from the command `s2r`."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

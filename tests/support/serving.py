@@ -1,7 +1,5 @@
 """Run `s2r serve` as a separate process."""
 
-from __future__ import annotations
-
 import os
 import re
 import socket

@@ -1,7 +1,5 @@
 """The text line with which a session shares its selection."""
 
-from __future__ import annotations
-
 from s2rtui.session import Session
 from s2rtui.session.shared_selection import current_selection, shared_text
 

@@ -1,7 +1,5 @@
 """A progress reporter that prints nothing."""
 
-from __future__ import annotations
-
 
 class SilentReporter:
     """Counts the steps and collects the lines."""

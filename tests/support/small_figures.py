@@ -1,7 +1,5 @@
 """Tiny pictures in place of drawn charts, for tests of what surrounds them."""
 
-from __future__ import annotations
-
 from io import BytesIO
 
 import pytest

@@ -1,7 +1,5 @@
 """Stores of small pairs with a briefly trained model."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from tempfile import TemporaryDirectory
 

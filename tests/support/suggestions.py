@@ -1,7 +1,5 @@
 """Made-up results of `s2r suggest`, and stores that keep them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import s2rstore

@@ -1,7 +1,5 @@
 """Modules that a test unloads, as if they had not been imported or not been installed."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Views with other lights, and views of every n-th pixel."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -17,7 +15,7 @@ def data() -> WorldData:
     return WorldData(WorldRecipe(seed=3, count=4, frame=32))
 
 
-def test_neutral_lights_change_no_bit_and_factors_change_the_colours_alone(data: WorldData) -> None:
+def test_neutral_lights_change_no_bit_and_factors_change_the_colours_alone(data):
     poses, numbers = data.poses["traj1"][:2], np.arange(2)
     plain = data.views("sim", poses, numbers)
     same = data.views("sim", poses, numbers, lights=(1.0, 1.0))
@@ -30,14 +28,14 @@ def test_neutral_lights_change_no_bit_and_factors_change_the_colours_alone(data:
 
 
 @pytest.mark.parametrize("stride", [1, 2, 4])
-def test_a_subsampled_camera_sees_the_centres_of_its_pixels(data: WorldData, stride: int) -> None:
+def test_a_subsampled_camera_sees_the_centres_of_its_pixels(data, stride):
     poses, numbers = data.poses["traj1"][:2], np.arange(2)
     whole = data.views("sim", poses, numbers)
     part = data.views("sim", poses, numbers, data.camera("sim").subsampled(stride), samples=1)
     np.testing.assert_array_equal(part.depth, whole.depth[:, ::stride, ::stride])
 
 
-def test_lights_of_a_chain_multiply_and_move_no_camera() -> None:
+def test_lights_of_a_chain_multiply_and_move_no_camera():
     domain = Domain("sim", "sim", LENS, LENS, 0.6, 0.0, 0.001, 1, 10_000)
     steps = [{"name": LAMPS, "value": 0.5}, {"name": WINDOWS, "value": 2.0}]
     move = render_change(steps, domain, 32)

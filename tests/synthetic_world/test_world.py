@@ -1,7 +1,5 @@
 """The synthetic world: deterministic images, free trajectories and visible factors."""
 
-from __future__ import annotations
-
 import hashlib
 
 import numpy as np
@@ -35,7 +33,7 @@ def data() -> WorldData:
     return WorldData(WorldRecipe(count=20, frame=64))
 
 
-def test_every_kind_of_object_change_occurs(world: World) -> None:
+def test_every_kind_of_object_change_occurs(world):
     changes = {(item.name, item.change) for item in world.objects if item.change}
     for expected in (("bicycle", "removed"), ("extinguisher", "removed"), ("door", "closed"),
                    ("cartons", "added"), ("poster", "removed")):  # fmt: skip
@@ -50,7 +48,7 @@ def test_every_kind_of_object_change_occurs(world: World) -> None:
     )
 
 
-def test_the_trajectories_are_free_of_obstacles_and_separate(world: World) -> None:
+def test_the_trajectories_are_free_of_obstacles_and_separate(world):
     first, second = (world.poses(name, 60) for name in ("traj1", "traj2"))
     for poses in (first, second):
         assert 40 <= len(poses) <= 60
@@ -59,7 +57,7 @@ def test_the_trajectories_are_free_of_obstacles_and_separate(world: World) -> No
     assert (distances.min(axis=1) < 0.5).mean() < 0.25
 
 
-def test_views_are_reproducible_and_finite(data: WorldData) -> None:
+def test_views_are_reproducible_and_finite(data):
     poses, numbers = data.poses["traj1"], np.arange(len(data.poses["traj1"]))
     for side in ("sim", "real"):
         first, second = (data.views(side, poses, numbers) for _ in range(2))
@@ -71,13 +69,13 @@ def test_views_are_reproducible_and_finite(data: WorldData) -> None:
     assert np.array_equal(single.rgb[0], first.rgb[7])
 
 
-def test_worlds_are_shared_per_seed_and_read_only(data: WorldData) -> None:
+def test_worlds_are_shared_per_seed_and_read_only(data):
     assert data.world is WorldData(WorldRecipe(count=3)).world
     assert data.world.objects == World(data.recipe.seed).objects
     assert not data.poses["traj1"].flags.writeable
 
 
-def test_without_factors_real_equals_sim() -> None:
+def test_without_factors_real_equals_sim():
     data = WorldData(WorldRecipe(count=4, frame=32, factors=parse_factors("none")))
     poses = data.poses["traj2"]
     sim, real = (data.views(side, poses, np.arange(len(poses))) for side in ("sim", "real"))
@@ -86,7 +84,7 @@ def test_without_factors_real_equals_sim() -> None:
 
 
 @pytest.mark.parametrize("name", list(FACTORS))
-def test_each_factor_changes_only_its_part(data: WorldData, name: str) -> None:
+def test_each_factor_changes_only_its_part(data, name):
     poses = data.poses["traj1"]
     numbers = np.arange(len(poses))
     world = data.world
@@ -102,7 +100,7 @@ def test_each_factor_changes_only_its_part(data: WorldData, name: str) -> None:
     assert np.array_equal(with_factor.rgb, unchanged.rgb) != colour
 
 
-def test_restoring_an_object_changes_only_its_pixels(data: WorldData) -> None:
+def test_restoring_an_object_changes_only_its_pixels(data):
     world, camera = data.world, standard_camera(64)
     poses = np.concatenate(list(data.poses.values()))
     real = world.renderer({"objects": 1.0}).render(poses, camera, samples=0)
@@ -126,7 +124,7 @@ def box_scene() -> WorldScene:
                  World(1).plan.palette)  # fmt: skip
 
 
-def test_depth_agrees_with_geometry() -> None:
+def test_depth_agrees_with_geometry():
     """The face of a crate 1.5 m ahead, the floor below and the ceiling above."""
     lens = Intrinsics(40.0, 40.0, 32.0, 32.0, 0.0)
     views = RayCaster(box_scene()).render(
@@ -143,7 +141,7 @@ def test_depth_agrees_with_geometry() -> None:
     assert (views.identity[0][floor] == 0).all()
 
 
-def test_the_camera_can_be_moved(data: WorldData) -> None:
+def test_the_camera_can_be_moved(data):
     """Height, field of view and pitch change the view; neutral values do not."""
     poses = data.poses["traj1"][:6]
     numbers = np.arange(6)
@@ -161,7 +159,7 @@ def test_the_camera_can_be_moved(data: WorldData) -> None:
     assert tilted.depth[:, 60:, 20:44].mean() > floor
 
 
-def test_odometry_drifts(data: WorldData) -> None:
+def test_odometry_drifts(data):
     poses, odometry = data.poses["traj1"], data.odometry("traj1")
     distances = np.hypot(*(odometry - poses)[:, :2].T)
     assert distances[0] == 0
@@ -169,12 +167,12 @@ def test_odometry_drifts(data: WorldData) -> None:
 
 
 @pytest.mark.parametrize("text", ["moon", "lights=x", "lights=-1", "lights=2.5"])
-def test_invalid_factors_are_rejected(text: str) -> None:
+def test_invalid_factors_are_rejected(text):
     with pytest.raises(RequestError):
         parse_factors(text)
 
 
-def test_factors_are_parsed_from_text() -> None:
+def test_factors_are_parsed_from_text():
     assert parse_factors("") == complete_severities()
     assert set(parse_factors("none").values()) == {0.0}
     severities = parse_factors("lights=0.5,objects")
@@ -185,7 +183,7 @@ OTHER_CONSTANTS = {"exposure.vignette": 0.5, "depth.farthest": 4.0, "sensor.nois
                    "camera.height": 0.1}  # fmt: skip
 
 
-def test_other_constants_change_the_real_side_only(data: WorldData) -> None:
+def test_other_constants_change_the_real_side_only(data):
     other = WorldData(WorldRecipe(count=20, frame=64, constants=OTHER_CONSTANTS))
     poses, numbers = data.poses["traj1"][:6], np.arange(6)
     sim, own_sim = (world.views("sim", poses, numbers) for world in (other, data))
@@ -201,7 +199,7 @@ def test_other_constants_change_the_real_side_only(data: WorldData) -> None:
 
 
 @pytest.mark.parametrize("name", ["exposure.vignette", "depth.farthest", "sensor.noise"])
-def test_the_default_constants_change_nothing(data: WorldData, name: str) -> None:
+def test_the_default_constants_change_nothing(data, name):
     factor, _, constant = name.partition(".")
     default = {name: getattr(FACTORS[factor], constant)}
     poses, numbers = data.poses["traj1"][:3], np.arange(3)
@@ -213,13 +211,13 @@ def test_the_default_constants_change_nothing(data: WorldData, name: str) -> Non
     assert np.array_equal(same.depth, own.depth)
 
 
-def test_only_other_constants_are_recorded() -> None:
+def test_only_other_constants_are_recorded():
     assert "constants" not in WorldData(WorldRecipe(count=2)).provenance()["recipe"]
     other = WorldData(WorldRecipe(count=2, constants=OTHER_CONSTANTS)).provenance()["recipe"]
     assert other["constants"] == OTHER_CONSTANTS
 
 
-def test_constants_are_parsed_from_text() -> None:
+def test_constants_are_parsed_from_text():
     assert parse_constants("") == {}
     parsed = parse_constants("exposure.vignette=0.4, depth.farthest=5")
     assert parsed == {"exposure.vignette": 0.4, "depth.farthest": 5.0}
@@ -230,12 +228,12 @@ def test_constants_are_parsed_from_text() -> None:
     ["vignette=1", "exposure.vignette=x", "depth.farthest=nan", "camera.zoom=-0.5",
      "lights.power=1", "sensor.noise=1,sensor.noise=2", "sensor.noise"],
 )  # fmt: skip
-def test_invalid_constants_are_rejected(text: str) -> None:
+def test_invalid_constants_are_rejected(text):
     with pytest.raises(RequestError):
         parse_constants(text)
 
 
-def test_the_rendered_images_match_the_pretrained_models() -> None:
+def test_the_rendered_images_match_the_pretrained_models():
     """The pretrained models must be trained again whenever the rendered images change.
 
     Rounding differs between processors, so a few pixels may differ; the hash of the golden file

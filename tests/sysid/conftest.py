@@ -1,7 +1,5 @@
 """Small drives with known parameters, and identifications from them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Estimates at the limits of their ranges."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -17,17 +15,13 @@ SPACE = space_of(
 @pytest.mark.parametrize(
     ("name", "value", "low", "high", "reached"),
     [
-        ("mass", 0.5, 0.4, 0.6, False),
-        ("mass", 1.0, 1.0, 1.0, True),
-        ("mass", 0.9, 0.7, 1.2, True),
-        ("mass", 0.0, 0.0, 0.0, True),
-        ("mass", 0.1, -0.1, 0.3, True),
-        ("latency", 0.0, -0.02, 0.02, False),
-        ("latency", 0.0, -0.1, -0.05, True),
-        ("latency", 0.9995, 0.9, 0.9999, True),
+        ("mass", 0.5, 0.4, 0.6, False), ("mass", 1.0, 1.0, 1.0, True),
+        ("mass", 0.9, 0.7, 1.2, True), ("mass", 0.0, 0.0, 0.0, True),
+        ("mass", 0.1, -0.1, 0.3, True), ("latency", 0.0, -0.02, 0.02, False),
+        ("latency", 0.0, -0.1, -0.05, True), ("latency", 0.9995, 0.9, 0.9999, True),
         ("drag", 0.001, -0.02, 0.02, False),
     ],
-)
+)  # fmt: skip
 def test_estimates_at_a_range_limit_are_reported(name, value, low, high, reached):
     index = SPACE.names.index(name)
     cube, limits = np.full(3, 0.5), np.array([[0.4] * 3, [0.6] * 3])

@@ -1,7 +1,5 @@
 """Held-out error: windows of one drive are not independent, and headings are included."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats

@@ -1,7 +1,5 @@
 """Identification of parameters from drives, with intervals and warnings."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """The MuJoCo simulator compared with the planar robot."""
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np
@@ -54,13 +52,6 @@ def test_gyration_has_the_effect_of_the_planar_robot():
             for simulator in (SIMULATORS["mujoco"](), Planar())
         )
         assert mujoco == pytest.approx(planar, rel=0.05)
-
-
-def test_a_robot_at_rest_does_not_move():
-    zero_torques = {"left_torque": np.zeros(2), "right_torque": np.zeros(2)}
-    no_commands = Commands(np.array([0.0, 1.0]), zero_torques, 1.0, "", "")
-    states = SIMULATORS["mujoco"]().simulate({}, no_commands, np.array([1, 2, 3.0, 0, 0]), TIMES)
-    np.testing.assert_allclose(states, np.tile([1, 2, 3.0, 0, 0], (len(TIMES), 1)), atol=1e-6)
 
 
 def test_latency_is_resolved_below_the_time_step():

@@ -1,7 +1,5 @@
 """The parameter space as a unit cube: ranges, scales and ratios."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """The residual network: initially without effect, accepted only if it improves held-out drives."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 

@@ -1,7 +1,5 @@
 """Sixels, iTerm2's images and PNG, decoded by independent decoders."""
 
-from __future__ import annotations
-
 import asyncio
 import sys
 import time
@@ -21,7 +19,6 @@ from rich.console import Console
 
 from bench.support.screen import RIGHT, Screen
 from s2rtui.canvas import Canvas, ColourMode, InlineImage, Pixels, RenderOptions, Size
-from s2rtui.canvas.colour import DEPTH_SHADES, NO_DEPTH, depth_tint
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.terminal.graphics.drawn_images import SixelImages
 from s2rtui.terminal.graphics.image_manager import ImageManager
@@ -294,18 +291,4 @@ def test_a_palette_is_used_up_to_its_number_of_colours(colours):
     pixels = np.stack([codes % 251, codes // 251, codes * 0], axis=1).astype(np.uint8)[None]
     image = Image.open(BytesIO(png(pixels)))
     assert image.mode == ("P" if colours == MOST else "RGB")
-    np.testing.assert_array_equal(decode(png(pixels)), pixels)
-
-
-def test_depth_images_are_compressed_with_a_palette():
-    across, down = np.meshgrid(np.linspace(0, 1, 200), np.linspace(0, 1, 200))
-    noise = np.random.default_rng(1).normal(0, 0.01, across.shape)
-    pixels = depth_tint(
-        np.append((across + down) / 2 + noise, np.linspace(0, 1, 20_000)), DEPTH_SHADES
-    )
-    pixels = pixels.reshape(-1, 200, 3)
-    pixels[:5, :5] = NO_DEPTH
-    stream = BytesIO()
-    Image.fromarray(pixels).save(stream, format="PNG", compress_level=9)
-    assert len(png(pixels)) < 0.6 * len(stream.getvalue())
     np.testing.assert_array_equal(decode(png(pixels)), pixels)

@@ -1,7 +1,5 @@
 """Inline images: the query to the terminal, strips with placeholders, and transmission."""
 
-from __future__ import annotations
-
 import re
 import threading
 import time
@@ -23,12 +21,7 @@ from s2rtui.terminal.graphics import kitty_protocol, probe
 from s2rtui.terminal.graphics.choice import choose_graphics, parse_cell_size
 from s2rtui.terminal.graphics.image_manager import ImageManager
 from s2rtui.terminal.graphics.kitty_images import NUMBERS
-from s2rtui.terminal.graphics.png import (
-    MAX_BYTES,
-    MAX_DRAWN_PIXELS,
-    MAX_PIXELS,
-    reduced_size,
-)
+from s2rtui.terminal.graphics.png import MAX_BYTES, MAX_DRAWN_PIXELS, MAX_PIXELS, reduced_size
 from s2rtui.terminal.graphics.probe import Graphics, parse_answer
 from s2rtui.terminal.strips import to_strips
 from tests.support.kitty import (
@@ -109,7 +102,6 @@ class FakeTerminal:
     ("answer", "pictures", "expected"),
     [
         (ANSWER, True, "Kitty"),
-        (b"typed" + ANSWER, True, "Kitty"),
         (ATTRIBUTES, False, "does not support"),
         (SIXEL_ATTRIBUTES, True, "sixels"),
         (CURSOR_REPORT + CURSOR_REPORT + CELL_SIZE + ATTRIBUTES, False, "does not support"),
@@ -152,12 +144,10 @@ def test_only_the_named_protocol_is_used(wanted, answer, expected):
     ("answer", "protocol", "expected"),
     [
         ("256,RGB|xterm-kitty kitty(0.42.0)|on", "kitty", "through tmux"),
-        ("256|xterm-256color ghostty 1.2|all", "kitty", "through tmux"),
         ("|xterm-kitty |1", "kitty", "through tmux"),
         ("|xterm-kitty |0", None, "allow-passthrough on"),
         ("|xterm-kitty kitty|off", None, "allow-passthrough on"),
         ("sixel|xterm-kitty kitty|off", "sixel", "by tmux"),
-        ("RGB,sixel|xterm-256color foot|off", "sixel", "by tmux"),
         ("256|xterm-256color |1", None, "kitty or ghostty"),
         ("", None, "did not name"),
     ],
@@ -176,11 +166,9 @@ def test_tmux_is_queried_for_its_terminal(monkeypatch, answer, protocol, expecte
     ("environment", "protocol"),
     [
         ({"TERM": "xterm-kitty"}, "kitty"),
-        ({"TERM": "xterm-256color", "TERM_PROGRAM": "ghostty"}, "kitty"),
         ({"TERM_PROGRAM": "iTerm.app"}, "iterm2"),
         ({"TERM_PROGRAM": "WezTerm"}, "iterm2"),
         ({"TERM": "foot-extra"}, "sixel"),
-        ({"TERM_PROGRAM": "vscode"}, "sixel"),
         ({"WT_SESSION": "1"}, "sixel"),
         ({"TERM": "xterm-256color"}, None),
         ({"TERM": "xterm-kitty", "SSH_CONNECTION": "1 2 3 4"}, None),
@@ -333,15 +321,6 @@ def test_an_image_of_the_same_source_is_not_encoded_again(monkeypatch):
     monkeypatch.setitem(globals(), "resized", lambda pixels, size: pytest.fail("made again"))
     terminal.draw(canvas(noise((16, 16)), source="one"))
     assert terminal.written == written_before
-
-
-def test_instances_use_different_image_numbers():
-    numbers_used = set()
-    for _ in range(20):
-        terminal = FakeTerminal()
-        terminal.draw(canvas(noise((16, 16))))
-        numbers_used |= set(KittyTerminal.after(terminal.written.encode()).images)
-    assert len(numbers_used) > 10
 
 
 def test_a_displayed_image_keeps_its_number():

@@ -1,7 +1,5 @@
 """Inline images over a pseudo-terminal that answers like kitty."""
 
-from __future__ import annotations
-
 import asyncio
 import sys
 import time

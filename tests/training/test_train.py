@@ -1,7 +1,5 @@
 """Training: splits, recipes, reproducibility and resumption."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Training images outside of memory, and the recipe that trains on translated images."""
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Images of coloured rectangles in two palettes: unpaired images with known counterparts."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

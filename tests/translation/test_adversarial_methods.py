@@ -1,7 +1,5 @@
 """CycleGAN, CUT and UNIT on a palette-swap world: unpaired images, known counterparts."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 

@@ -1,7 +1,5 @@
 """Translators applied to images, folders, videos and bags."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Noise of a depth camera: the range falls with the strength."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Decoding and encoding of images as messages carry them."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Images of folders: which are read, and files that are too large or damaged."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from pathlib import Path

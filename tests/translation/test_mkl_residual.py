@@ -1,7 +1,5 @@
 """`mkl+residual`: gain over the linear map, its bound and its fallback."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
@@ -83,17 +81,6 @@ def test_the_change_is_bounded():
     changed = translator.translate(images).astype(int)
     share.fill_(0.0)
     assert np.abs(changed - translator.translate(images)).max() <= 0.1 * 255 + 1
-
-
-def test_the_facts_name_the_criterion_and_both_distances():
-    source, target = image_set(painted(shapes(1, 40), "first", 1)), image_set(counterparts(40)[1])
-    facts = (
-        find_method("mkl+residual").fit(source, target, FitSettings(steps=5, options=SIZE)).facts
-    )
-    assert facts["criterion"] == "patch distance"
-    assert facts["held_out"]
-    assert facts["fallback"] == (facts["share"] == 0)
-    assert facts["distance_mkl"] > 0
 
 
 def test_the_end_of_every_recording_is_held_out():

@@ -1,7 +1,5 @@
 """Translation methods that match statistics."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,7 +10,7 @@ from s2rstore.errors import RequestError
 from s2rtools.translation import METHODS, find_method, reinhard
 from s2rtools.translation.colour_statistics import from_lab, moments, to_lab
 from s2rtools.translation.histogram import cumulative
-from s2rtools.translation.image_set import ImageSet, fit_size
+from s2rtools.translation.image_set import ImageSet
 from s2rtools.translation.method import FitSettings, blend
 from s2rtools.translation.mkl import transport
 
@@ -174,14 +172,6 @@ def test_lab_and_back_is_the_same_image():
     assert np.abs(from_lab(to_lab(images)).astype(int) - images).max() <= 1
 
 
-@pytest.mark.parametrize(
-    ("size", "expected"),
-    [((480, 640), (120, 160)), ((320, 640), (80, 160)), ((128, 128), (128, 128)), ((5, 9), (8, 8))],
-)
-def test_size_of_the_fit(size, expected):
-    assert fit_size(*size) == expected
-
-
 def test_reinhard_computes_statistics_of_many_images_in_blocks():
     images = smooth_images(17, 40)
     statistics = fit("reinhard", images, images).tensors()["target"]
@@ -191,9 +181,7 @@ def test_reinhard_computes_statistics_of_many_images_in_blocks():
     largest = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            reinhard,
-            "to_lab",
-            lambda block: (largest.append(len(block)), to_lab(block))[1],
+            reinhard, "to_lab", lambda block: (largest.append(len(block)), to_lab(block))[1]
         )
         fit("reinhard", images, images)
     assert max(largest) < len(images)

@@ -1,8 +1,5 @@
 """Style methods: their losses, and the networks whose features they use."""
 
-from __future__ import annotations
-
-import numpy as np
 import pytest
 import torch
 from safetensors.torch import save_file
@@ -12,7 +9,7 @@ from s2rtools.translation import feature_network, find_method
 from s2rtools.translation.feature_network import FeatureNetwork, read_vgg19
 from s2rtools.translation.method import FitSettings
 from s2rtools.translation.network_translator import to_tensor
-from s2rtools.translation.style_losses import StyleLosses, gram_matrix, mean_gram_matrices
+from s2rtools.translation.style_losses import StyleLosses, gram_matrix
 from tests.translation.palette_world import counterparts, image_set, unpaired
 
 
@@ -102,13 +99,3 @@ def test_wrong_feature_files_are_refused_by_name(tmp_path, vgg19_state):
         read_vgg19(file)
     with pytest.raises(RequestError, match="missing"):
         read_vgg19(tmp_path / "missing.safetensors")
-
-
-def test_the_mean_gram_matrix_is_that_of_a_single_image():
-    features = FeatureNetwork("small")
-    images = counterparts(1)[0]
-    grams = mean_gram_matrices(features, image_set(images))
-    losses = StyleLosses(features)
-    losses.set_style(grams)
-    assert style_loss(losses, images) < 1e-8
-    assert np.isfinite(style_loss(losses, images // 2))

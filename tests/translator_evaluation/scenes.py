@@ -1,7 +1,5 @@
 """Procedural rooms and the damage that the gates must catch."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

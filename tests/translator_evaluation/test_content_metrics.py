@@ -1,7 +1,5 @@
 """Metrics of the content that a translator keeps, on procedural rooms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,15 +7,8 @@ from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
 from s2rtools.translator_evaluation import content_metrics as metrics
-from s2rtools.translator_evaluation import image_structure as structure
 from s2rtools.translator_evaluation.content_summary import measure_content
-from tests.translator_evaluation.scenes import (
-    as_images,
-    blurred,
-    recoloured,
-    rooms,
-    with_object,
-)
+from tests.translator_evaluation.scenes import as_images, blurred, recoloured, rooms, with_object
 
 ROOMS = rooms(0)
 
@@ -61,12 +52,6 @@ def test_a_stronger_blur_scores_lower_in_sharpness_and_edges():
     assert sharpness == sorted(sharpness, reverse=True)
     assert edges == sorted(edges, reverse=True)
     assert sharpness[1] < 0.95
-
-
-def test_noise_on_top_of_a_blur_does_not_hide_it():
-    noise = np.random.default_rng(0).normal(0, 4, ROOMS.shape)
-    noisy = as_images(blurred(ROOMS, 2.0) + noise)
-    assert np.median(metrics.sharpness(ROOMS, noisy)) < 0.85
 
 
 def test_inverted_images_have_the_same_edges_and_opposite_luminance():
@@ -122,14 +107,6 @@ def test_enclosed_pixels_belong_to_a_region():
     ring[7:13, 7:13] = False
     assert metrics.largest_region(ring) == pytest.approx(100 / 600)
     assert metrics.largest_region(np.zeros((4, 4), dtype=bool)) == 0
-
-
-def test_the_regression_explains_an_affine_map_of_colours():
-    residual, total = structure.unexplained_variance(ROOMS[0], recoloured(ROOMS)[0], 2.5)
-    assert residual.max() < 8  # rounding to grey levels and the ridge
-    assert total.max() > 500
-    other, _ = structure.unexplained_variance(ROOMS[0], ROOMS[1], 2.5)
-    assert other.max() > 500
 
 
 def test_depth_edges_lie_at_steps_of_valid_depth():

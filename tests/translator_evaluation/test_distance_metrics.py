@@ -1,7 +1,5 @@
 """Distances between translated and target images, beside controls."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Fits in stores and on folders: which images are used, and which requests are refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

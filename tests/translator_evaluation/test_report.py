@@ -1,7 +1,5 @@
 """Reports of translators of a small store, from the fit to the saved verdict."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -96,17 +94,6 @@ def test_errors_stand_beside_those_without_translation_and_of_the_target(reports
     }
 
 
-def test_reports_are_reproducible_apart_from_the_measured_time(root, reports):
-    with s2rstore.open(root) as store:
-        (again,) = report.evaluate(
-            store, [named_translator(store, "mkl")], report.ReportSettings(run="vanilla")
-        )
-    for first, second in zip(reports["mkl"].rows, again.rows, strict=True):
-        if first.metric != "cost":
-            assert (first.metric, first.reference) == (second.metric, second.reference)
-            np.testing.assert_allclose(first.value, second.value, rtol=1e-5, atol=1e-7)
-
-
 def test_a_negative_is_refused_and_can_only_be_forced(root, negative, tmp_path):
     assert "inverted" in "; ".join(negative.verdict.reasons)
     path = copy_store(root, tmp_path / "own.s2r")
@@ -146,19 +133,6 @@ def test_figures_of_other_runs_stay(root, reports, tmp_path):
     assert runs() == both
     report.save_reports(path, [replace(judged, run="other", rows=tuple(plain))])
     assert runs() == {("cost", None), ("error_gain", "vanilla")}
-
-
-def test_saved_figures_replace_earlier_ones(root, reports, tmp_path):
-    path = copy_store(root, tmp_path / "own.s2r")
-    for _ in range(2):
-        report.save_reports(path, list(reports.values()))
-    query = "SELECT count(*), count(DISTINCT (metric, reference, run)) FROM translator_metric "
-    with s2rstore.open(path) as store:
-        ((rows, different),) = store.execute(query + "WHERE translator = 'mkl'")
-        assert store.translator("mkl").accepted is True
-        expected = sum(np.isfinite(row.value) for row in reports["mkl"].rows)
-    assert rows == expected
-    assert different == rows
 
 
 def test_translators_of_sim_images_claim_nothing_about_reality(root):

@@ -1,7 +1,5 @@
 """Bags of a walk."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Compare what a reader found with what was written."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

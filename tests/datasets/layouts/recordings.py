@@ -1,7 +1,5 @@
 """Write recordings with known poses in the layouts, without code of the readers."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Iterable, Sequence
@@ -49,11 +47,9 @@ def quaternion(rotation: np.ndarray) -> tuple[float, float, float, float]:
     """x, y, z, w of a rotation matrix, by its largest component."""
     m = rotation
     squares = [
-        1 + m[0, 0] - m[1, 1] - m[2, 2],
-        1 - m[0, 0] + m[1, 1] - m[2, 2],
-        1 - m[0, 0] - m[1, 1] + m[2, 2],
-        1 + m[0, 0] + m[1, 1] + m[2, 2],
-    ]
+        1 + m[0, 0] - m[1, 1] - m[2, 2], 1 - m[0, 0] + m[1, 1] - m[2, 2],
+        1 - m[0, 0] - m[1, 1] + m[2, 2], 1 + m[0, 0] + m[1, 1] + m[2, 2],
+    ]  # fmt: skip
     largest = int(np.argmax(squares))
     s = 2 * math.sqrt(squares[largest])
     xy, xz, yz = m[0, 1] + m[1, 0], m[0, 2] + m[2, 0], m[1, 2] + m[2, 1]

@@ -1,7 +1,5 @@
 """Images and poses of a walk, from which the tests write recordings of each layout."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 
@@ -31,13 +29,10 @@ MODELS = {
     "OPENCV_FISHEYE": (5, (20.0, 21.0, 12.0, 8.0, 0.1, -0.2, 0.3, 0.4)),
 }
 DISTORTIONS = {
-    "SIMPLE_PINHOLE": (),
-    "PINHOLE": (),
-    "SIMPLE_RADIAL": (0.1, 0.0, 0.0, 0.0),
-    "RADIAL": (0.1, -0.2, 0.0, 0.0),
-    "OPENCV": (0.1, -0.2, 0.003, 0.004),
+    "SIMPLE_PINHOLE": (), "PINHOLE": (), "SIMPLE_RADIAL": (0.1, 0.0, 0.0, 0.0),
+    "RADIAL": (0.1, -0.2, 0.0, 0.0), "OPENCV": (0.1, -0.2, 0.003, 0.004),
     "OPENCV_FISHEYE": (0.1, -0.2, 0.3, 0.4),
-}
+}  # fmt: skip
 
 
 def world_to_camera(pose: np.ndarray) -> list[float]:
@@ -125,11 +120,9 @@ def test_a_scale_makes_poses_metric_and_depth_has_the_names_of_images(tmp_path, 
         write_png(tmp_path / "depth" / name, pixels)
     (tmp_path / "depth" / names(scene)[0]).unlink()
     options = {
-        "scale": "3",
-        "images": str(tmp_path / "photos"),
-        "depth": str(tmp_path / "depth"),
+        "scale": "3", "images": str(tmp_path / "photos"), "depth": str(tmp_path / "depth"),
         "depth_scale": "0.0002",
-    }
+    }  # fmt: skip
     recording = read("colmap", tmp_path / "model", ReadOptions(options))
     scaled = scene.poses[1:].copy()
     scaled[:, :3, 3] *= 3

@@ -1,7 +1,5 @@
 """Files with random damage are read with reports, or refused in one line, in every layout."""
 
-from __future__ import annotations
-
 import random
 import warnings
 from collections.abc import Callable

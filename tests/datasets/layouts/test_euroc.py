@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -111,12 +109,10 @@ def test_bad_rows_are_reported_with_their_line(recording):
         ("camera_model: pinhole", "camera_model: omni", "omni"),
         ("radial-tangential", "fov", "fov"),
         ("[30.5, 31.0, 15.2, 11.1]", "[30.5, 31.0]", "intrinsics"),
-        ("[30.5, 31.0, 15.2, 11.1]", "[-30.5, 31.0, 15.2, 11.1]", "fx"),
         ("[30.5, 31.0, 15.2, 11.1]", "[.nan, 31.0, 15.2, 11.1]", "fx"),
         ("resolution: [32, 24]", "resolution: [0, 24]", "pixels"),
         ("[-0.28, 0.07, 0.0002, 1.8e-05]", "[1, 2, 3]", "distortion"),
         ("T_BS:", "T_SB:", "T_BS"),
-        ("data: [", "data: [7.0, ", "T_BS"),
         ("data: [", "data: !!python/object/apply:os.system [", "YAML"),
     ],
 )

@@ -1,7 +1,5 @@
 """7-Scenes and ScanNet, whose poses lie in one file for each image."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
