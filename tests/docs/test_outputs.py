@@ -36,7 +36,7 @@ def test_shown_outputs_are_those_of_the_demo(tmp_path):
                 numbers = [list(map(float, _NUMBER.findall(line))) for line in (shown, printed)]
                 assert numbers[0] == pytest.approx(numbers[1], rel=0.02, abs=0.02), where
             compared += 1
-    assert compared > 3
+    assert compared >= 3
 
 
 def _words(line: str) -> list[str]:

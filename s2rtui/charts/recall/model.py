@@ -66,7 +66,7 @@ class RecallModel:
     def axis_names(self) -> tuple[str, str]:
         """What the axis of positions shows, long and short."""
         heading = f"{self.real.curve.ratio:g} deg per m"
-        return f"position within m, heading within {heading}", f"heading: {heading}"
+        return f"position within (m), heading within {heading}", f"heading: {heading}"
 
     @property
     def reason(self) -> str:
