@@ -191,3 +191,43 @@ async def test_a_restricted_session_writes_to_the_user_data_only(
     assert not list(tmp_path.glob("*.*"))
     assert (user_data_folder / "a.csv").exists()
     assert (user_data_folder / "s2r-001.png").exists()
+
+
+async def test_a_file_created_during_the_export_is_not_overwritten(
+    tiny_store, tmp_path, monkeypatch
+):
+    target, write_rows = tmp_path / "s2r-selection-001.csv", formats.write_rows
+
+    def write_after_other_process(*arguments: Any) -> None:
+        target.write_text("another's")
+        write_rows(*arguments)
+
+    monkeypatch.setattr(formats, "write_rows", write_after_other_process)
+    async with running(tiny_store, folder=tmp_path) as (app, pilot):
+        await press(app, pilot, "w", "F", "enter")
+        assert app.session.state.message == f"{target}: exists already; choose another name"
+    assert target.read_text() == "another's"
+    assert not list(tmp_path.glob(".*csv"))
+
+
+async def test_a_restricted_session_writes_only_to_the_user_data_folder(
+    tiny_store, tmp_path, user_data_folder
+):
+    async with running(tiny_store, folder=tmp_path, restricted=True) as (app, pilot):
+        await press(app, pilot, "w")
+        for key in ("E", "s", "F"):
+            await press(app, pilot, key)
+            assert app.session.state.is_error
+            assert str(user_data_folder) in app.session.state.message
+        await press(app, pilot, "a")
+        assert app.session.state.message.startswith("not in a restricted session: adjust")
+        assert app.session.state.view != "adjust"
+        assert not app.prompt.is_open
+        app.output_folder = user_data_folder
+        await press(app, pilot, "F")
+        assert "restricted" in await answer(app, pilot, str(tmp_path / "a.csv"))
+        assert (await answer(app, pilot, "a.csv")).endswith("a.csv: 6 of 40 instances")
+        await press(app, pilot, "s")
+    assert not list(tmp_path.glob("*.*"))
+    assert (user_data_folder / "a.csv").exists()
+    assert (user_data_folder / "s2r-001.png").exists()

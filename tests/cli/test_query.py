@@ -209,3 +209,9 @@ def test_precompute_and_unknown_runs_name_both_ways(store, capsys):
     assert "`s2r run import`" in capsys.readouterr().err
     assert main(["query", str(store), "all", "--run", "mine"]) == 2
     assert "run 'mine': not in" in capsys.readouterr().err
+
+
+def test_an_empty_result_is_a_valid_parquet_file(tmp_path):
+    write_rows(tmp_path / "a.parquet", ["n"], [])
+    with duckdb.connect() as connection:
+        assert connection.execute(f"SELECT * FROM '{tmp_path}/a.parquet'").fetchall() == []

@@ -16,7 +16,7 @@ from PIL import Image
 from s2rstore.files.image_header import jpeg_segments, read_header
 from s2rtools.common.image_files import whole_image
 from s2rtui.charts.shared.base_map_background import floor_plan_pixels
-from tests.hostile.inputs import jpeg
+from tests.hostile.inputs import jpeg, png
 from tests.hostile.inputs import s2r as run_process
 from tests.support import pairs
 from tests.support.refusals import RunCommand, refused
@@ -210,6 +210,14 @@ def test_common_formats_are_read_regardless_of_the_suffix(manifest, ingest):
         name = f"{('sim', 'real')[number % 2]}/{number // 2}_rgb.png"
         (manifest.parent / name).write_bytes(content)
     assert "4 kept" in lines_of(ingest)
+
+
+def test_16_bit_colours_are_converted_to_8_bits_and_reported(manifest, ingest):
+    wide = IMAGE.astype(np.uint16) * 257
+    (manifest.parent / "sim" / "0_rgb.png").write_bytes(png(wide[..., ::-1]))
+    output = lines_of(ingest)
+    assert "4 kept" in output
+    assert "colours of more than 8 bits: 1\n  sim/0_rgb.png 16 bits; stored with 8" in output
 
 
 @pytest.mark.parametrize(("width", "height"), [(60_000, 1), (1, 60_000), (20_000, 20_000)])

@@ -485,3 +485,26 @@ def test_rows_in_files_without_a_needed_column_are_refused(filed, monkeypatch):
     monkeypatch.setitem(schema.BY_NAME, "prediction", replace(table, columns=columns))
     with pytest.raises(RequestError, match="other columns"):
         s2rstore.open(filed)
+
+
+def test_publishing_again_repairs_a_damaged_file_of_an_earlier_generation(filed):
+    path = _file(filed)
+    content = path.read_bytes()
+    with edit(filed) as draft:
+        draft.delete("prediction", run="vanilla")
+    path.write_bytes(b"damaged")
+    with s2rstore.open(filed) as store:
+        assert "vanilla" not in {file.run for file in store.row_files["prediction"]}
+    _insert_parquet(filed, content)
+    assert path.read_bytes() == content
+    assert verify(filed) == []
+
+
+def _insert_parquet(root: Path, content: bytes) -> None:
+    copy = root.with_name("rows.parquet")
+    copy.write_bytes(content)
+    rows = duckdb.sql(f"SELECT * FROM '{copy}'").fetchall()
+    names = [name for name in schema.BY_NAME["prediction"].column_names if name != "run"]
+    columns = dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
+    with edit(root) as draft:
+        draft.insert("prediction", {"run": ["vanilla"] * len(rows), **columns})

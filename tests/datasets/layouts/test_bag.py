@@ -648,3 +648,14 @@ def test_a_topic_that_is_listed_with_another_type_ends_in_one_line(tmp_path, top
     reason = "listed with types|cannot be read as" if is_added else "declared type|no topic with"
     with refused(match=f"folder.*({reason})"):
         read("bag", path)
+
+
+def test_a_damaged_schema_of_a_database_ends_in_one_line(tmp_path, scene):
+    """SQLite quotes the damaged text, which is not UTF-8."""
+    path = walk_bag(tmp_path / "folder", scene).write()
+    (file,) = path.glob("*.db3")
+    content = file.read_bytes()
+    assert b"name TEXT NOT NULL" in content
+    file.write_bytes(content.replace(b"name TEXT NOT NULL", b"name TEXT NOT \x88ULL"))
+    with refused("cannot be read as a ROS bag"):
+        read("bag", path)
