@@ -101,7 +101,7 @@ def _year(rho: float, nights: int, rng: np.random.Generator) -> Floats:
 
 
 def _first_alarm(nights: Floats) -> int | None:
-    """Nights after the baseline until the first alarm; None without one."""
+    """Number of nights from the end of the baseline to the first alarm; None without an alarm."""
     for count in range(BASELINE + 1, nights.size + 1):
         if change_alarm(nights[:count], _RISE).outcome == "FAIL":
             return count - BASELINE

@@ -191,25 +191,3 @@ async def test_a_state_that_cannot_be_drawn_is_left(tiny_store, monkeypatch):
         assert app.fault is None
         assert app.session.state.map_mode == before.map_mode
         assert "internal error" in app.session.state.message
-
-
-def test_an_unexpected_error_while_starting_is_printed_in_one_line(
-    tiny_store, tmp_path, open_screen
-):
-    folder = tmp_path / "broken"
-    folder.mkdir()
-    (folder / "sitecustomize.py").write_text(
-        "from s2rtui.app.app import S2RApp\n"
-        "def broken(*arguments):\n"
-        "    raise KeyError('no such thing')\n"
-        "S2RApp.on_mount = broken\n"
-    )
-    sys.path.insert(0, str(folder))
-    try:
-        screen = open_screen("tui", str(tiny_store))
-    finally:
-        sys.path.remove(str(folder))
-    assert screen.wait_for_end(20) == 70
-    assert output_after_exit(screen) == (
-        "s2r: internal error: KeyError: 'no such thing' (--debug shows the traceback)"
-    )

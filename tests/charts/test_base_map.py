@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from s2rstore.records import Bounds, Room
-from s2rtui.analysis.map_frame import fit_frame, panned, zoomed
+from s2rtui.analysis.map_frame import fit_frame, panned, sample, zoomed
 from s2rtui.canvas import DARK, DEFAULT_OPTIONS, LIGHT, ColourMode, RenderOptions, heading_arrow
 from s2rtui.canvas.colour import legible, mix, turbo
 from s2rtui.canvas.marks import Mark
@@ -253,3 +253,12 @@ def test_signed_heat_on_paper_is_blue_and_orange_and_transparent_at_0():
     middle = pixels[100, blue.max() + 2 : orange.min() - 1]
     assert len(middle) > 100
     assert (middle == LIGHT.background).all()
+
+
+def test_sampled_image_rows_follow_the_y_direction():
+    image = np.array([[1.0, 2.0], [3.0, np.nan]])
+    square = Bounds(0, 0, 2, 2)
+    frame = fit_frame(square, 4, 4, True)
+    assert sample(image, square, frame, True)[[0, 0, 3], [0, 3, 0]].tolist() == [1, 2, 3]
+    assert np.isnan(sample(image, square, frame, True)[3, 3])
+    assert sample(image, square, frame, False)[0, 0] == 3

@@ -305,18 +305,3 @@ def test_ranks_of_expressions_and_rows_count_the_instances_of_the_query(stores, 
                 store, "best(5, real.error)", "vanilla", with_trained=bool(options)
             )
         assert {row["iid"] for row in found} == set(np.flatnonzero(best).tolist())
-
-
-@pytest.mark.parametrize(
-    ("expression", "count"), [("trained", 20), ("split:train", 7), ("sim.split:validation", 13)]
-)
-def test_an_expression_that_names_trained_instances_says_that_they_are_left_out(
-    session, expression, count
-):
-    message = session.select(expression).message
-    assert message == f"nothing is selected; {count} trained instances left out: M includes them"
-    mixed = session.select(f"{expression} | ids(1, 3)")
-    assert mixed.message == f"{count} trained instances left out: M includes them"
-    session.dispatch(navigation.toggle_trained)
-    assert session.select(expression).selected.sum() == count
-    assert session.state.message == ""

@@ -59,7 +59,7 @@ def test_leftovers_of_an_ended_process_are_removed_and_reported(manifest, tmp_pa
 
 
 @pytest.mark.parametrize("changes", [{"host": "another-host", "process": 7}, {}])
-def test_leftovers_of_a_process_that_may_run_are_kept_and_told(manifest, tmp_path, capsys, changes):
+def test_leftovers_of_a_process_that_may_run_are_kept(manifest, tmp_path, capsys, changes):
     store = tmp_path / "s.s2r"
     identity = structs.replace(process_identity.this_process(), **changes)
     building = make_leftover(store, identity)
@@ -149,17 +149,3 @@ def wait_for_shards(process: subprocess.Popen[bytes], folder: Path) -> None:
         assert process.poll() is None
         time.sleep(0.002)
     raise AssertionError("writes no shards")
-
-
-@pytest.mark.parametrize("changes", [{"host": "another-host", "process": 7}, {}])
-def test_leftovers_of_a_possibly_running_process_are_kept_and_reported(
-    manifest, tmp_path, capsys, changes
-):
-    store = tmp_path / "s.s2r"
-    identity = structs.replace(process_identity.this_process(), **changes)
-    building = make_leftover(store, identity)
-    assert main(arguments(manifest, store)) == 0
-    assert building.exists()
-    error = capsys.readouterr().err
-    assert f"process {identity.process}" in error
-    assert f"rm -r {building}" in error

@@ -199,26 +199,3 @@ def test_a_pipe_is_rejected_without_blocking(store_copy, relative, capsys):
     with deadline():
         assert main(["verify", str(store_copy)]) == 1
     assert "pipe" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("replacement", ["link", "pipe", "folder", "other content"])
-@pytest.mark.parametrize("generation", ["published", "old"])
-def test_prune_removes_nothing_if_an_index_is_unreadable(
-    store_copy, tmp_path, replacement, generation
-):
-    published = store_copy / layout.read_current(store_copy).index
-    index = published if generation == "published" else published.with_name("index-000001.duckdb")
-    moved_index = index.rename(tmp_path / "kept.duckdb")
-    if replacement == "link":
-        index.symlink_to(moved_index)
-    elif replacement == "pipe":
-        os.mkfifo(index)
-    elif replacement == "folder":
-        index.mkdir()
-    else:
-        index.write_bytes(b"no index")
-    before = sorted((store_copy / "runs.zarr").rglob("*"))
-    with deadline(), pytest.raises(RequestError, match=index.name):
-        prune(store_copy)
-    assert sorted((store_copy / "runs.zarr").rglob("*")) == before
-    assert moved_index.exists()

@@ -171,3 +171,11 @@ def test_conventions_are_parsed_from_text():
 def test_invalid_text_is_rejected_with_the_valid_forms(text):
     with pytest.raises(RequestError, match="output convention"):
         parse_convention(text)
+
+
+def test_habitat_headings_equal_those_of_the_store():
+    r = np.linspace(-200, 200, 7)
+    raw = torch.from_numpy(np.stack([r * 0, r * 0, r], axis=1))
+    decoded = OutputConvention("degrees", "habitat").decode(raw)[:, 2].numpy()
+    np.testing.assert_allclose(angles.distance(decoded, angles.from_habitat(np.radians(r))), 0,
+                               atol=1e-9)  # fmt: skip

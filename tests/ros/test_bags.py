@@ -168,3 +168,13 @@ def test_replay_to_a_store_holds_few_images_at_once(tmp_path, translator_file, m
     assert main(arguments) == 0
     assert stored == [(24, 320, 3)] * 80
     assert max(waiting) < 10
+
+
+def test_no_store_is_made_of_a_bag_without_usable_images(tmp_path, translator_file, capsys):
+    source = write_image_bag(tmp_path / "a.bag", [])
+    result = tmp_path / "result.s2r"
+    arguments = ["ros", "replay", str(source), "--translator", str(translator_file)]
+    arguments += ["--out", str(tmp_path / "b.bag"), "--result", str(result)]
+    assert main(arguments) == 2
+    assert "no image could be decoded" in capsys.readouterr().err
+    assert not result.exists()

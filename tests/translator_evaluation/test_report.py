@@ -260,3 +260,14 @@ def test_sheets_show_every_image_and_are_wide_enough_to_read():
         enlarged = cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
         found = cv2.matchTemplate(sheet, enlarged, cv2.TM_SQDIFF).min()
         assert found == pytest.approx(0, abs=enlarged.size * 0.01)
+
+
+def test_reports_are_reproducible_apart_from_the_measured_time(root, reports):
+    with s2rstore.open(root) as store:
+        (again,) = report.evaluate(
+            store, [named_translator(store, "mkl")], report.ReportSettings(run="vanilla")
+        )
+    for first, second in zip(reports["mkl"].rows, again.rows, strict=True):
+        if first.metric != "cost":
+            assert (first.metric, first.reference) == (second.metric, second.reference)
+            np.testing.assert_allclose(first.value, second.value, rtol=1e-5, atol=1e-7)

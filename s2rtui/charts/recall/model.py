@@ -26,7 +26,10 @@ class SideCurves:
 
 @dataclass(frozen=True, eq=False)
 class RecallModel:
-    """Both sides. `lost` instances in view are not localised and cannot be in the selection."""
+    """Figures and curves of sim and real.
+
+    `lost` instances in view are not localised and cannot be in the selection.
+    """
 
     sim: SideCurves
     real: SideCurves
@@ -43,7 +46,7 @@ class RecallModel:
         return points[0].metres / _BELOW, points[-1].metres * _BEYOND
 
     def fractions(self, metres: Floats) -> Floats:
-        """Places 0 .. 1 on the axis of positions."""
+        """Positions in metres as shares 0 .. 1 of the length of the axis."""
         low, high = self.limits
         return np.asarray(np.log(np.asarray(metres) / low) / math.log(high / low))
 

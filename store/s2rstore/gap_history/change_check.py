@@ -56,7 +56,7 @@ def change_of(
 def _earlier(
     past: Sequence[Night], of: tuple[str, str, str], axis: str, anchor: float
 ) -> list[float]:
-    """G of an axis in each measurement of the past nights, in order."""
+    """G of one axis in all earlier measurements, in the order of the nights."""
     found: dict[int, float] = {}
     for night in past:
         if (night.dataset, night.run, night.expression) != of:
