@@ -134,7 +134,7 @@ def selection_grid(
     require_floor(store, run, heat)
     record = store.run(run)
     grid = MapGrid(store.dataset.bounds)
-    for chosen, block in _blocks(iids):
+    for chosen, block in _blocks(store, iids):
         if not heat.kind:
             values = np.zeros((len(chosen), 1, 1), dtype=np.float32)
         else:
@@ -165,9 +165,14 @@ def visible_floor(
     return selection_grid(store, run, heat, iids, "count", report_share).astype(np.float32)
 
 
-def _blocks(iids: NDArray[np.intp]) -> Iterator[tuple[NDArray[np.intp], slice]]:
-    """Group neighbouring iids: offsets into a span of at most `_BLOCK` instances."""
-    starts = np.flatnonzero(np.diff(iids // _BLOCK, prepend=-1))
+def _blocks(store: Store, iids: NDArray[np.intp]) -> Iterator[tuple[NDArray[np.intp], slice]]:
+    """Group neighbouring iids: offsets into a span of at most `_BLOCK` instances.
+
+    A span does not go beyond a part of a trajectory, because the run may lack the next one.
+    """
+    firsts = [part.first_iid for part in store.trajectory_parts]
+    part = np.searchsorted(firsts, iids, side="right")
+    starts = np.flatnonzero(np.diff(iids // _BLOCK, prepend=-1) | np.diff(part, prepend=-1))
     for part in np.split(iids, starts[1:]):
         if part.size:
             yield part - part[0], slice(int(part[0]), int(part[-1]) + 1)

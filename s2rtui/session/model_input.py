@@ -41,8 +41,9 @@ class ModelInput:
 def model_input(store: Store, run: Run, side: Side, iid: int) -> ModelInput:
     """A side's frame after the run's adjustments; image adjustments need `s2rtools`."""
     domain, chain = store.domain(run.domain(side)), run.adjustments(side)
-    if not store.has_frames(domain.domain):
-        missing = ((f"{side} frames", f"none of {domain.domain} in this store"),)
+    if not store.has_frames(domain.domain) or not store.is_imaged(iid, domain.domain):
+        where = "of this instance" if store.has_frames(domain.domain) else "in this store"
+        missing = ((f"{side} frames", f"none of {domain.domain} {where}"),)
         return ModelInput(np.zeros((0, 0, 3), dtype=np.uint8), None, "", missing)
     frame = run_frame(store, run, side, iid)
     images = [step for step in chain if step["name"] not in NAMES]
@@ -65,7 +66,7 @@ def stored_image(store: Store, side: Side, iid: int) -> ModelInput:
     The title names other domains than that of the side. rgb has shape (0, 0, 3) without an image.
     """
     of_kind = (name for name, domain in store.domains.items() if domain.kind == side)
-    imaged = [name for name in of_kind if store.imaged(name)[iid]]
+    imaged = [name for name in of_kind if store.is_imaged(iid, name)]
     if not imaged:
         return ModelInput(np.zeros((0, 0, 3), dtype=np.uint8), None, "")
     rgb = store.frames(imaged[0], iid, iid + 1, ("rgb",))["rgb"][0]

@@ -165,7 +165,7 @@ class DatasetReader(IndexCatalog):
         has_depth = self.domain(domain).has_depth
         parts: dict[str, list[NDArray[Any]]] = {image: [] for image in images}
         for part, low, high in self._parts_of(start, stop):
-            self._check_images(domain, part.trajectory)
+            self._check_images(domain, part)
             for image in images:
                 if image == "depth" and not has_depth:
                     size = self.dataset.frame_height, self.dataset.frame_width
@@ -249,27 +249,44 @@ class DatasetReader(IndexCatalog):
             return self._arrays[relative]
 
     @cached_property
-    def imaged_trajectories(self) -> dict[str, frozenset[str]]:
-        """The trajectories that each domain images: all of them, unless there are no poses."""
-        known = frozenset(trajectory.trajectory for trajectory in self.trajectories)
-        if self.has_poses:
-            return dict.fromkeys(self.domains, known)
-        query = "SELECT DISTINCT domain, trajectory FROM frame JOIN instance USING (iid)"
-        rows = self.execute(query)
-        return {name: known & {t for d, t in rows if d == name} for name in self.domains}
+    def imaged_parts(self) -> dict[str, frozenset[TrajectoryPart]]:
+        """The parts of trajectories that each domain images, whole parts only."""
+        parts = {part.first_iid: part for part in self.trajectory_parts}
+        query = "SELECT domain, iid FROM frame WHERE iid IN (SELECT unnest(?::INTEGER[]))"
+        rows = self.execute(query, [list(parts)])
+        return {name: frozenset(parts[i] for d, i in rows if d == name) for name in self.domains}
 
-    def imaged(self, domain: str) -> NDArray[np.bool_]:
-        """The instances that a domain images, shape (N,)."""
-        self.domain(domain)
-        truth, imaged = self.instances, self.imaged_trajectories[domain]
-        codes = [code for code, name in enumerate(truth.trajectory_names) if name in imaged]
-        return np.isin(truth.trajectory, codes)
+    def imaged(self, *domains: str) -> NDArray[np.bool_]:
+        """The instances that every one of the domains images, shape (N,)."""
+        imaged = np.zeros(len(self.instances), dtype=bool)
+        for iids in self.imaged_ranges(*domains):
+            imaged[iids.start : iids.stop] = True
+        return imaged
 
-    def _check_images(self, domain: str, trajectory: str) -> None:
-        if trajectory not in self.imaged_trajectories[domain]:
-            domains = [d for d, names in self.imaged_trajectories.items() if trajectory in names]
+    def is_imaged(self, iid: int, domain: str) -> bool:
+        """Whether a domain images an instance."""
+        imaged = self.imaged_parts[self.domain(domain).domain]
+        return all(part in imaged for part, _, _ in self._parts_of(iid, iid + 1))
+
+    def imaged_ranges(self, *domains: str) -> list[range]:
+        """The instances that every one of the domains images, whole parts of the store apart."""
+        ranges: list[range] = []
+        previous = None
+        for part in self.trajectory_parts:
+            if not all(part in self.imaged_parts[self.domain(each).domain] for each in domains):
+                continue
+            if ranges and part.part == previous and ranges[-1].stop == part.first_iid:
+                ranges[-1] = range(ranges[-1].start, part.stop)
+            else:
+                ranges.append(range(part.first_iid, part.stop))
+            previous = part.part
+        return ranges
+
+    def _check_images(self, domain: str, part: TrajectoryPart) -> None:
+        if part not in self.imaged_parts[domain]:
+            domains = [each for each, parts in self.imaged_parts.items() if part in parts]
             raise RequestError(
-                f"{self.path}: domain {domain} has no images of trajectory {trajectory} "
+                f"{self.path}: domain {domain} has no images of trajectory {part.trajectory} "
                 f"(domains: {', '.join(domains)})"
             )
 

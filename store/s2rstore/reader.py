@@ -105,7 +105,7 @@ class Store(DatasetReader):
             return self._runs_columns[run]
 
     def coverage(self, run: str) -> Coverage:
-        """For how many instances a run is computed; for all in a store of one part.
+        """For how many instances a run is computed; for all that it can be in a store of one part.
 
         Of imported predictions, to how many instances both sides were applied, and how many of
         these have no pose on one of them. Nothing needs to be computed for `NO_RUN`. Raises
@@ -113,15 +113,22 @@ class Store(DatasetReader):
         """
         with self._lock:
             if run not in self._coverages:
-                total = computed = self.parts[-1].stop
-                lost = 0
-                is_imported = run != NO_RUN and self.run(run).is_imported
-                if is_imported:
-                    computed, lost = self._imported_counts(run)
-                elif run != NO_RUN and (len(self.parts) > 1 or self.run(run).key is None):
-                    computed = self._computed_count(run)
-                self._coverages[run] = Coverage(run, computed, total, is_imported, lost)
+                self._coverages[run] = self._coverage(run)
             return self._coverages[run]
+
+    def _coverage(self, run: str) -> Coverage:
+        total = self.parts[-1].stop
+        if run == NO_RUN:
+            return Coverage(run, total, total)
+        record, count = self.run(run), len(self.parts)
+        if record.is_imported:
+            computed, lost = self._imported_counts(run)
+            return Coverage(run, computed, total, is_imported=True, not_localised=lost)
+        imaged = total
+        if count > 1:
+            imaged = sum(map(len, self.imaged_ranges(record.sim_domain, record.real_domain)))
+        computed = self._computed_count(run) if count > 1 or record.key is None else total
+        return Coverage(run, computed, imaged, not_imaged=total - imaged)
 
     def _computed_count(self, run: str) -> int:
         """The instances with predictions; an index of hand-made rows has no arrays of them."""
@@ -188,7 +195,7 @@ class Store(DatasetReader):
             return first, self.stored(first)
         if not is_of_instances:
             raise RequestError(f"run {run!r}: {kind} has several parts; read it by `map_grid`")
-        starts, stops = zip(*((part.first_iid, part.stop) for part in self.parts), strict=True)
+        starts, stops = zip(*((p.first_iid, p.stop) for p in self.trajectory_parts), strict=True)
         for record in records:
             rows = record.shape[0]
             if record.first_iid not in starts or record.first_iid + rows not in stops:

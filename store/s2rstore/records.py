@@ -147,7 +147,8 @@ class Domain:
 class Coverage:
     """For how many of a store's instances a run is computed; appended ones may be missing.
 
-    Of a run whose predictions were imported, to how many instances both sides were applied;
+    `instances` are those with images in both domains of the run, `not_imaged` the others. Of a run
+    whose predictions were imported, `computed` is to how many instances both sides were applied;
     `not_localised` of these have no pose on one of the sides.
     """
 
@@ -156,6 +157,7 @@ class Coverage:
     instances: int
     is_imported: bool = False
     not_localised: int = 0
+    not_imaged: int = 0
 
     @property
     def is_partial(self) -> bool:
@@ -166,20 +168,23 @@ class Coverage:
     def summary(self) -> str:
         """`computed for 40 of 45 instances`; unless that is partial, `imported` or empty.
 
-        Instances that were not localised follow: `imported, 5 not localised`.
+        Instances that were not localised follow, and those without images in both domains:
+        `imported, 5 not localised`, `50 lack an image in one of its domains`.
         """
         verb = "imported" if self.is_imported else "computed"
         text = f"{verb} for {self.computed} of {self.instances} instances"
         text = text if self.is_partial else "imported" * self.is_imported
-        return f"{text}, {self.not_localised} not localised" if self.not_localised else text
+        lost = f"{self.not_localised} not localised" if self.not_localised else ""
+        lacking = f"{self.not_imaged} lack an image in one of its domains"
+        return ", ".join(filter(None, (text, lost, lacking if self.not_imaged else "")))
 
     @property
     def note(self) -> str:
-        """A line about a run that is partial or has instances that are not localised; or empty."""
+        """A line about a run that does not have all instances, each with both poses; or empty."""
         advice = "; `s2r precompute` computes the others"
         if self.is_imported:
             advice = "; the others have no prediction on both sides"
-        if not (self.is_partial or self.not_localised):
+        if not (self.is_partial or self.not_localised or self.not_imaged):
             return ""
         return f"run {self.run}: {self.summary}{advice if self.is_partial else ''}"
 

@@ -75,8 +75,8 @@ def rows_by_trajectory(store: Path) -> dict[str, object]:
                 "(iid) ORDER BY trajectory, seq, domain"
             ),
         }
-        for domain, imaged in opened.imaged_trajectories.items():
-            for trajectory in sorted(imaged):
+        for domain, parts in opened.imaged_parts.items():
+            for trajectory in sorted({part.trajectory for part in parts}):
                 digest = hashlib.sha256()
                 for iid in opened.iids_of(trajectory):
                     one = int(iid), int(iid) + 1

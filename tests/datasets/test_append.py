@@ -119,6 +119,7 @@ def test_images_without_poses_can_be_appended(tmp_path):
     assert verify(store) == []
     with s2rstore.open(store) as opened:
         assert [t.trajectory for t in opened.trajectories] == [*names, "real_night", "sim_city"]
-        assert opened.imaged_trajectories["real"] == {"real_day", "real_night"}
+        imaged = {part.trajectory for part in opened.imaged_parts["real"]}
+        assert imaged == {"real_day", "real_night"}
         assert opened.imaged("real").tolist() == [True] * 4 + [False] * 5 + [True] * 3 + [False] * 2
         assert opened.frames("real", 9, 12)["rgb"].shape == (3, 32, 64, 3)

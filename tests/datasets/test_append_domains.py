@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -140,18 +141,55 @@ def test_the_hash_of_the_data_set_depends_on_the_images_of_an_added_domain(whole
     assert hashes[0] == hashes[1] != hashes[2]
 
 
-def test_instances_that_are_added_later_need_the_domain(whole, tmp_path):
+def test_instances_that_are_added_later_have_the_domain_too(whole, tmp_path):
     store = start(whole, tmp_path / "s.s2r", a=4)
     add(replace(whole, trajectories={"a": whole.trajectories["a"][:4]}), store)
     with s2rstore.open(store) as opened:
         data_set = opened.dataset.hash
-    with pytest.raises(RequestError, match="another set of domains: real, sim, the store real"):
-        add(without(whole, a=4, b=2), store)
     assert add(whole, store) == {"a": N - 4, "b": N}
     assert verify(store) == []
     with s2rstore.open(store) as opened:
         assert opened.dataset.hash != data_set
         assert opened.frame(N + 3, EDIT).rgb.any()
+
+
+def test_instances_that_are_added_later_may_lack_a_further_sim_domain(whole, tmp_path):
+    """Behind those of a trajectory and as a new one; the domain comes back in a later part."""
+    store = tmp_path / "s.s2r"
+    part = replace(whole, trajectories={"a": whole.trajectories["a"][:4]}, issues=[])
+    build.build(part, store, "s2r ingest", True, lambda steps: None)
+    assert add(without(whole, a=6, b=3), store) == {"a": 2, "b": 3}
+    assert add(without(whole, a=6, b=3), store) == {}
+    with pytest.raises(RequestError, match=r"trajectory a: .*\(it has no images in sim_edit\)"):
+        add(whole, store)
+    third = replace(whole, trajectories={"c": whole.trajectories["b"]}, issues=[])
+    assert add(third, store) == {"c": N}
+    assert verify(store) == []
+    with s2rstore.open(store) as opened:
+        assert opened.imaged_ranges("sim", "real") == [range(4), range(4, 9), range(9, 9 + N)]
+        assert opened.imaged_ranges(EDIT, "real") == [range(4), range(9, 9 + N)]
+        assert opened.imaged(EDIT).tolist() == [True] * 4 + [False] * 5 + [True] * N
+        assert opened.frame(4, "sim").rgb.any()
+        assert opened.frame(9, EDIT).rgb.any()
+        with pytest.raises(RequestError, match=r"sim_edit has no images of trajectory a \(domains"):
+            opened.frame(4, EDIT)
+    missing = store / "frames.zarr" / EDIT / "c" / "depth"
+    shutil.rmtree(missing)
+    assert verify(store) != []
+
+
+@pytest.mark.parametrize("lacking", [("real",), ("sim", EDIT)])
+def test_every_added_instance_has_a_pair(whole, tmp_path, lacking):
+    store = tmp_path / "s.s2r"
+    part = replace(whole, trajectories={"a": whole.trajectories["a"]}, issues=[])
+    build.build(part, store, "s2r ingest", True, lambda steps: None)
+    domains = {name: domain for name, domain in whole.domains.items() if name not in lacking}
+    records = [
+        replace(r, sources={name: r.sources[name] for name in domains})
+        for r in whole.trajectories["b"]
+    ]
+    with pytest.raises(RequestError, match="another set of domains: "):
+        add(replace(whole, domains=domains, trajectories={"b": records}), store)
 
 
 def test_a_domain_of_some_instances_is_refused_by_name(whole, edited, tmp_path):

@@ -173,7 +173,7 @@ def test_folders_of_images_that_grow_at_the_end_are_continued(tmp_path: Path) ->
     image_folders.ingest(sources, store)
     with s2rstore.open(store) as opened:
         count = len(opened.instances)
-        name = next(iter(sorted(opened.imaged_trajectories["sim"])))
+        name = min(part.trajectory for part in opened.imaged_parts["sim"])
         iid = int(opened.iids_of(name)[-1])
         ((last,),) = opened.execute(f"SELECT rgb_path FROM frame WHERE iid = {iid}")
     path = sources["sim"] / Path(last).relative_to("sim")

@@ -10,6 +10,7 @@ import pytest
 import torch
 
 import s2rstore
+from s2rstore.errors import NotComputedError
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import check
@@ -164,3 +165,58 @@ def test_intervals_equal_those_of_a_store_that_was_ingested_at_once(
     np.testing.assert_allclose(ordered_grown, ordered, atol=1e-6)
     np.testing.assert_allclose(errors_grown, errors, atol=1e-6)
     assert grown.value == pytest.approx(once.value)
+
+
+@pytest.fixture(scope="module")
+def gapped(
+    stores: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, np.ndarray]:
+    """A store whose second part lacks the edited images, computed after each append.
+
+    Also the instances of the store ingested at once that its own are, (17,).
+    """
+    data = stores[0].parent / "data"
+    options = ScanOptions(header=data / "calibration.toml", frame=(32, 32))
+    scan = IMPORTERS["sim2realviz"](data, options)
+    path = tmp_path_factory.mktemp("gapped") / "s.s2r"
+    domains = (*SIDES, EDIT)
+    build(part_of(scan, {"a": 4}, domains), path, "s2r ingest", True, lambda steps: None)
+    add_run(path, "edited", EDIT)
+    add_run(path, "plain", "sim")
+    for counts, present in (({}, domains), ({"a": 7, "b": 3}, SIDES), ({"a": 7, "b": 6}, domains)):
+        part = part_of(scan, counts, present)
+        if EDIT in present:
+            part.trajectories = {"c": list(part.trajectories["b"])[3:]} if counts else {}
+        if part.trajectories:
+            append(part, path, "s2r ingest", True, lambda steps: None)
+        for run in ("edited", "plain"):
+            compute(path, run)
+    return path, np.array([0, 1, 2, 3, 4, 5, 6, N, N + 1, N + 2, N + 3, N + 4, N + 5])
+
+
+def test_a_run_leaves_out_instances_that_one_of_its_domains_does_not_image(stores, gapped):
+    path, iids = gapped
+    covered = np.isin(np.arange(iids.size), [0, 1, 2, 3, 10, 11, 12])
+    with s2rstore.open(stores[0]) as once, s2rstore.open(path) as store:
+        assert store.imaged(EDIT, "real").tolist() == covered.tolist()
+        for run, known in (("edited", covered), ("plain", np.ones(iids.size, dtype=bool))):
+            assert run_metrics.held_out(store, run).tolist() == known.tolist()
+            for side in SIDES:
+                found, expected = (
+                    store.run_columns(run).side(side),
+                    once.run_columns(run).side(side),
+                )
+                assert np.isfinite(found.error).tolist() == known.tolist()
+                np.testing.assert_allclose(
+                    found.error[known], expected.error[iids[known]], rtol=0, atol=1e-5
+                )
+                assert np.isfinite(found.u).tolist() == known.tolist()
+                heat = store.array(run, "activation", side)[1].at(known)
+                whole = once.array(run, "activation", side)[1].at(iids[known])
+                np.testing.assert_allclose(heat, whole, rtol=1e-3, atol=1e-5)
+                assert store.map_grid(run, "pixel_difference", side, "rgb", "count").ndim == 2
+        query = "SELECT count(*) FROM prediction WHERE run = 'edited' AND split IS NULL"
+        assert store.execute(query) == [(2 * 6,)]
+        with pytest.raises(NotComputedError, match="instance 4: "):
+            store.heatmap("edited", "activation", "real", 4)
+    assert check(path).damages == check(path).notes == ()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -241,3 +243,12 @@ def test_an_alarm_needs_a_baseline_and_a_constant_one_counts_no_trifle() -> None
     assert change_alarm(constant, 0.3).outcome == "FAIL"
     with pytest.raises(ValueError, match="positive"):
         change_alarm(constant, 0.0)
+
+
+def test_a_difference_with_an_estimate_without_bounds_has_none():
+    """Also where the other estimate has no upper bound."""
+    few = intervals.median(np.arange(14.0), np.zeros(14, dtype=int))
+    many = replace(intervals.median(np.arange(60.0), np.zeros(60, dtype=int)), high=math.inf)
+    for difference in (intervals.difference_of(few, many), intervals.difference_of(many, few)):
+        assert not difference.is_known
+        assert difference.reason == "n 14, a median needs 25"

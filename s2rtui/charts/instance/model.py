@@ -58,6 +58,8 @@ def instance_input(
         heats = {side: _heat(store, run, side, iid, heat) for side in SIDES}
     except NotComputedError as error:
         heats, missing = dict.fromkeys(SIDES), (("heat", str(error)),)
+        if not all(store.is_imaged(iid, shown.domain(side)) for side in SIDES):
+            missing = (("heat", f"needs images in {shown.sim_domain} and {shown.real_domain}"),)
     return InstanceInput(
         iid=iid,
         sim=_side(store, run, iid, "sim", heats["sim"], sim),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,11 +96,18 @@ def row_numbers(rows: Any) -> NDArray[np.int64]:
 class PartedArray(RowArray):
     """Arrays that hold the values of consecutive instances, as one array of `rows` rows.
 
-    `parts` are arrays with the number of their first row, ascending. Reading rows that no part
-    holds raises NotComputedError, which names the first such instance and the `label` of the array.
+    `parts` are arrays with the number of their first row, ascending. Rows that no part holds are
+    NaN with `fills_gaps`; without it, reading them raises NotComputedError, which names the first
+    such instance and the `label` of the array.
     """
 
-    def __init__(self, parts: Sequence[tuple[int, RowArray]], rows: int, label: str) -> None:
+    def __init__(
+        self,
+        parts: Sequence[tuple[int, RowArray]],
+        rows: int,
+        label: str,
+        fills_gaps: bool = False,
+    ) -> None:
         (_, first), *others = parts
         end = 0
         for start, part in parts:
@@ -116,7 +123,7 @@ class PartedArray(RowArray):
         self.parts = tuple(parts)
         self.shape = (rows, *first.shape[1:])
         self.dtype, self.attrs = first.dtype, first.attrs
-        self._label = label
+        self._label, self._fills_gaps = label, fills_gaps
 
     @property
     def path(self) -> Path:
@@ -128,13 +135,34 @@ class PartedArray(RowArray):
 
     def rows(self, start: int, stop: int) -> NDArray[Any]:
         self._check_range(start, stop)
-        values = np.empty((stop - start, *self.shape[1:]), dtype=self.dtype)
+        shape = stop - start, *self.shape[1:]
+        if self._fills_gaps:
+            values = np.full(shape, np.nan, dtype=self.dtype)
+            self._read(values, start, stop)
+            return values
+        values = np.empty(shape, dtype=self.dtype)
         if self._read(values, start, stop) != stop - start:
-            raise NotComputedError(
-                f"instance {self._first_missing(start)}: {self._label} is not computed; "
-                "run `s2r precompute`"
-            )
+            self._refuse(start)
         return values
+
+    def at(self, rows: Any) -> NDArray[Any]:
+        rows = row_numbers(rows)
+        values = np.empty((rows.size, *self.shape[1:]), dtype=self.dtype)
+        missing = np.ones(rows.size, dtype=bool)
+        for first, part in self.parts:
+            places = np.flatnonzero((rows >= first) & (rows < first + part.shape[0]))
+            values[places], missing[places] = part.at(rows[places] - first), False
+        if missing.any():
+            if not self._fills_gaps:
+                self._refuse(int(rows[missing][0]))
+            values[missing] = np.nan
+        return values
+
+    def _refuse(self, row: int) -> NoReturn:
+        raise NotComputedError(
+            f"instance {self._first_missing(row)}: {self._label} is not computed; "
+            "run `s2r precompute`"
+        )
 
     def _first_missing(self, row: int) -> int:
         """The first row from `row` on that no part holds."""

@@ -218,6 +218,8 @@ def difference_of(first: Interval, second: Interval) -> Interval:
     "Construction of confidence limits about effect measures", Statistics in Medicine 27, 2008.
     """
     value = first.value - second.value
+    if not (first.is_known and second.is_known):
+        return Interval.unknown(value, first.reason or second.reason)
     low = value - math.hypot(first.value - first.low, second.high - second.value)
     high = value + math.hypot(first.high - first.value, second.value - second.low)
     ends = None
@@ -225,4 +227,4 @@ def difference_of(first: Interval, second: Interval) -> Interval:
         (a, b), (c, d) = (tuple(map(float, part.bounds)) for part in (first, second))
         ends = (value - math.hypot(first.value - a, d - second.value),
                 value + math.hypot(b - first.value, second.value - c))  # fmt: skip
-    return Interval(low, value, high, first.level, first.reason or second.reason, ends)
+    return Interval(low, value, high, first.level, ends=ends)

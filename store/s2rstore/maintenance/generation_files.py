@@ -84,9 +84,8 @@ def _required(store: Store, current: layout.Current) -> Iterator[str]:
     """The files without which the generation cannot be read."""
     yield from _checksums(store, current)
     arrays = [store.stored(r) for run in store.runs for r in store.array_parts(run)]
-    imaged = store.imaged_trajectories
-    for domain, part in ((d, p) for d in imaged for p in store.trajectory_parts):
-        if part.trajectory in imaged[domain]:
+    for domain, parts in store.imaged_parts.items():
+        for part in parts:
             images = ("rgb", "depth") if store.domain(domain).has_depth else ("rgb",)
             arrays += [store.frames_array(domain, part, image) for image in images]
             if store.has_source_frames(domain, part):

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from s2rstore.files import layout
 from s2rstore.index import schema
 from s2rstore.metrics.pose_metrics import LOSS_GAMMA
 from s2rstore.reader import Store
-from s2rstore.records import SIDES, Coverage
+from s2rstore.records import SIDES
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,10 +41,14 @@ _IMAGE_RULES = (
 )
 """Rules of a data set without poses, in place of `_POSE_RULE`."""
 _PARTLY_IMAGED = """
+    WITH placed AS (
+        SELECT iid, trajectory, part
+        FROM instance ASOF JOIN (SELECT unnest(?::INTEGER[]) AS part) ON iid >= part)
     SELECT count(*) FROM (
-        SELECT domain, trajectory, count(DISTINCT iid) AS imaged, count(*) AS n
-        FROM frame JOIN instance USING (iid) GROUP BY domain, trajectory) f
-    JOIN trajectory t USING (trajectory) WHERE imaged <> t.instances OR n <> t.instances
+        SELECT trajectory, part, domain, count(DISTINCT iid) AS imaged, count(*) AS n
+        FROM frame JOIN placed USING (iid) GROUP BY ALL) f
+    JOIN (SELECT trajectory, part, count(*) AS instances FROM placed GROUP BY ALL) t
+    USING (trajectory, part) WHERE imaged <> instances OR n <> instances
 """
 _RULES = (
     (
@@ -154,10 +160,11 @@ def table_damages(store: Store, current: layout.Current) -> Iterator[Damage]:
     )[0]
     if total and (least, most, distinct) != (0, total - 1, total):
         yield Damage("table instance", f"iid is not 0 .. {total - 1}, each once")
-    (unordered,) = store.execute(_ORDER, [[part.first_iid for part in store.parts]])[0]
+    first_iids = [part.first_iid for part in store.parts]
+    (unordered,) = store.execute(_ORDER, [first_iids])[0]
     if unordered:
         yield Damage("table instance", f"{unordered} trajectories: not the stated rows in order")
-    if not store.has_poses and (count := store.execute(_PARTLY_IMAGED)[0][0]):
+    if count := store.execute(_PARTLY_IMAGED, [first_iids])[0][0]:
         yield Damage("table frame", f"{count} trajectories: a domain images a part of them")
     stated = sum(trajectory.instances for trajectory in store.trajectories)
     if stated != total:
@@ -220,13 +227,16 @@ def uncomputed_parts(store: Store) -> Iterator[str]:
     total = len(store.instances)
     for name, run in store.runs.items():
         computed = run.key is not None and not run.is_imported
-        if note := Coverage(name, counts.get(name, 0), total).note if computed else "":
+        imaged = int(np.count_nonzero(store.imaged(run.sim_domain, run.real_domain)))
+        is_short = counts.get(name, 0) < total
+        if is_short and computed and (note := store.coverage(name).note):
             yield note
         rows: dict[str, int] = {}
         for record in store.array_parts(name):
             if record.axes[:1] == ("iid",) and record.kind != "prediction":
                 label = " ".join(filter(None, (record.kind, record.mode, record.side)))
                 rows[label] = rows.get(label, 0) + record.shape[0]
-        partial = [label for label, count in rows.items() if count < counts.get(name, 0)]
+        expected = min(counts.get(name, 0), imaged)
+        partial = [label for label, count in rows.items() if count < expected]
         if partial:
             yield f"run {name}: computed for some instances only: {', '.join(sorted(partial))}"

@@ -228,9 +228,9 @@ class _Verification:
             self._add(path, first_line(error))
 
     def _check_frames(self) -> None:
-        imaged = self.store.imaged_trajectories
+        imaged = self.store.imaged_parts
         for domain, part in product(imaged, self.store.trajectory_parts):
-            if part.trajectory not in imaged[domain]:
+            if part not in imaged[domain]:
                 continue
             for image in ("rgb", "depth") if self.store.domain(domain).has_depth else ("rgb",):
                 relative = f"{layout.FRAMES}/{domain}/{part.folder}/{image}"

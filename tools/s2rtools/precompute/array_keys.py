@@ -144,7 +144,7 @@ class ArrayKeys:
         domains = [self._run.domain(side) for side in SIDES]
         sizes = [
             [self._store.source_size(domain, part.first_iid) for domain in domains]
-            for part in self._store.parts
+            for part in self._store.trajectory_parts
             if part.first_iid in self._iids
         ]
         if all(of_part == sizes[0] for of_part in sizes):

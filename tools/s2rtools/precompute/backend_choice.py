@@ -125,7 +125,7 @@ class _Sample:
         """`threads` are those of the backends that are measured on it."""
         self._store, self._run, self._trust = store, run, trust
         self.threads = threads
-        self.instances = len(store.instances)
+        self.ranges = store.imaged_ranges(run.sim_domain, run.real_domain)
         self._frames: list[tuple[int, PairFrames]] | None = None
 
     @cached_property
@@ -135,18 +135,22 @@ class _Sample:
     def frames(self) -> list[tuple[int, PairFrames]]:
         """First iid and frames of the pairs at each place."""
         if self._frames is None:
-            contract, n = self.model.contract, self.instances
-            last = max(0, n - _PAIRS_PER_PLACE)
-            starts = np.unique(np.linspace(0, last, _PLACES).astype(int))
+            contract, iids = self.model.contract, np.concatenate(self.ranges)
+            last = max(0, iids.size - _PAIRS_PER_PLACE)
+            starts = iids[np.unique(np.linspace(0, last, _PLACES).astype(int))]
             self._frames = [
                 batch
                 for start in starts
                 for batch in read_pairs(
                     self._store, self._run, contract, int(start),
-                    min(int(start) + _PAIRS_PER_PLACE, n), _PAIRS_PER_PLACE,
+                    min(int(start) + _PAIRS_PER_PLACE, self._stop(start)), _PAIRS_PER_PLACE,
                 )
             ]  # fmt: skip
         return self._frames
+
+    def _stop(self, iid: int) -> int:
+        """The end of the consecutive instances with images in both domains from `iid` on."""
+        return next(iids.stop for iids in self.ranges if iid in iids)
 
     def inputs(self) -> NDArray[np.float32]:
         """Network inputs of both sides, (B, C, h, w)."""
@@ -272,7 +276,7 @@ def _with_differences(backends: RunBackends, sample: _Sample, requested: str) ->
     """Choose the precision of the differences from which occlusion is computed."""
     precision, facts = FLOAT32, dict(backends.facts)
     kind, model = Occlusion(), sample.model
-    enough = sample.instances >= _FEWEST_INSTANCES
+    enough = sum(map(len, sample.ranges)) >= _FEWEST_INSTANCES
     if requested == AUTO and enough and kind.suits(model) and kind.is_local(model):
         reduced = _reduced_differences(kind, sample, backends.heatmaps.open(model, sample.threads))
         if reduced is not None:

@@ -77,7 +77,7 @@ def _depth_pairs(store: Store, run: Run) -> list[DepthPair]:
     synthesis = ViewSynthesis(rigs["sim"], rigs["real"], size)
     registrations = {side: DepthInRgbView(rigs[side], size) for side in SIDES}
     pairs = []
-    for iid in comparable_iids(store):
+    for iid in comparable_iids(store, run):
         rgb, *depth = read_images(store, int(iid), declared["sim"], size)
         made = synthesis(rgb, registrations["sim"].metres(*depth))
         _, *depth = read_images(store, int(iid), declared["real"], size)

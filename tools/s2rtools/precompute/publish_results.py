@@ -24,7 +24,7 @@ from s2rstore.records import SIDES, ArrayRecord, Run
 from s2rtools.counterfactual import gap_shares
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.precompute.array_keys import content_key
-from s2rtools.precompute.prediction_rows import decode_split, prediction_columns
+from s2rtools.precompute.prediction_rows import NOT_ATTEMPTED, decode_split, prediction_columns
 from s2rtools.precompute.tasks import outliers
 from s2rtools.precompute.tasks.umap_projection import SETTINGS
 from s2rtools.precompute.unit_plan import recorded_environments
@@ -57,7 +57,8 @@ def publish_run(
     key = run_key(specs)
     predicted = {spec.path(run) for spec in specs if spec.kind == "prediction"}
     count = sum(spec.rows for spec in specs if spec.kind == "prediction") // len(SIDES)
-    if backend is not None and count != len(store.instances):
+    imaged = store.imaged(planned.sim_domain, planned.real_domain)
+    if backend is not None and count != np.count_nonzero(imaged):
         raise RequestError(f"{store.path}: instances were added meanwhile; run the command again")
     listed = store.array_parts(run)
     same = any(
@@ -142,8 +143,9 @@ def _instance_columns(
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Columns of the tables `prediction` and `projection`, each with its table.
 
-    Imported predictions may be those of the first parts alone, and without embeddings. With
-    `keeps_shares`, published shares of the gap stay where `specs` have none.
+    Imported predictions may be those of the first parts alone, and without embeddings. A model is
+    not applied to instances that one of its domains does not image. With `keeps_shares`, published
+    shares of the gap stay where `specs` have none.
     """
     run = record.run
     splits = store.provenance(f"run:{run}" if record.is_imported else f"model:{record.model}")
@@ -151,11 +153,13 @@ def _instance_columns(
     shares = _gap_shares(store, run, specs, keeps_shares)
     for side in SIDES:
         arrays = {
-            kind: np.asarray(open_parts(of_kind, store.path, run))
+            kind: _of_instances(of_kind, store.path, run, 0 if record.is_imported else n)
             for kind in ("prediction", outliers.KIND, "umap")
             if (of_kind := [s for s in specs if (s.kind, s.side) == (kind, side)])
         }
         split = decode_split(splits.get(f"split:{record.domain(side)}"), n)
+        if not record.is_imported:
+            split[~store.imaged(record.sim_domain, record.real_domain)] = NOT_ATTEMPTED
         poses = arrays["prediction"]
         scores = np.full(len(poses), np.nan)
         if outliers.KIND in arrays:
@@ -170,6 +174,16 @@ def _instance_columns(
             yield "projection", {**{k: columns[k] for k in ("run", "iid", "side")}, "u": u, "v": v}
 
 
+def _of_instances(specs: Sequence[ArraySpec], root: Path, run: str, least: int) -> NDArray[Any]:
+    """Arrays of one kind and side with a row per instance, NaN where there is none.
+
+    They have at least `least` rows.
+    """
+    rows = open_parts(specs, root, run).filled()
+    padding = [(0, max(0, least - len(rows))), *[(0, 0)] * (rows.ndim - 1)]
+    return np.pad(rows, padding, constant_values=np.nan)
+
+
 def _gap_shares(
     store: Store, run: str, specs: Sequence[ArraySpec], keeps: bool
 ) -> NDArray[np.float32] | None:
@@ -179,7 +193,7 @@ def _gap_shares(
     """
     parts = [spec for spec in specs if spec.kind == gap_shares.KIND]
     if parts:
-        shares = np.array(open_parts(parts, store.path, run), dtype=np.float32)
+        shares = _of_instances(parts, store.path, run, len(store.instances)).astype(np.float32)
     elif keeps:
         real = store.run_columns(run).real
         shares = np.stack([getattr(real, name) for name in GAP_SHARES], axis=1).astype(np.float32)

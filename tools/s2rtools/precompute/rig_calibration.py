@@ -45,7 +45,7 @@ def ensure_calibrated(store: Store, run: Run, check: Callable[[], None] = lambda
     size = store.dataset.frame_height, store.dataset.frame_width
     share = min(1.0, MAX_SIDE / max(size))
     frame = max(8, round(size[0] * share)), max(8, round(size[1] * share))
-    iids = comparable_iids(store)
+    iids = comparable_iids(store, run)
     sim_images, real_images = (
         [read_images(store, int(iid), domain, frame) for iid in iids] for domain in domains
     )
@@ -60,9 +60,10 @@ def ensure_calibrated(store: Store, run: Run, check: Callable[[], None] = lambda
     return True
 
 
-def comparable_iids(store: Store) -> NDArray[np.intp]:
+def comparable_iids(store: Store, run: Run) -> NDArray[np.intp]:
     """At most `MAX_FRAMES` iids, evenly spread, of pairs whose images have nearly one pose."""
-    iids = np.flatnonzero(store.comparable_pairs)
+    imaged = store.imaged(run.sim_domain, run.real_domain)
+    iids = np.flatnonzero(store.comparable_pairs & imaged)
     places = np.linspace(0, iids.size - 1, min(iids.size, MAX_FRAMES)).astype(int)
     return iids[np.unique(places)]
 

@@ -79,10 +79,15 @@ def model_run_stages(
             spec.key for stage in stages_of(iids) for spec in stage.specs_of_kind("embedding")
         )
 
-    parts = [part.iids for part in store.parts]
+    parts = store.imaged_ranges(run.sim_domain, run.real_domain)
+    if not parts:
+        raise RequestError(
+            f"{store.path}: no instance has images in both {run.sim_domain} and {run.real_domain}, "
+            f"the domains of run {run.run}"
+        )
     network = plan_segments(store, run.run, stages_of, parts, segments(parts))
     computed = [spec for stage in network.computed for spec in stage.specs]
-    projections = _projections(store, run, computed, parts, embedding_key, refit)
+    projections = _projections(store, run, computed, _adjoining(parts), embedding_key, refit)
     earlier = frozenset(
         spec.path(run.run)
         for iids in published_ranges(store, [run.run])
@@ -119,13 +124,31 @@ def imported_run_stages(
         return keys[0] if len(keys) == 1 else keys
 
     imports = [forward.instances for forward in forwards]
-    parts = [part.iids for part in store.parts if part.first_iid < imports[-1].stop]
-    network = plan_segments(store, run.run, stages_of, parts, imports)
+    imaged = store.imaged_ranges(run.sim_domain, run.real_domain)
+    covered = [part for each in imports for part in imaged if part.start in each]
+    network = plan_segments(store, run.run, stages_of, covered, _joined(covered, imports))
     projections = SegmentPlan()
     if forwards[0].specs_of_kind("embedding"):
+        parts = [part.iids for part in store.parts if part.first_iid < imports[-1].stop]
         projections = _projections(store, run, imported, parts, embedding_key, refit)
     stages = _run_stages(run.run, network, projections)
     return replace(stages, published=[*forwards, *stages.published])
+
+
+def _adjoining(parts: Sequence[range]) -> list[range]:
+    """Each part with the instances between the one before it and itself, from instance 0 on."""
+    starts = [0, *(part.stop for part in parts[:-1])]
+    return [range(start, part.stop) for start, part in zip(starts, parts, strict=True)]
+
+
+def _joined(parts: Sequence[range], ranges: Sequence[range]) -> list[range]:
+    """The parts in each of some ranges, those that adjoin as one."""
+    joined: list[range] = []
+    for part in parts:
+        if joined and joined[-1].stop == part.start and part.start not in {r.start for r in ranges}:
+            part = range(joined.pop().start, part.stop)
+        joined.append(part)
+    return joined
 
 
 def _projections(

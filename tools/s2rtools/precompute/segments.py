@@ -24,10 +24,18 @@ COPIED_ROWS = 32
 
 
 def segments(parts: Iterable[range]) -> list[range]:
-    """The segments of parts, which are ranges of instances that follow one another."""
+    """The segments of parts, which are ascending ranges of instances.
+
+    Parts that do not adjoin are never merged.
+    """
     merged: list[range] = []
     for each in parts:
-        while merged and len(merged[-1]) % array_writer.SHARD_ROWS <= COPIED_ROWS * len(each):
+        while merged and merged[-1].stop == each.start and _is_worth_merging(merged[-1], each):
             each = range(merged.pop().start, each.stop)
         merged.append(each)
     return merged
+
+
+def _is_worth_merging(segment: range, part: range) -> bool:
+    """Whether a merge copies few rows of a segment for each row of the next part."""
+    return len(segment) % array_writer.SHARD_ROWS <= COPIED_ROWS * len(part)

@@ -145,7 +145,10 @@ class Stage:
     def source_array(
         self, root: Path, kind: str, side: str | None, mode: str | None = None
     ) -> RowArray:
-        """Open the array of a source; its rows are instances, from 0 on."""
+        """Open the array of a source; its rows are instances, from 0 on.
+
+        What is fitted reads NaN for instances that were not computed.
+        """
         specs = [
             spec
             for spec in self.sources
@@ -153,7 +156,7 @@ class Stage:
         ]
         if not specs:
             raise KeyError(f"stage {self.name} has no source {kind} {side} {mode}")
-        return open_parts(specs, root, self.run)
+        return open_parts(specs, root, self.run, fills_gaps=self.fitted > 0)
 
     def valid_instances(self, root: Path, instances: range) -> NDArray[np.bool_]:
         """Whether both sides predicted a pose, for each of `instances`, (n,)."""
@@ -177,11 +180,16 @@ class WorkUnit:
         return self.stage.unit_instances(self.number)
 
 
-def open_parts(specs: Sequence[ArraySpec], root: Path, run: str) -> RowArray:
-    """Arrays of one kind, side and mode as one array with a row per instance, from 0 on."""
+def open_parts(
+    specs: Sequence[ArraySpec], root: Path, run: str, fills_gaps: bool = False
+) -> RowArray:
+    """Arrays of one kind, side and mode as one array with a row per instance, from 0 on.
+
+    `fills_gaps` is that of `PartedArray`.
+    """
     ordered = sorted(specs, key=lambda spec: spec.first_iid)
     if len(ordered) == 1 and ordered[0].first_iid == 0:
         return ordered[0].open_array(root, run)
     parts = [(spec.first_iid, spec.open_array(root, run)) for spec in ordered]
     stop = max(spec.first_iid + spec.rows for spec in ordered)
-    return PartedArray(parts, stop, f"run {run!r}: {ordered[0].kind} is not computed")
+    return PartedArray(parts, stop, f"run {run!r}: {ordered[0].kind}", fills_gaps)
