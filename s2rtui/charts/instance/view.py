@@ -100,8 +100,7 @@ class InstanceView(View):
         shown = scene.resources.pictures
         if shown is None:
             raise RequestError("--select: selects nothing, so there is no instance to draw")
-        has_images = [bool(side.rgb.size) for side in (shown.sim, shown.real)]
-        if not (all if scene.store.has_poses else any)(has_images):
+        if not any(side.rgb.size for side in (shown.sim, shown.real)):
             reason = "this store has no frames to draw; `s2r show` prints the numbers"
             raise RequestError(f"--view instance: {reason}")
         split = dict(shown.notes).get("split", "")
