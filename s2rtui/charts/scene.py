@@ -39,8 +39,9 @@ FloorGrid = NDArray[np.float32]
 class OverviewRow:
     """The mean accuracies of one run, 0 .. 1, with 95 % intervals; None or NaN where unknown.
 
-    `n` counts the instances behind the numbers; `note` is shown beside them or in their place.
-    `headlines` are the median errors and the recall of both sides.
+    `n` counts the instances behind the numbers, `independent` how many independent ones would tell
+    as much of the real accuracy. `note` is shown in the place of the numbers, and says why they
+    have no interval. `headlines` are the median errors and the recall of both sides.
     """
 
     run: str
@@ -50,6 +51,7 @@ class OverviewRow:
     real_interval: Interval | None = None
     n: int = 0
     note: str = ""
+    independent: float | None = None
     headlines: tuple[Headline, Headline] | None = None
 
 

@@ -33,6 +33,7 @@ COLUMNS = tuple(
         ("sim_m", "median sim error"),
         ("gap_m", "median of real error minus sim error"),
         ("n", "number of instances"),
+        ("independent", "number of instances that count as independent"),
         ("selected", "number of selected instances"),
         ("group", "name", False),
     )

@@ -87,6 +87,7 @@ def _model(
             _interval(row.real_interval),
             row.n,
             row.note,
+            row.independent,
         )
         for row in rows
     )
@@ -139,7 +140,10 @@ def overview_rows(
                 sim_interval=(sim.accuracy.low, sim.accuracy.high),
                 real_interval=(real.accuracy.low, real.accuracy.high),
                 n=real.n,
-                note="" if real.n else "the model was trained on every instance",
+                note=real.accuracy.no_bounds
+                if real.n
+                else "the model was trained on every instance",
+                independent=sample.effective_n if (sample := real.accuracy.sample) else None,
                 headlines=(headline(store, name, "sim"), headline(store, name, "real")),
             )
         )

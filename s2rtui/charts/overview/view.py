@@ -101,11 +101,13 @@ class OverviewView(View):
     def numbers(self, scene: Scene) -> Table:
         names = ("run", "sim median_m", "sim heading_deg", "sim recall", "real median_m",
                  "real heading_deg", "real recall", "not localised", "sim accuracy", "sim low",
-                 "sim high", "real accuracy", "real low", "real high", "n", "baseline")  # fmt: skip
+                 "sim high", "real accuracy", "real low", "real high", "n", "independent",
+                 "baseline", "note")  # fmt: skip
         rows = [
             (row.run, *_leading(row.headlines), row.sim_accuracy,
              *(row.sim_interval or (None, None)), row.real_accuracy,
-             *(row.real_interval or (None, None)), row.n, scene.resources.baseline)
+             *(row.real_interval or (None, None)), row.n, row.independent,
+             scene.resources.baseline, row.note)
             for row in scene.resources.rows
         ]  # fmt: skip
         return names, rows
@@ -115,6 +117,7 @@ class OverviewView(View):
             f"{row.run}: {_headlines(row.headlines)}accuracy sim "
             f"{_percent(row.sim_accuracy, row.sim_interval)}, "
             f"real {_percent(row.real_accuracy, row.real_interval)}, {row.n} instances"
+            f"{f' ({row.note})' if row.note else ''}"
             for row in scene.resources.rows
         ]
         mean = _percent(scene.resources.baseline, None)

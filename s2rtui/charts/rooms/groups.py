@@ -46,9 +46,15 @@ def sort_value(row: GroupErrors, sort: str, selected: Mapping[str, int]) -> floa
         "sim_m": row.sim,
         "gap_m": row.gap,
         "n": float(row.n),
+        "independent": independent(row),
         "selected": float(selected.get(row.group.name, 0)),
     }
     return values[sort]
+
+
+def independent(row: GroupErrors) -> float:
+    """How many independent instances would tell as much of the median; NaN without an interval."""
+    return row.real.sample.effective_n if row.real.sample else math.nan
 
 
 def ordered(data: GroupsInput) -> list[GroupErrors]:
@@ -93,12 +99,13 @@ def table_columns(data: GroupsInput, rows: list[GroupErrors]) -> list[TableColum
         TableColumn("95 %", ("low_m", "high_m"), tuple(map(_bounds, rows))),
         TableColumn("sim", ("sim_m",), tuple(number_text(row.sim) for row in rows)),
         TableColumn("gap", ("gap_m",), tuple(number_text(row.gap, signed=True) for row in rows)),
+        TableColumn("indep.", ("independent",), tuple(map(_independent_text, rows))),
         TableColumn("sel", ("selected",), tuple(chosen)),
     )
     return sorted(columns, key=lambda column: data.sort not in column.sorts)
 
 
-_ORDER = ("real", "95 %", "sim", "gap", "n", "sel")
+_ORDER = ("real", "95 %", "sim", "gap", "n", "indep.", "sel")
 
 
 def fitting_columns(data: GroupsInput, rows: list[GroupErrors], width: int) -> list[TableColumn]:
@@ -120,6 +127,11 @@ def number_text(value: float, signed: bool = False) -> str:
         return "-"
     places = 2 if abs(value) < 99.995 else 0
     return f"{value:+.{places}f}" if signed else f"{value:.{places}f}"
+
+
+def _independent_text(row: GroupErrors) -> str:
+    count = independent(row)
+    return "-" if math.isnan(count) else f"{count:.0f}"
 
 
 def _bounds(row: GroupErrors) -> str:

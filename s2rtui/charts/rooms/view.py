@@ -12,7 +12,13 @@ from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.canvas.marks import mark_rows
 from s2rtui.charts.mark_expressions import names_expression
-from s2rtui.charts.rooms.groups import GroupsInput, number_text, ordered, selected_per_group
+from s2rtui.charts.rooms.groups import (
+    GroupsInput,
+    independent,
+    number_text,
+    ordered,
+    selected_per_group,
+)
 from s2rtui.charts.rooms.groups_terminal import (
     PANEL,
     draw_groups,
@@ -111,7 +117,7 @@ class RoomsView(View):
             names = ("room", "sim", "truth", "real", "sim of all", "truth of all", "real of all")
             return names, list(zip(*counted, strict=True))
         titles = (scene.state.grouping, *(name for name in COLUMN_NAMES if name != "group"))
-        return titles, [_row(row, data) for row in ordered(data)] if data else []
+        return (*titles, "note"), [_row(row, data) for row in ordered(data)] if data else []
 
     def summary(self, scene: Scene) -> str:
         data = self.input(scene)
@@ -180,4 +186,8 @@ VIEW = RoomsView()
 def _row(row: GroupErrors, data: GroupsInput) -> tuple[object, ...]:
     figures = row.real.value, *row.real.bounds, row.sim, row.gap
     known = (None if math.isnan(value) else value for value in figures)
-    return (row.group.name, *known, row.n, data.selected.get(row.group.name, 0))
+    count = independent(row)
+    return (
+        row.group.name, *known, row.n, None if math.isnan(count) else round(count, 1),
+        data.selected.get(row.group.name, 0), row.real.no_bounds,
+    )  # fmt: skip

@@ -99,6 +99,13 @@ class Interval:
         """What the estimate rests on, as in `Sample.text`; empty where it is not known."""
         return "" if self.sample is None else self.sample.text
 
+    @property
+    def no_bounds(self) -> str:
+        """`no interval: n 7, a median needs 25` where there are no bounds; else empty."""
+        if self.is_known:
+            return ""
+        return f"no interval: {self.reason}" if self.reason else "no interval"
+
     def at_level(self, level: float) -> Interval:
         """The interval at another level, if the estimate varies as a normal one does."""
         quantiles = (NormalDist().inv_cdf((1 + each) / 2) for each in (level, self.level))
@@ -135,7 +142,7 @@ class Interval:
     ) -> str:
         """`0.84 to >1.57 m`, or `no interval: n 7, a median needs 25`."""
         if not self.is_known:
-            return f"no interval: {self.reason}" if self.reason else "no interval"
+            return self.no_bounds
         return f"{to.join(self.bound_texts(number))} {unit}".rstrip()
 
     def as_json(self) -> dict[str, Any]:
