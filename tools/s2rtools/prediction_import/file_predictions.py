@@ -18,7 +18,7 @@ from s2rtools.precompute.prediction_rows import UNSEEN
 from s2rtools.prediction_import import instance_matching, pose_units, row_matching
 from s2rtools.prediction_import.instance_matching import UNKNOWN, ImportTarget
 from s2rtools.prediction_import.pose_units import AUTO, Units
-from s2rtools.prediction_import.prediction_table import PredictionTable
+from s2rtools.prediction_import.prediction_table import SIGMA_IS, PredictionTable
 from s2rtools.prediction_import.row_matching import NONE, Matches
 
 MAX_HEADING = 1e6
@@ -51,7 +51,8 @@ class FilePredictions:
     One without a pose, which the other program did not localise, has NaN in `poses`.
 
     `iids`, `sides` (indexes into `SIDES`), `rows` of the table and `splits` (indexes into
-    `SPLITS`), each (n,); `poses` (n, 3): x, y in metres, heading in radians on the map.
+    `SPLITS`), each (n,); `poses` (n, 3): x, y in metres, heading in radians on the map; `sigmas`
+    (n,) in metres, NaN where the file states none.
     `without_numbers` says of a side how many of its predictions have no number, and where.
     `row_sides` are those of all rows, None where a row has both. `facts` describe how the file was
     read, `summary` in one line.
@@ -62,6 +63,7 @@ class FilePredictions:
     sides: NDArray[np.int8]
     rows: NDArray[np.int64]
     poses: Floats
+    sigmas: Floats
     splits: NDArray[np.int8]
     row_sides: NDArray[np.int8] | None
     without_numbers: dict[Side, str]
@@ -130,6 +132,8 @@ def read_predictions(
         localised.numbers[:, :2], length.name, _truth(localised, target)[:, :2],
         target.store.dataset.bounds, str(table.path),
     )  # fmt: skip
+    sigmas = _sigmas(table, entries, is_wide, length.scale)
+    with_sigma = np.isfinite(sigmas)
     lost = len(entries.iids) - len(localised.iids)
     if matches.offsets is not None:
         named += f" (largest difference {np.nanmax(matches.offsets):.2g} s)"
@@ -140,6 +144,7 @@ def read_predictions(
         "matched_by": named,
         "used": len(entries.iids),
         "without_pose": lost,
+        "with_sigma": int(with_sigma.sum()),
         "not_used": dict(table.issues.counts),
         "length": length.name,
         "angle": angle.name,
@@ -151,8 +156,11 @@ def read_predictions(
         f"positions in {length}, headings in {angle}, map heading {convention}; median error "
         f"{_median_errors(entries, poses, target)}, heading {math.degrees(error):.3g} deg"
     )
+    if with_sigma.any():
+        median = np.median(sigmas[with_sigma])
+        summary += f"; {with_sigma.sum()} with a sigma, median {median:.3g} m"
     return FilePredictions(
-        table, entries.iids, entries.sides, entries.rows, poses, entries.splits, row_sides,
+        table, entries.iids, entries.sides, entries.rows, poses, sigmas, entries.splits, row_sides,
         without_numbers, facts, summary, warnings,
     )  # fmt: skip
 
@@ -267,6 +275,29 @@ def _splits(table: PredictionTable, column: str) -> NDArray[np.int8]:
             raise RequestError(f"{table.path}: {table.place(row)}: {column} {value!r}: one of "
                                f"{allowed}")  # fmt: skip
     return np.array([known[value] for value in values], dtype=np.int8)
+
+
+def _sigmas(table: PredictionTable, entries: _Entries, is_wide: bool, scale: float) -> Floats:
+    """The sigma of each entry (n,), metres; NaN where there is none, or no pose.
+
+    Column `sigma` is in the unit of the positions, of which `scale` are a metre; `sigma_m` in
+    metres. Raises RequestError for a sigma that is not finite or not above 0.
+    """
+    sigmas = np.full(len(entries.iids), np.nan)
+    for code, side in enumerate(SIDES):
+        prefix = f"{side}_" if is_wide else ""
+        of_side = entries.sides == code
+        for name, factor in ((f"{prefix}sigma", scale), (f"{prefix}sigma_m", 1.0)):
+            if name not in table.numbers:
+                continue
+            values = table.numbers[name] * factor
+            wrong = np.flatnonzero(~np.isnan(values) & ~((values > 0) & np.isfinite(values)))
+            if wrong.size:
+                place, value = table.place(int(wrong[0])), table.numbers[name][wrong[0]]
+                raise RequestError(f"{table.path}: {place}: {name} {value:g}: {SIGMA_IS}")
+            sigmas[of_side] = values[entries.rows[of_side]]
+    sigmas[~_is_whole(entries.numbers)] = np.nan
+    return sigmas
 
 
 def _number_columns(entries: _Entries, entry: int, is_wide: bool) -> list[str]:

@@ -27,13 +27,15 @@ NUMBERS: dict[str, str] = {
     "x": "x", "tx": "x", "y": "y", "ty": "y",
     "heading": "heading", "yaw": "heading", "theta": "heading", "heading_deg": "heading_deg",
     "heading_rad": "heading_rad", "x_m": "x", "y_m": "y",
-    "qx": "qx", "qy": "qy", "qz": "qz", "qw": "qw",
+    "qx": "qx", "qy": "qy", "qz": "qz", "qw": "qw", "sigma": "sigma", "sigma_m": "sigma_m",
     **{f"{side}_{name}": f"{side}_{name}"
        for side in ("sim", "real")
-       for name in ("x", "y", "heading", "heading_deg", "heading_rad")},
+       for name in ("x", "y", "heading", "heading_deg", "heading_rad", "sigma", "sigma_m")},
     **{f"{side}_{axis}_m": f"{side}_{axis}" for side in ("sim", "real") for axis in "xy"},
 }  # fmt: skip
 """Columns of numbers and what they mean."""
+SIGMA_IS = "must be a finite number above 0, or empty"
+"""What is wrong with a sigma that is refused."""
 TEXTS: dict[str, str] = {
     "side": "side", "domain": "domain", "trajectory": "trajectory", "image": "image",
     "rgb_path": "image", "path": "image", "split": "split", "sim_split": "sim_split",
@@ -103,12 +105,21 @@ def _read_csv(path: Path) -> PredictionTable:
             if isinstance(values, list):
                 values.append(row[name])
             else:
-                values.append(parse_float(row[name]))
+                values.append(_number(path, line, name, row[name]))
     arrays = {
         name: np.array(values, dtype=object if isinstance(values, list) else np.float64)
         for name, values in columns.items()
     }
     return _table(path, np.array(lines, dtype=np.int64), arrays, "line", found)
+
+
+def _number(path: Path, line: int, name: str, text: str) -> float:
+    """A number of a row, NaN for none. Raises RequestError for a sigma that is another text."""
+    number = parse_float(text)
+    is_missing = not text or text.lower() == "nan"
+    if number != number and not is_missing and "sigma" in NUMBERS[name]:
+        raise RequestError(f"{path}:{line}: {name} {text!r}: {SIGMA_IS}")
+    return number
 
 
 def _read_parquet(path: Path) -> PredictionTable:
