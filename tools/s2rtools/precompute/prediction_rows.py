@@ -47,7 +47,7 @@ def prediction_columns(
     error = np.sqrt(dx * dx + dy * dy)
     heading_error = pose_metrics.heading_error(heading, truth[:n, 2])
     rank = pose_metrics.rank(error)
-    stated = np.full(n, np.nan) if sigmas is None else np.where(known[:, 0], sigmas, np.nan)
+    stated = np.full(n, np.nan) if sigmas is None else np.where(known.ravel(), sigmas, np.nan)
     return {
         "run": np.full(n, run, dtype=object),
         "iid": np.arange(n, dtype=np.int32),
