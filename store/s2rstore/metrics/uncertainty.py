@@ -249,7 +249,7 @@ def side_uncertainty(
             *(radius(inside, name, visits, "visit")
               for name, inside in _rooms(rooms, truth.room_names)),
         ),
-        reason="" if has_sigma else NO_SIGMA,
+        reason="" if has_sigma else NO_SIGMA if order.size else "n 0",
     )  # fmt: skip
 
 
