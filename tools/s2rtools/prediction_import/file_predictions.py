@@ -18,7 +18,7 @@ from s2rtools.precompute.prediction_rows import UNSEEN
 from s2rtools.prediction_import import instance_matching, pose_units, row_matching
 from s2rtools.prediction_import.instance_matching import UNKNOWN, ImportTarget
 from s2rtools.prediction_import.pose_units import AUTO, Units
-from s2rtools.prediction_import.prediction_table import SIGMA_IS, PredictionTable
+from s2rtools.prediction_import.prediction_table import PredictionTable, sigmas_of
 from s2rtools.prediction_import.row_matching import NONE, Matches
 
 MAX_HEADING = 1e6
@@ -132,7 +132,8 @@ def read_predictions(
         localised.numbers[:, :2], length.name, _truth(localised, target)[:, :2],
         target.store.dataset.bounds, str(table.path),
     )  # fmt: skip
-    sigmas = _sigmas(table, entries, is_wide, length.scale)
+    sigmas = sigmas_of(table, entries.rows, entries.sides, is_wide, length.scale)
+    sigmas[~_is_whole(entries.numbers)] = np.nan
     with_sigma = np.isfinite(sigmas)
     lost = len(entries.iids) - len(localised.iids)
     if matches.offsets is not None:
@@ -275,29 +276,6 @@ def _splits(table: PredictionTable, column: str) -> NDArray[np.int8]:
             raise RequestError(f"{table.path}: {table.place(row)}: {column} {value!r}: one of "
                                f"{allowed}")  # fmt: skip
     return np.array([known[value] for value in values], dtype=np.int8)
-
-
-def _sigmas(table: PredictionTable, entries: _Entries, is_wide: bool, scale: float) -> Floats:
-    """The sigma of each entry (n,), metres; NaN where there is none, or no pose.
-
-    Column `sigma` is in the unit of the positions, of which `scale` are a metre; `sigma_m` in
-    metres. Raises RequestError for a sigma that is not finite or not above 0.
-    """
-    sigmas = np.full(len(entries.iids), np.nan)
-    for code, side in enumerate(SIDES):
-        prefix = f"{side}_" if is_wide else ""
-        of_side = entries.sides == code
-        for name, factor in ((f"{prefix}sigma", scale), (f"{prefix}sigma_m", 1.0)):
-            if name not in table.numbers:
-                continue
-            values = table.numbers[name] * factor
-            wrong = np.flatnonzero(~np.isnan(values) & ~((values > 0) & np.isfinite(values)))
-            if wrong.size:
-                place, value = table.place(int(wrong[0])), table.numbers[name][wrong[0]]
-                raise RequestError(f"{table.path}: {place}: {name} {value:g}: {SIGMA_IS}")
-            sigmas[of_side] = values[entries.rows[of_side]]
-    sigmas[~_is_whole(entries.numbers)] = np.nan
-    return sigmas
 
 
 def _number_columns(entries: _Entries, entry: int, is_wide: bool) -> list[str]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.index import parquet_table
+from s2rstore.records import SIDES
 from s2rstore.security.printable_text import printable
 from s2rtools.datasets.files.csv_rows import parse_float, read_rows
 from s2rtools.motion_logs import row_checks
@@ -91,6 +92,31 @@ def read_table(path: Path) -> PredictionTable:
     if not len(table):
         raise RequestError(f"{path}: no rows")
     return table
+
+
+def sigmas_of(
+    table: PredictionTable, rows: NDArray[np.int64], sides: NDArray[np.int8], is_wide: bool,
+    scale: float,
+) -> NDArray[np.float64]:  # fmt: skip
+    """The sigmas (n,) of predictions in metres, NaN where the file states none.
+
+    `rows` of the table and `sides`, indexes into `SIDES`, (n,); a row of a table that `is_wide`
+    holds both. Column `sigma` is in the unit of the positions, of which one is `scale` metres;
+    `sigma_m` in metres. Raises RequestError for a sigma that is not finite or not above 0.
+    """
+    sigmas = np.full(len(rows), np.nan)
+    for code, side in enumerate(SIDES):
+        prefix, of_side = f"{side}_" if is_wide else "", sides == code
+        for name, factor in ((f"{prefix}sigma", scale), (f"{prefix}sigma_m", 1.0)):
+            if name not in table.numbers:
+                continue
+            values = table.numbers[name] * factor
+            wrong = np.flatnonzero(~np.isnan(values) & ~((values > 0) & np.isfinite(values)))
+            if wrong.size:
+                place, value = table.place(int(wrong[0])), table.numbers[name][wrong[0]]
+                raise RequestError(f"{table.path}: {place}: {name} {value:g}: {SIGMA_IS}")
+            sigmas[of_side] = values[rows[of_side]]
+    return sigmas
 
 
 def _read_csv(path: Path) -> PredictionTable:
