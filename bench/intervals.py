@@ -115,7 +115,7 @@ def _radius(
         seen = (places < lengths[process.codes]) & (process.codes > 0)
         found = conformal_radius(values[seen], process.codes[seen])
         further = float(values[rng.integers(lengths[0])])
-        low = -np.inf if not found.reason else np.nan
+        low = np.nan if found.reason else 0.0  # errors are not below 0
         yield Interval(low, found.value, found.value, 1 - ALPHA, found.reason), further, np.nan
 
 
