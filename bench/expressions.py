@@ -33,7 +33,17 @@ INSTANCES = 64
 RUNS = ("vanilla", "dataaug")
 COLUMNS = {
     "instance": ("x", "y", "heading", "curvature", "timestamp"),
-    "prediction": ("x", "y", "heading", "error", "heading_error", "loss", "accuracy", "outlier"),
+    "prediction": (
+        "x",
+        "y",
+        "heading",
+        "sigma",
+        "error",
+        "heading_error",
+        "loss",
+        "accuracy",
+        "outlier",
+    ),
     "projection": ("u", "v"),
 }
 EXTREMES = (

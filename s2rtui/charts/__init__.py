@@ -7,7 +7,8 @@ matplotlib (imported inside functions, so that the application starts without it
 have further modules (`overview/lines.py`, `orientation/dial.py`).
 
 To add a view, write such a folder and add its name to `s2rtui/charts/registry.py`. Keys, help,
-`s2r show` and `s2r export` follow from the registry. A view that needs data which takes time to
+`s2r show` and `s2r export` follow from the registry. The table of `risk` has no drawing: `s2r show`
+alone prints it. A view that needs data which takes time to
 read names a loader of `s2rtui.loaders` in `loads`.
 
 `shared` holds what several views use: maps, images of an instance, legends, scales, the page of

@@ -2,6 +2,7 @@
 
 from importlib import import_module
 
+from s2rtui.charts.risk.view import RISK
 from s2rtui.charts.scene import Resources, Scene
 from s2rtui.charts.view import View
 
@@ -38,5 +39,7 @@ VIEWS: tuple[View, ...] = tuple(_view(name) for name in NAMES)
 BY_NAME = {view.name: view for view in VIEWS}
 STORED = {word: view for view in VIEWS if view.from_store for word in (view.name, *view.aliases)}
 """Views that a store alone can fill, by name and alias."""
+PRINTED: dict[str, View] = {**STORED, RISK.name: RISK}
+"""What `s2r show` prints: these views, and tables without a drawing."""
 
-__all__ = ["BY_NAME", "NAMES", "STORED", "VIEWS", "Resources", "Scene", "View"]
+__all__ = ["BY_NAME", "NAMES", "PRINTED", "STORED", "VIEWS", "Resources", "Scene", "View"]

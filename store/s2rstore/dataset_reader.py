@@ -250,11 +250,18 @@ class DatasetReader(IndexCatalog):
 
     @cached_property
     def imaged_parts(self) -> dict[str, frozenset[TrajectoryPart]]:
-        """The parts of trajectories that each domain images, whole parts only."""
-        parts = {part.first_iid: part for part in self.trajectory_parts}
+        """The parts of trajectories that each domain images, whole parts only.
+
+        In a data set with poses every domain images what was ingested first.
+        """
+        whole = {part for part in self.trajectory_parts if self.has_poses and part.part == 0}
+        others = {part.first_iid: part for part in self.trajectory_parts if part not in whole}
         query = "SELECT domain, iid FROM frame WHERE iid IN (SELECT unnest(?::INTEGER[]))"
-        rows = self.execute(query, [list(parts)])
-        return {name: frozenset(parts[i] for d, i in rows if d == name) for name in self.domains}
+        rows = self.execute(query, [list(others)]) if others else []
+        return {
+            name: frozenset(whole | {others[iid] for domain, iid in rows if domain == name})
+            for name in self.domains
+        }
 
     def imaged(self, *domains: str) -> NDArray[np.bool_]:
         """The instances that every one of the domains images, shape (N,)."""

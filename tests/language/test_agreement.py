@@ -116,6 +116,7 @@ def store_with_missing_values(tmp_path_factory: pytest.TempPathFactory) -> Store
         draft._connection.execute("UPDATE prediction SET x = round(x), y = round(y) WHERE iid > 30")
         draft._connection.execute("UPDATE instance SET x = round(x), y = round(y) WHERE iid > 30")
         draft._connection.execute("UPDATE prediction SET outlier = NULL WHERE iid % 4 = 0")
+        draft._connection.execute("UPDATE prediction SET sigma = error / 2 WHERE iid % 3 > 0")
         draft._connection.execute("UPDATE prediction SET split = NULL WHERE iid % 13 = 2")
         draft._connection.execute(
             """UPDATE prediction SET split = 'validation'

@@ -85,7 +85,8 @@ class SideColumns(Columns):
     Missing numbers are NaN; `rank` counts from 1 (the smallest error) with 0 for NULL; `split`
     is a code into `records.SPLITS` with -1 for NULL; `room` is the prediction's room, a code
     into `InstanceColumns.room_names` with -1 for none; u, v are the UMAP coordinates; `outlier`
-    is the distance to the nearest embeddings over the side's median. x, y, error in metres,
+    is the distance to the nearest embeddings over the side's median; `sigma` is the standard
+    deviation of the position per axis that the network states. x, y, sigma, error in metres,
     heading and heading_error in radians. `share_*` of the real side are the metres of the gap that
     each factor causes; NaN for the sim side.
     """
@@ -93,6 +94,7 @@ class SideColumns(Columns):
     x: FloatColumn
     y: FloatColumn
     heading: FloatColumn
+    sigma: FloatColumn
     error: FloatColumn
     heading_error: FloatColumn
     loss: FloatColumn

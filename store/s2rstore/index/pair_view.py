@@ -5,15 +5,18 @@ from __future__ import annotations
 from s2rstore.index.schema import BY_NAME, GAP_SHARES, PAIR_OFFSETS
 from s2rstore.index.table_definition import quoted
 
-_SIDE_COLUMNS = {"x": "m", "y": "m", "heading": "rad", "error": "m", "heading_error": "rad"} | (
-    dict.fromkeys(("loss", "accuracy", "rank", "split", "outlier"), "see prediction")
+_SIDE_COLUMNS = (
+    {"x": "m", "y": "m", "heading": "rad"}
+    | {"sigma": "stated standard deviation of the position per axis, m"}
+    | {"error": "m", "heading_error": "rad"}
+    | dict.fromkeys(("loss", "accuracy", "rank", "split", "outlier"), "see prediction")
 )
 """Columns of each side in view `pair`, with their comments."""
 _UNIT_NAMES = {
     "x": "x_m", "y": "y_m", "heading": "heading_rad", "curvature": "curvature_deg",
     "odom_x": "odom_x_m", "odom_y": "odom_y_m", "odom_heading": "odom_heading_rad",
     "timestamp": "timestamp_s", "error": "error_m", "heading_error": "heading_error_rad",
-    "gap": "gap_m", "shift": "shift_m",
+    "gap": "gap_m", "shift": "shift_m", "sigma": "sigma_m",
 }  # fmt: skip
 """Columns of view `pair` (those of a side without its name) with their units."""
 

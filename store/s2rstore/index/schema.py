@@ -10,7 +10,7 @@ from collections.abc import Collection
 from s2rstore.index.table_definition import Table, statements_of, table_of
 from s2rstore.records import GAP_FACTORS
 
-VERSION = 2
+VERSION = 3
 """The schema number that every written index has, in `CURRENT.json`; others are refused.
 
 A new table or column needs a new number.
@@ -251,6 +251,12 @@ TABLES: tuple[Table, ...] = (
         ("x", "DOUBLE", "m"),
         ("y", "DOUBLE", "m"),
         ("heading", "DOUBLE", "rad"),
+        (
+            "sigma",
+            "DOUBLE",
+            "standard deviation of the position per axis, as the network states it, m; NULL = not "
+            "stated",
+        ),
         ("error", "DOUBLE", "distance to the ground truth, m"),
         ("heading_error", "DOUBLE", "smaller angle to the ground truth, rad"),
         ("loss", "DOUBLE", "0.7 error^2 + 0.3 heading_error"),

@@ -50,6 +50,7 @@ _SIDE_NUMERIC: tuple[tuple[Any, ...], ...] = (
     ("x", "m", "predicted position"),
     ("y", "m", "predicted position"),
     ("heading", "degrees", "predicted heading", _DEGREE, True),
+    ("sigma", "m", "stated standard deviation of the position per axis"),
     ("u", "", "UMAP coordinate"),
     ("v", "", "UMAP coordinate"),
 )

@@ -98,6 +98,11 @@ _RULES = (
         for name in ("run", "model")
     ),
     ("prediction", "outlier is no distance", "isnan(outlier) OR outlier < 0"),
+    (
+        "prediction",
+        "sigma is no standard deviation of a pose",
+        "NOT isfinite(sigma) OR sigma <= 0 OR (sigma IS NOT NULL AND x IS NULL)",
+    ),
     ("frame_pose", "no such instance", "iid NOT IN (SELECT iid FROM instance)"),
     ("frame_pose", "domain without a row in domain", "domain NOT IN (SELECT domain FROM domain)"),
     ("frame_pose", *_POSE_RULE[1:]),

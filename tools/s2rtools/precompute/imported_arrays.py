@@ -36,13 +36,16 @@ class InstanceRows(Protocol):
 SideArrays = Mapping[Side, InstanceRows]
 
 
-def imported_specs(iids: range, poses: SideArrays, embeddings: SideArrays) -> list[ArraySpec]:
+def imported_specs(
+    iids: range, poses: SideArrays, embeddings: SideArrays, sigmas: SideArrays
+) -> list[ArraySpec]:
     """The arrays of some instances, with a key of their values; `embeddings` may be empty.
 
-    `poses` (N, 3) as of `write_arrays`, `embeddings` (N, D).
+    `poses` (N, 3) as of `write_arrays`, `embeddings` (N, D). `sigmas` (N,), which may be empty
+    as well, have no array but are part of the key, so that it tells two imports apart.
     """
     digest = hashlib.sha256()
-    for values in (*_by_side(poses), *_by_side(embeddings)):
+    for values in (*_by_side(poses), *_by_side(embeddings), *_by_side(sigmas)):
         digest.update(f"{values.dtype.str} {values.shape[1:]}".encode())
         for start in range(iids.start, iids.stop, _HASHED_ROWS):
             digest.update(values[start : min(start + _HASHED_ROWS, iids.stop)].tobytes())

@@ -28,6 +28,7 @@ def prediction_columns(
     split: NDArray[np.int8],
     outlier: NDArray[np.float64],
     shares: NDArray[np.float32] | None = None,
+    sigmas: NDArray[np.float64] | None = None,
 ) -> dict[str, Any]:
     """Columns of table `prediction` for one side.
 
@@ -35,7 +36,8 @@ def prediction_columns(
     side's domain: x and y in metres, heading in radians. A pose that is not finite is a missing
     prediction: its metrics are NaN and its rank is 0 (both become NULL). `split` is -1 where the
     run was not applied to the instance; then it becomes NULL. `shares` (n, 5) of the gap
-    by `records.GAP_FACTORS` in metres, where they are computed.
+    by `records.GAP_FACTORS` in metres, where they are computed. `sigmas` (n,) in metres, where the
+    predictions state them, NaN for instances without one; a missing prediction has none.
     """
     n = len(poses)
     known = np.isfinite(poses).all(axis=1, keepdims=True)
@@ -45,6 +47,7 @@ def prediction_columns(
     error = np.sqrt(dx * dx + dy * dy)
     heading_error = pose_metrics.heading_error(heading, truth[:n, 2])
     rank = pose_metrics.rank(error)
+    stated = np.full(n, np.nan) if sigmas is None else np.where(known.ravel(), sigmas, np.nan)
     return {
         "run": np.full(n, run, dtype=object),
         "iid": np.arange(n, dtype=np.int32),
@@ -52,6 +55,7 @@ def prediction_columns(
         "x": x,
         "y": y,
         "heading": heading,
+        "sigma": stated,
         "error": error,
         "heading_error": heading_error,
         "loss": pose_metrics.pose_loss(error, heading_error),

@@ -143,9 +143,10 @@ def _instance_columns(
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Columns of the tables `prediction` and `projection`, each with its table.
 
-    Imported predictions may be those of the first parts alone, and without embeddings. A model is
-    not applied to instances that one of its domains does not image. With `keeps_shares`, published
-    shares of the gap stay where `specs` have none.
+    Imported predictions may be those of the first parts alone, and without embeddings; their
+    published sigmas stay, which no array has. A model is not applied to instances that one of its
+    domains does not image. With `keeps_shares`, published shares of the gap stay where `specs`
+    have none.
     """
     run = record.run
     splits = store.provenance(f"run:{run}" if record.is_imported else f"model:{record.model}")
@@ -164,9 +165,12 @@ def _instance_columns(
         scores = np.full(len(poses), np.nan)
         if outliers.KIND in arrays:
             scores = outliers.outlier_scores(arrays[outliers.KIND])
+        sigmas = None
+        if record.is_imported:
+            sigmas = store.run_columns(run).side(side).sigma[: len(poses)]
         columns = prediction_columns(
             run, side, poses, store.poses(record.domain(side)), store.dataset.accuracy_scale, split,
-            scores, shares if side == "real" else None,
+            scores, shares if side == "real" else None, sigmas,
         )  # fmt: skip
         yield "prediction", columns
         if "umap" in arrays:

@@ -18,7 +18,7 @@ from s2rtools.precompute.prediction_rows import UNSEEN
 from s2rtools.prediction_import import instance_matching, pose_units, row_matching
 from s2rtools.prediction_import.instance_matching import UNKNOWN, ImportTarget
 from s2rtools.prediction_import.pose_units import AUTO, Units
-from s2rtools.prediction_import.prediction_table import PredictionTable
+from s2rtools.prediction_import.prediction_table import PredictionTable, sigmas_of
 from s2rtools.prediction_import.row_matching import NONE, Matches
 
 MAX_HEADING = 1e6
@@ -51,7 +51,8 @@ class FilePredictions:
     One without a pose, which the other program did not localise, has NaN in `poses`.
 
     `iids`, `sides` (indexes into `SIDES`), `rows` of the table and `splits` (indexes into
-    `SPLITS`), each (n,); `poses` (n, 3): x, y in metres, heading in radians on the map.
+    `SPLITS`), each (n,); `poses` (n, 3): x, y in metres, heading in radians on the map; `sigmas`
+    (n,) in metres, NaN where the file states none.
     `without_numbers` says of a side how many of its predictions have no number, and where.
     `row_sides` are those of all rows, None where a row has both. `facts` describe how the file was
     read, `summary` in one line.
@@ -62,6 +63,7 @@ class FilePredictions:
     sides: NDArray[np.int8]
     rows: NDArray[np.int64]
     poses: Floats
+    sigmas: Floats
     splits: NDArray[np.int8]
     row_sides: NDArray[np.int8] | None
     without_numbers: dict[Side, str]
@@ -130,6 +132,9 @@ def read_predictions(
         localised.numbers[:, :2], length.name, _truth(localised, target)[:, :2],
         target.store.dataset.bounds, str(table.path),
     )  # fmt: skip
+    sigmas = sigmas_of(table, entries.rows, entries.sides, is_wide, length.scale)
+    sigmas[~_is_whole(entries.numbers)] = np.nan
+    with_sigma = np.isfinite(sigmas)
     lost = len(entries.iids) - len(localised.iids)
     if matches.offsets is not None:
         named += f" (largest difference {np.nanmax(matches.offsets):.2g} s)"
@@ -140,6 +145,7 @@ def read_predictions(
         "matched_by": named,
         "used": len(entries.iids),
         "without_pose": lost,
+        "with_sigma": int(with_sigma.sum()),
         "not_used": dict(table.issues.counts),
         "length": length.name,
         "angle": angle.name,
@@ -151,8 +157,11 @@ def read_predictions(
         f"positions in {length}, headings in {angle}, map heading {convention}; median error "
         f"{_median_errors(entries, poses, target)}, heading {math.degrees(error):.3g} deg"
     )
+    if with_sigma.any():
+        median = np.median(sigmas[with_sigma])
+        summary += f"; {with_sigma.sum()} with a sigma, median {median:.3g} m"
     return FilePredictions(
-        table, entries.iids, entries.sides, entries.rows, poses, entries.splits, row_sides,
+        table, entries.iids, entries.sides, entries.rows, poses, sigmas, entries.splits, row_sides,
         without_numbers, facts, summary, warnings,
     )  # fmt: skip
 

@@ -43,6 +43,7 @@ FAILURE, IGNORE = ABSENT = ("failure", "ignore")
 
 Poses = dict[Side, NDArray[np.float64]]
 Splits = dict[Side, NDArray[np.int8]]
+Sigmas = dict[Side, NDArray[np.float64]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +109,7 @@ def import_run(root: Path, name: str, request: ImportRequest) -> ImportReport:
             )
             for file in request.predictions
         ]
-        issues, poses, splits = _combined(files, len(store.instances))
+        issues, poses, splits, sigmas = _combined(files, len(store.instances))
         without_row = [splits[side] == NOT_ATTEMPTED for side in SIDES]
         if request.absent == FAILURE:
             _add_absent(splits, store.instances.trajectory)
@@ -117,7 +118,7 @@ def import_run(root: Path, name: str, request: ImportRequest) -> ImportReport:
             raise _no_pairs(files, counts)
         embeddings = read_embeddings(request.embeddings, files, len(store.instances))
         facts = _facts(request, files, counts, len(store.instances))
-        is_new = _publish(root, name, target, poses, splits, embeddings, facts)
+        is_new = _publish(root, name, target, poses, splits, sigmas, embeddings, facts)
     return ImportReport(
         tuple(file.predictions.summary for file in files),
         tuple(warning for file in files for warning in file.predictions.warnings),
@@ -147,15 +148,18 @@ def _no_pairs(files: Sequence[PredictionFile], counts: Mapping[str, int]) -> Req
     )
 
 
-def _combined(files: Sequence[PredictionFile], count: int) -> tuple[RowIssues, Poses, Splits]:
-    """Issues of all files, and by side the poses (N, 3), NaN where missing, and splits (N,).
+def _combined(
+    files: Sequence[PredictionFile], count: int
+) -> tuple[RowIssues, Poses, Splits, Sigmas]:
+    """Issues of all files, and by side poses (N, 3), splits (N,) and sigmas (N,).
 
-    The split of an instance without a row is `NOT_ATTEMPTED`. Where two files predict the same, the
-    first counts.
+    Missing poses and sigmas are NaN. The split of an instance without a row is `NOT_ATTEMPTED`.
+    Where two files predict the same, the first counts.
     """
     issues = RowIssues()
     poses: Poses = {side: np.full((count, 3), np.nan) for side in SIDES}
     splits: Splits = {side: np.full(count, NOT_ATTEMPTED, dtype=np.int8) for side in SIDES}
+    sigmas: Sigmas = {side: np.full(count, np.nan) for side in SIDES}
     for each in files:
         file = each.predictions
         issues.merge(file.table.issues)
@@ -169,7 +173,8 @@ def _combined(files: Sequence[PredictionFile], count: int) -> tuple[RowIssues, P
             chosen = chosen[~is_repeated]
             poses[side][file.iids[chosen]] = file.poses[chosen]
             splits[side][file.iids[chosen]] = file.splits[chosen]
-    return issues, poses, splits
+            sigmas[side][file.iids[chosen]] = file.sigmas[chosen]
+    return issues, poses, splits, sigmas
 
 
 def _add_absent(splits: Splits, trajectories: NDArray[np.int32]) -> None:
@@ -222,6 +227,7 @@ def _publish(
     target: ImportTarget,
     poses: Poses,
     splits: Splits,
+    sigmas: Sigmas,
     embeddings: Mapping[Side, InstanceEmbeddings],
     facts: Mapping[str, Any],
 ) -> bool:
@@ -230,11 +236,12 @@ def _publish(
     The arrays are written under the publish lock, so that no `s2r prune` removes them.
     """
     store = target.store
+    stated = sigmas if any(np.isfinite(values).any() for values in sigmas.values()) else {}
     with edit(root) as draft:
         created_at = _created_at(draft, store, name)
         specs: list[ArraySpec] = []
         for iids in segments([part.iids for part in store.parts]):
-            of_segment = imported_specs(iids, poses, embeddings)
+            of_segment = imported_specs(iids, poses, embeddings, stated)
             write_arrays(root, name, of_segment, poses, embeddings)
             specs += of_segment
         for table in _TABLES:
@@ -253,6 +260,7 @@ def _publish(
                 scale,
                 splits[side],
                 no_scores,
+                sigmas=sigmas[side],
             )
             draft.insert("prediction", columns)
         for spec in specs:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.index import parquet_table
+from s2rstore.records import SIDES
 from s2rstore.security.printable_text import printable
 from s2rtools.datasets.files.csv_rows import parse_float, read_rows
 from s2rtools.motion_logs import row_checks
@@ -27,13 +28,15 @@ NUMBERS: dict[str, str] = {
     "x": "x", "tx": "x", "y": "y", "ty": "y",
     "heading": "heading", "yaw": "heading", "theta": "heading", "heading_deg": "heading_deg",
     "heading_rad": "heading_rad", "x_m": "x", "y_m": "y",
-    "qx": "qx", "qy": "qy", "qz": "qz", "qw": "qw",
+    "qx": "qx", "qy": "qy", "qz": "qz", "qw": "qw", "sigma": "sigma", "sigma_m": "sigma_m",
     **{f"{side}_{name}": f"{side}_{name}"
        for side in ("sim", "real")
-       for name in ("x", "y", "heading", "heading_deg", "heading_rad")},
+       for name in ("x", "y", "heading", "heading_deg", "heading_rad", "sigma", "sigma_m")},
     **{f"{side}_{axis}_m": f"{side}_{axis}" for side in ("sim", "real") for axis in "xy"},
 }  # fmt: skip
 """Columns of numbers and what they mean."""
+SIGMA_IS = "must be a finite number above 0, or empty"
+"""What is wrong with a sigma that is refused."""
 TEXTS: dict[str, str] = {
     "side": "side", "domain": "domain", "trajectory": "trajectory", "image": "image",
     "rgb_path": "image", "path": "image", "split": "split", "sim_split": "sim_split",
@@ -91,6 +94,31 @@ def read_table(path: Path) -> PredictionTable:
     return table
 
 
+def sigmas_of(
+    table: PredictionTable, rows: NDArray[np.int64], sides: NDArray[np.int8], is_wide: bool,
+    scale: float,
+) -> NDArray[np.float64]:  # fmt: skip
+    """The sigmas (n,) of predictions in metres, NaN where the file states none.
+
+    `rows` of the table and `sides`, indexes into `SIDES`, (n,); a row of a table that `is_wide`
+    holds both. Column `sigma` is in the unit of the positions, of which one is `scale` metres;
+    `sigma_m` in metres. Raises RequestError for a sigma that is not finite or not above 0.
+    """
+    sigmas = np.full(len(rows), np.nan)
+    for code, side in enumerate(SIDES):
+        prefix, of_side = f"{side}_" if is_wide else "", sides == code
+        for name, factor in ((f"{prefix}sigma", scale), (f"{prefix}sigma_m", 1.0)):
+            if name not in table.numbers:
+                continue
+            values = table.numbers[name] * factor
+            wrong = np.flatnonzero(~np.isnan(values) & ~((values > 0) & np.isfinite(values)))
+            if wrong.size:
+                place, value = table.place(int(wrong[0])), table.numbers[name][wrong[0]]
+                raise RequestError(f"{table.path}: {place}: {name} {value:g}: {SIGMA_IS}")
+            sigmas[of_side] = values[rows[of_side]]
+    return sigmas
+
+
 def _read_csv(path: Path) -> PredictionTable:
     lines = array("q")
     columns: dict[str, array[float] | list[str]] = {}
@@ -103,12 +131,21 @@ def _read_csv(path: Path) -> PredictionTable:
             if isinstance(values, list):
                 values.append(row[name])
             else:
-                values.append(parse_float(row[name]))
+                values.append(_number(path, line, name, row[name]))
     arrays = {
         name: np.array(values, dtype=object if isinstance(values, list) else np.float64)
         for name, values in columns.items()
     }
     return _table(path, np.array(lines, dtype=np.int64), arrays, "line", found)
+
+
+def _number(path: Path, line: int, name: str, text: str) -> float:
+    """A number of a row, NaN for none. Raises RequestError for a sigma that is another text."""
+    number = parse_float(text)
+    is_missing = not text or text.lower() == "nan"
+    if number != number and not is_missing and "sigma" in NUMBERS[name]:
+        raise RequestError(f"{path}:{line}: {name} {text!r}: {SIGMA_IS}")
+    return number
 
 
 def _read_parquet(path: Path) -> PredictionTable:

@@ -86,6 +86,8 @@ def _may_lack(domains: Collection[str], scan: Scan, store: Store) -> bool:
     """Whether instances of the source may have no images in some domains of the store."""
     if not store.has_poses:
         return scan.domains.keys() == store.domains.keys()
+    if not domains:
+        return True
     are_sim = all(store.domain(name).kind == "sim" for name in domains)
     return are_sim and any(domain.kind == "sim" for domain in scan.domains.values())
 
