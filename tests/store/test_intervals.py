@@ -91,7 +91,7 @@ def test_independent_values_have_nearly_their_own_intervals() -> None:
 def test_too_few_or_equal_values_have_a_reason_instead_of_bounds() -> None:
     values = series(2, 48)
     for found, reason in (
-        (intervals.mean(values), "n 48, a mean needs 49"),
+        (intervals.mean(values), "n 48, a mean needs 100"),
         (intervals.median(values[:24]), "n 24, a median needs 25"),
         (intervals.proportion(values[:8] > 1), "n 8, a share needs 9"),
         (intervals.spearman(values[:8], -values[:8]), "n 8, a correlation needs 9"),

@@ -32,6 +32,7 @@ from s2rstore.intervals.dependence import (
 )
 from s2rstore.intervals.interval import (
     LEVEL,
+    MIN_DIFFERENCE,
     MIN_MEAN,
     MIN_MEDIAN,
     MIN_SHARE,
@@ -46,13 +47,18 @@ _FISHER = 1.03
 """Factor of the standard error of Fisher's z for a rank correlation."""
 
 
-def mean(values: Floats, trajectories: Codes | None = None, *, level: float = LEVEL) -> Interval:
+def mean(
+    values: Floats, trajectories: Codes | None = None, *, level: float = LEVEL,
+    minimum: int = MIN_MEAN,
+) -> Interval:  # fmt: skip
     """Mean of `values` (n,), such as errors, corrected for their skewness.
 
-    Failures that are so rare that a recording holds none widen no interval. Source: Hall, "On the
+    Failures that are so rare that a recording holds none widen no interval: `minimum` is the number
+    of values from which on that is unlikely; `MIN_DIFFERENCE` will do for differences and for
+    scores in a range. Source: Hall, "On the
     removal of skewness by transformation", Journal of the Royal Statistical Society B 54, 1992.
     """
-    return _mean(values, trajectories, level, symmetric=False)
+    return _mean(values, trajectories, level, minimum, "a mean")
 
 
 def paired_difference(
@@ -64,15 +70,22 @@ def paired_difference(
     differences has no known sign. Differences that are all 0 have the bounds 0 and 0.
     """
     known, codes = _known(differences, trajectories)
-    if known.size >= MIN_MEAN and not known.any():
+    if known.size >= MIN_DIFFERENCE and not known.any():
         return Interval(0.0, 0.0, 0.0, level, sample=Sample(known.size, known.size, _count(codes)))
-    return _mean(differences, trajectories, level, symmetric=True)
+    return _mean(differences, trajectories, level, MIN_DIFFERENCE, "a mean difference", True)
 
 
-def _mean(values: Floats, trajectories: Codes | None, level: float, symmetric: bool) -> Interval:
+def _mean(
+    values: Floats,
+    trajectories: Codes | None,
+    level: float,
+    minimum: int,
+    figure: str,
+    symmetric: bool = False,
+) -> Interval:
     values, codes = _known(values, trajectories)
     value = float(values.mean()) if values.size else np.nan
-    reason = _too_few(values, MIN_MEAN, "a mean")
+    reason = _too_few(values, minimum, figure)
     if reason:
         return Interval.unknown(value, reason)
     parts = spreads(values, codes, _latent_autocorrelation(values, codes))
@@ -90,7 +103,7 @@ def _mean(values: Floats, trajectories: Codes | None, level: float, symmetric: b
 
 def linear(
     value: float, influence: Floats, trajectories: Codes | None = None, *, level: float = LEVEL,
-    minimum: int = MIN_MEAN,
+    minimum: int = MIN_DIFFERENCE,
 ) -> Interval:  # fmt: skip
     """A statistic with the estimate `value` from the influence (n,) that each row has on it.
 

@@ -11,8 +11,10 @@ from typing import Any
 LEVEL = 0.95
 LEVEL_TEXT = f"{100 * LEVEL:g} %"
 
-MIN_MEAN = 49
-"""Fewest values of an interval of a mean: a rare failure among fewer is not seen."""
+MIN_MEAN = 100
+"""Fewest values of an interval of a mean: among fewer, no failure may be seen that comes rarely."""
+MIN_DIFFERENCE = 49
+"""Fewest values of an interval of a mean difference."""
 MIN_MEDIAN = 25
 FEWEST_TRAJECTORIES = 3
 """Trajectories from which on their differences are estimated: below, only these are described."""

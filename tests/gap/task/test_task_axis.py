@@ -186,7 +186,7 @@ def test_a_small_group_has_a_reason_in_place_of_an_interval() -> None:
     codes = np.where(np.arange(100) < 3, 0, 1)
     result = group_metrics(group_errors, codes, ["few", "many"], 0.95)
     assert result["few"]["gap"]["low"] is None
-    assert result["few"]["gap"]["reason"] == "n 3, a mean needs 49"
+    assert result["few"]["gap"]["reason"] == "n 3, a mean difference needs 49"
     assert result["many"]["gap"]["low"] < result["many"]["gap"]["high"]
 
 

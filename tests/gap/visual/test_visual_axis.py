@@ -22,7 +22,7 @@ from s2rtools.gap.gate import gate
 from s2rtools.gap.report import plain
 from s2rtools.gap.visual import visual_axis
 from s2rtools.gap.visual.inception import FidInception
-from s2rtools.gap.visual.visual_axis import MIN_MEAN, VisualAxis
+from s2rtools.gap.visual.visual_axis import MIN_DIFFERENCE, VisualAxis
 from s2rtools.models.input_contract import InputContract
 from s2rtui.cli import main
 from s2rtui.cli.formatting.gap_details import details
@@ -202,8 +202,8 @@ def test_without_an_unadapted_run_there_is_no_anchor(path, tmp_path):
 
 
 def test_too_few_images_are_inconclusive_for_the_visual_axis(store):
-    for iids in (np.array([4, 9, 14]), np.arange(0), np.arange(5 * MIN_MEAN - 5)):
-        with pytest.raises(InconclusiveError, match=f"at least {MIN_MEAN}"):
+    for iids in (np.array([4, 9, 14]), np.arange(0), np.arange(5 * MIN_DIFFERENCE - 5)):
+        with pytest.raises(InconclusiveError, match=f"at least {MIN_DIFFERENCE}"):
             VisualAxis().measure(evidence(store, "far", iids), SETTINGS)
     with pytest.raises(RequestError, match="iids 0"):
         VisualAxis().measure(evidence(store, "far", np.array([N])), SETTINGS)
@@ -251,11 +251,11 @@ def test_a_declared_network_computes_the_features(store, tmp_path):
         'architecture = "inception_v3_fid"\nweights = "w.pth"\n'
         '[preprocessing]\nsize = [75, 75]\nfilter = "bilinear"\nrange = [-1.0, 1.0]\n'
     )
-    iids = np.arange(MIN_MEAN)
+    iids = np.arange(MIN_DIFFERENCE)
     evidence_of_near = Evidence(store, "near", iids, features=file)
     result = VisualAxis().measure(evidence_of_near, SETTINGS)
     # Training images of the pose model are valid for another network.
-    assert result.n == MIN_MEAN
+    assert result.n == MIN_DIFFERENCE
     assert result.fingerprint["features"] == "inception_v3_fid:pool3"
     assert result.fingerprint["dimensions"] == 2048
     anchor = VisualAxis().anchor(evidence_of_near, SETTINGS)

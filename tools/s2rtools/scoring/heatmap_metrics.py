@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from s2rstore import intervals
-from s2rstore.intervals import Interval
+from s2rstore.intervals import MIN_DIFFERENCE, Interval
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtools.heatmaps import HEATMAP_KINDS
@@ -193,4 +193,4 @@ def _smoothed(total: NDArray[np.float64], count: NDArray[np.float64]) -> NDArray
 
 def _mean(values: NDArray[np.float64], trajectory: NDArray[np.integer]) -> Interval:
     """Mean of shares."""
-    return intervals.mean(values, trajectory).clipped(0.0, 1.0)
+    return intervals.mean(values, trajectory, minimum=MIN_DIFFERENCE).clipped(0.0, 1.0)

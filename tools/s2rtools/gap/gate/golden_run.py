@@ -17,7 +17,7 @@ from msgspec import Meta, Struct, structs
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.files.input_files import read_json
 from s2rstore.gap_history.gate_status import outcome_of
-from s2rstore.intervals import MIN_MEAN, Interval, paired_difference
+from s2rstore.intervals import MIN_DIFFERENCE, Interval, paired_difference
 from s2rstore.intervals.verdict import Outcome
 from s2rtools.common.documents import convert
 from s2rtools.gap import defaults, instance_selection
@@ -64,9 +64,9 @@ class GoldenComparison:
 def take(evidence: Evidence) -> GoldenRun:
     """A golden run of the present state. Raises InconclusiveError for too few instances."""
     errors = _errors(evidence)
-    if len(errors) < MIN_MEAN:
+    if len(errors) < MIN_DIFFERENCE:
         raise InconclusiveError(
-            f"a golden run needs {MIN_MEAN} held-out instances, not {len(errors)}"
+            f"a golden run needs {MIN_DIFFERENCE} held-out instances, not {len(errors)}"
         )
     return GoldenRun(
         poses=instance_selection.poses_sha256(evidence.store),
@@ -119,8 +119,8 @@ def compare(
     common = np.array([*(now.keys() & golden.errors.keys())], dtype=np.int64)
     shared = evidence.store.in_recording_order(common)
     missing = len(golden.errors) - shared.size
-    if shared.size < MIN_MEAN:
-        reason = f"{shared.size} instances are common to both runs, {MIN_MEAN} are needed"
+    if shared.size < MIN_DIFFERENCE:
+        reason = f"{shared.size} instances are common to both runs, {MIN_DIFFERENCE} are needed"
         return GoldenComparison("INCONCLUSIVE", NOTHING, shared.size, margin, missing, reason)
     changes = np.array([now[iid] - golden.errors[iid] for iid in shared.tolist()])
     trajectories = evidence.store.instances.trajectory[shared]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from s2rstore.errors import InconclusiveError
-from s2rstore.intervals import MIN_MEAN, MIN_SHARE, Interval, paired_difference, spearman
+from s2rstore.intervals import MIN_DIFFERENCE, MIN_SHARE, Interval, paired_difference, spearman
 from s2rstore.intervals.verdict import Bounds, largest
 from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store
@@ -77,10 +77,10 @@ def rank_consistency(
     for run in runs:
         common &= run_metrics.held_out(store, run)
     rows = store.in_recording_order(common)
-    if rows.size < MIN_MEAN:
+    if rows.size < MIN_DIFFERENCE:
         raise InconclusiveError(
             f"{store.path}: {rows.size} instances that no run's model was trained on; at least "
-            f"{MIN_MEAN} are needed"
+            f"{MIN_DIFFERENCE} are needed"
         )
     columns = [store.run_columns(run) for run in runs]
     sims, reals = (

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import InconclusiveError
-from s2rstore.intervals import MIN_MEAN, paired_difference
+from s2rstore.intervals import MIN_DIFFERENCE, paired_difference
 from s2rstore.metrics import run_metrics
 from s2rtools.gap import instance_selection
 from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
@@ -74,7 +74,7 @@ def _errors(evidence: Evidence) -> tuple[NDArray[np.int64], GroupErrors]:
     """Raises InconclusiveError where there are too few instances."""
     store, iids = evidence.store, instance_selection.held_out(evidence)
     columns = store.run_columns(evidence.run)
-    instance_selection.require_instances(evidence, iids, MIN_MEAN)
+    instance_selection.require_instances(evidence, iids, MIN_DIFFERENCE)
     every = run_metrics.held_out(store, evidence.run)
     positions = store.poses(store.run(evidence.run).sim_domain)[:, :2]
     constant = np.hypot(*(positions[iids] - positions[every].mean(axis=0)).T)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.intervals import MIN_MEAN
+from s2rstore.intervals import MIN_DIFFERENCE
 from s2rstore.records import Run, Side
 from s2rstore.run_inputs import chain_text
 from s2rtools.common.blocks import Blocks, split_into_blocks
@@ -143,7 +143,7 @@ def _sample(evidence: Evidence, iids: NDArray[np.int64] | None = None) -> _Sampl
     """Raises InconclusiveError where there are too few instances."""
     store = evidence.store
     iids = _iids(evidence) if iids is None else iids
-    instance_selection.require_instances(evidence, iids, MIN_MEAN)
+    instance_selection.require_instances(evidence, iids, MIN_DIFFERENCE)
     blocks = split_into_blocks(store.instances.trajectory[iids])
     notes: tuple[str, ...] = ()
     if iids.size > MAX_INSTANCES:
