@@ -194,11 +194,17 @@ def coverage(quantity: str, process: Process, repeats: int = REPEATS, seed: int 
 
 
 def figures(repeats: int) -> Iterator[BudgetRow]:
-    """Coverage of every quantity on every process where an interval is printed."""
+    """Coverage of every quantity on every process where an interval is printed.
+
+    The limit allows for one Monte-Carlo error.
+    """
     for quantity in QUANTITIES:
         limit = RADIUS_LIMIT if quantity == RADIUS else LIMIT
         for process in visit_processes() if quantity == RADIUS else processes():
             found = coverage(quantity, process, repeats)
             if found.refused < 1:
                 name = f"{quantity}: {process}"
-                yield BudgetRow(name, found.coverage, "coverage", limit, "at least", asdict(found))
+                error = np.sqrt(limit * (1 - limit) / (repeats * (1 - found.refused)))
+                yield BudgetRow(
+                    name, found.coverage, "coverage", limit - error, "at least", asdict(found)
+                )

@@ -2,7 +2,6 @@
 
 from collections import Counter
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,11 +10,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rstore.findings.groups import Group, Groups
-from s2rstore.intervals.interval import Bound
+from s2rstore.intervals import Interval, Sample
 from s2rstore.language.syntax_tree import Everything
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.canvas.marks import Mark
-from s2rtui.charts.rooms.groups import fitting_columns, ordered, selected_per_group
+from s2rtui.charts.rooms.groups import fitting_columns, independent, ordered, selected_per_group
 from s2rtui.charts.rooms.groups_terminal import draw_groups, groups_layout, groups_panels
 from s2rtui.charts.rooms.model import rooms_model
 from s2rtui.charts.rooms.terminal import draw_rooms, rooms_layout, rooms_panels
@@ -129,7 +128,7 @@ def test_groups_are_sorted_by_each_column(sort, descending):
     values = {
         "real_m": lambda row: row.real.value, "low_m": lambda row: row.real.low,
         "high_m": lambda row: row.real.high, "sim_m": lambda row: row.sim,
-        "gap_m": lambda row: row.gap, "n": lambda row: row.n,
+        "gap_m": lambda row: row.gap, "n": lambda row: row.n, "independent": independent,
         "selected": lambda row: data.selected.get(row.group.name, 0),
         "group": lambda row: ROOM_NAMES.index(row.group.name),
     }  # fmt: skip
@@ -151,9 +150,14 @@ def test_each_row_shows_median_interval_and_count(size):
 
 def test_rows_mark_bounds_beyond_all_values():
     data = groups_input()
-    unbounded = SimpleNamespace(value=2.0, bounds=(Bound(0.4, "<"), Bound(9.25, ">")))
+    sample = Sample(30, 12.34, 1)
+    unbounded = Interval(-np.inf, 2.0, np.inf, ends=(0.4, 9.25), sample=sample)
     row = _row(replace(data.rows[0], real=unbounded), data)
     assert [f"{bound:.4g}" for bound in row[2:4]] == ["<0.4", ">9.25"]
+    assert (row[7], row[-1]) == (12.3, "")
+    few = replace(unbounded, low=np.nan, high=np.nan, reason="n 7, a median needs 25", sample=None)
+    row = _row(replace(data.rows[0], real=few), data)
+    assert (row[7], row[-1]) == (None, "no interval: n 7, a median needs 25")
 
 
 @pytest.mark.parametrize("sort", COLUMN_NAMES[:-1])

@@ -31,10 +31,12 @@ from s2rstore.intervals.dependence import (
     variance_inflation,
 )
 from s2rstore.intervals.interval import (
+    FEWEST_TRAJECTORIES,
     LEVEL,
     MIN_DIFFERENCE,
     MIN_MEAN,
     MIN_MEDIAN,
+    MIN_POPULATION_MEAN,
     MIN_SHARE,
     Interval,
     Sample,
@@ -54,8 +56,8 @@ def mean(
     """Mean of `values` (n,), such as errors, corrected for their skewness.
 
     Failures that are so rare that a recording holds none widen no interval: `minimum` is the number
-    of values from which on that is unlikely; `MIN_DIFFERENCE` will do for differences and for
-    scores in a range. Source: Hall, "On the
+    of values from which on that is unlikely, `MIN_POPULATION_MEAN` of three or more trajectories;
+    `MIN_DIFFERENCE` will do for differences and for scores in a range. Source: Hall, "On the
     removal of skewness by transformation", Journal of the Royal Statistical Society B 54, 1992.
     """
     return _mean(values, trajectories, level, minimum, "a mean")
@@ -85,6 +87,8 @@ def _mean(
 ) -> Interval:
     values, codes = _known(values, trajectories)
     value = float(values.mean()) if values.size else np.nan
+    if minimum == MIN_MEAN and values.size and _count(codes) >= FEWEST_TRAJECTORIES:
+        minimum, figure = MIN_POPULATION_MEAN, f"{figure} of {_count(codes)} trajectories"
     reason = _too_few(values, minimum, figure)
     if reason:
         return Interval.unknown(value, reason)

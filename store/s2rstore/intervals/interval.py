@@ -13,6 +13,8 @@ LEVEL_TEXT = f"{100 * LEVEL:g} %"
 
 MIN_MEAN = 100
 """Fewest values of an interval of a mean: among fewer, no failure may be seen that comes rarely."""
+MIN_POPULATION_MEAN = 200
+"""As `MIN_MEAN`, of an interval that is also about trajectories like these."""
 MIN_DIFFERENCE = 49
 """Fewest values of an interval of a mean difference."""
 MIN_MEDIAN = 25
