@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, shortened
 from s2rstore.files import atomic_writes, safe_files
 from s2rstore.files.input_files import decode_json
 from s2rstore.files.store_files import LocalFiles, StoreFiles
@@ -97,7 +97,6 @@ def checked_hash(text: object, what: str) -> str:
 def checked_name(name: str, what: str) -> str:
     """Return `name`; raise RequestError unless it can name a folder and stand in an expression."""
     if not _NAME.match(name) or ".." in name:
-        raise RequestError(
-            f"{what} {name!r}: use letters, digits and _ . + - (at most 80, the first no sign)"
-        )
+        allowed = "letters, digits and _ . + - (at most 80, the first no sign)"
+        raise RequestError(f"{what} {shortened(name)!r}: use {allowed}")
     return name

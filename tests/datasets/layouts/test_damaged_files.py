@@ -1,6 +1,7 @@
-"""Files with random damage are read with reports, or refused in one line, in every layout."""
+"""Files with random damage are read with reports, or refused in one line, by every importer."""
 
 import random
+import shutil
 import warnings
 from collections.abc import Callable
 from functools import partial
@@ -11,12 +12,15 @@ import pytest
 
 from s2rstore.errors import RequestError
 from s2rtools.datasets.layouts import LAYOUTS
+from s2rtools.datasets.scan import DecodedFrame
+from tests.datasets.helpers import scan_of
 from tests.datasets.layouts import test_colmap, test_lerobot, test_nerfstudio
 from tests.datasets.layouts.bag_writer import walk_bag
 from tests.datasets.layouts.checks import read_with
 from tests.datasets.layouts.recordings import drive
 from tests.datasets.layouts.rooms import walk, write_png
 from tests.datasets.layouts.test_layouts_find_the_truth import NAMES, write
+from tests.support import pairs
 
 INSERTED = [
     b"nan", b"-inf", b"1e400", b"", b"\n", b" ", b",", b"-1", b"9" * 400, b"\xff", b"\0", b"[",
@@ -120,3 +124,90 @@ def outcome(layout: str, path: Path, values: dict[str, str]) -> str:
         assert issue.file
         assert "\n" not in issue.kind + issue.file + issue.detail
     return "read"
+
+
+VALUES = [
+    "nan",
+    "1e400",
+    "",
+    "-1",
+    "9" * 400,
+    "x" * 5000,
+    "\0",
+    "../x",
+    "/",
+    "[]",
+    "true",
+    '"a\nb"',
+]
+
+
+def damage_lines(file: Path, rng: random.Random) -> None:
+    """Drop, repeat or shorten a line of a text file, or give it another value."""
+    lines = file.read_bytes().split(b"\n")
+    row = rng.randrange(len(lines))
+    separator = b"," if file.suffix == ".csv" else b" = "
+    values = lines[row].split(separator)
+    values[rng.randrange(len(values))] = rng.choice(VALUES).encode()
+    choices = ([], [lines[row]] * 2, [lines[row][: len(lines[row]) // 2]], [separator.join(values)])
+    lines[row : row + 1] = rng.choices(choices, (1, 1, 1, 4))[0]
+    file.write_bytes(b"\n".join(lines))
+
+
+def damage_file(file: Path, rng: random.Random) -> None:
+    """Damage a file, remove it, or put an empty folder or another kind of file in its place."""
+    kind = rng.randrange(8)
+    if kind < 4 and file.suffix in (".csv", ".toml"):
+        damage_lines(file, rng)
+    elif kind < 6:
+        file.write_bytes(damaged(file.read_bytes(), rng))
+    elif kind == 6:
+        file.unlink()
+        if rng.randrange(2):
+            file.mkdir()
+    else:
+        file.write_bytes(rng.choice([b"", b"\0" * 100, b"GIF89a", rng.randbytes(3000)]))
+
+
+def scanned(importer: str, path: Path, **options: object) -> str:
+    """Whether a data set is refused, or all its frames are read or reported."""
+    try:
+        scan = scan_of(importer, path, **options)
+    except RequestError as error:
+        assert "\n" not in str(error)
+        assert len(str(error)) < 500
+        return "refused"
+    issues = list(scan.issues)
+    for records in scan.trajectories.values():
+        for record in records:
+            assert np.isfinite([record.x, record.y, record.heading]).all()
+            for domain, source in record.sources.items():
+                frame = source.decode(scan, scan.domains[domain])
+                issues += frame.issues if isinstance(frame, DecodedFrame) else [frame]
+    for issue in issues:
+        assert issue.kind
+        assert issue.file
+        assert "\n" not in str(issue)
+    return "reported" if issues else "read"
+
+
+@pytest.mark.parametrize("importer", ["csv", "sim2realviz"])
+def test_damage_of_paired_images_is_reported_or_refused(importer, tmp_path):
+    whole, folder = tmp_path / "whole", tmp_path / "data"
+    options = {}
+    if importer == "csv":
+        path = folder / pairs.manifest(whole, n=4).name
+    else:
+        path, options = folder, {"header": folder / pairs.sim2realviz(whole, n=3).name}
+    outcomes = set()
+    for number in range(200):
+        rng = random.Random(number)
+        shutil.copytree(whole, folder)
+        files = sorted(file for file in folder.rglob("*") if file.is_file())
+        texts = [file for file in files if file.suffix in (".csv", ".toml")]
+        damage_file(rng.choice(rng.choice([texts, files])), rng)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            outcomes.add(scanned(importer, path, **options))
+        shutil.rmtree(folder)
+    assert outcomes == {"read", "reported", "refused"}

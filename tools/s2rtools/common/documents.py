@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, shortened
 
 Kind = TypeVar("Kind")
 _MAX_SHOWN = 60
@@ -78,7 +78,9 @@ def _message(text: str, data: Any, kind: Any, key: str) -> str:
         known = [field.encode_name for field in msgspec.structs.fields(struct)]
         close = difflib.get_close_matches(unknown[1], known, n=1)
         suggestion = f"did you mean {close[0]}? " if close else ""
-        return f"{prefix}{unknown[1]}: unknown key; {suggestion}known: {', '.join(known)}"
+        return (
+            f"{prefix}{shortened(unknown[1])}: unknown key; {suggestion}known: {', '.join(known)}"
+        )
     if expected is None:
         return f"{key}: {reason}" if key else reason
     kinds = expected[1].split(" | ")

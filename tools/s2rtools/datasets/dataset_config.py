@@ -29,7 +29,7 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta, Struct, field
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, shortened
 from s2rstore.files.input_files import read_document
 from s2rstore.files.layout import checked_name
 from s2rstore.index.row_check import THRESHOLDS_ARE, are_thresholds
@@ -258,7 +258,9 @@ class DatasetConfig:
     def _domain_table(self, name: str) -> dict[str, Any]:
         if name not in self.table.domains:
             known = ", ".join(self.table.domains) or "none"
-            raise RequestError(f"{self.path}: no [domains.{name}] (has: {known})")
+            raise RequestError(
+                f"{self.path}: no [domains.{shortened(name)}] (has: {shortened(known)})"
+            )
         return self.table.domains[name]
 
     def _camera(self, name: str, image: str) -> CameraTable:

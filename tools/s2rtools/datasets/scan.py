@@ -15,6 +15,7 @@ from s2rstore.errors import RequestError, shortened
 from s2rstore.files.layout import checked_name
 from s2rstore.geometry import angles
 from s2rstore.records import Bounds, Domain, RecallThresholds, Room, Side
+from s2rstore.security.printable_text import printable
 
 FRAME_SIZE = (256, 256)
 _MAX_SHOWN = 300
@@ -23,7 +24,7 @@ _MAX_SHOWN = 300
 
 @dataclass(frozen=True, slots=True)
 class InputIssue:
-    """A defect of the input: its kind, the file and the reason."""
+    """A defect of the input: its kind, the file and the reason; its text is one line."""
 
     kind: str
     file: str
@@ -31,7 +32,7 @@ class InputIssue:
 
     def __str__(self) -> str:
         parts = shortened(self.file, _MAX_SHOWN), self.kind, shortened(self.detail, _MAX_SHOWN)
-        return ": ".join(part for part in parts if part)
+        return printable(": ".join(part for part in parts if part))
 
     def of_side(self, side: str) -> InputIssue:
         """The same issue of one of two recordings, which may have files of equal names."""
