@@ -204,7 +204,7 @@ def figures(repeats: int) -> Iterator[BudgetRow]:
             found = coverage(quantity, process, repeats)
             if found.refused < 1:
                 name = f"{quantity}: {process}"
-                error = np.sqrt(limit * (1 - limit) / (repeats * (1 - found.refused)))
+                error = float(np.sqrt(limit * (1 - limit) / (repeats * (1 - found.refused))))
                 yield BudgetRow(
                     name, found.coverage, "coverage", limit - error, "at least", asdict(found)
                 )
