@@ -38,8 +38,6 @@ def whole_image(content: bytes, header: ImageHeader) -> bytes:
 
 
 def _whole_jpeg(content: bytes, header: ImageHeader) -> bytes:
-    if b"\xff\xc4" not in content:
-        raise ValueError("no tables")
     scans = max(end for _, _, end in jpeg_segments(content))
     body = content[: content.find(_JPEG_END, scans)].rstrip(b"\xff")
     while warning := _jpeg_warning(body + _JPEG_END, header):
