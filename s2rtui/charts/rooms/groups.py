@@ -99,8 +99,8 @@ def table_columns(data: GroupsInput, rows: list[GroupErrors]) -> list[TableColum
         TableColumn("95 %", ("low_m", "high_m"), tuple(map(_bounds, rows))),
         TableColumn("sim", ("sim_m",), tuple(number_text(row.sim) for row in rows)),
         TableColumn("gap", ("gap_m",), tuple(number_text(row.gap, signed=True) for row in rows)),
-        TableColumn("indep.", ("independent",), tuple(map(_independent_text, rows))),
         TableColumn("sel", ("selected",), tuple(chosen)),
+        TableColumn("indep.", ("independent",), tuple(map(_independent_text, rows))),
     )
     return sorted(columns, key=lambda column: data.sort not in column.sorts)
 
