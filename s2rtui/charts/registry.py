@@ -40,6 +40,6 @@ BY_NAME = {view.name: view for view in VIEWS}
 STORED = {word: view for view in VIEWS if view.from_store for word in (view.name, *view.aliases)}
 """Views that a store alone can fill, by name and alias."""
 PRINTED: dict[str, View] = {**STORED, RISK.name: RISK}
-"""What `s2r show` prints: these views, and tables without a drawing."""
+"""What `s2r show` prints: the views of a store, and tables that have no view."""
 
 __all__ = ["BY_NAME", "NAMES", "PRINTED", "STORED", "VIEWS", "Resources", "Scene", "View"]

@@ -250,7 +250,7 @@ class DatasetReader(IndexCatalog):
 
     @cached_property
     def imaged_parts(self) -> dict[str, frozenset[TrajectoryPart]]:
-        """The parts of trajectories that each domain images, whole parts only.
+        """The parts of trajectories of which each domain has images; it has all or none of a part.
 
         In a data set with poses every domain images what was ingested first.
         """
@@ -276,7 +276,7 @@ class DatasetReader(IndexCatalog):
         return all(part in imaged for part, _, _ in self._parts_of(iid, iid + 1))
 
     def imaged_ranges(self, *domains: str) -> list[range]:
-        """The instances that every one of the domains images, whole parts of the store apart."""
+        """Ranges of instances with images in all of the domains, each in one part of the store."""
         ranges: list[range] = []
         previous = None
         for part in self.trajectory_parts:

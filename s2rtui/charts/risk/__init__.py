@@ -1,1 +1,1 @@
-"""The risk table: what stated sigmas are worth, and radii that hold without them."""
+"""The risk table: calibration of sigma, mean errors by certainty, and conformal radii."""

@@ -84,7 +84,7 @@ def _radius(radius: Radius) -> _Row:
 
 
 def _text(found: SideUncertainty) -> str:
-    """The figures of a side in a sentence."""
+    """One sentence with the main figures of a side."""
     whole = found.radii[0].metres
     radius = whole.reason or (
         f"{100 * (1 - ALPHA):g} % of the images of a further {whole.unit} are expected within "

@@ -91,7 +91,10 @@ class TableColumn:
 
 
 def table_columns(data: GroupsInput, rows: list[GroupErrors]) -> list[TableColumn]:
-    """All columns beside the names, the most important ones first."""
+    """All columns beside the names, the most important ones first.
+
+    A column without any value is left out, unless the table is sorted by it.
+    """
     chosen = [str(data.selected.get(row.group.name, 0)) for row in rows]
     columns = (
         TableColumn("real", ("real_m",), tuple(number_text(row.real.value) for row in rows)),
@@ -102,7 +105,11 @@ def table_columns(data: GroupsInput, rows: list[GroupErrors]) -> list[TableColum
         TableColumn("sel", ("selected",), tuple(chosen)),
         TableColumn("indep.", ("independent",), tuple(map(_independent_text, rows))),
     )
-    return sorted(columns, key=lambda column: data.sort not in column.sorts)
+    shown = [
+        column for column in columns
+        if data.sort in column.sorts or any(text != "-" for text in column.texts)
+    ]  # fmt: skip
+    return sorted(shown, key=lambda column: data.sort not in column.sorts)
 
 
 _ORDER = ("real", "95 %", "sim", "gap", "n", "indep.", "sel")

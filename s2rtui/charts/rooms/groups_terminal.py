@@ -131,8 +131,11 @@ def _header(canvas: Canvas, data: GroupsInput, layout: GroupsLayout) -> None:
         left, width = layout.plot
         real, sim = canvas.glyphs.selected, canvas.glyphs.sim
         canvas.text(left, 0, "0", theme.muted)
-        canvas.text(left + 2, 0, fit_text(f"{real} real  {sim} sim", width - 8), theme.muted)
         end = f"{short_number(_longest(data))} m"
+        legend = f"{real} real  {sim} sim"
+        if len(legend) > width - len(end) - 3:
+            legend = f"{real} {sim}"
+        canvas.text(left + 2, 0, legend, theme.muted)
         canvas.text(left + width, 0, end, theme.muted, align="right")
 
 

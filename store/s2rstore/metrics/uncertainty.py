@@ -1,4 +1,4 @@
-"""What a stated sigma is worth: calibration, risk by coverage, and radii that hold by construction.
+"""How good a predicted sigma is: calibration, risk by coverage, and conformal radii.
 
 Sigma is the standard deviation of a predicted position per axis, metres, as the network states it.
 
@@ -50,7 +50,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class CalibrationPoint:
-    """The observed share of errors within the radius of probability `p`; equal where calibrated."""
+    """The observed share of errors within the radius of probability `p`, which should be `p`."""
 
     p: float
     share: Interval
@@ -58,7 +58,7 @@ class CalibrationPoint:
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Shares at each of `PROBABILITIES`, and the factor of sigma that makes the medians agree.
+    """Observed shares at `PROBABILITIES`, and the factor of sigma that fits the median error.
 
     A factor above 1 says that the stated sigmas are too small.
     """
@@ -132,7 +132,7 @@ def expected_ratio(p: float) -> float:
 
 
 def calibration(errors: Floats, sigmas: Floats, trajectories: Codes) -> Calibration:
-    """How often `errors` lie within the radii that `sigmas` state.
+    """Compare `errors` with the radii that follow from `sigmas`.
 
     All (n,), in recording order; errors and sigmas in metres, sigmas above 0. Raises ValueError for
     other shapes, NaN, and sigmas that are not above 0.
@@ -210,9 +210,10 @@ def side_uncertainty(
     store: Store, run: str, side: Side, members: Mask | None = None,
     population: Population = NEW_INSTANCES,
 ) -> SideUncertainty:  # fmt: skip
-    """Calibration, risk and radii of one side of a computed run, over `members` (N,) or all.
+    """Calibration, risk and radii of one side of a computed run.
 
-    The units of the radius over all rooms are trajectories where there are enough of them, else
+    They are over the instances of the population in `members` (N,) bool, by default all of it. The
+    units of the radius over all rooms are trajectories where there are enough of them, else
     visits. A sigma that is no number above 0 counts as none.
     """
     columns, truth = store.run_columns(run), store.instances

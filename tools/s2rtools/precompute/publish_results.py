@@ -179,9 +179,9 @@ def _instance_columns(
 
 
 def _of_instances(specs: Sequence[ArraySpec], root: Path, run: str, least: int) -> NDArray[Any]:
-    """Arrays of one kind and side with a row per instance, NaN where there is none.
+    """Read arrays of one kind and side as one, with NaN rows for instances that none of them has.
 
-    They have at least `least` rows.
+    The result has at least `least` rows.
     """
     rows = open_parts(specs, root, run).filled()
     padding = [(0, max(0, least - len(rows))), *[(0, 0)] * (rows.ndim - 1)]

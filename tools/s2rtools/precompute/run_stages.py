@@ -142,7 +142,7 @@ def _adjoining(parts: Sequence[range]) -> list[range]:
 
 
 def _joined(parts: Sequence[range], ranges: Sequence[range]) -> list[range]:
-    """The parts in each of some ranges, those that adjoin as one."""
+    """Merge parts that adjoin and lie in the same one of `ranges`."""
     joined: list[range] = []
     for part in parts:
         if joined and joined[-1].stop == part.start and part.start not in {r.start for r in ranges}:

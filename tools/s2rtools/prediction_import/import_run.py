@@ -151,7 +151,7 @@ def _no_pairs(files: Sequence[PredictionFile], counts: Mapping[str, int]) -> Req
 def _combined(
     files: Sequence[PredictionFile], count: int
 ) -> tuple[RowIssues, Poses, Splits, Sigmas]:
-    """Issues of all files, and by side poses (N, 3), splits (N,) and sigmas (N,).
+    """Combine files: all issues, then poses (N, 3), splits (N,) and sigmas (N,) of each side.
 
     Missing poses and sigmas are NaN. The split of an instance without a row is `NOT_ATTEMPTED`.
     Where two files predict the same, the first counts.

@@ -140,7 +140,7 @@ def _read_csv(path: Path) -> PredictionTable:
 
 
 def _number(path: Path, line: int, name: str, text: str) -> float:
-    """A number of a row, NaN for none. Raises RequestError for a sigma that is another text."""
+    """Parse a number, NaN where missing. Raises RequestError for a sigma that is no number."""
     number = parse_float(text)
     is_missing = not text or text.lower() == "nan"
     if number != number and not is_missing and "sigma" in NUMBERS[name]:
