@@ -1,5 +1,6 @@
 """Fixtures shared by all test packages."""
 
+import gc
 import os
 import shutil
 import signal
@@ -29,6 +30,10 @@ os.environ["S2R_BACKEND"] = "torch"
 _CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 os.environ.setdefault("NUMBA_CACHE_DIR", str(_CACHE / "numba"))
 
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+"""Each of the programs that tests start would compile all modules again."""
+
 PYPROJECT = Path(__file__).parents[1] / "pyproject.toml"
 
 _wait.SLEEP_GRANULARITY, _wait.SLEEP_IDLE = 0.002, 0.0002
@@ -55,6 +60,13 @@ def pytest_configure(config: pytest.Config) -> None:
             signal.signal(number, handler)
     if config.getoption("--deep"):
         settings.load_profile("deep")
+
+
+def pytest_collection_finish() -> None:
+    """Leave imported modules out of garbage collection, which took 5 % of the time."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000)
 
 
 @pytest.hookimpl(tryfirst=True)  # before xdist reads the groups

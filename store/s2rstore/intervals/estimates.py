@@ -286,10 +286,11 @@ def _sample(values: Floats, codes: NDArray[np.intp], parts: list[Spread]) -> Sam
 def _skewness(values: Floats) -> float:
     """Skewness of a sample (n,), adjusted for its size; 0 below three values."""
     n, deviations = values.size, values - values.mean()
-    variance = float((deviations**2).mean())
+    squares = deviations * deviations
+    variance = float(squares.mean())
     if n < 3 or variance == 0:
         return 0.0
-    return float((deviations**3).mean() / variance**1.5 * np.sqrt(n * (n - 1)) / (n - 2))
+    return float((squares * deviations).mean() / variance**1.5 * np.sqrt(n * (n - 1)) / (n - 2))
 
 
 def _skewed(value: float, spread: Spread, skewness: float, level: float) -> tuple[float, float]:

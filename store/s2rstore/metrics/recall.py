@@ -235,8 +235,8 @@ def _middle(errors: Floats) -> float:
     """The median as in `median_error`."""
     if not errors.size:
         return math.nan
-    ordered = np.sort(np.where(np.isnan(errors), np.inf, errors))
-    first, second = ordered[(errors.size - 1) // 2], ordered[errors.size // 2]
+    middle = ((errors.size - 1) // 2, errors.size // 2)
+    first, second = np.partition(np.where(np.isnan(errors), np.inf, errors), middle)[list(middle)]
     return float(first + (second - first) / 2) if np.isfinite(second) else math.inf
 
 
