@@ -52,6 +52,27 @@ def test_intervals_follow_a_change_of_units(seed: int, n: int, trajectories: int
     assert np.exp(logs.high) == pytest.approx(intervals.median(values, codes).high)
 
 
+DEGENERATE = (0.0, 1.0, np.nan, np.inf, 1e300, 1e-300)
+
+
+@pytest.mark.filterwarnings("error")
+@given(st.sampled_from([0, 1, 2, 25, 100, 250]), st.sampled_from(DEGENERATE),
+       st.sampled_from(DEGENERATE), st.integers(1, 4))  # fmt: skip
+def test_degenerate_values_have_bounds_in_order_or_a_reason(n, first, other, trajectories) -> None:
+    values, codes = np.full(n, first), np.arange(n) * trajectories // max(n, 1)
+    values[n // 3 :] = other * np.linspace(0.5, 1, n - n // 3)
+    estimates = (intervals.mean, intervals.median, intervals.paired_difference,
+                 intervals.geometric_mean)  # fmt: skip
+    found = [estimate(values, codes) for estimate in estimates]
+    found += [intervals.proportion(values >= 1, codes), intervals.spearman(values, values, codes)]
+    for interval in found:
+        if interval.reason:
+            assert math.isnan(interval.low)
+            assert math.isnan(interval.high)
+        else:
+            assert interval.low <= interval.value <= interval.high
+
+
 Case = tuple[Callable[[Process, Floats], Interval], Callable[[Process], float]]
 CASES: dict[str, Case] = {
     "mean": (lambda p, y: intervals.mean(y, p.codes), Process.mean),

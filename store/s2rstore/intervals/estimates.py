@@ -89,7 +89,7 @@ def _mean(
     value = float(values.mean()) if values.size else np.nan
     if minimum == MIN_MEAN and values.size and _count(codes) >= FEWEST_TRAJECTORIES:
         minimum, figure = MIN_POPULATION_MEAN, f"{figure} of {_count(codes)} trajectories"
-    reason = _too_few(values, minimum, figure)
+    reason = _too_few(values, minimum, figure) or _no_spread(values)
     if reason:
         return Interval.unknown(value, reason)
     parts = spreads(values, codes, _latent_autocorrelation(values, codes))
@@ -115,7 +115,7 @@ def linear(
     statistic varies as the mean of the influences does.
     """
     influence, codes = _known(influence, trajectories)
-    reason = _too_few(influence, minimum, "this figure")
+    reason = _too_few(influence, minimum, "this figure") or _no_spread(influence)
     if reason:
         return Interval.unknown(value, reason)
     parts = spreads(influence, codes, autocorrelation(influence, codes))
@@ -128,10 +128,15 @@ def geometric_mean(
     values: Floats, trajectories: Codes | None = None, *, level: float = LEVEL
 ) -> Interval:
     """Geometric mean of positive `values` (n,), such as ratios."""
-    logs = np.log(np.asarray(values, dtype=np.float64))
-    found = linear(float(np.nanmean(logs)), logs, trajectories, level=level, minimum=MIN_MEDIAN)
-    return Interval(float(np.exp(found.low)), float(np.exp(found.value)), float(np.exp(found.high)),
-                    level, found.reason, sample=found.sample)  # fmt: skip
+    values, codes = _known(values, trajectories)
+    if (values <= 0).any():
+        return Interval.unknown(np.nan, "a value is not above 0")
+    logs = np.log(values)
+    value = float(logs.mean()) if logs.size else np.nan
+    found = linear(value, logs, codes, level=level, minimum=MIN_MEDIAN)
+    with np.errstate(over="ignore"):
+        low, value, high = (float(np.exp(end)) for end in (found.low, found.value, found.high))
+    return Interval(low, value, high, level, found.reason, sample=found.sample)
 
 
 def median(values: Floats, trajectories: Codes | None = None, *, level: float = LEVEL) -> Interval:
@@ -149,7 +154,7 @@ def quantile(
     1952.
     """
     values, codes = _known(values, trajectories)
-    value = float(np.quantile(values, q)) if values.size else np.nan
+    value = _quantile(values, q) if values.size else np.nan
     reason = _too_few(values, MIN_MEDIAN, "a median" if q == 0.5 else "a quantile")
     if reason:
         return Interval.unknown(value, reason)
@@ -206,7 +211,8 @@ def proportion(
     half = t / (1 + t * t / effective) * np.sqrt(p * (1 - p) / effective
                                                  + (t / (2 * effective)) ** 2)  # fmt: skip
     sample = Sample(n, effective, _count(codes))
-    return Interval(max(middle - half, 0.0), p, min(middle + half, 1.0), level, sample=sample)
+    return Interval(min(max(middle - half, 0.0), p), p, max(min(middle + half, 1.0), p), level,
+                    sample=sample)  # fmt: skip
 
 
 def spearman(
@@ -241,7 +247,8 @@ def spearman(
         *(part.critical(level) * _fisher_error(part.error**-2) for part in parts if part.error),
     )
     centre = np.arctanh(held)
-    return Interval(float(np.tanh(centre - half)), r, float(np.tanh(centre + half)), level,
+    low, high = float(np.tanh(centre - half)), float(np.tanh(centre + half))
+    return Interval(min(low, r), r, max(high, r), level,
                     sample=Sample(n, min(effective, n), _count(codes)))  # fmt: skip
 
 
@@ -274,7 +281,23 @@ def _count(codes: NDArray[np.intp]) -> int:
 def _too_few(values: Floats, minimum: int, what: str) -> str:
     if values.size < minimum:
         return f"n {values.size}, {what} needs {minimum}"
-    return "all values are equal" if np.ptp(values) == 0 else ""
+    return "all values are equal" if values.min() == values.max() else ""
+
+
+def _no_spread(values: Floats) -> str:
+    """The reason why values that differ have no standard deviation, or ""."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        spread = float(values.std())
+    if not np.isfinite(spread):
+        return "a value is infinite or too large"
+    return "" if spread else "all values are equal"
+
+
+def _quantile(values: Floats, q: float) -> float:
+    """A quantile; between infinite values it is infinite."""
+    with np.errstate(invalid="ignore"):
+        value = float(np.quantile(values, q))
+    return float(np.quantile(values, q, method="higher")) if np.isnan(value) else value
 
 
 def _sample(values: Floats, codes: NDArray[np.intp], parts: list[Spread]) -> Sample:

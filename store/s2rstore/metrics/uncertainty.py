@@ -134,8 +134,8 @@ def expected_ratio(p: float) -> float:
 def calibration(errors: Floats, sigmas: Floats, trajectories: Codes) -> Calibration:
     """Compare `errors` with the radii that follow from `sigmas`.
 
-    All (n,), in recording order; errors and sigmas in metres, sigmas above 0. Raises ValueError for
-    other shapes, NaN, and sigmas that are not above 0.
+    All (n,), in recording order; errors and sigmas in metres. Raises ValueError for other
+    shapes, NaN, and sigmas that are not finite and above 0.
     """
     ratios = _ratios(errors, sigmas)
     points = (
@@ -271,6 +271,12 @@ def _risks(errors: Floats, sigmas: Floats) -> Floats:
 
 def _ratios(errors: Floats, sigmas: Floats) -> Floats:
     """Errors in sigmas (n,). Raises ValueError as `calibration`."""
-    if errors.shape != sigmas.shape or np.isnan(errors).any() or not (sigmas > 0).all():
-        raise ValueError("errors and sigmas must be numbers of one shape, and sigmas above 0")
+    if (
+        errors.shape != sigmas.shape
+        or np.isnan(errors).any()
+        or not ((sigmas > 0) & (sigmas < np.inf)).all()
+    ):
+        raise ValueError(
+            "errors and sigmas must be numbers of one shape, and sigmas finite and above 0"
+        )
     return np.asarray(errors / sigmas)
