@@ -1,6 +1,5 @@
 """Fixtures shared by all test packages."""
 
-import gc
 import os
 import shutil
 import signal
@@ -60,17 +59,6 @@ def pytest_configure(config: pytest.Config) -> None:
             signal.signal(number, handler)
     if config.getoption("--deep"):
         settings.load_profile("deep")
-
-
-def pytest_collection_finish() -> None:
-    """Leave imported modules out of garbage collection, which took 5 % of the time."""
-    gc.collect()
-    gc.freeze()
-    gc.set_threshold(20_000)
-
-
-def pytest_unconfigure() -> None:
-    gc.unfreeze()  # or extension modules report leaks at the end
 
 
 @pytest.hookimpl(tryfirst=True)  # before xdist reads the groups

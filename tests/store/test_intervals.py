@@ -18,6 +18,7 @@ from s2rstore import intervals
 from s2rstore.intervals import Interval, verdict
 from s2rstore.intervals.dependence import between_spread, midranks, series_spread
 from s2rstore.intervals.sequential import BASELINE, YEAR, change_alarm
+from s2rstore.metrics.recall import skill
 
 REPEATS = 300
 Floats = np.ndarray
@@ -80,6 +81,10 @@ CASES: dict[str, Case] = {
     "proportion": (
         lambda p, y: intervals.proportion(y <= p.quantile(0.8), p.codes, errors=y),
         lambda p: 0.8,
+    ),
+    "skill": (
+        lambda p, y: skill(y, np.full(y.size, 3.0), p.codes),
+        lambda p: 1 - p.mean() / 3,
     ),
 }
 

@@ -224,12 +224,15 @@ def spearman(
     Spearman correlations", Psychometrika 65, 2000.
     """
     first, second = np.asarray(first, np.float64), np.asarray(second, np.float64)
-    keep = np.isfinite(first) & np.isfinite(second)
-    codes = trajectory_codes(None if trajectories is None else trajectories[keep], int(keep.sum()))
+    keep = ~(np.isnan(first) | np.isnan(second))
+    kept = None if trajectories is None else np.asarray(trajectories)[keep]
+    codes = trajectory_codes(kept, int(keep.sum()))
     first, second = first[keep], second[keep]
     n = first.size
-    if n < 2 or np.ptp(first) == 0 or np.ptp(second) == 0:
-        return Interval.unknown(np.nan, "all values are equal" if n > 1 else f"n {n}")
+    if n < 2:
+        return Interval.unknown(np.nan, f"n {n}, a correlation needs {MIN_SHARE}")
+    if any(values.min() == values.max() for values in (first, second)):
+        return Interval.unknown(np.nan, "all values are equal")
     x, y = _standardised(midranks(first)), _standardised(midranks(second))
     r = float(np.mean(x * y))
     if n < MIN_SHARE:
@@ -285,7 +288,7 @@ def _too_few(values: Floats, minimum: int, what: str) -> str:
 
 
 def _no_spread(values: Floats) -> str:
-    """The reason why values that differ have no standard deviation, or ""."""
+    """Why the standard deviation of `values` (n,) is 0 or not finite; "" where it is neither."""
     with np.errstate(over="ignore", invalid="ignore"):
         spread = float(values.std())
     if not np.isfinite(spread):
@@ -294,7 +297,7 @@ def _no_spread(values: Floats) -> str:
 
 
 def _quantile(values: Floats, q: float) -> float:
-    """A quantile; between infinite values it is infinite."""
+    """The quantile `q` of `values` (n,), which may be infinite."""
     with np.errstate(invalid="ignore"):
         value = float(np.quantile(values, q))
     return float(np.quantile(values, q, method="higher")) if np.isnan(value) else value

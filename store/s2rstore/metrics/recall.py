@@ -184,10 +184,13 @@ def skill(errors: Floats, constant: Floats, trajectories: Codes) -> Interval:
     errors, constant = errors[known], constant[known]
     mean = float(constant.mean()) if constant.size else 0.0
     if not mean > 0:
-        return Interval.unknown(math.nan, "no instance is localised")
+        reason = (
+            "the constant prediction has no error" if errors.size else "no instance is localised"
+        )
+        return Interval.unknown(math.nan, reason)
     ratio = float(errors.mean()) / mean
     influence = (ratio * constant - errors) / mean
-    return intervals.linear(1 - ratio, influence, trajectories[known])
+    return intervals.mean(1 - ratio + influence, trajectories[known])
 
 
 def side_recall(

@@ -25,6 +25,19 @@ def test_a_delay_at_the_threshold_rarely_passes(noise):
     assert failed < 0.036
 
 
+@pytest.mark.parametrize("true", [0.02, 0.1])
+@pytest.mark.parametrize("count", [2, 3])
+def test_the_mean_size_of_few_drives_is_no_surer_than_their_noise(count, true):
+    rng = np.random.default_rng(1)
+    found = []
+    for _ in range(400):
+        blocks = true + 0.05 * np.sqrt(8) * rng.standard_normal((count, 8))
+        left_out = (blocks.sum(axis=1, keepdims=True) - blocks) / 7
+        drives = [time_delay.TimeDelay(float(drive.mean()), drive, {}, 10.0) for drive in left_out]
+        found.append(delay_axis.mean_size(drives))
+    assert np.mean([each.low <= true <= each.high for each in found]) >= 0.93
+
+
 def test_only_a_delay_within_its_noise_is_shrunk():
     rng = np.random.default_rng(0)
     estimate = delay_axis.denoised_size(np.abs(0.05 + 0.01 * rng.standard_normal(4000)), 0.01)

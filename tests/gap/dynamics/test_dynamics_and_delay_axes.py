@@ -15,7 +15,8 @@ from bench.support import robot
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.intervals import Interval
 from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
-from s2rtools.gap.dynamics import DelayAxis, DynamicsAxis
+from s2rtools.gap.delay.delay_axis import DelayAxis
+from s2rtools.gap.dynamics import DynamicsAxis
 from s2rtools.gap.dynamics.windows import WindowPlan
 from s2rtools.motion_logs import Drive
 from s2rtools.motion_logs.rigid_alignment import RigidTransform

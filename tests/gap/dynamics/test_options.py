@@ -12,7 +12,8 @@ import s2rstore
 from bench.support import robot
 from s2rstore.index.transaction import edit
 from s2rtools.gap.axis_result import Evidence, GapSettings
-from s2rtools.gap.dynamics import DelayAxis, DynamicsAxis, options
+from s2rtools.gap.delay.delay_axis import DelayAxis
+from s2rtools.gap.dynamics import DynamicsAxis, options
 from s2rtools.gap.dynamics.ape_rpe import LogAlignment, RpeStep
 from s2rtools.gap.dynamics.noise_floor import Noise
 from s2rtools.motion_logs.rigid_alignment import RigidTransform

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import ClassVar, Literal, get_args
 
 import numpy as np
@@ -167,16 +168,36 @@ def denoised_size(size: Floats, deviation: float) -> Floats:
 def mean_size(delays: Sequence[time_delay.TimeDelay], level: float = LEVEL) -> Interval:
     """Mean over the drives of |delay| corrected for noise, s, weighted by overlap.
 
-    The interval of one drive is that of its delay, folded at 0 and corrected alike.
+    The interval of one drive is that of its delay, folded at 0 and corrected alike. That of several
+    holds the noise of the single drives and the spread between them, whichever reaches further.
+    Source of the former: Zou and Donner, "Construction of confidence limits about effect measures",
+    Statistics in Medicine 27, 2008.
     """
-    sizes = np.array([denoised_size(np.array(abs(d.seconds)), d.error) for d in delays])
-    if len(delays) > 1:
-        return _pooled(delays, sizes, level).at_least(0.0)
-    delay = delays[0].interval(level)
-    ends = denoised_size(np.abs([delay.low, delay.high]), delays[0].error)
-    low = 0.0 if delay.low < 0 < delay.high else float(ends.min())
-    return Interval(low, float(sizes[0]), float(ends.max()), level, delay.reason,
-                    sample=delay.sample)  # fmt: skip
+    single = [_size(delay, level) for delay in delays]
+    if len(delays) == 1:
+        return single[0]
+    values, lows, highs = (
+        np.array([getattr(size, part) for size in single]) for part in ("value", "low", "high")
+    )
+    found = _pooled(delays, values, level).at_least(0.0)
+    if found.reason:
+        return found
+    weights = np.array([delay.overlap for delay in delays])
+    weights = weights / weights.sum()
+    below, above = (
+        float(np.sqrt(np.nansum(np.square(weights * (end - values))))) for end in (lows, highs)
+    )
+    low, high = max(0.0, found.value - below), found.value + above
+    return replace(found, low=min(found.low, low), high=max(found.high, high))
+
+
+def _size(delay: time_delay.TimeDelay, level: float) -> Interval:
+    """|delay| of one drive corrected for noise, s."""
+    found = delay.interval(level)
+    value = float(denoised_size(np.array(abs(delay.seconds)), delay.error))
+    ends = denoised_size(np.abs([found.low, found.high]), delay.error)
+    low = 0.0 if found.low < 0 < found.high else float(ends.min())
+    return Interval(low, value, float(ends.max()), level, found.reason, sample=found.sample)
 
 
 def mean_delay(delays: Sequence[time_delay.TimeDelay], level: float = LEVEL) -> Interval:

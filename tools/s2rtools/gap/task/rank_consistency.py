@@ -129,7 +129,9 @@ def rank_violation(sim: Floats, real: Floats) -> float:
 
 def _rank_correlation(sim: Floats, real: Floats, level: float) -> Interval:
     value = _correlation(stats.spearmanr, sim, real)
-    if sim.size < MIN_SHARE or np.isnan(value):
+    if np.isnan(value):
+        return Interval.unknown(value, "all runs have the same mean error")
+    if sim.size < MIN_SHARE:
         return Interval.unknown(value, f"{sim.size} runs, a correlation needs {MIN_SHARE}")
     return spearman(sim, real, np.arange(sim.size), level=level)
 
