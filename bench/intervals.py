@@ -20,6 +20,7 @@ from bench.simulated_errors import Floats, Process
 from s2rstore import intervals
 from s2rstore.intervals import Interval
 from s2rstore.metrics.uncertainty import ALPHA, conformal_radius
+from s2rtools.gap.task.rank_consistency import regret
 
 REPEATS = 1000
 LIMIT = 0.93
@@ -28,6 +29,8 @@ RADIUS_LIMIT = 0.88
 """Least coverage of a radius at nominal 90 %."""
 RADIUS = "conformal radius"
 _GROUPS = 8
+_EXCESS = 0.5
+"""Real error of the chosen run above that of the others, of which it is the regret."""
 Codes = NDArray[np.int64]
 
 
@@ -83,6 +86,30 @@ def _of_pairs(
             yield estimate(process, process.values(a), process.values(b)), true, np.nan
 
     return measured
+
+
+def _mean_of_units(process: Process, values: Floats) -> Interval:
+    """The mean by its values without each trajectory."""
+    if process.trajectories < intervals.FEWEST_TRAJECTORIES:
+        return Interval.unknown(reason="too few trajectories")
+    sums, sizes = (np.bincount(process.codes, each) for each in (values, None))
+    left_out = (values.sum() - sums) / (process.n - sizes)
+    return intervals.of_units(float(values.mean()), left_out, unit="trajectories")
+
+
+def _linear(process: Process, a: Floats, b: Floats) -> Interval:
+    return intervals.linear(float((a - b).mean()), a - b, process.codes)
+
+
+def _ratio(process: Process, a: Floats, b: Floats) -> Interval:
+    """As the skill and the relative drop."""
+    return intervals.ratio_of_means(process.positive(a), process.positive(b), process.codes)
+
+
+def _regret(process: Process, a: Floats, b: Floats) -> Interval:
+    """The first of three runs is the best but for an excess; the third mixes both others."""
+    runs = np.stack([a + _EXCESS, b, np.where(np.arange(process.n) % 2, a, b)], axis=1)
+    return regret(runs, 0, process.codes, intervals.LEVEL)
 
 
 def _limit(process: Process) -> float:
@@ -143,6 +170,10 @@ QUANTITIES: dict[str, Measured] = {
         lambda p, a, b: intervals.spearman(a, b, p.codes),
         lambda p: 6 / np.pi * float(np.arcsin(0.25)),
     ),
+    "linear statistic": _of_pairs(_linear, lambda p: 0.0),
+    "mean of trajectories": _of_values(_mean_of_units, Process.mean),
+    "ratio of means": _of_pairs(_ratio, lambda p: 1.0),
+    "regret": _of_pairs(_regret, lambda p: _EXCESS),
     "worst of 8 groups": _of_values(_worst_group, lambda p: 0.0),
     RADIUS: _radius,
 }

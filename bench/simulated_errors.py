@@ -78,6 +78,10 @@ class Process:
         """True mean error."""
         return float(_grid_values(self.errors).mean())
 
+    def positive(self, values: Floats) -> Floats:
+        """Errors above 0: those of the normal distribution, which has others, are exponentiated."""
+        return np.exp(values) if self.errors == "normal" else values
+
 
 @lru_cache
 def _grid_values(errors: str) -> Floats:

@@ -2,7 +2,8 @@
 
 Axes are means of independent processes of 100 or more errors, judged as `s2r gap` judges them. A
 false FAIL is one though no axis lies above its threshold, a false PASS one though an axis lies on
-it. Nights are means of 100 errors with a level of their own each night.
+it. Nights are means of 100 errors with a level of their own each night, of one or more axes that
+share the budget of false alarms as in `s2r nightly`.
 """
 
 from __future__ import annotations
@@ -27,15 +28,15 @@ _FAR = 0.5
 _PAIRS, _LEVEL, _SPREAD, _RISE = 100, 1.0, 0.1, 0.3
 """Of nights: instances, mean error, spread between nights, and rise, metres."""
 _MOST_NIGHTS = {0.0: 10.0, 0.6: 20.0}
-"""Nights until the rise is found, in the median, by the correlation of neighbours."""
+"""Nights until the rise of one axis is found, in the median, by the correlation of neighbours."""
 
 
 def figures(repeats: int) -> Iterator[BudgetRow]:
     """Rates of single verdicts, then of years of nights."""
     for kind, n, rho in product(("normal", "lognormal", "bursts"), (100, 400), (0.0, 0.6, 0.8)):
         yield from _gate(Process(kind, n, rho), repeats)
-    for rho in (0.0, 0.6, 0.8):
-        yield from _nights(rho, max(1, repeats // 4))
+    for rho, axes in product((0.0, 0.6, 0.8), (1, 4)):
+        yield from _nights(rho, axes, max(1, repeats // 4))
 
 
 def _gate(process: Process, repeats: int) -> Iterator[BudgetRow]:
@@ -76,21 +77,24 @@ def _outcomes(
     return {name: found.count(name) / len(found) for name in ("PASS", "FAIL", "INCONCLUSIVE")}
 
 
-def _nights(rho: float, years: int) -> Iterator[BudgetRow]:
+def _nights(rho: float, axes: int, years: int) -> Iterator[BudgetRow]:
+    """A year of independent axes without a change, and of one axis that rises."""
     rng = np.random.default_rng(11)
-    unchanged = [_first_alarm(_year(rho, YEAR, rng)) for _ in range(years)]
+    budget = (1 - intervals.LEVEL) / 2 / axes
+    false = np.mean([
+        any(_first_alarm(_year(rho, YEAR, rng), budget) is not None for _ in range(axes))
+        for _ in range(years)
+    ])  # fmt: skip
     risen = []
     for _ in range(years):
         nights = _year(rho, BASELINE + 150, rng)
         nights[BASELINE:] += _RISE
-        risen.append(_first_alarm(nights) or np.inf)
-    name = f"nights of {_PAIRS} pairs, rho {rho:g}"
-    false = float(np.mean([alarm is not None for alarm in unchanged]))
-    yield BudgetRow(f"{name}: unchanged years with a false FAIL", false, "share", 0.05)
-    found = float(np.median(risen))
-    yield BudgetRow(
-        f"{name}: nights until +{_RISE:g} m is found", found, "nights", _MOST_NIGHTS.get(rho)
-    )
+        risen.append(_first_alarm(nights, budget) or np.inf)
+    name = f"nights of {_PAIRS} pairs, rho {rho:g}, {axes} axes"
+    yield BudgetRow(f"{name}: unchanged years with a false FAIL", float(false), "share", 0.05)
+    most = _MOST_NIGHTS.get(rho) if axes == 1 else None
+    title = f"{name}: nights until +{_RISE:g} m is found"
+    yield BudgetRow(title, float(np.median(risen)), "nights", most)
 
 
 def _year(rho: float, nights: int, rng: np.random.Generator) -> Floats:
@@ -100,9 +104,9 @@ def _year(rho: float, nights: int, rng: np.random.Generator) -> Floats:
     return np.asarray(errors + rng.normal(0, _SPREAD, nights))
 
 
-def _first_alarm(nights: Floats) -> int | None:
+def _first_alarm(nights: Floats, budget: float) -> int | None:
     """Number of nights from the end of the baseline to the first alarm; None without an alarm."""
     for count in range(BASELINE + 1, nights.size + 1):
-        if change_alarm(nights[:count], _RISE).outcome == "FAIL":
+        if change_alarm(nights[:count], _RISE, budget=budget).outcome == "FAIL":
             return count - BASELINE
     return None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from statistics import NormalDist
 
 import msgspec
 import pytest
@@ -26,7 +27,8 @@ def axis_result(axis: str, value: float, spread: float = 0.01, floor: float = 0.
     """An axis with a normal interval of standard error `spread`."""
 
     def bounds(level: float) -> Interval:
-        return Interval(value - 2 * spread, value, value + 2 * spread).at_level(level)
+        half = NormalDist().inv_cdf(0.5 + level / 2) * spread
+        return Interval(value - half, value, value + half, level)
 
     return AxisResult(axis, value, floor, 50, bounds, {"features": "f", "n": 50})
 
@@ -78,6 +80,20 @@ def test_an_interval_across_the_threshold_is_inconclusive() -> None:
     verdict = judge(measurement_of(axis_result("task", 0.25, spread=0.2)), scale("task"), SETTINGS)
     assert verdict.outcome == "INCONCLUSIVE"
     assert verdict.reason == "task not known to be below the threshold of 15"
+
+
+def test_an_axis_above_the_threshold_at_another_level_is_said_to_be() -> None:
+    """Its printed interval lies above the threshold, that of two axes at once does not."""
+    near = axis_result("task", 0.25 + 2.1 * 0.01, spread=0.01)
+    verdict = judge(
+        measurement_of(near, axis_result("visual", 0.1)), scale("task", "visual"), SETTINGS
+    )
+    assert verdict.outcome == "INCONCLUSIVE"
+    assert verdict.gap.low > 15
+    assert verdict.reason == (
+        "task not known to be below the threshold of 15; task above it at 95 %, not at 97.5 %, the "
+        "level of a FAIL"
+    )
 
 
 def test_an_unjudged_axis_is_not_in_the_headline() -> None:

@@ -64,11 +64,11 @@ def test_identity_changes_nothing_and_earns_no_claim(reports):
     judged = reports["identity"]
     assert judged.verdict.passed
     gain = judged.row("error_gain")
-    assert (gain.value, gain.run, gain.unit) == (0, "vanilla", "m")
-    assert task_metrics.claim(Interval(gain.low, gain.value, gain.high)).startswith("no claim")
-    assert judged.row("features_gain").value == 0
+    assert (gain.interval.value, gain.run, gain.unit) == (0, "vanilla", "m")
+    assert task_metrics.claim(gain.interval).startswith("no claim")
+    assert judged.row("features_gain").interval.value == 0
     for metric in ("kid_network", "kid_colour", "w1_red"):
-        assert judged.row(metric).value == judged.row(metric, "identity").value
+        assert judged.row(metric).interval.value == judged.row(metric, "identity").interval.value
 
 
 def test_reports_are_made_on_images_that_no_translator_was_fitted_on(root, reports):
@@ -87,8 +87,10 @@ def test_reports_are_made_on_images_that_no_translator_was_fitted_on(root, repor
 def test_errors_stand_beside_those_without_translation_and_of_the_target(reports):
     judged = reports["mkl"]
     before, after = judged.row("error", "identity"), judged.row("error")
-    assert judged.row("error_gain").value == pytest.approx(before.value - after.value)
-    assert judged.row("error", "target").value > 0
+    assert judged.row("error_gain").interval.value == pytest.approx(
+        before.interval.value - after.interval.value
+    )
+    assert judged.row("error", "target").interval.value > 0
     assert {"identity", "repeated_image", "target", "translator"} == {
         row.reference for row in judged.rows if row.metric == "kid_network"
     }
@@ -141,7 +143,7 @@ def test_translators_of_sim_images_claim_nothing_about_reality(root):
         turned = replace(known, direction="sim2real", source="sim", target="real")
         (judged,) = report.evaluate(store, [turned], report.ReportSettings(run="vanilla"))
     assert judged.row("error_gain") is None
-    assert judged.row("sim_error_gain").value == 0
+    assert judged.row("sim_error_gain").interval.value == 0
 
 
 def test_networks_trained_on_translated_images_are_compared_with_the_run(store_copy):
@@ -270,4 +272,6 @@ def test_reports_are_reproducible_apart_from_the_measured_time(root, reports):
     for first, second in zip(reports["mkl"].rows, again.rows, strict=True):
         if first.metric != "cost":
             assert (first.metric, first.reference) == (second.metric, second.reference)
-            np.testing.assert_allclose(first.value, second.value, rtol=1e-5, atol=1e-7)
+            np.testing.assert_allclose(
+                first.interval.value, second.interval.value, rtol=1e-5, atol=1e-7
+            )

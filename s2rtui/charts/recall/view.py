@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from s2rstore.index.population import Population
+from s2rstore.intervals import Interval
 from s2rstore.metrics.recall import recall_curve, side_recall
 from s2rstore.reader import Store
 from s2rstore.records import Side
@@ -33,21 +34,22 @@ class RecallView(View):
         return _model(scene.store, state.run, state.selected, state.base, state.population)
 
     def numbers(self, scene: Scene) -> Table:
-        names = ("side", "figure", "metres_m", "heading_deg", "low", "value", "high", "n",
-                 "not_localised")  # fmt: skip
+        names = ("side", "figure", "metres_m", "heading_deg", "value", "low", "high", "reason",
+                 "unit", "n", "not_localised")  # fmt: skip
         rows: list[tuple[object, ...]] = []
         for name, side in self.input(scene).sides:
             found = side.figures
-            counts = found.n, found.not_localised
-            rows += [
-                (name, "recall", p.metres, p.degrees, *_ends(p.share), *counts)
-                for p in found.points
+            figures: list[tuple[str, float | None, float | None, Interval, str]]
+            figures = [("recall", p.metres, p.degrees, p.share, "") for p in found.points]
+            figures += [
+                ("median position error", None, None, found.position, "m"),
+                ("median heading error", None, None, found.heading.scaled(180 / np.pi), "deg"),
+                ("skill", None, None, found.skill, ""),
             ]
-            in_degrees = found.heading.scaled(180 / np.pi)
-            for figure, interval in (("median position error m", found.position),
-                                     ("median heading error deg", in_degrees),
-                                     ("skill", found.skill)):  # fmt: skip
-                rows.append((name, figure, None, None, *_ends(interval), *counts))
+            for figure, metres, degrees, interval, unit in figures:
+                ends = interval.as_columns("").values()
+                counts = found.n, found.not_localised
+                rows.append((name, figure, metres, degrees, *ends, unit, *counts))
         return names, rows
 
     def summary(self, scene: Scene) -> str:
@@ -65,12 +67,6 @@ class RecallView(View):
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         return draw_recall(self.input(scene), size, options)
-
-
-def _ends(interval: object) -> tuple[float | None, ...]:
-    """Low, value and high; None where they are infinite."""
-    ends = (getattr(interval, name) for name in ("low", "value", "high"))
-    return tuple(float(end) if np.isfinite(end) else None for end in ends)
 
 
 @cached_by_identity(8)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from s2rstore.intervals import Interval
 from s2rtui.cli.formatting import rows as output
 
 Details = dict[str, Any]
@@ -25,16 +26,8 @@ def details(axis: dict[str, Any]) -> Iterator[str]:
 
 
 def with_interval(row: dict[str, Any], name: str, digits: int = 3) -> str:
-    """Return a value with its interval: `name`, `name_low` and `name_high` of `row`."""
-    return interval_text(row.get(name), row.get(f"{name}_low"), row.get(f"{name}_high"), digits)
-
-
-def interval_text(value: float | None, low: float | None, high: float | None, digits: int) -> str:
-    """Return `value (low .. high)`; `-` for an unknown value, `?` for an unknown end."""
-    if value is None:
-        return "-"
-    ends = " .. ".join("?" if end is None else f"{end:.{digits}f}" for end in (low, high))
-    return f"{value:.{digits}f} ({ends})"
+    """Return a value with its interval, or the reason why it has none."""
+    return Interval.from_columns(row, name).with_bounds(f"{{:.{digits}f}}".format)
 
 
 def _visual(details: Details) -> Iterator[str]:
@@ -45,7 +38,7 @@ def _visual(details: Details) -> Iterator[str]:
         if isinstance(row, dict) and "floor_low" in row
     ]
     yield f"permutation p value of the kernel distance: {details['kid_p']:.3g}"
-    names = ("metric", "sim and real", "real and real (noise floor)")
+    names = ("metric", "sim and real", "real and real (range over the splits)")
     yield (
         f"means over {halves['splits']} random splits of the instances into two halves, n = "
         f"{halves['n']} each: sim images of one half and real images of the other, and real images "
@@ -77,7 +70,7 @@ def _task(details: Details) -> Iterator[str]:
     yield (
         f"mean error {details['sim']:.2f} m in simulation, {details['real']:.2f} m in reality, "
         f"{details['baseline']:.2f} m for the constant prediction; relative drop "
-        f"{interval_text(drop['value'], drop['low'], drop['high'], 2)}"
+        f"{Interval.from_json(drop).with_bounds()}"
     )
     for kind in ("runs", "trajectories", "rooms", "headings"):
         groups = details[kind].items()
@@ -86,8 +79,8 @@ def _task(details: Details) -> Iterator[str]:
         by_gap = sorted(groups, key=lambda item: -item[1]["gap"]["value"])
         rows = [
             (name, row["n"], row["sim"], row["real"], row["baseline"],
-             interval_text(*_triple(row["gap"]), 2),
-             interval_text(*_triple(row["relative_drop"]), 2))
+             Interval.from_json(row["gap"]).with_bounds(),
+             Interval.from_json(row["relative_drop"]).with_bounds())
             for name, row in by_gap
         ]  # fmt: skip
         names = (kind, "n", "sim m", "real m", "constant m", "gap m", "relative drop")
@@ -118,8 +111,7 @@ def _dynamics(details: Details) -> Iterator[str]:
 
 
 def _degrees(row: Details, name: str) -> str:
-    value, low, high = (_to_degrees(row[f"{name}{end}"]) for end in ("", "_low", "_high"))
-    return interval_text(value, low, high, 2)
+    return Interval.from_columns(row, name).scaled(180 / math.pi).with_bounds()
 
 
 def _to_degrees(radians: float | None) -> float | None:
@@ -127,15 +119,11 @@ def _to_degrees(radians: float | None) -> float | None:
 
 
 def _delay(details: Details) -> Iterator[str]:
-    low, value, high = (1000 * details[f"delay{end}"] for end in ("_low", "", "_high"))
+    delay = Interval.from_columns(details, "delay").scaled(1000).with_bounds("{:.1f}".format)
     yield (
-        f"delay {interval_text(value, low, high, 1)} ms, positive if reality lags; the control "
+        f"delay {delay} ms, positive if reality lags; the control "
         f"period is {1000 * details['period']:g} ms"
     )
-
-
-def _triple(row: Details) -> tuple[float | None, float | None, float | None]:
-    return row["value"], row["low"], row["high"]
 
 
 _DESCRIPTIONS: dict[str, Callable[[Details], Iterator[str]]] = {

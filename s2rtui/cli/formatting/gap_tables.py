@@ -81,8 +81,9 @@ def _rank_consistency(across: dict[str, Any]) -> Iterator[str]:
         for name in ("Kendall", "Pearson")
     )
     yield (
-        f"  across {across['scope']}: Spearman {with_interval(across, 'spearman', 2)}, "
-        f"{correlations}, MMRV {across['mmrv']:.2f} m"
+        f"  across {len(across['runs'])} runs: Spearman {with_interval(across, 'spearman', 2)}, "
+        f"about {across['scope']}; of these runs only: {correlations}, MMRV "
+        f"{across['mmrv']:.2f} m, which noise in the errors makes larger"
     )
     yield (
         f"  regret of {across['chosen_run']}, which simulation ranks first: "

@@ -37,7 +37,11 @@ def _factors(scores: Row) -> Table:
          _interval(r, "without"), _interval(r, "gain"), r["n"])
         for r in scores["factors"]
     ]  # fmt: skip
-    return "Causes of the real error: mean position error, m", names, rows
+    title = (
+        "Causes of the real error: mean position error, m; the intervals of costs and gains hold "
+        "for all factors at once"
+    )
+    return title, names, rows
 
 
 def _objects(scores: Row) -> Table:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from s2rstore.intervals import LEVEL_TEXT, Interval
+from s2rstore.intervals import LEVEL_TEXT
 from s2rtui.cli.formatting import rows as output
 
 if TYPE_CHECKING:
@@ -114,12 +114,12 @@ def _task(reports: Sequence[TranslatorReport]) -> Iterator[str]:
             rows.append((
                 report.name, side, _bounded(report.row(error, "identity"), 2),
                 _bounded(report.row(error), 2), _bounded(gain, 2),
-                claim(Interval(gain.low, gain.value, gain.high)),
+                claim(gain.interval),
                 _percent(report.row("features_gain")),
             ))  # fmt: skip
         found = [row for row in report.rows if row.metric.startswith("trained_error")]
         for mean, better in zip(found[::2], found[1::2], strict=True):
-            text = claim(Interval(better.low, better.value, better.high))
+            text = claim(better.interval)
             trained.append((report.name, mean.run, _bounded(mean, 2), _bounded(better, 2), text))
     if rows:
         yield "Mean position error, m, with the translator in front of the network\n"
@@ -156,7 +156,7 @@ def _figure(value: float) -> float:
 
 
 def _value(row: MetricRow | None) -> float | None:
-    return None if row is None else float(f"{row.value:.3g}")
+    return None if row is None else float(f"{row.interval.value:.3g}")
 
 
 def _bounded(row: MetricRow | None, digits: int) -> str:
@@ -164,14 +164,13 @@ def _bounded(row: MetricRow | None, digits: int) -> str:
     if row is None:
         return "-"
     number = f"{{:.{digits}f}}".format
-    interval = Interval(row.low, row.value, row.high)
-    bounds = f" ({interval.bounds_text(number, to=' .. ')})" if interval.is_known else ""
-    return number(row.value) + bounds
+    plain = not row.interval.is_known and not row.interval.reason
+    return number(row.interval.value) if plain else row.interval.with_bounds(number)
 
 
 def _percent(row: MetricRow | None) -> str:
     if row is None:
         return "-"
-    interval = Interval(row.low, row.value, row.high).scaled(100)
+    interval = row.interval.scaled(100)
     bounds = interval.bounds_text("{:.0f}".format, to=" .. ")
     return f"{interval.value:.0f} % ({bounds})"

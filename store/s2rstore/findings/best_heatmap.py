@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from s2rstore.findings.finding import Finding
 from s2rstore.heatmap_kinds import SHIPPED_PLACE, heatmap_facts
-from s2rstore.intervals import simultaneous_level
 from s2rstore.metrics import heatmap_scores
 from s2rstore.reader import Store
 
@@ -25,10 +24,8 @@ def best_heatmap(store: Store, run: str) -> Finding | None:
     best = scores[0]
     others = [score for score in scores[1:] if score.kind != best.kind]
     other = others[0] if others else None
-    level = simultaneous_level(len(others))
-    low = best.auroc.at_level(level).low
-    evident = all(low > score.auroc.at_level(level).high for score in others)
-    corrected = f", corrected for {len(others)} comparisons" if len(others) > 1 else ""
+    evident = all(best.tested.low > score.tested.high for score in others)
+    corrected = f", corrected for {len(scores)} heatmaps" if len(others) > 1 else ""
     label = _label(best.kind, best.mode)
     subject = f"{label}: {best.text} for changed objects"
     right = f"{100 * best.precision:.0f} % of its top cells are right, chance {_percent(best)}"

@@ -6,6 +6,7 @@ adjusted runs of the same model.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,26 +27,30 @@ from s2rstore.language.syntax_tree import Compare, Everything, Field
 from s2rstore.metrics.gap_shares import SHARED_FACTORS, mean_shares
 from s2rstore.reader import Store
 from s2rstore.run_inputs import chain_text
-from s2rstore.security.printable_text import printable
 
 KIND = "costliest factor"
 _EVIDENT = 0.25
 """Metres of the gap from which a factor counts as harmful for an instance."""
+TESTED_TRANSLATORS = 10
+"""Translators that the intervals of the metric `error_gain_tested` hold for at once."""
 _GAINS = (
     "SELECT translator, value, low, high FROM translator_metric "
-    "WHERE metric = 'error_gain' AND reference = 'translator' AND run = ? "
+    "WHERE metric = 'error_gain_tested' AND reference = 'translator' AND run = ? "
     "AND value IS NOT NULL AND low IS NOT NULL AND high IS NOT NULL ORDER BY value DESC"
 )
 
 
 def of_score(rows: list[dict[str, Any]], run: str) -> Finding | None:
-    """The factor that alone increases the error most, of the factor rows of a score report."""
+    """The factor that alone increases the error most, of the factor rows of a score report.
+
+    The intervals of a run's factors hold for all of them at once.
+    """
     known = [row for row in rows if row["run"] == run and row["cost"] is not None]
     if not known:
         return None
     worst = max(known, key=lambda row: row["cost"])
-    cost, gain = (_interval(worst, name) for name in ("cost", "gain"))
-    cost = cost.at_level(simultaneous_level(len(known)))
+    cost, gain = (Interval.from_columns(worst, name) for name in ("cost", "gain"))
+    cost = replace(cost, level=simultaneous_level(len(known)))
     evident = cost.is_positive
     figures = f"{cost.value:+.2f} m real error ({bounds_text(cost)}), n {worst['n']}"
     subject = f"{worst['factor']}, alone {figures}"
@@ -126,8 +131,8 @@ def of_translators(store: Store, run: str) -> Finding | None:
         return None
     name, *figures = rows[0]
     value, low, high = map(float, figures)
-    gain = Interval(low, value, high).at_level(simultaneous_level(len(rows)))
-    evident = gain.is_positive
+    gain = Interval(low, value, high, simultaneous_level(TESTED_TRANSLATORS))
+    evident = gain.is_positive and len(rows) <= TESTED_TRANSLATORS
     subject = f"appearance: translator {name} gains {value:.2f} m ({bounds_text(gain)})"
     return Finding(
         kind=KIND,
@@ -135,12 +140,12 @@ def of_translators(store: Store, run: str) -> Finding | None:
         run=run,
         n=len(rows),
         evidence=f"decrease of the mean real error; the largest of {len(rows)} translators, "
-        "corrected for their number",
+        f"corrected for {TESTED_TRANSLATORS}",
         evident=evident,
         values={"translator": str(name), "gain_m": value},
         interval=gain,
         interval_of="gain_m",
-        comparisons=len(rows),
+        comparisons=TESTED_TRANSLATORS,
         n_of="translators",
         view="overview",
     )
@@ -196,9 +201,3 @@ def of_adjusted_runs(store: Store, runs: list[RunErrors]) -> Finding | None:
         view="compare",
         other=other.run,
     )
-
-
-def _interval(row: dict[str, Any], name: str) -> Interval:
-    ends = (row.get(f"{name}{end}") for end in ("_low", "", "_high"))
-    low, value, high = (float("nan") if end is None else float(end) for end in ends)
-    return Interval(low, value, high, reason=printable(row.get(f"{name}_reason") or ""))

@@ -37,26 +37,37 @@ def change_of(
 ) -> Change | None:  # fmt: skip
     """The change of the axes of a new night after the `past` ones, by name their G and anchor.
 
-    Nights count where they measured the same run, selection and anchor of the axis; a measurement
-    that several nights repeat counts once. None where no axis is judged.
+    None where no axis is judged.
     """
-    alarms = {
+    alarms = alarms_of(past, (dataset, run, expression), gaps)
+    if not alarms:
+        return None
+    outcome = worst_outcome(alarm.outcome for alarm in alarms.values())
+    return Change(outcome, "; ".join(alarm_text(axis, alarm) for axis, alarm in alarms.items()))
+
+
+def alarms_of(
+    past: Sequence[Night], of: tuple[str, str, str], gaps: Mapping[str, tuple[float, float]]
+) -> dict[str, ChangeAlarm]:
+    """The alarm of each axis of a new night, by name its G and anchor, after the `past` nights.
+
+    `of` is dataset, run and expression. Nights count where they measured the same and have the same
+    anchor of the axis; a measurement that several nights repeat counts once. The axes share the
+    budget of false alarms.
+    """
+    return {
         axis: change_alarm(
-            np.array([*_earlier(past, (dataset, run, expression), axis, anchor), gap]),
+            np.array([*earlier_gaps(past, of, axis, anchor).values(), gap]),
             CHANGE, budget=(1 - LEVEL) / 2 / len(gaps),
         )
         for axis, (gap, anchor) in gaps.items()
     }  # fmt: skip
-    if not alarms:
-        return None
-    outcome = worst_outcome(alarm.outcome for alarm in alarms.values())
-    return Change(outcome, "; ".join(_text(axis, alarm) for axis, alarm in alarms.items()))
 
 
-def _earlier(
+def earlier_gaps(
     past: Sequence[Night], of: tuple[str, str, str], axis: str, anchor: float
-) -> list[float]:
-    """G of one axis in all earlier measurements, in the order of the nights."""
+) -> dict[int, float]:
+    """G of one axis in comparable measurements by their numbers, in the order of the nights."""
     found: dict[int, float] = {}
     for night in past:
         if (night.dataset, night.run, night.expression) != of:
@@ -64,10 +75,11 @@ def _earlier(
         for figures in night.axes:
             if figures.axis == axis and np.isclose(figures.anchor, anchor, rtol=1e-6):
                 found.setdefault(night.measured, figures.gap.value)
-    return list(found.values())
+    return found
 
 
-def _text(axis: str, alarm: ChangeAlarm) -> str:
+def alarm_text(axis: str, alarm: ChangeAlarm) -> str:
+    """`task: no growth over G 20.1 of the first 30`."""
     if alarm.outcome == "INCONCLUSIVE":
         return f"{axis}: {alarm.n} of {BASELINE + 1} measurements"
     if alarm.outcome == "PASS":

@@ -160,8 +160,9 @@ def read(path: Path) -> History:
     estimates = _grouped(rows["estimate"], _estimate)
     nights = []
     for row in rows["night"]:
-        figures = {name: _interval(row, name) for name in ("gap", "golden_change")}
-        plain = {name: value for name, value in row.items() if not name.endswith(("_low", "_high"))}
+        figures = {name: Interval.from_columns(row, name) for name in ("gap", "golden_change")}
+        columns = {column for name, each in figures.items() for column in each.as_columns(name)}
+        plain = {name: value for name, value in row.items() if name not in columns}
         for name in ("threshold", "golden_margin", "stale_after"):
             plain[name] = _number(row[name])
         measured = row["measured"]
@@ -236,7 +237,7 @@ def _grouped(rows: Sequence[Row], parse: Any) -> dict[int, tuple[Any, ...]]:
 
 
 def _axis(row: Row) -> AxisFigures:
-    value, floor, gap = (_interval(row, name) for name in ("value", "floor", "gap"))
+    value, floor, gap = (Interval.from_columns(row, name) for name in ("value", "floor", "gap"))
     return AxisFigures(
         row["axis"], row["state"], row["measure"], row["unit"], value, floor, gap,
         _number(row["anchor"]), row["n"], row["note"],
@@ -244,13 +245,8 @@ def _axis(row: Row) -> AxisFigures:
 
 
 def _estimate(row: Row) -> NightlyEstimate:
-    value = _interval(row, "value")
+    value = Interval.from_columns(row, "value")
     return NightlyEstimate(row["parameter"], value, row["unit"] or "", row["note"])
-
-
-def _interval(row: Row, name: str) -> Interval:
-    low, value, high = (_number(row[f"{name}{end}"]) for end in ("_low", "", "_high"))
-    return Interval(low, value, high)
 
 
 def _number(value: float | None) -> float:

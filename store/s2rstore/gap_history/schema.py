@@ -15,11 +15,14 @@ from s2rstore.index.table_definition import (
 from s2rstore.intervals import LEVEL_TEXT
 
 BOUNDS = {"": "", "_low": f", lower {LEVEL_TEXT} bound", "_high": f", upper {LEVEL_TEXT} bound"}
-"""Suffixes of the columns of a figure and its interval, and of their comments."""
+"""Suffixes of the numbers of a figure and its interval, and of their comments."""
 
 
 def _bounds(name: str, comment: str) -> tuple[tuple[str, str, str], ...]:
-    return tuple((f"{name}{end}", "DOUBLE", f"{comment}{suffix}") for end, suffix in BOUNDS.items())
+    """The columns of `Interval.as_columns`."""
+    numbers = [(f"{name}{end}", "DOUBLE", f"{comment}{suffix}") for end, suffix in BOUNDS.items()]
+    reason = (f"{name}_reason", "VARCHAR", f"{comment}, why a bound is NULL")
+    return (*numbers, reason)
 
 
 _MEASURED: tuple[Table, ...] = (
@@ -131,7 +134,8 @@ TABLES: tuple[Table, ...] = (*_MEASURED, WITHDRAWN, WITHDRAWN_RECORDED)
 _VIEW = """
     CREATE VIEW gap AS
     SELECT n.name, n.night, n.dataset, n.run, n.outcome, n.threshold, a.axis, a.state,
-           a.gap, a.gap_low, a.gap_high, a.value, a.value_low, a.value_high, a.unit, a.n
+           a.gap, a.gap_low, a.gap_high, a.gap_reason, a.value, a.value_low, a.value_high,
+           a.value_reason, a.unit, a.n
     FROM night n JOIN axis a USING (measured)
     WHERE n.id IN (SELECT max(id) FROM night GROUP BY name, night)
 """

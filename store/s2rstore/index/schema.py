@@ -340,6 +340,7 @@ TABLES: tuple[Table, ...] = (
         ("value", "DOUBLE", "estimate"),
         ("low", "DOUBLE", "95 % interval; NULL = unknown"),
         ("high", "DOUBLE", "95 % interval; NULL = unknown"),
+        ("reason", "VARCHAR", "why a bound is NULL"),
         ("unit", "VARCHAR", "unit of value, low and high"),
     ),
     table_of(

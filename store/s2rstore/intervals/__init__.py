@@ -26,7 +26,6 @@ from s2rstore.intervals.interval import (
 
 if TYPE_CHECKING:
     from s2rstore.intervals.estimates import (
-        geometric_mean,
         linear,
         mean,
         median,
@@ -34,6 +33,7 @@ if TYPE_CHECKING:
         proportion,
         quantile,
         ranked_quantile,
+        ratio_of_means,
         spearman,
     )
     from s2rstore.intervals.jackknife import of_rows, of_units, without_each
@@ -50,7 +50,6 @@ __all__ = [
     "Interval",
     "Sample",
     "difference_of",
-    "geometric_mean",
     "linear",
     "mean",
     "median",
@@ -60,6 +59,7 @@ __all__ = [
     "proportion",
     "quantile",
     "ranked_quantile",
+    "ratio_of_means",
     "simultaneous_level",
     "spearman",
     "without_each",

@@ -12,6 +12,7 @@ The recipe per quantity was chosen by simulation; `python -m bench intervals` me
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -45,6 +46,9 @@ from s2rstore.intervals.interval import (
 _MAX_SKEWNESS = 2.0
 _MOST_RANKED = 50_000
 """Values that are ranked to measure their dependence; more take too long to sort."""
+_MOST_INVERTED = 20_000
+"""Rows up to which the bounds of a ratio are found by inversion; of more, it is nearly linear."""
+_DOUBLINGS, _HALVINGS = 12, 8
 _FISHER = 1.03
 """Factor of the standard error of Fisher's z for a rank correlation."""
 
@@ -93,11 +97,11 @@ def _mean(
     if reason:
         return Interval.unknown(value, reason)
     parts = spreads(values, codes, _latent_autocorrelation(values, codes))
-    skewness = [_skewness(values) * parts[0].error / float(values.std())]
+    asymmetry = [skewness(values) * parts[0].error / float(values.std())]
     if len(parts) > 1:
         means = np.bincount(codes, values) / np.bincount(codes)
-        skewness.append(max(_skewness(means), 0.0) / np.sqrt(means.size))
-    ends = [_skewed(value, part, g, level) for part, g in zip(parts, skewness, strict=True)]
+        asymmetry.append(max(skewness(means), 0.0) / np.sqrt(means.size))
+    ends = [skewed_bounds(value, part, g, level) for part, g in zip(parts, asymmetry, strict=True)]
     if symmetric:
         halves = [part.half_width(level) for part in parts]
         ends += [(value - half, value + half) for half in halves]
@@ -124,19 +128,53 @@ def linear(
                     sample=_sample(influence, codes, parts))  # fmt: skip
 
 
-def geometric_mean(
-    values: Floats, trajectories: Codes | None = None, *, level: float = LEVEL
-) -> Interval:
-    """Geometric mean of positive `values` (n,), such as ratios."""
-    values, codes = _known(values, trajectories)
-    if (values <= 0).any():
-        return Interval.unknown(np.nan, "a value is not above 0")
-    logs = np.log(values)
-    value = float(logs.mean()) if logs.size else np.nan
-    found = linear(value, logs, codes, level=level, minimum=MIN_MEDIAN)
-    with np.errstate(over="ignore"):
-        low, value, high = (float(np.exp(end)) for end in (found.low, found.value, found.high))
-    return Interval(low, value, high, level, found.reason, sample=found.sample)
+def ratio_of_means(
+    numerators: Floats, denominators: Floats, trajectories: Codes | None = None, *,
+    level: float = LEVEL, minimum: int = MIN_DIFFERENCE,
+) -> Interval:  # fmt: skip
+    """Mean of `numerators` (n,) over the mean of `denominators` (n,), errors of the same instances.
+
+    The bounds are the ratios r beyond which the mean of numerators - r * denominators is known not
+    to be 0 by `paired_difference`; of very many rows, those of the linearised ratio. Rows without
+    one of both values are left out. Source: Fieller, "Some problems in interval estimation",
+    Journal of the Royal Statistical Society B 16, 1954.
+    """
+    known = ~(np.isnan(numerators) | np.isnan(denominators))
+    above, below = numerators[known], denominators[known]
+    codes = None if trajectories is None else np.asarray(trajectories)[known]
+    mean_below = float(below.mean()) if below.size else 0.0
+    if not mean_below > 0:
+        return Interval.unknown(math.nan, "the mean of the denominators is not above 0")
+    value = float(above.mean()) / mean_below
+
+    def difference(ratio: float) -> Interval:
+        return _mean(above - ratio * below, codes, level, minimum, "a mean", symmetric=True)
+
+    linearised = difference(value)
+    if not linearised.is_known:
+        return Interval.unknown(value, linearised.reason)
+    offsets = [(end - linearised.value) / mean_below for end in (linearised.low, linearised.high)]
+    if above.size <= _MOST_INVERTED:
+        offsets = [_furthest(lambda at: difference(value + at), offset) for offset in offsets]
+    low, high = (value + offset for offset in offsets)
+    return Interval(low, value, high, level, sample=linearised.sample)
+
+
+def _furthest(difference: Callable[[float], Interval], offset: float) -> float:
+    """The offset from the ratio, in the direction of `offset`, from which 0 is excluded."""
+    inside, outside = 0.0, offset
+    for _ in range(_DOUBLINGS):
+        if difference(outside).excludes_zero:
+            break
+        inside, outside = outside, 2 * outside
+    else:
+        return math.copysign(math.inf, offset)
+    for _ in range(_HALVINGS):
+        middle = (inside + outside) / 2
+        inside, outside = (
+            (inside, middle) if difference(middle).excludes_zero else (middle, outside)
+        )
+    return outside
 
 
 def median(values: Floats, trajectories: Codes | None = None, *, level: float = LEVEL) -> Interval:
@@ -309,7 +347,7 @@ def _sample(values: Floats, codes: NDArray[np.intp], parts: list[Spread]) -> Sam
     return Sample(values.size, effective, _count(codes))
 
 
-def _skewness(values: Floats) -> float:
+def skewness(values: Floats) -> float:
     """Skewness of a sample (n,), adjusted for its size; 0 below three values."""
     n, deviations = values.size, values - values.mean()
     squares = deviations * deviations
@@ -319,10 +357,10 @@ def _skewness(values: Floats) -> float:
     return float((squares * deviations).mean() / variance**1.5 * np.sqrt(n * (n - 1)) / (n - 2))
 
 
-def _skewed(value: float, spread: Spread, skewness: float, level: float) -> tuple[float, float]:
-    """Bounds of an estimate whose studentised value has a skewness, by Hall's monotone cubic."""
-    sign = -1.0 if skewness < 0 else 1.0
-    g, t = float(np.clip(abs(skewness), 1e-6, _MAX_SKEWNESS)), spread.critical(level)
+def skewed_bounds(value: float, spread: Spread, g: float, level: float) -> tuple[float, float]:
+    """Bounds of an estimate whose studentised value has the skewness `g`, by Hall's cubic."""
+    sign = -1.0 if g < 0 else 1.0
+    g, t = float(np.clip(abs(g), 1e-6, _MAX_SKEWNESS)), spread.critical(level)
 
     def inverse(x: float) -> float:
         return float(3 / g * (np.cbrt(1 + g * (x - g / 6)) - 1))

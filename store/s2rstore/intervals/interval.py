@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from statistics import NormalDist
 from typing import Any
+
+from s2rstore.security.printable_text import printable
 
 LEVEL = 0.95
 LEVEL_TEXT = f"{100 * LEVEL:g} %"
@@ -110,15 +111,6 @@ class Interval:
             return ""
         return f"no interval: {self.reason}" if self.reason else "no interval"
 
-    def at_level(self, level: float) -> Interval:
-        """The interval at another level, if the estimate varies as a normal one does."""
-        quantiles = (NormalDist().inv_cdf((1 + each) / 2) for each in (level, self.level))
-        scale = next(quantiles) / next(quantiles)
-        below, above = self.value - self.low, self.high - self.value
-        return replace(
-            self, low=self.value - scale * below, high=self.value + scale * above, level=level
-        )
-
     @property
     def excludes_zero(self) -> bool:
         return self.is_positive or self.is_negative
@@ -136,10 +128,13 @@ class Interval:
     @property
     def bounds(self) -> tuple[Bound, Bound]:
         """Both bounds as finite numbers, marked in texts where infinite: `<1.2`, `>9.3`."""
+        return self._bound(self.low), self._bound(self.high)
+
+    def _bound(self, bound: float) -> Bound:
         first, last = self.ends or (self.value, self.value)
-        low = Bound(first, "<") if math.isinf(self.low) else Bound(self.low)
-        high = Bound(last, ">") if math.isinf(self.high) else Bound(self.high)
-        return low, high
+        if math.isinf(bound):
+            return Bound(last, ">") if bound > 0 else Bound(first, "<")
+        return Bound(bound)
 
     def bounds_text(
         self, number: Callable[[float], str] = "{:.2f}".format, unit: str = "", to: str = " to "
@@ -149,16 +144,46 @@ class Interval:
             return self.no_bounds
         return f"{to.join(self.bound_texts(number))} {unit}".rstrip()
 
+    def with_bounds(
+        self, number: Callable[[float], str] = "{:.2f}".format, to: str = " .. "
+    ) -> str:
+        """`1.20 (0.84 .. >1.57)`, `1.20 (no interval: n 7, a median needs 25)`, `-` if unknown."""
+        if math.isnan(self.value):
+            return f"- ({self.no_bounds})" if self.reason else "-"
+        return f"{number(self.value)} ({self.bounds_text(number, to=to)})"
+
+    def as_columns(self, name: str) -> dict[str, float | str | None]:
+        """The columns `name`, `name_low`, `name_high`, which are null where not finite.
+
+        `name_reason` says why a bound is null. `from_columns` reads them.
+        """
+        numbers = zip(_COLUMNS, (self.value, self.low, self.high), strict=True)
+        found = {f"{name}{end}": x if math.isfinite(x) else None for end, x in numbers}
+        return {**found, f"{name}_reason": self._null_reason}
+
+    @classmethod
+    def from_columns(cls, row: Mapping[str, Any], name: str) -> Interval:
+        """Read `as_columns`; absent columns are unknown."""
+        value, low, high = (_number(row.get(f"{name}{end}")) for end in _COLUMNS)
+        reason = printable(row.get(f"{name}_reason") or "")
+        return cls(*_opened(low, value, high, reason))
+
+    @property
+    def _null_reason(self) -> str | None:
+        """Why a bound is null in JSON; None where none is."""
+        if not self.is_known:
+            return self.reason or None
+        return _OPEN.get((_side(self.low), _side(self.high)))
+
     def as_json(self) -> dict[str, Any]:
         """The interval as JSON data; unknown and infinite numbers are null. `from_json` reads it.
 
-        An interval without bounds has a `reason`; where one bound alone is null, the quantity is
-        bounded on one side only.
+        Where a bound is null, `reason` says why.
         """
         sample = self.sample
         return {
             "low": _finite(self.low), "value": _finite(self.value), "high": _finite(self.high),
-            "level": round(self.level, 6), "reason": self.reason or None,
+            "level": round(self.level, 6), "reason": self._null_reason,
             "ends": None if self.ends is None else [_finite(end) for end in self.ends],
             "n": None if sample is None else sample.n,
             "effective_n": None if sample is None else round(sample.effective_n, 1),
@@ -168,16 +193,15 @@ class Interval:
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Interval:
         """Read `as_json`. Raises ArithmeticError, KeyError, TypeError or ValueError."""
-        value, reason = _number(data["value"]), str(data["reason"] or "")
-        low, high = _number(data["low"]), _number(data["high"])
-        if not reason and not (math.isnan(low) and math.isnan(high)):
-            low = -math.inf if math.isnan(low) else low
-            high = math.inf if math.isnan(high) else high
+        low, value, high, level, reason = _opened(
+            _number(data["low"]), _number(data["value"]), _number(data["high"]),
+            str(data["reason"] or ""), float(data["level"]),
+        )  # fmt: skip
         ends = data["ends"] and (_number(data["ends"][0]), _number(data["ends"][1]))
         sample = None
         if data["n"] is not None:
             sample = Sample(int(data["n"]), float(data["effective_n"]), int(data["trajectories"]))
-        return cls(low, value, high, float(data["level"]), reason, ends or None, sample)
+        return cls(low, value, high, level, reason, ends or None, sample)
 
     def bound_texts(self, number: Callable[[float], str]) -> tuple[str, str]:
         """Both bounds by `number`, marked as in `bounds`."""
@@ -200,6 +224,35 @@ class Interval:
     def clipped(self, low: float, high: float) -> Interval:
         """The interval with its bounds inside the range that the quantity can have."""
         return replace(self, low=_clip(self.low, low, high), high=_clip(self.high, low, high))
+
+
+_COLUMNS = ("", "_low", "_high")
+_OPEN = {
+    (-1, 0): "the data give no lower bound",
+    (0, 1): "the data give no upper bound",
+    (-1, 1): "the data give no bound",
+    (1, 1): "the estimate is infinite",
+}
+"""Reasons for null bounds, by the signs of infinite bounds."""
+
+
+def _side(bound: float) -> int:
+    return int(math.copysign(1, bound)) if math.isinf(bound) else 0
+
+
+def _opened(
+    low: float, value: float, high: float, reason: str, level: float = LEVEL
+) -> tuple[float, float, float, float, str]:
+    """Arguments of an `Interval` from what was stored: nulls that an open side explains."""
+    for sides, text in _OPEN.items():
+        if reason == text:
+            low, high = (
+                math.copysign(math.inf, side) if side else bound
+                for side, bound in zip(sides, (low, high), strict=True)
+            )
+            value = math.inf if sides[1] and math.isnan(value) else value
+            return low, value, high, level, ""
+    return low, value, high, level, reason
 
 
 def _finite(number: float) -> float | None:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from s2rstore.intervals.dependence import Codes, Floats, Spread
-from s2rstore.intervals.estimates import linear
+from s2rstore.intervals.estimates import linear, skewed_bounds, skewness
 from s2rstore.intervals.interval import LEVEL, MIN_MEDIAN, Interval, Sample
 
 MIN_UNITS = 2
@@ -25,7 +25,7 @@ def of_units(
     """A statistic from its values `left_out` (G,) without each of G independent units.
 
     `unit` names the units in the plural, such as `drives`. The interval is Student's with G - 1
-    degrees of freedom.
+    degrees of freedom; units that all give the same value have none.
     """
     known = np.asarray(left_out, dtype=np.float64)
     count = known.size
@@ -33,9 +33,14 @@ def of_units(
         return Interval.unknown(value, f"{unit}: {count}, an interval needs {MIN_UNITS}")
     if not np.isfinite(known).all():
         return Interval.unknown(value, f"a single one of {count} {unit} determines it")
-    error = float(np.sqrt((count - 1) / count * np.square(known - known.mean()).sum()))
-    half = Spread(error, count - 1).half_width(level)
-    return Interval(value - half, value, value + half, level, sample=Sample(count, count, count))
+    if known.min() == known.max():
+        return Interval.unknown(value, f"all {count} {unit} give the same value")
+    influence = (count - 1) * (known.mean() - known)
+    spread = Spread(float(np.sqrt(np.square(influence).sum() / (count * (count - 1)))), count - 1)
+    half = spread.half_width(level)
+    low, high = skewed_bounds(value, spread, skewness(influence) / np.sqrt(count), level)
+    return Interval(min(low, value - half), value, max(high, value + half), level,
+                    sample=Sample(count, count, count))  # fmt: skip
 
 
 def of_rows(statistics: Statistics, trajectories: Codes, *, level: float = LEVEL) -> list[Interval]:

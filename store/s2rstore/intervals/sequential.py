@@ -53,24 +53,27 @@ def change_alarm(
     `values` (n,) are independent measurements in order, `change` is in their unit and positive. In
     a year of `YEAR` measurements whose level does not change, the share `budget` of the histories
     has an alarm, or less (`python -m bench verdicts` measures it). The alarm lasts as long as the
-    evidence stays above its limit. NaN values are left out. Raises ValueError for a change that is
-    not positive.
+    evidence stays above its limit. NaN values are left out; infinite ones are no part of the
+    baseline and count as the largest deviation after it. Raises ValueError for a change that is not
+    positive.
     """
     if not change > 0:
         raise ValueError(f"change {change:g}: must be positive")
     known = np.asarray(values, dtype=np.float64)
-    known = known[np.isfinite(known)]
+    known = known[~np.isnan(known)]
     limit = YEAR / budget
-    first = known[:BASELINE]
+    finite = np.flatnonzero(np.isfinite(known))[:BASELINE]
+    first = known[finite]
     level = float(first.mean()) if first.size else np.nan
-    if known.size <= BASELINE:
+    begin = int(finite[-1]) + 1 if finite.size == BASELINE else known.size
+    if begin == known.size:
         return ChangeAlarm("INCONCLUSIVE", known.size, level, 0.0, limit)
     spread = float(first.std(ddof=1))
     raised = level + spread / np.sqrt(BASELINE)
     spread = max(spread * _spread_factor(), _LEAST_SPREAD * change)
     tuning = min(_SPEED * change / spread, _FASTEST)
-    statistic, since = 0.0, BASELINE
-    for number, value in enumerate(known[BASELINE:].tolist(), BASELINE):
+    statistic, since = 0.0, begin
+    for number, value in enumerate(known[begin:].tolist(), begin):
         deviation = float(np.clip((value - raised) / spread, -_LARGEST_DEVIATION,
                                   _LARGEST_DEVIATION))  # fmt: skip
         if statistic < 1:

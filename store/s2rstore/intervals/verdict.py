@@ -67,6 +67,8 @@ def largest(quantities: Iterable[Bounds], level: float = LEVEL) -> Interval:
     is largest is chosen by chance, too; the upper bound is the largest one at `level`.
     """
     bounds = list(quantities)
+    if not bounds:
+        return Interval.unknown(reason="there is no quantity")
     value = max(each(level).value for each in bounds)
     corrected = [each(simultaneous_level(len(bounds), level)) for each in bounds]
     reasons = [each.reason for each in corrected if not each.is_known]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -20,12 +19,14 @@ HeatmapChoice = tuple[str, str | None]
 class HeatmapScore:
     """Score of one heatmap on the floor map of both sides, where all kinds cover the same cells.
 
+    The interval of `tested`, which is `auroc` again, holds for all heatmaps of the run at once.
     `precision` is the share of its top cells that is right, `chance` that of a random map.
     """
 
     kind: str
     mode: str | None
     auroc: Interval
+    tested: Interval
     precision: float
     chance: float
 
@@ -56,7 +57,8 @@ def own_scores(store: Store, run: str) -> list[HeatmapScore]:
             HeatmapScore(
                 printable(row["kind"]),
                 row["mode"],
-                Interval(_bound(row["auroc_low"]), float(row["auroc"]), _bound(row["auroc_high"])),
+                Interval.from_columns(row, "auroc"),
+                Interval.from_columns(row, "tested"),
                 float(row["precision"]),
                 float(row["base_rate"]),
             )
@@ -66,10 +68,6 @@ def own_scores(store: Store, run: str) -> list[HeatmapScore]:
         message = f"{store.path}: the stored score is invalid"
         raise RequestError(f"{message}; run `s2r score` again") from error
     return sorted(scores, key=lambda score: -score.auroc.value)
-
-
-def _bound(value: float | None) -> float:
-    return math.nan if value is None else float(value)
 
 
 def ranked(store: Store, run: str, choices: Sequence[HeatmapChoice]) -> list[HeatmapChoice]:

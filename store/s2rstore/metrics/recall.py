@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from s2rstore import intervals
 from s2rstore.index.population import NEW_INSTANCES, Population
-from s2rstore.intervals import Interval
+from s2rstore.intervals import MIN_MEAN, Interval
 from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store
 from s2rstore.records import RecallThresholds, Side
@@ -188,9 +188,9 @@ def skill(errors: Floats, constant: Floats, trajectories: Codes) -> Interval:
             "the constant prediction has no error" if errors.size else "no instance is localised"
         )
         return Interval.unknown(math.nan, reason)
-    ratio = float(errors.mean()) / mean
-    influence = (ratio * constant - errors) / mean
-    return intervals.mean(1 - ratio + influence, trajectories[known])
+    ratio = intervals.ratio_of_means(errors, constant, trajectories[known], minimum=MIN_MEAN)
+    low, value, high = 1 - ratio.high, 1 - ratio.value, 1 - ratio.low
+    return replace(ratio, low=low, value=value, high=high)
 
 
 def side_recall(

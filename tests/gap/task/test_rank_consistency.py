@@ -68,7 +68,7 @@ def test_five_runs_are_compared_with_intervals(tmp_path: Path) -> None:
     ):  # fmt: skip
         assert figure == pytest.approx(reference(result.sim, result.real).statistic)
     assert not result.spearman.is_known
-    assert result.scope == "5 runs, these runs only"
+    assert result.scope == "these runs only"
     chosen, best = result.runs.index(result.chosen), result.runs.index(result.best)
     assert (result.sim[chosen], result.real[best]) == (min(result.sim), min(result.real))
     assert result.regret.value == pytest.approx(result.real[chosen] - result.real[best])

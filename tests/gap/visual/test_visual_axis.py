@@ -104,7 +104,7 @@ def test_a_gap_exceeds_its_floor(far):
     assert far.bounds(0.95).is_positive
     assert far.details["kid_p"] < 0.05
     halves = far.details["halves"]
-    real = f"{halves['kid']['floor']:.3f} ({halves['kid']['floor_low']:.3f} .."
+    real = f"{halves['kid']['floor']:.3f} (range {halves['kid']['floor_low']:.3f} .."
     assert any(f"n = {halves['n']} each: KID" in note and real in note for note in far.notes)
     for name in ("fid", "kid", "sliced_wasserstein", "wasserstein", "kl_pca_sim_real"):
         assert halves[name]["value"] > halves[name]["floor"]

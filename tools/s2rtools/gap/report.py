@@ -62,7 +62,7 @@ def report(evidence: Evidence, settings: GapSettings, result: GapResult) -> Repo
         "across": result.across,
         "golden": None if golden is None else {
             "outcome": golden.outcome,
-            **_bounds("change", golden.change),
+            **golden.change.as_columns("change"),
             "margin": golden.margin,
             "n": golden.n,
             "missing": golden.missing,
@@ -76,7 +76,7 @@ def report(evidence: Evidence, settings: GapSettings, result: GapResult) -> Repo
             "outcome": verdict.outcome,
             "threshold": verdict.threshold,
             "worst": verdict.worst,
-            **_bounds("gap", verdict.gap),
+            **verdict.gap.as_columns("gap"),
             "reason": verdict.reason,
         },
     }  # fmt: skip
@@ -91,18 +91,17 @@ def _axis(measured: AxisResult, settings: GapSettings, result: GapResult) -> dic
     anchor: dict[str, Any] = {}
     if scale is not None:
         interval = Interval(scale.anchor_low, scale.anchor, scale.anchor_high)
-        anchor = {**_bounds("anchor", interval), "anchor_state": scale.state}
+        anchor = {**interval.as_columns("anchor"), "anchor_state": scale.state}
     return {
         "axis": measured.axis,
         "measure": axis.measure_is,
         "unit": axis.unit,
-        **_bounds("value", value),
-        "value_reason": value.reason or None,
+        **value.as_columns("value"),
         "sample": value.text or None,
-        **_bounds("floor", floor),
+        **floor.as_columns("floor"),
         "floor_is": axis.floor_is,
         "n": measured.n,
-        **_bounds("gap", gaps.get(measured.axis, NOTHING)),
+        **gaps.get(measured.axis, NOTHING).as_columns("gap"),
         **anchor,
         "fingerprint": dict(measured.fingerprint),
         "details": dict(measured.details),
@@ -119,18 +118,12 @@ def across_report(ranks: RankConsistency) -> Report:
         "scope": ranks.scope,
         "pearson": ranks.pearson,
         "kendall": ranks.kendall,
-        **_bounds("spearman", ranks.spearman),
-        "spearman_reason": ranks.spearman.reason or None,
+        **ranks.spearman.as_columns("spearman"),
         "chosen_run": ranks.chosen,
         "best_run": ranks.best,
-        **_bounds("regret", ranks.regret),
-        "regret_reason": ranks.regret.reason or None,
+        **ranks.regret.as_columns("regret"),
         "mmrv": ranks.rank_violation,
     }
-
-
-def _bounds(name: str, interval: Interval) -> dict[str, float]:
-    return {name: interval.value, f"{name}_low": interval.low, f"{name}_high": interval.high}
 
 
 def plain(value: Any) -> Any:

@@ -19,7 +19,7 @@ from s2rtools.nightly.measurement import Estimates, Report
 from s2rtools.nightly.report_model import outcome
 
 _FIGURES = ("value", "floor", "gap")
-_SUFFIXES = ("", "_low", "_high")
+_SUFFIXES = ("", "_low", "_high", "_reason")
 
 
 @dataclass(frozen=True, slots=True)

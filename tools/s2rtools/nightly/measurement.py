@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from s2rstore.errors import InconclusiveError, S2RError
 from s2rstore.gap_history.change_check import YEAR_LEVEL
+from s2rstore.intervals import Interval
 from s2rstore.reader import Store
 from s2rtools.nightly.config import NightlyConfig, SysidConfig
 from s2rtools.nightly.input_fingerprint import Inputs
@@ -95,7 +96,7 @@ def failed_report(store: Store, config: NightlyConfig, inputs: Inputs, error: S2
         "run": run.run, "run_key": run.key, "model": run.model, "expression": config.select,
         "axes": [], "absent": {}, "inconclusive": {}, "golden": None, "reference": None,
         "verdict": {
-            "outcome": "INCONCLUSIVE", "threshold": config.threshold, "worst": None, "gap": None,
-            "gap_low": None, "gap_high": None, "reason": reason,
+            "outcome": "INCONCLUSIVE", "threshold": config.threshold, "worst": None,
+            **Interval.unknown().as_columns("gap"), "reason": reason,
         },
     }  # fmt: skip

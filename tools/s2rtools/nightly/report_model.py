@@ -125,12 +125,8 @@ def checks(night: Night) -> list[Check]:
 
 
 def format_interval(interval: Interval, digits: int = 1, sign: str = "") -> str:
-    """An estimate with its bounds; `?` for unknown numbers."""
-    value, low, high = (
-        f"{round(part, digits) + 0.0:{sign}.{digits}f}" if math.isfinite(part) else "?"
-        for part in (interval.value, interval.low, interval.high)
-    )
-    return f"{value} ({low} .. {high})"
+    """An estimate with its bounds, or the reason why it has none."""
+    return interval.with_bounds(lambda number: f"{round(number, digits) + 0.0:{sign}.{digits}f}")
 
 
 def axis_check(axis: AxisFigures, threshold: float) -> Check:

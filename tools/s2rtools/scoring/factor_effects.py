@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.intervals import Interval, mean, of_units, paired_difference
+from s2rstore.intervals import Interval, mean, of_units, paired_difference, simultaneous_level
 from s2rstore.metrics import run_metrics
 from s2rtools.scoring.counterfactual_errors import (
     CounterfactualErrors,
@@ -36,7 +36,8 @@ class FactorScore:
     """Real error in metres with one factor alone and with all others, over `n` instances.
 
     `cost` is the increase of the error from no factor to this factor alone; `gain` is the decrease
-    from all factors to all but this one. `left_out` counts the excluded training instances.
+    from all factors to all but this one. The intervals of each hold for all factors of the run at
+    once. `left_out` counts the excluded training instances.
     """
 
     run: str
@@ -85,6 +86,7 @@ class Counterfactuals:
             conditions[f"only {name}"] = {name: self.active[name]}
             conditions[f"no {name}"] = {k: v for k, v in self.active.items() if k != name}
         errors = self.errors(conditions)
+        level = simultaneous_level(len(names))
         scores = []
         for run in self._errors.runs:
             fresh = run_metrics.held_out(self._truth.store, run)[self.iids]
@@ -99,8 +101,8 @@ class Counterfactuals:
                         run, name, mean(alone, trajectory),
                         mean(without, trajectory),
                         float(np.median(alone)), float(np.median(without)),
-                        paired_difference(alone - of["none"], trajectory),
-                        paired_difference(of["all"] - without, trajectory),
+                        paired_difference(alone - of["none"], trajectory, level=level),
+                        paired_difference(of["all"] - without, trajectory, level=level),
                         int(fresh.sum()), int((~fresh).sum()),
                     )
                 )  # fmt: skip

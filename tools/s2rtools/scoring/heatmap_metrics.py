@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from s2rstore import intervals
-from s2rstore.intervals import MIN_DIFFERENCE, Interval
+from s2rstore.intervals import LEVEL, MIN_DIFFERENCE, Interval, simultaneous_level
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtools.heatmaps import HEATMAP_KINDS
@@ -39,7 +39,8 @@ class HeatScore:
     """Score of one heatmap in one place, over `n` frames with positives or `n` floor cells.
 
     `without` counts the frames without positives. `base_rate` is the share of positive cells, the
-    precision of a random map. Intervals are over frames, or over tiles of the floor.
+    precision of a random map. Intervals are over frames, or over tiles of the floor; that of
+    `tested`, which is `auroc` again, holds for all heatmaps of a run at once.
     """
 
     run: str
@@ -49,6 +50,7 @@ class HeatScore:
     """sim, real, or both (floor maps added)."""
     place: Place
     auroc: Interval
+    tested: Interval
     precision: Interval
     base_rate: float
     n: int
@@ -59,9 +61,11 @@ def score_heatmaps(truth: GroundTruth, runs: list[str], seed: int) -> list[HeatS
     """Scores of every heatmap kind of computed runs, and of a random map for comparison."""
     scores = [_random_image(truth, seed), _random_floor(truth, seed)]
     for run in runs:
-        for kind, mode in _scored_kinds(truth.store, run):
-            scores += _image_scores(truth, run, kind, mode, seed)
-            scores += _floor_scores(truth, run, kind, mode, seed)
+        kinds = _scored_kinds(truth.store, run)
+        level = simultaneous_level(len(kinds))
+        for kind, mode in kinds:
+            scores += _image_scores(truth, run, kind, mode, seed, level)
+            scores += _floor_scores(truth, run, kind, mode, seed, level)
     return scores
 
 
@@ -76,7 +80,7 @@ def _scored_kinds(store: Store, run: str) -> list[tuple[str, str | None]]:
 
 
 def _image_scores(
-    truth: GroundTruth, run: str, kind: str, mode: str | None, seed: int
+    truth: GroundTruth, run: str, kind: str, mode: str | None, seed: int, level: float
 ) -> Iterator[HeatScore]:
     for side in SIDES:
         blocks = (
@@ -85,7 +89,8 @@ def _image_scores(
         )
         cells = np.concatenate([to_cells(block) for block in blocks])
         positive = truth.visible_objects(side, truth.camera_moves(run)[side]).cells
-        yield HeatScore(run, kind, mode, side, "image", *_per_frame(truth, cells, positive, seed))
+        scores = _per_frame(truth, cells, positive, seed, level)
+        yield HeatScore(run, kind, mode, side, "image", *scores)
 
 
 def _random_image(truth: GroundTruth, seed: int) -> HeatScore:
@@ -96,9 +101,13 @@ def _random_image(truth: GroundTruth, seed: int) -> HeatScore:
 
 
 def _per_frame(
-    truth: GroundTruth, cells: NDArray[Any], positive: NDArray[np.bool_], seed: int
-) -> tuple[Interval, Interval, float, int, int]:
-    """Mean AUROC and precision of frames with positives, base rate, frames with and without."""
+    truth: GroundTruth, cells: NDArray[Any], positive: NDArray[np.bool_], seed: int,
+    level: float = LEVEL,
+) -> tuple[Interval, Interval, Interval, float, int, int]:  # fmt: skip
+    """Mean AUROC, also at `level`, and precision of frames with positives, and counts.
+
+    These are the base rate and the frames with and without positives.
+    """
     share = positive.mean(axis=(1, 2))
     scored = truth.store.in_recording_order((share > 0) & (share < 1))
     ranked = [
@@ -106,14 +115,15 @@ def _per_frame(
         for row in scored
     ]
     trajectory = truth.store.instances.trajectory[scored]
-    auroc = _mean(np.array([frame.auroc() for frame in ranked]), trajectory)
+    areas = np.array([frame.auroc() for frame in ranked])
+    auroc, tested = (_mean(areas, trajectory, each) for each in (LEVEL, level))
     precision = _mean(np.array([frame.precision(TOP_SHARE) for frame in ranked]), trajectory)
     base = float(share[scored].mean()) if scored.size else float("nan")
-    return auroc, precision, base, len(ranked), int((share == 0).sum())
+    return auroc, tested, precision, base, len(ranked), int((share == 0).sum())
 
 
 def _floor_scores(
-    truth: GroundTruth, run: str, kind: str, mode: str | None, seed: int
+    truth: GroundTruth, run: str, kind: str, mode: str | None, seed: int, level: float
 ) -> Iterator[HeatScore]:
     """Scores of the floor maps of either side and of their sum."""
     planes: dict[Side | Literal["both"], NDArray[np.float64]] = {}
@@ -124,7 +134,8 @@ def _floor_scores(
     planes["both"] = planes["sim"] + planes["real"]
     for name, (total, count) in planes.items():
         heat = _smoothed(total, count)
-        yield _floor_score(truth, run, kind, mode, name, heat, seed, truth.camera_moves(run))
+        moves = truth.camera_moves(run)
+        yield _floor_score(truth, run, kind, mode, name, heat, seed, moves, level)
 
 
 def _random_floor(truth: GroundTruth, seed: int) -> HeatScore:
@@ -135,7 +146,7 @@ def _random_floor(truth: GroundTruth, seed: int) -> HeatScore:
 
 def _floor_score(
     truth: GroundTruth, run: str, kind: str, mode: str | None, side: Side | Literal["both"],
-    heat: NDArray[Any], seed: int, moves: CameraMoves = NO_CAMERA_MOVES,
+    heat: NDArray[Any], seed: int, moves: CameraMoves = NO_CAMERA_MOVES, level: float = LEVEL,
 ) -> HeatScore:  # fmt: skip
     positive, observed = floor_truth(truth, side, moves)
     rows, cols = np.indices(observed.shape) // TILE
@@ -149,12 +160,17 @@ def _floor_score(
         return ranked.auroc(weights[tile]), ranked.precision(TOP_SHARE, weights[tile])
 
     without = intervals.without_each(statistics, count).reshape(count, len(values))
-    auroc, precision = (
-        intervals.of_units(value, left_out, unit="floor tiles").clipped(0.0, 1.0)
-        for value, left_out in zip(values, without.T, strict=True)
-    )
+
+    def interval(figure: int, level: float) -> Interval:
+        found = intervals.of_units(
+            values[figure], without[:, figure], unit="floor tiles", level=level
+        )
+        return found.clipped(0.0, 1.0)
+
+    auroc, tested, precision = interval(0, LEVEL), interval(0, level), interval(1, LEVEL)
     base = float(positive[observed].mean()) if observed.any() else float("nan")
-    return HeatScore(run, kind, mode, side, "floor", auroc, precision, base, int(observed.sum()), 0)
+    n = int(observed.sum())
+    return HeatScore(run, kind, mode, side, "floor", auroc, tested, precision, base, n, 0)
 
 
 def floor_truth(
@@ -191,6 +207,9 @@ def _smoothed(total: NDArray[np.float64], count: NDArray[np.float64]) -> NDArray
     return np.where(known, soft, np.nan)
 
 
-def _mean(values: NDArray[np.float64], trajectory: NDArray[np.integer]) -> Interval:
+def _mean(
+    values: NDArray[np.float64], trajectory: NDArray[np.integer], level: float = LEVEL
+) -> Interval:
     """Mean of shares."""
-    return intervals.mean(values, trajectory, minimum=MIN_DIFFERENCE).clipped(0.0, 1.0)
+    mean = intervals.mean(values, trajectory, level=level, minimum=MIN_DIFFERENCE)
+    return mean.clipped(0.0, 1.0)

@@ -148,14 +148,12 @@ def computed_runs(store: Store, requested: Sequence[str]) -> list[str]:
 
 
 def json_row(row: Any) -> dict[str, Any]:
-    """A record as JSON: intervals as three numbers, NaN as null, nested records flattened."""
+    """A record as JSON: intervals as columns, NaN as null, nested records flattened."""
     values: dict[str, Any] = {}
     for field in fields(row):
         value = getattr(row, field.name)
         if isinstance(value, Interval):
-            low, high = f"{field.name}_low", f"{field.name}_high"
-            values |= {field.name: value.value, low: value.low, high: value.high}
-            values[f"{field.name}_reason"] = value.reason or None
+            values |= value.as_columns(field.name)
         elif is_dataclass(value):
             values |= json_row(value)
         else:

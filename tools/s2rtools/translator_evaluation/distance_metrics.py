@@ -146,23 +146,19 @@ def _target_against_target(
     shares: Floats,
     halves: list[tuple[NDArray[np.int64], NDArray[np.int64]]],
 ) -> list[Distance]:
-    """Halves of the target: the mean over the splits and their range."""
+    """Halves of the target: means over the splits, without intervals."""
     rows = []
     for name, values in known.items():
         kid = [kernel_distance(values[a], values[b]) for a, b in halves]
-        rows.append(Distance(f"kid_{name}", "target", _range(kid), ""))
+        rows.append(Distance(f"kid_{name}", "target", Interval.unknown(float(np.mean(kid))), ""))
         rows += _prdc(name, "target", values, values, halves)
     w1 = np.array([
         histogram_distance(shares[a].mean(axis=0), shares[b].mean(axis=0)) for a, b in halves
     ])  # fmt: skip
     return rows + [
-        Distance(f"w1_{channel}", "target", _range(list(w1[:, k])), "grey levels")
-        for k, channel in enumerate(CHANNELS)
+        Distance(f"w1_{channel}", "target", Interval.unknown(float(value)), "grey levels")
+        for channel, value in zip(CHANNELS, w1.mean(axis=0), strict=True)
     ]
-
-
-def _range(values: list[float]) -> Interval:
-    return Interval(float(min(values)), float(np.mean(values)), float(max(values)))
 
 
 def folder_distances(translated: Rgb, source: Rgb, target: Rgb, seed: int = 1) -> list[Distance]:

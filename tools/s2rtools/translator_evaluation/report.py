@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
+from s2rstore.intervals import Interval
 from s2rstore.reader import Store
 from s2rstore.records import Run
 from s2rtools.gap.report import plain
@@ -50,7 +51,7 @@ MIN_TIMED, TIMED_SECONDS = 5, 0.5
 
 @dataclass(frozen=True, slots=True)
 class MetricRow:
-    """One figure of a report; NaN bounds where the interval is unknown.
+    """One figure of a report with its interval, which may be unknown.
 
     `reference` is translator, identity, repeated_image or target, `run` the run whose network was
     used or None.
@@ -59,9 +60,7 @@ class MetricRow:
     metric: str
     reference: str
     run: str | None
-    value: float
-    low: float
-    high: float
+    interval: Interval
     unit: str
 
 
@@ -168,7 +167,7 @@ class _Judge:
             _content_rows(content)
             + [_distance_row(each, self.run) for each in self._distances(frames, features)]
             + [_task_row(each) for each in task]
-            + [MetricRow("cost", "translator", None, cost, np.nan, np.nan, "ms")]
+            + [MetricRow("cost", "translator", None, Interval.unknown(cost), "ms")]
         )
         return TranslatorReport(
             name=self.translator.name,
@@ -214,24 +213,20 @@ class _Judge:
 
 
 def _task_row(task: TaskMetric) -> MetricRow:
-    interval = task.interval
-    return MetricRow(task.metric, task.reference, task.run, interval.value, interval.low,
-                     interval.high, task.unit)  # fmt: skip
+    return MetricRow(task.metric, task.reference, task.run, task.interval, task.unit)
 
 
 def _content_rows(content: ContentMetrics) -> list[MetricRow]:
     return [
-        MetricRow(name, "translator", None, float(value), np.nan, np.nan, "")
+        MetricRow(name, "translator", None, Interval.unknown(float(value)), "")
         for name, value in asdict(content).items()
         if name != "images"
     ]
 
 
 def _distance_row(distance: Distance, run: Run | None) -> MetricRow:
-    interval = distance.interval
     name = run.run if run is not None and distance.metric.endswith("_network") else None
-    return MetricRow(distance.metric, distance.reference, name, interval.value, interval.low,
-                     interval.high, distance.unit)  # fmt: skip
+    return MetricRow(distance.metric, distance.reference, name, distance.interval, distance.unit)
 
 
 def milliseconds_per_image(translator: Translator, image: Rgb) -> float:
@@ -290,7 +285,7 @@ def evaluate_folders(
     )
     cost = milliseconds_per_image(stored.translator, before[0])
     figures = _content_rows(content) + [_distance_row(distance, None) for distance in distances]
-    figures.append(MetricRow("cost", "translator", None, cost, np.nan, np.nan, "ms"))
+    figures.append(MetricRow("cost", "translator", None, Interval.unknown(cost), "ms"))
     return FolderReport(len(before), held_out, judge(content), content, tuple(figures))
 
 
@@ -327,7 +322,11 @@ def save_reports(root: Path, reports: Sequence[TranslatorReport]) -> None:
     """
     with edit(root) as draft:
         for report in reports:
-            new = [_index_row(report.name, row) for row in report.rows if math.isfinite(row.value)]
+            new = [
+                _index_row(report.name, row)
+                for row in report.rows
+                if math.isfinite(row.interval.value)
+            ]
             measured = {(row["metric"], row["reference"], row["run"]) for row in new}
             columns = ", ".join(_INDEX_COLUMNS)
             kept = draft.rows(
@@ -352,11 +351,12 @@ def save_reports(root: Path, reports: Sequence[TranslatorReport]) -> None:
             draft.set_provenance(f"translator:{report.name}", facts)
 
 
-_INDEX_COLUMNS = ("translator", "metric", "reference", "run", "value", "low", "high", "unit")
+_INDEX_COLUMNS = ("translator", "metric", "reference", "run", "value", "low", "high", "reason",
+                  "unit")  # fmt: skip
 
 
 def _index_row(name: str, row: MetricRow) -> dict[str, Any]:
     """A row of table `translator_metric`; unknown bounds are None."""
-    low, high = (bound if math.isfinite(bound) else None for bound in (row.low, row.high))
-    values = (name, row.metric, row.reference, row.run, row.value, low, high, row.unit)
+    figures = row.interval.as_columns("x").values()
+    values = (name, row.metric, row.reference, row.run, *figures, row.unit)
     return dict(zip(_INDEX_COLUMNS, values, strict=True))

@@ -84,18 +84,14 @@ class DelayAxis(Axis):
                 "period": rounded_period(period),
             },
             details={
-                "delay": signed.value,
-                "delay_low": signed.low,
-                "delay_high": signed.high,
+                **signed.as_columns("delay"),
                 "delay_least": min(each.seconds for each in delays),
                 "delay_most": max(each.seconds for each in delays),
                 "period": period,
                 "drives": [
                     {
                         "drive": drive.name,
-                        "delay": delay.seconds,
-                        "delay_low": delay.interval(settings.level).low,
-                        "delay_high": delay.interval(settings.level).high,
+                        **delay.interval(settings.level).as_columns("delay"),
                         "overlap": delay.overlap,
                         "correlation": delay.correlation,
                     }

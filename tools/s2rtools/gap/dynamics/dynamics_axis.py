@@ -251,7 +251,7 @@ def _horizon_rows(plan: WindowPlan, measured: _DriveSet, level: float) -> list[d
         for figure, (values, left_out) in figures.items():
             for row, value, without in zip(rows, values.tolist(), left_out, strict=True):
                 found = units.interval(value, without, level).at_least(0.0)
-                row |= {figure: value, f"{figure}_low": found.low, f"{figure}_high": found.high}
+                row |= found.as_columns(figure)
     return rows
 
 

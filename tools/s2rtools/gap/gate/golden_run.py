@@ -128,7 +128,12 @@ def compare(
     outcome, reason = outcome_of(change, margin), change.reason
     if outcome == "FAIL" and settings.fail_level is not None:
         at_fail_level = paired_difference(changes, trajectories, level=settings.fail_level)
-        outcome = "FAIL" if at_fail_level.low > margin else "INCONCLUSIVE"
+        if not at_fail_level.low > margin:
+            outcome = "INCONCLUSIVE"
+            reason = (
+                f"above the margin at {100 * settings.level:g} %, not at "
+                f"{100 * settings.fail_level:.6g} %, the level of a FAIL"
+            )
     if outcome == "PASS" and missing > _MAX_MISSING * len(golden.errors):
         outcome = "INCONCLUSIVE"
         reason = f"{missing} of {len(golden.errors)} are no longer comparable"

@@ -12,7 +12,7 @@ import re
 from dataclasses import dataclass
 
 from s2rstore.errors import RequestError
-from s2rstore.intervals import Interval, verdict
+from s2rstore.intervals import Interval, simultaneous_level, verdict
 from s2rstore.intervals.verdict import Bounds, Outcome
 from s2rtools.gap import defaults
 from s2rtools.gap.axis_result import AxisResult, GapSettings
@@ -70,12 +70,26 @@ def judge(
     )
     outcome = found.outcome
     reason = _REASONS[outcome].format(threshold, axes=", ".join(found.deciding))
+    if outcome == "INCONCLUSIVE":
+        reason += _only_at_level(gaps, threshold, settings)
     unjudged_axes = [axis for axis in measurement.measured if axis not in reference.axes]
     if unjudged_axes:
         reason += f"; measured but not judged by this reference: {', '.join(unjudged_axes)}"
     if inconclusive and outcome == "PASS":
         outcome, reason = "INCONCLUSIVE", "; ".join(inconclusive)
     return Verdict(outcome, threshold, worst.axis, worst.gap, tuple(gaps), reason)
+
+
+def _only_at_level(gaps: list[AxisGap], threshold: float, settings: GapSettings) -> str:
+    """Which axes lie above the threshold by their printed intervals, but not by that of a FAIL."""
+    above = [each.axis for each in gaps if each.gap.low > threshold]
+    if not above:
+        return ""
+    level = simultaneous_level(len(gaps), settings.fail_level or settings.level)
+    return (
+        f"; {', '.join(above)} above it at {100 * settings.level:g} %, not at {100 * level:.6g} %, "
+        "the level of a FAIL"
+    )
 
 
 def _gaps(

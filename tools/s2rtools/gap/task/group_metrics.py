@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.intervals import LEVEL, Interval, linear, paired_difference
+from s2rstore.intervals import LEVEL, Interval, paired_difference, ratio_of_means
 
 Floats = NDArray[np.float64]
 
@@ -42,11 +42,9 @@ class GroupErrors:
 
     def relative_drop(self, level: float = LEVEL) -> Interval:
         """The mean gap as a share of the mean sim error; unknown where that is 0."""
-        mean = float(self.sim.mean())
-        if not mean > 0:
+        if not self.sim.mean() > 0:
             return Interval.unknown(reason="the sim error is 0")
-        drop = float(self.gap.mean()) / mean
-        return linear(drop, (self.gap - drop * self.sim) / mean, self.trajectory, level=level)
+        return ratio_of_means(self.real, self.sim, self.trajectory, level=level).scaled(1, -1)
 
 
 def group_metrics(

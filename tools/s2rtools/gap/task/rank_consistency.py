@@ -53,10 +53,8 @@ class RankConsistency:
 
     @property
     def scope(self) -> str:
-        """What the correlations are about."""
-        if self.spearman.is_known:
-            return f"{len(self.runs)} runs, and runs like these"
-        return f"{len(self.runs)} runs, these runs only"
+        """What the rank correlation is about; all other figures are about these runs only."""
+        return "runs like these" if self.spearman.is_known else "these runs only"
 
 
 def rank_consistency(

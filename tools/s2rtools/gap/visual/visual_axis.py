@@ -85,8 +85,9 @@ class VisualAxis(Axis):
         noise_floor = (
             f"check by {halves['splits']} random splits of the instances into two halves, "
             f"n = {halves['n']} each: KID {kid['value']:.3f} between sim images of one half and "
-            f"real images of the other; noise floor {kid['floor']:.3f} ({kid['floor_low']:.3f} .. "
-            f"{kid['floor_high']:.3f}) between the real images of both halves"
+            f"real images of the other; noise floor {kid['floor']:.3f} (range "
+            f"{kid['floor_low']:.3f} .. {kid['floor_high']:.3f}) between the real images of both "
+            "halves"
         )
         return AxisResult(
             axis=self.name,
