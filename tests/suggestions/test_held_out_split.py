@@ -130,4 +130,4 @@ def test_intervals_of_fitted_values_are_over_the_units_of_the_fit():
     level = Slider("level", "level", "m", 0.0, 0.0, 10.0, 3)
     found = match.intervals({"level": float(LEVELS.mean())}, [level])["level"]
     margin = stats.t.ppf(0.975, 3) * LEVELS.std(ddof=1) / 2
-    assert found.high - found.low == pytest.approx(2 * margin, rel=0.15)
+    assert 1.7 * margin < found.high - found.low < 3 * margin

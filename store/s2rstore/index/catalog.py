@@ -31,7 +31,7 @@ from s2rstore.records import (
     Trajectory,
     TranslatorRecord,
 )
-from s2rstore.security.printable_text import printable, printable_lines
+from s2rstore.security.printable_text import printable, printable_lines, printable_values
 
 NO_POSES = "the data set has no poses"
 """Why views and commands refuse a data set of images without poses."""
@@ -284,8 +284,12 @@ class IndexCatalog(OpenIndex):
 
     @cached_property
     def score_report(self) -> dict[str, Any]:
-        """The report of `s2r score`; empty where none was stored. Raises RequestError."""
-        return self.provenance_object("score", "report")
+        """The report of `s2r score` with printable texts; empty where none was stored.
+
+        Raises RequestError.
+        """
+        report: dict[str, Any] = printable_values(self.provenance_object("score", "report"))
+        return report
 
     def rig_offset(self, sim: str, real: str) -> RigOffset | None:
         """Offset of the declared real rig, as calibrated; None where it was not calibrated."""

@@ -7,8 +7,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from s2rstore.security.printable_text import printable
-
 LEVEL = 0.95
 LEVEL_TEXT = f"{100 * LEVEL:g} %"
 
@@ -165,7 +163,7 @@ class Interval:
     def from_columns(cls, row: Mapping[str, Any], name: str) -> Interval:
         """Read `as_columns`; absent columns are unknown."""
         value, low, high = (_number(row.get(f"{name}{end}")) for end in _COLUMNS)
-        reason = printable(row.get(f"{name}_reason") or "")
+        reason = str(row.get(f"{name}_reason") or "")
         return cls(*_opened(low, value, high, reason))
 
     @property

@@ -15,6 +15,8 @@ from s2rstore.intervals.interval import LEVEL, MIN_MEDIAN, Interval, Sample
 
 MIN_UNITS = 2
 """Fewest independent units of an interval."""
+_MOST_SKEWED = 0.9
+"""Largest product of skewness and quantile; at 1 the bound of the correction is unstable."""
 Statistics = Callable[[Floats], Sequence[float]]
 """Values of some statistics, where row k counts `weights[k]` times."""
 
@@ -25,7 +27,9 @@ def of_units(
     """A statistic from its values `left_out` (G,) without each of G independent units.
 
     `unit` names the units in the plural, such as `drives`. The interval is Student's with G - 1
-    degrees of freedom; units that all give the same value have none.
+    degrees of freedom, joined with its correction for skewness, which makes it wider by half at
+    most: few units tell their skewness badly. Units that all give the same value have no bounds,
+    unless it is 0.
     """
     known = np.asarray(left_out, dtype=np.float64)
     count = known.size
@@ -33,12 +37,16 @@ def of_units(
         return Interval.unknown(value, f"{unit}: {count}, an interval needs {MIN_UNITS}")
     if not np.isfinite(known).all():
         return Interval.unknown(value, f"a single one of {count} {unit} determines it")
+    if not known.any():
+        return Interval(0.0, 0.0, 0.0, level, sample=Sample(count, count, count))
     if known.min() == known.max():
         return Interval.unknown(value, f"all {count} {unit} give the same value")
     influence = (count - 1) * (known.mean() - known)
     spread = Spread(float(np.sqrt(np.square(influence).sum() / (count * (count - 1)))), count - 1)
     half = spread.half_width(level)
-    low, high = skewed_bounds(value, spread, skewness(influence) / np.sqrt(count), level)
+    most = _MOST_SKEWED / spread.critical(level)
+    g = float(np.clip(skewness(influence) / np.sqrt(count), -most, most))
+    low, high = skewed_bounds(value, spread, g, level)
     return Interval(min(low, value - half), value, max(high, value + half), level,
                     sample=Sample(count, count, count))  # fmt: skip
 

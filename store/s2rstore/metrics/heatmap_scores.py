@@ -9,7 +9,6 @@ from s2rstore.errors import RequestError
 from s2rstore.heatmap_kinds import HEATMAPS, NO_HEAT, SHIPPED_PLACE, heatmap_facts
 from s2rstore.intervals import Interval
 from s2rstore.reader import Store
-from s2rstore.security.printable_text import printable
 
 HeatmapChoice = tuple[str, str | None]
 """Kind and mode."""
@@ -55,7 +54,7 @@ def own_scores(store: Store, run: str) -> list[HeatmapScore]:
         ]
         scores = [
             HeatmapScore(
-                printable(row["kind"]),
+                str(row["kind"]),
                 row["mode"],
                 Interval.from_columns(row, "auroc"),
                 Interval.from_columns(row, "tested"),
