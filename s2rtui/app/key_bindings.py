@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -62,6 +63,11 @@ def _select_similar(context: SessionContext, state: State) -> State:
     function = "sim.like" if state.side == "sim" else "like"
     expression = f"{function}({state.cursor}, {NEIGHBOURS})"
     return selection.select(context, state, expression)
+
+
+def _key_name(key: str) -> str:
+    """Textual's name of the key that types a character."""
+    return key if key.isalnum() else unicodedata.name(key).lower().replace(" ", "_")
 
 
 _OPERATORS = (
@@ -297,7 +303,8 @@ ACTIONS: tuple[Action, ...] = (
     Action("tag", "number_sign", "review", "tag this instance", shown="#",
            command=lambda app: app.annotations.edit_tag()),
     *(
-        Action(f"view('{view.name}')", view.key, "views", view.description)
+        Action(f"view('{view.name}')", _key_name(view.key), "views", view.description,
+               shown=view.key)
         for view in VIEWS
         if view.from_store
     ),

@@ -1,8 +1,12 @@
-"""The registry of views: adding a view means adding the name of its folder to `NAMES`."""
+"""The registry of views: adding a view means adding the name of its module to `NAMES`.
+
+Installed packages add views by entry points of the group `s2r.views`, which name a `View`.
+"""
 
 from importlib import import_module
+from importlib.metadata import entry_points
 
-from s2rtui.charts.risk.view import RISK
+from s2rstore.errors import RequestError
 from s2rtui.charts.scene import Resources, Scene
 from s2rtui.charts.view import View
 
@@ -17,6 +21,7 @@ NAMES = (
     "scatter",
     "shares",
     "recall",
+    "risk",
     "list",
     "compare",
     "history",
@@ -24,22 +29,47 @@ NAMES = (
     "suggestions",
     "adjust",
 )
-"""Folders of `s2rtui.charts`, in the order in which views are listed."""
+"""Modules or folders of `s2rtui.charts`, in the order in which views are listed."""
+ENTRY_POINTS = "s2r.views"
 
 
 def _view(name: str) -> View:
-    """The view of a folder. Raises TypeError where its `VIEW` is missing or misnamed."""
-    view = getattr(import_module(f"s2rtui.charts.{name}.view"), "VIEW", None)
+    """The view of a module or folder. Raises TypeError where its `VIEW` is missing or misnamed."""
+    module = import_module(f"s2rtui.charts.{name}")
+    if not hasattr(module, "VIEW"):
+        module = import_module(f"s2rtui.charts.{name}.view")
+    view = getattr(module, "VIEW", None)
     if not isinstance(view, View) or view.name != name:
-        raise TypeError(f"s2rtui.charts.{name}.view: VIEW must be a View named {name!r}")
+        raise TypeError(f"{module.__name__}: VIEW must be a View named {name!r}")
     return view
 
 
-VIEWS: tuple[View, ...] = tuple(_view(name) for name in NAMES)
+def _added(known: tuple[View, ...]) -> tuple[View, ...]:
+    """The views of installed packages, by name. Raises RequestError for one that cannot be used."""
+    names = {word for view in known for word in (view.name, *view.aliases)}
+    keys = {view.key for view in known}
+    added: list[View] = []
+    for entry in sorted(entry_points(group=ENTRY_POINTS), key=lambda each: each.name):
+        try:
+            view = entry.load()
+        except Exception as error:  # code of others may raise anything
+            raise RequestError(
+                f"view {entry.name}: {entry.value} cannot be loaded: {error}"
+            ) from error
+        if not isinstance(view, View):
+            raise RequestError(f"view {entry.name}: {entry.value} is no s2rtui.charts.view.View")
+        if taken := names & {view.name, *view.aliases} or keys & {view.key}:
+            raise RequestError(f"view {entry.name}: {entry.value}: {taken.pop()!r} is taken")
+        names |= {view.name, *view.aliases}
+        keys.add(view.key)
+        added.append(view)
+    return tuple(added)
+
+
+_OWN = tuple(_view(name) for name in NAMES)
+VIEWS: tuple[View, ...] = (*_OWN, *_added(_OWN))
 BY_NAME = {view.name: view for view in VIEWS}
 STORED = {word: view for view in VIEWS if view.from_store for word in (view.name, *view.aliases)}
 """Views that a store alone can fill, by name and alias."""
-PRINTED: dict[str, View] = {**STORED, RISK.name: RISK}
-"""What `s2r show` prints: the views of a store, and tables that have no view."""
 
-__all__ = ["BY_NAME", "NAMES", "PRINTED", "STORED", "VIEWS", "Resources", "Scene", "View"]
+__all__ = ["BY_NAME", "ENTRY_POINTS", "NAMES", "STORED", "VIEWS", "Resources", "Scene", "View"]

@@ -19,8 +19,8 @@ from s2rstore.reader import Store
 from s2rstore.records import SPLITS, Direction, Side
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import Mark
-from s2rtui.charts.shared.axis_scale import Interval
 from s2rtui.charts.shared.image_pair_model import InstanceInput
+from s2rtui.drawing.scale import Interval
 from s2rtui.session import State
 from s2rtui.session.loaded_data_origin import (
     HeatProvenance,

@@ -13,8 +13,10 @@ from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.axis_scale import Floats
 from s2rtui.charts.shared.points import known_point, nearest_iid, true_positions
+from s2rtui.drawing.cells import draw_cells
+from s2rtui.drawing.plot import Drawing
+from s2rtui.drawing.scale import Floats
 from s2rtui.session import Session
 from s2rtui.session.view_settings import ZoomPlane
 
@@ -166,6 +168,32 @@ class View:
     def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         """The expression that selects what a mark covers."""
         raise NotImplementedError
+
+
+class DrawingView(View):
+    """A view that is data: `drawing` says what is drawn, and the renderers draw it.
+
+    title: what its figure shows, after the name of the run.
+    """
+
+    title: str
+
+    def drawing(self, scene: Scene) -> Drawing:
+        """What the view shows."""
+        raise NotImplementedError
+
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
+        return draw_cells(self.drawing(scene), size, options)
+
+    def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
+        from s2rtui.drawing.paper import draw_paper
+
+        title = f"{scene.state.run}: {self.title}"
+        return draw_paper(self.drawing(scene), size, theme, title, scene.caption)
+
+    def summary(self, scene: Scene) -> str:
+        title = f"{self.title[0].upper()}{self.title[1:]}"
+        return f"{title}, run {scene.state.run}. {self.drawing(scene).text}."
 
 
 class PointsView(View):

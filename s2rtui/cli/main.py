@@ -9,6 +9,7 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 
+from s2rstore.errors import S2RError
 from s2rstore.security import working_folder
 from s2rtui.cli import interrupts
 from s2rtui.cli.command_parser import COMMANDS, build_parser
@@ -51,7 +52,11 @@ def _main(argv: Sequence[str] | None) -> int:
 
 
 def _parse_and_execute(arguments: list[str], command: str | None) -> int:
-    parser = build_parser([command] if command else [])
+    try:
+        parser = build_parser([command] if command else [])
+    except S2RError as error:  # of an installed plug-in
+        print(f"s2r: {error}", file=sys.stderr)
+        return error.exit_code
     options = parser.parse_args([word for word in arguments if word != "--debug"])
     if not hasattr(options, "execute"):
         parser.print_help()

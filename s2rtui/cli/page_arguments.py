@@ -25,7 +25,7 @@ def add_page(parser: argparse.ArgumentParser, group: str) -> argparse._ArgumentG
 
 def page_options(options: argparse.Namespace, **changes: Any) -> PageOptions:
     """The parsed options. Raises RequestError for wrong values."""
-    from s2rtui.charts.shared.paper import check_colour_map
+    from s2rtui.drawing.page import check_colour_map
     from s2rtui.export.figures import PageOptions
 
     check_colour_map(options.cmap)

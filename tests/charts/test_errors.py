@@ -13,8 +13,8 @@ from s2rtui.canvas.colour import mix
 from s2rtui.canvas.marks import Mark
 from s2rtui.charts.errors.model import errors_model
 from s2rtui.charts.errors.terminal import draw_errors, errors_panels
-from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.bars import SOLID
+from s2rtui.drawing.scale import short_number
 from tests.charts.examples import N, errors_input
 
 SIZE = 31

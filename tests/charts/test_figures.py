@@ -20,9 +20,9 @@ from s2rtui.charts.overview.paper import overview_figure
 from s2rtui.charts.rooms.groups_paper import groups_figure
 from s2rtui.charts.rooms.paper import rooms_figure
 from s2rtui.charts.scatter.paper import scatter_figure
-from s2rtui.charts.shared.paper import colour_bar_ticks
 from s2rtui.charts.suggestions.paper import suggestions_figure
 from s2rtui.charts.umap.paper import umap_figure
+from s2rtui.drawing.page import colour_bar_ticks
 from tests.charts.examples import (
     ROWS,
     compare_input,

@@ -14,7 +14,7 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from s2rtui.charts.registry import BY_NAME, VIEWS
-from s2rtui.charts.shared import paper
+from s2rtui.drawing import page as paper
 from s2rtui.export.figures import PageOptions, draw_figure
 from s2rtui.export.load_scene import SceneOptions, open_scene
 from tests.support import nights, tiny

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
 import s2rstore
 from s2rstore.index.transaction import edit
-from s2rtui.charts.recall.terminal import draw_recall
-from s2rtui.charts.recall.view import VIEW
+from s2rtui.canvas import DEFAULT_OPTIONS
+from s2rtui.charts.recall import VIEW
 from s2rtui.charts.scene import Resources, Scene
 from s2rtui.cli import main
 from s2rtui.session import Session
@@ -51,9 +54,68 @@ def test_the_drawing_says_what_is_not_localised_in_all_and_in_a_selection(lost):
         session, scene = scene_of(lost, expression)
         model = VIEW.input(scene)
         assert text in model.counted
-        lines = draw_recall(model, (80, 21)).lines()
+        lines = VIEW.draw(scene, (80, 21), DEFAULT_OPTIONS).lines()
         assert any(text in line for line in lines)
         assert lines[0].startswith("100 %")
         assert sum(line.count("◇") for line in lines[:10]) == 4  # a mark for each threshold
         session.close()
     assert VIEW.summary(scene).count("not localised") == 1
+
+
+PLUG_IN = """
+from s2rtui.charts.view import DrawingView
+from s2rtui.drawing.plot import Cell, Column, Dots, Drawing, Plot, TableSpec
+from s2rtui.drawing.scale import Scale
+import numpy as np
+
+
+class Doors(DrawingView):
+    name = "doors"
+    key = "~"
+    description = "doors of the rooms"
+    title = "doors"
+
+    def input(self, scene):
+        return scene.state.selected
+
+    def numbers(self, scene):
+        return ("room", "doors"), [("left", 2)]
+
+    def drawing(self, scene):
+        dots = Dots(np.array([1.0]), np.array([2.0]), "real")
+        plot = Plot(Scale(0, 2, ("room",)), Scale(0, 4, ("doors",)), (dots,))
+        columns = Column("room"), Column("doors")
+        return Drawing(plot, TableSpec(columns, ((Cell("left"), Cell("2")),)))
+
+
+VIEW = Doors()
+"""
+
+
+def test_an_installed_package_adds_a_view(tmp_path, tiny_store):
+    """It is listed, printed, drawn and exported like any other; a taken name is refused."""
+    (tmp_path / "doors_view.py").write_text(PLUG_IN, encoding="utf-8")
+    declared = tmp_path / "doors-1.0.dist-info"
+    declared.mkdir()
+    (declared / "METADATA").write_text("Metadata-Version: 2.1\nName: doors\nVersion: 1.0\n")
+    (declared / "entry_points.txt").write_text("[s2r.views]\ndoors = doors_view:VIEW\n")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+
+    def run(*words):
+        command = [sys.executable, "-m", "s2rtui", *words]
+        return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+
+    shown = run("show", str(tiny_store), "doors", "--format", "csv")
+    assert shown.stdout == "room,doors\nleft,2\n"
+    assert run("show", str(tiny_store), "doors", "--words").stdout.startswith("Doors, run ")
+    figure = tmp_path / "doors.png"
+    assert run("export", str(tiny_store), "--view", "doors", "--out", str(figure)).returncode == 0
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    screen = tmp_path / "screen.txt"
+    words = ("--keys", "~", "--size", "120x40", "--out", str(screen))
+    assert run("snapshot", str(tiny_store), *words).returncode == 0
+    assert "doors" in screen.read_text(encoding="utf-8")
+    (tmp_path / "doors_view.py").write_text(PLUG_IN.replace('"~"', '"Q"'), encoding="utf-8")
+    refused = run("show", str(tiny_store), "doors")
+    assert refused.returncode == 2
+    assert refused.stderr == "s2r: view doors: doors_view:VIEW: 'Q' is taken\n"

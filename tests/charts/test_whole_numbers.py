@@ -10,12 +10,12 @@ from s2rtui.canvas import Canvas, ColourMode, RenderOptions
 from s2rtui.charts.compare.model import compare_model
 from s2rtui.charts.compare.terminal import draw_compare
 from s2rtui.charts.map.terminal import draw_map
-from s2rtui.charts.shared.axis_scale import Interval, short_number
 from s2rtui.charts.shared.base_map_model import map_model
 from s2rtui.charts.shared.image_pair_model import instance_model
 from s2rtui.charts.shared.image_pair_terminal import draw_instance, instance_layout
 from s2rtui.charts.umap.model import umap_frame, umap_model
 from s2rtui.charts.umap.terminal import draw_umap
+from s2rtui.drawing.scale import Interval, short_number
 from tests.charts.examples import N, compare_input, instance_input, map_input, umap_input
 from tests.charts.test_every_size import VIEWS
 

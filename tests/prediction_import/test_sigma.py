@@ -156,7 +156,9 @@ def table(store, tmp_path, capsys):
     capsys.readouterr()
     assert main(["show", str(store), "risk", "--run", "theirs", "--json"]) == 0
     shown = json.loads(capsys.readouterr().out)
-    return {(row["side"], row["figure"], row["of"]): row for row in shown}, rows
+    names = [f"{row['figure']} {row['unit'] or ''}".strip() for row in shown]
+    keys = [(row["side"], name, row["of"]) for row, name in zip(shown, names, strict=True)]
+    return dict(zip(keys, shown, strict=True)), rows
 
 
 @pytest.mark.parametrize("side", SIDES)
@@ -173,7 +175,7 @@ def test_calibration_and_risk_equal_a_slow_computation(table, side):
         assert 0 <= row["low"] <= row["value"] <= row["high"] <= 1
     factor = shown["factor of sigma", None]
     assert factor["value"] == pytest.approx(statistics.median(ratios) / stats.rayleigh.median())
-    assert factor["reason"] == f"no interval: n {n}, a median needs 25"
+    assert factor["reason"] == f"n {n}, a median needs 25"
     area, means = slow_aurc(errors, sigmas)
     areas = {"by sigma": area, "by error": slow_aurc(errors, errors)[0], "random": means[-1]}
     for order, value in areas.items():
@@ -198,7 +200,7 @@ def test_radii_equal_a_slow_computation(table, side):
             (rows[k][2] / rows[k][3], visits[k]) for k in inside
             if rows[k][2] is not None and rows[k][3] is not None
         ]  # fmt: skip
-        for figure, pairs in (("radius m", metres), ("radius in sigmas", in_sigmas)):
+        for figure, pairs in (("radius m", metres), ("radius sigmas", in_sigmas)):
             values, units = map(list, zip(*pairs, strict=True))
             expected, row = slow_radius(values, units), shown[side, figure, room]
             assert (row["units"], row["n"]) == (len(set(units)), len(values))
@@ -208,7 +210,7 @@ def test_radii_equal_a_slow_computation(table, side):
             elif math.isinf(expected):
                 assert row["reason"] == "no radius: too many instances are not localised"
             else:
-                assert (row["value"], row["reason"]) == (pytest.approx(expected), "")
+                assert (row["value"], row["reason"]) == (pytest.approx(expected), None)
             kinds.add(expected if expected is None else math.isinf(expected))
     assert kinds >= {None, False}
     assert (True in kinds) == (side == "real")
@@ -217,7 +219,7 @@ def test_radii_equal_a_slow_computation(table, side):
 def test_without_sigmas_there_are_radii_alone(tiny_store, capsys):
     assert main(["show", str(tiny_store), "risk", "--select", "real.error < 9", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)
-    assert {row["figure"] for row in rows} == {"sigma", "radius m"}
+    assert {row["figure"] for row in rows} == {"sigma", "radius"}
     reasons = {row["reason"] for row in rows}
     assert "no sigma: the predictions carry none" in reasons
     assert any(text.startswith("no radius: ") and text.endswith("9 are needed") for text in reasons)

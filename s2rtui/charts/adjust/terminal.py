@@ -8,7 +8,7 @@ from functools import partial
 
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Size
 from s2rtui.canvas.fit_text import fit_text
-from s2rtui.charts.shared.axis_scale import short_number
+from s2rtui.drawing.scale import short_number
 
 _INDENT = 4
 _FIGURES = 5

@@ -28,7 +28,7 @@ from s2rtui.analysis.binning import (
 )
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.ranked_column import RankedColumn, ranked_column, select_ranks
-from s2rtui.charts.shared.axis_scale import Floats
+from s2rtui.drawing.scale import Floats
 
 EQUAL = 0.05
 """Metres within which two errors count as equal."""

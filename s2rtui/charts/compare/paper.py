@@ -18,7 +18,6 @@ from s2rtui.charts.compare.model import (
     difference_colours,
     sorted_by_difference,
 )
-from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.base_map_background import MapBackground
 from s2rtui.charts.shared.base_map_model import MapInput, default_view, map_model
 from s2rtui.charts.shared.base_map_paper import (
@@ -33,7 +32,7 @@ from s2rtui.charts.shared.base_map_paper import (
     map_panel,
     marker_legend,
 )
-from s2rtui.charts.shared.paper import (
+from s2rtui.drawing.page import (
     NARROW,
     Box,
     Page,
@@ -45,6 +44,7 @@ from s2rtui.charts.shared.paper import (
     set_panel_title,
     value_colours,
 )
+from s2rtui.drawing.scale import short_number
 
 LEFT, FOOT, TITLE, GAP, BESIDE = 0.75, 0.6, 0.34, 0.3, 0.3
 """Inches at the left, at the foot, above each map, between maps, and before the legends."""

@@ -22,7 +22,6 @@ from s2rtui.charts.compare.model import (
     difference_colours,
 )
 from s2rtui.charts.compare.pixels import compare_key, paint_compare
-from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.base_map_model import default_view
 from s2rtui.charts.shared.base_map_terminal import (
     MapLayout,
@@ -43,6 +42,7 @@ from s2rtui.charts.shared.trained_marks import (
     mark_trained,
     trained_legend,
 )
+from s2rtui.drawing.scale import short_number
 
 MIN_TABLE = 4
 """Fewest rows of a table of rooms: headings, a room, all instances, and which rooms are shown."""

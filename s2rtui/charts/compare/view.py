@@ -22,11 +22,11 @@ from s2rtui.charts.compare.terminal import (
     layout_text,
 )
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.axis_scale import Floats
 from s2rtui.charts.shared.base_map_model import MapInput, map_input, value_range
 from s2rtui.charts.shared.base_map_terminal import draw_value_map
 from s2rtui.charts.shared.points import own_positions, true_positions
 from s2rtui.charts.view import Pane, Pixels, PointsView, Table, TableWindow
+from s2rtui.drawing.scale import Floats
 from s2rtui.session import pending_target, run_comparison
 from s2rtui.session.view_settings import ZoomPlane, map_plane
 

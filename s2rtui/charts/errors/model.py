@@ -12,8 +12,8 @@ from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.binning import Bins, Bools, bin_values, median_selected, selection_indices
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import Mark
-from s2rtui.charts.shared.axis_scale import Floats
 from s2rtui.charts.shared.points import valid_cursor
+from s2rtui.drawing.scale import Floats
 
 NAMES = ("sim", "real")
 FINE = 250

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from s2rtui.canvas import LIGHT, Theme
 from s2rtui.charts.errors.model import NAMES, ErrorsInput, ErrorsModel, SideErrors, errors_model
-from s2rtui.charts.shared.axis_scale import short_number
-from s2rtui.charts.shared.paper import (
+from s2rtui.drawing.page import (
     NARROW,
     Ink,
     Page,
@@ -19,6 +18,7 @@ from s2rtui.charts.shared.paper import (
     set_panel_title,
     style_axes,
 )
+from s2rtui.drawing.scale import short_number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,8 +13,8 @@ from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Mark, Panel, Point, RenderOpt
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.marks import mark_on_panel, mark_range
 from s2rtui.charts.errors.model import NAMES, ErrorsInput, ErrorsModel, SideErrors, errors_model
-from s2rtui.charts.shared.axis_scale import short_number, tick_step, tick_text, tick_values
 from s2rtui.charts.shared.bars import draw_vertical_bars, put_over_bar
+from s2rtui.drawing.scale import short_number, tick_step, tick_text, tick_values
 
 LABELS = 15
 """Columns of names and numbers at the left."""

@@ -6,7 +6,7 @@ import textwrap
 
 from s2rstore.findings import FindingReport
 from s2rtui.canvas import LIGHT, Theme
-from s2rtui.charts.shared.paper import LETTER, Pixels, new_page, own_settings
+from s2rtui.drawing.page import LETTER, Pixels, new_page, own_settings
 
 _FONT, _SMALLEST_FONT = 9.0, 4.0
 _LINE = 1.35

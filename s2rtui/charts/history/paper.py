@@ -14,7 +14,7 @@ from s2rstore.gap_history.reader import Night
 from s2rtui.canvas import LIGHT, Theme
 from s2rtui.charts.history.model import HEADLINE, HistoryModel, Track, history_model
 from s2rtui.charts.history.terminal import status_colour
-from s2rtui.charts.shared.paper import (
+from s2rtui.drawing.page import (
     NARROW,
     Ink,
     Page,

@@ -13,8 +13,8 @@ from s2rstore.gap_history.gate_status import AxisStatus
 from s2rstore.gap_history.reader import Night
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, RenderOptions, Rgb, Size, Theme
 from s2rtui.charts.history.model import HEADLINE, HistoryModel, Track, history_model
-from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.legend import LegendPart, draw_rows, fit_rows, legend_rows, text_part
+from s2rtui.drawing.scale import short_number
 
 LABELS = 5
 """Columns of numbers at the left."""

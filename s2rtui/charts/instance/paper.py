@@ -16,7 +16,7 @@ from s2rtui.charts.shared.image_pair_model import (
     instance_model,
     panel_pixels,
 )
-from s2rtui.charts.shared.paper import (
+from s2rtui.drawing.page import (
     LETTER,
     SMALLEST,
     Box,

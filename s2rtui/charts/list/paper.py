@@ -5,7 +5,7 @@ from __future__ import annotations
 from s2rtui.canvas import LIGHT, Theme
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.charts.list.model import ListColumn, ListInput
-from s2rtui.charts.shared.paper import Ink, Page, Pixels, new_page, own_settings
+from s2rtui.drawing.page import Ink, Page, Pixels, new_page, own_settings
 
 ROW, LETTER, GAP, LEFT, FOOT = 0.215, 0.078, 0.22, 0.3, 0.45
 """Inches: a row's height, a letter's width, between columns, at the left, at the foot."""

@@ -18,7 +18,6 @@ from s2rtui.charts.map.model import (
     full_scale,
     iids_with_error_lines,
 )
-from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel, default_view, map_model
 from s2rtui.charts.shared.base_map_paper import (
     MANY,
@@ -32,7 +31,7 @@ from s2rtui.charts.shared.base_map_paper import (
     marker_legend,
 )
 from s2rtui.charts.shared.heat_colours import heat_ramp
-from s2rtui.charts.shared.paper import (
+from s2rtui.drawing.page import (
     NARROW,
     Inks,
     Page,
@@ -44,6 +43,7 @@ from s2rtui.charts.shared.paper import (
     value_colours,
     wrapped_label,
 )
+from s2rtui.drawing.scale import short_number
 
 LINES_UP_TO = 200
 """Up to this number of selected instances, error lines are drawn."""

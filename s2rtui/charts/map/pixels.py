@@ -17,7 +17,6 @@ from s2rtui.charts.map.model import (
     error_glyphs,
     iids_with_error_lines,
 )
-from s2rtui.charts.shared.axis_scale import Floats
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel
 from s2rtui.charts.shared.base_map_pixels import (
     MapPicture,
@@ -26,6 +25,7 @@ from s2rtui.charts.shared.base_map_pixels import (
     paint_trained,
     paint_values,
 )
+from s2rtui.drawing.scale import Floats
 
 GLYPH_FOOTPRINT = (7, 3)
 """Columns and rows of cells that an error glyph takes."""

@@ -28,7 +28,6 @@ from s2rtui.charts.map.model import (
     iids_with_error_lines,
 )
 from s2rtui.charts.map.pixels import COUNTS, GLYPH_FOOTPRINT, map_key, paint_map
-from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel, map_model
 from s2rtui.charts.shared.base_map_terminal import (
     MapLayout,
@@ -52,6 +51,7 @@ from s2rtui.charts.shared.legend import LegendPart, ramp_for_values, role_legend
 from s2rtui.charts.shared.points import selected_counts
 from s2rtui.charts.shared.trained_marks import SEVERAL as SEVERAL_TRAINED
 from s2rtui.charts.shared.trained_marks import TrainedForms, glyph_forms, number_forms
+from s2rtui.drawing.scale import short_number
 
 ARROW_FOOTPRINT = (9, 3)
 RADII = (3.0, 3.6, 4.2)

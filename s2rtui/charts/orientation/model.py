@@ -13,8 +13,8 @@ from s2rtui.analysis.binning import Bins, Bools, SelectionIndices, bin_values, s
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import Mark
 from s2rtui.canvas.marks import wrap_degrees
-from s2rtui.charts.shared.axis_scale import Floats
 from s2rtui.charts.shared.points import valid_cursor
+from s2rtui.drawing.scale import Floats
 
 BINS = 72
 WIDTH = 360 / BINS

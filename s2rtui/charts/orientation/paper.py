@@ -17,8 +17,8 @@ from s2rtui.charts.orientation.model import (
     OrientationModel,
     orientation_model,
 )
-from s2rtui.charts.shared.axis_scale import tick_values
-from s2rtui.charts.shared.paper import LETTER, Ink, Page, Pixels, new_page, own_settings
+from s2rtui.drawing.page import LETTER, Ink, Page, Pixels, new_page, own_settings
+from s2rtui.drawing.scale import tick_values
 
 FOOT = 0.9
 """Inches below the dials."""

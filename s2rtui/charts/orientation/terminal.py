@@ -20,8 +20,8 @@ from s2rtui.charts.orientation.model import (
     OrientationModel,
     orientation_model,
 )
-from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.bars import Bars, draw_vertical_bars, put_over_bar
+from s2rtui.drawing.scale import short_number
 
 SMALLEST = 6.0
 """Smallest radius of a dial in columns; in ASCII twice that."""

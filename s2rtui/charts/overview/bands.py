@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.charts.shared.axis_scale import Floats
+from s2rtui.drawing.scale import Floats
 
 MOST_LINES = 60
 """More instances than this, selected or not, are drawn as bands instead of lines."""

@@ -11,7 +11,7 @@ from rich.cells import cell_len
 from s2rtui.canvas import Panel, Point, Size
 from s2rtui.charts.overview.model import OverviewLines, overview_model
 from s2rtui.charts.scene import OverviewRow
-from s2rtui.charts.shared.axis_scale import Interval
+from s2rtui.drawing.scale import Interval
 
 NUMBERS = 12
 """Columns of the two numbers at the right."""

@@ -22,7 +22,7 @@ from s2rtui.canvas.raster import cells_with_dots, draw_braille, line_dots
 from s2rtui.charts.overview.bands import MOST_LINES, band_density, binned_quantiles
 from s2rtui.charts.overview.layout import OverviewLayout, axis_share
 from s2rtui.charts.overview.model import OverviewLines, cursor_accuracies, selected_parts
-from s2rtui.charts.shared.axis_scale import Floats, Interval
+from s2rtui.drawing.scale import Floats, Interval
 
 PIECE = 1 << 15
 MANY = 20_000

@@ -16,7 +16,7 @@ from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.charts.overview.bands import MOST_LINES
 from s2rtui.charts.scene import OverviewRow
-from s2rtui.charts.shared.axis_scale import Floats, Interval, finite_or_none, tick_step
+from s2rtui.drawing.scale import Floats, Interval, finite_or_none, tick_step
 
 
 @dataclass(frozen=True, slots=True, eq=False)

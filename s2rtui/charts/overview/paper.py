@@ -21,8 +21,8 @@ from s2rtui.charts.overview.model import (
     selected_parts,
 )
 from s2rtui.charts.scene import OverviewRow
-from s2rtui.charts.shared.axis_scale import Interval
-from s2rtui.charts.shared.paper import NARROW, Ink, Page, Pixels, new_page, own_settings, style_axes
+from s2rtui.drawing.page import NARROW, Ink, Page, Pixels, new_page, own_settings, style_axes
+from s2rtui.drawing.scale import Interval
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

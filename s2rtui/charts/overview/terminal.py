@@ -18,7 +18,7 @@ from s2rtui.charts.overview.model import (
     overview_model,
 )
 from s2rtui.charts.scene import OverviewRow
-from s2rtui.charts.shared.axis_scale import tick_step, tick_text, tick_values
+from s2rtui.drawing.scale import tick_step, tick_text, tick_values
 
 
 def draw_overview(

@@ -7,7 +7,7 @@ import numpy as np
 from s2rtui.canvas import LIGHT, Theme
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.charts.rooms.groups import GroupsInput, ordered
-from s2rtui.charts.shared.paper import LETTER, Pixels, new_page, own_settings, style_axes
+from s2rtui.drawing.page import LETTER, Pixels, new_page, own_settings, style_axes
 
 _ROW = 0.16
 """Inches that a row needs at least."""

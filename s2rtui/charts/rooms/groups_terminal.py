@@ -15,7 +15,7 @@ from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, Point, RenderOptions, 
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.marks import mark_rows
 from s2rtui.charts.rooms.groups import GroupsInput, TableColumn, fitting_columns, ordered
-from s2rtui.charts.shared.axis_scale import scale_fraction, short_number
+from s2rtui.drawing.scale import scale_fraction, short_number
 
 PANEL = "groups"
 _PLOT = 16

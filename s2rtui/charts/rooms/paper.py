@@ -9,7 +9,7 @@ import numpy as np
 from s2rtui.canvas import LIGHT, Theme
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.charts.rooms.model import NAMES, RoomsInput, RoomsModel, rooms_model
-from s2rtui.charts.shared.paper import (
+from s2rtui.drawing.page import (
     Ink,
     Page,
     Pixels,

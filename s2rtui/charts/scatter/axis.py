@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from s2rstore.records import Bounds
 from s2rtui.analysis.identity_cache import cached_by_identity
-from s2rtui.charts.shared.axis_scale import Floats, tick_values
+from s2rtui.drawing.scale import Floats, tick_values
 
 LOG_RATIO = 20.0
 """Axes are logarithmic where the largest error is more than this many times a side's median."""

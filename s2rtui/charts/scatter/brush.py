@@ -9,7 +9,7 @@ import numpy as np
 from s2rtui.canvas import Mark, Point
 from s2rtui.charts.mark_expressions import function_call, number_text, round_to_cell
 from s2rtui.charts.scatter.axis import ErrorAxis
-from s2rtui.charts.shared.axis_scale import Floats
+from s2rtui.drawing.scale import Floats
 from s2rtui.session.brush_geometry import MAX_CORNERS
 
 _EDGE = 1e-9

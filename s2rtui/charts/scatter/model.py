@@ -23,8 +23,8 @@ from s2rtui.analysis.binning import (
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import Mark
 from s2rtui.charts.scatter.axis import WHOLE, ErrorAxis, ErrorPlane, error_axis
-from s2rtui.charts.shared.axis_scale import Floats
 from s2rtui.charts.shared.points import valid_cursor
+from s2rtui.drawing.scale import Floats
 
 PERCENT = 15
 """Share of the base population: the worst 15 % of a side are called poor, the best 15 % good."""

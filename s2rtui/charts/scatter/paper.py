@@ -15,9 +15,9 @@ from s2rtui.charts.scatter.model import (
     ScatterModel,
     scatter_model,
 )
-from s2rtui.charts.shared.axis_scale import Floats, short_number
 from s2rtui.charts.shared.base_map_paper import LegendMark, marker_legend
-from s2rtui.charts.shared.paper import (
+from s2rtui.charts.shared.points_paper import cells_with_dots, paper_points
+from s2rtui.drawing.page import (
     NARROW,
     Page,
     Pixels,
@@ -28,7 +28,7 @@ from s2rtui.charts.shared.paper import (
     style_axes,
     value_colours,
 )
-from s2rtui.charts.shared.points_paper import cells_with_dots, paper_points
+from s2rtui.drawing.scale import Floats, short_number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -36,7 +36,6 @@ from s2rtui.charts.scatter.model import (
     scatter_model,
     scatter_summary,
 )
-from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.legend import (
     LegendPart,
     draw_rows,
@@ -53,6 +52,7 @@ from s2rtui.charts.shared.trained_marks import (
     number_glyphs,
     trained_legend,
 )
+from s2rtui.drawing.scale import short_number
 
 LEFT = 7
 """Columns of ticks at the left."""

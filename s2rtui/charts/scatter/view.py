@@ -13,9 +13,9 @@ from s2rtui.charts.scatter.brush import box_expression, lasso_expression
 from s2rtui.charts.scatter.model import PERCENT, QUADRANTS, ScatterInput, scatter_summary
 from s2rtui.charts.scatter.terminal import draw_scatter, scatter_panels
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.axis_scale import Floats
 from s2rtui.charts.shared.points import known_point, nearest_iid, stacked_points
 from s2rtui.charts.view import Pixels, PointsView, Table
+from s2rtui.drawing.scale import Floats
 from s2rtui.session.counted_values import counted_values
 from s2rtui.session.view_settings import ZoomPlane
 

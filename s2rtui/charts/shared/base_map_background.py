@@ -22,7 +22,6 @@ from s2rtui.canvas import Canvas, Pixels, Theme, legible, luma, mix
 from s2rtui.canvas.block_symbols import BlockCells, SymbolSet, cells_of, fit_blocks
 from s2rtui.canvas.colour import ANSI_16
 from s2rtui.canvas.raster import draw_blocks, draw_braille, draw_shades, line_dots
-from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction
 from s2rtui.charts.shared.base_map_floor import (
     draw_walls,
     floor_colours,
@@ -30,6 +29,7 @@ from s2rtui.charts.shared.base_map_floor import (
     wall_pixels,
 )
 from s2rtui.charts.shared.heat_colours import heat_glyphs, heat_ramp, heat_strength, map_opacity
+from s2rtui.drawing.scale import Floats, Interval, percentile_range, scale_fraction
 
 FLOOR_RAMPS = {True: "  ..::", False: "   ░░"}
 WALL_LINES = {True: "_|||_|||_|||_|||", False: "╬║║║═╝╗╣═╚╔╠═╩╦╬"}

@@ -15,7 +15,7 @@ from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame, sample
 from s2rtui.canvas import Pixels, Theme, luma
 from s2rtui.canvas.colour import contrast, with_luminance
-from s2rtui.charts.shared.axis_scale import Interval
+from s2rtui.drawing.scale import Interval
 
 Mask = NDArray[np.bool_]
 

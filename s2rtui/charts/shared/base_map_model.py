@@ -14,7 +14,6 @@ from s2rtui.analysis.binning import Bools, SelectionIndices, count_selected, sel
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import Mark, Pixels
-from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction
 from s2rtui.charts.shared.base_map_background import MapBackground, heat_scale
 from s2rtui.charts.shared.points import (
     own_positions,
@@ -23,6 +22,7 @@ from s2rtui.charts.shared.points import (
     true_positions,
     valid_cursor,
 )
+from s2rtui.drawing.scale import Floats, Interval, percentile_range, scale_fraction
 from s2rtui.session import map_values
 from s2rtui.session.heatmaps import SIGNED, unit
 from s2rtui.session.state import HeatChoice, MapMode, State

@@ -13,11 +13,11 @@ from s2rtui.analysis.binning import SelectionIndices
 from s2rtui.analysis.map_frame import MapFrame, fit_frame
 from s2rtui.canvas import luma, mix
 from s2rtui.canvas.raster import resample
-from s2rtui.charts.shared.axis_scale import Floats, scale_fraction, short_number, tick_step
 from s2rtui.charts.shared.base_map_background import DIMMED, MapBackground, heat_scale, seen_cells
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel, sorted_by_value
 from s2rtui.charts.shared.heat_colours import heat_ramp, map_opacity
-from s2rtui.charts.shared.paper import (
+from s2rtui.charts.shared.points import point_dots
+from s2rtui.drawing.page import (
     NARROW,
     Box,
     Ink,
@@ -27,7 +27,7 @@ from s2rtui.charts.shared.paper import (
     value_colours,
     wrapped_label,
 )
-from s2rtui.charts.shared.points import point_dots
+from s2rtui.drawing.scale import Floats, scale_fraction, short_number, tick_step
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -29,7 +29,6 @@ from s2rtui.canvas import (
 )
 from s2rtui.canvas.marks import draw_mark
 from s2rtui.canvas.raster import braille_bits, draw_braille, limit_ground
-from s2rtui.charts.shared.axis_scale import Floats, tick_step, tick_text, tick_values
 from s2rtui.charts.shared.base_map_background import (
     MapBackground,
     draw_background,
@@ -70,6 +69,7 @@ from s2rtui.charts.shared.trained_marks import (
     mark_trained,
     trained_legend,
 )
+from s2rtui.drawing.scale import Floats, tick_step, tick_text, tick_values
 
 Places = NDArray[np.intp]
 Legend = Callable[[MapFrame, int], list[LegendPart]]

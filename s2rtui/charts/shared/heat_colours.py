@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from s2rtui.canvas import ColourMode, Pixels, RenderOptions, diverging, turbo
-from s2rtui.charts.shared.axis_scale import Floats, Interval, scale_fraction
+from s2rtui.drawing.scale import Floats, Interval, scale_fraction
 
 Ramp = Callable[[ArrayLike], Pixels]
 

@@ -13,7 +13,7 @@ from rich.cells import cell_len
 
 from s2rtui.canvas import DIGITS, Canvas, ColourMode, Pixels, RenderOptions, Rgb, legible, turbo
 from s2rtui.canvas.fit_text import fit_text
-from s2rtui.charts.shared.axis_scale import Interval, short_number, tick_step
+from s2rtui.drawing.scale import Interval, short_number, tick_step
 
 NO_BREAK = "\u00a0"
 """A blank at which texts are not wrapped, as between a number and its unit."""

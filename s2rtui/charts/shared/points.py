@@ -19,7 +19,7 @@ from s2rtui.analysis.binning import (
 )
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.charts.shared.axis_scale import Floats, Interval, scale_fraction
+from s2rtui.drawing.scale import Floats, Interval, scale_fraction
 
 PIECE = 1 << 15
 LEVELS = 60

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.analysis.binning import Bools, selection_indices
-from s2rtui.charts.shared.axis_scale import Floats
-from s2rtui.charts.shared.paper import Inks
+from s2rtui.drawing.page import Inks
+from s2rtui.drawing.scale import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,7 +9,7 @@ import numpy as np
 
 from s2rstore.errors import counted
 from s2rstore.metrics.gap_shares import FactorShare, GapShares
-from s2rtui.charts.shared.axis_scale import Interval, non_empty
+from s2rtui.drawing.scale import Interval, non_empty
 
 _MARGIN = 0.5
 """Space for bounds beside the means, as a share of the range of the means."""

@@ -7,8 +7,8 @@ import textwrap
 
 from s2rstore.errors import RequestError
 from s2rtui.canvas import LIGHT, Theme
-from s2rtui.charts.shared.paper import LETTER, NARROW, Pixels, new_page, own_settings, style_axes
 from s2rtui.charts.shares.model import CONTRIBUTION, SharesInput, shares_model
+from s2rtui.drawing.page import LETTER, NARROW, Pixels, new_page, own_settings, style_axes
 
 _LINE = 0.17
 """Height of a line of notes in inches."""

@@ -6,7 +6,6 @@ import math
 import textwrap
 
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, RenderOptions, Size
-from s2rtui.charts.shared.axis_scale import short_number, tick_step, tick_text, tick_values
 from s2rtui.charts.shares.model import (
     CONTRIBUTION,
     ShareBar,
@@ -14,6 +13,7 @@ from s2rtui.charts.shares.model import (
     SharesModel,
     shares_model,
 )
+from s2rtui.drawing.scale import short_number, tick_step, tick_text, tick_values
 
 _NAME = 19
 """Columns of the factors' names."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from s2rstore.records import Side
 from s2rstore.suggestions import Answer, SuggestReport
-from s2rtui.charts.shared.axis_scale import Interval, non_empty
+from s2rtui.drawing.scale import Interval, non_empty
 
 _MARGIN = 1.0
 """Space for bounds beside the gains, as a share of the range of the gains."""

@@ -10,7 +10,14 @@ import numpy as np
 
 from s2rstore.suggestions import SuggestReport
 from s2rtui.canvas import LIGHT, Theme
-from s2rtui.charts.shared.paper import (
+from s2rtui.charts.suggestions.model import (
+    Direction,
+    details,
+    evidence_text,
+    finite,
+    gain_scale,
+)
+from s2rtui.drawing.page import (
     LETTER,
     NARROW,
     Page,
@@ -19,13 +26,6 @@ from s2rtui.charts.shared.paper import (
     own_settings,
     set_panel_title,
     style_axes,
-)
-from s2rtui.charts.suggestions.model import (
-    Direction,
-    details,
-    evidence_text,
-    finite,
-    gain_scale,
 )
 
 if TYPE_CHECKING:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Size
-from s2rtui.charts.shared.axis_scale import tick_step, tick_text, tick_values
 from s2rtui.charts.shared.line_panel import line_panels
 from s2rtui.charts.suggestions.lines import Line, suggestion_lines
 from s2rtui.charts.suggestions.model import Direction, SuggestionsInput, gain_scale
+from s2rtui.drawing.scale import tick_step, tick_text, tick_values
 
 _GUTTER = 2
 _TICKS = 12

@@ -22,8 +22,8 @@ from s2rtui.analysis.binning import (
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame, fit_frame
 from s2rtui.canvas import Mark
-from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction
 from s2rtui.charts.shared.points import point_cells, point_dots, stacked_points, valid_cursor
+from s2rtui.drawing.scale import Floats, Interval, percentile_range, scale_fraction
 from s2rtui.session.counted_values import counted_values
 from s2rtui.session.state import State
 

@@ -7,8 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from s2rtui.canvas import LIGHT, Theme
-from s2rtui.charts.shared.axis_scale import Floats, scale_fraction
-from s2rtui.charts.shared.paper import (
+from s2rtui.charts.shared.points_paper import cells_with_dots, paper_points
+from s2rtui.charts.umap.model import (
+    UmapInput,
+    UmapLayer,
+    UmapModel,
+    level_shares,
+    umap_frame,
+    umap_model,
+    umap_values,
+)
+from s2rtui.drawing.page import (
     NARROW,
     SMALLEST,
     Ink,
@@ -25,16 +34,7 @@ from s2rtui.charts.shared.paper import (
     value_colours,
     wrapped_label,
 )
-from s2rtui.charts.shared.points_paper import cells_with_dots, paper_points
-from s2rtui.charts.umap.model import (
-    UmapInput,
-    UmapLayer,
-    UmapModel,
-    level_shares,
-    umap_frame,
-    umap_model,
-    umap_values,
-)
+from s2rtui.drawing.scale import Floats, scale_fraction
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -22,7 +22,6 @@ from s2rtui.canvas import (
 )
 from s2rtui.canvas.marks import draw_mark
 from s2rtui.canvas.raster import braille_bits, cells_with_dots
-from s2rtui.charts.shared.axis_scale import short_number, tick_step, tick_text, tick_values
 from s2rtui.charts.shared.base_map_terminal import (
     plane_panel,
     point_colours,
@@ -56,6 +55,7 @@ from s2rtui.charts.umap.model import (
     umap_model,
     value_range,
 )
+from s2rtui.drawing.scale import short_number, tick_step, tick_text, tick_values
 
 SINGLE = 8
 """Up to this number of instances a cell shows each as a braille dot, above it a shade."""

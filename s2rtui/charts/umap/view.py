@@ -9,11 +9,11 @@ import numpy as np
 from s2rtui.canvas import Canvas, Mark, Panel, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.axis_scale import Floats
 from s2rtui.charts.shared.points import known_point
 from s2rtui.charts.umap import terminal
 from s2rtui.charts.umap.model import UmapInput, umap_extent, umap_input
 from s2rtui.charts.view import Pixels, PointsView, Table
+from s2rtui.drawing.scale import Floats
 from s2rtui.session.view_settings import ZoomPlane
 
 

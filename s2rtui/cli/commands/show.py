@@ -13,22 +13,20 @@ EXAMPLE = "s2r show lab.s2r rooms --select worst15 --format csv"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    from s2rtui.charts.registry import PRINTED
+    from s2rtui.charts.registry import STORED
 
     store_argument.add_readable(parser)
-    parser.add_argument(
-        "view", choices=tuple(PRINTED), help="view to print; risk: what stated sigmas are worth"
-    )
+    parser.add_argument("view", choices=tuple(STORED), help="view to print")
     parser.add_argument("--words", action="store_true", help="print a sentence, not the table")
     scene_arguments.add_selection(parser)
     output.add_output_options(parser)
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rtui.charts.registry import PRINTED
+    from s2rtui.charts.registry import STORED
     from s2rtui.export.load_scene import open_scene
 
-    view = PRINTED[options.view]
+    view = STORED[options.view]
     with open_scene(options.store, scene_arguments.scene_options(options), view) as scene:
         print_coverage(scene.store, scene_arguments.runs(scene.state))
         if options.words:

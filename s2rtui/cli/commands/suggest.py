@@ -154,9 +154,9 @@ def _check_figure(path: Path) -> None:
 
 
 def _write_figure(report: SuggestReport, run: Run, options: argparse.Namespace) -> None:
-    from s2rtui.charts.shared.paper import figure_format
     from s2rtui.charts.suggestions.model import Direction
     from s2rtui.charts.suggestions.paper import suggestions_figure
+    from s2rtui.drawing.page import figure_format
     from s2rtui.export.figures import format_of
 
     store = str(options.store)

@@ -8,8 +8,8 @@ from dataclasses import replace
 from s2rstore.index.population import Population
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.image_pair_model import InstanceInput, instance_model, panel_pixels
+from s2rtui.drawing.scale import short_number
 from s2rtui.export.report.data_uri_images import image
 from s2rtui.export.report.metric_tables import number
 from s2rtui.export.report.report_model import Example, ReportImage, ReportTable

@@ -71,11 +71,14 @@ class Calibration:
 class RiskCoverage:
     """`risks`, the mean errors in metres at `COVERAGES`, and the areas under the curves, metres.
 
+    `ideal` are the risks where the order is that of the errors.
+
     `aurc` is the mean of the risks at all coverages 1/n .. 1, `optimal` that of the order by error,
     and `random` that of a random order, the mean error.
     """
 
     risks: tuple[float, ...]
+    ideal: tuple[float, ...]
     aurc: float
     optimal: float
     random: float
@@ -157,13 +160,15 @@ def risk_coverage(errors: Floats, sigmas: Floats) -> RiskCoverage:
     _ratios(errors, sigmas)
     n = errors.size
     if not n:
-        return RiskCoverage((math.nan,) * len(COVERAGES), math.nan, math.nan, math.nan)
-    risks = _risks(errors, sigmas)
+        unknown = (math.nan,) * len(COVERAGES)
+        return RiskCoverage(unknown, unknown, math.nan, math.nan, math.nan)
+    risks, ideal = _risks(errors, sigmas), _risks(errors, errors)
     counts = [math.ceil(share * n - _TOLERANCE) for share in COVERAGES]
     return RiskCoverage(
         tuple(float(risks[count - 1]) for count in counts),
+        tuple(float(ideal[count - 1]) for count in counts),
         float(risks.mean()),
-        float(_risks(errors, errors).mean()),
+        float(ideal.mean()),
         float(errors.mean()),
     )
 

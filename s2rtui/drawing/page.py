@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from s2rstore.errors import RequestError
 from s2rtui.canvas import Pixels as ColourTable
 from s2rtui.canvas import Rgb, Theme, turbo
-from s2rtui.charts.shared.axis_scale import (
+from s2rtui.drawing.scale import (
     Interval,
     short_number,
     tick_step,

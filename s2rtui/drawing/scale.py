@@ -1,13 +1,75 @@
-"""Axis scales: ranges, fractions of a range, ticks, and numbers as short text."""
+"""The scale of an axis: places along it, ticks, labels that do not collide, short numbers."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Interval = tuple[float, float]
+Floats = NDArray[np.floating]
+Tick = tuple[float, str]
+"""A value and its label."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """An axis from the value `low` to `high`, linear or logarithmic.
+
+    names: what it shows with its unit, the longest first; an axis has the first one that fits.
+    fixed: its ticks, where they are not round numbers.
+    """
+
+    low: float
+    high: float
+    names: tuple[str, ...] = ()
+    log: bool = False
+    fixed: tuple[Tick, ...] | None = None
+
+    def fraction(self, values: ArrayLike) -> NDArray[np.float64]:
+        """The places of values along the axis: 0 at `low`, 1 at `high`."""
+        numbers = np.asarray(values, dtype=np.float64)
+        if self.log:
+            return np.asarray(np.log(numbers / self.low) / math.log(self.high / self.low))
+        return np.asarray((numbers - self.low) / (self.high - self.low))
+
+    def value(self, fractions: ArrayLike) -> NDArray[np.float64]:
+        """The values at places along the axis; the inverse of `fraction`."""
+        places = np.asarray(fractions, dtype=np.float64)
+        if self.log:
+            return np.asarray(self.low * (self.high / self.low) ** places)
+        return np.asarray(self.low + (self.high - self.low) * places)
+
+    def ticks(self, most: int) -> tuple[Tick, ...]:
+        """The fixed ticks, or round numbers that divide the axis into at most `most` intervals."""
+        if self.fixed is not None:
+            return self.fixed
+        low, high = sorted((self.low, self.high))
+        width = tick_step(high - low, most)
+        return tuple((value, tick_text(value, width)) for value in tick_values(low, high, most))
+
+    def name(self, room: float, extent: Callable[[str], float]) -> str:
+        """The longest name that fits into `room`; empty where none does."""
+        return next((name for name in self.names if extent(name) <= room), "")
+
+    def labels(
+        self, length: float, most: int, extent: Callable[[str], float], gap: float
+    ) -> Iterator[tuple[float, float, str]]:
+        """Yield (start, tick, label) of the ticks along an axis of some length.
+
+        `extent` is the length of a text. Labels are centred at their ticks, moved to lie within the
+        axis, and `gap` apart; one that would collide with the label before it is left out.
+        """
+        free = 0.0
+        for value, text in self.ticks(most):
+            tick, size = float(self.fraction(value)) * length, extent(text)
+            start = min(max(tick - size / 2, 0.0), length - size)
+            if 0 <= tick <= length and start >= free:
+                yield start, tick, text
+                free = start + size + gap
 
 
 def finite_or_none(value: float | None) -> float | None:
@@ -74,6 +136,3 @@ def tick_text(value: float, width: float) -> str:
     places = max(0, -math.floor(math.log10(width) + 1e-9)) if width < 1 else 0
     text = f"{value:.{places}f}"
     return text[1:] if text.startswith("-") and not text.strip("-0.") else text
-
-
-Floats = NDArray[np.floating]

@@ -1,1 +1,0 @@
-"""The recall view: shares of instances within thresholds of position and heading."""
