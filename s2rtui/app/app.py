@@ -105,7 +105,7 @@ class S2RApp(GuardedApp):
         self.render_options = render_options
         self.access = access or Permissions.for_store(session.store.path)
         self.output_folder = output_folder or self.access.output_dir
-        self.resources = Resources()
+        self.resources = Resources(models={})
         self.jobs = BackgroundJobs(lambda text: self.post(BackgroundFailed(text)))
         self.load_scheduler = LoadScheduler(self)
         self.brush = BrushController(self)

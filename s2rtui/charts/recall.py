@@ -25,6 +25,7 @@ from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import DrawingView, Table
 from s2rtui.drawing.plot import Cell, Column, Dots, Drawing, Line, Mark, Plot, Rule, TableSpec
 from s2rtui.drawing.scale import Scale
+from s2rtui.session import State
 
 _BELOW, _BEYOND = 2.0, 8.0
 """Factors by which the axis reaches beyond the smallest and the largest threshold."""
@@ -88,16 +89,14 @@ class RecallView(DrawingView):
     key = "Q"
     description = "recall: shares of instances within metres and degrees"
     title = "recall in simulation and in reality"
-    brushable = False
     narrow_ratio = 1.9
     wide_ratio = 0.65
 
     def subtitle(self, scene: Scene) -> str:
         return "share of instances within both thresholds"
 
-    def input(self, scene: Scene) -> RecallModel:
-        state = scene.state
-        return recall_model(scene.store, state.run, state.selected, state.base, state.population)
+    def model(self, store: Store, state: State) -> RecallModel:
+        return recall_model(store, state.run, state.selected, state.base, state.population)
 
     def numbers(self, scene: Scene) -> Table:
         names = ("side", "figure", "metres_m", "heading_deg", "value", "low", "high", "reason",
@@ -118,8 +117,7 @@ class RecallView(DrawingView):
                 rows.append((side, figure, metres, degrees, *ends, unit, *counts))
         return names, rows
 
-    def drawing(self, scene: Scene) -> Drawing:
-        model = self.input(scene)
+    def drawing(self, model: RecallModel) -> Drawing:
         cells = zip(*(_cells(each.figures) for each in model.sides.values()), strict=True)
         points = model.sides["real"].figures.points
         names = [*(p.name for p in points), "median position", "median heading", "skill"]

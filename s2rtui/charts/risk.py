@@ -26,6 +26,7 @@ from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import DrawingView, Table
 from s2rtui.drawing.plot import Cell, Column, Drawing, Line, Mark, Plot, Rule, TableSpec
 from s2rtui.drawing.scale import Scale
+from s2rtui.session import State
 
 _Row = tuple[object, ...]
 RiskModel = dict[Side, SideUncertainty]
@@ -47,16 +48,14 @@ class RiskView(DrawingView):
     key = "%"
     description = "risk: mean errors of the most certain, calibration of sigma, conformal radii"
     title = "mean error of the most certain instances"
-    brushable = False
     narrow_ratio = 1.8
     wide_ratio = 0.8
 
     def subtitle(self, scene: Scene) -> str:
         return "mean error of the instances with the smallest sigmas"
 
-    def input(self, scene: Scene) -> RiskModel:
-        state = scene.state
-        return risk_model(scene.store, state.run, state.selected, state.base, state.population)
+    def model(self, store: Store, state: State) -> RiskModel:
+        return risk_model(store, state.run, state.selected, state.base, state.population)
 
     def numbers(self, scene: Scene) -> Table:
         names = ("side", "figure", "of", "value", "low", "high", "reason", "unit", "n", "units",
@@ -64,8 +63,7 @@ class RiskView(DrawingView):
         sides = self.input(scene).items()
         return names, [(side, *row) for side, found in sides for row in _rows(found)]
 
-    def drawing(self, scene: Scene) -> Drawing:
-        model = self.input(scene)
+    def drawing(self, model: RiskModel) -> Drawing:
         risks = {side: each.risk for side, each in model.items() if each.risk is not None}
         reasons = [f"{side}: {each.reason}" for side, each in model.items() if each.reason]
         radius = f"radius: holds {100 * (1 - ALPHA):g} % of the images of a further visit"

@@ -17,7 +17,7 @@ from s2rstore.language import base_population, evaluation
 from s2rstore.metrics.recall import Headline
 from s2rstore.reader import Store
 from s2rstore.records import SPLITS, Direction, Side
-from s2rtui.analysis.identity_cache import cached_by_identity
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.canvas import Mark
 from s2rtui.charts.shared.image_pair_model import InstanceInput
 from s2rtui.drawing.scale import Interval
@@ -128,13 +128,31 @@ class LoadedGroups:
     rows: tuple[GroupErrors, ...]
 
 
+def model_source(state: State) -> tuple[object, ...]:
+    """Everything that the numbers of a statistical view depend on."""
+    return state.generation, state.run, state.with_trained, ArrayKey(state.selected)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadedModel:
+    """The numbers of a statistical view; `source` names what they were computed from."""
+
+    source: tuple[object, ...]
+    model: Any
+
+    def is_of(self, state: State) -> bool:
+        """Whether they are about the run of a state, perhaps another selection."""
+        return self.source[:-1] == model_source(state)[:-1]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Resources:
     """The results of background loading, each with its source where it may be out of date.
 
     `floor_heat` is the heat on the map and `seen_floor` the part of the floor that the selection
     has seen, (rows, cols) each; `live` is the instance that is being adjusted. `groups` and
-    `findings` belong to the rooms and the findings view. `progress` (0 .. 1) and `failed`
+    `findings` belong to the rooms and the findings view. `models` are the numbers of statistical
+    views by name; None: they are computed when they are drawn. `progress` (0 .. 1) and `failed`
     (messages) are by the name of the loader.
     """
 
@@ -155,6 +173,7 @@ class Resources:
     history: History | None = None
     groups: LoadedGroups | None = None
     findings: FindingReport | None = None
+    models: Mapping[str, LoadedModel] | None = None
     progress: Mapping[str, float] = field(default_factory=dict)
     failed: Mapping[str, str] = field(default_factory=dict)
     saving: str = ""
@@ -203,6 +222,8 @@ class Resources:
 
     def with_loaded(self, loader: str, fields: Mapping[str, Any], error: str) -> Resources:
         """A copy with the result of a loader, or with the reason why it failed."""
+        if "models" in fields:
+            fields = {**fields, "models": {**(self.models or {}), **fields["models"]}}
         loaded = self.with_requested({loader}, fields)
         return replace(loaded, failed={**loaded.failed, loader: error}) if error else loaded
 

@@ -12,12 +12,12 @@ from s2rstore.reader import Store
 from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import area_expression
-from s2rtui.charts.scene import Scene
+from s2rtui.charts.scene import Scene, model_source
 from s2rtui.charts.shared.points import known_point, nearest_iid, true_positions
 from s2rtui.drawing.cells import draw_cells
 from s2rtui.drawing.plot import Drawing
 from s2rtui.drawing.scale import Floats
-from s2rtui.session import Session
+from s2rtui.session import Session, State
 from s2rtui.session.view_settings import ZoomPlane
 
 Pane = Literal["overview", "centre", "tab"]
@@ -171,29 +171,57 @@ class View:
 
 
 class DrawingView(View):
-    """A view that is data: `drawing` says what is drawn, and the renderers draw it.
+    """A view that is data: `model` computes its numbers, `drawing` says what is drawn of them.
+
+    The application computes the numbers in the background, and shows those of the selection before
+    until they are there.
 
     title: what its figure shows, after the name of the run.
     """
 
     title: str
+    brushable = False
 
-    def drawing(self, scene: Scene) -> Drawing:
-        """What the view shows."""
+    def model(self, store: Store, state: State) -> Any:
+        """The numbers of a state; a pure function that may take time."""
         raise NotImplementedError
 
+    def drawing(self, model: Any) -> Drawing:
+        """What the view shows of its numbers."""
+        raise NotImplementedError
+
+    def input(self, scene: Scene) -> Any:
+        """The numbers; in the application None until the first ones of a run are computed."""
+        state, models = scene.state, scene.resources.models
+        if models is None:
+            return self.model(scene.store, state)
+        loaded = models.get(self.name)
+        return loaded.model if loaded is not None and loaded.is_of(state) else None
+
+    def loading(self, scene: Scene) -> str:
+        loaded = (scene.resources.models or {}).get(self.name)
+        is_older = loaded is not None and loaded.source != model_source(scene.state)
+        return "figures of the selection" if is_older else ""
+
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
+        return identity_key(self.input(scene)), scene.resources.failed.get(self.name)
+
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
-        return draw_cells(self.drawing(scene), size, options)
+        model = self.input(scene)
+        if model is not None:
+            return draw_cells(self.drawing(model), size, options)
+        message = scene.resources.failed.get(self.name, "figures are being computed")
+        return draw_cells(Drawing(notes=(message,)), size, options)
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.drawing.paper import draw_paper
 
         title = f"{scene.state.run}: {self.title}"
-        return draw_paper(self.drawing(scene), size, theme, title, scene.caption)
+        return draw_paper(self.drawing(self.input(scene)), size, theme, title, scene.caption)
 
     def summary(self, scene: Scene) -> str:
         title = f"{self.title[0].upper()}{self.title[1:]}"
-        return f"{title}, run {scene.state.run}. {self.drawing(scene).text}."
+        return f"{title}, run {scene.state.run}. {self.drawing(self.input(scene)).text}."
 
 
 class PointsView(View):

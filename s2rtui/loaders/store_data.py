@@ -19,10 +19,11 @@ from s2rstore.records import NO_RUN
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.overview.model import overview_rows
 from s2rtui.charts.overview.translators import translator_rows
-from s2rtui.charts.scene import LoadedGroups, RunAccuracies
+from s2rtui.charts.scene import LoadedGroups, LoadedModel, RunAccuracies, model_source
 from s2rtui.charts.shared.base_map_background import floor_plan_pixels
 from s2rtui.charts.shared.base_map_floor import plan_tones
-from s2rtui.loaders.loader import Fields, Key, LoadContext
+from s2rtui.charts.view import DrawingView
+from s2rtui.loaders.loader import Fields, Key, LoadContext, Loader
 from s2rtui.session import error_groups, heatmaps, loaded_data_origin, pending_target
 from s2rtui.session.loaded_data_origin import (
     heat_provenance,
@@ -195,3 +196,17 @@ def read_findings(store: Store, state: State, context: LoadContext) -> Fields:
     """Everything that the store shows about the present run."""
     history = state.history.path if state.history else None
     return {"findings": find_all(store, state.run, history, lambda share: context.is_current())}
+
+
+def model_loader(view: DrawingView) -> Loader:
+    """The loader of the numbers of a statistical view, while it is shown."""
+
+    def request_key(store: Store, state: State) -> Key | None:
+        is_shown = view.name in (state.tab, state.centre) and not view.unavailable(store)
+        return model_source(state) if is_shown and state.run != NO_RUN else None
+
+    def read(store: Store, state: State, context: LoadContext) -> Fields:
+        model = view.model(store, state)
+        return {"models": {view.name: LoadedModel(model_source(state), model)}}
+
+    return Loader(view.name, request_key, read)

@@ -107,6 +107,7 @@ RESOURCE_CHANGES: dict[str, Callable[[Resources], object]] = {
     "history": lambda resources: gaps.history(*gaps.week()),
     "groups": lambda resources: None,
     "findings": lambda resources: replace(resources.findings, findings=()),
+    "models": lambda resources: {},
     "progress": lambda resources: {"live": 0.5},
     "failed": lambda resources: {"live": "no model"},
     "saving": lambda resources: "1 of 3",

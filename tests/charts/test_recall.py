@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ import s2rstore
 from s2rstore.index.transaction import edit
 from s2rtui.canvas import DEFAULT_OPTIONS
 from s2rtui.charts.recall import VIEW
-from s2rtui.charts.scene import Resources, Scene
+from s2rtui.charts.scene import LoadedModel, Resources, Scene, model_source
 from s2rtui.cli import main
 from s2rtui.session import Session
 
@@ -75,13 +76,13 @@ class Doors(DrawingView):
     description = "doors of the rooms"
     title = "doors"
 
-    def input(self, scene):
-        return scene.state.selected
+    def model(self, store, state):
+        return int(state.selected.sum())
 
     def numbers(self, scene):
         return ("room", "doors"), [("left", 2)]
 
-    def drawing(self, scene):
+    def drawing(self, model):
         dots = Dots(np.array([1.0]), np.array([2.0]), "real")
         plot = Plot(Scale(0, 2, ("room",)), Scale(0, 4, ("doors",)), (dots,))
         columns = Column("room"), Column("doors")
@@ -119,3 +120,18 @@ def test_an_installed_package_adds_a_view(tmp_path, tiny_store):
     refused = run("show", str(tiny_store), "doors")
     assert refused.returncode == 2
     assert refused.stderr == "s2r: view doors: doors_view:VIEW: 'Q' is taken\n"
+
+
+def test_the_figures_of_the_selection_before_are_shown_until_new_ones_are_computed(tiny_store):
+    session, scene = scene_of(tiny_store, "all")
+    waiting = replace(scene, resources=Resources(models={}))
+    assert "figures are being computed" in VIEW.draw(waiting, (80, 21), DEFAULT_OPTIONS).lines()[0]
+    loaded = LoadedModel(model_source(session.state), VIEW.model(session.store, session.state))
+    shown = replace(scene, resources=Resources(models={"recall": loaded}))
+    assert (VIEW.input(shown), VIEW.loading(shown)) == (loaded.model, "")
+    session.select("room:right")
+    older = replace(shown, state=session.state)
+    assert (VIEW.input(older), VIEW.loading(older)) == (loaded.model, "figures of the selection")
+    other = replace(shown, state=replace(session.state, run="dataaug"))
+    assert VIEW.input(other) is None
+    session.close()
