@@ -22,8 +22,8 @@ from s2rstore.records import SIDES, Side
 from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.view import DrawingView, Table
-from s2rtui.drawing.plot import Cell, Column, Dots, Drawing, Line, Mark, Plot, Rule, TableSpec
+from s2rtui.charts.view import DrawingView
+from s2rtui.drawing.plot import Dots, Figure, Figures, Line, Mark, Plot, Rule
 from s2rtui.drawing.scale import Scale
 from s2rtui.session import State
 
@@ -98,34 +98,16 @@ class RecallView(DrawingView):
     def model(self, store: Store, state: State) -> RecallModel:
         return recall_model(store, state.run, state.selected, state.base, state.population)
 
-    def numbers(self, scene: Scene) -> Table:
-        names = ("side", "figure", "metres_m", "heading_deg", "value", "low", "high", "reason",
-                 "unit", "n", "not_localised")  # fmt: skip
-        rows: list[tuple[object, ...]] = []
-        for side, curves in self.input(scene).sides.items():
-            found = curves.figures
-            figures: list[tuple[str, float | None, float | None, Interval, str]]
-            figures = [("recall", p.metres, p.degrees, p.share, "") for p in found.points]
-            figures += [
-                ("median position error", None, None, found.position, "m"),
-                ("median heading error", None, None, found.heading.scaled(180 / math.pi), "deg"),
-                ("skill", None, None, found.skill, ""),
-            ]
-            for figure, metres, degrees, interval, unit in figures:
-                ends = interval.as_columns("").values()
-                counts = found.n, found.not_localised
-                rows.append((side, figure, metres, degrees, *ends, unit, *counts))
-        return names, rows
+    def figures(self, model: RecallModel) -> Figures:
+        return {side: tuple(_figures(each.figures)) for side, each in model.sides.items()}
 
-    def drawing(self, model: RecallModel) -> Drawing:
-        cells = zip(*(_cells(each.figures) for each in model.sides.values()), strict=True)
-        points = model.sides["real"].figures.points
-        names = [*(p.name for p in points), "median position", "median heading", "skill"]
-        rows = [(Cell(name), *pair) for name, pair in zip(names, cells, strict=True)]
-        columns = (Column(""), *(Column(side, side) for side in model.sides))
+    def plot(self, model: RecallModel) -> Plot:
+        return _plot(model)
+
+    def notes(self, model: RecallModel) -> tuple[str, ...]:
         shares = (p.share for each in model.sides.values() for p in each.figures.points)
         reasons = [share.no_bounds for share in shares if share.no_bounds][:1]
-        return Drawing(_plot(model), TableSpec(columns, tuple(rows)), (model.counted, *reasons))
+        return (model.counted, *reasons)
 
 
 def _plot(model: RecallModel) -> Plot:
@@ -156,23 +138,16 @@ def _plot(model: RecallModel) -> Plot:
     return Plot(x, y, tuple(marks))
 
 
-def _cells(found: SideRecall) -> Iterator[Cell]:
-    """The figures of a side: its recall at the thresholds, medians and skill."""
+def _figures(found: SideRecall) -> Iterator[Figure]:
+    """Recall at the thresholds, medians, skill, and the number that is not localised."""
+    n, in_degrees = found.n, found.heading.scaled(180 / math.pi)
     for point in found.points:
-        yield _cell(point.share.scaled(100), "{:.0f}", " %")
-    yield Cell(found.position_text, _bounds(found.position, "{:.2f}"))
-    yield Cell(found.heading_text, _bounds(found.heading.scaled(180 / math.pi), "{:.1f}"))
-    yield _cell(found.skill, "{:.2f}")
-
-
-def _cell(interval: Interval, number: str, unit: str = "") -> Cell:
-    known = not math.isnan(interval.value)
-    text = f"{number.format(interval.value)}{unit}" if known else "n/a"
-    return Cell(text, _bounds(interval, number))
-
-
-def _bounds(interval: Interval, number: str) -> str:
-    return interval.bounds_text(number.format) if interval.is_known else ""
+        yield Figure("recall", point.share.scaled(100), "%", 0, point.name, n)
+    yield Figure("median position", found.position, "m", n=n, text=found.position_text)
+    yield Figure("median heading", in_degrees, "deg", 1, n=n, text=found.heading_text)
+    yield Figure("skill", found.skill, n=n)
+    lost = Interval.unknown(float(found.not_localised))
+    yield Figure(NOT_LOCALISED, lost, digits=0, n=n, in_table=False)
 
 
 VIEW = RecallView()

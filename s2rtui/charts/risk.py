@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,12 +24,11 @@ from s2rstore.records import SIDES, Side
 from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.view import DrawingView, Table
-from s2rtui.drawing.plot import Cell, Column, Drawing, Line, Mark, Plot, Rule, TableSpec
+from s2rtui.charts.view import DrawingView
+from s2rtui.drawing.plot import Figure, Figures, Line, Mark, Plot, Rule
 from s2rtui.drawing.scale import Scale
 from s2rtui.session import State
 
-_Row = tuple[object, ...]
 RiskModel = dict[Side, SideUncertainty]
 
 
@@ -57,29 +57,24 @@ class RiskView(DrawingView):
     def model(self, store: Store, state: State) -> RiskModel:
         return risk_model(store, state.run, state.selected, state.base, state.population)
 
-    def numbers(self, scene: Scene) -> Table:
-        names = ("side", "figure", "of", "value", "low", "high", "reason", "unit", "n", "units",
-                 "units_are")  # fmt: skip
-        sides = self.input(scene).items()
-        return names, [(side, *row) for side, found in sides for row in _rows(found)]
+    def figures(self, model: RiskModel) -> Figures:
+        return {side: tuple(_figures(found)) for side, found in model.items()}
 
-    def drawing(self, model: RiskModel) -> Drawing:
-        risks = {side: each.risk for side, each in model.items() if each.risk is not None}
-        reasons = [f"{side}: {each.reason}" for side, each in model.items() if each.reason]
-        radius = f"radius: holds {100 * (1 - ALPHA):g} % of the images of a further visit"
-        if any(each.radii and each.radii[0].metres.unit == "trajectory" for each in model.values()):
-            radius = radius.replace("visit", "trajectory or, in a room, visit")
-        if risks:
+    def plot(self, model: RiskModel) -> Plot | None:
+        risks = {side: found.risk for side, found in model.items() if found.risk is not None}
+        return _plot(risks) if risks else None
+
+    def notes(self, model: RiskModel) -> tuple[str, ...]:
+        reasons = [f"{side}: {found.reason}" for side, found in model.items() if found.reason]
+        if any(found.risk is not None for found in model.values()):
             reasons.append("factor of sigma: above 1 where the stated sigmas are too small")
-        rooms = {
-            radius.room
-            for each in model.values()
-            for radius in each.radii[1:]
-            if radius.metres.reason
-        }
-        if rooms:
-            radius += f"; {len(rooms)} {'room has' if len(rooms) == 1 else 'rooms have'} none"
-        return Drawing(_plot(risks) if risks else None, _table(model), (*reasons, radius))
+        radii = [radius for found in model.values() for radius in found.radii]
+        units = {radius.metres.unit for radius in radii if radius.room == WHOLE}
+        none = len({radius.room for radius in radii if radius.metres.reason} - {WHOLE})
+        of = "trajectory or, in a room, visit" if "trajectory" in units else "visit"
+        text = f"radius: holds {100 * (1 - ALPHA):g} % of the images of a further {of}"
+        rooms = f"{none} {'room has' if none == 1 else 'rooms have'} too few visits"
+        return (*reasons, f"{text}; {rooms}" if none else text)
 
 
 def _plot(risks: dict[Side, RiskCoverage]) -> Plot:
@@ -95,69 +90,36 @@ def _plot(risks: dict[Side, RiskCoverage]) -> Plot:
     return Plot(x, y, tuple(marks))
 
 
-def _table(model: RiskModel) -> TableSpec:
-    names: dict[str, None] = {}
-    cells: dict[Side, dict[str, Cell]] = {}
-    for side, found in model.items():
-        cells[side] = dict(_cells(found))
-        names |= dict.fromkeys(cells[side])
-    rows = tuple(
-        (Cell(name), *(cells[side].get(name, Cell("")) for side in model)) for name in names
-    )
-    return TableSpec((Column(""), *(Column(side, side) for side in model)), rows)
-
-
-def _cells(found: SideUncertainty) -> Iterator[tuple[str, Cell]]:
-    """The figures of a side by name."""
-    if found.calibration is not None and found.risk is not None:
-        factor, risk = found.calibration.factor, found.risk
-        yield "factor of sigma", Cell(f"{factor.value:.2f}", factor.bounds_text())
-        yield (
-            "AURC",
-            Cell(f"{risk.aurc:.2f} m", f"best {risk.optimal:.2f}, random {risk.random:.2f}"),
-        )
-        for point in found.calibration.points:
-            share = point.share.scaled(100)
-            bounds = share.bounds_text("{:.0f}".format) if share.is_known else ""
-            yield f"within p {point.p:g}", Cell(f"{share.value:.0f} %", bounds)
-    for radius in found.radii:
-        metres = radius.metres
-        if metres.reason and radius.room != WHOLE:
-            continue
-        count = f"{metres.count} {metres.unit if metres.count == 1 else PLURALS[metres.unit]}"
-        text = f"{metres.value:.2f} m" if not metres.reason else "no radius"
-        yield f"radius {radius.room}", Cell(text, count)
-
-
-def _rows(found: SideUncertainty) -> Iterator[_Row]:
+def _figures(found: SideUncertainty) -> Iterator[Figure]:
     n = found.with_sigma
     if found.calibration is None or found.risk is None:
-        yield "sigma", None, None, None, None, found.reason, None, n, None, None
+        unknown = Interval.unknown(reason=found.reason)
+        yield Figure("factor of sigma", unknown, n=n, in_table=False)
     else:
-        for point in found.calibration.points:
-            yield "observed share", f"p {point.p:g}", *_interval(point.share), "", n, None, None
-        factor = _interval(found.calibration.factor)
-        yield "factor of sigma", None, *factor, "", n, None, None
         risk = found.risk
+        yield Figure("factor of sigma", found.calibration.factor, n=n)
+        for point in found.calibration.points:
+            yield Figure("within", point.share.scaled(100), "%", 0, f"p {point.p:g}", n)
+        limits = f"best {risk.optimal:.2f}, random {risk.random:.2f}"
+        yield Figure("AURC", Interval.unknown(risk.aurc), "m", n=n, detail=limits)
+        for order, value in (("best order", risk.optimal), ("random order", risk.random)):
+            yield Figure("AURC", Interval.unknown(value), "m", of=order, n=n, in_table=False)
         for share, value in zip(COVERAGES, risk.risks, strict=True):
-            plain = value, None, None, None, "m", n, None, None
-            yield "mean error", f"most certain {share:g}", *plain
-        for order, value in (("by sigma", risk.aurc), ("by error", risk.optimal),
-                             ("random", risk.random)):  # fmt: skip
-            yield "AURC", order, value, None, None, None, "m", n, None, None
+            of = f"most certain {100 * share:g} %"
+            yield Figure("mean error", Interval.unknown(value), "m", of=of, n=n, in_table=False)
     for radius in found.radii:
-        yield "radius", radius.room, *_radius(radius.metres, "m")
+        yield _radius(radius.room, radius.metres, "m")
         if radius.in_sigmas is not None:
-            yield "radius", radius.room, *_radius(radius.in_sigmas, "sigmas")
+            yield replace(_radius(radius.room, radius.in_sigmas, "sigmas"), in_table=False)
 
 
-def _interval(interval: Interval) -> _Row:
-    return tuple(interval.as_columns("").values())
-
-
-def _radius(radius: Radius, unit: str) -> _Row:
-    kind = PLURALS[radius.unit]
-    return radius.value, None, None, radius.reason or None, unit, radius.n, radius.count, kind
+def _radius(room: str, radius: Radius, unit: str) -> Figure:
+    kind = radius.unit if radius.count == 1 else PLURALS[radius.unit]
+    return Figure(
+        "radius", Interval.unknown(radius.value, radius.reason), unit, of=room, n=radius.n,
+        detail=f"{radius.count} {kind}", text="no radius" if radius.reason else "",
+        in_table=not radius.reason or room == WHOLE,
+    )  # fmt: skip
 
 
 VIEW = RiskView()

@@ -15,7 +15,7 @@ from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene, model_source
 from s2rtui.charts.shared.points import known_point, nearest_iid, true_positions
 from s2rtui.drawing.cells import draw_cells
-from s2rtui.drawing.plot import Drawing
+from s2rtui.drawing.plot import NUMBERS, Drawing, Figures, Plot, figure_rows, figure_table
 from s2rtui.drawing.scale import Floats
 from s2rtui.session import Session, State
 from s2rtui.session.view_settings import ZoomPlane
@@ -171,7 +171,7 @@ class View:
 
 
 class DrawingView(View):
-    """A view that is data: `model` computes its numbers, `drawing` says what is drawn of them.
+    """A view that is data: `model` computes its numbers, `figures` and `plot` say what is shown.
 
     The application computes the numbers in the background, and shows those of the selection before
     until they are there.
@@ -186,9 +186,24 @@ class DrawingView(View):
         """The numbers of a state; a pure function that may take time."""
         raise NotImplementedError
 
-    def drawing(self, model: Any) -> Drawing:
-        """What the view shows of its numbers."""
+    def figures(self, model: Any) -> Figures:
+        """The figures of its table and of `s2r show`."""
         raise NotImplementedError
+
+    def plot(self, model: Any) -> Plot | None:
+        """The plot above the table; None where there is nothing to plot."""
+        return None
+
+    def notes(self, model: Any) -> tuple[str, ...]:
+        """Lines below the table."""
+        return ()
+
+    def drawing(self, model: Any) -> Drawing:
+        """The plot, the table and the notes."""
+        return Drawing(self.plot(model), figure_table(self.figures(model)), self.notes(model))
+
+    def numbers(self, scene: Scene) -> Table:
+        return NUMBERS, list(figure_rows(self.figures(self.input(scene))))
 
     def input(self, scene: Scene) -> Any:
         """The numbers; in the application None until the first ones of a run are computed."""

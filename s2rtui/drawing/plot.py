@@ -5,13 +5,15 @@ A view makes it from its numbers; the renderers `cells` and `paper` draw it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.intervals import Interval
 from s2rtui.drawing.scale import Scale
 
 Floats = NDArray[np.float64]
@@ -106,6 +108,62 @@ class TableSpec:
             parts = zip(self.columns[1:], cells, strict=True)
             known = [f"{column.name} {cell.whole}".strip() for column, cell in parts if cell.text]
             yield f"{name.whole}: {', '.join(known)}"
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """A number with its interval: a row of the table and of `s2r show`.
+
+    of: what it is of, such as a room. text: what the table shows in place of the number; detail:
+    in place of the bounds. in_table: whether the table has it; `s2r show` prints all.
+    """
+
+    name: str
+    interval: Interval
+    unit: str = ""
+    digits: int = 2
+    of: str = ""
+    n: int | None = None
+    text: str = ""
+    detail: str = ""
+    in_table: bool = True
+
+    @property
+    def label(self) -> str:
+        return f"{self.name} {self.of}".strip()
+
+    @property
+    def cell(self) -> Cell:
+        number = f"{{:.{self.digits}f}}".format
+        known = math.isfinite(self.interval.value)
+        text = self.text or (f"{number(self.interval.value)} {self.unit}" if known else "n/a")
+        bounds = self.interval.bounds_text(number) if self.interval.is_known else ""
+        return Cell(text.strip(), self.detail or bounds)
+
+
+Figures = Mapping[Ink, Sequence[Figure]]
+"""Figures by side."""
+NUMBERS = ("side", "figure", "of", "value", "low", "high", "reason", "unit", "n", "detail")
+
+
+def figure_rows(figures: Figures) -> Iterator[tuple[object, ...]]:
+    """Yield the figures as rows of the columns `NUMBERS`."""
+    for side, found in figures.items():
+        for each in found:
+            ends = each.interval.as_columns("").values()
+            yield side, each.name, each.of or None, *ends, each.unit, each.n, each.detail or None
+
+
+def figure_table(figures: Figures) -> TableSpec:
+    """The figures side by side, a row for each name."""
+    cells = {
+        side: {f.label: f.cell for f in found if f.in_table} for side, found in figures.items()
+    }
+    labels = dict.fromkeys(label for each in cells.values() for label in each)
+    rows = (
+        (Cell(label), *(each.get(label, Cell("")) for each in cells.values())) for label in labels
+    )
+    return TableSpec((Column(""), *(Column(side, side) for side in cells)), tuple(rows))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

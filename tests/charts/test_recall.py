@@ -44,8 +44,10 @@ def test_the_table_has_the_shares_of_all_attempted_instances(lost, capsys):
     with s2rstore.open(lost) as store:
         part = store.run_columns("vanilla").real
         held = (part.error <= 2) & (np.degrees(part.heading_error) <= 20)
-    (row,) = [r for r in rows if (r["side"], r["metres_m"]) == ("real", 2)]
-    assert (row["value"], row["n"], row["not_localised"]) == (held.sum() / 40, 40, 3)
+    by_name = {(r["figure"], r["of"]): r for r in rows if r["side"] == "real"}
+    row = by_name["recall", "2 m, 20 deg"]
+    assert (row["value"], row["n"], row["unit"]) == (100 * held.sum() / 40, 40, "%")
+    assert by_name["not localised", None]["value"] == 3
     assert row["low"] < row["value"] < row["high"]
 
 
@@ -64,10 +66,12 @@ def test_the_drawing_says_what_is_not_localised_in_all_and_in_a_selection(lost):
 
 
 PLUG_IN = """
-from s2rtui.charts.view import DrawingView
-from s2rtui.drawing.plot import Cell, Column, Dots, Drawing, Plot, TableSpec
-from s2rtui.drawing.scale import Scale
 import numpy as np
+
+from s2rstore.intervals import Interval
+from s2rtui.charts.view import DrawingView
+from s2rtui.drawing.plot import Dots, Figure, Plot
+from s2rtui.drawing.scale import Scale
 
 
 class Doors(DrawingView):
@@ -79,14 +83,12 @@ class Doors(DrawingView):
     def model(self, store, state):
         return int(state.selected.sum())
 
-    def numbers(self, scene):
-        return ("room", "doors"), [("left", 2)]
+    def figures(self, model):
+        return {"real": (Figure("doors", Interval.unknown(2.0), digits=0, n=model),)}
 
-    def drawing(self, model):
+    def plot(self, model):
         dots = Dots(np.array([1.0]), np.array([2.0]), "real")
-        plot = Plot(Scale(0, 2, ("room",)), Scale(0, 4, ("doors",)), (dots,))
-        columns = Column("room"), Column("doors")
-        return Drawing(plot, TableSpec(columns, ((Cell("left"), Cell("2")),)))
+        return Plot(Scale(0, 2, ("room",)), Scale(0, 4, ("doors",)), (dots,))
 
 
 VIEW = Doors()
@@ -107,7 +109,7 @@ def test_an_installed_package_adds_a_view(tmp_path, tiny_store):
         return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
 
     shown = run("show", str(tiny_store), "doors", "--format", "csv")
-    assert shown.stdout == "room,doors\nleft,2\n"
+    assert shown.stdout.splitlines()[1].startswith("real,doors,,2")
     assert run("show", str(tiny_store), "doors", "--words").stdout.startswith("Doors, run ")
     figure = tmp_path / "doors.png"
     assert run("export", str(tiny_store), "--view", "doors", "--out", str(figure)).returncode == 0
