@@ -48,7 +48,7 @@ class RiskView(DrawingView):
     key = "%"
     description = "risk: mean errors of the most certain, calibration of sigma, conformal radii"
     title = "mean error of the most certain instances"
-    narrow_ratio = 1.8
+    narrow_ratio = 2.1
     wide_ratio = 0.8
 
     def subtitle(self, scene: Scene) -> str:
@@ -83,10 +83,11 @@ def _plot(risks: dict[Side, RiskCoverage]) -> Plot:
     x = Scale(0, 100, ("most certain instances (%)", "instances (%)", "%"))
     y = Scale(0, 1.05 * most if most > 0 else 1.0, ("mean error (m)",))
     marks: list[Mark] = [Rule(risk.random, "y", "faint") for risk in risks.values()]
+    names = ["best order"] + [""] * len(risks)  # the legend explains dashes once
+    for (side, risk), name in zip(risks.items(), names, strict=False):
+        marks.append(Line(100 * shares, np.array(risk.ideal), side, name, dashed=True))
     for side, risk in risks.items():
-        marks.append(Line(100 * shares, np.array(risk.ideal), side, f"{side}, best order", True))
-    for side, risk in risks.items():
-        marks.append(Line(100 * shares, np.array(risk.risks), side, f"{side}, by sigma"))
+        marks.append(Line(100 * shares, np.array(risk.risks), side, side))
     return Plot(x, y, tuple(marks))
 
 

@@ -65,8 +65,9 @@ def _draw_plot(canvas: Canvas, plot: Plot, rows: int) -> None:
     column = left
     for line in plot.legend:
         glyph, colour = _style(canvas, line.ink)
-        sign = glyph if line.ink in ROLES else canvas.glyphs.horizontal
-        column = canvas.text(column, 0, f"{sign} {line.name}", colour) + _GAP
+        if line.dashed or line.ink not in ROLES:
+            glyph = "- -" if line.dashed else canvas.glyphs.horizontal
+        column = canvas.text(column, 0, f"{glyph} {line.name}", colour) + _GAP
     if plot.legend:
         name = plot.y.name(canvas.width - column, cell_len)
         canvas.text(canvas.width, 0, name, theme.muted, align="right")
@@ -101,8 +102,11 @@ def _rows(plot: Plot, y: NDArray[np.float64], height: int) -> NDArray[np.float64
 
 
 def _columns(plot: Plot, x: NDArray[np.float64], width: int) -> NDArray[np.intp]:
-    places = np.floor(plot.x.fraction(x) * width + 1e-9)
-    return np.asarray(np.where(np.isfinite(places), places, -1), dtype=np.intp)
+    """Columns of values of x, the end of the axis in the last one; -1 outside of the axis."""
+    places = plot.x.fraction(x)
+    inside = (places >= 0) & (places <= 1)
+    columns = np.minimum(np.floor(np.where(inside, places, 0) * width + 1e-9), width - 1)
+    return np.asarray(np.where(inside, columns, -1), dtype=np.intp)
 
 
 def _draw_line(canvas: Canvas, plot: Plot, line: Line) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from typing import TYPE_CHECKING
 
@@ -32,6 +33,10 @@ _LEAST_SHARE = 0.35
 """Share of the page below its heading that a plot has at least."""
 _GAP = 3
 """Letters between the columns of a table."""
+_X_TICKS, _Y_TICKS = 0.7, 0.35
+"""Inches between ticks at least."""
+_LEGEND_COLUMNS, _LEGEND_LINE = 2, 0.2
+"""Columns of the legend above a plot, and the height of its lines in inches."""
 Words = list[tuple[float, str, Ink]]
 """A line: places in inches, texts and their colours."""
 
@@ -59,9 +64,10 @@ def draw_paper(
     lines += notes
     if drawing.plot is not None:
         low = _BELOW + len(lines) * _LINE
-        height = page.top - low - 0.15
+        legend = math.ceil(len(drawing.plot.legend) / _LEGEND_COLUMNS)
+        height = page.top - low - 0.15 - legend * _LEGEND_LINE
         axes = page.axes(_LEFT, low, page.inches[0] - _LEFT - _RIGHT, height)
-        _draw_plot(axes, page, drawing.plot, font)
+        _draw_plot(axes, page, drawing.plot, font, height)
     top = 0.1 + (len(lines) - 1) * _LINE if drawing.plot else page.top - 2 * _LINE
     for row, words in enumerate(lines):
         for x, text, ink in words:
@@ -83,7 +89,9 @@ def _table(page: Page, table: TableSpec, room: float, letter: float) -> list[Wor
     rows = [names, *([cell.whole for cell in row] for row in table.rows)]
     widths = [letter * (_GAP + max(map(len, column))) for column in zip(*rows, strict=True)]
     if sum(widths) > room:
-        lines = [line for text in table.sentences() for line in _wrapped(text, room, letter)]
+        lines = [
+            line for text in table.sentences("\u00a0") for line in _wrapped(text, room, letter)
+        ]
         return [_plain(page, line) for line in lines]
     inks = [getattr(page.inks, column.ink) for column in table.columns]
     texts = [page.inks.muted, *[page.inks.text] * (len(widths) - 1)]
@@ -94,7 +102,7 @@ def _table(page: Page, table: TableSpec, room: float, letter: float) -> list[Wor
     ]
 
 
-def _draw_plot(axes: Axes, page: Page, plot: Plot, font: float) -> None:
+def _draw_plot(axes: Axes, page: Page, plot: Plot, font: float, height: float) -> None:
     style_axes(axes, page)
     width = page.inches[0] - _LEFT - _RIGHT
     for mark in plot.marks:
@@ -103,26 +111,30 @@ def _draw_plot(axes: Axes, page: Page, plot: Plot, font: float) -> None:
         axis.axes.set(**{f"{axis.axis_name}lim": (scale.low, scale.high)})
         if scale.log:
             getattr(axes, f"set_{axis.axis_name}scale")("log")
-        if scale.fixed is not None:
-            axis.set_ticks(*_fixed_ticks(scale, width if axis.axis_name == "x" else None))
-            axis.set_ticks([], minor=True)
+        is_x = axis.axis_name == "x"
+        axis.set_ticks(*_ticks(scale, width if is_x else height, is_x))
+        axis.set_ticks([], minor=True)
     axes.set_xlabel(plot.x.name(width, lambda text: LETTER * 9 * len(text)) or plot.x.names[-1])
     axes.set_ylabel(plot.y.names[0])
     if plot.legend:
         axes.legend(
-            loc="upper left", fontsize=font, frameon=False, labelcolor=page.inks.text,
-            ncols=1 if page.inches[0] <= NARROW else 2,
+            loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0, ncols=_LEGEND_COLUMNS,
+            fontsize=font, frameon=False, labelcolor=page.inks.text,
         )  # fmt: skip
 
 
-def _fixed_ticks(scale: Scale, width: float | None) -> tuple[list[float], list[str]]:
-    """The fixed ticks; on an axis of `width` inches without labels that would collide."""
-    ticks = list(scale.fixed or ())
-    if width is not None:
-        kept = {text for *_, text in scale.labels(width, 0, lambda text: LETTER * 8 * len(text),
-                                                  LETTER * 8)}  # fmt: skip
-        ticks = [(value, text if text in kept else "") for value, text in ticks]
-    return [value for value, _ in ticks], [text for _, text in ticks]
+def _ticks(scale: Scale, inches: float, is_x: bool) -> tuple[list[float], list[str]]:
+    """The ticks of an axis and their labels, empty where they would collide."""
+    letter = LETTER * 8
+    apart, gap = (_X_TICKS, letter) if is_x else (_Y_TICKS, 0.0)
+
+    def extent(text: str) -> float:
+        return letter * len(text) if is_x else _LINE
+
+    most = max(2, int(inches / apart))
+    kept = {text for *_, text in scale.labels(inches, most, extent, gap)}
+    ticks = scale.ticks(most)
+    return [value for value, _ in ticks], [text if text in kept else "" for _, text in ticks]
 
 
 def _draw_mark(axes: Axes, page: Page, mark: Mark) -> None:

@@ -71,8 +71,9 @@ class Plot:
 
     @property
     def legend(self) -> tuple[Line, ...]:
-        """The lines that have a name."""
-        return tuple(mark for mark in self.marks if isinstance(mark, Line) and mark.name)
+        """The lines that have a name, dashed ones last."""
+        named = (mark for mark in self.marks if isinstance(mark, Line) and mark.name)
+        return tuple(sorted(named, key=lambda line: line.dashed))
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,12 +103,12 @@ class TableSpec:
     columns: tuple[Column, ...]
     rows: tuple[tuple[Cell, ...], ...]
 
-    def sentences(self) -> Iterator[str]:
-        """Yield each row as `name: column cell, column cell`."""
+    def sentences(self, blank: str = " ") -> Iterator[str]:
+        """Yield each row as `name: column cell, column cell`; `blank` is that inside of cells."""
         for name, *cells in self.rows:
             parts = zip(self.columns[1:], cells, strict=True)
             known = [f"{column.name} {cell.whole}".strip() for column, cell in parts if cell.text]
-            yield f"{name.whole}: {', '.join(known)}"
+            yield f"{name.whole}: {', '.join(text.replace(' ', blank) for text in known)}"
 
 
 @dataclass(frozen=True, slots=True)

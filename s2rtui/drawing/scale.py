@@ -44,10 +44,17 @@ class Scale:
         return np.asarray(self.low + (self.high - self.low) * places)
 
     def ticks(self, most: int) -> tuple[Tick, ...]:
-        """The fixed ticks, or round numbers that divide the axis into at most `most` intervals."""
+        """The fixed ticks, or round numbers that divide the axis into at most `most` intervals.
+
+        Those of a logarithmic axis are 1, 2 and 5 times powers of 10, however many.
+        """
         if self.fixed is not None:
             return self.fixed
         low, high = sorted((self.low, self.high))
+        if self.log:
+            powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+            numbers = (factor * 10.0**power for power in powers for factor in (1, 2, 5))
+            return tuple((value, f"{value:g}") for value in numbers if low <= value <= high)
         width = tick_step(high - low, most)
         return tuple((value, tick_text(value, width)) for value in tick_values(low, high, most))
 

@@ -24,6 +24,7 @@ from s2rtui.charts.scatter.terminal import draw_scatter
 from s2rtui.charts.shared.image_pair_terminal import draw_instance
 from s2rtui.charts.suggestions.terminal import draw_suggestions
 from s2rtui.charts.umap.terminal import draw_umap
+from s2rtui.drawing.cells import draw_cells
 from s2rtui.terminal.strips import to_strips
 from tests.charts.examples import (
     ROWS,
@@ -40,6 +41,7 @@ from tests.charts.examples import (
     side,
     umap_input,
 )
+from tests.drawing import examples
 from tests.support import gaps
 from tests.support.suggestions import suggestions_input
 
@@ -94,6 +96,7 @@ VIEWS: dict[str, Draw] = {
     "findings": drawing(draw_findings, FindingsInput(finding_report(), 6)),
     "no findings": drawing(draw_findings, FindingsInput(finding_report(0))),
     "suggestions": drawing(draw_suggestions, suggestions_input()),
+    "drawing": drawing(draw_cells, examples.drawing()),
     "no suggestions": drawing(draw_suggestions, suggestions_input(real=0, sim=0)),
 }
 OPTIONS = [

@@ -1,0 +1,86 @@
+"""Scales invert, labels do not collide, and the renderers show every part of a drawing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from io import BytesIO
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from s2rtui.canvas import LIGHT, RenderOptions
+from s2rtui.drawing.cells import draw_cells
+from s2rtui.drawing.page import figure_format
+from s2rtui.drawing.paper import draw_paper
+from s2rtui.drawing.scale import Scale
+from tests.drawing import examples
+
+scales = st.builds(
+    lambda low, span, log: Scale(low, low + span, log=log),
+    st.floats(0.01, 100), st.floats(0.1, 1000), st.booleans(),
+)  # fmt: skip
+
+
+@given(scales, st.floats(0, 1))
+def test_places_and_values_are_inverse(scale, place):
+    value = float(scale.value(place))
+    assert scale.low - 1e-6 <= value <= scale.high + 1e-6
+    assert float(scale.fraction(value)) == pytest.approx(place, abs=1e-6)
+
+
+@given(scales, st.integers(8, 120), st.integers(1, 20))
+def test_labels_keep_apart_and_stay_within_the_axis(scale, length, most):
+    free = 0.0
+    for start, tick, text in scale.labels(length, most, len, 1.0):
+        assert start >= free
+        assert 0 <= tick <= length
+        free = start + len(text) + 1
+    assert free <= length + 1
+
+
+def test_a_drawing_shows_its_plot_table_and_notes():
+    drawing = examples.drawing()
+    lines = draw_cells(drawing, (80, 24)).lines()
+    assert lines[0].split() == ["◆", "sim", "-", "-", "best", "mean", "error", "(m)"]
+    assert any("position error of the instances (m)" in line for line in lines)
+    assert any("0.25 m (0.10 to 0.90)" in line for line in lines)
+    assert [line.strip() for line in lines[-2:]] == list(drawing.notes)
+    assert drawing.text.startswith("row 0: sim 0.25 m (0.10 to 0.90). row 1:")
+
+
+def test_details_and_rows_without_room_are_left_out_and_said_to_be():
+    lines = draw_cells(examples.drawing(), (24, 18)).lines()
+    assert not any("(0.10" in line for line in lines)
+    assert any("3.25 m" in line for line in lines)
+    drawing = examples.drawing()
+    longer = replace(drawing, table=replace(drawing.table, rows=drawing.table.rows * 3))
+    crowded = draw_cells(longer, (40, 18)).lines()
+    assert any("more rows: enlarge the view" in line for line in crowded)
+
+
+def test_without_a_plot_the_table_begins_at_the_top():
+    lines = draw_cells(replace(examples.drawing(), plot=None), (60, 9)).lines()
+    assert lines[0].split() == ["◆", "sim", "◇", "real"]
+
+
+@pytest.mark.parametrize("width", [85, 170])
+def test_a_page_holds_the_whole_drawing(width):
+    """No mark, label or text reaches the edge of a page."""
+    inches = width / 25.4
+    size = int(150 * inches), int(150 * inches * (1.6 if width < 120 else 0.8))
+    with figure_format(dpi=150):
+        page = draw_paper(examples.drawing(), size, LIGHT, "Title", "subtitle")
+    pixels = np.asarray(Image.open(BytesIO(page)).convert("RGB")).astype(int)
+    assert pixels.shape[:2] == size[::-1]
+    inked = np.abs(pixels - pixels[0, 0]).sum(axis=2) > 30
+    rows, columns = np.flatnonzero(inked.any(axis=1)), np.flatnonzero(inked.any(axis=0))
+    assert 5 < rows[0] < rows[-1] < size[1] - 5
+    assert 5 < columns[0] < columns[-1] < size[0] - 5
+
+
+def test_ascii_draws_ascii_alone():
+    lines = draw_cells(examples.drawing(), (80, 24), RenderOptions(ascii=True)).lines()
+    assert "".join(lines).isascii()
