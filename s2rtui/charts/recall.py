@@ -67,7 +67,10 @@ class RecallModel:
 def recall_model(
     store: Store, run: str, selected: Bools, base: Bools, population: Population
 ) -> RecallModel:
-    """The figures of the selection; of all, not localised ones included, where it is all."""
+    """The numbers of the selected instances.
+
+    Where all are selected, instances that are not localised are included.
+    """
     is_all = np.array_equal(selected, base)
     members = None if is_all else np.asarray(selected)
     columns = store.run_columns(run)

@@ -6,7 +6,8 @@ Installed packages add views by entry points of the group `s2r.views`, which nam
 from importlib import import_module
 from importlib.metadata import entry_points
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, first_line
+from s2rstore.security.printable_text import printable
 from s2rtui.charts.scene import Resources, Scene
 from s2rtui.charts.view import View
 
@@ -31,6 +32,7 @@ NAMES = (
 )
 """Modules or folders of `s2rtui.charts`, in the order in which views are listed."""
 ENTRY_POINTS = "s2r.views"
+_NEEDED = ("name", "key", "description")
 
 
 def _view(name: str) -> View:
@@ -50,16 +52,18 @@ def _added(known: tuple[View, ...]) -> tuple[View, ...]:
     keys = {view.key for view in known}
     added: list[View] = []
     for entry in sorted(entry_points(group=ENTRY_POINTS), key=lambda each: each.name):
+        what = f"view {entry.name}: {entry.value}"
         try:
             view = entry.load()
         except Exception as error:  # code of others may raise anything
-            raise RequestError(
-                f"view {entry.name}: {entry.value} cannot be loaded: {error}"
-            ) from error
+            message = f"{what} cannot be loaded: {printable(first_line(error))}"
+            raise RequestError(message) from error
         if not isinstance(view, View):
-            raise RequestError(f"view {entry.name}: {entry.value} is no s2rtui.charts.view.View")
+            raise RequestError(f"{what} is no s2rtui.charts.view.View")
+        if missing := [name for name in _NEEDED if not isinstance(getattr(view, name, None), str)]:
+            raise RequestError(f"{what} has no {' and no '.join(missing)}")
         if taken := names & {view.name, *view.aliases} or keys & {view.key}:
-            raise RequestError(f"view {entry.name}: {entry.value}: {taken.pop()!r} is taken")
+            raise RequestError(f"{what}: {taken.pop()!r} is taken")
         names |= {view.name, *view.aliases}
         keys.add(view.key)
         added.append(view)

@@ -36,7 +36,10 @@ RiskModel = dict[Side, SideUncertainty]
 def risk_model(
     store: Store, run: str, selected: Bools, base: Bools, population: Population
 ) -> RiskModel:
-    """Both sides of the selection; of all, not localised ones included, where it is all."""
+    """The uncertainty of both sides over the selected instances.
+
+    Where all are selected, instances that are not localised are included.
+    """
     members = None if np.array_equal(selected, base) else np.asarray(selected)
     return {
         side: side_uncertainty(store, run, side, members, population=population) for side in SIDES

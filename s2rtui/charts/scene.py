@@ -141,7 +141,7 @@ class LoadedModel:
     model: Any
 
     def is_of(self, state: State) -> bool:
-        """Whether they are about the run of a state, perhaps another selection."""
+        """Whether the numbers belong to the run of a state; the selection may differ."""
         return self.source[:-1] == model_source(state)[:-1]
 
 

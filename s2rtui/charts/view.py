@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, sentence
 from s2rstore.index.catalog import NO_POSES
 from s2rstore.reader import Store
 from s2rtui.analysis.identity_cache import identity_key
@@ -176,10 +176,10 @@ class DrawingView(View):
     The application computes the numbers in the background, and shows those of the selection before
     until they are there.
 
-    title: what its figure shows, after the name of the run.
+    title: what its figure shows, after the name of the run; by default the description.
     """
 
-    title: str
+    title: str = ""
     brushable = False
 
     def model(self, store: Store, state: State) -> Any:
@@ -187,7 +187,7 @@ class DrawingView(View):
         raise NotImplementedError
 
     def figures(self, model: Any) -> Figures:
-        """The figures of its table and of `s2r show`."""
+        """The numbers that the table on the screen and `s2r show` print, by side."""
         raise NotImplementedError
 
     def plot(self, model: Any) -> Plot | None:
@@ -231,11 +231,11 @@ class DrawingView(View):
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.drawing.paper import draw_paper
 
-        title = f"{scene.state.run}: {self.title}"
+        title = f"{scene.state.run}: {self.title or self.description}"
         return draw_paper(self.drawing(self.input(scene)), size, theme, title, scene.caption)
 
     def summary(self, scene: Scene) -> str:
-        title = f"{self.title[0].upper()}{self.title[1:]}"
+        title = sentence(self.title or self.description)
         return f"{title}, run {scene.state.run}. {self.drawing(self.input(scene)).text}."
 
 

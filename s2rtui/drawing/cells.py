@@ -57,7 +57,7 @@ def _style(canvas: Canvas, ink: Ink) -> tuple[str, Rgb]:
 def _draw_plot(canvas: Canvas, plot: Plot, rows: int) -> None:
     """The legend, `rows` rows of marks with the labels of y at the left, and the axis of x."""
     top, theme = int(bool(plot.legend)), canvas.theme
-    labels = list(plot.y.labels(rows - 1, max(1, rows // 3), lambda text: 0.0, 1.0))
+    labels = list(plot.y.labels(rows - 1, max(3, rows // 3), lambda text: 0.0, 1.0))
     left = max((cell_len(text) for *_, text in labels), default=0) + 1
     width = max(2, canvas.width - left)
     for _, tick, text in labels:

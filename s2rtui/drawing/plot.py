@@ -177,6 +177,6 @@ class Drawing:
 
     @property
     def text(self) -> str:
-        """The table and the notes as sentences, for screen readers."""
+        """The table and the notes in sentences, for screen readers."""
         rows = [] if self.table is None else list(self.table.sentences())
         return ". ".join([*rows, *self.notes])

@@ -118,10 +118,16 @@ def test_an_installed_package_adds_a_view(tmp_path, tiny_store):
     words = ("--keys", "~", "--size", "120x40", "--out", str(screen))
     assert run("snapshot", str(tiny_store), *words).returncode == 0
     assert "doors" in screen.read_text(encoding="utf-8")
-    (tmp_path / "doors_view.py").write_text(PLUG_IN.replace('"~"', '"Q"'), encoding="utf-8")
-    refused = run("show", str(tiny_store), "doors")
-    assert refused.returncode == 2
-    assert refused.stderr == "s2r: view doors: doors_view:VIEW: 'Q' is taken\n"
+    for broken, message in (
+        (PLUG_IN.replace('"~"', '"Q"'), ": 'Q' is taken"),
+        (PLUG_IN.replace('    key = "~"\n', ""), " has no key"),
+        ("raise ValueError('no\\x1bdoors')", " cannot be loaded: no\\x1bdoors"),
+    ):
+        (tmp_path / "doors_view.py").write_text(broken, encoding="utf-8")
+        refused = run("show", str(tiny_store), "doors")
+        assert (refused.returncode, refused.stderr) == (
+            2, f"s2r: view doors: doors_view:VIEW{message}\n"
+        )  # fmt: skip
 
 
 def test_the_figures_of_the_selection_before_are_shown_until_new_ones_are_computed(tiny_store):

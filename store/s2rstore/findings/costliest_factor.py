@@ -41,7 +41,7 @@ _GAINS = (
 
 
 def of_score(rows: list[dict[str, Any]], run: str) -> Finding | None:
-    """The factor that alone increases the error most, of the factor rows of a score report.
+    """Find the factor that increases the real error most on its own, in rows of a score report.
 
     The intervals of a run's factors hold for all of them at once.
     """

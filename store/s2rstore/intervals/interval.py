@@ -231,7 +231,7 @@ _OPEN = {
     (-1, 1): "the data give no bound",
     (1, 1): "the estimate is infinite",
 }
-"""Reasons for null bounds, by the signs of infinite bounds."""
+"""Reasons why a stored bound is null, by the signs of the infinite bounds (0: finite)."""
 
 
 def _side(bound: float) -> int:
