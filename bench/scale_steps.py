@@ -8,15 +8,12 @@ from dataclasses import replace
 from bench.index_store import ROOMS
 from s2rtui.canvas.marks import Mark
 from s2rtui.charts.compare.model import compare_model
-from s2rtui.charts.errors.model import errors_model
 from s2rtui.charts.map.terminal import map_layout
 from s2rtui.charts.orientation.model import orientation_model
 from s2rtui.charts.overview.layout import overview_layout
 from s2rtui.charts.overview.lines import line_density
 from s2rtui.charts.overview.model import overview_model
 from s2rtui.charts.registry import BY_NAME
-from s2rtui.charts.rooms.groups import ordered
-from s2rtui.charts.rooms.model import RoomsInput, rooms_model
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.base_map_model import map_model
 from s2rtui.charts.shared.points import highest_levels, unselected_dots
@@ -90,12 +87,10 @@ def numbers(scene: Scene) -> None:
     frame = umap_layout(view, _TAB).frame
     umap_model(view, frame)
     orientation_model(BY_NAME["orientation"].input(scene))
-    rooms = BY_NAME["rooms"].input(scene)
-    if isinstance(rooms, RoomsInput):
-        rooms_model(rooms)
-    elif rooms is not None:
-        ordered(rooms)
-    errors_model(BY_NAME["errors"].input(scene), _TAB[0] - 12)
+    for name in ("rooms", "errors"):
+        tab = BY_NAME[name]
+        if not tab.missing(scene):
+            tab.drawing(scene, _TAB[0])
     shown = BY_NAME["map"].input(scene)
     model = map_model(shown)
     frame = map_layout(shown, _MAP).frame

@@ -26,6 +26,10 @@ class Glyphs:
     unselected: str
     trained: str
     cursor: str
+    passed: str
+    failed: str
+    inconclusive: str
+    skipped: str
     baseline: str
     bar: str
     interval: str
@@ -52,6 +56,10 @@ UNICODE = Glyphs(
     unselected="·",
     trained="○",
     cursor="◉",
+    passed="●",
+    failed="▲",
+    inconclusive="○",
+    skipped="·",
     baseline="┊",
     bar="━",
     interval="─",
@@ -77,6 +85,10 @@ ASCII = Glyphs(
     unselected=",",
     trained="t",
     cursor="@",
+    passed="o",
+    failed="X",
+    inconclusive="?",
+    skipped=".",
     baseline=":",
     bar="=",
     interval="-",

@@ -22,8 +22,9 @@ from s2rstore.records import SIDES, Side
 from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.view import DrawingView
-from s2rtui.drawing.plot import Dots, Figure, Figures, Line, Mark, Plot, Rule
+from s2rtui.charts.view import StatisticsView
+from s2rtui.drawing.figures import Figure, Figures
+from s2rtui.drawing.plot import Dots, Line, Mark, Plot, Rule
 from s2rtui.drawing.scale import Scale
 from s2rtui.session import State
 
@@ -87,7 +88,7 @@ def recall_model(
     return RecallModel({side: curves(side) for side in SIDES}, 0 if is_all else int(lost.sum()))
 
 
-class RecallView(DrawingView):
+class RecallView(StatisticsView):
     name = "recall"
     key = "Q"
     description = "recall: shares of instances within metres and degrees"
@@ -104,8 +105,8 @@ class RecallView(DrawingView):
     def figures(self, model: RecallModel) -> Figures:
         return {side: tuple(_figures(each.figures)) for side, each in model.sides.items()}
 
-    def plot(self, model: RecallModel) -> Plot:
-        return _plot(model)
+    def plots(self, model: RecallModel) -> tuple[Plot, ...]:
+        return (_plot(model),)
 
     def notes(self, model: RecallModel) -> tuple[str, ...]:
         shares = (p.share for each in model.sides.values() for p in each.figures.points)
@@ -137,7 +138,7 @@ def _plot(model: RecallModel) -> Plot:
             np.array([getattr(share, end) for share in shares]) for end in ("value", "low", "high")
         )
         at = np.array([p.metres for p in points])
-        marks.append(Dots(at, value, side, low, high, shift))
+        marks.append(Dots(at, value, side, low, high, shift=shift))
     return Plot(x, y, tuple(marks))
 
 

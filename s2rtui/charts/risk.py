@@ -24,8 +24,9 @@ from s2rstore.records import SIDES, Side
 from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.view import DrawingView
-from s2rtui.drawing.plot import Figure, Figures, Line, Mark, Plot, Rule
+from s2rtui.charts.view import StatisticsView
+from s2rtui.drawing.figures import Figure, Figures
+from s2rtui.drawing.plot import Line, Mark, Plot, Rule
 from s2rtui.drawing.scale import Scale
 from s2rtui.session import State
 
@@ -46,7 +47,7 @@ def risk_model(
     }
 
 
-class RiskView(DrawingView):
+class RiskView(StatisticsView):
     name = "risk"
     key = "%"
     description = "risk: mean errors of the most certain, calibration of sigma, conformal radii"
@@ -63,9 +64,9 @@ class RiskView(DrawingView):
     def figures(self, model: RiskModel) -> Figures:
         return {side: tuple(_figures(found)) for side, found in model.items()}
 
-    def plot(self, model: RiskModel) -> Plot | None:
+    def plots(self, model: RiskModel) -> tuple[Plot, ...]:
         risks = {side: found.risk for side, found in model.items() if found.risk is not None}
-        return _plot(risks) if risks else None
+        return (_plot(risks),) if risks else ()
 
     def notes(self, model: RiskModel) -> tuple[str, ...]:
         reasons = [f"{side}: {found.reason}" for side, found in model.items() if found.reason]

@@ -14,9 +14,16 @@ from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene, model_source
 from s2rtui.charts.shared.points import known_point, nearest_iid, true_positions
-from s2rtui.drawing.cells import draw_cells
-from s2rtui.drawing.plot import NUMBERS, Drawing, Figures, Plot, figure_rows, figure_table
+from s2rtui.drawing.cells import (
+    draw_cells,
+    drawing_layout,
+    drawing_panels,
+    drawing_table_layout,
+)
+from s2rtui.drawing.figures import NUMBERS, Figures, figure_rows, figure_table
+from s2rtui.drawing.plot import Drawing, Plot
 from s2rtui.drawing.scale import Floats
+from s2rtui.drawing.table import TableSpec
 from s2rtui.session import Session, State
 from s2rtui.session.view_settings import ZoomPlane
 
@@ -171,36 +178,102 @@ class View:
 
 
 class DrawingView(View):
-    """A view that is data: `model` computes its numbers, `figures` and `plot` say what is shown.
-
-    The application computes the numbers in the background, and shows those of the selection before
-    until they are there.
+    """A view that is data: `drawing` says what is shown, and renderers that know no view draw it.
 
     title: what its figure shows, after the name of the run; by default the description.
     """
 
     title: str = ""
+    paper_columns = 60
+    """The columns of a plot on paper, where its marks depend on them, as bars do."""
+
+    def missing(self, scene: Scene) -> tuple[str, ...]:
+        """Lines that say why there is nothing to draw; empty if there is."""
+        return ()
+
+    def drawing(self, scene: Scene, columns: int) -> Drawing:
+        """The plots, the table and the notes, for plots that are `columns` cells wide."""
+        raise NotImplementedError
+
+    def _sized(self, scene: Scene, size: Size) -> Drawing:
+        """The drawing for cells, where the labels of y take some of the columns of its plots."""
+        if reasons := self.missing(scene):
+            return Drawing(notes=reasons)
+        drawing = self.drawing(scene, size[0])
+        width = drawing_layout(drawing, size).width if drawing.plots else size[0]
+        return drawing if width == size[0] else self.drawing(scene, width)
+
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
+        return draw_cells(self._sized(scene, size), size, options)
+
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
+        return drawing_panels(self._sized(scene, size), size)
+
+    def table_window(self, scene: Scene, size: Size, options: RenderOptions) -> TableWindow | None:
+        drawing = self._sized(scene, size)
+        layout = drawing_table_layout(drawing, size)
+        if layout is None or drawing.table is None:
+            return None
+        return TableWindow(layout.first, layout.shown, len(drawing.table.rows))
+
+    def heading(self, scene: Scene) -> tuple[str, str]:
+        """The title and the subtitle of its figure."""
+        return f"{scene.title}: {self.title or self.description}", scene.caption
+
+    def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
+        from s2rtui.drawing.paper import draw_paper
+
+        if reasons := self.missing(scene):
+            raise RequestError(f"--view {self.name}: {'; '.join(reasons)}")
+        drawing = self.drawing(scene, self.paper_columns)
+        return draw_paper(drawing, size, theme, *self.heading(scene))
+
+    def summary(self, scene: Scene) -> str:
+        title = sentence(self.title or self.description)
+        reasons = self.missing(scene)
+        text = ". ".join(reasons) or self.drawing(scene, self.paper_columns).text
+        return f"{title}, run {scene.state.run}. {text}."
+
+
+class StatisticsView(DrawingView):
+    """A view of numbers with intervals: `model` computes them, `figures` and `plots` show them.
+
+    The application computes the numbers in the background, and shows those of the selection before
+    until they are there.
+    """
+
     brushable = False
 
     def model(self, store: Store, state: State) -> Any:
-        """The numbers of a state; a pure function that may take time."""
+        """The numbers of a state, or why there are none; a pure function that may take time."""
         raise NotImplementedError
 
     def figures(self, model: Any) -> Figures:
         """The numbers that the table on the screen and `s2r show` print, by side."""
         raise NotImplementedError
 
-    def plot(self, model: Any) -> Plot | None:
-        """The plot above the table; None where there is nothing to plot."""
-        return None
+    def plots(self, model: Any) -> tuple[Plot, ...]:
+        """The plots above the table."""
+        return ()
+
+    def table(self, model: Any) -> TableSpec:
+        """The table; by default the figures of both sides beside each other."""
+        return figure_table(self.figures(model))
 
     def notes(self, model: Any) -> tuple[str, ...]:
         """Lines below the table."""
         return ()
 
-    def drawing(self, model: Any) -> Drawing:
-        """The plot, the table and the notes."""
-        return Drawing(self.plot(model), figure_table(self.figures(model)), self.notes(model))
+    def missing(self, scene: Scene) -> tuple[str, ...]:
+        model = self.input(scene)
+        if isinstance(model, str):
+            return (model,)
+        message = scene.resources.failed.get(self.name, "figures are being computed")
+        return (message,) if model is None else ()
+
+    def drawing(self, scene: Scene, columns: int) -> Drawing:
+        model = self.input(scene)
+        return Drawing(self.plots(model), self.table(model), self.notes(model))
 
     def numbers(self, scene: Scene) -> Table:
         return NUMBERS, list(figure_rows(self.figures(self.input(scene))))
@@ -220,23 +293,6 @@ class DrawingView(View):
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         return identity_key(self.input(scene)), scene.resources.failed.get(self.name)
-
-    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
-        model = self.input(scene)
-        if model is not None:
-            return draw_cells(self.drawing(model), size, options)
-        message = scene.resources.failed.get(self.name, "figures are being computed")
-        return draw_cells(Drawing(notes=(message,)), size, options)
-
-    def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
-        from s2rtui.drawing.paper import draw_paper
-
-        title = f"{scene.state.run}: {self.title or self.description}"
-        return draw_paper(self.drawing(self.input(scene)), size, theme, title, scene.caption)
-
-    def summary(self, scene: Scene) -> str:
-        title = sentence(self.title or self.description)
-        return f"{title}, run {scene.state.run}. {self.drawing(self.input(scene)).text}."
 
 
 class PointsView(View):

@@ -1,7 +1,7 @@
 """Background loading for the views. A new loader is two functions and a line in `LOADERS`."""
 
 from s2rtui.charts.registry import VIEWS
-from s2rtui.charts.view import DrawingView
+from s2rtui.charts.view import StatisticsView
 from s2rtui.loaders import live_prediction, store_data
 from s2rtui.loaders.loader import Fields, Key, LoadContext, Loader
 from s2rtui.session.loaded_data_origin import visible_floor_key
@@ -39,7 +39,7 @@ LOADERS: tuple[Loader, ...] = (
     ),
     Loader("groups", store_data.groups_key, store_data.read_groups, ("groups",)),
     Loader("findings", store_data.findings_key, store_data.read_findings, ("findings",)),
-    *map(store_data.model_loader, (view for view in VIEWS if isinstance(view, DrawingView))),
+    *map(store_data.model_loader, (view for view in VIEWS if isinstance(view, StatisticsView))),
     Loader(
         "live", live_prediction.live_key, live_prediction.read_live,
         ("live", "live_source", "live_floor_heat"), is_debounced=False, shows_outdated=True,

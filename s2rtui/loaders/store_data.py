@@ -22,7 +22,7 @@ from s2rtui.charts.overview.translators import translator_rows
 from s2rtui.charts.scene import LoadedGroups, LoadedModel, RunAccuracies, model_source
 from s2rtui.charts.shared.base_map_background import floor_plan_pixels
 from s2rtui.charts.shared.base_map_floor import plan_tones
-from s2rtui.charts.view import DrawingView
+from s2rtui.charts.view import StatisticsView
 from s2rtui.loaders.loader import Fields, Key, LoadContext, Loader
 from s2rtui.session import error_groups, heatmaps, loaded_data_origin, pending_target
 from s2rtui.session.loaded_data_origin import (
@@ -198,7 +198,7 @@ def read_findings(store: Store, state: State, context: LoadContext) -> Fields:
     return {"findings": find_all(store, state.run, history, lambda share: context.is_current())}
 
 
-def model_loader(view: DrawingView) -> Loader:
+def model_loader(view: StatisticsView) -> Loader:
     """The loader of the numbers of a statistical view, while it is shown."""
 
     def request_key(store: Store, state: State) -> Key | None:

@@ -14,7 +14,7 @@ from s2rtui.app.key_bindings import ACTIONS
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.screens.tour import TourScreen
 from s2rtui.canvas.marks import Panel
-from s2rtui.charts.errors.model import errors_model
+from s2rtui.charts.errors import errors_model
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.session import Session, instance_list
 from s2rtui.user_data.notebook import Notebook
@@ -337,9 +337,9 @@ async def test_views_are_brushed_and_clicked_by_mouse(tiny_store):
             assert state.brush is None, name
 
         await press(app, pilot, "c", "7")
-        view = BY_NAME["errors"].input(app.renderer.scene)
+        columns = BY_NAME["errors"].input(app.renderer.scene)
         panel = next(p for p in panels(app, "errors") if p.name == "real")
-        counts = errors_model(view, panel.width).real.total
+        counts = errors_model(*columns, panel.width).sides["real"].whole
         await drag(app, pilot, "errors", [(panel.x + 3, panel.y + 2), (panel.x + 20, panel.y + 2)])
         assert abs(int(app.session.state.selected.sum()) - int(counts[3:21].sum())) <= 1
 

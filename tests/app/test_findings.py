@@ -11,8 +11,7 @@ from s2rtui.app.key_bindings import footer
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.compare.terminal import comparison_text
-from s2rtui.charts.rooms.groups import ordered
-from s2rtui.charts.rooms.view import VIEW
+from s2rtui.charts.rooms import VIEW
 from s2rtui.session import Session, navigation
 from s2rtui.session.error_groups import COLUMN_NAMES, GROUPINGS
 from tests.app.test_focused_view import message
@@ -206,8 +205,8 @@ async def test_the_mouse_wheel_scrolls_the_rooms(many_rooms):
 async def test_the_room_of_the_cursor_is_shown(many_rooms):
     async with running(many_rooms, size=(80, 12)) as (app, pilot):
         await press(app, pilot, "c", "6")
-        data = VIEW.input(app.renderer.scene)
-        last, names = ordered(data)[-1].group.name, app.session.store.instances.room_names
+        table = VIEW.drawing(app.renderer.scene, 80).table
+        last, names = table.rows[-1].cells[0].text, app.session.store.instances.room_names
         assert last not in take_screenshot(app).text
         members = app.session.store.instances.room == names.index(last)
         app.session.dispatch(navigation.set_cursor, int(members.argmax()))

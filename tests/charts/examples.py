@@ -7,20 +7,25 @@ import numpy as np
 
 from s2rstore.findings import Finding, FindingReport
 from s2rstore.findings.groups import Group, GroupErrors
+from s2rstore.geometry.rooms import NO_ROOM
 from s2rstore.intervals import Interval
 from s2rstore.language.syntax_tree import Field, Named
-from s2rstore.records import Bounds, Room
+from s2rstore.records import Bounds, Room, Side
+from s2rtui.canvas.marks import Mark
 from s2rtui.charts.compare.model import CompareInput
-from s2rtui.charts.errors.model import ErrorsInput
+from s2rtui.charts.errors import errors_model, errors_plots
+from s2rtui.charts.findings import findings_table
+from s2rtui.charts.history import history_model, history_plots
 from s2rtui.charts.orientation.model import OrientationInput
 from s2rtui.charts.overview.model import OverviewLines
-from s2rtui.charts.rooms.groups import GroupsInput
-from s2rtui.charts.rooms.model import RoomsInput
+from s2rtui.charts.rooms import counts_table, groups_table, ordered, room_counts
 from s2rtui.charts.scatter.model import ScatterInput
 from s2rtui.charts.scene import OverviewRow
 from s2rtui.charts.shared.base_map_model import MapInput
 from s2rtui.charts.shared.image_pair_model import InstanceInput, PoseNumbers, SideView
 from s2rtui.charts.umap.model import UmapInput
+from s2rtui.drawing.plot import Drawing
+from s2rtui.drawing.table import Cell, Column, LazyRows, Row, TableSpec
 
 N = 60
 BOUNDS = Bounds(0.0, 0.0, 20.0, 10.0)
@@ -127,17 +132,16 @@ def instance_input(**changes: Any) -> InstanceInput:
     )
 
 
-def errors_input(**changes: Any) -> ErrorsInput:
+def errors_drawing(
+    cursor: int | None = None, selected: Any = None, valid: Any = None, **changes: Any
+) -> Drawing:
+    """Histograms of both sides in 60 bins; ten instances are selected."""
     random = np.random.default_rng(5)
-    return replace(
-        ErrorsInput(
-            sim=random.gamma(2, 0.2, N),
-            real=random.gamma(2, 0.8, N),
-            selected=np.arange(N) < 10,
-            valid=np.ones(N, dtype=np.bool_),
-        ),
-        **changes,
-    )
+    sim, real = random.gamma(2, 0.2, N), random.gamma(2, 0.8, N)
+    chosen = np.arange(N) < 10 if selected is None else selected
+    model = errors_model(sim, real, chosen, np.ones(N, bool) if valid is None else valid, 60)
+    at: dict[Side, float] = {} if cursor is None else {"sim": sim[cursor], "real": real[cursor]}
+    return Drawing(errors_plots(model, at), **changes)
 
 
 def scatter_input(**changes: Any) -> ScatterInput:
@@ -194,41 +198,56 @@ def orientation_input(**changes: Any) -> OrientationInput:
 ROOM_NAMES = ("hall", "größer", "a very long name of a room", "kitchen", "5")
 
 
-def rooms_input(**changes: Any) -> RoomsInput:
+def counts_drawing(brush: Mark | None = None, cursor: tuple[int, ...] = (4, 4, 5)) -> Drawing:
     """Five rooms; some real predictions are in no room."""
     random = np.random.default_rng(13)
     truth = (np.arange(N) // 12).astype(np.int32)
     real = np.where(random.random(N) < 0.2, -1, random.integers(0, 5, N)).astype(np.int32)
-    return replace(
-        RoomsInput(
-            sim=truth,
-            truth=truth,
-            real=real,
-            room_names=ROOM_NAMES,
-            selected=np.arange(N) < 20,
-            valid=np.arange(N) != 3,
-            cursor=50,
-        ),
-        **changes,
-    )
+    counts = room_counts((truth, truth, real), 5, np.arange(N) < 20, np.arange(N) != 3)
+    return Drawing(table=counts_table((*ROOM_NAMES, NO_ROOM), *counts, cursor, brush))
 
 
-def groups_input(**changes: Any) -> GroupsInput:
+GROUP_COUNTS = {"hall": 12, "kitchen": 1}
+
+
+def group_errors() -> tuple[GroupErrors, ...]:
     """Five rooms with errors; the last one has too few instances for an interval."""
     nan = float("nan")
     figures = ((12, 2.0, 1.0, 3.5, 0.4), (30, 5.25, 4.0, 6.0, 0.5), (9, 0.5, 0.1, 14.0, 3.0),
                (80, 104.0, 90.0, 120.0, 2.0), (2, 1.0, nan, nan, 0.9))  # fmt: skip
-    rows = tuple(
+    return tuple(
         GroupErrors(Group(name, Named(Field("room"), name)), n, Interval(low, real, high), sim,
                     real - sim)
         for name, (n, real, low, high, sim) in zip(ROOM_NAMES, figures, strict=True)
     )  # fmt: skip
-    return replace(
-        GroupsInput(
-            rows=rows, grouping="room", selected={"hall": 12, "kitchen": 1}, cursor="kitchen"
-        ),
-        **changes,
-    )
+
+
+def groups_drawing(sort: str = "real_m", descending: bool = True, **changes: Any) -> Drawing:
+    """The rooms of `group_errors` in their order."""
+    rows = ordered(group_errors(), sort, descending, GROUP_COUNTS)
+    table = groups_table(rows, "room", sort, descending, GROUP_COUNTS, "kitchen", **changes)
+    return Drawing(table=table)
+
+
+def list_drawing(cursor: int | None = None) -> Drawing:
+    """Sixty rows in an order of their own."""
+    order = np.random.default_rng(5).permutation(60).tolist()
+    columns = (Column("iid", right=True, least=6), Column("error", right=True, sorts=True, least=8),
+               Column("room", rank=1, least=10))  # fmt: skip
+    rows = LazyRows(60, lambda place: Row(tuple(
+        Cell(text) for text in (str(order[place]), f"{order[place] / 7:.2f}", f"room {place}"))
+    ))  # fmt: skip
+    chosen = None if cursor is None else order.index(cursor)
+    return Drawing(table=TableSpec(columns, rows, "rows", chosen=chosen))
+
+
+def findings_drawing(count: int = 4, chosen: int | None = None) -> Drawing:
+    report = finding_report(count)
+    return Drawing(table=findings_table(report, chosen), notes=report.missing)
+
+
+def history_drawing(nights: Any, columns: int) -> Drawing:
+    return Drawing(history_plots(history_model(nights, columns), columns))
 
 
 def finding_report(count: int = 4) -> FindingReport:

@@ -11,15 +11,9 @@ from hypothesis import strategies as st
 from s2rtui.canvas import LIGHT, Canvas, ColourMode, RenderOptions
 from s2rtui.canvas.marks import Mark
 from s2rtui.charts.compare.terminal import draw_compare
-from s2rtui.charts.errors.terminal import draw_errors
-from s2rtui.charts.findings.model import FindingsInput
-from s2rtui.charts.findings.terminal import draw_findings
-from s2rtui.charts.history.terminal import draw_history
 from s2rtui.charts.map.terminal import draw_map
 from s2rtui.charts.orientation.terminal import draw_orientation
 from s2rtui.charts.overview.terminal import draw_overview
-from s2rtui.charts.rooms.groups_terminal import draw_groups
-from s2rtui.charts.rooms.terminal import draw_rooms
 from s2rtui.charts.scatter.terminal import draw_scatter
 from s2rtui.charts.shared.image_pair_terminal import draw_instance
 from s2rtui.charts.suggestions.terminal import draw_suggestions
@@ -29,14 +23,16 @@ from s2rtui.terminal.strips import to_strips
 from tests.charts.examples import (
     ROWS,
     compare_input,
-    errors_input,
-    finding_report,
-    groups_input,
+    counts_drawing,
+    errors_drawing,
+    findings_drawing,
+    groups_drawing,
+    history_drawing,
     instance_input,
+    list_drawing,
     map_input,
     orientation_input,
     overview_lines,
-    rooms_input,
     scatter_input,
     side,
     umap_input,
@@ -73,10 +69,9 @@ VIEWS: dict[str, Draw] = {
         instance_input(sim=side(1, False, False), real=side(2, False, False), truth=None),
     ),
     "marked histogram": drawing(
-        draw_errors, errors_input(cursor=5, mark=Mark("real", ((0.2, 3.0), (99.0, -1.0))))
+        draw_cells, errors_drawing(5, brush=Mark("real", ((0.2, 3.0), (99.0, -1.0))))
     ),
-    "history": drawing(draw_history, gaps.week()),
-    "no history": drawing(draw_history, ()),
+    "history": drawing(draw_cells, history_drawing(gaps.week(), 60)),
     "marked umap": drawing(
         draw_umap, umap_input(mark=Mark("real", ((-9.0, -9.0), (3.0, 3.0), (4.0, 9.0)), lasso=True))
     ),
@@ -89,13 +84,14 @@ VIEWS: dict[str, Draw] = {
             cursor=5, mark=Mark("errors", ((0.5, 0.5), (9.0, 3.0), (1.0, -2.0)), lasso=True)
         ),
     ),
-    "marked rooms": drawing(draw_rooms, rooms_input(mark=Mark("truth", ((0.0, 1.0), (0.0, 9.0))))),
+    "marked rooms": drawing(draw_cells, counts_drawing(Mark("truth", ((0.0, 1.0), (0.0, 9.0))))),
     "marked groups": drawing(
-        draw_groups, groups_input(mark=Mark("groups", ((0.0, 3.0), (0.0, 4.0))))
+        draw_cells, groups_drawing(brush=Mark("groups", ((0.0, 3.0), (0.0, 4.0))))
     ),
-    "findings": drawing(draw_findings, FindingsInput(finding_report(), 6)),
-    "no findings": drawing(draw_findings, FindingsInput(finding_report(0))),
+    "findings": drawing(draw_cells, findings_drawing(chosen=2)),
+    "no findings": drawing(draw_cells, findings_drawing(0)),
     "suggestions": drawing(draw_suggestions, suggestions_input()),
+    "list": drawing(draw_cells, list_drawing(7)),
     "drawing": drawing(draw_cells, examples.drawing()),
     "no suggestions": drawing(draw_suggestions, suggestions_input(real=0, sim=0)),
 }

@@ -11,29 +11,26 @@ from PIL import Image
 from s2rstore.errors import RequestError
 from s2rtui.canvas import DARK, LIGHT, Theme
 from s2rtui.charts.compare.paper import compare_figure
-from s2rtui.charts.errors.paper import errors_figure
-from s2rtui.charts.findings.paper import findings_figure
 from s2rtui.charts.instance.paper import instance_figure
 from s2rtui.charts.map.paper import map_figure
 from s2rtui.charts.orientation.paper import orientation_figure
 from s2rtui.charts.overview.paper import overview_figure
-from s2rtui.charts.rooms.groups_paper import groups_figure
-from s2rtui.charts.rooms.paper import rooms_figure
 from s2rtui.charts.scatter.paper import scatter_figure
 from s2rtui.charts.suggestions.paper import suggestions_figure
 from s2rtui.charts.umap.paper import umap_figure
 from s2rtui.drawing.page import colour_bar_ticks
+from s2rtui.drawing.paper import draw_paper
 from tests.charts.examples import (
     ROWS,
     compare_input,
-    errors_input,
-    finding_report,
-    groups_input,
+    counts_drawing,
+    errors_drawing,
+    findings_drawing,
+    groups_drawing,
     instance_input,
     map_input,
     orientation_input,
     overview_lines,
-    rooms_input,
     scatter_input,
     side,
     umap_input,
@@ -61,12 +58,12 @@ FIGURES: dict[str, Draw] = {
     "instance": drawing(instance_figure, instance_input(), "vanilla"),
     "umap": drawing(umap_figure, umap_input()),
     "orientation": drawing(orientation_figure, orientation_input()),
-    "rooms": drawing(rooms_figure, rooms_input()),
+    "rooms": drawing(draw_paper, counts_drawing()),
     "scatter": drawing(scatter_figure, scatter_input(cursor=5)),
-    "groups": drawing(groups_figure, groups_input(), "vanilla"),
-    "findings": drawing(findings_figure, finding_report(), "vanilla"),
+    "groups": drawing(draw_paper, groups_drawing(), "vanilla"),
+    "findings": drawing(draw_paper, findings_drawing(), "vanilla"),
     "suggestions": drawing(suggestions_figure, suggestions_input().directions, "vanilla"),
-    "errors": drawing(errors_figure, errors_input(cursor=5)),
+    "errors": drawing(draw_paper, errors_drawing(5)),
 }
 
 
@@ -94,9 +91,7 @@ def test_empty_selections_and_missing_values_can_be_drawn():
         umap_figure(umap_input(selected=nobody), size),
         umap_figure(umap_input(sim=no_points, real=no_points, cursor=1), size),
         orientation_figure(orientation_input(selected=nobody, valid=nobody), size),
-        rooms_figure(rooms_input(room_names=()), size),
-        groups_figure(groups_input(rows=()), size, LIGHT),
-        errors_figure(errors_input(selected=nobody, valid=nobody), size),
+        draw_paper(errors_drawing(selected=nobody, valid=nobody), size, LIGHT),
     ):
         assert decode(figure).size == size
 

@@ -10,11 +10,9 @@ from rich.cells import cell_len
 
 from s2rstore.intervals.interval import Bound
 from s2rtui.canvas import DARK, Canvas, RenderOptions
-from s2rtui.charts.findings.model import FindingsInput, report_lines
-from s2rtui.charts.findings.paper import _lines as paper_lines
-from s2rtui.charts.findings.terminal import draw_findings, findings_panels
-from s2rtui.charts.findings.view import VIEW
 from s2rtui.charts.map.terminal import draw_map
+from s2rtui.charts.registry import BY_NAME
+from s2rtui.charts.scene import Resources, Scene
 from s2rtui.charts.shared.legend import (
     colour_bar,
     draw_rows,
@@ -23,6 +21,7 @@ from s2rtui.charts.shared.legend import (
     role_legend,
     text_part,
 )
+from s2rtui.session import Session
 from tests.charts.examples import finding_report, map_input
 
 OPTIONS = RenderOptions()
@@ -80,56 +79,12 @@ def test_the_legend_of_a_map_has_all_words_or_an_ellipsis(width, height, mode):
     assert "\u2026" in text or all(part in f"{text} " for part in wanted)
 
 
-@pytest.mark.parametrize("size", [(80, 24), (70, 36), (82, 17)])
-def test_all_findings_with_evidence_and_notes_are_shown(size):
-    text = " ".join(" ".join(draw_findings(FindingsInput(finding_report()), size).lines()).split())
-    for finding in finding_report().findings:
-        for part in (finding.kind, finding.text.split(",")[0], "corrected for 7 rooms"):
-            assert part in text
-    assert "- gap drift" in text
-
-
-def test_rows_of_findings_mark_bounds_beyond_all_values(monkeypatch):
+def test_rows_of_findings_mark_bounds_beyond_all_values(tiny_store):
     report = finding_report(1)
     interval = SimpleNamespace(bounds=(Bound(0.4, "<"), Bound(9.25, ">")))
     report = replace(report, findings=(replace(report.findings[0], interval=interval),))
-    monkeypatch.setattr(type(VIEW), "_report", lambda self, scene: report)
-    names, (row,) = VIEW.numbers(None)
+    session = Session(tiny_store)
+    scene = Scene(session.store, session.state, Resources(findings=report))
+    names, (row,) = BY_NAME["findings"].numbers(scene)
     values = dict(zip(names, row, strict=True))
     assert (f"{values['low']:.4g}", f"{values['high']:.4g}") == ("<0.4", ">9.25")
-
-
-def test_findings_that_are_not_evident_are_marked():
-    lines = draw_findings(FindingsInput(finding_report()), (80, 24)).lines()
-    for number in range(1, 5):
-        line = next(line for line in lines if f"kind {number}" in line)
-        assert ("? kind" in line) == (number % 2 == 1)
-
-
-@pytest.mark.parametrize("chosen", [0, 3, 7, -1])
-def test_the_chosen_finding_is_visible_and_highlighted(chosen):
-    data = FindingsInput(finding_report(12), chosen)
-    canvas = draw_findings(data, (80, 4))
-    row = next(y for y, line in enumerate(canvas.lines()) if f"kind {chosen % 12 + 1} " in line)
-    assert tuple(canvas.bg[row, 5]) == DARK.highlight
-
-
-def test_evidence_of_the_chosen_finding_is_kept_where_not_all_fits():
-    data = FindingsInput(finding_report(4), 2)
-    lines = report_lines(data, 80, 7)
-    assert {line.index for line in lines if line.is_evidence} == {2}
-
-
-def test_a_click_finds_the_finding_of_a_line():
-    data = FindingsInput(finding_report())
-    (panel,) = findings_panels(data, (80, 24))
-    lines = report_lines(data, 78, 24)
-    for y, line in enumerate(lines):
-        expected = -1.0 if line.index is None else float(line.index)
-        assert panel.to_data(3.5, y + 0.5)[1] == expected
-
-
-def test_long_texts_are_wrapped_on_paper():
-    lines = paper_lines(finding_report(), 40)
-    assert max(len(text) for text, _ in lines) <= 40
-    assert sum(style == "bold" for _, style in lines) == 2

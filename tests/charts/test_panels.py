@@ -11,20 +11,21 @@ from s2rstore.records import Bounds
 from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.marks import Panel
 from s2rtui.charts.compare.terminal import compare_panels
-from s2rtui.charts.errors.terminal import errors_panels
 from s2rtui.charts.map.terminal import map_panels
 from s2rtui.charts.orientation.terminal import orientation_panels
-from s2rtui.charts.rooms.groups_terminal import groups_panels
-from s2rtui.charts.rooms.terminal import rooms_panels
 from s2rtui.charts.scatter.terminal import scatter_panels
 from s2rtui.charts.umap.terminal import umap_panels
+from s2rtui.drawing.cells import drawing_panels
+from s2rtui.drawing.plot import Drawing
 from tests.charts.examples import (
     compare_input,
-    errors_input,
-    groups_input,
+    counts_drawing,
+    errors_drawing,
+    findings_drawing,
+    groups_drawing,
+    list_drawing,
     map_input,
     orientation_input,
-    rooms_input,
     scatter_input,
     umap_input,
 )
@@ -37,6 +38,10 @@ def surface(panels: Callable[..., tuple[Panel, ...]], data: object, *area: Bound
     return lambda size, options: panels(data, size, options, *area)
 
 
+def drawn(drawing: Drawing) -> Surface:
+    return lambda size, options: drawing_panels(drawing, size)
+
+
 SIDES, DIALS = ("sim", "real"), ("sim", "truth", "real")
 VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
     "map": (surface(map_panels, map_input(y_down=False)), "plane", ("map",)),
@@ -45,9 +50,11 @@ VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
     "orientation": (surface(orientation_panels, orientation_input()), "turn", DIALS),
     "upwards": (surface(orientation_panels, orientation_input(y_down=False)), "turn", DIALS),
     "scatter": (surface(scatter_panels, scatter_input()), "plane", ("errors",)),
-    "rooms": (surface(rooms_panels, rooms_input()), "steps", DIALS),
-    "groups": (surface(groups_panels, groups_input()), "steps", ("groups",)),
-    "errors": (surface(errors_panels, errors_input()), "range", SIDES),
+    "rooms": (drawn(counts_drawing()), "steps", DIALS),
+    "groups": (drawn(groups_drawing()), "steps", ("groups",)),
+    "list": (drawn(list_drawing(7)), "steps", ("rows",)),
+    "findings": (drawn(findings_drawing()), "steps", ("findings",)),
+    "errors": (drawn(errors_drawing()), "range", SIDES),
 }
 
 
@@ -84,7 +91,7 @@ def test_panels_stay_inside_the_view_and_do_not_overlap(name, width, height):
         assert panel.x + panel.width <= width
         assert panel.y + panel.height <= height
         coverage[panel.y : panel.y + panel.height, panel.x : panel.x + panel.width] += 1
-    assert coverage.max() == 1
+    assert coverage.max() <= 1
 
 
 @pytest.mark.parametrize("name", VIEWS)

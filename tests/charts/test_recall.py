@@ -60,7 +60,7 @@ def test_the_drawing_says_what_is_not_localised_in_all_and_in_a_selection(lost):
         lines = VIEW.draw(scene, (80, 21), DEFAULT_OPTIONS).lines()
         assert any(text in line for line in lines)
         assert lines[0].startswith("100 %")
-        assert sum(line.count("◇") for line in lines[:10]) == 4  # a mark for each threshold
+        assert sum(line.count("◇") for line in lines[:11]) == 4  # a mark for each threshold
         session.close()
     assert VIEW.summary(scene).count("not localised") == 1
 
@@ -69,12 +69,13 @@ PLUG_IN = """
 import numpy as np
 
 from s2rstore.intervals import Interval
-from s2rtui.charts.view import DrawingView
-from s2rtui.drawing.plot import Dots, Figure, Plot
+from s2rtui.charts.view import StatisticsView
+from s2rtui.drawing.figures import Figure
+from s2rtui.drawing.plot import Dots, Plot
 from s2rtui.drawing.scale import Scale
 
 
-class Doors(DrawingView):
+class Doors(StatisticsView):
     name = "doors"
     key = "~"
     description = "doors of the rooms"
@@ -86,9 +87,9 @@ class Doors(DrawingView):
     def figures(self, model):
         return {"real": (Figure("doors", Interval.unknown(2.0), digits=0, n=model),)}
 
-    def plot(self, model):
+    def plots(self, model):
         dots = Dots(np.array([1.0]), np.array([2.0]), "real")
-        return Plot(Scale(0, 2, ("room",)), Scale(0, 4, ("doors",)), (dots,))
+        return (Plot(Scale(0, 2, ("room",)), Scale(0, 4, ("doors",)), (dots,)),)
 
 
 VIEW = Doors()

@@ -58,11 +58,11 @@ def test_details_and_rows_without_room_are_left_out_and_said_to_be():
     drawing = examples.drawing()
     longer = replace(drawing, table=replace(drawing.table, rows=drawing.table.rows * 3))
     crowded = draw_cells(longer, (40, 18)).lines()
-    assert any("more rows: enlarge the view" in line for line in crowded)
+    assert any("/12" in line for line in crowded)
 
 
 def test_without_a_plot_the_table_begins_at_the_top():
-    lines = draw_cells(replace(examples.drawing(), plot=None), (60, 9)).lines()
+    lines = draw_cells(replace(examples.drawing(), plots=()), (60, 9)).lines()
     assert lines[0].split() == ["◆", "sim", "◇", "real"]
 
 

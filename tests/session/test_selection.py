@@ -16,7 +16,7 @@ from s2rstore.language import ExpressionError, fields
 from s2rstore.metrics import nearest_neighbours
 from s2rtui.app.key_bindings import BY_NAME
 from s2rtui.charts.instance.model import NEIGHBOURS
-from s2rtui.charts.list.view import ListView
+from s2rtui.charts.list import ListView
 from s2rtui.charts.scene import Resources, Scene
 from s2rtui.session import (
     Session,

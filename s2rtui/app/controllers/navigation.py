@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from s2rtui.app.key_bindings import BY_NAME as ACTIONS
 from s2rtui.app.screens.jump import JumpScreen, Target
-from s2rtui.charts.findings.view import VIEW as FINDINGS
+from s2rtui.charts.findings import chosen_finding
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.charts.view import View
 from s2rtui.session import findings, view_settings
@@ -103,8 +103,9 @@ class NavigationController:
         Where the findings stay on the screen beside that view, they keep the keys.
         """
         app = self._app
-        data = FINDINGS.input(app.renderer.scene)
-        finding = data.chosen_finding if data is not None else None
+        scene = app.renderer.scene
+        report = BY_NAME["findings"].input(scene)
+        finding = chosen_finding(report, scene.state.finding) if report is not None else None
         if finding is None:
             app.session.show_message("there is no finding to select")
             app.renderer.refresh()

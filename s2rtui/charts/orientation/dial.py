@@ -12,7 +12,7 @@ from s2rstore.geometry import angles
 from s2rtui.canvas import Canvas, Mark, Panel, Point, Rgb, heading_arrow
 from s2rtui.canvas.marks import mark_arc
 from s2rtui.canvas.raster import cells_with_dots, draw_braille, line_dots
-from s2rtui.charts.shared.bars import Bars
+from s2rtui.drawing.bars import Bars
 
 Dots = NDArray[np.bool_]
 RING = 0.32

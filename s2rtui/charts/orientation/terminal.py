@@ -20,7 +20,7 @@ from s2rtui.charts.orientation.model import (
     OrientationModel,
     orientation_model,
 )
-from s2rtui.charts.shared.bars import Bars, draw_vertical_bars, put_over_bar
+from s2rtui.drawing.bars import Bars, draw_vertical_bars, put_over_bar
 from s2rtui.drawing.scale import short_number
 
 SMALLEST = 6.0

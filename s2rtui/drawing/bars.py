@@ -32,11 +32,13 @@ def draw_horizontal_bars(
     _stamp(canvas, x, y, highlighted, grey, RIGHT, level == 0, colour)
 
 
-def put_over_bar(canvas: Canvas, x: int, y: int, glyph: str, colour: Rgb) -> None:
-    """Put a bold glyph; a solid bar under it becomes its background."""
+def put_over_bar(
+    canvas: Canvas, x: int, y: int, glyph: str, colour: Rgb, bold: bool = True
+) -> None:
+    """Put a glyph; a solid bar under it becomes its background."""
     solid = 0 <= x < canvas.width and 0 <= y < canvas.height and canvas.char[y, x] == "█"
     red, green, blue = canvas.fg[y, x].tolist() if solid else (0, 0, 0)
-    canvas.put(x, y, glyph, colour, (red, green, blue) if solid else None, bold=True)
+    canvas.put(x, y, glyph, colour, (red, green, blue) if solid else None, bold=bold)
 
 
 def _steps(lengths: ArrayLike, cells: int) -> NDArray[np.intp]:

@@ -1,0 +1,106 @@
+"""The findings view: what the store shows about the run, each with evidence and its selection."""
+
+from __future__ import annotations
+
+from s2rstore.errors import sentence
+from s2rstore.findings import Finding, FindingReport
+from s2rtui.canvas import Panel, Point
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.view import DrawingView, Pane, Table
+from s2rtui.drawing.plot import Drawing
+from s2rtui.drawing.table import Cell, Column, Row, TableSpec
+from s2rtui.session import Session, findings
+
+PANEL = "findings"
+
+
+def findings_table(report: FindingReport, chosen: int | None = None) -> TableSpec:
+    """A row per finding: its kind, with `?` where it is not evident, its text and its evidence."""
+    return TableSpec((Column(""), Column("", wraps=True)), tuple(map(_row, report.findings)), PANEL,
+                     chosen=chosen)  # fmt: skip
+
+
+def _row(finding: Finding) -> Row:
+    mark = "" if finding.evident else "? "
+    notes = (finding.evidence,) if finding.evidence else ()
+    cells = Cell(f"{mark}{finding.kind}"), Cell(finding.text)
+    return Row(cells, "text" if finding.evident else "muted", finding.evident, notes)
+
+
+def chosen_finding(report: FindingReport, chosen: int) -> Finding | None:
+    """The finding of a number taken modulo their number; None without any."""
+    return report.findings[chosen % len(report.findings)] if report.findings else None
+
+
+class FindingsView(DrawingView):
+    name = "findings"
+    key = "I"
+    pane: Pane = "centre"
+    description = "what the store shows about the run, with evidence"
+    loads = ("findings",)
+    brushable = False
+    counts_instances = False
+    figure_size = (1600, 1000)
+
+    def subtitle(self, scene: Scene) -> str:
+        report = self.input(scene)
+        if report is None:
+            return "what the store shows"
+        return f"{report.summary} (enter: select)"
+
+    def input(self, scene: Scene) -> FindingReport | None:
+        """The findings about the present run; None until they are computed."""
+        report = scene.resources.findings
+        return report if report is not None and report.run == scene.state.run else None
+
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
+        state, failed = scene.state, scene.resources.failed.get("findings")
+        is_active = state.view == self.name
+        return scene.resources.findings, state.run, state.finding, is_active, failed
+
+    def missing(self, scene: Scene) -> tuple[str, ...]:
+        report = self.input(scene)
+        if report is None:
+            return (scene.resources.failed.get("findings", "findings are being computed"),)
+        return () if report.findings or report.missing else ("nothing is known about this run",)
+
+    def drawing(self, scene: Scene, columns: int) -> Drawing:
+        report = self.input(scene)
+        assert report is not None
+        is_chosen = bool(report.findings) and scene.state.view == self.name
+        chosen = scene.state.finding % len(report.findings) if is_chosen else None
+        notes = tuple(f"- {note}" for note in report.missing)
+        return Drawing(table=findings_table(report, chosen), notes=notes)
+
+    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+        report, index = self.input(scene), round(point[1])
+        if report is not None and 0 <= index < len(report.findings):
+            session.dispatch(findings.move, index - session.state.finding)
+            session.dispatch(findings.open_finding, report.findings[index])
+
+    def numbers(self, scene: Scene) -> Table:
+        names = ("finding", "evident", "run", "n", "low", "high", "of", "expression", "text",
+                 "evidence")  # fmt: skip
+        report = self.input(scene)
+        rows = []
+        for finding in report.findings if report else ():
+            known = finding.interval
+            bounds = (None, None) if known is None else known.bounds
+            rows.append((finding.kind, "yes" if finding.evident else "no", finding.run, finding.n,
+                         *bounds, finding.interval_of, finding.expression, finding.text,
+                         finding.evidence))  # fmt: skip
+        return names, rows
+
+    def summary(self, scene: Scene) -> str:
+        report = self.input(scene)
+        if report is None:
+            return "There are no findings."
+        evident = [f"{f.kind}: {f.text}" for f in report.findings if f.evident]
+        return f"{'. '.join([sentence(report.summary), *evident])}."
+
+    def heading(self, scene: Scene) -> tuple[str, str]:
+        subtitle = f"{scene.store.dataset.name}  ·  95 % intervals, instances new to the run"
+        return f"{scene.state.run}: findings", subtitle
+
+
+VIEW = FindingsView()

@@ -1,1 +1,0 @@
-"""The shares view: how many metres of the gap each factor causes."""

@@ -1,0 +1,136 @@
+"""Draw the marks of a plot on axes of matplotlib."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from s2rtui.canvas.render_options import UNICODE
+from s2rtui.drawing.page import LETTER, NARROW, Page, style_axes
+from s2rtui.drawing.plot import Bars, Dots, Line, Mark, Plot, Sign
+from s2rtui.drawing.scale import Scale, short_number
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_X_TICKS, _Y_TICKS = 0.7, 0.35
+"""Inches between ticks at least."""
+_LINE = 0.17
+"""Height of a label in inches."""
+LEGEND_COLUMNS = 2
+MARKERS: dict[Sign, tuple[str, bool]] = {
+    "sim": ("D", True), "real": ("o", False), "truth": ("D", True), "both": ("s", True),
+    "cursor": ("^", True), "pointer": (">", True), "selected": ("o", True), "trained": ("o", False),
+    "baseline": ("|", True), "vertical": ("|", True), "passed": ("o", True), "failed": ("^", True),
+    "inconclusive": ("o", False), "skipped": (".", True),
+}  # fmt: skip
+"""The marker of each sign, and whether it is filled."""
+
+
+def draw_plot(axes: Axes, page: Page, plot: Plot, inches: tuple[float, float], last: bool) -> None:
+    """Draw a plot in `inches` (width, height); `last`: whether it has the labels of x."""
+    font = 8 if page.inches[0] <= NARROW else 9
+    width, height = inches
+    style_axes(axes, page)
+    for mark in plot.marks:
+        _draw_mark(axes, page, plot, mark)
+    for axis, scale in ((axes.xaxis, plot.x), (axes.yaxis, plot.y)):
+        is_x = axis.axis_name == "x"
+        axes.set(**{f"{axis.axis_name}lim": (scale.low, scale.high)})
+        if scale.log:
+            getattr(axes, f"set_{axis.axis_name}scale")("log")
+        axis.set_ticks(*axis_ticks(scale, width if is_x else height, is_x))
+        axis.set_ticks([], minor=True)
+    if last:
+        axes.set_xlabel(axis_name(plot.x, width))
+    else:
+        axes.tick_params(labelbottom=False)
+    axes.set_ylabel(axis_name(plot.y, height))
+    if plot.title:
+        name, *others = plot.title
+        axes.set_title(name.text, loc="left", fontsize=font + 1, pad=5, fontweight="bold",
+                       color=getattr(page.inks, name.ink))  # fmt: skip
+        text = "   ".join(phrase.whole(UNICODE) for phrase in others)
+        axes.set_title(text, loc="right", fontsize=font, pad=5, color=page.inks.text)
+    elif plot.legend:
+        axes.legend(
+            loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0, ncols=LEGEND_COLUMNS,
+            fontsize=font, frameon=False, labelcolor=page.inks.text,
+        )  # fmt: skip
+
+
+def axis_name(scale: Scale, width: float) -> str:
+    """The name of an axis that fits into `width` inches."""
+    names = scale.names or ("",)
+    return scale.name(width, lambda text: LETTER * 9 * len(text)) or names[-1]
+
+
+def axis_ticks(scale: Scale, inches: float, is_x: bool) -> tuple[list[float], list[str]]:
+    """The ticks of an axis and their labels, empty where they would collide."""
+    letter = LETTER * 8
+    apart, gap = (_X_TICKS, letter) if is_x else (_Y_TICKS, 0.0)
+
+    def extent(text: str) -> float:
+        return letter * len(text) if is_x else _LINE
+
+    most = max(2, int(inches / apart))
+    kept = {text for *_, text in scale.labels(inches, most, extent, gap)}
+    ticks = scale.ticks(most)
+    return [value for value, _ in ticks], [text if text in kept else "" for _, text in ticks]
+
+
+def _draw_mark(axes: Axes, page: Page, plot: Plot, mark: Mark) -> None:
+    ink = getattr(page.inks, mark.ink)
+    if isinstance(mark, Bars):
+        widths = np.diff(mark.edges)
+        middles = mark.edges[:-1] + widths / 2
+        for counts, colour in ((mark.whole, page.inks.faint), (mark.part, ink)):
+            axes.bar(middles, counts, width=0.92 * widths, color=colour, linewidth=0)
+    elif isinstance(mark, Line):
+        width = 1.2 if mark.ink in ("faint", "unselected") else 1.6
+        style = (0, (3, 2)) if mark.dashed else "-"
+        axes.plot(
+            mark.x, mark.y, color=ink, linewidth=width, linestyle=style, label=mark.name or None
+        )
+    elif isinstance(mark, Dots):
+        _draw_dots(axes, page, plot, mark)
+    else:
+        line = axes.axvline if mark.axis == "x" else axes.axhline
+        scale = plot.x if mark.axis == "x" else plot.y
+        at = min(max(mark.at, scale.low), scale.high)
+        if mark.dashed:
+            line(at, color=ink, linewidth=1.2, linestyle=(0, (3, 2)), zorder=4)
+        else:
+            line(at, color=page.inks.faint, linewidth=0.8, zorder=0)
+
+
+def _draw_dots(axes: Axes, page: Page, plot: Plot, dots: Dots) -> None:
+    """Markers with their intervals; an arrow with the number where y is beyond the scale."""
+    ink = getattr(page.inks, dots.ink)
+    at, low, high = dots.x * dots.shift, plot.y.low, plot.y.high
+    marker, is_filled = MARKERS[dots.sign or dots.ink]  # type: ignore[index]
+    if dots.low is not None and dots.high is not None:
+        known = np.isfinite(dots.low) & np.isfinite(dots.high)
+        ends = np.clip([dots.low[known], dots.high[known]], low, high)
+        axes.vlines(at[known], *ends, color=ink, linewidth=1.3)
+    inside = (dots.y >= low) & (dots.y <= high)
+    axes.plot(at[inside], dots.y[inside], marker=marker, markersize=5.5, color=ink,
+              markerfacecolor=ink if is_filled else page.inks.background, linestyle="none",
+              zorder=5, clip_on=False, label=dots.name or None)  # fmt: skip
+    bounds = np.empty((0, len(at)))
+    if dots.low is not None and dots.high is not None:
+        bounds = np.stack([dots.low, dots.high])
+    for place in np.flatnonzero(np.isfinite(dots.y)).tolist():
+        for end, arrow, is_beyond in (
+            (high, "↑", lambda value: value > high), (low, "↓", lambda value: value < low)
+        ):  # fmt: skip
+            y = float(dots.y[place])
+            if is_beyond(y) or is_beyond(bounds[:, place]).any():
+                number = f" {short_number(y)}".replace("-", "−") if is_beyond(y) else ""
+                near_end = plot.x.fraction(at[place]) > 0.85
+                axes.annotate(
+                    f"{arrow}{number}", (at[place], end), xytext=(-6 if near_end else 6, 0),
+                    textcoords="offset points", ha="right" if near_end else "left", va="center",
+                    fontsize=8.5, color=ink, zorder=6,
+                )  # fmt: skip

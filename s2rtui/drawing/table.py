@@ -1,0 +1,145 @@
+"""A table as data: columns, rows of cells, and strips that show numbers on a scale."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, overload
+
+from s2rtui.drawing.scale import Scale
+
+if TYPE_CHECKING:
+    from s2rtui.drawing.plot import Ink, Sign
+
+
+@dataclass(frozen=True, slots=True)
+class Bar:
+    """A bar from zero to `value` before a grey one to `whole`."""
+
+    value: float
+    ink: Ink
+    whole: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """A line between two values, such as an interval."""
+
+    low: float
+    high: float
+    ink: Ink
+
+
+@dataclass(frozen=True, slots=True)
+class Dot:
+    """A sign at a value."""
+
+    at: float
+    ink: Ink
+    sign: Sign
+
+
+StripMark = Bar | Span | Dot
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A text, a detail behind it that is left out where there is no room, and a strip before it.
+
+    strip: marks on the scale of the column, the first below the others.
+    """
+
+    text: str = ""
+    detail: str = ""
+    strip: tuple[StripMark, ...] = ()
+
+    @property
+    def whole(self) -> str:
+        return f"{self.text} ({self.detail})" if self.detail else self.text
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column of a table; with an ink of `ROLES` its glyph stands before the name.
+
+    right: whether texts end at the right. scale: of the strips of its cells; an axis is drawn
+    where the scale has a name. sorts: whether the rows are sorted by it. rank: columns of the
+    largest are left out first where there is no room. least: its least width in cells. wraps:
+    whether its texts are wrapped into the room that the other columns leave. panel: name of the
+    panel in which its cells can be brushed.
+    """
+
+    name: str
+    ink: Ink = "muted"
+    right: bool = False
+    scale: Scale | None = None
+    sorts: bool = False
+    rank: int = 0
+    least: int = 0
+    wraps: bool = False
+    panel: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """Cells, the first one its name. notes: texts below it, shown where there is room.
+
+    inks: those of the texts of single columns, by their place. marked: with the cursor's glyph.
+    """
+
+    cells: tuple[Cell, ...]
+    ink: Ink = "text"
+    bold: bool = False
+    notes: tuple[str, ...] = ()
+    inks: dict[int, Ink] = field(default_factory=dict)
+    marked: bool = False
+
+
+class LazyRows(Sequence[Row]):
+    """`count` rows, each made when it is drawn."""
+
+    def __init__(self, count: int, make: Callable[[int], Row]) -> None:
+        self._count, self._make = count, make
+
+    def __len__(self) -> int:
+        return self._count
+
+    @overload
+    def __getitem__(self, index: int) -> Row: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Row]: ...
+    def __getitem__(self, index: int | slice) -> Row | Sequence[Row]:
+        if isinstance(index, slice):
+            return [self._make(place) for place in range(*index.indices(self._count))]
+        return self._make(index)
+
+
+@dataclass(frozen=True, slots=True)
+class TableSpec:
+    """Rows of cells below columns.
+
+    panel: name of the panel in which rows can be chosen. chosen: the highlighted row. brushed:
+    first and last row of a brush. first: the first visible row; by default the chosen, brushed or
+    marked row is visible. descending: the order of the column that sorts.
+    """
+
+    columns: tuple[Column, ...]
+    rows: Sequence[Row]
+    panel: str = ""
+    chosen: int | None = None
+    brushed: tuple[int, int] | None = None
+    first: int | None = None
+    descending: bool = True
+
+    @property
+    def has_head(self) -> bool:
+        """Whether any column has a name."""
+        return any(column.name for column in self.columns)
+
+    def sentences(self, blank: str = " ") -> Iterator[str]:
+        """Yield each row as `name: column cell, column cell`; `blank` is that inside of cells."""
+        for row in self.rows:
+            name, *cells = row.cells
+            parts = zip(self.columns[1:], cells, strict=True)
+            known = [f"{column.name} {cell.whole}".strip() for column, cell in parts if cell.text]
+            yield f"{name.whole}: {', '.join(text.replace(' ', blank) for text in known)}"

@@ -1,0 +1,193 @@
+"""Draw a table in character cells."""
+
+from __future__ import annotations
+
+import math
+
+from rich.cells import cell_len
+
+from s2rtui.canvas import Canvas, Panel
+from s2rtui.canvas.fit_text import fit_text
+from s2rtui.drawing.bars import draw_horizontal_bars, put_over_bar
+from s2rtui.drawing.plot import ROLES
+from s2rtui.drawing.scale import Scale
+from s2rtui.drawing.table import Bar, Cell, Column, Row, Span, StripMark, TableSpec
+from s2rtui.drawing.table_layout import TableLayout, TableLine, table_layout
+
+_TICKS = 10
+"""Columns of a strip for each tick of its axis."""
+
+
+def draw_table(canvas: Canvas, table: TableSpec, top: int, room: int) -> int:
+    """Draw what fits into `room` rows from row `top` on; returns the row after it."""
+    if room < 1 or not table.rows:
+        return top
+    layout = table_layout(table, canvas.width, room)
+    part = Canvas(canvas.width, layout.end, canvas.options)
+    if layout.top:
+        _draw_head(part, table, layout)
+    low, high = table.brushed or (-1, -2)
+    for y, line in enumerate(layout.lines, start=layout.top):
+        is_held = line.row == table.chosen or low <= line.row <= high
+        _draw_line(part, table, layout, line, y, is_held)
+    if layout.axis is not None:
+        _draw_axes(part, table, layout, layout.axis)
+    canvas.paste(part, 0, top)
+    return top + layout.end
+
+
+def table_panels(table: TableSpec, top: int, width: int, room: int) -> tuple[Panel, ...]:
+    """The panels of a table that is drawn from row `top` on; y is the index of a row."""
+    if room < 1 or not table.rows:
+        return ()
+    layout = table_layout(table, width, room)
+    rows, first = [line.row for line in layout.lines], top + layout.top
+
+    def to_data(column: float, row: float) -> tuple[float, float]:
+        at = min(max(math.floor(row) - first, 0), len(rows) - 1)
+        return column, float(rows[at])
+
+    def to_cells(x: float, y: float) -> tuple[float, float]:
+        row = round(y)
+        at = rows.index(row) if row in rows else row - layout.first
+        return x, first + at + 0.5
+
+    def panel(name: str, x: int, wide: int) -> Panel:
+        return Panel(name, "steps", x, first, wide, len(rows), to_data, to_cells)
+
+    if table.panel:
+        return (panel(table.panel, 0, max(1, width)),)
+    shown = zip(layout.columns, layout.starts, layout.widths, strict=True)
+    return tuple(
+        panel(table.columns[place].panel, start, min(wide, width - start))
+        for place, start, wide in shown
+        if table.columns[place].panel and start < width
+    )
+
+
+def _draw_head(canvas: Canvas, table: TableSpec, layout: TableLayout) -> None:
+    """The names of the columns; that of the first one is the window where rows are hidden."""
+    theme = canvas.theme
+    down, up = ("v", "^") if canvas.options.ascii else ("▼", "▲")
+    hidden = layout.shown < len(table.rows)
+    for place, start, width in zip(layout.columns, layout.starts, layout.widths, strict=True):
+        column = table.columns[place]
+        name = column.name
+        if place == 0 and hidden:
+            window = f"{layout.first + 1}-{layout.first + layout.shown}"
+            texts = (f"{window} of {len(table.rows)}", f"{window}/{len(table.rows)}", window)
+            name = next((text for text in texts if len(text) <= width), "")
+        glyph = f"{getattr(canvas.glyphs, column.ink)} " if column.ink in ROLES else ""
+        arrow = (down if table.descending else up) if column.sorts else ""
+        ink = theme.text if column.sorts else getattr(theme, column.ink)
+        text = fit_text(f"{glyph}{name}{arrow}", width, "" if place else canvas.glyphs.ellipsis)
+        at = start + width - cell_len(text) if column.right else start
+        canvas.text(at, 0, text, ink, bold=column.sorts)
+
+
+def _draw_line(
+    canvas: Canvas, table: TableSpec, layout: TableLayout, line: TableLine, y: int, held: bool
+) -> None:
+    theme, glyphs, row = canvas.theme, canvas.glyphs, table.rows[line.row]
+    if held:
+        canvas.fill(0, y, canvas.width, 1, theme.highlight)
+    if line.part == 0 and layout.gutter:
+        if held:
+            canvas.put(0, y, glyphs.pointer, theme.truth, bold=True)
+        if row.marked:
+            canvas.put(1, y, glyphs.cursor, theme.cursor, bold=True)
+    is_last = layout.each > 1 and line.part == layout.each - 1
+    shown = zip(layout.columns, layout.starts, layout.widths, layout.text_widths, strict=True)
+    for place, start, width, texts in shown:
+        column, cell = table.columns[place], row.cells[place]
+        if cell.strip and column.scale is not None and not is_last:
+            length = width - (texts + 1 if texts else 0)
+            marks = cell.strip if line.part == 0 else tuple(
+                mark for mark in cell.strip if isinstance(mark, Bar)
+            )  # fmt: skip
+            _draw_strip(canvas, column.scale, marks, (start, y, length))
+        if column.wraps:
+            ink = theme.muted if line.is_note else getattr(theme, row.ink)
+            canvas.text(start, y, canvas.options.printable(line.text), ink)
+        elif line.part == 0:
+            _draw_text(canvas, row, column, cell, place, (start, y, width), layout, held)
+        elif (
+            line.is_note and place == 0 and not any(table.columns[p].wraps for p in layout.columns)
+        ):
+            canvas.text(start, y, canvas.options.printable(line.text), theme.muted)
+
+
+def _draw_text(
+    canvas: Canvas, row: Row, column: Column, cell: Cell, place: int, at: tuple[int, int, int],
+    layout: TableLayout, held: bool,
+) -> None:  # fmt: skip
+    (start, y, width), theme, glyphs = at, canvas.theme, canvas.glyphs
+    ink = getattr(theme, row.inks.get(place, row.ink))
+    detail = f"({cell.detail})" if layout.is_detailed and cell.detail else ""
+    room = width - (cell_len(detail) + 1 if detail else 0)
+    text = fit_text(canvas.options.printable(cell.text), room, "" if place else glyphs.ellipsis)
+    bold = row.bold or (held and not cell.strip)
+    if column.right or column.scale is not None:
+        whole = cell_len(text) + (cell_len(detail) + 1 if detail else 0)
+        start = start + width - whole
+    end = canvas.text(start, y, text, ink, bold=bold)
+    if detail:
+        canvas.text(end + 1, y, detail, theme.muted)
+
+
+def _draw_strip(
+    canvas: Canvas, scale: Scale, marks: tuple[StripMark, ...], at: tuple[int, int, int]
+) -> None:
+    """The marks of a cell in `width` cells from (x, y); what is beyond the scale is at its end."""
+    (left, y, width), theme = at, canvas.theme
+    low, high = scale.low, scale.high
+
+    def column(value: float) -> int:
+        return left + min(max(int(float(scale.fraction(value)) * width), 0), width - 1)
+
+    for mark in marks:
+        ink = getattr(theme, mark.ink)
+        if isinstance(mark, Bar):
+            if low >= 0:
+                part, whole = (float(scale.fraction(end)) for end in (mark.value, mark.whole))
+                draw_horizontal_bars(canvas, left, y, width, ([part], [whole]), ink)
+            elif math.isfinite(mark.value):
+                block = "#" if canvas.options.ascii else "█"
+                first, last = sorted((column(0.0), column(mark.value)))
+                canvas.hline(first, last, y, block, ink)
+        elif isinstance(mark, Span):
+            if not (math.isfinite(mark.low) and math.isfinite(mark.high)):
+                continue
+            ends = column(mark.low), column(mark.high)
+            for x in range(ends[0], ends[1] + 1):
+                if canvas.char[y, x] not in "█#":
+                    canvas.put(x, y, canvas.glyphs.interval, ink)
+            for x, is_beyond, glyph in zip(ends, (mark.low < low, mark.high > high), "<>",
+                                           strict=True):  # fmt: skip
+                if is_beyond:
+                    canvas.put(x, y, glyph, theme.text, bold=True)
+        elif math.isfinite(mark.at):
+            put_over_bar(canvas, column(mark.at), y, getattr(canvas.glyphs, mark.sign), ink)
+
+
+def _draw_axes(canvas: Canvas, table: TableSpec, layout: TableLayout, y: int) -> None:
+    """Ticks and the name of the scale of each column of strips."""
+    shown = zip(layout.columns, layout.starts, layout.widths, layout.text_widths, strict=True)
+    for place, start, width, texts in shown:
+        scale = table.columns[place].scale
+        if scale is not None and scale.names:
+            length = width - (texts + 1 if texts else 0)
+            draw_axis(canvas, scale, start, y, length, length // _TICKS)
+
+
+def draw_axis(canvas: Canvas, scale: Scale, left: int, y: int, width: int, most: int) -> None:
+    """Labels and name; round numbers leave room for the name, and fixed labels come before it."""
+    muted = canvas.theme.muted
+    name = scale.name(width / 2, cell_len)
+    stop = width if scale.fixed is not None else width - cell_len(name) - 1
+    end = 0
+    for start, _, text in scale.labels(width, max(2, most), cell_len, 1.0):
+        if int(start) + cell_len(text) <= stop:
+            end = canvas.text(left + int(start), y, text, muted) - left
+    name = scale.name(width - end - 1, cell_len)
+    canvas.text(left + width, y, name, muted, align="right")

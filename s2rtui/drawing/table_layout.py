@@ -1,0 +1,252 @@
+"""Where the parts of a table are, in cells of the terminal or in letters of a page."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rich.cells import cell_len
+
+from s2rtui.drawing.plot import ROLES
+from s2rtui.drawing.table import Column, Row, TableSpec
+
+GAP = 2
+"""Blank columns between the columns of a table."""
+_GUTTER = 2
+"""Columns before the rows of a table that has a panel, for the pointer and the cursor."""
+_SHORTEST_NAME, _SHORTEST_STRIP, _NARROWEST_TEXT = 16, 12, 42
+_NARROW = 64
+"""Columns below which the name of a row stands before its wrapped text."""
+_FEWEST_WITH_AXIS = 4
+"""Lines below the head from which on strips have an axis."""
+_MEASURED = 500
+"""Rows of a longer table are measured where they are visible."""
+_THICKEST = 3
+"""Most lines of a row with strips, the blank one below it included."""
+
+
+@dataclass(frozen=True, slots=True)
+class TableLine:
+    """A line of a row: its first one, where `part` is 0, or a further one with a text."""
+
+    row: int
+    part: int = 0
+    text: str = ""
+    is_note: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class TableLayout:
+    """The visible columns and lines of a table, all in cells from its upper left corner.
+
+    columns: places of the visible columns; starts, widths: of each. text_widths: of the texts
+    behind strips. top: line of the first row; each: lines of a row with strips. first, shown: the
+    visible rows. axis: line of the axis of strips, if any. is_detailed: whether details are shown.
+    """
+
+    columns: tuple[int, ...]
+    starts: tuple[int, ...]
+    widths: tuple[int, ...]
+    text_widths: tuple[int, ...]
+    gutter: int
+    top: int
+    lines: tuple[TableLine, ...]
+    each: int
+    first: int
+    shown: int
+    axis: int | None
+    is_detailed: bool
+
+    @property
+    def end(self) -> int:
+        """The line after the last one."""
+        return self.top + len(self.lines) + (self.axis is not None)
+
+
+def wanted_lines(table: TableSpec) -> int:
+    """Lines of a table whose rows have one line each, with its head and axis."""
+    has_axis = any(column.scale is not None and column.scale.names for column in table.columns)
+    return len(table.rows) + table.has_head + has_axis
+
+
+def table_layout(table: TableSpec, width: int, height: int) -> TableLayout:
+    """Lay out a table in `width` x `height` cells; columns that do not fit are left out.
+
+    Details, then columns of the largest rank, are left out first. Rows are spread where they have
+    strips and there is room.
+    """
+    gutter = _GUTTER if table.panel else 0
+    top = int(table.has_head and height > 1)
+    has_axis = any(column.scale is not None and column.scale.names for column in table.columns)
+    free = max(1, height - top)
+    axis = int(has_axis and free >= _FEWEST_WITH_AXIS)
+    count, room = len(table.rows), max(1, free - axis)
+    first = _first_row(table, min(count, room))
+    measured = table.rows[first : first + room] if count > _MEASURED else table.rows
+    room_across = max(1, width - gutter)
+    window = len(f"{count}-{count}/{count}") if top and count > room else 0
+    columns, widths, texts, is_detailed = _columns(table, measured, room_across, window)
+    wrapping = [place for place, column in enumerate(table.columns) if column.wraps]
+    if wrapping and width < _NARROW:
+        columns, widths, texts = wrapping[:1], [room_across], [0]
+    if any(row.notes for row in measured) or any(column.wraps for column in table.columns):
+        lines = _entries(table, columns, widths, room)
+        lines = lines[_first_line(table, lines, room) :][:room]
+        each = 1
+    else:
+        has_strips = any(table.columns[place].scale is not None for place in columns)
+        each = min(_THICKEST, max(1, room // max(1, count))) if has_strips else 1
+        shown = range(first, min(count, first + room // each))
+        lines = [TableLine(row, part) for row in shown for part in range(each)]
+        if each > 1:
+            lines = lines[:-1]
+    rows = sorted({line.row for line in lines})
+    starts, x = [], gutter
+    for taken in widths:
+        starts.append(x)
+        x += taken + GAP
+    return TableLayout(
+        tuple(columns), tuple(starts), tuple(widths), tuple(texts), gutter, top, tuple(lines), each,
+        rows[0] if rows else 0, len(rows), top + len(lines) if axis else None, is_detailed,
+    )  # fmt: skip
+
+
+def _first_row(table: TableSpec, shown: int) -> int:
+    """The first of `shown` visible rows; the brush, the chosen or the marked row is among them."""
+    first = 0
+    if table.brushed is not None:
+        first = table.brushed[1] - shown // 2
+    elif table.first is not None:
+        first = table.first
+    elif table.chosen is not None:
+        first = table.chosen - shown // 2
+    elif len(table.rows) <= _MEASURED:
+        marked = next((place for place, row in enumerate(table.rows) if row.marked), 0)
+        first = marked - shown // 2 if marked >= shown else 0
+    return min(max(0, first), max(0, len(table.rows) - shown))
+
+
+@dataclass(frozen=True, slots=True)
+class _Choice:
+    """What is shown: columns up to a rank, details, texts behind strips; and the least widths."""
+
+    rank: int
+    details: bool = False
+    strip_texts: bool = True
+    name: int = _SHORTEST_NAME
+    strip: int = _SHORTEST_STRIP
+
+
+def _columns(
+    table: TableSpec, rows: Sequence[Row], width: int, window: int
+) -> tuple[list[int], list[int], list[int], bool]:
+    """The visible columns, their widths, the widths of their texts, and whether with details.
+
+    window: letters of the numbers of the visible rows, in the head of the first column.
+    """
+    ranks = sorted({column.rank for column in table.columns}, reverse=True)
+    tight = max(4, width // 4)
+    choices = [
+        _Choice(ranks[0], True), *map(_Choice, ranks), _Choice(ranks[-1], name=tight, strip=5),
+        _Choice(ranks[-1], strip_texts=False, name=tight, strip=4),
+    ]  # fmt: skip
+    for choice in choices:
+        places = [at for at, column in enumerate(table.columns) if column.rank <= choice.rank]
+        texts = [_text_width(table.columns[at], at, rows, choice) for at in places]
+        least = [
+            max(_least(table.columns[at], at, text, choice), 0 if at else window)
+            for at, text in zip(places, texts, strict=True)
+        ]
+        free = width - sum(least) - GAP * (len(places) - 1)
+        if free >= 0:
+            break
+    return places, _widths(table, places, texts, least, free), texts, choice.details
+
+
+def _text_width(column: Column, place: int, rows: Sequence[Row], choice: _Choice) -> int:
+    if column.scale is not None and not choice.strip_texts:
+        return 0
+    cells = [row.cells[place] for row in rows]
+    return max((cell_len(cell.whole if choice.details else cell.text) for cell in cells), default=0)
+
+
+def _least(column: Column, place: int, text: int, choice: _Choice) -> int:
+    """The least width of a column whose texts have a width."""
+    head = cell_len(column.name) + 2 * (column.ink in ROLES) + column.sorts
+    if column.wraps:
+        return _NARROWEST_TEXT
+    if column.scale is not None:
+        return choice.strip + (text + 1 if text else 0)
+    if place == 0:
+        return min(max(head, text, column.least), max(choice.name, column.least))
+    return max(head, text, column.least)
+
+
+def _widths(
+    table: TableSpec, places: list[int], texts: list[int], least: list[int], free: int
+) -> list[int]:
+    """The widths of columns: names have their whole length, the rest is for strips and texts."""
+    widths = list(least)
+    free = max(0, free)
+    if places and places[0] == 0:
+        more = min(free, max(0, texts[0] - widths[0]))
+        widths[0] += more
+        free -= more
+    wide = [
+        at for at, place in enumerate(places)
+        if table.columns[place].wraps or table.columns[place].scale is not None
+    ]  # fmt: skip
+    for number, at in enumerate(wide):
+        widths[at] += free // len(wide) + (number < free % len(wide))
+    return widths
+
+
+def _entries(table: TableSpec, columns: list[int], widths: list[int], room: int) -> list[TableLine]:
+    """The lines of rows with wrapped texts and notes.
+
+    As far as there is room with the notes of all rows, else with those of the chosen one, or none.
+    """
+    everything = frozenset(range(len(table.rows)))
+    chosen = frozenset() if table.chosen is None else frozenset({table.chosen})
+    lines: list[TableLine] = []
+    for noted in (everything, chosen, frozenset[int]()):
+        lines = [
+            line
+            for number, row in enumerate(table.rows)
+            for line in _entry(table, number, row, columns, widths, number in noted)
+        ]
+        if len(lines) <= room:
+            break
+    return lines
+
+
+def _entry(
+    table: TableSpec, number: int, row: Row, columns: list[int], widths: list[int], noted: bool
+) -> list[TableLine]:
+    place = next((at for at, column in enumerate(columns) if table.columns[column].wraps), None)
+    room = sum(widths) + GAP * (len(widths) - 1) if place is None else widths[place]
+    text = "" if place is None else row.cells[columns[place]].whole
+    if place is not None and 0 not in columns:
+        text = f"{row.cells[0].text}: {text}"
+    texts = _wrap(text, room)
+    lines = [TableLine(number, part, text) for part, text in enumerate(texts)]
+    for note in row.notes if noted else ():
+        for text in _wrap(note, room):
+            lines.append(TableLine(number, len(lines), text, True))
+    return lines
+
+
+def _wrap(text: str, room: int) -> list[str]:
+    return textwrap.wrap(text, max(1, room), break_on_hyphens=False) or [""]
+
+
+def _first_line(table: TableSpec, lines: list[TableLine], room: int) -> int:
+    """The first visible line; the chosen row is visible."""
+    if table.first is not None and table.chosen is None:
+        places = [at for at, line in enumerate(lines) if line.row >= table.first]
+        return min(places[0] if places else 0, max(0, len(lines) - room))
+    places = [at for at, line in enumerate(lines) if line.row == table.chosen]
+    if len(lines) <= room or not places:
+        return 0
+    return max(0, min(places[-1] - room + 1, places[0]))

@@ -1,0 +1,182 @@
+"""Draw a table on a page: texts in columns, strips on axes of matplotlib."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from typing import TYPE_CHECKING
+
+from s2rstore.errors import counted
+from s2rtui.canvas.fit_text import fit_text
+from s2rtui.drawing.page import LETTER, Page, style_axes
+from s2rtui.drawing.plot import ROLES
+from s2rtui.drawing.plot_paper import MARKERS, axis_name, axis_ticks
+from s2rtui.drawing.table import Bar, Row, Span, StripMark, TableSpec
+from s2rtui.drawing.table_layout import TableLayout, table_layout
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+LINE = 0.17
+"""Height of a line of a table and of notes in inches."""
+MARGIN = 0.3
+"""Inches beside texts."""
+_AXIS = 0.42
+"""Height of the axis of strips in inches."""
+_BAR = 0.7
+"""Height of a bar as a share of its row."""
+
+
+def sentences(table: TableSpec, letters: int) -> list[str] | None:
+    """The rows as sentences, where no column may be left out and they do not fit; else None."""
+    if any(column.rank or column.scale or column.wraps for column in table.columns):
+        return None
+    layout = table_layout(table, letters, len(table.rows) + 1)
+    needed = max((start + width for start, width in zip(layout.starts, layout.widths, strict=True)),
+                 default=0)  # fmt: skip
+    if layout.is_detailed and needed <= letters:
+        return None
+    return [line for text in table.sentences("\u00a0") for line in wrapped(text, letters)]
+
+
+def wrapped(text: str, letters: int) -> list[str]:
+    return textwrap.wrap(text, max(20, letters))
+
+
+def draw_table(page: Page, table: TableSpec, top: float, bottom: float, font: float) -> None:
+    """Draw what fits between two heights of the page, in inches."""
+    height = line_height(font)
+    has_axis = any(column.scale is not None and column.scale.names for column in table.columns)
+    letter = LETTER * font
+    room = top - bottom - (_AXIS if has_axis else 0.0)
+    letters = int((page.inches[0] - 2 * MARGIN) / letter)
+    lines = max(1, int(room / height + 1e-6))
+    if any(column.scale is not None for column in table.columns):
+        lines = min(lines, len(table.rows) + table.has_head)
+    layout = table_layout(table, letters, lines + has_axis)
+    used = layout.top + len(layout.lines)
+    step = min(room / max(1, used), 2.2 * height) if _has_strips(table, layout) else height
+    heights = [top - (at + 0.5) * step for at in range(used)]
+    shown = list(zip(layout.columns, layout.starts, layout.widths, layout.text_widths, strict=True))
+    for place, start, width, texts in shown:
+        column = table.columns[place]
+        left, right = MARGIN + start * letter, MARGIN + (start + width) * letter
+        if column.scale is not None:
+            first = top - layout.top * step
+            inches = (right - left - (texts + 1) * letter, first - (heights[-1] - step / 2))
+            axes = page.axes(left, heights[-1] - step / 2, *inches)
+            _draw_strips(axes, page, table, layout, place, inches)
+        if layout.top:
+            name = column.name + (" ▼" if table.descending else " ▲") * column.sorts
+            ink = page.inks.text if column.sorts else getattr(page.inks, column.ink)
+            x, side = (right, "right") if column.right else (left, "left")
+            weight = "bold" if column.sorts or column.ink in ROLES else "normal"
+            page.text(x, heights[0], name, ink, font, ha=side, va="center", fontweight=weight)
+    for y, line in zip(heights[layout.top :], layout.lines, strict=True):
+        row = table.rows[line.row]
+        if line.row == table.chosen or row.marked:
+            _highlight(page, y, step)
+        for place, start, width, _ in shown:
+            column = table.columns[place]
+            left, right = MARGIN + start * letter, MARGIN + (start + width) * letter
+            text, ink = _text(table, layout, row, place, line.part, line.text)
+            if line.is_note:
+                ink = "muted"
+            if not text:
+                continue
+            at_right = column.right or column.scale is not None
+            x, side = (right, "right") if at_right else (left, "left")
+            most = width if column.scale is None else max(width, len(text))
+            weight = "bold" if row.bold and not line.is_note else "normal"
+            text = fit_text(text, most + 1, "…")
+            page.text(x, y, text, getattr(page.inks, ink), font, ha=side, va="center",
+                      fontweight=weight)  # fmt: skip
+    hidden = len(table.rows) - layout.shown
+    if hidden > 0:
+        page.text(MARGIN, bottom - 0.12, counted(hidden, "more row"), page.inks.muted, 8)
+
+
+def line_height(font: float) -> float:
+    """The height of a line in inches."""
+    return LINE * font / 9
+
+
+def table_inches(table: TableSpec, letters: int, font: float) -> float:
+    """The height of a table in inches, with a line for each row, and its wrapped texts."""
+    layout = table_layout(table, letters, 10_000)
+    has_axis = layout.axis is not None
+    if _has_strips(table, layout):
+        return (layout.top + len(table.rows)) * 1.6 * line_height(font) + (
+            _AXIS if has_axis else 0.0
+        )
+    return (layout.top + len(layout.lines)) * line_height(font)
+
+
+def _has_strips(table: TableSpec, layout: TableLayout) -> bool:
+    return any(table.columns[place].scale is not None for place in layout.columns)
+
+
+def _text(
+    table: TableSpec, layout: TableLayout, row: Row, place: int, part: int, text: str
+) -> tuple[str, str]:
+    """The text of a cell in a line, and its ink."""
+    column, cell = table.columns[place], row.cells[place]
+    ink = row.inks.get(place, row.ink)
+    wraps = any(table.columns[each].wraps for each in layout.columns)
+    if column.wraps or (part and place == layout.columns[0] and not wraps):
+        return text, ink
+    if part:
+        return "", ink
+    return (cell.whole if layout.is_detailed else cell.text), ink
+
+
+def _highlight(page: Page, y: float, height: float) -> None:
+    from matplotlib.patches import Rectangle
+
+    wide, high = page.inches
+    corner = (0.2 / wide, (y - height / 2) / high)
+    ground = Rectangle(corner, 1 - 0.4 / wide, height / high, linewidth=0, zorder=-1,
+                       color=page.inks.highlight)  # fmt: skip
+    page.figure.add_artist(ground)
+
+
+def _draw_strips(
+    axes: Axes, page: Page, table: TableSpec, layout: TableLayout, place: int,
+    inches: tuple[float, float],
+) -> None:  # fmt: skip
+    """The strips of a column; row k of the lines is at y = k."""
+    scale = table.columns[place].scale
+    assert scale is not None
+    style_axes(axes, page)
+    axes.patch.set_visible(False)
+    count = len(layout.lines)
+    axes.set_xlim(scale.low, scale.high)
+    axes.set_ylim(max(count, 1) - 0.5, -0.5)
+    axes.set_yticks([])
+    if scale.names:
+        axes.set_xticks(*axis_ticks(scale, inches[0], True))
+        axes.set_xlabel(axis_name(scale, inches[0]))
+        axes.grid(axis="x", color=page.inks.faint, linewidth=0.6)
+        axes.set_axisbelow(True)
+    else:
+        axes.set_xticks([])
+        for spine in axes.spines.values():
+            spine.set_visible(False)
+    for y, line in enumerate(layout.lines):
+        for mark in table.rows[line.row].cells[place].strip if line.part == 0 else ():
+            _draw_strip_mark(axes, page, mark, y)
+
+
+def _draw_strip_mark(axes: Axes, page: Page, mark: StripMark, y: float) -> None:
+    ink = getattr(page.inks, mark.ink)
+    if isinstance(mark, Bar):
+        axes.barh(y, mark.whole, height=_BAR, color=page.inks.faint, linewidth=0, zorder=2)
+        axes.barh(y, mark.value, height=_BAR, color=ink, linewidth=0, zorder=3)
+    elif isinstance(mark, Span):
+        if math.isfinite(mark.low) and math.isfinite(mark.high):
+            axes.plot([mark.low, mark.high], [y, y], color=ink, linewidth=1.6, zorder=4)
+    else:
+        marker, is_filled = MARKERS[mark.sign]
+        axes.plot([mark.at], [y], marker=marker, markersize=5.5, color=ink, linestyle="none",
+                  markerfacecolor=ink if is_filled else page.inks.background, zorder=5,
+                  clip_on=False)  # fmt: skip

@@ -1,0 +1,125 @@
+"""Tables: windows, columns that fit, strips, wrapped texts and notes, and their panels."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from s2rtui.canvas import DARK, ColourMode, RenderOptions
+from s2rtui.drawing.cells import draw_cells, drawing_panels
+from s2rtui.drawing.plot import Drawing
+from s2rtui.drawing.scale import Scale
+from s2rtui.drawing.table import Bar, Cell, Column, Dot, LazyRows, Row, Span, TableSpec
+from s2rtui.drawing.table_layout import table_layout
+from tests.charts.examples import findings_drawing, groups_drawing, list_drawing
+
+
+@given(st.integers(24, 60), st.integers(2, 80), st.none() | st.integers(0, 59))
+def test_each_line_shows_the_row_of_its_panel(width, height, cursor):
+    drawing = list_drawing(cursor)
+    canvas = draw_cells(drawing, (width, height))
+    (panel,) = drawing_panels(drawing, (width, height))
+    for y in range(panel.y, panel.y + panel.height):
+        row = int(panel.to_data(3.5, y + 0.5)[1])
+        expected = [cell.text for cell in drawing.table.rows[row].cells]
+        shown = canvas.lines()[y].replace("▶", " ").split()
+        assert shown == " ".join(expected).split()[: len(shown)]
+        assert panel.to_cells(0.0, row)[1] == y + 0.5
+    if cursor is not None:
+        lit = (canvas.bg == RenderOptions().theme.highlight).all(axis=-1).all(axis=1)
+        rows = [int(panel.to_data(0, y + 0.5)[1]) for y in np.flatnonzero(lit).tolist()]
+        assert [drawing.table.rows[row].cells[0].text for row in rows] == [str(cursor)]
+
+
+def test_only_visible_rows_of_a_long_table_are_made():
+    made: list[int] = []
+
+    def row(place: int) -> Row:
+        made.append(place)
+        return Row((Cell(str(place)),))
+
+    columns = (Column("n", least=24),)
+    table = TableSpec(columns, LazyRows(1_000_000, row), "rows", chosen=500_000)
+    lines = draw_cells(Drawing(table=table), (30, 12)).lines()
+    assert lines[0].split() == ["499996-500006", "of", "1000000"]
+    assert set(made) == set(range(499_995, 500_006))
+
+
+@pytest.mark.parametrize(("changes", "row"), [({"brushed": (2, 30)}, 30), ({"first": 17}, 17)])
+def test_the_window_follows_the_brush_and_scrolling(changes, row):
+    table = replace(list_drawing().table, **changes)
+    layout = table_layout(table, 60, 9)
+    assert layout.first <= row < layout.first + layout.shown
+    assert layout.first == row or "first" not in changes
+
+
+@pytest.mark.parametrize(("descending", "arrow", "plain"), [(True, "▼", "v"), (False, "▲", "^")])
+def test_the_sorted_column_shows_the_direction(descending, arrow, plain):
+    drawing = Drawing(table=replace(list_drawing().table, descending=descending))
+    assert f"error{arrow}" in draw_cells(drawing, (40, 70)).lines()[0]
+    assert f"error{plain}" in draw_cells(drawing, (40, 70), RenderOptions(ascii=True)).lines()[0]
+
+
+def test_columns_of_the_largest_rank_are_left_out_before_names_are_cut():
+    drawing = groups_drawing()
+    for width in range(30, 130, 5):
+        lines = draw_cells(drawing, (width, 9)).lines()
+        assert "kitchen" in " ".join(lines)
+        columns = table_layout(drawing.table, width, 9).columns
+        ranks = [column.rank for column in drawing.table.columns]
+        left_out = [rank for place, rank in enumerate(ranks) if place not in columns]
+        assert max(ranks[place] for place in columns) < min(left_out, default=99)
+
+
+def test_strips_show_bars_intervals_and_dots_on_one_scale():
+    scale = Scale(-2.0, 2.0, ("gain (m)",))
+    marks = (Bar(1.0, "real"), Span(-1.0, 9.0, "text"), Dot(0.0, "truth", "truth"))
+    table = TableSpec((Column("factor"), Column("", scale=scale)),
+                      (Row((Cell("light"), Cell("+1.00 m", strip=marks))),))  # fmt: skip
+    line = draw_cells(Drawing(table=table), (60, 3)).lines()[1]
+    assert line.startswith("light")
+    assert line.rstrip().endswith("+1.00 m")
+    strip = line[7 : -len("+1.00 m") - 1].ljust(44)
+    unit = len(strip) / 4
+    places = {glyph: strip.index(glyph) for glyph in "─•>"}
+    assert places["─"] == pytest.approx(unit, abs=1)
+    assert places["•"] == pytest.approx(2 * unit, abs=1)
+    assert strip.count("█") + 1 == pytest.approx(unit, abs=2)
+    assert places[">"] == len(strip) - 1  # the interval ends beyond the scale
+
+
+def test_bars_from_the_left_edge_have_eighths_of_cells():
+    scale = Scale(0.0, 32.0)
+    rows = tuple(
+        Row((Cell(str(whole)), Cell(f"{part}/{whole}", strip=(Bar(part, "sim", whole),))))
+        for part, whole in ((32, 32), (8, 16), (0, 12))
+    )
+    table = TableSpec((Column("n"), Column("sim", "sim", scale=scale)), rows)
+    canvas = draw_cells(Drawing(table=table), (60, 4), RenderOptions(mode=ColourMode.NONE))
+    lengths = [len(line[4:-6].rstrip()) for line in canvas.lines()[1:]]
+    assert lengths == [-(-whole * lengths[0] // 32) for whole in (32, 16, 12)]
+
+
+@pytest.mark.parametrize("size", [(82, 24), (100, 20), (50, 40)])
+def test_texts_are_wrapped_and_their_notes_shown_where_there_is_room(size):
+    lines = draw_cells(findings_drawing(), size).lines()
+    text = " ".join(" ".join(lines).split())
+    for number in range(1, 5):
+        line = next(line for line in lines if f"kind {number}" in line)
+        assert ("? kind" in line) == (number % 2 == 1)
+        assert f"+{number}.00 m from all" in text
+    assert "gap drift: fewer than two nights" in text
+
+
+@pytest.mark.parametrize("chosen", [0, 3, 7, 11])
+def test_the_chosen_entry_is_visible_and_highlighted_and_keeps_its_notes(chosen):
+    canvas = draw_cells(findings_drawing(12, chosen), (82, 5))
+    lines = canvas.lines()
+    row = next(y for y, line in enumerate(lines) if f"kind {chosen + 1} " in line)
+    assert tuple(canvas.bg[row, 5]) == DARK.highlight
+    layout = table_layout(findings_drawing(4, 2).table, 82, 7)
+    assert {line.row for line in layout.lines if line.is_note} == {2}
