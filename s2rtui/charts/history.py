@@ -116,7 +116,8 @@ def history_plots(model: HistoryModel, columns: int) -> tuple[Plot, ...]:
     limit = float(model.thresholds[-1])
     labels = {low: short_number(low), 0.0: "0", limit: short_number(limit, 2),
               high: short_number(high, 2)}  # fmt: skip
-    y = Scale(low, high, ("gap G (no unit)", "G (no unit)", "G"), fixed=tuple(sorted(labels.items())))
+    names = "gap G (no unit)", "G (no unit)"
+    y = Scale(low, high, names, fixed=tuple(sorted(labels.items())))
     plots = []
     for track in model.tracks:
         value = track.gaps[-1].value

@@ -216,6 +216,10 @@ class DrawingView(View):
             return None
         return TableWindow(layout.first, layout.shown, len(drawing.table.rows))
 
+    def paper_drawing(self, scene: Scene) -> Drawing:
+        """The drawing of its figure."""
+        return self.drawing(scene, self.paper_columns)
+
     def heading(self, scene: Scene) -> tuple[str, str]:
         """The title and the subtitle of its figure."""
         return f"{scene.title}: {self.title or self.description}", scene.caption
@@ -225,8 +229,7 @@ class DrawingView(View):
 
         if reasons := self.missing(scene):
             raise RequestError(f"--view {self.name}: {'; '.join(reasons)}")
-        drawing = self.drawing(scene, self.paper_columns)
-        return draw_paper(drawing, size, theme, *self.heading(scene))
+        return draw_paper(self.paper_drawing(scene), size, theme, *self.heading(scene))
 
     def summary(self, scene: Scene) -> str:
         title = sentence(self.title or self.description)

@@ -10,6 +10,7 @@ from s2rtui.drawing.page import LETTER, NARROW, Page, Pixels, new_page, own_sett
 from s2rtui.drawing.plot import Drawing, Note, Plot
 from s2rtui.drawing.plot_paper import LEGEND_COLUMNS, draw_plot
 from s2rtui.drawing.table import TableSpec
+from s2rtui.drawing.table_layout import table_layout
 from s2rtui.drawing.table_paper import (
     LINE,
     MARGIN,
@@ -23,7 +24,9 @@ _BELOW, _LEFT, _RIGHT = 0.7, 0.75, 0.25
 """Inches below the axes of a plot; at its left and at its right."""
 _TITLE, _LEGEND_LINE = 0.3, 0.2
 """Inches of the title of a plot, and of a line of its legend."""
-_SMALLEST_FONT = 4.0
+_SMALLEST_FONT, _SMALLEST_TABLE_FONT = 4.0, 6.0
+_MANY = 10_000
+"""Lines in which every table fits."""
 _LEAST_SHARE = 0.35
 """Share of the page below its heading that plots have at least."""
 
@@ -68,13 +71,15 @@ def draw_paper(
 
 
 def _fitting_font(page: Page, table: TableSpec, room: float, font: float) -> float:
-    """The largest font of which a table with wrapped texts fits into `room` inches."""
-    if any(column.wraps for column in table.columns):
-        while font > _SMALLEST_FONT:
-            letters = int((page.inches[0] - 2 * MARGIN) / (LETTER * font))
-            if table_inches(table, letters, font) <= room:
-                break
-            font -= 0.5
+    """The largest font of which no column is cut, and all texts fit into `room` inches."""
+    wraps = any(column.wraps for column in table.columns)
+    has_texts = wraps or any(row.notes for row in table.rows[:1])
+    while font > (_SMALLEST_FONT if wraps else _SMALLEST_TABLE_FONT):
+        letters = int((page.inches[0] - 2 * MARGIN) / (LETTER * font))
+        is_low = has_texts and table_inches(table, letters, font) > room
+        if not is_low and not table_layout(table, letters, _MANY).is_tight:
+            break
+        font -= 0.5
     return font
 
 
@@ -95,7 +100,9 @@ def _draw_plots(page: Page, plots: tuple[Plot, ...], below: float) -> None:
     feet = [_BELOW if each else 0.12 for each in has_axis]
     height = max(0.2, (page.top - below - 0.15 - sum(heads) - sum(feet)) / len(plots))
     top, width = page.top - 0.15, page.inches[0] - _LEFT - _RIGHT
-    for plot, head, foot, last in zip(plots, heads, feet, has_axis, strict=True):
+    for place, (plot, head, foot) in enumerate(zip(plots, heads, feet, strict=True)):
         axes = page.axes(_LEFT, top - head - height, width, height)
-        draw_plot(axes, page, plot, (width, height), last)
+        alike = [at for at, other in enumerate(plots) if other.y == plot.y]
+        has_name = place == alike[len(alike) // 2]  # one name for plots with the same scale of y
+        draw_plot(axes, page, plot, (width, height), has_axis[place], has_name)
         top -= head + height + foot

@@ -28,8 +28,10 @@ MARKERS: dict[Sign, tuple[str, bool]] = {
 """The marker of each sign, and whether it is filled."""
 
 
-def draw_plot(axes: Axes, page: Page, plot: Plot, inches: tuple[float, float], last: bool) -> None:
-    """Draw a plot in `inches` (width, height); `last`: whether it has the labels of x."""
+def draw_plot(
+    axes: Axes, page: Page, plot: Plot, inches: tuple[float, float], has_x: bool, has_y: bool
+) -> None:
+    """Draw a plot in `inches` (width, height) with the labels of x and the name of y if wanted."""
     font = 8 if page.inches[0] <= NARROW else 9
     width, height = inches
     style_axes(axes, page)
@@ -42,11 +44,12 @@ def draw_plot(axes: Axes, page: Page, plot: Plot, inches: tuple[float, float], l
             getattr(axes, f"set_{axis.axis_name}scale")("log")
         axis.set_ticks(*axis_ticks(scale, width if is_x else height, is_x))
         axis.set_ticks([], minor=True)
-    if last:
+    if has_x:
         axes.set_xlabel(axis_name(plot.x, width))
     else:
         axes.tick_params(labelbottom=False)
-    axes.set_ylabel(axis_name(plot.y, height))
+    if has_y:
+        axes.set_ylabel(axis_name(plot.y, height))
     if plot.title:
         name, *others = plot.title
         axes.set_title(name.text, loc="left", fontsize=font + 1, pad=5, fontweight="bold",

@@ -75,8 +75,9 @@ def _draw_head(canvas: Canvas, table: TableSpec, layout: TableLayout) -> None:
         name = column.name
         if place == 0 and hidden:
             window = f"{layout.first + 1}-{layout.first + layout.shown}"
-            texts = (f"{window} of {len(table.rows)}", f"{window}/{len(table.rows)}", window)
-            name = next((text for text in texts if len(text) <= width), "")
+            name = next(
+                (text for text in (f"{window}/{len(table.rows)}", window) if len(text) <= width), ""
+            )
         glyph = f"{getattr(canvas.glyphs, column.ink)} " if column.ink in ROLES else ""
         arrow = (down if table.descending else up) if column.sorts else ""
         ink = theme.text if column.sorts else getattr(theme, column.ink)

@@ -18,7 +18,7 @@ _GUTTER = 2
 _SHORTEST_NAME, _SHORTEST_STRIP, _NARROWEST_TEXT = 16, 12, 42
 _NARROW = 64
 """Columns below which the name of a row stands before its wrapped text."""
-_FEWEST_WITH_AXIS = 4
+_FEWEST_WITH_AXIS = 8
 """Lines below the head from which on strips have an axis."""
 _MEASURED = 500
 """Rows of a longer table are measured where they are visible."""
@@ -43,6 +43,7 @@ class TableLayout:
     columns: places of the visible columns; starts, widths: of each. text_widths: of the texts
     behind strips. top: line of the first row; each: lines of a row with strips. first, shown: the
     visible rows. axis: line of the axis of strips, if any. is_detailed: whether details are shown.
+    is_tight: whether names are cut, or strips shorter than they should be.
     """
 
     columns: tuple[int, ...]
@@ -57,6 +58,7 @@ class TableLayout:
     shown: int
     axis: int | None
     is_detailed: bool
+    is_tight: bool
 
     @property
     def end(self) -> int:
@@ -86,7 +88,7 @@ def table_layout(table: TableSpec, width: int, height: int) -> TableLayout:
     measured = table.rows[first : first + room] if count > _MEASURED else table.rows
     room_across = max(1, width - gutter)
     window = len(f"{count}-{count}/{count}") if top and count > room else 0
-    columns, widths, texts, is_detailed = _columns(table, measured, room_across, window)
+    columns, widths, texts, choice = _columns(table, measured, room_across, window)
     wrapping = [place for place, column in enumerate(table.columns) if column.wraps]
     if wrapping and width < _NARROW:
         columns, widths, texts = wrapping[:1], [room_across], [0]
@@ -108,7 +110,8 @@ def table_layout(table: TableSpec, width: int, height: int) -> TableLayout:
         x += taken + GAP
     return TableLayout(
         tuple(columns), tuple(starts), tuple(widths), tuple(texts), gutter, top, tuple(lines), each,
-        rows[0] if rows else 0, len(rows), top + len(lines) if axis else None, is_detailed,
+        rows[0] if rows else 0, len(rows), top + len(lines) if axis else None, choice.details,
+        choice.is_tight,
     )  # fmt: skip
 
 
@@ -137,11 +140,15 @@ class _Choice:
     name: int = _SHORTEST_NAME
     strip: int = _SHORTEST_STRIP
 
+    @property
+    def is_tight(self) -> bool:
+        return self.strip < _SHORTEST_STRIP
+
 
 def _columns(
     table: TableSpec, rows: Sequence[Row], width: int, window: int
-) -> tuple[list[int], list[int], list[int], bool]:
-    """The visible columns, their widths, the widths of their texts, and whether with details.
+) -> tuple[list[int], list[int], list[int], _Choice]:
+    """The visible columns, their widths, the widths of their texts, and what is shown of them.
 
     window: letters of the numbers of the visible rows, in the head of the first column.
     """
@@ -161,7 +168,7 @@ def _columns(
         free = width - sum(least) - GAP * (len(places) - 1)
         if free >= 0:
             break
-    return places, _widths(table, places, texts, least, free), texts, choice.details
+    return places, _widths(table, places, texts, least, free), texts, choice
 
 
 def _text_width(column: Column, place: int, rows: Sequence[Row], choice: _Choice) -> int:

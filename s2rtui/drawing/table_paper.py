@@ -51,11 +51,12 @@ def draw_table(page: Page, table: TableSpec, top: float, bottom: float, font: fl
     room = top - bottom - (_AXIS if has_axis else 0.0)
     letters = int((page.inches[0] - 2 * MARGIN) / letter)
     lines = max(1, int(room / height + 1e-6))
-    if any(column.scale is not None for column in table.columns):
+    if not _has_notes(table) and any(column.scale is not None for column in table.columns):
         lines = min(lines, len(table.rows) + table.has_head)
     layout = table_layout(table, letters, lines + has_axis)
     used = layout.top + len(layout.lines)
-    step = min(room / max(1, used), 2.2 * height) if _has_strips(table, layout) else height
+    is_spread = _has_strips(table, layout) and not _has_notes(table)
+    step = min(room / max(1, used), 2.2 * height) if is_spread else height
     heights = [top - (at + 0.5) * step for at in range(used)]
     shown = list(zip(layout.columns, layout.starts, layout.widths, layout.text_widths, strict=True))
     for place, start, width, texts in shown:
@@ -105,11 +106,15 @@ def table_inches(table: TableSpec, letters: int, font: float) -> float:
     """The height of a table in inches, with a line for each row, and its wrapped texts."""
     layout = table_layout(table, letters, 10_000)
     has_axis = layout.axis is not None
-    if _has_strips(table, layout):
+    if _has_strips(table, layout) and not _has_notes(table):
         return (layout.top + len(table.rows)) * 1.6 * line_height(font) + (
             _AXIS if has_axis else 0.0
         )
     return (layout.top + len(layout.lines)) * line_height(font)
+
+
+def _has_notes(table: TableSpec) -> bool:
+    return any(row.notes for row in table.rows[:1])
 
 
 def _has_strips(table: TableSpec, layout: TableLayout) -> bool:

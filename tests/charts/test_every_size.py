@@ -16,7 +16,7 @@ from s2rtui.charts.orientation.terminal import draw_orientation
 from s2rtui.charts.overview.terminal import draw_overview
 from s2rtui.charts.scatter.terminal import draw_scatter
 from s2rtui.charts.shared.image_pair_terminal import draw_instance
-from s2rtui.charts.suggestions.terminal import draw_suggestions
+from s2rtui.charts.suggestions import suggestions_drawing
 from s2rtui.charts.umap.terminal import draw_umap
 from s2rtui.drawing.cells import draw_cells
 from s2rtui.terminal.strips import to_strips
@@ -90,10 +90,10 @@ VIEWS: dict[str, Draw] = {
     ),
     "findings": drawing(draw_cells, findings_drawing(chosen=2)),
     "no findings": drawing(draw_cells, findings_drawing(0)),
-    "suggestions": drawing(draw_suggestions, suggestions_input()),
+    "suggestions": drawing(draw_cells, suggestions_drawing(suggestions_input())),
     "list": drawing(draw_cells, list_drawing(7)),
     "drawing": drawing(draw_cells, examples.drawing()),
-    "no suggestions": drawing(draw_suggestions, suggestions_input(real=0, sim=0)),
+    "no suggestions": drawing(draw_cells, suggestions_drawing(suggestions_input(real=0, sim=0))),
 }
 OPTIONS = [
     RenderOptions(),

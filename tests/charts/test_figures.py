@@ -16,7 +16,7 @@ from s2rtui.charts.map.paper import map_figure
 from s2rtui.charts.orientation.paper import orientation_figure
 from s2rtui.charts.overview.paper import overview_figure
 from s2rtui.charts.scatter.paper import scatter_figure
-from s2rtui.charts.suggestions.paper import suggestions_figure
+from s2rtui.charts.suggestions import paper_drawing
 from s2rtui.charts.umap.paper import umap_figure
 from s2rtui.drawing.page import colour_bar_ticks
 from s2rtui.drawing.paper import draw_paper
@@ -62,7 +62,7 @@ FIGURES: dict[str, Draw] = {
     "scatter": drawing(scatter_figure, scatter_input(cursor=5)),
     "groups": drawing(draw_paper, groups_drawing(), "vanilla"),
     "findings": drawing(draw_paper, findings_drawing(), "vanilla"),
-    "suggestions": drawing(suggestions_figure, suggestions_input().directions, "vanilla"),
+    "suggestions": drawing(draw_paper, paper_drawing(suggestions_input().directions), "vanilla"),
     "errors": drawing(draw_paper, errors_drawing(5)),
 }
 

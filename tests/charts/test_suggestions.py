@@ -11,15 +11,15 @@ from s2rstore.index.transaction import edit
 from s2rstore.suggestions import section
 from s2rtui.canvas import DARK, RenderOptions
 from s2rtui.charts.registry import BY_NAME
-from s2rtui.charts.suggestions.model import SuggestionsInput
-from s2rtui.charts.suggestions.terminal import draw_suggestions, suggestions_panels
+from s2rtui.charts.suggestions import SuggestionsInput, answer_of_row, suggestions_drawing
 from s2rtui.cli import main
+from s2rtui.drawing.cells import draw_cells, drawing_panels
 from s2rtui.export.load_scene import SceneOptions, open_scene
 from tests.support.suggestions import store_reports, suggest_report, suggestions_input
 
 
 def text_of(data: SuggestionsInput, size: tuple[int, int], **options: bool) -> str:
-    lines = draw_suggestions(data, size, RenderOptions(**options)).lines()
+    lines = draw_cells(suggestions_drawing(data), size, RenderOptions(**options)).lines()
     return " ".join(" ".join(lines).split())
 
 
@@ -27,8 +27,9 @@ def text_of(data: SuggestionsInput, size: tuple[int, int], **options: bool) -> s
 def test_directions_answers_gains_and_values_are_shown(size):
     text = text_of(suggestions_input(), size)
     for part in (
-        "adapt the real images", "tune the simulator", "50 held-out instances",
-        "price of each change 2 % (0.04 m)", "?1 1 change +0.100 m (-0.040 .. +0.200)",
+        "real images adapt the real images", "simulator tune the simulator",
+        "50 held-out instances", "price of each change 2 % (0.04 m)",
+        "?1 1 change +0.100 m (-0.040 .. +0.200)",
         "*3 3 changes +0.300 m (+0.250 .. +0.400)", "brightness=0.85, vignette=0.37 (exposure)",
         "*3 3 changes +30.0 % (+25.0 .. +40.0)", "(camera, lights, depth)",
     ):  # fmt: skip
@@ -41,7 +42,7 @@ def test_the_chosen_answer_is_visible_and_lit(size, chosen):
     data = suggestions_input(chosen=chosen)
     assert data.chosen_answer is not None
     direction, number = data.chosen_answer
-    canvas = draw_suggestions(data, size)
+    canvas = draw_cells(suggestions_drawing(data), size)
     lit = [
         line for y, line in enumerate(canvas.lines()) if tuple(canvas.bg[y, 5]) == DARK.highlight
     ]
@@ -67,7 +68,7 @@ def test_details_of_an_answer_hold_intervals_truth_and_the_command():
 
 
 def test_gains_lie_on_one_axis_with_zero_and_price():
-    canvas = draw_suggestions(suggestions_input(sim=0), (120, 40))
+    canvas = draw_cells(suggestions_drawing(suggestions_input(sim=0)), (120, 40))
     rows = [line for line in canvas.lines() if "change" in line and "│" in line]
     assert len(rows) == 3
     zeros = {line.index("│") for line in rows}
@@ -93,11 +94,12 @@ def test_nothing_helps_and_missing_results_are_said():
 
 def test_a_click_finds_the_answer_of_a_line():
     data = suggestions_input()
-    (panel,) = suggestions_panels(data, (120, 40))
-    lines = draw_suggestions(data, (120, 40)).lines()
-    row = next(y for y, line in enumerate(lines) if "*3  3 changes  +30.0 %" in line)
-    assert panel.to_data(3.5, row + 0.5)[1] == 5.0
-    assert panel.to_data(3.5, 0.5)[1] == -1.0
+    drawing = suggestions_drawing(data)
+    (panel,) = drawing_panels(drawing, (120, 40))
+    lines = draw_cells(drawing, (120, 40)).lines()
+    rows = [y for y, line in enumerate(lines) if "*3  3 changes" in line]
+    places = [answer_of_row(data, int(panel.to_data(3.5, row + 0.5)[1])) for row in (*rows, 0)]
+    assert places == [2, 5, None]
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from s2rstore.intervals import Interval
 from s2rstore.records import Side
 from s2rstore.suggestions import Agreement, Answer, Change, SuggestReport, section
 from s2rstore.suggestions.report import AIMS
-from s2rtui.charts.suggestions.model import Direction, SuggestionsInput
+from s2rtui.charts.suggestions import Direction, SuggestionsInput
 
 _CHANGES: dict[Side, tuple[Change, ...]] = {
     "real": (

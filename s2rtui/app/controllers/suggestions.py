@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from s2rstore.suggestions import Answer
-from s2rtui.charts.suggestions.view import VIEW as SUGGESTIONS
+from s2rtui.charts.suggestions import VIEW as SUGGESTIONS
 from s2rtui.session import adjusting, suggestions
 
 if TYPE_CHECKING:

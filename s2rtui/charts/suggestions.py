@@ -1,0 +1,355 @@
+"""The suggestions view: stored answers of `s2r suggest`, and what each gains."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from s2rstore.errors import RequestError, sentence
+from s2rstore.reader import Store
+from s2rstore.records import SIDES, Side
+from s2rstore.suggestions import AIMS, Answer, SuggestReport, read_report
+from s2rtui.analysis.identity_cache import cached_by_identity
+from s2rtui.canvas import Panel, Point
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.view import DrawingView, Pane, Table
+from s2rtui.drawing.plot import Dots, Drawing, Line, Mark, Phrase, Plot, Rule, Sign
+from s2rtui.drawing.scale import Scale, non_empty
+from s2rtui.drawing.table import Cell, Column, Dot, Row, Span, StripMark, TableSpec
+from s2rtui.session import Session, suggestions
+
+MARKS = {"suggested": "*", "not evident": "?", "": " "}
+_TITLES = {"real": "adapt the real images", "sim": "tune the simulator"}
+_HEADS = {"real": "real images", "sim": "simulator"}
+_MARGIN = 1.0
+"""Space for bounds beside the gains, as a share of the range of the gains."""
+_COLUMNS = (
+    "for", "answer", "changes", "values", "factors", "low_m", "gain_m", "high_m", "price_m",
+    "low_share", "gain_share", "high_share", "price_share", "evident", "suggested",
+)  # fmt: skip
+PANEL = "suggestions"
+
+
+@dataclass(frozen=True, slots=True)
+class Direction:
+    """The side that is changed, and the stored report about it.
+
+    commands: those that register the answers as runs. note: without a report, why there is none
+    and the command that computes one.
+    """
+
+    side: Side
+    aim: str
+    report: SuggestReport | None = None
+    commands: tuple[str, ...] = ()
+    note: str = ""
+
+    @property
+    def answers(self) -> tuple[Answer, ...]:
+        return self.report.answers if self.report is not None else ()
+
+    def state(self, number: int) -> str:
+        """`suggested`, `not evident` or empty: what answer `number` (from 0) is."""
+        if self.report is not None and self.report.best == number:
+            return "suggested"
+        return "" if self.answers[number].evident else "not evident"
+
+    def mark(self, number: int) -> str:
+        return MARKS[self.state(number)]
+
+
+@dataclass(frozen=True, slots=True)
+class SuggestionsInput:
+    """Both directions of a run; `chosen` counts answers from the first suggested one, modulo."""
+
+    directions: tuple[Direction, ...]
+    chosen: int = 0
+
+    @property
+    def places(self) -> tuple[tuple[Direction, int], ...]:
+        """The answers of all directions: each with its direction and its number from 0."""
+        return tuple(
+            (direction, number)
+            for direction in self.directions
+            for number in range(len(direction.answers))
+        )
+
+    @property
+    def chosen_index(self) -> int | None:
+        """The place of the chosen answer in `places`; None without answers."""
+        places = self.places
+        if not places:
+            return None
+        states = [direction.state(number) for direction, number in places]
+        first = states.index("suggested") if "suggested" in states else 0
+        return (first + self.chosen) % len(places)
+
+    @property
+    def chosen_answer(self) -> tuple[Direction, int] | None:
+        """Direction and number of the chosen answer; None without answers."""
+        index = self.chosen_index
+        return None if index is None else self.places[index]
+
+
+def gain_scale(report: SuggestReport) -> Scale:
+    """The axis of the gains of a report, in its unit.
+
+    It holds 0, all gains and prices, and the bounds that are not far beyond these.
+    """
+    gains = [answer.gain for answer in report.answers]
+    values = [0.0, *(price_of(report, answer) for answer in report.answers)]
+    values += [gain.value for gain in gains if math.isfinite(gain.value)]
+    margin = _MARGIN * (max(values) - min(values))
+    bounds = [end for gain in gains for end in (gain.low, gain.high) if math.isfinite(end)]
+    ends = np.clip([*values, *bounds], min(values) - margin, max(values) + margin)
+    return Scale(*non_empty(float(ends.min()), float(ends.max())))
+
+
+def price_of(report: SuggestReport, answer: Answer) -> float:
+    """The price of the changes of an answer, in the unit of its gain; 0 where unknown."""
+    price = len(answer.changes) * report.price_of_a_change
+    return price if math.isfinite(price) else 0.0
+
+
+def evidence_text(report: SuggestReport) -> str:
+    """What the answers were judged on, and the price of a change, in one sentence."""
+    before = f"mean real error {report.before:.2f} m"
+    price = f"{100 * report.price:g} % ({report.price_of_a_change:.2f} m)"
+    if report.side == "sim":
+        before, price = f"mismatch of the images {report.before:.3g}", f"{100 * report.price:g} %"
+    unfinished = "" if report.complete else "; the time was used up before the search ended"
+    return (
+        f"{before} on {report.judged_instances} held-out instances; fitted on "
+        f"{report.fitted_instances} others; price of each change {price}{unfinished}"
+    )
+
+
+def details(direction: Direction, number: int) -> Iterator[str]:
+    """Yield lines about an answer: fitted values with intervals and truth, and the agreement."""
+    answer = direction.answers[number]
+    fitted = []
+    for change in answer.changes:
+        if change.interval is not None:
+            truth = "" if change.truth is None else f", true {change.truth:g}"
+            bounds = change.interval.bounds_text("{:.3g}".format, to=" .. ")
+            fitted.append(f"{change.name}={change.value:g} ({bounds}){truth}")
+    if fitted:
+        yield "; ".join(fitted)
+    made = answer.agreement
+    if made is not None:
+        yield (
+            f"sim error {made.sim_error_before:.2f} -> {made.sim_error:.2f} m, real "
+            f"{made.real_error:.2f} m; predictions closer by {made.closer.value:.2f} m "
+            f"({made.closer.bounds_text(to=' .. ')}); correlation of errors "
+            f"{made.correlation_before:.2f} -> {made.correlation:.2f}"
+        )
+
+
+def suggestions_table(data: SuggestionsInput, active: bool) -> TableSpec:
+    """A row for each direction and each answer; `active`: the chosen answer is highlighted."""
+    columns = (Column(""), Column(""), Column("", rank=1, scale=Scale(0.0, 1.0)))
+    rows: list[Row] = []
+    chosen, place = None, 0
+    for direction in data.directions:
+        report = direction.report
+        notes = [direction.aim] if report is None else [direction.aim, evidence_text(report)]
+        if report is not None and report.best is None:
+            notes.append(report.verdict)
+        rows.append(
+            Row((Cell(_HEADS[direction.side]), Cell(), Cell()), direction.side, True, tuple(notes))
+        )
+        for number in range(len(direction.answers)):
+            if active and place == data.chosen_index:
+                chosen = len(rows)
+            rows.append(_answer_row(direction, number))
+            place += 1
+    return TableSpec(columns, tuple(rows), PANEL, chosen=chosen)
+
+
+def _answer_row(direction: Direction, number: int) -> Row:
+    report, answer = direction.report, direction.answers[number]
+    assert report is not None
+    count = len(answer.changes)
+    name = f"{direction.mark(number)}{number + 1}  {count} change{'s' if count > 1 else ''}"
+    scale, gain = gain_scale(report), answer.gain
+
+    def at(value: float) -> float:
+        return float(scale.fraction(value))
+
+    strip: list[StripMark] = [
+        Span(at(gain.low), at(gain.high), direction.side), Dot(at(0.0), "muted", "vertical"),
+        Dot(at(price_of(report, answer)), "text", "baseline"),
+        Dot(at(gain.value), direction.side, "selected" if answer.evident else "trained"),
+    ]  # fmt: skip
+    cells = Cell(name), Cell(report.gain_interval(gain)), Cell(strip=tuple(strip))
+    values = f"{answer.changes_text} ({', '.join(answer.factors)})"
+    return Row(cells, "text", answer.evident, (f"    {values}",))
+
+
+def gain_plot(report: SuggestReport) -> Plot:
+    """Gains against the number of changes: on held-out instances, on those of the fit; prices."""
+    factor, unit = (1.0, "m") if report.side == "real" else (100.0, "%")
+    counts = np.array([float(len(answer.changes)) for answer in report.answers])
+    most = float(counts.max(initial=1.0))
+    fitted = factor * np.array([0.0, *(answer.fitted for answer in report.answers)])
+    scale = gain_scale(report)
+    ends = [factor * scale.low, factor * scale.high, *fitted.tolist()]
+    margin = 0.08 * (max(ends) - min(ends))
+    price = factor * report.price_of_a_change
+    x = np.array([0.0, most + 0.5])
+    marks: list[Mark] = [
+        Rule(0.0, "y"), Line(x, price * x, "text", dashed=True),
+        Line(np.array([0.0, *counts]), fitted, "muted", dashed=True),
+    ]  # fmt: skip
+    signs: tuple[tuple[bool, Sign], ...] = ((True, "selected"), (False, "trained"))
+    for is_evident, sign in signs:
+        held = [answer.evident == is_evident for answer in report.answers]
+        gains = [each.gain for each, shown in zip(report.answers, held, strict=True) if shown]
+        value, low, high = (
+            factor * np.array([getattr(gain, end) for gain in gains], dtype=np.float64)
+            for end in ("value", "low", "high")
+        )
+        marks.append(Dots(counts[held], value, report.side, low, high, sign))
+    ticks = tuple((float(number), str(number)) for number in range(int(most) + 1))
+    title = _TITLES[report.side] + ("" if report.answers else ": nothing helps")
+    return Plot(
+        Scale(-0.2, most + 0.5, ("number of changes (no unit)",), fixed=ticks),
+        Scale(min(ends) - margin, max(ends) + margin, (f"gain ({unit})",)), tuple(marks),
+        title=(Phrase(title, report.side),),
+    )  # fmt: skip
+
+
+LEGEND = (
+    "* suggested, ? not shown to help (its interval holds 0); dot: gain on held-out instances with "
+    "its interval, empty where not shown to help; line: 0; dashes: price of the changes"
+)
+
+
+def paper_drawing(directions: Sequence[Direction]) -> Drawing:
+    """The drawing on paper: a plot for each direction that has a report, and its answers."""
+    reports = [direction.report for direction in directions if direction.report is not None]
+    best = [
+        line
+        for direction in directions
+        if direction.report is not None and direction.report.best is not None
+        for line in details(direction, direction.report.best)
+    ]
+    legend = f"{LEGEND} and gain on the instances of the fit"
+    table = suggestions_table(SuggestionsInput(tuple(directions)), active=False)
+    missing = [f"{_TITLES[each.side]}: {each.note}" for each in directions if each.note]
+    return Drawing(tuple(map(gain_plot, reports)), table, (*best, *missing, legend))
+
+
+class SuggestionsView(DrawingView):
+    name = "suggestions"
+    key = "J"
+    pane: Pane = "centre"
+    description = "stored answers of s2r suggest: what would help, and how much"
+    title = "what would help"
+    brushable = False
+    counts_instances = False
+    narrow_ratio = 2.6
+    wide_ratio = 0.75
+    figure_size = (1600, 1000)
+
+    def subtitle(self, scene: Scene) -> str:
+        has_answers = self.input(scene).chosen_index is not None
+        return f"changes that would help{' (enter: apply)' if has_answers else ''}"
+
+    def input(self, scene: Scene) -> SuggestionsInput:
+        state = scene.state
+        return SuggestionsInput(_directions(scene.store, state.run), state.suggestion)
+
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
+        return self.input(scene), scene.state.view == self.name
+
+    def drawing(self, scene: Scene, columns: int) -> Drawing:
+        return suggestions_drawing(self.input(scene), scene.state.view == self.name)
+
+    def paper_drawing(self, scene: Scene) -> Drawing:
+        directions = self.input(scene).directions
+        if all(direction.report is None for direction in directions):
+            notes = "; ".join(direction.note for direction in directions)
+            raise RequestError(f"--view {self.name}: {notes}")
+        return paper_drawing(directions)
+
+    def heading(self, scene: Scene) -> tuple[str, str]:
+        return f"{scene.state.run}: {self.title}", scene.store.dataset.name
+
+    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+        data, row = self.input(scene), round(point[1])
+        if data.chosen_index is not None and (place := answer_of_row(data, row)) is not None:
+            session.dispatch(suggestions.choose, place - data.chosen_index)
+
+    def numbers(self, scene: Scene) -> Table:
+        return _COLUMNS, [_row(direction, number) for direction, number in self.input(scene).places]
+
+    def summary(self, scene: Scene) -> str:
+        parts = [
+            f"{sentence(direction.aim)}: "
+            f"{direction.note or (direction.report and direction.report.verdict)}."
+            for direction in self.input(scene).directions
+        ]
+        return f"{scene.state.run}. {' '.join(parts)}"
+
+
+def suggestions_drawing(data: SuggestionsInput, active: bool = True) -> Drawing:
+    """The answers, and how the chosen one is applied."""
+    notes = [f"{_TITLES[each.side]}: {each.note}" for each in data.directions if each.note]
+    if (chosen := data.chosen_answer) is not None:
+        direction, number = chosen
+        how = "enter adjusts the real images live; there S saves them as a run"
+        if direction.side == "sim":
+            how = "enter copies the command"
+        notes += [f"answer {number + 1}: {how}", *details(*chosen), direction.commands[number],
+                  LEGEND]  # fmt: skip
+    return Drawing(table=suggestions_table(data, active), notes=tuple(notes))
+
+
+def answer_of_row(data: SuggestionsInput, row: int) -> int | None:
+    """The place of the answer in a row of the table; None for the row of a direction."""
+    rows: list[int | None] = []
+    for direction in data.directions:
+        first = sum(place is not None for place in rows)
+        rows += [None, *range(first, first + len(direction.answers))]
+    return rows[row] if 0 <= row < len(rows) else None
+
+
+@cached_by_identity(4)
+def _directions(store: Store, run: str) -> tuple[Direction, ...]:
+    return tuple(_direction(store, run, side) for side in reversed(SIDES))
+
+
+def _direction(store: Store, run: str, side: Side) -> Direction:
+    record = store.run(run)
+    try:
+        record.network("suggest")
+        report = read_report(store, run, side)
+    except RequestError as error:
+        return Direction(side, AIMS[side], note=str(error))
+    if report is None:
+        command = shlex.join(["s2r", "suggest", store.path.name, "--run", run, "--for", side])
+        return Direction(side, AIMS[side], note=f"no stored result; `{command}` computes one")
+    commands = [answer.command(str(store.path), record, side) for answer in report.answers]
+    return Direction(side, AIMS[side], report, tuple(commands))
+
+
+def _row(direction: Direction, number: int) -> tuple[object, ...]:
+    report, answer = direction.report, direction.answers[number]
+    assert report is not None
+    price = len(answer.changes) * report.price_of_a_change
+    figures = (answer.gain.low, answer.gain.value, answer.gain.high, price)
+    unknown = (None,) * len(figures)
+    both = (*figures, *unknown) if direction.side == "real" else (*unknown, *figures)
+    return (
+        direction.side, number + 1, len(answer.changes), answer.changes_text,
+        ", ".join(answer.factors), *both, "yes" if answer.evident else "no",
+        "yes" if report.best == number else "no",
+    )  # fmt: skip
+
+
+VIEW = SuggestionsView()

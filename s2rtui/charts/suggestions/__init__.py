@@ -1,1 +1,0 @@
-"""The suggestions view: stored answers of `s2r suggest`, and what they gain."""
