@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
 from s2rstore.files.planned_poses import COLUMNS, PlannedPose, as_rows, read_planned_poses
+from s2rtools.common.command_line.row_formats import csv_text
 from s2rtui.cli import main
 from s2rtui.cli.commands import collect
-from s2rtui.export.rows.formats import csv_text
 
 _NUMBERS = st.floats(-1e6, 1e6, allow_nan=False)
 _TEXT = st.text(st.characters(codec="utf-8", categories=("L", "N", "P", "Zs")), max_size=20)

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Any
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files.planned_poses import COLUMNS, as_rows
-from s2rtui.cli import store_argument
-from s2rtui.cli.coverage_notes import print_coverage
-from s2rtui.cli.formatting import rows
-from s2rtui.cli.formatting.progress import reporter
+from s2rtools.common.command_line import output, store_argument
+from s2rtools.common.command_line.coverage_line import print_coverage
+from s2rtools.common.command_line.progress import reporter
 
 if TYPE_CHECKING:
     from s2rstore.reader import Store
@@ -38,13 +37,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "(uniform) or at random (default combined)")  # fmt: skip
     parser.add_argument("--seed", type=int, default=0,
                         help="random seed of --method random (default 0)")  # fmt: skip
-    output = parser.add_argument_group("output")
-    output.add_argument("--out", type=Path, metavar="FILE.csv", help="write the poses to this file")
-    output.add_argument("--save", metavar="NAME",
+    group = parser.add_argument_group("output")
+    group.add_argument("--out", type=Path, metavar="FILE.csv", help="write the poses to this file")
+    group.add_argument("--save", metavar="NAME",
                         help="save the instances nearest to the poses as selection "
                         "@NAME")  # fmt: skip
-    output.add_argument("--json", action="store_true", help="print JSON")
-    rows.add_safe_csv(output)
+    group.add_argument("--json", action="store_true", help="print JSON")
+    output.add_safe_csv(group)
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -75,10 +74,10 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _write(plan: CollectionPlan, options: argparse.Namespace) -> None:
-    from s2rtui.export.rows.formats import csv_text
+    from s2rtools.common.command_line.row_formats import csv_text
 
     text = csv_text(COLUMNS, as_rows(plan.poses), safe=options.safe_csv)
-    rows.write_file(options.out, text.encode(errors="backslashreplace"))
+    output.write_file(options.out, text.encode(errors="backslashreplace"))
 
 
 def _save(store: Store, plan: CollectionPlan, name: str) -> None:
@@ -129,7 +128,7 @@ def _lines(plan: CollectionPlan, options: argparse.Namespace) -> list[str]:
     if len(plan.poses) < request.budget:
         lines.append(f"there are only {len(plan.poses)} candidates for --budget {request.budget}")
     shown = plan.poses if options.out is None else plan.poses[:_SHOWN]
-    lines += ["", rows.table(COLUMNS, as_rows(shown)).rstrip()]
+    lines += ["", output.table(COLUMNS, as_rows(shown)).rstrip()]
     if len(shown) < len(plan.poses):
         lines.append(f"... and {len(plan.poses) - len(shown)} more in {options.out}")
     lines += ["", f"nearest instances: {plan.expression}"]

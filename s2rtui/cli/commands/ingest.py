@@ -13,8 +13,9 @@ from s2rstore.errors import RequestError, counted, shortened
 from s2rstore.files.ingest_folder import building_folders
 from s2rstore.records import SIDES
 from s2rstore.security.printable_text import printable
-from s2rtui.cli import interrupts, pair_arguments, store_argument
-from s2rtui.cli.formatting.progress import reporter
+from s2rtools.common.command_line import store_argument
+from s2rtools.common.command_line.progress import reporter
+from s2rtui.cli import interrupts, pair_arguments
 
 if TYPE_CHECKING:
     from s2rtools.datasets.pairing.stored_worlds import StoredWorlds

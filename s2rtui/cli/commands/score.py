@@ -12,8 +12,8 @@ from pathlib import Path
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rtui.cli import store_argument
-from s2rtui.cli.formatting.progress import reporter
+from s2rtools.common.command_line import store_argument
+from s2rtools.common.command_line.progress import reporter
 
 EXAMPLE = "s2r score world.s2r --instances 48"
 

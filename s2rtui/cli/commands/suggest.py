@@ -15,9 +15,8 @@ from s2rstore.errors import RequestError, counted
 from s2rstore.records import SIDES, Run
 from s2rstore.security.printable_text import printable
 from s2rstore.suggestions import AIMS, Answer, SuggestReport, bounds_text, read_report
-from s2rtui.cli import store_argument
-from s2rtui.cli.formatting import rows as output
-from s2rtui.cli.formatting.progress import reporter
+from s2rtools.common.command_line import output, store_argument
+from s2rtools.common.command_line.progress import reporter
 
 if TYPE_CHECKING:
     from s2rtools.suggestions import SuggestSettings

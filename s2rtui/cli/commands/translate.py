@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError
-from s2rtui.cli import store_argument
-from s2rtui.cli.formatting import rows as output
-from s2rtui.cli.formatting.progress import percent_callback, reporter
+from s2rtools.common.command_line import output, store_argument
+from s2rtools.common.command_line.progress import percent_callback, reporter
 
 if TYPE_CHECKING:
     from s2rtools.translator_evaluation.fit_into_store import FitRequest
@@ -314,7 +313,7 @@ def _print_report(
     options: argparse.Namespace, out: Path | None, content: object, text: Callable[[], str]
 ) -> None:
     """Print the text, or the JSON with --json; write the JSON to the folder of --out."""
-    from s2rtui.cli.formatting.rows import write_file
+    from s2rtools.common.command_line.output import write_file
 
     as_json = json.dumps(content, indent=1, sort_keys=True, allow_nan=False) + "\n"
     if out:

@@ -60,7 +60,7 @@ _MIN_GAP = 0.02
 
 
 class Progress(Protocol):
-    """Receiver of progress, as `s2rtui.cli.formatting.progress.Reporter`."""
+    """Receiver of progress, as `s2rtools.common.command_line.progress.Reporter`."""
 
     def begin(self, stage: str, total: int) -> None: ...
     def advance(self, steps: int) -> None: ...
