@@ -281,7 +281,7 @@ def registries_page() -> str:
     """Views, heatmap kinds, adjustments, importers and the other registries."""
     from s2rstore.heatmap_kinds import heatmap_facts
     from s2rtools.adjustments import ADJUSTMENTS
-    from s2rtools.datasets import IMPORTERS
+    from s2rtools.datasets.importers import IMPORTERS
     from s2rtools.datasets.layouts import LAYOUTS
     from s2rtools.heatmaps import HEATMAP_KINDS
     from s2rtools.models import ARCHITECTURES

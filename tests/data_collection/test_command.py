@@ -65,7 +65,7 @@ def test_the_command_writes_prints_and_saves(tiny_store, tmp_path, capsys):
 
 
 def test_methods_of_the_command_are_those_of_the_tools():
-    from s2rtools.data_collection import METHODS
+    from s2rtools.data_collection.expected_reduction import METHODS
 
     assert tuple(METHODS) == collect.METHODS
 

@@ -18,7 +18,7 @@ from s2rtools.common.command_line.progress import reporter
 
 if TYPE_CHECKING:
     from s2rstore.reader import Store
-    from s2rtools.data_collection import CollectionPlan
+    from s2rtools.data_collection.plan import CollectionPlan
 
 METHODS = ("combined", "error", "novelty", "uniform", "random")
 """As `s2rtools.data_collection.METHODS`, without importing the tools for `--help`."""
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rtools.data_collection import CollectionRequest, plan_collection
+    from s2rtools.data_collection.plan import CollectionRequest, plan_collection
     from s2rtui.user_data.notebook_schema import valid_name
 
     request = CollectionRequest("", options.budget, options.method, options.seed)

@@ -90,7 +90,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rtools.datasets import IMPORTERS
+    from s2rtools.datasets.importers import IMPORTERS
     from s2rtools.datasets.scan import ScanOptions
 
     size = _frame_size(options)

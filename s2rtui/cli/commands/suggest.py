@@ -19,7 +19,7 @@ from s2rtools.common.command_line import output, store_argument
 from s2rtools.common.command_line.progress import reporter
 
 if TYPE_CHECKING:
-    from s2rtools.suggestions import SuggestSettings
+    from s2rtools.suggestions.settings import SuggestSettings
 
 EXAMPLE = """s2r suggest world.s2r --run vanilla --for sim --budget 5m
   s2r suggest world.s2r --run vanilla --for sim --apply 1 --name tuned"""
@@ -59,8 +59,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rtools.suggestions import suggest
     from s2rtools.suggestions.stored_reports import apply_answer, save_report
+    from s2rtools.suggestions.suggest import suggest
 
     given = [name for name in _SEARCH_DEFAULTS if getattr(options, name) is not None]
     settings = _settings(options)
@@ -103,8 +103,7 @@ def execute(options: argparse.Namespace) -> int:
 
 def _settings(options: argparse.Namespace) -> SuggestSettings:
     """The settings of the search. Raises RequestError for values out of range."""
-    from s2rtools.suggestions import SuggestSettings
-    from s2rtools.suggestions.settings import parse_duration, parse_share
+    from s2rtools.suggestions.settings import SuggestSettings, parse_duration, parse_share
 
     chosen = {
         name: default if getattr(options, name) is None else getattr(options, name)
