@@ -47,6 +47,7 @@ COMMANDS: dict[str, str] = {
 _TOOLS = {
     "ingest": "datasets",
     "train": "training",
+    "run": "prediction_import",
     "precompute": "precompute",
     "gap": "gap",
     "sysid": "sysid",
