@@ -25,7 +25,7 @@ from bench.budget import BudgetRow
 from bench.support.collection_trial import Trial, TrialSettings
 from bench.support.json_log import append_log, read_log
 from s2rstore.intervals import Interval, of_units
-from s2rtools.data_collection import Method
+from s2rtools.data_collection.expected_reduction import Method
 
 SIZES = (15, 30, 60)
 COMPARED: tuple[Method, ...] = ("combined", "random", "uniform")

@@ -47,8 +47,7 @@ from s2rtools.gap.gate import gate
 from s2rtools.gap.instance_selection import poses_sha256
 from s2rtools.motion_logs import Drive
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
-from s2rtools.sysid import make_drives
-from s2rtools.sysid.synthetic_drives import SEVERITIES
+from s2rtools.sysid.synthetic_drives import SEVERITIES, make_drives
 from s2rtools.training import pretrained
 
 LEVEL = 0.025

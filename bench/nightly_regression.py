@@ -34,8 +34,7 @@ from prometheus_client.openmetrics import parser as openmetrics
 from bench.tour_stores import Severities, tours_store
 from s2rstore.gap_history import reader
 from s2rtools.synthetic_world.factors import parse_factors
-from s2rtools.sysid import make_drives
-from s2rtools.sysid.synthetic_drives import SEVERITIES
+from s2rtools.sysid.synthetic_drives import SEVERITIES, make_drives
 from s2rtui.cli import main as s2r
 
 FIRST = datetime.date(2026, 11, 16)

@@ -19,7 +19,7 @@ from s2rstore.maintenance.push import push
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rstore.remote.store_url import parse_url
-from s2rtui.cli.formatting.progress import LogReporter
+from s2rtools.common.command_line.progress import LogReporter
 
 _TIMES = 15
 _INSTANCE_MS = 100.0

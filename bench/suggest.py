@@ -28,13 +28,14 @@ from bench.support.json_log import append_log, read_log
 from s2rstore.geometry.camera_offset import FOV, HEIGHT, PITCH
 from s2rstore.index.transaction import edit
 from s2rstore.suggestions import SuggestReport
-from s2rtools.datasets import IMPORTERS
+from s2rtools.datasets.importers import IMPORTERS
 from s2rtools.datasets.scan import ScanOptions
 from s2rtools.datasets.writing.build import build
 from s2rtools.models.model_registration import pack_weights, register_model
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import insert_run
-from s2rtools.suggestions import SuggestSettings, suggest
+from s2rtools.suggestions.settings import SuggestSettings
+from s2rtools.suggestions.suggest import suggest
 from s2rtools.synthetic_world.factors import parse_factors
 
 FACTORS = ("lights", "exposure", "camera", "depth")

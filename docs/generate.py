@@ -6,7 +6,6 @@ import argparse
 import html
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +40,7 @@ def first_paragraph(thing: object) -> str:
 
 def commands_page() -> str:
     """Every command with all its options, from the argparse parsers."""
-    from s2rtui.cli.command_parser import COMMANDS
+    from s2rtui.cli.command_parser import COMMANDS, command_module
 
     parts = [
         "# Commands\n",
@@ -55,7 +54,7 @@ def commands_page() -> str:
     ]
     for name, text in COMMANDS.items():
         parser = argparse.ArgumentParser(prog=f"s2r {name}")
-        import_module(f"s2rtui.cli.commands.{name}").add_arguments(parser)
+        command_module(name).add_arguments(parser)
         parts.append(f"## s2r {name} {{ #s2r-{name} }}\n")
         parts.append(f"{cell(text[:1].upper() + text[1:])}.\n")
         parts += _parser_parts(parser)
@@ -281,7 +280,7 @@ def registries_page() -> str:
     """Views, heatmap kinds, adjustments, importers and the other registries."""
     from s2rstore.heatmap_kinds import heatmap_facts
     from s2rtools.adjustments import ADJUSTMENTS
-    from s2rtools.datasets import IMPORTERS
+    from s2rtools.datasets.importers import IMPORTERS
     from s2rtools.datasets.layouts import LAYOUTS
     from s2rtools.heatmaps import HEATMAP_KINDS
     from s2rtools.models import ARCHITECTURES

@@ -14,11 +14,10 @@ from bench.support.head_training import embeddings, trained_head_poses
 from s2rstore.geometry.rooms import room_codes
 from s2rstore.records import SPLITS, Room, Side
 from s2rtools.common.weights_file import read_state
-from s2rtools.data_collection import CollectionRequest, Method
 from s2rtools.data_collection.candidates import CandidatePoses, world_candidates
 from s2rtools.data_collection.evidence import Evidence
-from s2rtools.data_collection.expected_reduction import LocalValues, local_values
-from s2rtools.data_collection.plan import choose_poses
+from s2rtools.data_collection.expected_reduction import LocalValues, Method, local_values
+from s2rtools.data_collection.plan import CollectionRequest, choose_poses
 from s2rtools.models import build_network
 from s2rtools.models.load_model import load_state
 from s2rtools.models.pose_network import LoadedModel
@@ -26,9 +25,10 @@ from s2rtools.precompute.tasks.outliers import neighbour_distance, outlier_score
 from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
 from s2rtools.synthetic_world.routes import drive_along
 from s2rtools.synthetic_world.world import DEPTH_SCALE
-from s2rtools.training import Budget, CopiedFrames, TrainingFrames, train
 from s2rtools.training.evaluation import pose_errors, predict
 from s2rtools.training.pretrained import FOLDER, WORLD_SEED, model_description
+from s2rtools.training.training_frames import CopiedFrames, TrainingFrames
+from s2rtools.training.training_loop import Budget, train
 
 Poses = NDArray[np.float64]
 Floats = NDArray[np.float64]

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from s2rtools.models.pose_network import LoadedModel
-from s2rtools.training import RECIPES, CopiedFrames
+from s2rtools.training.recipes import RECIPES
+from s2rtools.training.training_frames import CopiedFrames
 from s2rtools.training.training_loop import (
     WEIGHT_DECAY,
     learning_rate_share,

@@ -7,6 +7,7 @@ import importlib
 import os
 import sys
 from collections.abc import Collection
+from types import ModuleType
 from typing import Any, NoReturn
 
 COMMANDS: dict[str, str] = {
@@ -43,6 +44,19 @@ COMMANDS: dict[str, str] = {
     "doctor": "report what this machine and this terminal support",
     "completion": "print a completion script for bash, zsh or fish",
 }
+_TOOLS = {
+    "ingest": "datasets",
+    "train": "training",
+    "run": "prediction_import",
+    "precompute": "precompute",
+    "gap": "gap",
+    "sysid": "sysid",
+    "score": "scoring",
+    "thresholds": "lane_detection",
+    "ros": "ros",
+    "nightly": "nightly",
+}
+"""Commands whose module is `command` of a package of s2rtools; the others are in `cli.commands`."""
 _HELP_COLUMN = 28
 _COMMAND_WIDTH = 16
 """Width reserved for the names of commands, which argparse indents after it has measured them."""
@@ -92,11 +106,15 @@ def _plain_formatter(prog: str) -> argparse.HelpFormatter:
     return formatter
 
 
-def build_parser(commands: Collection[str] = ()) -> CommandParser:
-    """Return the parser of `s2r`; only those `commands` get their arguments.
+def command_module(name: str) -> ModuleType:
+    """The module of a command: `EXAMPLE`, `add_arguments(parser)` and `execute(options)`."""
+    package = _TOOLS.get(name)
+    path = f"s2rtools.{package}.command" if package else f"s2rtui.cli.commands.{name}"
+    return importlib.import_module(path)
 
-    A command's module defines `EXAMPLE`, `add_arguments(parser)` and `execute(options)`.
-    """
+
+def build_parser(commands: Collection[str] = ()) -> CommandParser:
+    """Return the parser of `s2r`; only those `commands` get their arguments."""
     parser = CommandParser(
         prog="s2r",
         description="Find out where and why a robot's pose estimates fail in reality.",
@@ -111,7 +129,7 @@ def build_parser(commands: Collection[str] = ()) -> CommandParser:
         if name not in commands:
             subparsers.add_parser(name, help=summary)
             continue
-        module = importlib.import_module(f"s2rtui.cli.commands.{name}")
+        module = command_module(name)
         command = subparsers.add_parser(
             name,
             help=summary,

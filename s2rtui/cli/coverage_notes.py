@@ -1,9 +1,9 @@
-"""Notes on standard error: runs that are not computed for all instances, and populations."""
+"""Notes on standard error: populations of instances, and runs without shares of the gap."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from s2rstore.index.population import left_out_text
@@ -12,13 +12,6 @@ from s2rstore.reader import Store
 if TYPE_CHECKING:
     from s2rstore.language import Node
     from s2rtui.charts.scene import Scene
-
-
-def print_coverage(store: Store, runs: Iterable[str | None]) -> None:
-    """Print a line for each run that is computed for some of the instances only."""
-    for run in dict.fromkeys(runs):
-        if run and (note := store.coverage(run).note):
-            print(note, file=sys.stderr)
 
 
 def print_population(scene: Scene) -> None:

@@ -45,7 +45,8 @@ def _failed_output(error: OSError) -> str:
     while innermost is not None and innermost.tb_next is not None:
         innermost = innermost.tb_next
     module = "" if innermost is None else str(innermost.tb_frame.f_globals.get("__name__"))
-    if not module.startswith("s2rtui.cli"):
+    prints = module.startswith(("s2rtui.cli", "s2rtools.common.command_line"))
+    if not (prints or module.endswith(".command")):
         return ""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return "standard output"

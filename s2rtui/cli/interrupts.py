@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import os
 import signal
 import sys
 import threading
 import time
 import warnings
-from collections.abc import Iterator
 from typing import Any
 
 EXIT_CODE = 130
@@ -55,19 +53,6 @@ def report_interrupt(command: str | None) -> None:
     warnings.simplefilter("ignore")
     hint = _RESUME_HINTS.get(command or "")
     print(f"s2r: interrupted; {hint}" if hint else "s2r: interrupted", file=sys.stderr, flush=True)
-
-
-@contextlib.contextmanager
-def sigterm_as_interrupt() -> Iterator[None]:
-    """Raise KeyboardInterrupt for a SIGTERM, too; without effect outside the main thread."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def execute_interruptibly(options: argparse.Namespace) -> Any:

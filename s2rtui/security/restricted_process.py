@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
-import signal
 import sys
 import termios
-import threading
-import time
 import tty
 from collections.abc import Callable, MutableMapping
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,7 +17,6 @@ WEB_DRIVER = "textual.drivers.web_driver:WebDriver"
 SERVER_VARIABLE = "S2R_SERVER"
 """Environment variable with the process id of the server that started a session."""
 
-_PR_SET_PDEATHSIG = 1
 _DEVICES = ("/dev/null", "/dev/tty")
 _WRITE_FLAGS = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 _PROCESS_EVENTS = ("subprocess.Popen", "pty.spawn", "os.exec", "os.fork", "os.forkpty",
@@ -51,33 +45,10 @@ def clean_environment(environment: MutableMapping[str, str]) -> None:
         environment["TEXTUAL_DRIVER"] = WEB_DRIVER
 
 
-def end_with_parent(number: int = signal.SIGTERM, parent: int | None = None) -> None:
-    """Send `number` to this process when its parent process ends for any reason.
-
-    `parent` is the process id of the expected parent (default: the current parent); if that has
-    ended already, this process ends at once. Linux does this in the kernel; on other systems a
-    thread checks every half second.
-    """
-    parent = os.getppid() if parent is None else parent
-    if sys.platform == "linux":
-        with suppress(AttributeError, OSError):
-            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number)
-    else:
-        threading.Thread(target=_poll_parent, args=(parent, number), daemon=True).start()
-    if os.getppid() != parent:
-        os._exit(1)
-
-
 def server_process_id() -> int | None:
     """Return the process id of the server of a served session."""
     text = os.environ.get(SERVER_VARIABLE, "")
     return int(text) if text.isdecimal() else None
-
-
-def _poll_parent(parent: int, number: int) -> None:
-    while os.getppid() == parent:
-        time.sleep(0.5)
-    os.kill(os.getpid(), number)
 
 
 def restrict_process(permissions: Permissions) -> None:

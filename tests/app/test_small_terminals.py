@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
+from s2rtools.common.command_line.output import table
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.screens.doctor import DoctorScreen
@@ -15,7 +16,6 @@ from s2rtui.app.status_line import status_line
 from s2rtui.app.titled_view import _divided, truncated
 from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.charts.registry import VIEWS
-from s2rtui.cli.formatting.rows import table
 from s2rtui.session import Session
 from s2rtui.terminal.capabilities import detect
 from s2rtui.terminal.test_card import card_height, draw_card

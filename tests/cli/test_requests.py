@@ -13,8 +13,8 @@ import pytest
 
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes
+from s2rtools.common.command_line import output
 from s2rtui.cli import main
-from s2rtui.cli.formatting import rows as output
 
 INVALID_REQUESTS = [
     ("query STORE 'ids(all)'", "whole numbers"),

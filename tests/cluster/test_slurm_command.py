@@ -9,12 +9,13 @@ import pytest
 from s2rstore.errors import RequestError
 from s2rtui.cli import main
 from s2rtui.cli.command_parser import build_parser
-from s2rtui.cli.commands import nightly, train
 
 pytest.importorskip("dask_jobqueue")
+from s2rtools.nightly.command import command_arguments as nightly_arguments
 from s2rtools.precompute.executors import slurm_command
 from s2rtools.precompute.executors.slurm_command import run_command
 from s2rtools.precompute.executors.slurm_settings import read_settings
+from s2rtools.training.command import command_arguments as train_arguments
 
 pytestmark = pytest.mark.xdist_group("cluster")
 
@@ -142,13 +143,13 @@ def test_a_link_to_a_configuration_keeps_its_folder(tmp_path):
     (tmp_path / "live").mkdir()
     link = tmp_path / "live" / "nightly.toml"
     link.symlink_to(tmp_path / "gates.toml")
-    assert parsed(nightly.command_arguments(parsed(["nightly", str(link)]))).config == link
+    assert parsed(nightly_arguments(parsed(["nightly", str(link)]))).config == link
 
 
 def test_a_wrong_date_to_withdraw_is_refused_before_the_job():
     options = parsed(["nightly", "--withdraw", "2026-99-99", "n.toml"])
     with pytest.raises(RequestError, match="--withdraw 2026-99-99"):
-        nightly.command_arguments(options)
+        nightly_arguments(options)
 
 
 def test_a_job_that_slurm_has_forgotten_is_told(slurm):
@@ -178,7 +179,7 @@ _IN_JOB = {"cluster", "show_job_script", "debug", "store", "config", "night"}
 )  # fmt: skip
 def test_a_job_trains_with_all_options(given):
     options = parsed(["train", "--store", "s.s2r", *given])
-    in_job = parsed(train.command_arguments(options, "/nodes/s.s2r"))
+    in_job = parsed(train_arguments(options, "/nodes/s.s2r"))
     assert in_job.store == Path("/nodes/s.s2r")
     for name in vars(options).keys() - _IN_JOB:
         assert getattr(in_job, name) == getattr(options, name), name
@@ -187,11 +188,11 @@ def test_a_job_trains_with_all_options(given):
 def test_a_job_measures_the_named_night_with_all_options(tmp_path):
     for given in (["--night", "2026-11-21", "--far-night", "--json"], ["--withdraw", "2026-11-20"]):
         options = parsed(["nightly", *given, "n.toml"])
-        in_job = parsed(nightly.command_arguments(options))
+        in_job = parsed(nightly_arguments(options))
         assert in_job.config == Path("n.toml").absolute()
         for name in vars(options).keys() - (_IN_JOB - {"night"}):
             assert getattr(in_job, name) == getattr(options, name), name
-    assert parsed(nightly.command_arguments(parsed(["nightly", "n.toml"]))).night is not None
+    assert parsed(nightly_arguments(parsed(["nightly", "n.toml"]))).night is not None
 
 
 def test_train_submits_a_job(slurm, store_copy, capsys):

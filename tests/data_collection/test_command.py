@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
 from s2rstore.files.planned_poses import COLUMNS, PlannedPose, as_rows, read_planned_poses
+from s2rtools.common.command_line.row_formats import csv_text
+from s2rtools.data_collection import command
 from s2rtui.cli import main
-from s2rtui.cli.commands import collect
-from s2rtui.export.rows.formats import csv_text
 
 _NUMBERS = st.floats(-1e6, 1e6, allow_nan=False)
 _TEXT = st.text(st.characters(codec="utf-8", categories=("L", "N", "P", "Zs")), max_size=20)
@@ -65,9 +65,9 @@ def test_the_command_writes_prints_and_saves(tiny_store, tmp_path, capsys):
 
 
 def test_methods_of_the_command_are_those_of_the_tools():
-    from s2rtools.data_collection import METHODS
+    from s2rtools.data_collection.expected_reduction import METHODS
 
-    assert tuple(METHODS) == collect.METHODS
+    assert tuple(METHODS) == command.METHODS
 
 
 @pytest.mark.parametrize(

@@ -10,12 +10,11 @@ from hypothesis import strategies as st
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.language import evaluation
-from s2rtools.data_collection import METHODS, CollectionRequest, plan_collection
 from s2rtools.data_collection.batch_choice import Coverage, choose_batch
 from s2rtools.data_collection.candidates import CandidatePoses, find_candidates, is_free
 from s2rtools.data_collection.evidence import Evidence, read_evidence
-from s2rtools.data_collection.expected_reduction import local_values
-from s2rtools.data_collection.plan import choose_poses
+from s2rtools.data_collection.expected_reduction import METHODS, local_values
+from s2rtools.data_collection.plan import CollectionRequest, choose_poses, plan_collection
 from s2rtools.data_collection.pose_similarity import PoseSimilarity
 from tests.support import tiny
 

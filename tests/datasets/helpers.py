@@ -7,8 +7,8 @@ from pathlib import Path
 
 import s2rstore
 from s2rstore.files import layout
-from s2rtools.datasets import IMPORTERS
 from s2rtools.datasets.appending.append import append
+from s2rtools.datasets.importers import IMPORTERS
 from s2rtools.datasets.recording import Recording
 from s2rtools.datasets.scan import Scan, ScanOptions
 from s2rtools.datasets.writing.build import build

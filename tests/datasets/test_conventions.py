@@ -16,7 +16,6 @@ from s2rstore.geometry import angles
 from s2rstore.index import schema
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import check as verified
-from s2rtools.datasets import ScanOptions
 from s2rtools.datasets.appending.append import append
 from s2rtools.datasets.conventions.convention_check import (
     CONVENTIONS,
@@ -28,7 +27,7 @@ from s2rtools.datasets.conventions.convention_check import (
 from s2rtools.datasets.conventions.convention_report import PICTURE, _moving, doubts
 from s2rtools.datasets.conventions.depth_frames import DepthFrames, DepthPoints
 from s2rtools.datasets.importers import synthetic_world
-from s2rtools.datasets.scan import Scan
+from s2rtools.datasets.scan import Scan, ScanOptions
 from s2rtools.datasets.writing.build import build
 from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
 from tests.support.copies import copy_store

@@ -14,7 +14,7 @@ from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
 from s2rstore.maintenance.verify import verify
 from s2rtools.common.read_ahead import map_ahead
-from s2rtools.datasets import IMPORTERS
+from s2rtools.datasets.importers import IMPORTERS
 from s2rtools.datasets.scan import ScanOptions
 from tests.datasets.helpers import SIZE, ingest, kinds
 from tests.support import pairs

@@ -9,7 +9,7 @@ import pytest
 import s2rstore
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import check, verify
-from s2rtools.datasets import IMPORTERS
+from s2rtools.datasets.importers import IMPORTERS
 from s2rtools.datasets.scan import ScanOptions
 from s2rtools.datasets.writing.build import build
 from s2rtools.models import build_network

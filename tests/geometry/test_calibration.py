@@ -13,8 +13,8 @@ import pytest
 from s2rstore.geometry import camera
 from s2rstore.geometry.floor_grid import Projector
 from s2rstore.records import Domain, Intrinsics
-from s2rtools.datasets import IMPORTERS
 from s2rtools.datasets.dataset_config import DatasetConfig
+from s2rtools.datasets.importers import IMPORTERS
 from s2rtools.datasets.scan import ScanOptions
 
 FRAME = (256, 256)

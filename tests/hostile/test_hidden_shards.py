@@ -14,7 +14,7 @@ from s2rstore.metrics.nearest_neighbours import neighbours
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rstore.run_inputs import run_frames
-from s2rtools.datasets import IMPORTERS
+from s2rtools.datasets.importers import IMPORTERS
 from s2rtools.datasets.scan import ScanOptions
 from s2rtools.datasets.writing.build import build
 from s2rtools.synthetic_world.factors import complete_severities

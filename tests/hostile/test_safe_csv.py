@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from s2rtools.common.command_line.row_formats import csv_text
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
 from s2rtui.canvas import RenderOptions
 from s2rtui.cli import main
-from s2rtui.export.rows.formats import csv_text
 from s2rtui.session import Session
 from tests.support import hostile
 

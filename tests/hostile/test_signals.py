@@ -140,12 +140,12 @@ def test_sigterm_ends_a_query(tiny_store):
 def test_an_interrupted_command_reports_what_is_retained(
     tmp_path, capsys, monkeypatch, command, expected
 ):
-    import importlib
+    from s2rtui.cli.command_parser import command_module
 
     def interrupted(options: object) -> int:
         raise KeyboardInterrupt
 
-    module = importlib.import_module(f"s2rtui.cli.commands.{command}")
+    module = command_module(command)
     monkeypatch.setattr(module, "execute", interrupted)
     command_lines = {
         "ingest": ["ingest", "world", "--store", "s.s2r"],

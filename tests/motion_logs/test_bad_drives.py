@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from s2rtools.motion_logs import csv_reader
-from s2rtools.sysid import Recording, make_drives
+from s2rtools.sysid.synthetic_drives import Recording, make_drives
 from s2rtui.cli import main
 
 Damage = Callable[[Path], None]

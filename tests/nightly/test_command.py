@@ -14,7 +14,7 @@ import pytest
 import s2rtools.gap.gate
 from s2rstore.gap_history import reader as stored
 from s2rtools.nightly.config import NightlyConfig
-from s2rtools.sysid import Recording, make_drives
+from s2rtools.sysid.synthetic_drives import Recording, make_drives
 from s2rtui.cli import main
 from tests.support import nights
 

@@ -17,8 +17,8 @@ from s2rstore.maintenance.verify import check
 from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
-from s2rtools.datasets import IMPORTERS
 from s2rtools.datasets.appending.append import append
+from s2rtools.datasets.importers import IMPORTERS
 from s2rtools.datasets.scan import Scan, ScanOptions
 from s2rtools.datasets.writing.build import build
 from s2rtools.models import build_network

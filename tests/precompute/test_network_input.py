@@ -13,7 +13,7 @@ from torch import nn
 
 import s2rstore
 from s2rstore.maintenance.verify import check
-from s2rtools.datasets import IMPORTERS
+from s2rtools.datasets.importers import IMPORTERS
 from s2rtools.datasets.scan import ScanOptions
 from s2rtools.datasets.writing.build import build
 from s2rtools.models.model_registration import add_model

@@ -11,6 +11,7 @@ import s2rstore
 from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store
 from s2rtools.models.preprocessing import preprocess
+from s2rtools.scoring import tables
 from s2rtools.scoring.counterfactual_errors import EvaluatedRuns, open_runs
 from s2rtools.scoring.factor_shares import measure_shares
 from s2rtools.scoring.ground_truth import GroundTruth
@@ -21,7 +22,6 @@ from s2rtools.scoring.report import save_report
 from s2rtools.synthetic_world.factors import FACTOR_GROUPS
 from s2rtools.synthetic_world.renderer import RayCaster
 from s2rtui.cli import main
-from s2rtui.cli.formatting import score_tables
 from tests.support.copies import copy_store
 
 RUNS = ("vanilla", "finetune")
@@ -191,7 +191,7 @@ def test_the_command_reports_and_the_store_keeps_it(world_with_all_factors, tmp_
     assert harm["views"] == {"vanilla": 4, "finetune": 4}
     assert harm["left_out"] == {"vanilla": 0, "finetune": 0}
     assert {row["estimator"] for row in harm["shares"]} >= {"always lighting", "even split"}
-    text = "\n".join(score_tables.tables(report))
+    text = "\n".join(tables.tables(report))
     assert "What harms the pose" in text
     assert "vanilla 4 (0 trained on left out)" in text
     assert "always lighting" in text

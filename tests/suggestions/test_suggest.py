@@ -11,21 +11,21 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.suggestions import SuggestReport, from_json, read_report
-from s2rtools.datasets import IMPORTERS
+from s2rtools.datasets.importers import IMPORTERS
 from s2rtools.datasets.scan import ScanOptions
 from s2rtools.datasets.writing.build import build
 from s2rtools.models import build_network
 from s2rtools.models.model_registration import pack_weights, register_model
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import insert_run
-from s2rtools.suggestions import SuggestSettings, simulator_match, suggest
+from s2rtools.suggestions import simulator_match
 from s2rtools.suggestions.held_out_split import split_instances
 from s2rtools.suggestions.search import Candidate, FactorFit, SearchResult
-from s2rtools.suggestions.settings import parse_duration, parse_share
+from s2rtools.suggestions.settings import SuggestSettings, parse_duration, parse_share
 from s2rtools.suggestions.simulator_match import SimulatorMatch
 from s2rtools.suggestions.sliders import Slider, sliders_of
 from s2rtools.suggestions.stored_reports import apply_answer, save_report
-from s2rtools.suggestions.suggest import _on_whole_frames
+from s2rtools.suggestions.suggest import _on_whole_frames, suggest
 from s2rtools.suggestions.time_budget import TimeBudget
 from s2rtools.synthetic_world.factors import parse_factors
 from s2rtui.cli import main

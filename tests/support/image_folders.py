@@ -5,7 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from s2rtools.datasets import IMPORTERS
+from s2rtools.datasets.importers import IMPORTERS
 from s2rtools.datasets.scan import Scan, ScanOptions
 from s2rtools.datasets.writing.build import build
 

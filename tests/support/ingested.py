@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from s2rstore.index.transaction import edit
-from s2rtools.datasets import IMPORTERS
+from s2rtools.datasets.importers import IMPORTERS
 from s2rtools.datasets.scan import ScanOptions
 from s2rtools.datasets.writing.build import build
 from s2rtools.models.conventions import OutputConvention

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from s2rstore.errors import InconclusiveError, RequestError
-from s2rtools.sysid import Identification, SysidSettings, identify, record
+from s2rtools.sysid.identify import Identification, identify
+from s2rtools.sysid.report import record
+from s2rtools.sysid.settings import SysidSettings
 from s2rtools.sysid.simulators import Planar
 from s2rtools.sysid.synthetic_drives import SEVERITIES
 from tests.sysid.conftest import QUICK, DriveFolder, StepCounter

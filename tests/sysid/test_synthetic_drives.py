@@ -8,7 +8,7 @@ import pytest
 from s2rstore.errors import RequestError
 from s2rstore.geometry.angles import wrap
 from s2rtools.motion_logs import read_drives
-from s2rtools.sysid import Recording, make_drives
+from s2rtools.sysid.synthetic_drives import Recording, make_drives
 
 SHORT = Recording(count=2, seconds=4.0)
 

@@ -11,19 +11,13 @@ from s2rstore.errors import RequestError
 from s2rstore.records import SPLITS
 from s2rtools.models.input_contract import InputContract
 from s2rtools.models.pose_network import LoadedModel
-from s2rtools.training import (
-    RECIPES,
-    Budget,
-    CopiedFrames,
-    TrainingFrames,
-    splits,
-    train,
-    training_loop,
-)
+from s2rtools.training import splits, training_loop
 from s2rtools.training.colour_augmentation import vary_colours
 from s2rtools.training.depth_noise import DepthNoise, noise_fields, perlin
 from s2rtools.training.evaluation import evaluate_splits
-from s2rtools.training.training_loop import TrainingResult
+from s2rtools.training.recipes import RECIPES
+from s2rtools.training.training_frames import CopiedFrames, TrainingFrames
+from s2rtools.training.training_loop import Budget, TrainingResult, train
 
 TRAIN, VALIDATION, TEST, UNSEEN = range(len(SPLITS))
 

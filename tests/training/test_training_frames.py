@@ -11,9 +11,8 @@ from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rtools.models.input_contract import InputContract
 from s2rtools.models.preprocessing import preprocess
-from s2rtools.training import CopiedFrames, StreamedFrames
 from s2rtools.training.train_into_store import TrainingRequest, train_into_store
-from s2rtools.training.training_frames import DiskArray
+from s2rtools.training.training_frames import CopiedFrames, DiskArray, StreamedFrames
 from s2rtools.translator_evaluation.fit_into_store import FitRequest, fit_into_store
 from tests.support.copies import copy_store
 

@@ -18,8 +18,8 @@ from s2rtools.translator_evaluation import fit_into_store as fitting
 from s2rtools.translator_evaluation.fit_into_store import FitRequest, fit_folders, fit_into_store
 from s2rtools.translator_evaluation.named_translator import named_translator
 from s2rtools.translator_evaluation.report import evaluate_folders
+from s2rtools.translator_evaluation.tables import folder_text
 from s2rtui.cli import main
-from s2rtui.cli.formatting.translator_tables import folder_text
 from tests.translator_evaluation.scenes import recoloured, rooms
 
 PAIRED = FitSettings(paired=True)

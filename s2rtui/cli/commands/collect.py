@@ -1,84 +1,26 @@
-"""`s2r collect`: choose the poses at which new real images lower the real error the most."""
+"""`s2r collect`: the plan of the tools, and its selection in the user's notebook."""
 
 from __future__ import annotations
 
 import argparse
-import json
-import sys
-from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import s2rstore
-from s2rstore.errors import RequestError
-from s2rstore.files.planned_poses import COLUMNS, as_rows
-from s2rtui.cli import store_argument
-from s2rtui.cli.coverage_notes import print_coverage
-from s2rtui.cli.formatting import rows
-from s2rtui.cli.formatting.progress import reporter
+from s2rstore.reader import Store
+from s2rtools.data_collection import command
 
 if TYPE_CHECKING:
-    from s2rstore.reader import Store
-    from s2rtools.data_collection import CollectionPlan
+    from s2rtools.data_collection.plan import CollectionPlan
 
-METHODS = ("combined", "error", "novelty", "uniform", "random")
-"""As `s2rtools.data_collection.METHODS`, without importing the tools for `--help`."""
-EXAMPLE = "s2r collect lab.s2r --run vanilla --budget 60 --out poses.csv --save collect"
-_SHOWN = 10
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", type=store_argument.folder, help="store folder")
-    parser.add_argument("--run", help="run whose errors count (default: the first)")
-    parser.add_argument("--budget", type=int, default=60, metavar="N",
-                        help="number of new real images (default 60)")  # fmt: skip
-    parser.add_argument("--method", choices=METHODS, default="combined",
-                        help="what counts: the real error that the sim error does not explain, "
-                        "and novelty (combined); the real error; novelty; nothing, spread evenly "
-                        "(uniform) or at random (default combined)")  # fmt: skip
-    parser.add_argument("--seed", type=int, default=0,
-                        help="random seed of --method random (default 0)")  # fmt: skip
-    output = parser.add_argument_group("output")
-    output.add_argument("--out", type=Path, metavar="FILE.csv", help="write the poses to this file")
-    output.add_argument("--save", metavar="NAME",
-                        help="save the instances nearest to the poses as selection "
-                        "@NAME")  # fmt: skip
-    output.add_argument("--json", action="store_true", help="print JSON")
-    rows.add_safe_csv(output)
+EXAMPLE = command.EXAMPLE
+add_arguments = command.add_arguments
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rtools.data_collection import CollectionRequest, plan_collection
     from s2rtui.user_data.notebook_schema import valid_name
 
-    request = CollectionRequest("", options.budget, options.method, options.seed)
-    folder = None if options.out is None else options.out.resolve().parent
-    if folder is not None and not folder.is_dir():
-        raise RequestError(f"--out {options.out}: there is no folder {folder}")
     if options.save is not None:
         valid_name(options.save, "name")
-    with s2rstore.open(options.store) as store, reporter() as progress:
-        store.require_poses("collect")
-        request = replace(request, run=store.run_name(options.run))
-        print_coverage(store, [request.run])
-        plan = plan_collection(store, request, progress)
-        if options.out is not None:
-            _write(plan, options)
-        if options.save is not None:
-            _save(store, plan, options.save)
-    if options.json:
-        json.dump(_content(plan), sys.stdout, indent=1, allow_nan=False)
-        sys.stdout.write("\n")
-        return 0
-    print("\n".join(_lines(plan, options)))
-    return 0
-
-
-def _write(plan: CollectionPlan, options: argparse.Namespace) -> None:
-    from s2rtui.export.rows.formats import csv_text
-
-    text = csv_text(COLUMNS, as_rows(plan.poses), safe=options.safe_csv)
-    rows.write_file(options.out, text.encode(errors="backslashreplace"))
+    return command.execute(options, _save)
 
 
 def _save(store: Store, plan: CollectionPlan, name: str) -> None:
@@ -89,53 +31,3 @@ def _save(store: Store, plan: CollectionPlan, name: str) -> None:
     notebook = Notebook(store.identity, parts=store.parts)
     count = len(set(plan.nearest.tolist()))
     notebook.save(name, SavedSelection(plan.expression, store.generation, plan.request.run, count))
-
-
-def _content(plan: CollectionPlan) -> dict[str, Any]:
-    request = plan.request
-    return {
-        "run": request.run,
-        "method": request.method,
-        "budget": request.budget,
-        "seed": request.seed,
-        "candidates": plan.candidates,
-        "places": plan.places,
-        "origin": plan.origin,
-        "evidence": plan.evidence,
-        "training_images": plan.training_images,
-        "uses_harm": plan.uses_harm,
-        "reducible_m": round(plan.reducible, 6),
-        "covered_share": round(plan.covered, 6),
-        "covered_share_before": round(plan.covered_before, 6),
-        "expression": plan.expression,
-        "poses": [dict(zip(COLUMNS, row, strict=True)) for row in as_rows(plan.poses)],
-    }
-
-
-def _lines(plan: CollectionPlan, options: argparse.Namespace) -> list[str]:
-    request = plan.request
-    method = f"random, seed {request.seed}" if request.method == "random" else request.method
-    known = f"{plan.evidence} new instances"
-    if plan.training_images:
-        known += f" and {plan.training_images} real training images"
-    lines = [
-        f"run {request.run}: {len(plan.poses)} poses ({method}) of {plan.candidates:,} candidates, "
-        f"{plan.origin}; from {known}{' with harm' if plan.uses_harm else ''}",
-        f"reducible error: {plan.reducible:.2f} m in the mean over the candidates; the poses cover "
-        f"{plan.covered:.0%} of it"
-        + (f", training images {plan.covered_before:.0%}" if plan.covered_before else ""),
-        "rooms: " + ", ".join(f"{name} {count}" for name, count in plan.counts_by_room()),
-    ]
-    if len(plan.poses) < request.budget:
-        lines.append(f"there are only {len(plan.poses)} candidates for --budget {request.budget}")
-    shown = plan.poses if options.out is None else plan.poses[:_SHOWN]
-    lines += ["", rows.table(COLUMNS, as_rows(shown)).rstrip()]
-    if len(shown) < len(plan.poses):
-        lines.append(f"... and {len(plan.poses) - len(shown)} more in {options.out}")
-    lines += ["", f"nearest instances: {plan.expression}"]
-    if options.save is not None:
-        lines.append(f"saved as @{options.save}")
-    if options.out is not None:
-        lines.append(f"map: s2r export {options.store} --view map --run {request.run} "
-                     f"--poses {options.out} --out map.png")  # fmt: skip
-    return lines

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 
+from s2rtools.common.command_line import output
 from s2rtui.cli.display_arguments import add_display_options, detect_display
-from s2rtui.cli.formatting import rows as output
 
 EXAMPLE = "s2r doctor lab.s2r --graphics"
 

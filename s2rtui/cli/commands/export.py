@@ -7,10 +7,11 @@ import re
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rtui.cli import page_arguments, scene_arguments, store_argument
-from s2rtui.cli.coverage_notes import print_coverage, print_population
+from s2rtools.common.command_line import output, store_argument
+from s2rtools.common.command_line.coverage_line import print_coverage
+from s2rtui.cli import page_arguments, scene_arguments
+from s2rtui.cli.coverage_notes import print_population
 from s2rtui.cli.display_arguments import add_theme
-from s2rtui.cli.formatting import rows
 
 Pixels = tuple[int, int]
 SCREEN = "workbench"
@@ -66,7 +67,7 @@ def execute(options: argparse.Namespace) -> int:
             print_coverage(scene.store, scene_arguments.runs(scene.state))
             print_population(scene)
             image = draw_figure(scene, view, page, form)
-    rows.write_file(options.out, image)
+    output.write_file(options.out, image)
     return 0
 
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import s2rstore
-from s2rtui.cli import store_argument
-from s2rtui.cli.coverage_notes import print_coverage
+from s2rtools.common.command_line import store_argument
+from s2rtools.common.command_line.coverage_line import print_coverage
 
 if TYPE_CHECKING:
     from s2rstore.findings import Finding, FindingReport

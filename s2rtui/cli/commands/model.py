@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from s2rtui.cli import store_argument
+from s2rtools.common.command_line import store_argument
 
 EXAMPLE = "s2r model add mine weights.safetensors --arch resposenet --store lab.s2r"
 

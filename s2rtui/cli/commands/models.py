@@ -8,8 +8,7 @@ from typing import Any
 
 import s2rstore
 from s2rstore.records import Model
-from s2rtui.cli import store_argument
-from s2rtui.cli.formatting import rows as output
+from s2rtools.common.command_line import output, store_argument
 
 _NAMES = (
     "model", "architecture", "channels", "height", "width", "rgb resized by", "depth resized by",

@@ -7,8 +7,7 @@ import sys
 
 from s2rstore.errors import RequestError
 from s2rstore.security.printable_text import printable
-from s2rtui.cli import store_argument
-from s2rtui.cli.formatting import rows
+from s2rtools.common.command_line import output, store_argument
 
 EXAMPLE = "s2r prune lab.s2r --keep 1 --dry-run"
 
@@ -18,7 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--keep", type=int, default=3, metavar="N",
                         help="number of newest generations to keep (default 3)")  # fmt: skip
     parser.add_argument("--dry-run", action="store_true", help="only list what would be deleted")
-    rows.add_output_options(parser, with_parquet=False)
+    output.add_output_options(parser, with_parquet=False)
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -31,7 +30,7 @@ def execute(options: argparse.Namespace) -> int:
         print(f"note: {printable(str(options.store / link))}: a symbolic link is not deleted; "
               "delete it yourself", file=sys.stderr)  # fmt: skip
     if options.format != "table":
-        rows.write(("path",), [(path,) for path in pruned.paths], options)
+        output.write(("path",), [(path,) for path in pruned.paths], options)
         return 0
     verb = "would remove" if options.dry_run else "removed"
     for path in pruned.paths:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from s2rtui.cli import store_argument
-from s2rtui.cli.formatting.progress import STYLES, reporter
+from s2rtools.common.command_line import store_argument
+from s2rtools.common.command_line.progress import STYLES, reporter
 
 EXAMPLE = "s2r push lab.s2r s3://bucket/lab.s2r"
 

@@ -10,9 +10,10 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.index.population import count_text
 from s2rstore.records import NO_RUN
-from s2rtui.cli import scene_arguments, store_argument
-from s2rtui.cli.coverage_notes import print_coverage, print_left_out, print_missing_shares
-from s2rtui.cli.formatting import rows
+from s2rtools.common.command_line import output, store_argument
+from s2rtools.common.command_line.coverage_line import print_coverage
+from s2rtui.cli import scene_arguments
+from s2rtui.cli.coverage_notes import print_left_out, print_missing_shares
 
 if TYPE_CHECKING:
     from s2rstore.reader import Store
@@ -38,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "iid,room,real.outlier,tags")  # fmt: skip
     add("--with-expression", action="store_true",
         help="add the expression, run, generation and data set to the output")  # fmt: skip
-    rows.add_output_options(parser)
+    output.add_output_options(parser)
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -74,7 +75,7 @@ def execute(options: argparse.Namespace) -> int:
         if not selection.facts.count:
             _print_suggestions(store, *query, notes, options.with_trained)
     metadata = selection.facts.as_dict() if options.with_expression else None
-    rows.write(selection.names, selection.rows, options, metadata)
+    output.write(selection.names, selection.rows, options, metadata)
     if selection.facts.trained_on or (options.format == "table" and options.out is None):
         _print_count(selection.facts.count_text, run)
     return 0

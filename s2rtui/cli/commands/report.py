@@ -7,11 +7,11 @@ from pathlib import Path
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rtui.cli import page_arguments, scene_arguments, store_argument
-from s2rtui.cli.coverage_notes import print_coverage
+from s2rtools.common.command_line import output, store_argument
+from s2rtools.common.command_line.coverage_line import print_coverage
+from s2rtools.common.command_line.progress import reporter
+from s2rtui.cli import page_arguments, scene_arguments
 from s2rtui.cli.display_arguments import add_theme
-from s2rtui.cli.formatting import rows
-from s2rtui.cli.formatting.progress import reporter
 
 EXAMPLE = "s2r report lab.s2r --select worst15 --out report.html"
 
@@ -66,5 +66,5 @@ def execute(options: argparse.Namespace) -> int:
                 progress.advance(1)
 
         page = render_report(options.store, request, on_step)
-    rows.write_file(options.out, page)
+    output.write_file(options.out, page)
     return 0

@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 
 import s2rstore
-from s2rtui.cli import store_argument
-from s2rtui.cli.formatting import rows as output
+from s2rtools.common.command_line import output, store_argument
 
 _NAMES = ("room", "instances", "area m2")
 EXAMPLE = "s2r rooms lab.s2r --rename Room_3 kitchen"

@@ -11,8 +11,7 @@ import s2rstore
 from s2rstore.intervals import LEVEL_TEXT
 from s2rstore.records import SIDES
 from s2rstore.run_inputs import chain_text
-from s2rtui.cli import store_argument
-from s2rtui.cli.formatting import rows as output
+from s2rtools.common.command_line import output, store_argument
 
 if TYPE_CHECKING:
     from s2rstore.metrics.recall import SideRecall

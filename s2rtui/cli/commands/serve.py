@@ -8,7 +8,7 @@ import os
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rtui.cli import store_argument
+from s2rtools.common.command_line import store_argument
 
 EXAMPLE = "s2r serve lab.s2r --port 8000"
 

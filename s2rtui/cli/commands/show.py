@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 
 from s2rstore.errors import sentence
-from s2rtui.cli import scene_arguments, store_argument
-from s2rtui.cli.coverage_notes import print_coverage, print_population
-from s2rtui.cli.formatting import rows as output
+from s2rtools.common.command_line import output, store_argument
+from s2rtools.common.command_line.coverage_line import print_coverage
+from s2rtui.cli import scene_arguments
+from s2rtui.cli.coverage_notes import print_population
 
 EXAMPLE = "s2r show lab.s2r rooms --select worst15 --format csv"
 

@@ -7,9 +7,9 @@ import re
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rtui.cli import scene_arguments, store_argument
+from s2rtools.common.command_line import output, store_argument
+from s2rtui.cli import scene_arguments
 from s2rtui.cli.display_arguments import add_symbols, add_theme
-from s2rtui.cli.formatting import rows
 
 EXAMPLE = "s2r snapshot lab.s2r --size 160x48 --keys w,right,space --out screen.png"
 
@@ -58,7 +58,7 @@ def execute(options: argparse.Namespace) -> int:
         options.store, size, keys, render_options, options.run, options.with_trained, options.poses
     )
     content = shot.text.encode() if options.out.suffix == ".txt" else shot.png(render_options)
-    rows.write_file(options.out, content)
+    output.write_file(options.out, content)
     return 0
 
 

@@ -7,8 +7,7 @@ import re
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rtui.cli import store_argument
-from s2rtui.cli.formatting import rows as output
+from s2rtools.common.command_line import output, store_argument
 
 DEFAULT_TIMEOUT = 60.0
 DEFAULT_MEMORY = "400MB"

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rstore.remote.store_url import StoreUrl
-from s2rtui.cli import scene_arguments, store_argument
+from s2rtools.common.command_line import output, store_argument
+from s2rtui.cli import scene_arguments
 from s2rtui.cli.display_arguments import add_display_options, detect_display
-from s2rtui.cli.formatting import rows
 
 EXAMPLE = "s2r tui lab.s2r --run finetune"
 
@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--poses", type=Path, metavar="FILE",
                         help="draw the planned poses of this CSV file of `s2r collect` on the "
                         "map")  # fmt: skip
-    rows.add_safe_csv(parser)
+    output.add_safe_csv(parser)
     add = parser.add_argument_group("terminal").add_argument
     add("--ascii", action="store_true", help="use ASCII characters only")
     add("--colour", default="auto", choices=("auto", "truecolor", "256", "16", "none"),
@@ -42,9 +42,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
+    from s2rtools.common.parent_process import end_with_parent
     from s2rtui.security import Permissions
     from s2rtui.security.restricted_process import (
-        end_with_parent,
         is_served,
         restrict_process,
         server_process_id,

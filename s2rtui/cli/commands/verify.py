@@ -8,8 +8,7 @@ from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rstore.security.printable_text import printable
-from s2rtui.cli import store_argument
-from s2rtui.cli.formatting import rows
+from s2rtools.common.command_line import output, store_argument
 
 EXAMPLE = "s2r verify lab.s2r"
 
@@ -21,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="also compare the images of this folder, or of one domain, with those ingested from "
              "it, by SHA-256; repeatable",
     )  # fmt: skip
-    rows.add_output_options(parser, with_parquet=False)
+    output.add_output_options(parser, with_parquet=False)
 
 
 def _source(text: str) -> tuple[str, Path]:
@@ -48,7 +47,7 @@ def execute(options: argparse.Namespace) -> int:
         with s2rstore.open(options.store) as store:
             damages += changed_images(store, dict(options.source))
     if damages or options.format != "table":
-        rows.write(("where", "what"), [(d.where, d.what) for d in damages], options)
+        output.write(("where", "what"), [(d.where, d.what) for d in damages], options)
     for note in notes:
         print(f"note: {printable(note)}", file=sys.stderr)
     if not damages:

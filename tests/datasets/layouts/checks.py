@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from s2rtools.datasets import ReadOptions, Recording, read
-from s2rtools.datasets.recording import RecordedTrajectory
+from s2rtools.datasets.layouts import read
+from s2rtools.datasets.recording import ReadOptions, RecordedTrajectory, Recording
 from tests.datasets.layouts.recordings import SIZE, Frame
 
 

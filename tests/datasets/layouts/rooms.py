@@ -8,8 +8,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2rtools.datasets import Recording
-from s2rtools.datasets.recording import SourceImage
+from s2rtools.datasets.recording import Recording, SourceImage
 
 WIDTH, HEIGHT = 24, 16
 

@@ -6,7 +6,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from s2rstore.errors import RequestError
-from s2rtools.datasets import ReadOptions, read
+from s2rtools.datasets.layouts import read
+from s2rtools.datasets.recording import ReadOptions
 from tests.datasets.helpers import kinds
 from tests.datasets.layouts.rooms import (
     HEIGHT,

@@ -9,7 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from s2rstore.errors import RequestError
-from s2rtools.datasets import ReadOptions, Recording, read
+from s2rtools.datasets.layouts import read
+from s2rtools.datasets.recording import ReadOptions, Recording
 from s2rtools.datasets.scan import InputIssue
 from tests.datasets.helpers import kinds
 from tests.datasets.layouts.bag_writer import png

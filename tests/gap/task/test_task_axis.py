@@ -16,11 +16,11 @@ from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
 from s2rtools.gap.axis_result import Evidence, GapSettings
+from s2rtools.gap.details import details as shown
 from s2rtools.gap.gate import gate
 from s2rtools.gap.report import plain
 from s2rtools.gap.task.group_metrics import GroupErrors, group_metrics
 from s2rtools.gap.task.task_axis import TaskAxis, heading_sectors
-from s2rtui.cli.formatting.gap_details import details as shown
 from tests.support import tiny
 from tests.support.copies import copy_store
 

@@ -18,6 +18,7 @@ from s2rstore.index import schema
 from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
 from s2rtools.gap.axis_result import AxisResult, Evidence, GapSettings
+from s2rtools.gap.details import details
 from s2rtools.gap.gate import gate
 from s2rtools.gap.report import plain
 from s2rtools.gap.visual import visual_axis
@@ -25,7 +26,6 @@ from s2rtools.gap.visual.inception import FidInception
 from s2rtools.gap.visual.visual_axis import MIN_DIFFERENCE, VisualAxis
 from s2rtools.models.input_contract import InputContract
 from s2rtui.cli import main
-from s2rtui.cli.formatting.gap_details import details
 from tests.support import embeddings, tiny
 from tests.support.copies import copy_store
 from tests.support.networks import randomize_weights

@@ -21,7 +21,7 @@ from s2rtools.synthetic_world.routes import CLEARANCE, FLOOR_CELL
 from s2rtools.synthetic_world.world import World
 
 if TYPE_CHECKING:
-    from s2rtools.precompute.pipeline import ProgressReporter
+    from s2rtools.common.command_line.progress import Reporter
 
 SPACING = 0.5
 """Metres between neighbouring places."""
@@ -65,7 +65,7 @@ class CandidatePoses:
 
 
 def find_candidates(
-    store: Store, headings: int = HEADINGS, reporter: ProgressReporter | None = None
+    store: Store, headings: int = HEADINGS, reporter: Reporter | None = None
 ) -> CandidatePoses:
     """The poses at which a robot could take an image.
 
@@ -97,7 +97,7 @@ def world_candidates(
     rooms: Sequence[Room],
     names: Sequence[str],
     headings: int = HEADINGS,
-    reporter: ProgressReporter | None = None,
+    reporter: Reporter | None = None,
 ) -> CandidatePoses:
     """The free floor of a synthetic world, without views of a near wall.
 
@@ -158,7 +158,7 @@ def _places(extent: Floats, is_place: Callable[[Floats, float], NDArray[np.bool_
 
 
 def _with_content(
-    world: World, places: Floats, headings: Floats, reporter: ProgressReporter | None
+    world: World, places: Floats, headings: Floats, reporter: Reporter | None
 ) -> NDArray[np.bool_]:
     """Whether each view (P, H) shows more than a near wall."""
     usable = np.zeros((len(places), headings.size), dtype=np.bool_)

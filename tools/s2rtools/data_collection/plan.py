@@ -22,7 +22,7 @@ from s2rtools.data_collection.expected_reduction import LocalValues, Method, loc
 from s2rtools.data_collection.pose_similarity import Floats, PoseSimilarity
 
 if TYPE_CHECKING:
-    from s2rtools.precompute.pipeline import ProgressReporter
+    from s2rtools.common.command_line.progress import Reporter
 
 MAX_BUDGET = 5000
 DEFAULT_SIMILARITY = PoseSimilarity()
@@ -86,7 +86,7 @@ class CollectionPlan:
 
 
 def plan_collection(
-    store: Store, request: CollectionRequest, reporter: ProgressReporter | None = None
+    store: Store, request: CollectionRequest, reporter: Reporter | None = None
 ) -> CollectionPlan:
     """Choose poses for new real images of a computed run.
 

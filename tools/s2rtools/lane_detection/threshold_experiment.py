@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.intervals import Interval, of_units
 from s2rtools.common.blocks import Blocks, split_into_blocks
+from s2rtools.common.command_line.progress import Reporter
 from s2rtools.lane_detection.arm_evaluation import Evaluation, Scores
 from s2rtools.lane_detection.conditions import CONDITIONS
 from s2rtools.lane_detection.experiment_arms import (
@@ -57,14 +58,6 @@ _HARMLESS = 0.02
 """Loss of mean F1 in ordinary simulated lights that an arm may cause."""
 _MIN_GAP = 0.02
 """Distance of oracle and simulation-tuned thresholds below which no share of it is stated."""
-
-
-class Progress(Protocol):
-    """Receiver of progress, as `s2rtui.cli.formatting.progress.Reporter`."""
-
-    def begin(self, stage: str, total: int) -> None: ...
-    def advance(self, steps: int) -> None: ...
-    def say(self, line: str) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,7 +177,7 @@ def _score(counts: Floats, colour: str | None, colours: Bools) -> Floats:
 
 
 def run_experiment(
-    sim: RoadImages, real: RoadImages, settings: ExperimentSettings, progress: Progress
+    sim: RoadImages, real: RoadImages, settings: ExperimentSettings, progress: Reporter
 ) -> Experiment:
     """Evaluate all arms. Raises RequestError where labels are missing or a method is not usable."""
     if not sim.labelled.any():
@@ -243,7 +236,7 @@ def sim_thresholds(sim: RoadImages) -> dict[str, Thresholds]:
 def choose_arm(
     sim: RoadImages,
     settings: ExperimentSettings,
-    progress: Progress,
+    progress: Reporter,
     real: Split,
     draws: int = 2,
 ) -> Choice:

@@ -20,7 +20,7 @@ from s2rtools.gap.axes import AXES
 from s2rtools.gap.defaults import ODOMETRY
 
 if TYPE_CHECKING:
-    from s2rtools.sysid import SysidSettings
+    from s2rtools.sysid.settings import SysidSettings
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,79}\Z")
 Positive = Annotated[float, Meta(gt=0)]
@@ -60,8 +60,8 @@ class SysidConfig(SysidTable, frozen=True):
 
     def settings(self) -> SysidSettings:
         """The settings of the identification. Raises RequestError for invalid ranges."""
-        from s2rtools.sysid import SysidSettings
         from s2rtools.sysid.parameter_space import parse_range
+        from s2rtools.sysid.settings import SysidSettings
 
         ranges = {}
         for name, text in self.ranges.items():

@@ -14,7 +14,7 @@ from s2rtools.nightly.config import NightlyConfig, SysidConfig
 from s2rtools.nightly.input_fingerprint import Inputs
 
 if TYPE_CHECKING:
-    from s2rtools.sysid import Identification
+    from s2rtools.sysid.identify import Identification
 
 Report = dict[str, Any]
 Estimates = Sequence[Mapping[str, Any]]
@@ -49,7 +49,7 @@ def measure_gap(store: Store, config: NightlyConfig) -> Report:
 def estimate_parameters(sysid: SysidConfig) -> Estimates:
     """Parameters as `s2r sysid` identifies them; for too few drives, one row with the reason."""
     from s2rtools.motion_logs.drives import read_drives
-    from s2rtools.sysid import identify
+    from s2rtools.sysid.identify import identify
 
     drives = read_drives(Path(sysid.drives), sysid.topic)
     try:

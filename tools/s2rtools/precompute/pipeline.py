@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
 
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, locks
 from s2rstore.files.lease import Lease
 from s2rstore.reader import Store
 from s2rstore.records import Run
+from s2rtools.common.command_line.progress import Reporter
 from s2rtools.common.processors import available_processors
 from s2rtools.heatmaps import HEATMAP_KINDS, IMAGE_KINDS
 from s2rtools.inference.cuda_backend import CudaBackend
@@ -39,14 +39,6 @@ from s2rtools.precompute.usable_kinds import usable_kinds
 from s2rtools.precompute.work_units import Stage, WorkUnit
 
 
-class ProgressReporter(Protocol):
-    """Receiver of progress: `total` steps of `what`, then the finished steps, and messages."""
-
-    def begin(self, what: str, total: int) -> None: ...
-    def advance(self, steps: int) -> None: ...
-    def say(self, line: str) -> None: ...
-
-
 @dataclass(frozen=True, slots=True)
 class PrecomputeOptions:
     """Options of `precompute`; `kinds` are heatmap kinds, all by default.
@@ -70,7 +62,7 @@ class PrecomputeOptions:
 
 def precompute(
     root: Path,
-    reporter: ProgressReporter,
+    reporter: Reporter,
     runs: Sequence[str] = (),
     options: PrecomputeOptions | None = None,
 ) -> list[str]:
@@ -119,7 +111,7 @@ def _compute_run(
     name: str,
     kinds: Sequence[str],
     options: PrecomputeOptions,
-    reporter: ProgressReporter,
+    reporter: Reporter,
     lease: Lease,
     pool: WorkerPool,
 ) -> bool:
@@ -171,7 +163,7 @@ def _compute_run(
 
 
 def _usual_kinds(
-    store: Store, run: str, model: LoadedModel, kinds: Sequence[str], reporter: ProgressReporter
+    store: Store, run: str, model: LoadedModel, kinds: Sequence[str], reporter: Reporter
 ) -> list[str]:
     """Those kinds that are computed where none are named; reports the others.
 
@@ -193,7 +185,7 @@ def _calibrate(
     current: CurrentStore,
     run: Run,
     kinds: Sequence[str],
-    reporter: ProgressReporter,
+    reporter: Reporter,
     lease: Lease,
 ) -> None:
     """Calibrate the run's pair of domains as far as the heatmap kinds need it."""
@@ -208,9 +200,7 @@ def _calibrate(
         reporter.say(f"{pair}: noise of the depth sensor estimated")
 
 
-def _without_network(
-    name: str, kinds: Sequence[str], reporter: ProgressReporter
-) -> tuple[str, ...]:
+def _without_network(name: str, kinds: Sequence[str], reporter: Reporter) -> tuple[str, ...]:
     """Those of the heatmap kinds that need no network; reports the others."""
     others = [kind for kind in kinds if kind not in IMAGE_KINDS]
     if others:
@@ -223,7 +213,7 @@ def _compute_imported(
     run: Run,
     kinds: Sequence[str],
     options: PrecomputeOptions,
-    reporter: ProgressReporter,
+    reporter: Reporter,
     lease: Lease,
     pool: WorkerPool,
 ) -> bool:
@@ -246,7 +236,7 @@ def _compute_groups(
     stages: RunStages,
     backends: RunBackends | None,
     options: PrecomputeOptions,
-    reporter: ProgressReporter,
+    reporter: Reporter,
     lease: Lease,
     pool: WorkerPool,
 ) -> None:
@@ -260,7 +250,7 @@ def _compute_groups(
         _compute_stages(store, group, backends, options, reporter, lease, pool)
 
 
-def _merge(root: Path, stages: RunStages, reporter: ProgressReporter, lease: Lease) -> None:
+def _merge(root: Path, stages: RunStages, reporter: Reporter, lease: Lease) -> None:
     """Merge the arrays of parts to those of segments."""
     if stages.merges:
         reporter.begin(f"{stages.run}: merging parts", len(stages.merges))
@@ -272,7 +262,7 @@ def _compute_stages(
     stages: Sequence[Stage],
     backends: RunBackends | None,
     options: PrecomputeOptions,
-    reporter: ProgressReporter,
+    reporter: Reporter,
     lease: Lease,
     pool: WorkerPool,
 ) -> None:

@@ -18,7 +18,7 @@ from s2rstore.errors import RequestError
 from s2rstore.index.transaction import check_writable, edit
 from s2rstore.intervals import Interval
 from s2rstore.reader import Store
-from s2rtools.precompute.pipeline import ProgressReporter
+from s2rtools.common.command_line.progress import Reporter
 from s2rtools.scoring import harm_report, heatmap_metrics
 from s2rtools.scoring.counterfactual_errors import EvaluatedRuns, open_runs
 from s2rtools.scoring.factor_effects import Counterfactuals
@@ -54,7 +54,7 @@ class ScoreSettings:
             raise RequestError("--seed: 0 .. 2147483647")
 
 
-def score(root: Path, settings: ScoreSettings, reporter: ProgressReporter) -> ScoreReport:
+def score(root: Path, settings: ScoreSettings, reporter: Reporter) -> ScoreReport:
     """Score the computed runs of a synthetic world's store.
 
     Raises RequestError if the ground truth is unknown or no run is computed.
@@ -87,7 +87,7 @@ def score(root: Path, settings: ScoreSettings, reporter: ProgressReporter) -> Sc
 
 def _harm(
     truth: GroundTruth, evaluated: EvaluatedRuns, settings: ScoreSettings,
-    reporter: ProgressReporter,
+    reporter: Reporter,
 ) -> ScoreReport:  # fmt: skip
     """What harms the pose: kinds against true gains, repair curves, and shares of the gap."""
     gains = measure_object_gains(truth, evaluated, settings.views)

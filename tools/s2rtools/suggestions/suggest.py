@@ -15,7 +15,7 @@ from s2rstore.intervals import Interval
 from s2rstore.reader import Store
 from s2rstore.records import Run
 from s2rstore.suggestions import Agreement, Answer, Change, FactorGain, SuggestReport
-from s2rtools.precompute.pipeline import ProgressReporter
+from s2rtools.common.command_line.progress import Reporter
 from s2rtools.suggestions.held_out_split import Part, split_instances
 from s2rtools.suggestions.known_truth import true_values
 from s2rtools.suggestions.objective import (
@@ -47,7 +47,7 @@ NOT_EVIDENT = "no change that gains its price has an interval above zero on held
 
 
 def suggest(
-    root: Path, run: str | None, settings: SuggestSettings, reporter: ProgressReporter,
+    root: Path, run: str | None, settings: SuggestSettings, reporter: Reporter,
     clock: Callable[[], float] = time.monotonic,
 ) -> SuggestReport:  # fmt: skip
     """Search the changes of a run that help, and judge them on held-out instances.
@@ -85,7 +85,7 @@ class _Judgement:
         else:
             self._objective = PoseErrors(store, run, "real", self._predictor, fit, judge)
 
-    def report(self, sliders: Sequence[Slider], reporter: ProgressReporter) -> SuggestReport:
+    def report(self, sliders: Sequence[Slider], reporter: Reporter) -> SuggestReport:
         """Search, judge the front, and choose the answer."""
         settings, judged = self._settings, self._judged({})
         columns = self._store.run_columns(self._run.run)
@@ -140,7 +140,7 @@ class _Judgement:
             factors=tuple(factors), truth=truth,
         )  # fmt: skip
 
-    def _search(self, sliders: Sequence[Slider], reporter: ProgressReporter) -> SearchResult:
+    def _search(self, sliders: Sequence[Slider], reporter: Reporter) -> SearchResult:
         """Search in the time that the judgement leaves."""
         settings, budget = self._settings, self._budget
         planned = _planned(sliders, settings)

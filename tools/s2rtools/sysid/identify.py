@@ -28,7 +28,7 @@ from s2rtools.sysid.simulators.simulator import Floats, Simulator
 from s2rtools.sysid.windows import cut_windows
 
 if TYPE_CHECKING:
-    from s2rtools.precompute.pipeline import ProgressReporter
+    from s2rtools.common.command_line.progress import Reporter
 
 MIN_FITTED = 4
 """Fewest fitted drives, for the intervals over drives."""
@@ -91,7 +91,7 @@ class Identification:
 
 
 def identify(
-    drives: Sequence[Drive], settings: SysidSettings, reporter: ProgressReporter
+    drives: Sequence[Drive], settings: SysidSettings, reporter: Reporter
 ) -> Identification:
     """Raises RequestError for an invalid request, InconclusiveError for too few drives."""
     simulator = configured_simulator(settings)

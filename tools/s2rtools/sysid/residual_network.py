@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from s2rtools.sysid.simulators.simulator import Floats, Values
 
 if TYPE_CHECKING:
-    from s2rtools.precompute.pipeline import ProgressReporter
+    from s2rtools.common.command_line.progress import Reporter
     from s2rtools.sysid.residual_training import Stretches
 
 _WIDTH, _DROPOUT, _RATE, _DECAY, _PATIENCE = 24, 0.1, 5e-3, 1e-4, 25
@@ -106,7 +106,7 @@ class ResidualNetwork(nn.Module):
 
 
 def train(correction: ResidualNetwork, training: Stretches, stopping: Stretches, epochs: int,
-          reporter: ProgressReporter) -> None:  # fmt: skip
+          reporter: Reporter) -> None:  # fmt: skip
     """Train by full-batch Adam with early stopping; restore the weights with the least loss on
     `stopping`, which may be the initial ones."""
 

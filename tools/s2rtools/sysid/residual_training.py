@@ -14,7 +14,7 @@ from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.simulators.simulator import LATENCY, Floats, Integers, Replays
 
 if TYPE_CHECKING:
-    from s2rtools.precompute.pipeline import ProgressReporter
+    from s2rtools.common.command_line.progress import Reporter
 
 STEP = 0.1
 """Time between two corrections, s."""
@@ -74,7 +74,7 @@ class Stretches:
                          self.drive[chosen])  # fmt: skip
 
 
-def learn(result: Identification, reporter: ProgressReporter, epochs: int = 200) -> Residual:
+def learn(result: Identification, reporter: Reporter, epochs: int = 200) -> Residual:
     """Train on fitted drives, with a quarter of them for early stopping; judge on held-out drives.
 
     Raises InconclusiveError where the logs are too coarse for steps of `STEP`.

@@ -57,7 +57,9 @@ def find_layout(name: str) -> Layout:
     except Exception as error:
         raise RequestError(f"layout {name!r} of {entry.value}: {error}") from error
     if not isinstance(layout, Layout):
-        raise RequestError(f"layout {name!r}: {entry.value} is no s2rtools.datasets.Layout")
+        raise RequestError(
+            f"layout {name!r}: {entry.value} is no s2rtools.datasets.recording.Layout"
+        )
     return layout
 
 

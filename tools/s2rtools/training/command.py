@@ -7,8 +7,9 @@ import shlex
 import sys
 
 from s2rstore.errors import RequestError
-from s2rtui.cli import slurm_job, store_argument
-from s2rtui.cli.formatting.progress import percent_callback, reporter
+from s2rtools.common.command_line import store_argument
+from s2rtools.common.command_line.progress import percent_callback, reporter
+from s2rtools.precompute.executors import slurm_job
 
 EXAMPLE = "s2r train --recipe finetune --from vanilla --minutes 10 --store lab.s2r"
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import InconclusiveError, RequestError
-from s2rtui.cli.formatting.progress import reporter
+from s2rtools.common.command_line.progress import reporter
 
 if TYPE_CHECKING:
     from s2rtools.sysid.identify import Identification
@@ -49,8 +49,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     from s2rtools.motion_logs import read_drives
-    from s2rtools.sysid import SysidSettings, identify, report
+    from s2rtools.sysid import report
+    from s2rtools.sysid.identify import identify
     from s2rtools.sysid.residual_training import learn
+    from s2rtools.sysid.settings import SysidSettings
 
     names = None if options.parameters is None else _names(options.parameters)
     settings = SysidSettings(

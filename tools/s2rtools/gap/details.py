@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from s2rstore.intervals import Interval
-from s2rtui.cli.formatting import rows as output
+from s2rtools.common.command_line import output
 
 Details = dict[str, Any]
 _DIMENSIONS = 3

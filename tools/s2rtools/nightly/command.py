@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError
-from s2rtui.cli import slurm_job
+from s2rtools.precompute.executors import slurm_job
 
 if TYPE_CHECKING:
     from s2rtools.nightly.config import NightlyConfig

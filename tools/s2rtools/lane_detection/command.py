@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError
-from s2rtui.cli.formatting.progress import reporter
+from s2rtools.common.command_line.progress import reporter
 
 if TYPE_CHECKING:
     from s2rtools.lane_detection.conditions import Condition

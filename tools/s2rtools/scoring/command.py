@@ -12,8 +12,9 @@ from pathlib import Path
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rtui.cli import store_argument
-from s2rtui.cli.formatting.progress import reporter
+from s2rtools.common.command_line import store_argument
+from s2rtools.common.command_line.progress import reporter
+from s2rtools.scoring import tables
 
 EXAMPLE = "s2r score world.s2r --instances 48"
 
@@ -48,7 +49,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     from s2rtools.scoring import report
-    from s2rtui.cli.formatting import score_tables
 
     if options.image_repairs:
         return _print_image_repairs(options)
@@ -67,14 +67,13 @@ def execute(options: argparse.Namespace) -> int:
         json.dump(scores, sys.stdout, indent=1, sort_keys=True)
         print()
     elif not options.quiet:
-        print("\n".join(score_tables.tables(scores)))
+        print("\n".join(tables.tables(scores)))
     return 0
 
 
 def _print_image_repairs(options: argparse.Namespace) -> int:
     from s2rtools.scoring.image_repairs import score_image_repairs
     from s2rtools.scoring.report import computed_runs, json_row
-    from s2rtui.cli.formatting import score_tables
 
     with s2rstore.open(options.store) as store, reporter() as progress:
         runs = computed_runs(store, tuple(options.run))
@@ -87,7 +86,7 @@ def _print_image_repairs(options: argparse.Namespace) -> int:
         json.dump(found, sys.stdout, indent=1, sort_keys=True)
         print()
     elif not options.quiet:
-        print(score_tables.image_repairs(found))
+        print(tables.image_repairs(found))
     return 0
 
 

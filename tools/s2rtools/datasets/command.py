@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import shlex
+import signal
 import sys
+import threading
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +17,9 @@ from s2rstore.errors import RequestError, counted, shortened
 from s2rstore.files.ingest_folder import building_folders
 from s2rstore.records import SIDES
 from s2rstore.security.printable_text import printable
-from s2rtui.cli import interrupts, pair_arguments, store_argument
-from s2rtui.cli.formatting.progress import reporter
+from s2rtools.common.command_line import store_argument
+from s2rtools.common.command_line.progress import reporter
+from s2rtools.datasets import pair_arguments
 
 if TYPE_CHECKING:
     from s2rtools.datasets.pairing.stored_worlds import StoredWorlds
@@ -89,7 +94,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rtools.datasets import IMPORTERS
+    from s2rtools.datasets.importers import IMPORTERS
     from s2rtools.datasets.scan import ScanOptions
 
     size = _frame_size(options)
@@ -176,7 +181,7 @@ def _build(scan: Any, options: argparse.Namespace) -> int:
     from s2rtools.datasets.writing.build import build
 
     try:
-        with interrupts.sigterm_as_interrupt(), reporter() as progress:
+        with _sigterm_as_interrupt(), reporter() as progress:
             progress.begin("ingest", _steps(scan))
             build(scan, options.store, _command(), options.strict, progress.advance, progress.say)
     except KeyboardInterrupt:
@@ -191,6 +196,19 @@ def _build(scan: Any, options: argparse.Namespace) -> int:
     left_out = f"; {total - count} of {total} {scan.unit}s left out" if count < total else ""
     print(f"{options.store}: {count} instances in {domains}; trajectories {trajectories}{left_out}")
     return 0
+
+
+@contextlib.contextmanager
+def _sigterm_as_interrupt() -> Iterator[None]:
+    """Raise KeyboardInterrupt for a SIGTERM, too; without effect outside the main thread."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _interrupted_state(target: Path) -> str:

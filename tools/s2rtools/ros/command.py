@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError
-from s2rtui.cli import store_argument
-from s2rtui.cli.formatting.progress import reporter
+from s2rtools.common.command_line import store_argument
+from s2rtools.common.command_line.progress import reporter
 
 if TYPE_CHECKING:
     from s2rtools.translation.image_set import Rgb

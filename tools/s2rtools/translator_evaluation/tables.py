@@ -7,7 +7,7 @@ from itertools import groupby
 from typing import TYPE_CHECKING
 
 from s2rstore.intervals import LEVEL_TEXT
-from s2rtui.cli.formatting import rows as output
+from s2rtools.common.command_line import output
 
 if TYPE_CHECKING:
     from s2rtools.translator_evaluation.report import (

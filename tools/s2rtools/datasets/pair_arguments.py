@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError
 from s2rstore.records import SIDES, Side
-from s2rtui.cli.formatting.progress import Reporter
+from s2rtools.common.command_line.progress import Reporter
 
 if TYPE_CHECKING:
     from s2rtools.datasets.floor.floor_poses import FloorOptions

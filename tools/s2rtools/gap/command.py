@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rtui.cli import store_argument
-from s2rtui.cli.coverage_notes import print_coverage
+from s2rtools.common.command_line import store_argument
+from s2rtools.common.command_line.coverage_line import print_coverage
+from s2rtools.gap.tables import gap_text
 
 if TYPE_CHECKING:
     from s2rtools.gap.gate.gate import GapRequest
@@ -97,8 +98,6 @@ def execute(options: argparse.Namespace) -> int:
     if options.json:
         sys.stdout.write(text)
     else:
-        from s2rtui.cli.formatting.gap_tables import gap_text
-
         print(gap_text(result, options.details, bool(frozen)))
     for path in frozen:
         print(f"wrote {path}", file=sys.stderr)

@@ -15,7 +15,7 @@ from rich.cells import cell_len
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes
 from s2rstore.security.printable_text import printable
-from s2rtui.export.rows.formats import (
+from s2rtools.common.command_line.row_formats import (
     Metadata,
     Rows,
     csv_text,

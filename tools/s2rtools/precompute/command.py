@@ -7,8 +7,8 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 from s2rstore.errors import RequestError
-from s2rtui.cli import store_argument
-from s2rtui.cli.formatting.progress import STYLES, Reporter, reporter
+from s2rtools.common.command_line import store_argument
+from s2rtools.common.command_line.progress import STYLES, Reporter, reporter
 
 EXAMPLE = "s2r precompute lab.s2r --run bright --workers 4"
 
@@ -66,9 +66,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
+    from s2rtools.common.parent_process import end_with_parent
     from s2rtools.precompute.executors.clusters import job_script
     from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
-    from s2rtui.security.restricted_process import end_with_parent
 
     _check(options)
     if options.show_job_script:

@@ -7,8 +7,8 @@ from typing import Any
 
 from s2rstore.gap_history.gate_status import report_outcome
 from s2rstore.intervals import LEVEL_TEXT
-from s2rtui.cli.formatting import rows as output
-from s2rtui.cli.formatting.gap_details import details, with_interval
+from s2rtools.common.command_line import output
+from s2rtools.gap.details import details, with_interval
 
 
 def gap_text(report: dict[str, Any], with_details: bool = False, frozen: bool = False) -> str:

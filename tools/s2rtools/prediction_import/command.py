@@ -8,7 +8,7 @@ import sys
 from collections.abc import Mapping
 
 import s2rstore
-from s2rtui.cli import store_argument
+from s2rtools.common.command_line import store_argument
 
 EXAMPLE = """s2r run add bright --model mine --adjust real:brightness=1.15 --store lab.s2r
   s2r run import theirs --predictions theirs.csv --store lab.s2r"""

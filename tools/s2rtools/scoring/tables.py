@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from s2rtui.cli.formatting import rows as output
+from s2rtools.common.command_line import output
 
 Row = dict[str, Any]
 Table = tuple[str, tuple[str, ...], list[tuple[object, ...]]]

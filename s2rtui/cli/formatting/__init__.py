@@ -1,1 +1,0 @@
-"""Text output of the commands: tables, progress, gap reports."""
