@@ -14,17 +14,26 @@ from s2rtui.session import Session, findings
 PANEL = "findings"
 
 
-def findings_table(report: FindingReport, chosen: int | None = None) -> TableSpec:
-    """A row per finding: its kind, with `?` where it is not evident, its text and its evidence."""
-    return TableSpec((Column(""), Column("", wraps=True)), tuple(map(_row, report.findings)), PANEL,
-                     chosen=chosen)  # fmt: skip
+def findings_drawing(
+    report: FindingReport, chosen: int | None = None, selections: bool = False
+) -> Drawing:
+    """A row per finding: its kind, with `?` where it is not evident, its text and its evidence.
+
+    selections: whether the expressions that select their instances are shown. Notes say which
+    findings are missing.
+    """
+    rows = tuple(_row(finding, selections) for finding in report.findings)
+    table = TableSpec((Column(""), Column("", wraps=True)), rows, PANEL, chosen=chosen)
+    return Drawing(table=table, notes=tuple(f"- {note}" for note in report.missing))
 
 
-def _row(finding: Finding) -> Row:
+def _row(finding: Finding, selections: bool) -> Row:
     mark = "" if finding.evident else "? "
-    notes = (finding.evidence,) if finding.evidence else ()
+    notes = [finding.evidence] if finding.evidence else []
+    if selections and finding.expression is not None:
+        notes.append(f"select: {finding.expression}")
     cells = Cell(f"{mark}{finding.kind}"), Cell(finding.text)
-    return Row(cells, "text" if finding.evident else "muted", finding.evident, notes)
+    return Row(cells, "text" if finding.evident else "muted", finding.evident, tuple(notes))
 
 
 def chosen_finding(report: FindingReport, chosen: int) -> Finding | None:
@@ -69,8 +78,7 @@ class FindingsView(DrawingView):
         assert report is not None
         is_chosen = bool(report.findings) and scene.state.view == self.name
         chosen = scene.state.finding % len(report.findings) if is_chosen else None
-        notes = tuple(f"- {note}" for note in report.missing)
-        return Drawing(table=findings_table(report, chosen), notes=notes)
+        return findings_drawing(report, chosen)
 
     def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         report, index = self.input(scene), round(point[1])

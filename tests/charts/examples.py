@@ -14,7 +14,7 @@ from s2rstore.records import Bounds, Room, Side
 from s2rtui.canvas.marks import Mark
 from s2rtui.charts.compare.model import CompareInput
 from s2rtui.charts.errors import errors_model, errors_plots
-from s2rtui.charts.findings import findings_table
+from s2rtui.charts.findings import findings_drawing
 from s2rtui.charts.history import history_model, history_plots
 from s2rtui.charts.orientation.model import OrientationInput
 from s2rtui.charts.overview.model import OverviewLines
@@ -241,9 +241,8 @@ def list_drawing(cursor: int | None = None) -> Drawing:
     return Drawing(table=TableSpec(columns, rows, "rows", chosen=chosen))
 
 
-def findings_drawing(count: int = 4, chosen: int | None = None) -> Drawing:
-    report = finding_report(count)
-    return Drawing(table=findings_table(report, chosen), notes=report.missing)
+def findings_of(count: int = 4, chosen: int | None = None) -> Drawing:
+    return findings_drawing(finding_report(count), chosen)
 
 
 def history_drawing(nights: Any, columns: int) -> Drawing:

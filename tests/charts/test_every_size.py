@@ -25,7 +25,7 @@ from tests.charts.examples import (
     compare_input,
     counts_drawing,
     errors_drawing,
-    findings_drawing,
+    findings_of,
     groups_drawing,
     history_drawing,
     instance_input,
@@ -88,8 +88,8 @@ VIEWS: dict[str, Draw] = {
     "marked groups": drawing(
         draw_cells, groups_drawing(brush=Mark("groups", ((0.0, 3.0), (0.0, 4.0))))
     ),
-    "findings": drawing(draw_cells, findings_drawing(chosen=2)),
-    "no findings": drawing(draw_cells, findings_drawing(0)),
+    "findings": drawing(draw_cells, findings_of(chosen=2)),
+    "no findings": drawing(draw_cells, findings_of(0)),
     "suggestions": drawing(draw_cells, suggestions_drawing(suggestions_input())),
     "list": drawing(draw_cells, list_drawing(7)),
     "drawing": drawing(draw_cells, examples.drawing()),

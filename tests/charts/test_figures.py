@@ -25,7 +25,7 @@ from tests.charts.examples import (
     compare_input,
     counts_drawing,
     errors_drawing,
-    findings_drawing,
+    findings_of,
     groups_drawing,
     instance_input,
     map_input,
@@ -61,7 +61,7 @@ FIGURES: dict[str, Draw] = {
     "rooms": drawing(draw_paper, counts_drawing()),
     "scatter": drawing(scatter_figure, scatter_input(cursor=5)),
     "groups": drawing(draw_paper, groups_drawing(), "vanilla"),
-    "findings": drawing(draw_paper, findings_drawing(), "vanilla"),
+    "findings": drawing(draw_paper, findings_of(), "vanilla"),
     "suggestions": drawing(draw_paper, paper_drawing(suggestions_input().directions), "vanilla"),
     "errors": drawing(draw_paper, errors_drawing(5)),
 }

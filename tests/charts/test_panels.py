@@ -21,7 +21,7 @@ from tests.charts.examples import (
     compare_input,
     counts_drawing,
     errors_drawing,
-    findings_drawing,
+    findings_of,
     groups_drawing,
     list_drawing,
     map_input,
@@ -53,7 +53,7 @@ VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
     "rooms": (drawn(counts_drawing()), "steps", DIALS),
     "groups": (drawn(groups_drawing()), "steps", ("groups",)),
     "list": (drawn(list_drawing(7)), "steps", ("rows",)),
-    "findings": (drawn(findings_drawing()), "steps", ("findings",)),
+    "findings": (drawn(findings_of()), "steps", ("findings",)),
     "errors": (drawn(errors_drawing()), "range", SIDES),
 }
 

@@ -15,7 +15,7 @@ from s2rtui.drawing.plot import Drawing
 from s2rtui.drawing.scale import Scale
 from s2rtui.drawing.table import Bar, Cell, Column, Dot, LazyRows, Row, Span, TableSpec
 from s2rtui.drawing.table_layout import table_layout
-from tests.charts.examples import findings_drawing, groups_drawing, list_drawing
+from tests.charts.examples import findings_of, groups_drawing, list_drawing
 
 
 @given(st.integers(24, 60), st.integers(2, 80), st.none() | st.integers(0, 59))
@@ -106,7 +106,7 @@ def test_bars_from_the_left_edge_have_eighths_of_cells():
 
 @pytest.mark.parametrize("size", [(82, 24), (100, 20), (50, 40)])
 def test_texts_are_wrapped_and_their_notes_shown_where_there_is_room(size):
-    lines = draw_cells(findings_drawing(), size).lines()
+    lines = draw_cells(findings_of(), size).lines()
     text = " ".join(" ".join(lines).split())
     for number in range(1, 5):
         line = next(line for line in lines if f"kind {number}" in line)
@@ -117,9 +117,9 @@ def test_texts_are_wrapped_and_their_notes_shown_where_there_is_room(size):
 
 @pytest.mark.parametrize("chosen", [0, 3, 7, 11])
 def test_the_chosen_entry_is_visible_and_highlighted_and_keeps_its_notes(chosen):
-    canvas = draw_cells(findings_drawing(12, chosen), (82, 5))
+    canvas = draw_cells(findings_of(12, chosen), (82, 5))
     lines = canvas.lines()
     row = next(y for y, line in enumerate(lines) if f"kind {chosen + 1} " in line)
     assert tuple(canvas.bg[row, 5]) == DARK.highlight
-    layout = table_layout(findings_drawing(4, 2).table, 82, 7)
+    layout = table_layout(findings_of(4, 2).table, 82, 7)
     assert {line.row for line in layout.lines if line.is_note} == {2}

@@ -15,12 +15,10 @@ from s2rtools.common.command_line import store_argument
 from s2rtools.common.command_line.coverage_line import print_coverage
 
 if TYPE_CHECKING:
-    from s2rstore.findings import Finding, FindingReport
+    from s2rstore.findings import FindingReport
 
 EXAMPLE = "s2r findings lab.s2r --run vanilla --json"
 _WIDEST = 100
-_KIND = 21
-"""Columns of the kinds, the mark before them included."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -64,33 +62,11 @@ def execute(options: argparse.Namespace) -> int:
 
 def report_lines(report: FindingReport, width: int) -> list[str]:
     """The report as text: an entry per finding, `?` before those that are not evident."""
-    from s2rstore.security.printable_text import printable
+    from s2rtui.charts.findings import findings_drawing
+    from s2rtui.drawing.text import text_lines
 
-    header = f"{report.summary}; intervals are 95 %, n counts instances new to the run"
-    lines = [*textwrap.wrap(header, width), ""]
-    for finding in report.findings:
-        lines += _entry(finding, width)
-    lines += [part for line in report.missing for part in _wrapped("- ", line, width, 2)]
-    return [printable(line) for line in lines]
-
-
-def _entry(finding: Finding, width: int) -> list[str]:
-    mark = " " if finding.evident else "?"
-    lines = _wrapped(f"{mark} {finding.kind}", finding.statement, width)
-    if finding.evidence:
-        lines += _wrapped("", finding.evidence, width)
-    if finding.expression is not None:
-        lines += _wrapped("", f"select: {finding.expression}", width)
-    return lines
-
-
-def _wrapped(label: str, text: str, width: int, indent: int = _KIND) -> list[str]:
-    """The text beside a label, wrapped; long words such as names are not broken."""
-    return textwrap.wrap(
-        text,
-        width,
-        initial_indent=label.ljust(indent),
-        subsequent_indent=" " * indent,
-        break_long_words=False,
-        break_on_hyphens=False,
+    header = (
+        f"{report.summary} (?: not evident); intervals are 95 %, n counts instances new to the run"
     )
+    return [*textwrap.wrap(header, width), "",
+            *text_lines(findings_drawing(report, selections=True), width)]  # fmt: skip
