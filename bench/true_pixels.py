@@ -15,7 +15,7 @@ from s2rtui.canvas import DEFAULT_OPTIONS, InlineImage, Pixels
 from s2rtui.charts.map.terminal import draw_map
 from s2rtui.charts.shared.base_map_background import floor_plan_pixels
 from s2rtui.charts.shared.base_map_model import MapInput
-from s2rtui.terminal.graphics.iterm2_protocol import inline_file
+from s2rtui.terminal.graphics.drawn_images import inline_file
 from s2rtui.terminal.graphics.png import MAX_DRAWN_BYTES, png_within_limit, reduced_size
 from s2rtui.terminal.graphics.sixel import quantised, sixels
 

@@ -58,9 +58,8 @@ from s2rtui.jobs import background_thread
 from s2rtui.jobs.background_thread import BackgroundJobs
 from s2rtui.security import Permissions
 from s2rtui.session import Session, view_settings
-from s2rtui.terminal.ascii_filter import AsciiFilter
 from s2rtui.terminal.capabilities import Terminal
-from s2rtui.terminal.strips import ImageHost
+from s2rtui.terminal.strips import AsciiFilter, ImageHost
 from s2rtui.terminal.textual_compat import call_after
 
 _FIRST_DRAWING_SECONDS = 0.5

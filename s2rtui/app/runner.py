@@ -15,8 +15,8 @@ from s2rtui.jobs import background_thread
 from s2rtui.security import Permissions
 from s2rtui.session import Session
 from s2rtui.terminal.capabilities import Terminal
+from s2rtui.user_data import is_first_start
 from s2rtui.user_data.notebook import Notebook
-from s2rtui.user_data.user_data_dir import is_first_start
 
 _SHUTDOWN_SECONDS = 0.3
 """How long background work may take after the application is closed."""

@@ -17,7 +17,8 @@ from s2rtui.canvas import Panel, Point
 from s2rtui.charts.mark_expressions import cell_width, number_text, range_expression, round_to_cell
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import DrawingView, Table
-from s2rtui.drawing.plot import Bars, Dots, Drawing, Mark, Phrase, Plot, Rule
+from s2rtui.drawing.drawing import Drawing
+from s2rtui.drawing.plot import Bars, Dots, Mark, Phrase, Plot, Rule
 from s2rtui.drawing.scale import Floats, Scale, short_number
 
 FINE = 250

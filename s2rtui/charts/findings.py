@@ -7,7 +7,7 @@ from s2rstore.findings import Finding, FindingReport
 from s2rtui.canvas import Panel, Point
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import DrawingView, Pane, Table
-from s2rtui.drawing.plot import Drawing
+from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.table import Cell, Column, Row, TableSpec
 from s2rtui.session import Session, findings
 

@@ -18,7 +18,8 @@ from s2rstore.gap_history.reader import AxisFigures, History, Night
 from s2rstore.intervals import Interval
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import DrawingView, Pane, Table
-from s2rtui.drawing.plot import Dots, Drawing, Ink, Line, Mark, Phrase, Plot, Sign
+from s2rtui.drawing.drawing import Drawing
+from s2rtui.drawing.plot import Dots, Ink, Line, Mark, Phrase, Plot, Sign
 from s2rtui.drawing.scale import Floats, Scale, short_number
 
 HEADLINE = "headline"

@@ -15,7 +15,7 @@ from s2rtui.analysis.identity_cache import ArrayKey
 from s2rtui.canvas import Mark, Panel, Point
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import DrawingView, Pane, Table
-from s2rtui.drawing.plot import Drawing
+from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.table import Cell, Column, LazyRows, Row, TableSpec
 from s2rtui.session import Session, instance_list
 

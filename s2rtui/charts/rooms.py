@@ -22,7 +22,8 @@ from s2rtui.charts.mark_expressions import names_expression
 from s2rtui.charts.scene import LoadedGroups, Scene
 from s2rtui.charts.shared.points import valid_cursor
 from s2rtui.charts.view import DrawingView, Table
-from s2rtui.drawing.plot import Drawing, Ink
+from s2rtui.drawing.drawing import Drawing
+from s2rtui.drawing.plot import Ink
 from s2rtui.drawing.scale import Scale
 from s2rtui.drawing.table import Bar, Cell, Column, Dot, Row, Span, StripMark, TableSpec
 from s2rtui.session import Session

@@ -17,7 +17,8 @@ from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import Panel, Point
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import DrawingView, Pane, Table
-from s2rtui.drawing.plot import Dots, Drawing, Line, Mark, Phrase, Plot, Rule, Sign
+from s2rtui.drawing.drawing import Drawing
+from s2rtui.drawing.plot import Dots, Line, Mark, Phrase, Plot, Rule, Sign
 from s2rtui.drawing.scale import Scale, non_empty
 from s2rtui.drawing.table import Cell, Column, Dot, Row, Span, StripMark, TableSpec
 from s2rtui.session import Session, suggestions

@@ -20,8 +20,9 @@ from s2rtui.drawing.cells import (
     drawing_panels,
     drawing_table_layout,
 )
+from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.figures import NUMBERS, Figures, figure_rows, figure_table
-from s2rtui.drawing.plot import Drawing, Plot
+from s2rtui.drawing.plot import Plot
 from s2rtui.drawing.scale import Floats
 from s2rtui.drawing.table import TableSpec
 from s2rtui.session import Session, State

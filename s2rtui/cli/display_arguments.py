@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 if TYPE_CHECKING:
     from s2rtui.canvas.block_symbols import Symbols
@@ -20,21 +20,11 @@ _SYMBOLS_HELP = (
 )
 
 
-def add_theme(
-    parser: argparse._ActionsContainer, auto: str, deprecated: str = "", default: str = "auto"
-) -> None:
-    """Add `--theme`; `auto` says what its value `auto` stands for.
-
-    deprecated: an earlier spelling, `--dark` or `--light`, which stays.
-    """
-    group = parser.add_mutually_exclusive_group() if deprecated else parser
-    group.add_argument("--theme", choices=THEME_NAMES, default=default,
-                       help=f"colours for a dark or a light background; auto: {auto} (default "
-                       f"{default})")  # fmt: skip
-    if deprecated:
-        name = deprecated.removeprefix("--")
-        group.add_argument(deprecated, action="store_const", dest="theme", const=name,
-                           help=f"deprecated: --theme {name}")  # fmt: skip
+def add_theme(parser: argparse._ActionsContainer, auto: str, default: str = "auto") -> None:
+    """Add `--theme`; `auto` says what its value `auto` stands for."""
+    parser.add_argument("--theme", choices=THEME_NAMES, default=default,
+                        help=f"colours for a dark or a light background; auto: {auto} (default "
+                        f"{default})")  # fmt: skip
 
 
 def add_display_options(parser: argparse.ArgumentParser) -> None:
@@ -72,3 +62,32 @@ def detect_display(
     theme = chosen.theme if chosen.theme in THEME_NAMES else "auto"
     symbols = chosen.symbols if chosen.symbols in SYMBOL_NAMES else "quadrant"
     return detect(colour, ascii, theme=str(theme), symbols=cast("Symbols", symbols))
+
+
+if TYPE_CHECKING:
+    from s2rtui.export.figures import PageOptions
+
+
+def add_page(parser: argparse.ArgumentParser, group: str) -> argparse._ArgumentGroup:
+    """Add `--width`, `--dpi` and `--cmap` in a new group, and return it."""
+    page = parser.add_argument_group(group)
+    add = page.add_argument
+    add("--width", type=float, metavar="MM",
+        help="width of figures on paper in millimetres, with fonts of 8 to 10 points")  # fmt: skip
+    add("--dpi", type=int, metavar="N",
+        help="pixels per inch of --width (default 300); without it, of 160 mm")  # fmt: skip
+    add("--cmap", default="turbo", metavar="NAME",
+        help="colour map of continuous values: turbo (default), viridis, plasma, inferno, magma "
+        "or cividis")  # fmt: skip
+    return page
+
+
+def page_options(options: argparse.Namespace, **changes: Any) -> PageOptions:
+    """The parsed options. Raises RequestError for wrong values."""
+    from s2rtui.drawing.page import check_colour_map
+    from s2rtui.export.figures import PageOptions
+
+    check_colour_map(options.cmap)
+    values = {"width": options.width, "dpi": options.dpi, "cmap": options.cmap}
+    title = getattr(options, "title", "")
+    return PageOptions(**({**values, "title": title} | changes))

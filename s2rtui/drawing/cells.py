@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import textwrap
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from rich.cells import cell_len
 
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, Point, RenderOptions, Size
-from s2rtui.drawing.plot import ROLES, Drawing, Line, Note, Phrase, Plot
+from s2rtui.drawing.drawing import Drawing, Note
+from s2rtui.drawing.plot import ROLES, Line, Phrase, Plot
 from s2rtui.drawing.plot_cells import draw_marks, row_of, style_of
 from s2rtui.drawing.table_cells import draw_axis, draw_table, table_panels
 from s2rtui.drawing.table_layout import GAP, TableLayout, table_layout, wanted_lines
@@ -239,3 +240,19 @@ def _draw_head(canvas: Canvas, plot: Plot, left: int, row: int) -> None:
             column = canvas.text(column, row, f"{glyph} {mark.name}", colour) + GAP
     name = plot.y.name(canvas.width - column, cell_len)
     canvas.text(canvas.width, row, name, canvas.theme.muted, align="right")
+
+
+_MANY = 10_000
+"""Lines in which every table that is printed fits."""
+
+
+def text_lines(drawing: Drawing, width: int) -> list[str]:
+    """The lines for a terminal of `width` columns, with all rows and their notes."""
+    height = sum(len(note_rows(note, width)) for note in drawing.notes)
+    if drawing.table is not None:
+        height += table_layout(drawing.table, width, _MANY).end
+    canvas = draw_cells(replace(drawing, plots=()), (width, max(1, 2 * height)))
+    lines = [line.rstrip() for line in canvas.lines()]
+    while lines and not lines[-1]:
+        lines.pop()
+    return lines

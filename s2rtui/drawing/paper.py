@@ -6,8 +6,9 @@ import math
 
 from s2rtui.canvas import Theme
 from s2rtui.canvas.render_options import UNICODE
+from s2rtui.drawing.drawing import Drawing, Note
 from s2rtui.drawing.page import LETTER, NARROW, Page, Pixels, new_page, own_settings
-from s2rtui.drawing.plot import Drawing, Note, Plot
+from s2rtui.drawing.plot import Plot
 from s2rtui.drawing.plot_paper import LEGEND_COLUMNS, draw_plot
 from s2rtui.drawing.table import TableSpec
 from s2rtui.drawing.table_layout import table_layout

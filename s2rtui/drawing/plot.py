@@ -1,7 +1,4 @@
-"""A drawing as data: plots of marks on two scales, a table and notes.
-
-A view makes it from its numbers; the renderers `cells` and `paper` draw it.
-"""
+"""A plot as data: marks on two scales, with the inks and signs that renderers give them."""
 
 from __future__ import annotations
 
@@ -11,10 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.canvas import Mark as Brush
 from s2rtui.canvas.render_options import Glyphs
 from s2rtui.drawing.scale import Scale
-from s2rtui.drawing.table import TableSpec
 
 Floats = NDArray[np.float64]
 Ink = Literal["sim", "real", "truth", "both", "text", "muted", "faint", "unselected", "cursor"]
@@ -38,10 +33,6 @@ class Phrase:
 
     def whole(self, glyphs: Glyphs) -> str:
         return f"{getattr(glyphs, self.sign)} {self.text}" if self.sign else self.text
-
-
-Note = str | tuple[Phrase, ...]
-"""A line below a drawing: a text, or phrases beside each other."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,23 +108,3 @@ class Plot:
         """The marks that have a name, dashed ones last."""
         named = [mark for mark in self.marks if isinstance(mark, Line | Dots) and mark.name]
         return tuple(sorted(named, key=lambda mark: isinstance(mark, Line) and mark.dashed))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Drawing:
-    """What a view shows: plots above each other, a table and notes; each part may be absent.
-
-    Neighbouring plots with the same scale of x share its axis.
-    """
-
-    plots: tuple[Plot, ...] = ()
-    table: TableSpec | None = None
-    notes: tuple[Note, ...] = ()
-    brush: Brush | None = None
-
-    @property
-    def text(self) -> str:
-        """The table and the notes in sentences, for screen readers."""
-        rows = [] if self.table is None else list(self.table.sentences())
-        notes = [note for note in self.notes if isinstance(note, str)]
-        return ". ".join([*rows, *notes])

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, overload
+from typing import overload
 
+from s2rtui.drawing.plot import Ink, Sign
 from s2rtui.drawing.scale import Scale
-
-if TYPE_CHECKING:
-    from s2rtui.drawing.plot import Ink, Sign
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from s2rstore.errors import RequestError
-from s2rtui.user_data.user_data_dir import user_data_dir
+from s2rtui.user_data import user_data_dir
 
 Capability = Literal["", "models"]
 """A right beyond reading the store and writing in the user data folder."""

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from s2rtui.canvas.block_symbols import SYMBOL_SETS, symbol_stripes
 from s2rtui.terminal.capabilities import Terminal, detect
-from s2rtui.user_data.user_data_dir import user_data_dir
+from s2rtui.user_data import user_data_dir
 
 Rows = list[tuple[str, str]]
 

@@ -6,6 +6,7 @@ A strip that is restyled falls back to plain segments.
 
 from __future__ import annotations
 
+import unicodedata
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -15,9 +16,12 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.cells import get_character_cell_size
 from rich.color import Color, ColorSystem
 from rich.segment import Segment
 from rich.style import Style
+from textual.color import Color as TextualColor
+from textual.filter import LineFilter
 from textual.geometry import Region
 from textual.strip import Strip
 
@@ -291,3 +295,32 @@ class ImageHost(Protocol):
 
     def attach(self, view: str, canvas: Canvas, strips: list[Strip]) -> PaintedStrips:
         """Put the images of a canvas into its strips."""
+
+
+_REPLACEMENTS = {
+    "│": "|", "┃": "|", "▌": "|", "▐": "|", "▏": "|", "▎": "|", "▊": "|", "─": "-", "━": "-",
+    "▁": "_", "▔": "-", "█": "#", "…": "~", "·": ".", "•": "*", "–": "-", "—": "-", "−": "-",
+    "×": "x", "°": "d", "→": ">", "←": "<", "↑": "^", "↓": "v", "‘": "'", "’": "'", "“": '"',
+    "”": '"',
+}  # fmt: skip
+
+
+def to_ascii(text: str) -> str:
+    """Convert text to ASCII of the same width: drop accents, use `?` for other characters."""
+    return text if text.isascii() else "".join(_character(char) for char in text)
+
+
+@lru_cache(1024)
+def _character(char: str) -> str:
+    if char.isascii():
+        return char
+    width = get_character_cell_size(char)
+    bare = unicodedata.normalize("NFKD", char)[:1]
+    return _REPLACEMENTS.get(char, bare if bare.isascii() else "?").ljust(width, "?")[:width]
+
+
+class AsciiFilter(LineFilter):
+    """A Textual line filter that converts every line to ASCII."""
+
+    def apply(self, segments: list[Segment], background: TextualColor) -> list[Segment]:
+        return [Segment(to_ascii(text), style, control) for text, style, control in segments]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rstore.files.atomic_writes import write_file
-from s2rtui.user_data.user_data_dir import user_data_dir
+from s2rtui.user_data import user_data_dir
 
 _MAX_BYTES = 1 << 16
 

@@ -28,7 +28,7 @@ from s2rstore.language.canonical_text import quoted
 from s2rstore.language.syntax_tree import Ids, Like, Saved, leaves
 from s2rstore.records import Part
 from s2rstore.security.printable_text import printable
-from s2rtui.user_data import notebook_schema
+from s2rtui.user_data import notebook_schema, user_data_dir
 from s2rtui.user_data.notebook_schema import (
     Remark,
     SavedSelection,
@@ -36,7 +36,6 @@ from s2rtui.user_data.notebook_schema import (
     part_label,
     valid_name,
 )
-from s2rtui.user_data.user_data_dir import user_data_dir
 
 __all__ = ["Notebook", "Notes", "ReadNotebook", "Remark", "SavedSelection", "valid_name"]
 

@@ -19,7 +19,7 @@ from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.canvas.marks import Mark
 from s2rtui.session import Brush, Session, shared_selection
-from s2rtui.terminal.ascii_filter import to_ascii
+from s2rtui.terminal.strips import to_ascii
 from tests.support.application import make_app, press, running
 
 SIZES = ((80, 24), (200, 60))

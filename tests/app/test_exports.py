@@ -17,8 +17,8 @@ from s2rtui.app.pilot import settle
 from s2rtui.app.widgets.query_input import QueryInput
 from s2rtui.canvas import RenderOptions
 from s2rtui.cli import main
+from s2rtui.export import rows as exported_rows
 from s2rtui.export.exclusive_files import create_exclusive, numbered_paths
-from s2rtui.export.rows import formats, selected_instances
 from s2rtui.jobs.background_thread import wait_until_idle
 from s2rtui.session import Session
 from s2rtui.user_data.notebook import SavedSelection
@@ -74,8 +74,8 @@ async def test_the_exported_rows_equal_those_of_s2r_query(tiny_store, tmp_path):
 
 
 def test_rows_of_a_selection_equal_rows_of_its_expression(tiny_store, monkeypatch):
-    monkeypatch.setattr(selected_instances, "_BLOCK_IIDS", 7)
-    rows = selected_instances.selected_rows
+    monkeypatch.setattr(exported_rows, "_BLOCK_IIDS", 7)
+    rows = exported_rows.selected_rows
     with s2rstore.open(tiny_store) as store:
         for expression in ("worst15", "all", "none", "room:right | ids(3, 7)"):
             expected = rows(store, expression)
@@ -118,13 +118,13 @@ async def test_unusable_file_names_are_rejected(tiny_store, tmp_path):
 
 async def test_two_simultaneous_exports_write_two_files(tiny_store, tmp_path, monkeypatch):
     release = Event()
-    write_rows = formats.write_rows
+    write_rows = exported_rows.write_rows
 
     def blocking_write(*arguments: Any) -> None:
         assert release.wait(30)
         write_rows(*arguments)
 
-    monkeypatch.setattr(formats, "write_rows", blocking_write)
+    monkeypatch.setattr(exported_rows, "write_rows", blocking_write)
     async with running(tiny_store, folder=tmp_path) as (app, pilot):
         await pilot.press("w", "F", "enter", "b", "F")
         line = app.query_one(QueryInput)
@@ -143,13 +143,13 @@ async def test_two_simultaneous_exports_write_two_files(tiny_store, tmp_path, mo
 
 
 async def test_a_file_made_during_the_export_is_not_overwritten(tiny_store, tmp_path, monkeypatch):
-    target, write_rows = tmp_path / "s2r-selection-001.csv", formats.write_rows
+    target, write_rows = tmp_path / "s2r-selection-001.csv", exported_rows.write_rows
 
     def write_after_other_process(*arguments: Any) -> None:
         target.write_text("another's")
         write_rows(*arguments)
 
-    monkeypatch.setattr(formats, "write_rows", write_after_other_process)
+    monkeypatch.setattr(exported_rows, "write_rows", write_after_other_process)
     async with running(tiny_store, folder=tmp_path) as (app, pilot):
         await press(app, pilot, "w", "F", "enter")
         assert app.session.state.message == f"{target}: exists already; choose another name"

@@ -24,7 +24,7 @@ from s2rtui.charts.scene import OverviewRow
 from s2rtui.charts.shared.base_map_model import MapInput
 from s2rtui.charts.shared.image_pair_model import InstanceInput, PoseNumbers, SideView
 from s2rtui.charts.umap.model import UmapInput
-from s2rtui.drawing.plot import Drawing
+from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.table import Cell, Column, LazyRows, Row, TableSpec
 
 N = 60

@@ -14,7 +14,7 @@ from s2rtui.canvas.marks import Mark
 from s2rtui.charts.errors import errors_model, errors_plots
 from s2rtui.drawing.bars import SOLID
 from s2rtui.drawing.cells import draw_cells, drawing_panels
-from s2rtui.drawing.plot import Drawing
+from s2rtui.drawing.drawing import Drawing
 from tests.charts.examples import errors_drawing
 
 COUNT = 31

@@ -17,9 +17,8 @@ from s2rstore.metrics.heatmap_scores import trust_line
 from s2rstore.reader import Store
 from s2rstore.records import ArrayRecord
 from s2rtools.heatmaps import HEATMAP_KINDS
-from s2rtui.analysis.connected_regions import connected_regions, place_in_image
 from s2rtui.charts.instance import paper as instance_paper
-from s2rtui.charts.instance.model import _harm_note
+from s2rtui.charts.instance.model import _harm_note, connected_regions, place_in_image
 from s2rtui.charts.map import paper as map_paper
 from s2rtui.charts.map.terminal import draw_map
 from s2rtui.charts.shared.base_map_model import map_input

@@ -11,7 +11,8 @@ from s2rtui.charts.history import STYLES, history_model, history_plots
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.scene import Resources, Scene
 from s2rtui.drawing.cells import draw_cells, drawing_layout
-from s2rtui.drawing.plot import Dots, Drawing, Line
+from s2rtui.drawing.drawing import Drawing
+from s2rtui.drawing.plot import Dots, Line
 from s2rtui.drawing.plot_cells import column_of, row_of
 from s2rtui.session import Session
 from tests.charts.examples import history_drawing

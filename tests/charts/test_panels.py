@@ -16,7 +16,7 @@ from s2rtui.charts.orientation.terminal import orientation_panels
 from s2rtui.charts.scatter.terminal import scatter_panels
 from s2rtui.charts.umap.terminal import umap_panels
 from s2rtui.drawing.cells import drawing_panels
-from s2rtui.drawing.plot import Drawing
+from s2rtui.drawing.drawing import Drawing
 from tests.charts.examples import (
     compare_input,
     counts_drawing,

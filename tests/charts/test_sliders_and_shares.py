@@ -17,7 +17,7 @@ from s2rtui.charts.adjust.terminal import SliderLine, draw_sliders, slider_panel
 from s2rtui.charts.scene import Resources, Scene
 from s2rtui.charts.shares import VIEW, SharesModel, shares_scale
 from s2rtui.drawing.cells import draw_cells
-from s2rtui.drawing.plot import Drawing
+from s2rtui.drawing.drawing import Drawing
 from s2rtui.session import Session
 
 LINES = tuple(

@@ -33,7 +33,7 @@ def test_every_view_is_drawn_in_both_themes_at_the_requested_size(tiny_store, tm
     if view == "suggestions":
         tiny_store = copy_store(tiny_store, tmp_path / "own.s2r")
         store_reports(tiny_store, "vanilla", "real")
-    for options, theme, size in (([], LIGHT, (615, 433)), (["--dark"], DARK, (300, 640))):
+    for options, theme, size in (([], LIGHT, (615, 433)), (["--theme", "dark"], DARK, (300, 640))):
         data = export(tiny_store, tmp_path, view, *options, "--size", "{}x{}".format(*size))
         image = Image.open(BytesIO(data))
         assert image.size == size

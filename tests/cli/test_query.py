@@ -12,7 +12,7 @@ import s2rstore
 from s2rstore.index.transaction import edit
 from s2rstore.language import evaluation
 from s2rtui.cli import main
-from s2rtui.export.rows.formats import write_rows
+from s2rtui.export.rows import write_rows
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import pairs
 from tests.support.copies import copy_store

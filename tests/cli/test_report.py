@@ -176,7 +176,16 @@ def test_a_report_contains_saved_selections_tags_and_notes(tiny_store, tmp_path)
     notebook.toggle_tag([iid], "door")
     notebook.note(iid, "<script>alert(1)</script> & more")
     out = tmp_path / "r.html"
-    arguments = ["report", str(tiny_store), "--out", str(out), "--light", "--date", "1 March"]
+    arguments = [
+        "report",
+        str(tiny_store),
+        "--out",
+        str(out),
+        "--theme",
+        "light",
+        "--date",
+        "1 March",
+    ]
     assert main([*arguments, "--title", "A & B <i>"]) == 0
     page = Page(out.read_text(encoding="utf-8"))
     assert page.texts_in("h1") == ["A & B <i>"]
@@ -199,7 +208,16 @@ def test_a_report_contains_saved_selections_tags_and_notes(tiny_store, tmp_path)
 def test_expressions_runs_and_saved_selections_can_be_requested(tiny_store, tmp_path):
     Notebook("0" * 64).save("mine", SavedSelection("ids(1)", 1, "vanilla", 1))
     out = tmp_path / "r.html"
-    arguments = ["report", str(tiny_store), "--light", "--out", str(out), "--select", "ids(2)"]
+    arguments = [
+        "report",
+        str(tiny_store),
+        "--theme",
+        "light",
+        "--out",
+        str(out),
+        "--select",
+        "ids(2)",
+    ]
     assert main([*arguments, "--run", "dataaug", "--run", "vanilla"]) == 0
     page = Page(out.read_text(encoding="utf-8"))
     assert page.texts_in("h3") == ["Run dataaug", "Run vanilla"]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2rtui.drawing.plot import Dots, Drawing, Line, Plot, Rule
+from s2rtui.drawing.drawing import Drawing
+from s2rtui.drawing.plot import Dots, Line, Plot, Rule
 from s2rtui.drawing.scale import Scale
 from s2rtui.drawing.table import Cell, Column, Row, TableSpec
 

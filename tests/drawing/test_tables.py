@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.drawing.cells import draw_cells, drawing_panels
-from s2rtui.drawing.plot import Drawing
+from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.scale import Scale
 from s2rtui.drawing.table import Bar, Cell, Column, Dot, LazyRows, Row, Span, TableSpec
 from s2rtui.drawing.table_layout import table_layout

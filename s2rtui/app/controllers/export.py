@@ -129,8 +129,7 @@ class ExportController:
 
     def _rows(self, store: Store, state: State, notes: Notes, path: Path) -> str:
         """Runs in a background thread."""
-        from s2rtui.export.rows.formats import write_rows
-        from s2rtui.export.rows.selected_instances import selected_rows
+        from s2rtui.export.rows import selected_rows, write_rows
 
         rows = selected_rows(
             store, state.expression, state.run, state.trajectories, notes, selected=state.selected,

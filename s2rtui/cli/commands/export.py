@@ -9,7 +9,7 @@ from pathlib import Path
 from s2rstore.errors import RequestError
 from s2rtools.common.command_line import output, store_argument
 from s2rtools.common.command_line.coverage_line import print_coverage
-from s2rtui.cli import page_arguments, scene_arguments
+from s2rtui.cli import display_arguments, scene_arguments
 from s2rtui.cli.coverage_notes import print_population
 from s2rtui.cli.display_arguments import add_theme
 
@@ -28,9 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True,
                         help="output file, *.png, *.svg or *.pdf")  # fmt: skip
     parser.add_argument("--size", metavar="WIDTHxHEIGHT", help="size in pixels, such as 1600x1200")
-    page = page_arguments.add_page(parser, "page")
+    page = display_arguments.add_page(parser, "page")
     page.add_argument("--title", default="", help="title of the figure (default: that of the view)")
-    add_theme(page, "light, for paper", "--dark")
+    add_theme(page, "light, for paper")
     scene_arguments.add_selection(parser)
     scene_arguments.add_drawing(parser)
 
@@ -46,7 +46,7 @@ def execute(options: argparse.Namespace) -> int:
     form = format_of(options.out, "--out")
     if options.poses is not None and options.view != SCREEN and STORED[options.view].name != "map":
         raise RequestError(f"--poses: drawn on the map; use --view map in place of {options.view}")
-    page = page_arguments.page_options(
+    page = display_arguments.page_options(
         options, size=_size(options.size), dark=options.theme == "dark"
     )
     scene_options = scene_arguments.scene_options(options)

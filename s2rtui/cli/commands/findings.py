@@ -63,7 +63,7 @@ def execute(options: argparse.Namespace) -> int:
 def report_lines(report: FindingReport, width: int) -> list[str]:
     """The report as text: an entry per finding, `?` before those that are not evident."""
     from s2rtui.charts.findings import findings_drawing
-    from s2rtui.drawing.text import text_lines
+    from s2rtui.drawing.cells import text_lines
 
     header = (
         f"{report.summary} (?: not evident); intervals are 95 %, n counts instances new to the run"

@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     from s2rstore.language import evaluation
-    from s2rtui.export.rows.selected_instances import count_in_view, selected_rows
+    from s2rtui.export.rows import count_in_view, selected_rows
     from s2rtui.user_data.notebook import ReadNotebook
 
     with s2rstore.open(options.store) as store:

@@ -10,7 +10,7 @@ from s2rstore.errors import RequestError
 from s2rtools.common.command_line import output, store_argument
 from s2rtools.common.command_line.coverage_line import print_coverage
 from s2rtools.common.command_line.progress import reporter
-from s2rtui.cli import page_arguments, scene_arguments
+from s2rtui.cli import display_arguments, scene_arguments
 from s2rtui.cli.display_arguments import add_theme
 
 EXAMPLE = "s2r report lab.s2r --select worst15 --out report.html"
@@ -31,8 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--out", type=Path, required=True, help="output file, *.html")
     add("--title", default="", help="title of the page")
     add("--date", default="", help="date to print, as text (default: none)")
-    figures = page_arguments.add_page(parser, "figures")
-    add_theme(figures, "both, by the setting of the reader's screen", "--light")
+    figures = display_arguments.add_page(parser, "figures")
+    add_theme(figures, "both, by the setting of the reader's screen")
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -55,7 +55,7 @@ def execute(options: argparse.Namespace) -> int:
         title=options.title,
         date=options.date,
         theme=options.theme,
-        page=page_arguments.page_options(options, title=""),
+        page=display_arguments.page_options(options, title=""),
     )
     with reporter() as progress:
 

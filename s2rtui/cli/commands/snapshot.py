@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="size in characters (default 120x40)")  # fmt: skip
     add("--ascii", action="store_true", help="use ASCII characters only")
     add("--colour", default="truecolor", help="truecolor, 256, 16 or none (default truecolor)")
-    add_theme(screen, "that of the terminal, by COLORFGBG, else dark", "--light", "dark")
+    add_theme(screen, "that of the terminal, by COLORFGBG, else dark", "dark")
     add_symbols(screen)
 
 

@@ -6,6 +6,7 @@ wherever the compositor repaints that row, and text that replaces it removes it.
 
 from __future__ import annotations
 
+from base64 import standard_b64encode
 from collections.abc import Iterator, Set
 from dataclasses import dataclass
 from functools import partial
@@ -15,7 +16,6 @@ import numpy as np
 
 from s2rtui.canvas import InlineImage, Size
 from s2rtui.terminal.graphics.image_strips import Span, uncovered
-from s2rtui.terminal.graphics.iterm2_protocol import inline_file
 from s2rtui.terminal.graphics.png import png_within_limit, reduced_size
 from s2rtui.terminal.graphics.sixel import BAND, MOST_COLUMNS, quantised, sixels
 
@@ -110,3 +110,13 @@ def _draw(codes: str, first: int, count: int) -> str:
 def _skip(first: int, count: int) -> str:
     """Move the cursor to the right."""
     return f"\x1b[{count}C"
+
+
+def inline_file(content: bytes, cells: Size) -> str:
+    """The escape sequence that draws an image file over the box `cells` (columns, rows)."""
+    data = standard_b64encode(content).decode("ascii")
+    keys = (
+        f"inline=1;size={len(content)};width={cells[0]};height={cells[1]};"
+        "preserveAspectRatio=0;doNotMoveCursor=1"
+    )
+    return f"\x1b]1337;File={keys}:{data}\x07"

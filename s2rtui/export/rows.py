@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,13 @@ from s2rstore.language import evaluation, expand, fields, parse, to_text
 from s2rstore.metrics.pose_metrics import population_ranks
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN, SPLITS
+from s2rtools.common.command_line.row_formats import (
+    Metadata,
+    Rows,
+    csv_text,
+    json_text,
+    write_parquet,
+)
 from s2rtui.user_data.notebook import Notes, Remark
 
 COLUMNS = (
@@ -208,3 +216,19 @@ def _values(store: Store, run: str, path: str) -> np.ndarray:
     columns = store.run_columns(run)
     holder = {"instances": store.instances, "sim": columns.sim, "real": columns.real}.get(owner)
     return np.asarray(getattr(holder or columns, attribute))
+
+
+def write_rows(
+    target: Path,
+    names: Sequence[str],
+    rows: Rows,
+    metadata: Metadata | None = None,
+    safe_csv: bool = False,
+) -> None:
+    """Write a file in the format of its suffix. Raises RequestError, OSError."""
+    if target.suffix == ".parquet":
+        write_parquet(names, rows, target, metadata)
+    elif target.suffix == ".csv":
+        target.write_text(csv_text(names, rows, metadata, safe_csv), encoding="utf-8")
+    else:
+        target.write_text(json_text(names, rows, metadata), encoding="utf-8")

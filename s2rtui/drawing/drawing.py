@@ -1,0 +1,35 @@
+"""A drawing as data: plots above each other, a table and notes.
+
+A view makes it from its numbers; the renderers `cells` and `paper` draw it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from s2rtui.canvas import Mark as Brush
+from s2rtui.drawing.plot import Phrase, Plot
+from s2rtui.drawing.table import TableSpec
+
+Note = str | tuple[Phrase, ...]
+"""A line below a drawing: a text, or phrases beside each other."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drawing:
+    """What a view shows: plots above each other, a table and notes; each part may be absent.
+
+    Neighbouring plots with the same scale of x share its axis.
+    """
+
+    plots: tuple[Plot, ...] = ()
+    table: TableSpec | None = None
+    notes: tuple[Note, ...] = ()
+    brush: Brush | None = None
+
+    @property
+    def text(self) -> str:
+        """The table and the notes in sentences, for screen readers."""
+        rows = [] if self.table is None else list(self.table.sentences())
+        notes = [note for note in self.notes if isinstance(note, str)]
+        return ". ".join([*rows, *notes])

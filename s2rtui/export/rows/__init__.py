@@ -1,1 +1,0 @@
-"""Export of rows: file formats, and the instances of a selection with their metadata."""
