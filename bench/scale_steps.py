@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+
 from bench.index_store import ROOMS
 from s2rtui.canvas.marks import Mark
 from s2rtui.charts.compare.model import compare_model
@@ -17,8 +18,6 @@ from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.base_map_model import map_model
 from s2rtui.charts.shared.points import highest_levels, unselected_dots
-from s2rtui.charts.umap.model import umap_model
-from s2rtui.charts.umap.terminal import umap_layout
 from s2rtui.session import (
     Brush,
     Session,
@@ -83,11 +82,8 @@ def _room(index: int) -> str:
 def numbers(scene: Scene) -> None:
     """The numbers that every view computes before it draws."""
     _overview(scene)
-    view = BY_NAME["umap"].input(scene)
-    frame = umap_layout(view, _TAB).frame
-    umap_model(view, frame)
     orientation_model(BY_NAME["orientation"].input(scene))
-    for name in ("rooms", "errors"):
+    for name in ("rooms", "errors", "umap"):
         tab = BY_NAME[name]
         if not tab.missing(scene):
             tab.drawing(scene, _TAB[0])

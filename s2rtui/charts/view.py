@@ -14,13 +14,9 @@ from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene, model_source
 from s2rtui.charts.shared.points import known_point, nearest_iid, true_positions
-from s2rtui.drawing.cells import (
-    draw_cells,
-    drawing_layout,
-    drawing_panels,
-    drawing_table_layout,
-)
+from s2rtui.drawing.cells import draw_cells, drawing_panels, drawing_table_layout
 from s2rtui.drawing.drawing import Drawing
+from s2rtui.drawing.drawing_layout import drawing_layout
 from s2rtui.drawing.figures import NUMBERS, Figures, figure_rows, figure_table
 from s2rtui.drawing.plot import Plot
 from s2rtui.drawing.scale import Floats
@@ -196,23 +192,24 @@ class DrawingView(View):
         """The plots, the table and the notes, for plots that are `columns` cells wide."""
         raise NotImplementedError
 
-    def _sized(self, scene: Scene, size: Size) -> Drawing:
+    def _sized(self, scene: Scene, size: Size, options: RenderOptions) -> Drawing:
         """The drawing for cells, where the labels of y take some of the columns of its plots."""
         if reasons := self.missing(scene):
             return Drawing(notes=reasons)
         drawing = self.drawing(scene, size[0])
-        width = drawing_layout(drawing, size).width if drawing.plots else size[0]
+        places = drawing_layout(drawing, size, options).plots
+        width = places[0].width if places else size[0]
         return drawing if width == size[0] else self.drawing(scene, width)
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
-        return draw_cells(self._sized(scene, size), size, options)
+        return draw_cells(self._sized(scene, size, options), size, options)
 
     def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
-        return drawing_panels(self._sized(scene, size), size)
+        return drawing_panels(self._sized(scene, size, options), size, options)
 
     def table_window(self, scene: Scene, size: Size, options: RenderOptions) -> TableWindow | None:
-        drawing = self._sized(scene, size)
-        layout = drawing_table_layout(drawing, size)
+        drawing = self._sized(scene, size, options)
+        layout = drawing_table_layout(drawing, size, options)
         if layout is None or drawing.table is None:
             return None
         return TableWindow(layout.first, layout.shown, len(drawing.table.rows))

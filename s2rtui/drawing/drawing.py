@@ -11,21 +11,34 @@ from s2rtui.canvas import Mark as Brush
 from s2rtui.drawing.plot import Phrase, Plot
 from s2rtui.drawing.table import TableSpec
 
-Note = str | tuple[Phrase, ...]
-"""A line below a drawing: a text, or phrases beside each other."""
+
+@dataclass(frozen=True, slots=True)
+class ColourBar:
+    """The scale of the colours of points. clipped: whether values lie beyond its ends."""
+
+    label: str
+    unit: str
+    scale: tuple[float, float]
+    clipped: bool = False
+
+
+Note = str | tuple[Phrase | ColourBar, ...]
+"""A line below a drawing: a text, or phrases and colour bars beside each other."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawing:
     """What a view shows: plots above each other, a table and notes; each part may be absent.
 
-    Neighbouring plots with the same scale of x share its axis.
+    Neighbouring plots with the same scale of x share its axis. beside: whether plots stand beside
+    each other where the drawing is wide.
     """
 
     plots: tuple[Plot, ...] = ()
     table: TableSpec | None = None
     notes: tuple[Note, ...] = ()
     brush: Brush | None = None
+    beside: bool = False
 
     @property
     def text(self) -> str:

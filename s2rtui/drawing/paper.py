@@ -3,13 +3,29 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+
+import numpy as np
 
 from s2rtui.canvas import Theme
 from s2rtui.canvas.render_options import UNICODE
-from s2rtui.drawing.drawing import Drawing, Note
-from s2rtui.drawing.page import LETTER, NARROW, Page, Pixels, new_page, own_settings
-from s2rtui.drawing.plot import Plot
+from s2rtui.drawing.drawing import ColourBar, Drawing, Note
+from s2rtui.drawing.page import (
+    LETTER,
+    NARROW,
+    Page,
+    Pixels,
+    colour_bar_ticks,
+    draw_colour_bar,
+    label_with_unit,
+    new_page,
+    own_settings,
+    value_colours,
+    wrapped_label,
+)
+from s2rtui.drawing.plot import Phrase, Plot, Points
 from s2rtui.drawing.plot_paper import LEGEND_COLUMNS, draw_plot
+from s2rtui.drawing.points_paper import points_note
 from s2rtui.drawing.table import TableSpec
 from s2rtui.drawing.table_layout import table_layout
 from s2rtui.drawing.table_paper import (
@@ -28,6 +44,12 @@ _TITLE, _LEGEND_LINE = 0.3, 0.2
 _SMALLEST_FONT, _SMALLEST_TABLE_FONT = 4.0, 6.0
 _MANY = 10_000
 """Lines in which every table fits."""
+_GAP = 4
+"""Letters between phrases beside each other."""
+_SIDE, _BAR_BELOW = 1.4, 0.7
+"""Inches of a colour bar at the right of the plots, and below those of a narrow page."""
+_BETWEEN, _TALLEST = 0.45, 1.25
+"""Inches between plots beside each other; height over width of one with equal scales, at most."""
 _LEAST_SHARE = 0.35
 """Share of the page below its heading that plots have at least."""
 
@@ -44,7 +66,9 @@ def draw_paper(
     page = new_page(size, theme, title, subtitle)
     font = 8 if page.inches[0] <= NARROW else 9
     letters = int((page.inches[0] - 2 * MARGIN) / (LETTER * font))
-    notes = [line for note in drawing.notes for line in wrapped(_text(note), letters)]
+    bar = next(iter(_colour_bars(drawing)), None)
+    below_all = [*drawing.notes, *map(points_note, _points(drawing)[:1])]
+    notes = [line for note in below_all for line in _lines(note, letters)]
     table, texts = drawing.table, None
     if table is not None and (texts := sentences(table, letters)) is not None:
         table = None
@@ -58,7 +82,10 @@ def draw_paper(
             table_inches(table, letters, font) if table is not None else LINE * len(texts or ())
         )
         below += min(height, most)
-        _draw_plots(page, drawing.plots, below)
+        if bar is not None and page.inches[0] <= NARROW:
+            _draw_bar_below(page, bar, below)
+            below += _BAR_BELOW
+        _draw_plots(page, drawing, below, bar)
         top = below
     for row, text in enumerate(texts or ()):
         page.text(MARGIN, top - (row + 1) * LINE, text, page.inks.muted, font)
@@ -66,8 +93,12 @@ def draw_paper(
         low = 0.1 + (len(notes) + (1.0 if notes else 0.5)) * LINE
         top -= 0.5 * LINE * (not drawing.plots)
         draw_table(page, table, top, low, _fitting_font(page, table, top - low, font))
-    for row, text in enumerate(reversed(notes)):
-        page.text(MARGIN, 0.1 + row * LINE, text, page.inks.muted, font)
+    for row, phrases in enumerate(reversed(notes)):
+        x = MARGIN
+        for phrase in phrases:
+            text = phrase.whole(UNICODE)
+            page.text(x, 0.1 + row * LINE, text, getattr(page.inks, phrase.ink), font)
+            x += (len(text) + _GAP) * LETTER * font
     return page.encoded()
 
 
@@ -84,13 +115,79 @@ def _fitting_font(page: Page, table: TableSpec, room: float, font: float) -> flo
     return font
 
 
-def _text(note: Note) -> str:
+def _lines(note: Note, letters: int) -> list[list[Phrase]]:
+    """A note in lines of at most `letters`; phrases stay whole where they fit into a line."""
     if isinstance(note, str):
-        return note
-    return "   ".join(phrase.whole(UNICODE) for phrase in note)
+        return [[Phrase(line)] for line in wrapped(note, letters)]
+    lines: list[list[Phrase]] = []
+    free = -1
+    for phrase in (item for item in note if isinstance(item, Phrase)):
+        for number, text in enumerate(wrapped(phrase.text, letters)):
+            if number or len(text) + _GAP > free:
+                lines.append([])
+                free = letters
+            lines[-1].append(replace(phrase, text=text, sign=None if number else phrase.sign))
+            free -= len(text) + _GAP
+    return lines
 
 
-def _draw_plots(page: Page, plots: tuple[Plot, ...], below: float) -> None:
+def _colour_bars(drawing: Drawing) -> list[ColourBar]:
+    return [
+        item
+        for note in drawing.notes if not isinstance(note, str)
+        for item in note if isinstance(item, ColourBar)
+    ]  # fmt: skip
+
+
+def _points(drawing: Drawing) -> list[Points]:
+    return [mark for plot in drawing.plots for mark in plot.marks if isinstance(mark, Points)]
+
+
+def _draw_bar_below(page: Page, bar: ColourBar, bottom: float) -> None:
+    """A horizontal colour bar with its ticks and its label below."""
+    width = page.inches[0] - _LEFT - _RIGHT
+    axes = page.axes(_LEFT, bottom + 0.5, width, 0.12)
+    low, high = bar.scale
+    axes.imshow(value_colours(np.linspace(0, 1, 256)[None]), aspect="auto",
+                extent=(low, high, 0, 1), interpolation="none")  # fmt: skip
+    axes.set_yticks([])
+    axes.set_xticks(*colour_bar_ticks(bar.scale, width / 2.5, bar.clipped))
+    axes.tick_params(colors=page.inks.muted, labelsize=8, width=0.8, length=3)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    label = label_with_unit(bar.label, bar.unit)
+    axes.set_xlabel(label, fontsize=8, color=page.inks.text)
+
+
+def _draw_plots(page: Page, drawing: Drawing, below: float, bar: ColourBar | None) -> None:
+    """Plots of equal size above `below` inches; those with the same scale share its labels."""
+    plots, wide = drawing.plots, page.inches[0]
+    side = 0.0
+    if bar is not None and wide > NARROW:
+        side, high = _SIDE, min(2.0, 0.45 * (page.top - below))
+        label = wrapped_label(label_with_unit(bar.label, bar.unit), 14)
+        left = wide - side + 0.25
+        draw_colour_bar(page, left, page.top - high - 0.5, high, bar.scale, label, value_colours,
+                        bar.clipped)  # fmt: skip
+    if drawing.beside and wide > NARROW:
+        _draw_beside(page, plots, below, side)
+    else:
+        _draw_stacked(page, plots, below, side)
+
+
+def _draw_beside(page: Page, plots: tuple[Plot, ...], below: float, side: float) -> None:
+    room = (page.inches[0] - _LEFT - _RIGHT - side - _BETWEEN * (len(plots) - 1)) / len(plots)
+    height = max(0.2, page.top - below - _BELOW - _TITLE - 0.15)
+    height = min(height, _TALLEST * room) if plots[0].equal else height
+    top = page.top - 0.15 - _TITLE
+    for place, plot in enumerate(plots):
+        axes = page.axes(_LEFT + place * (room + _BETWEEN), top - height, room, height)
+        draw_plot(axes, page, plot.fitted(room, height), (room, height), True, not place)
+        if place and plot.y == plots[0].y:
+            axes.tick_params(labelleft=False)
+
+
+def _draw_stacked(page: Page, plots: tuple[Plot, ...], below: float, side: float) -> None:
     """Plots of equal height above `below` inches; those with the same scale share its labels."""
     heads = [
         _TITLE if plot.title else math.ceil(len(plot.legend) / LEGEND_COLUMNS) * _LEGEND_LINE
@@ -100,10 +197,12 @@ def _draw_plots(page: Page, plots: tuple[Plot, ...], below: float) -> None:
                 for place, plot in enumerate(plots)]  # fmt: skip
     feet = [_BELOW if each else 0.12 for each in has_axis]
     height = max(0.2, (page.top - below - 0.15 - sum(heads) - sum(feet)) / len(plots))
-    top, width = page.top - 0.15, page.inches[0] - _LEFT - _RIGHT
+    top, width = page.top - 0.15, page.inches[0] - _LEFT - _RIGHT - side
     for place, (plot, head, foot) in enumerate(zip(plots, heads, feet, strict=True)):
         axes = page.axes(_LEFT, top - head - height, width, height)
         alike = [at for at, other in enumerate(plots) if other.y == plot.y]
         has_name = place == alike[len(alike) // 2]  # one name for plots with the same scale of y
-        draw_plot(axes, page, plot, (width, height), has_axis[place], has_name)
+        draw_plot(
+            axes, page, plot.fitted(width, height), (width, height), has_axis[place], has_name
+        )
         top -= head + height + foot

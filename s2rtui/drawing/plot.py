@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rtui.canvas.marks import Shape
 from s2rtui.canvas.render_options import Glyphs
 from s2rtui.drawing.scale import Scale
 
@@ -85,15 +86,41 @@ class Rule:
     dashed: bool = False
 
 
-Mark = Bars | Line | Dots | Rule
+@dataclass(frozen=True, slots=True, eq=False)
+class Points:
+    """Instances (N,): the valid ones in grey, the selected of them by their level.
+
+    levels: 1 .. `LEVELS` of a scale of colours, or of `inks` where these are classes; 0: unknown.
+    trained: instances that the model was trained on, None where none is shown. cursor: an iid.
+    """
+
+    x: NDArray[np.floating]
+    y: NDArray[np.floating]
+    levels: NDArray[np.unsignedinteger]
+    selected: NDArray[np.bool_]
+    valid: NDArray[np.bool_]
+    inks: tuple[Ink, ...] = ()
+    trained: NDArray[np.bool_] | None = None
+    cursor: int | None = None
+
+    @property
+    def depth(self) -> int:
+        """The number of levels."""
+        return len(self.inks) or LEVELS
+
+
+LEVELS = 20
+"""Steps of the scale of colours of points."""
+Mark = Bars | Line | Dots | Rule | Points
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plot:
     """Marks on two scales, the first below the others.
 
-    name: of its panel, where ranges of x can be brushed. title: texts above it. weight: plots with
-    the smallest are left out first where there is no room for all.
+    name: of its panel, in which ranges of x or, on a plane, areas can be brushed. title: texts
+    above it. weight: plots with the smallest are left out first where there is no room for all.
+    equal: whether the scales are widened so that a unit is as long on both.
     """
 
     x: Scale
@@ -102,9 +129,24 @@ class Plot:
     name: str = ""
     title: tuple[Phrase, ...] = ()
     weight: float = 0.0
+    shape: Shape = "range"
+    equal: bool = False
 
     @property
     def legend(self) -> tuple[Line | Dots, ...]:
         """The marks that have a name, dashed ones last."""
         named = [mark for mark in self.marks if isinstance(mark, Line | Dots) and mark.name]
         return tuple(sorted(named, key=lambda mark: isinstance(mark, Line) and mark.dashed))
+
+    def fitted(self, width: float, height: float) -> Plot:
+        """The plot in an area of this size; with `equal` scales one is widened about its middle."""
+        if not self.equal:
+            return self
+        spans = self.x.high - self.x.low, self.y.high - self.y.low
+        pitch = max(spans[0] / width, spans[1] / height)
+        return replace(self, x=_widened(self.x, pitch * width), y=_widened(self.y, pitch * height))
+
+
+def _widened(scale: Scale, span: float) -> Scale:
+    middle = (scale.low + scale.high) / 2
+    return replace(scale, low=middle - span / 2, high=middle + span / 2)

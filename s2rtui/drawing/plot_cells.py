@@ -9,7 +9,8 @@ from s2rtui.canvas import Canvas, Mark, Rgb
 from s2rtui.canvas.marks import mark_on_panel, mark_range
 from s2rtui.canvas.raster import dot_grid, draw_braille
 from s2rtui.drawing.bars import draw_vertical_bars, put_over_bar
-from s2rtui.drawing.plot import ROLES, Bars, Dots, Ink, Line, Plot, Rule
+from s2rtui.drawing.plot import ROLES, Bars, Dots, Ink, Line, Plot, Points, Rule
+from s2rtui.drawing.points_cells import draw_points
 from s2rtui.drawing.scale import Scale, short_number
 
 _DASH = 4
@@ -19,7 +20,8 @@ _DASH = 4
 def draw_marks(canvas: Canvas, plot: Plot, brush: Mark | None) -> None:
     """Draw the marks of a plot, and a range of x that is being brushed, on the whole canvas."""
     ends: tuple[int, ...] = ()
-    mark = mark_on_panel(brush, plot.name) if plot.name else None
+    is_range = plot.name and plot.shape == "range"
+    mark = mark_on_panel(brush, plot.name) if is_range else None
     if mark is not None:
         ends = tuple(
             int(np.clip(column_of(plot.x, x, canvas.width), 0, canvas.width - 1))
@@ -34,12 +36,25 @@ def draw_marks(canvas: Canvas, plot: Plot, brush: Mark | None) -> None:
             _draw_line(canvas, plot, each)
         elif isinstance(each, Dots):
             _draw_dots(canvas, plot, each)
+        elif isinstance(each, Points):
+            draw_points(canvas, plot, each)
+            _draw_cursor(canvas, plot, each)
         else:
             _draw_rule(canvas, plot, each)
     glyphs = canvas.glyphs
     for at, glyph in zip(ends, (glyphs.scale_left, glyphs.scale_right), strict=False):
         for row in range(canvas.height):
             canvas.put(at, row, glyph, canvas.theme.truth, bold=True)
+
+
+def _draw_cursor(canvas: Canvas, plot: Plot, points: Points) -> None:
+    if points.cursor is None:
+        return
+    x, y = float(points.x[points.cursor]), float(points.y[points.cursor])
+    places = plot.x.fraction(x), plot.y.fraction(y)
+    if all(0 <= place <= 1 for place in places):
+        at = column_of(plot.x, x, canvas.width), row_of(plot.y, y, canvas.height)
+        canvas.put(*at, *canvas.options.role("cursor"), bold=True)
 
 
 def style_of(canvas: Canvas, mark: Line | Dots) -> tuple[str, Rgb]:

@@ -8,7 +8,8 @@ import numpy as np
 
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.drawing.page import LETTER, NARROW, Page, style_axes
-from s2rtui.drawing.plot import Bars, Dots, Line, Mark, Plot, Sign
+from s2rtui.drawing.plot import Bars, Dots, Line, Plot, Points, Rule, Sign
+from s2rtui.drawing.points_paper import draw_points
 from s2rtui.drawing.scale import Scale, short_number
 
 if TYPE_CHECKING:
@@ -36,7 +37,10 @@ def draw_plot(
     width, height = inches
     style_axes(axes, page)
     for mark in plot.marks:
-        _draw_mark(axes, page, plot, mark)
+        if isinstance(mark, Points):
+            draw_points(axes, page, plot, mark, inches)
+        else:
+            _draw_mark(axes, page, plot, mark)
     for axis, scale in ((axes.xaxis, plot.x), (axes.yaxis, plot.y)):
         is_x = axis.axis_name == "x"
         axes.set(**{f"{axis.axis_name}lim": (scale.low, scale.high)})
@@ -83,7 +87,7 @@ def axis_ticks(scale: Scale, inches: float, is_x: bool) -> tuple[list[float], li
     return [value for value, _ in ticks], [text if text in kept else "" for _, text in ticks]
 
 
-def _draw_mark(axes: Axes, page: Page, plot: Plot, mark: Mark) -> None:
+def _draw_mark(axes: Axes, page: Page, plot: Plot, mark: Bars | Line | Dots | Rule) -> None:
     ink = getattr(page.inks, mark.ink)
     if isinstance(mark, Bars):
         widths = np.diff(mark.edges)

@@ -33,7 +33,8 @@ class Scale:
         """The places of values along the axis: 0 at `low`, 1 at `high`."""
         numbers = np.asarray(values, dtype=np.float64)
         if self.log:
-            return np.asarray(np.log(numbers / self.low) / math.log(self.high / self.low))
+            with np.errstate(divide="ignore", invalid="ignore"):
+                return np.asarray(np.log(numbers / self.low) / math.log(self.high / self.low))
         return np.asarray((numbers - self.low) / (self.high - self.low))
 
     def value(self, fractions: ArrayLike) -> NDArray[np.float64]:
@@ -46,15 +47,21 @@ class Scale:
     def ticks(self, most: int) -> tuple[Tick, ...]:
         """The fixed ticks, or round numbers that divide the axis into at most `most` intervals.
 
-        Those of a logarithmic axis are 1, 2 and 5 times powers of 10, however many.
+        Those of a logarithmic axis are 1, 2 and 5 times powers of 10, or powers of 10 alone where
+        these are more than `most`; where fewer than two lie on the axis, round numbers.
         """
         if self.fixed is not None:
             return self.fixed
         low, high = sorted((self.low, self.high))
         if self.log:
             powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-            numbers = (factor * 10.0**power for power in powers for factor in (1, 2, 5))
-            return tuple((value, f"{value:g}") for value in numbers if low <= value <= high)
+            for factors in ((1, 2, 5), (1,)):
+                numbers = [factor * 10.0**power for power in powers for factor in factors]
+                shown = [value for value in numbers if low <= value <= high]
+                if len(shown) <= most:
+                    break
+            if len(shown) > 1:
+                return tuple((value, f"{value:g}") for value in shown)
         width = tick_step(high - low, most)
         return tuple((value, tick_text(value, width)) for value in tick_values(low, high, most))
 

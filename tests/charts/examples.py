@@ -19,12 +19,18 @@ from s2rtui.charts.history import history_model, history_plots
 from s2rtui.charts.orientation.model import OrientationInput
 from s2rtui.charts.overview.model import OverviewLines
 from s2rtui.charts.rooms import counts_table, groups_table, ordered, room_counts
-from s2rtui.charts.scatter.model import ScatterInput
+from s2rtui.charts.scatter.view import scatter_drawing
 from s2rtui.charts.scene import OverviewRow
 from s2rtui.charts.shared.base_map_model import MapInput
 from s2rtui.charts.shared.image_pair_model import InstanceInput, PoseNumbers, SideView
-from s2rtui.charts.umap.model import UmapInput
-from s2rtui.drawing.drawing import Drawing
+from s2rtui.charts.umap import (
+    distance_levels,
+    distance_range,
+    distances,
+    umap_extent,
+    umap_plots,
+)
+from s2rtui.drawing.drawing import ColourBar, Drawing
 from s2rtui.drawing.table import Cell, Column, LazyRows, Row, TableSpec
 
 N = 60
@@ -144,36 +150,38 @@ def errors_drawing(
     return Drawing(errors_plots(model, at), **changes)
 
 
-def scatter_input(**changes: Any) -> ScatterInput:
+def scatter_errors() -> tuple[Any, Any]:
+    """Position errors of both sides."""
     random = np.random.default_rng(6)
-    return replace(
-        ScatterInput(
-            sim=random.gamma(2, 0.6, N),
-            real=random.gamma(2, 0.8, N),
-            selected=np.arange(N) < 30,
-            valid=np.arange(N) != 3,
-        ),
-        **changes,
-    )
+    return random.gamma(2, 0.6, N), random.gamma(2, 0.8, N)
 
 
-def umap_input(**changes: Any) -> UmapInput:
+def scatter_of(**changes: Any) -> Drawing:
+    """Half of the instances are selected; instance 3 is not valid."""
+    return scatter_drawing(*scatter_errors(), np.arange(N) < 30, np.arange(N) != 3, **changes)
+
+
+def umap_points() -> dict[Side, Any]:
     """Two clusters; instance 4 has no real point."""
     random = np.random.default_rng(11)
     sim = random.normal(0, 1, (N, 2)) + np.where(np.arange(N) < 30, 0, 6)[:, None]
     real = sim + random.normal(0, 1.5, (N, 2))
     real[4] = np.nan
-    return replace(
-        UmapInput(
-            sim=sim,
-            real=real,
-            values=None,
-            selected=np.arange(N) >= 40,
-            valid=np.arange(N) != 3,
-            cursor=50,
-        ),
-        **changes,
-    )
+    return {"sim": sim, "real": real}
+
+
+def umap_drawing(
+    points: dict[Side, Any] | None = None, cursor: int | None = 50, brush: Mark | None = None,
+    selected: Any = None,
+) -> Drawing:  # fmt: skip
+    points = points or umap_points()
+    values = distances(points["sim"], points["real"])
+    scale = distance_range(values)
+    plots = umap_plots(points, distance_levels(values, scale),
+                       np.arange(N) >= 40 if selected is None else selected, np.arange(N) != 3,
+                       umap_extent(points["sim"], points["real"]), cursor)  # fmt: skip
+    bar = ColourBar("distance", "", scale, clipped=True)
+    return Drawing(plots, notes=((bar,),), brush=brush, beside=True)
 
 
 def orientation_input(**changes: Any) -> OrientationInput:

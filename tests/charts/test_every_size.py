@@ -14,10 +14,8 @@ from s2rtui.charts.compare.terminal import draw_compare
 from s2rtui.charts.map.terminal import draw_map
 from s2rtui.charts.orientation.terminal import draw_orientation
 from s2rtui.charts.overview.terminal import draw_overview
-from s2rtui.charts.scatter.terminal import draw_scatter
 from s2rtui.charts.shared.image_pair_terminal import draw_instance
 from s2rtui.charts.suggestions import suggestions_drawing
-from s2rtui.charts.umap.terminal import draw_umap
 from s2rtui.drawing.cells import draw_cells
 from s2rtui.terminal.strips import to_strips
 from tests.charts.examples import (
@@ -33,9 +31,9 @@ from tests.charts.examples import (
     map_input,
     orientation_input,
     overview_lines,
-    scatter_input,
+    scatter_of,
     side,
-    umap_input,
+    umap_drawing,
 )
 from tests.drawing import examples
 from tests.support import gaps
@@ -73,15 +71,16 @@ VIEWS: dict[str, Draw] = {
     ),
     "history": drawing(draw_cells, history_drawing(gaps.week(), 60)),
     "marked umap": drawing(
-        draw_umap, umap_input(mark=Mark("real", ((-9.0, -9.0), (3.0, 3.0), (4.0, 9.0)), lasso=True))
+        draw_cells,
+        umap_drawing(brush=Mark("real", ((-9.0, -9.0), (3.0, 3.0), (4.0, 9.0)), lasso=True)),
     ),
     "marked orientation": drawing(
         draw_orientation, orientation_input(mark=Mark("sim", ((170.0, 1.0), (-120.0, 9.0))))
     ),
     "marked scatter": drawing(
-        draw_scatter,
-        scatter_input(
-            cursor=5, mark=Mark("errors", ((0.5, 0.5), (9.0, 3.0), (1.0, -2.0)), lasso=True)
+        draw_cells,
+        scatter_of(
+            cursor=5, brush=Mark("errors", ((0.5, 0.5), (9.0, 3.0), (1.0, -2.0)), lasso=True)
         ),
     ),
     "marked rooms": drawing(draw_cells, counts_drawing(Mark("truth", ((0.0, 1.0), (0.0, 9.0))))),

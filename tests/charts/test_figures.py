@@ -15,9 +15,7 @@ from s2rtui.charts.instance.paper import instance_figure
 from s2rtui.charts.map.paper import map_figure
 from s2rtui.charts.orientation.paper import orientation_figure
 from s2rtui.charts.overview.paper import overview_figure
-from s2rtui.charts.scatter.paper import scatter_figure
 from s2rtui.charts.suggestions import paper_drawing
-from s2rtui.charts.umap.paper import umap_figure
 from s2rtui.drawing.page import colour_bar_ticks
 from s2rtui.drawing.paper import draw_paper
 from tests.charts.examples import (
@@ -31,9 +29,9 @@ from tests.charts.examples import (
     map_input,
     orientation_input,
     overview_lines,
-    scatter_input,
+    scatter_of,
     side,
-    umap_input,
+    umap_drawing,
 )
 from tests.support.suggestions import suggestions_input
 
@@ -56,10 +54,10 @@ FIGURES: dict[str, Draw] = {
         (map_input(heat=None), map_input(heat=None)), compare_input(), size, theme
     ),
     "instance": drawing(instance_figure, instance_input(), "vanilla"),
-    "umap": drawing(umap_figure, umap_input()),
+    "umap": drawing(draw_paper, umap_drawing()),
     "orientation": drawing(orientation_figure, orientation_input()),
     "rooms": drawing(draw_paper, counts_drawing()),
-    "scatter": drawing(scatter_figure, scatter_input(cursor=5)),
+    "scatter": drawing(draw_paper, scatter_of(cursor=5)),
     "groups": drawing(draw_paper, groups_drawing(), "vanilla"),
     "findings": drawing(draw_paper, findings_of(), "vanilla"),
     "suggestions": drawing(draw_paper, paper_drawing(suggestions_input().directions), "vanilla"),
@@ -88,8 +86,8 @@ def test_empty_selections_and_missing_values_can_be_drawn():
         map_figure(bare_map, size),
         instance_figure(bare, size),
         overview_figure([], None, size),
-        umap_figure(umap_input(selected=nobody), size),
-        umap_figure(umap_input(sim=no_points, real=no_points, cursor=1), size),
+        draw_paper(umap_drawing(selected=nobody), size, LIGHT),
+        draw_paper(umap_drawing({"sim": no_points, "real": no_points}, 1), size, LIGHT),
         orientation_figure(orientation_input(selected=nobody, valid=nobody), size),
         draw_paper(errors_drawing(selected=nobody, valid=nobody), size, LIGHT),
     ):
@@ -126,11 +124,13 @@ def test_an_invalid_size_is_rejected():
 
 
 def test_many_points_are_drawn_as_cells(monkeypatch):
-    few = umap_figure(umap_input(cursor=None), (600, 300))
-    monkeypatch.setattr("s2rtui.charts.umap.paper.POINTS_UP_TO", 10)
-    many = umap_figure(umap_input(cursor=None), (600, 300))
-    assert few != many
-    assert decode(many).size == (600, 300)
+    drawings = umap_drawing(cursor=None), scatter_of()
+    few = [draw_paper(drawing, (600, 300), LIGHT) for drawing in drawings]
+    monkeypatch.setattr("s2rtui.drawing.points_paper.POINTS_UP_TO", 10)
+    for drawing, before in zip(drawings, few, strict=True):
+        many = draw_paper(drawing, (600, 300), LIGHT)
+        assert before != many
+        assert decode(many).size == (600, 300)
 
 
 @pytest.mark.parametrize(

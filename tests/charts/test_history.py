@@ -10,8 +10,9 @@ from s2rtui.canvas import RenderOptions
 from s2rtui.charts.history import STYLES, history_model, history_plots
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.scene import Resources, Scene
-from s2rtui.drawing.cells import draw_cells, drawing_layout
+from s2rtui.drawing.cells import draw_cells
 from s2rtui.drawing.drawing import Drawing
+from s2rtui.drawing.drawing_layout import drawing_layout
 from s2rtui.drawing.plot import Dots, Line
 from s2rtui.drawing.plot_cells import column_of, row_of
 from s2rtui.session import Session
@@ -46,13 +47,13 @@ def test_all_tracks_share_one_scale():
 @pytest.mark.parametrize("size", [(100, 50), (60, 40), (200, 60)])
 def test_each_night_is_drawn_at_its_day_and_value(size):
     drawing = history_drawing(WEEK, size[0])
-    canvas, layout = draw_cells(drawing, size), drawing_layout(drawing, size)
+    canvas, layout = draw_cells(drawing, size), drawing_layout(drawing, size, RenderOptions())
     assert len(layout.plots) == 4
     for place in layout.plots:
         drawn = 0
         for dots in (mark for mark in place.plot.marks if isinstance(mark, Dots)):
             for day, value in zip(dots.x, dots.y, strict=True):
-                column = layout.left + column_of(place.plot.x, day, layout.width)
+                column = place.left + column_of(place.plot.x, day, place.width)
                 row = place.top + row_of(place.plot.y, value, place.rows)
                 assert canvas.char[row, column] == getattr(canvas.glyphs, dots.sign)
                 drawn += 1
@@ -122,11 +123,11 @@ CUT = (
 @pytest.mark.parametrize("options", [RenderOptions(), RenderOptions(ascii=True)])
 def test_what_lies_beyond_the_scale_is_an_arrow_with_its_number(size, options):
     drawing = history_drawing(CUT, size[0])
-    canvas, layout = draw_cells(drawing, size, options), drawing_layout(drawing, size)
+    canvas, layout = draw_cells(drawing, size, options), drawing_layout(drawing, size, options)
     up, down = options.glyphs.arrows[6], options.glyphs.arrows[2]
     for place in layout.plots:
         days = np.array([gap.night.toordinal() for gap in CUT], dtype=np.float64)
-        columns = [layout.left + column_of(place.plot.x, day, layout.width) for day in days]
+        columns = [place.left + column_of(place.plot.x, day, place.width) for day in days]
         first, last = place.top, place.top + place.rows - 1
         assert [canvas.char[first, column] == up for column in columns] == [
             False, True, False, False, False,

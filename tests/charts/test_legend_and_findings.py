@@ -13,7 +13,7 @@ from s2rtui.canvas import DARK, Canvas, RenderOptions
 from s2rtui.charts.map.terminal import draw_map
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.scene import Resources, Scene
-from s2rtui.charts.shared.legend import (
+from s2rtui.drawing.legend import (
     colour_bar,
     draw_rows,
     fit_rows,

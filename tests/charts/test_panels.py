@@ -13,8 +13,6 @@ from s2rtui.canvas.marks import Panel
 from s2rtui.charts.compare.terminal import compare_panels
 from s2rtui.charts.map.terminal import map_panels
 from s2rtui.charts.orientation.terminal import orientation_panels
-from s2rtui.charts.scatter.terminal import scatter_panels
-from s2rtui.charts.umap.terminal import umap_panels
 from s2rtui.drawing.cells import drawing_panels
 from s2rtui.drawing.drawing import Drawing
 from tests.charts.examples import (
@@ -26,8 +24,8 @@ from tests.charts.examples import (
     list_drawing,
     map_input,
     orientation_input,
-    scatter_input,
-    umap_input,
+    scatter_of,
+    umap_drawing,
 )
 
 Surface = Callable[[tuple[int, int], RenderOptions], tuple[Panel, ...]]
@@ -46,10 +44,10 @@ SIDES, DIALS = ("sim", "real"), ("sim", "truth", "real")
 VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
     "map": (surface(map_panels, map_input(y_down=False)), "plane", ("map",)),
     "near comparison": (surface(compare_panels, compare_input(), NEAR), "plane", ("map",)),
-    "umap": (surface(umap_panels, umap_input()), "plane", SIDES),
+    "umap": (drawn(umap_drawing()), "plane", SIDES),
     "orientation": (surface(orientation_panels, orientation_input()), "turn", DIALS),
     "upwards": (surface(orientation_panels, orientation_input(y_down=False)), "turn", DIALS),
-    "scatter": (surface(scatter_panels, scatter_input()), "plane", ("errors",)),
+    "scatter": (drawn(scatter_of()), "plane", ("errors",)),
     "rooms": (drawn(counts_drawing()), "steps", DIALS),
     "groups": (drawn(groups_drawing()), "steps", ("groups",)),
     "list": (drawn(list_drawing(7)), "steps", ("rows",)),

@@ -8,10 +8,7 @@ import pytest
 from s2rtui.canvas import Canvas, ColourMode, RenderOptions
 from s2rtui.charts.compare.terminal import compare_layout, draw_compare
 from s2rtui.charts.map.terminal import draw_map, map_layout
-from s2rtui.charts.scatter.model import ScatterInput
-from s2rtui.charts.scatter.terminal import draw_scatter, scatter_panels
-from s2rtui.charts.umap.terminal import draw_umap, umap_panels
-from tests.charts.examples import N, compare_input, map_input, umap_input
+from tests.charts.examples import N, compare_input, map_input
 
 SIZE = (120, 40)
 PLAIN, ASCII = RenderOptions(mode=ColourMode.NONE), RenderOptions(ascii=True)
@@ -89,32 +86,6 @@ def test_digits_of_values_keep_their_value(options, forms, legend):
 
 
 @pytest.mark.parametrize(
-    ("options", "legend"),
-    [(COLOURS, "○ ②-⑨ ⊕ trained on"), (PLAIN, "trained on"), (ASCII, "a-j (for 0-9) trained on")],
-)
-def test_the_umap_shows_number_and_mark(options, legend):
-    sim = twins(umap_input().sim)
-    views = [
-        umap_input(sim=sim, selected=SELECTED, cursor=None, trained=trained)
-        for trained in (None, TRAINED)
-    ]
-    before, canvas = (draw_umap(view, SIZE, options) for view in views)
-    panel = umap_panels(views[1], SIZE, options)[0]
-    places = [panel.to_cells(*sim[iid]) for iid in (ONE, TWINS[0])]
-    cells = [(int(row), int(column)) for column, row in places]
-    if options == COLOURS:
-        assert [(ord(before.char[cell]) - 0x2800).bit_count() for cell in cells] == [1, 2]
-        assert "".join(canvas.char[cell] for cell in cells) == "○②"
-    else:
-        assert [bool(before.bold[cell]) for cell in cells] == [False, True]
-        assert "several" in text(before)
-    if options == ASCII:
-        expected = "".join("abcdefghij"[int(before.char[cell])] for cell in cells)
-        assert "".join(canvas.char[cell] for cell in cells) == expected
-    assert legend in text(canvas)
-
-
-@pytest.mark.parametrize(
     ("options", "several", "glyphs", "legend"),
     [
         (COLOURS, "▾▲", "▿△", "▽○△ trained on"),
@@ -138,22 +109,3 @@ def test_the_comparison_shows_direction_number_and_mark(options, several, glyphs
         assert "".join(canvas.char[cell] for cell in cells) == expected
         assert [bool(canvas.bold[cell]) for cell in cells] == [False, True]
         assert ("several" if trained is None else legend) in text(canvas)
-
-
-@pytest.mark.parametrize(
-    ("options", "glyphs", "legend"),
-    [
-        (COLOURS, "○③⊕", "○ ②-⑨ ⊕ trained on"),
-        (PLAIN, "○③⊕", "○ ②-⑨ ⊕ trained on"),
-        (ASCII, "tdT", "t c-j T (for 1, 2-9, +) trained on"),
-    ],
-)
-def test_the_scatter_shows_number_and_mark(options, glyphs, legend):
-    sim = np.array([8.0] + [1.0] * 3 + [4.0] * 12)
-    real = np.array([1.0] + [8.0] * 3 + [2.0] * 12)
-    everything, trained = np.ones(16, dtype=np.bool_), np.isin(np.arange(16), [0, 1, 4])
-    data = ScatterInput(sim, real, everything, everything, trained=trained)
-    canvas, panel = draw_scatter(data, (80, 30), options), scatter_panels(data, (80, 30))[0]
-    cells = [panel.to_cells(sim[iid], real[iid]) for iid in (0, 1, 4)]
-    assert "".join(canvas.char[int(row), int(column)] for column, row in cells) == glyphs
-    assert legend in text(canvas)

@@ -13,10 +13,9 @@ from s2rtui.charts.map.terminal import draw_map
 from s2rtui.charts.shared.base_map_model import map_model
 from s2rtui.charts.shared.image_pair_model import instance_model
 from s2rtui.charts.shared.image_pair_terminal import draw_instance, instance_layout
-from s2rtui.charts.umap.model import umap_frame, umap_model
-from s2rtui.charts.umap.terminal import draw_umap
+from s2rtui.drawing.cells import draw_cells
 from s2rtui.drawing.scale import Interval, short_number
-from tests.charts.examples import N, compare_input, instance_input, map_input, umap_input
+from tests.charts.examples import N, compare_input, instance_input, map_input, umap_drawing
 from tests.charts.test_every_size import VIEWS
 
 Written = list[tuple[Canvas, int, int, str]]
@@ -56,7 +55,7 @@ def test_no_view_shows_a_part_of_a_number(name, written):
 
 def test_the_numbers_at_a_umap_are_whole():
     points = np.linspace(-12.5, -9.5, 2 * N).reshape(N, 2)
-    canvas = draw_umap(umap_input(sim=points, real=points), (120, 40))
+    canvas = draw_cells(umap_drawing({"sim": points, "real": points}), (120, 40))
     texts = {line[:5].strip() for line in canvas.lines()} - {""}
     numbers = {float(text) for text in texts if re.fullmatch(r"-?[\d.]+", text)}
     assert len(numbers) >= 2
@@ -80,11 +79,10 @@ def ends(scale: Interval | None) -> tuple[str, str]:
 def test_both_ends_are_labelled(size, options):
     on_map = map_input(values=np.linspace(0.31, 7.7, 60))
     compared, pair = compare_input(), instance_input()
-    embedded = umap_input()
+    embedded = umap_drawing()
     drawn = (
         (draw_map(on_map, size, options), ends(map_model(on_map).value_range)),
-        (draw_umap(embedded, size, options),
-         ends(umap_model(embedded, umap_frame(embedded, 9, 4)).value_range)),
+        (draw_cells(embedded, size, options), ends(embedded.notes[0][0].scale)),
         (draw_instance(pair, size, options), ends(instance_model(pair).heat_range)),
     )  # fmt: skip
     if any(panel.what == "depth" for panel in instance_layout(pair, size, options).panels):

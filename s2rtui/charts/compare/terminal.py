@@ -34,15 +34,15 @@ from s2rtui.charts.shared.base_map_terminal import (
     put_glyphs,
     several_legend,
 )
-from s2rtui.charts.shared.legend import NO_BREAK, LegendPart, colour_bar, ramp_for_values, text_part
 from s2rtui.charts.shared.points import marked_cells
-from s2rtui.charts.shared.trained_marks import (
+from s2rtui.drawing.legend import NO_BREAK, LegendPart, colour_bar, ramp_for_values, text_part
+from s2rtui.drawing.scale import short_number
+from s2rtui.drawing.trained_marks import (
     TrainedForms,
     glyph_forms,
     mark_trained,
     trained_legend,
 )
-from s2rtui.drawing.scale import short_number
 
 MIN_TABLE = 4
 """Fewest rows of a table of rooms: headings, a room, all instances, and which rooms are shown."""

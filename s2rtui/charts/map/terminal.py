@@ -47,11 +47,11 @@ from s2rtui.charts.shared.base_map_terminal import (
     value_legend,
     value_marks,
 )
-from s2rtui.charts.shared.legend import LegendPart, ramp_for_values, role_legend, text_part
 from s2rtui.charts.shared.points import selected_counts
-from s2rtui.charts.shared.trained_marks import SEVERAL as SEVERAL_TRAINED
-from s2rtui.charts.shared.trained_marks import TrainedForms, glyph_forms, number_forms
+from s2rtui.drawing.legend import LegendPart, ramp_for_values, role_legend, text_part
 from s2rtui.drawing.scale import short_number
+from s2rtui.drawing.trained_marks import SEVERAL as SEVERAL_TRAINED
+from s2rtui.drawing.trained_marks import TrainedForms, glyph_forms, number_forms
 
 ARROW_FOOTPRINT = (9, 3)
 RADII = (3.0, 3.6, 4.2)

@@ -8,8 +8,7 @@ import numpy as np
 
 from s2rtui.canvas import Mark, Point
 from s2rtui.charts.mark_expressions import function_call, number_text, round_to_cell
-from s2rtui.charts.scatter.axis import ErrorAxis
-from s2rtui.drawing.scale import Floats
+from s2rtui.drawing.scale import Floats, Scale
 from s2rtui.session.brush_geometry import MAX_CORNERS
 
 _EDGE = 1e-9
@@ -17,7 +16,7 @@ _DIGITS = 17
 
 
 def box_expression(
-    axis: ErrorAxis, sim: Floats, real: Floats, mark: Mark, cell: tuple[float, float]
+    axis: Scale, sim: Floats, real: Floats, mark: Mark, cell: tuple[float, float]
 ) -> str:
     """Ranges of both errors, with the shortest numbers that select what the box covers.
 
@@ -28,7 +27,7 @@ def box_expression(
     parts = []
     for side, errors, place, width in zip(("sim", "real"), (sim, real), (0, 1), cell, strict=True):
         ends = sorted(point[place] for point in (mark.points[0], mark.points[-1]))
-        fractions = axis.fractions([max(end, 1e-300) if axis.log else end for end in ends])
+        fractions = axis.fraction([max(end, 1e-300) if axis.log else end for end in ends])
         low = None if fractions[0] <= _EDGE else _shortest(errors, ends[0], axis, width)
         high = None
         if fractions[1] < 1 - _EDGE:
@@ -39,7 +38,7 @@ def box_expression(
     return " & ".join(part for part in parts if part) or "all"
 
 
-def lasso_expression(axis: ErrorAxis, mark: Mark, cell: tuple[float, float]) -> str:
+def lasso_expression(axis: Scale, mark: Mark, cell: tuple[float, float]) -> str:
     """A polygon in metres.
 
     Edges that are straight on logarithmic axes are curves in metres: they get as many corners as
@@ -51,26 +50,29 @@ def lasso_expression(axis: ErrorAxis, mark: Mark, cell: tuple[float, float]) -> 
     numbers = []
     for corner in corners:
         for error, width in zip(corner, cell, strict=True):
-            place = float(axis.fractions(max(error, 1e-300) if axis.log else error))
-            step = abs(axis.value(place + width) - axis.value(place))
+            place = float(axis.fraction(max(error, 1e-300) if axis.log else error))
+            step = _step(axis, place, width)
             numbers.append(0.0 if place <= _EDGE else round_to_cell(error, step / 10))
     return function_call("error.lasso", numbers)
 
 
-def _divided(axis: ErrorAxis, corners: list[Point], parts: int) -> list[Point]:
+def _divided(axis: Scale, corners: list[Point], parts: int) -> list[Point]:
     """The polygon with each edge in `parts` pieces that are equal on the axes."""
-    places = np.maximum(axis.fractions(np.maximum(np.array(corners), 1e-300)), 0.0)
+    places = np.maximum(axis.fraction(np.maximum(np.array(corners), 1e-300)), 0.0)
     along = np.arange(parts)[:, None] / parts
     pieces = [
         first + along * (second - first)
         for first, second in zip(places, np.roll(places, -1, axis=0), strict=True)
     ]
-    return [(axis.value(float(x)), axis.value(float(y))) for x, y in np.concatenate(pieces)]
+    return [(float(x), float(y)) for x, y in axis.value(np.concatenate(pieces))]
 
 
-def _shortest(
-    errors: Floats, end: float, axis: ErrorAxis, width: float, upper: bool = False
-) -> float:
+def _step(axis: Scale, place: float, width: float) -> float:
+    """The difference of the values at both ends of a cell that is `width` of the axis wide."""
+    return abs(float(axis.value(place + width) - axis.value(place)))
+
+
+def _shortest(errors: Floats, end: float, axis: Scale, width: float, upper: bool = False) -> float:
     """The shortest number that divides the errors as `end` does, at the precision of a cell.
 
     Errors below `end` are on one side, the others on the other. An `upper` limit belongs to the
@@ -80,8 +82,8 @@ def _shortest(
     is_below = known < end
     below = known[is_below].max(initial=-math.inf)
     above = known[(known >= end)].min(initial=math.inf)
-    place = float(axis.fractions(end))
-    step = abs(axis.value(place + width) - axis.value(place))
+    place = float(axis.fraction(end))
+    step = _step(axis, place, width)
     first = max(0, math.ceil(-math.log10(step))) if step else _DIGITS
     for digits in range(first, _DIGITS):
         number = float(number_text(round(end, digits)))

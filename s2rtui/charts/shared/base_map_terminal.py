@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -22,10 +21,7 @@ from s2rtui.canvas import (
     RenderOptions,
     Rgb,
     Size,
-    Theme,
     heading_arrow,
-    legible,
-    turbo,
 )
 from s2rtui.canvas.marks import draw_mark
 from s2rtui.canvas.raster import braille_bits, draw_braille, limit_ground
@@ -44,32 +40,32 @@ from s2rtui.charts.shared.base_map_pixels import (
 )
 from s2rtui.charts.shared.base_map_room_names import draw_room_names, mark_costs
 from s2rtui.charts.shared.heat_colours import heat_glyphs, heat_ramp
-from s2rtui.charts.shared.legend import (
-    LegendPart,
-    Scale,
-    colour_bar,
-    draw_rows,
-    fit_rows,
-    legend_rows,
-    ramp_for_values,
-    scale_bar,
-    text_part,
-)
 from s2rtui.charts.shared.points import (
     highest_levels,
     level_shares,
     marked_cells,
     unselected_dots,
 )
-from s2rtui.charts.shared.trained_marks import SEVERAL as SEVERAL_TRAINED
-from s2rtui.charts.shared.trained_marks import (
+from s2rtui.drawing.legend import (
+    LegendPart,
+    colour_bar,
+    draw_rows,
+    fit_rows,
+    legend_rows,
+    point_colours,
+    ramp_for_values,
+    scale_bar,
+    text_part,
+)
+from s2rtui.drawing.scale import Floats, tick_step, tick_text, tick_values
+from s2rtui.drawing.trained_marks import SEVERAL as SEVERAL_TRAINED
+from s2rtui.drawing.trained_marks import (
     TrainedForms,
     digit_forms,
     glyph_forms,
     mark_trained,
     trained_legend,
 )
-from s2rtui.drawing.scale import Floats, tick_step, tick_text, tick_values
 
 Places = NDArray[np.intp]
 Legend = Callable[[MapFrame, int], list[LegendPart]]
@@ -310,12 +306,6 @@ def value_legend(
     clipped, colours = data.value_range is None, point_colours(options.theme)
     bar = colour_bar(*values, options, length, colours, ramp, width, clipped)
     return [bar, several_legend(options)] if model.highlighted > 1 else [bar]
-
-
-@lru_cache(4)
-def point_colours(theme: Theme) -> Scale:
-    """The colours of points by value, 0 .. 1, as a theme shows them."""
-    return lambda shares: legible(turbo(shares), theme)
 
 
 def map_legend(

@@ -24,7 +24,7 @@ from s2rtui.charts.shared.image_pair_model import (
     instance_model,
     panel_pixels,
 )
-from s2rtui.charts.shared.legend import LegendPart, colour_bar, draw_rows, fit_rows
+from s2rtui.drawing.legend import LegendPart, colour_bar, draw_rows, fit_rows
 
 SIGNED_RAMP = "ihgfedcba.123456789"
 """Glyphs of signed heat, from the most negative through 0 to the most positive."""

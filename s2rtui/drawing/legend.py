@@ -11,7 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.cells import cell_len
 
-from s2rtui.canvas import DIGITS, Canvas, ColourMode, Pixels, RenderOptions, Rgb, legible, turbo
+from s2rtui.canvas import (
+    DIGITS,
+    Canvas,
+    ColourMode,
+    Pixels,
+    RenderOptions,
+    Rgb,
+    Theme,
+    legible,
+    turbo,
+)
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.drawing.scale import Interval, short_number, tick_step
 
@@ -229,6 +239,12 @@ def draw_rows(
         for part in row:
             part.draw(canvas, at, y + offset)
             at += part.width + gap
+
+
+@lru_cache(4)
+def point_colours(theme: Theme) -> Scale:
+    """The colours of points by value, 0 .. 1, as a theme shows them."""
+    return lambda shares: legible(turbo(shares), theme)
 
 
 def ramp_for_values(options: RenderOptions) -> str | None:

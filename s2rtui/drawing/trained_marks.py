@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.canvas import DIGITS, Canvas, RenderOptions
-from s2rtui.charts.shared.legend import LegendPart, text_part
+from s2rtui.drawing.legend import LegendPart, text_part
 
 _RINGED, _LETTERS = "⓪①②③④⑤⑥⑦⑧⑨", "abcdefghij"
 SEVERAL = "▣"

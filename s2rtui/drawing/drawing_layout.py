@@ -1,0 +1,228 @@
+"""Where the parts of a drawing are in character cells."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from rich.cells import cell_len
+
+from s2rtui.canvas import RenderOptions, Size
+from s2rtui.drawing.drawing import ColourBar, Drawing, Note
+from s2rtui.drawing.legend import (
+    LegendPart,
+    colour_bar,
+    fit_rows,
+    point_colours,
+    ramp_for_values,
+    text_part,
+)
+from s2rtui.drawing.plot import Phrase, Plot, Points
+from s2rtui.drawing.plot_cells import row_of
+from s2rtui.drawing.points_cells import points_legend
+from s2rtui.drawing.table_layout import wanted_lines
+
+_FEWEST_ROWS = 5
+"""Rows of a single plot above a table, without its axis, from which on it is drawn."""
+_FEWEST_STACKED = 3
+"""Rows of each of several plots; those of smaller weight are left out where it has fewer."""
+_FEWEST_COLUMNS, _FEWEST_WITH_AXES = 16, 8
+"""Columns of a plot beside which labels of y have room; rows of plots on a plane with axes."""
+_GAP = 1
+"""Columns between plots beside each other."""
+Rows = tuple[tuple[LegendPart, ...], ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlotPlace:
+    """Where a plot is: first column and row of its marks, their number, and its title and axis.
+
+    start: the first column, labels of y included. head: row of the title. axis: row of the axis.
+    """
+
+    plot: Plot
+    start: int
+    left: int
+    width: int
+    top: int
+    rows: int
+    head: int | None
+    axis: int | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DrawingLayout:
+    """Where the parts of a drawing are.
+
+    table: first row of the table and the number of rows that it has. notes: the last rows.
+    """
+
+    plots: tuple[PlotPlace, ...]
+    table: tuple[int, int]
+    notes: Rows
+
+
+def drawing_layout(drawing: Drawing, size: Size, options: RenderOptions) -> DrawingLayout:
+    """Lay out a drawing in `size` (columns, rows).
+
+    Plots have the rows that the table and the notes leave, but at least `_FEWEST_ROWS` where the
+    canvas is twice as high; then the last rows of the table are left out, and its head says so.
+    Where there is no room for all plots, a note names those that are left out.
+    """
+    width, height = max(1, size[0]), max(1, size[1])
+    plots, left_out = list(drawing.plots), list[Plot]()
+    wanted = 0 if drawing.table is None else wanted_lines(drawing.table)
+    while True:
+        named = ", ".join(plot.title[0].text if plot.title else plot.name for plot in left_out)
+        texts = [*drawing.notes, *([f"no room for {named}"] if named else [])]
+        notes = _note_rows(texts, plots, width, _most_notes(drawing, height), options)
+        least = _FEWEST_ROWS if drawing.table is not None or notes else 1
+        extra = 1 + any(map(_has_head, plots))
+        area = height - wanted - len(notes)
+        if plots and height >= 2 * (least + extra):
+            area = max(area, min(height, least + extra))
+        is_beside = drawing.beside and len(plots) > 1 and 2 * area <= width
+        lightest = min(plots, key=lambda plot: plot.weight) if plots else None
+        if lightest is None or is_beside or area >= _needed(plots):
+            break
+        if lightest.weight == max(plot.weight for plot in plots):
+            break
+        left_out.append(lightest)
+        plots.remove(lightest)
+    places: tuple[PlotPlace, ...] = ()
+    top = 0
+    if plots and area >= (least if drawing.table is not None else 1):
+        place = _beside if is_beside else _stacked
+        places = tuple(place(plots, width, area))
+        top = area
+    return DrawingLayout(places, (top, max(0, height - len(notes) - top)), notes)
+
+
+def note_rows(notes: Sequence[Note], width: int, options: RenderOptions) -> Rows:
+    """Notes in rows of at most `width` cells."""
+    return _note_rows(notes, (), width, None, options)
+
+
+def _most_notes(drawing: Drawing, height: int) -> int:
+    if drawing.table is None and not drawing.plots:
+        return height
+    return 0 if height < 6 and drawing.plots else height // 2
+
+
+def _note_rows(
+    notes: Sequence[Note], plots: Sequence[Plot], width: int, most: int | None,
+    options: RenderOptions,
+) -> Rows:  # fmt: skip
+    """Notes, and what the cells of points show; an ellipsis ends the last of `most` rows."""
+    rows: list[list[LegendPart]] = []
+    muted = options.theme.muted
+    points = [mark for plot in plots for mark in plot.marks if isinstance(mark, Points)]
+    for place, note in enumerate(notes):
+        if isinstance(note, str):
+            rows += [[text_part(((options.printable(line), muted),))]
+                     for line in textwrap.wrap(note, width)]  # fmt: skip
+            continue
+        parts = [part for item in note for part in _note_parts(item, width, options)]
+        if points and place == 0:
+            parts += points_legend(points[0], options)
+        room = None if most is None else max(0, most - len(rows))
+        rows += fit_rows(parts, width, most=room)
+    return tuple(map(tuple, rows[:most]))
+
+
+def _note_parts(item: Phrase | ColourBar, width: int, options: RenderOptions) -> list[LegendPart]:
+    if isinstance(item, Phrase):
+        text = options.printable(item.whole(options.glyphs))
+        return [text_part(((text, getattr(options.theme, item.ink)),))]
+    ramp = ramp_for_values(options)
+    length = 10 if ramp else 8 if width < 60 else 16
+    bar = colour_bar(
+        item.label, item.unit, item.scale, options, length, point_colours(options.theme),
+        ramp=ramp, room=width, clipped=item.clipped,
+    )  # fmt: skip
+    return [bar]
+
+
+def _has_head(plot: Plot) -> bool:
+    return bool(plot.title or plot.legend)
+
+
+def _has_axis(plots: Sequence[Plot], place: int) -> bool:
+    return place == len(plots) - 1 or plots[place].x != plots[place + 1].x
+
+
+def _needed(plots: Sequence[Plot]) -> int:
+    """Rows of several plots at least."""
+    return sum(
+        _FEWEST_STACKED + _has_head(plot) + _has_axis(plots, place)
+        for place, plot in enumerate(plots)
+    )
+
+
+def _stacked(plots: list[Plot], width: int, area: int) -> list[PlotPlace]:
+    """Plots of equal height in `area` rows; in low areas titles and axes are left out."""
+    plots = plots[:area]
+    heads = sum(map(_has_head, plots))
+    axes = sum(_has_axis(plots, place) for place in range(len(plots)))
+    with_axes = area >= len(plots) * _least_rows(plots) + axes
+    with_heads = area >= len(plots) * 2 + axes * with_axes + heads
+    free = area - axes * with_axes - heads * with_heads
+    left = max(_label_width(plot, max(1, free // len(plots)), width) for plot in plots) * with_axes
+    left = left if width - left >= _FEWEST_COLUMNS else 0
+    places, top = [], 0
+    for place, plot in enumerate(plots):
+        head = top if with_heads and _has_head(plot) else None
+        first = top + (head is not None)
+        rows = max(1, free // (len(plots) - place))
+        free -= rows
+        axis = first + rows if with_axes and _has_axis(plots, place) else None
+        columns = max(1, width - left)
+        shown = plot.fitted(columns, 2 * rows)
+        places.append(PlotPlace(shown, 0, left, columns, first, rows, head, axis))
+        top = first + rows + (axis is not None)
+    return places
+
+
+def _beside(plots: list[Plot], width: int, area: int) -> list[PlotPlace]:
+    """Plots of equal width; in low or narrow areas axes, and in lower ones titles, are left out."""
+    room = max(1, (width - _GAP * (len(plots) - 1)) // len(plots))
+    head = int(area >= 4 and any(map(_has_head, plots)))
+    rows = max(1, area - head)
+    left = max(_label_width(plot, rows, room) for plot in plots)
+    with_axes = rows > _least_rows(plots) and room - left >= _FEWEST_COLUMNS
+    rows -= with_axes
+    left = left if with_axes else 0
+    places = []
+    for place, plot in enumerate(plots):
+        start = place * (room + _GAP)
+        shown = plot.fitted(room - left, 2 * rows)
+        places.append(PlotPlace(
+            shown, start, start + left, room - left, head, rows, 0 if head else None,
+            head + rows if with_axes else None,
+        ))  # fmt: skip
+    return [place for place in places if place.left < width]
+
+
+def _least_rows(plots: Sequence[Plot]) -> int:
+    """Rows of a plot from which on it has an axis."""
+    return _FEWEST_WITH_AXES if any(plot.shape == "plane" for plot in plots) else 2
+
+
+def y_labels(plot: Plot, rows: int) -> dict[int, str]:
+    """The labels of y by their rows."""
+    found = plot.y.labels(rows, max(3, rows // 3), lambda text: 0.0, 1.0)
+    return {row_of(plot.y, float(plot.y.value(tick / rows)), rows): text for _, tick, text in found}
+
+
+def _label_width(plot: Plot, rows: int, width: int) -> int:
+    """Columns of the labels of y and the blank beside them; those of a neighbour may be shorter."""
+    shown = plot.fitted(width, 2 * rows)
+    widths = [cell_len(text) for text in y_labels(shown, rows).values() if text]
+    return max(widths) + 1 if widths else 0
+
+
+def dividers(layout: DrawingLayout) -> list[int]:
+    """The columns between plots that stand beside each other."""
+    return [second.start - 1 for first, second in pairwise(layout.plots) if first.top == second.top]
