@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.index.population import left_out_text
-from s2rstore.language import MaskContext, Node, evaluation, expand, mask, to_text, widening
+from s2rstore.language import MaskContext, Node, evaluation, expand, located, mask, widening
 from s2rstore.language.name_resolution import used_fields
 from s2rstore.language.syntax_tree import Bend, leaves
 from s2rstore.metrics.top_k import first_largest, top_k
@@ -17,7 +17,7 @@ from s2rtui.analysis.binning import selection_indices
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.session import saved_selection_diff
 from s2rtui.session.context import SessionContext
-from s2rtui.session.state import History, PendingTarget, State
+from s2rtui.session.state import History, State, Target
 
 _IMAGE_FIELDS = frozenset({"iid", "seq", "traj", "timestamp"})
 """Fields that instances without poses have."""
@@ -30,7 +30,7 @@ def evaluate(
     state: State,
     node: Node,
     history: History,
-    pending: PendingTarget | None = None,
+    pending: Target | None = None,
 ) -> State:
     """The state with `node` selected; brush and pending operator are cleared.
 
@@ -43,7 +43,7 @@ def evaluate(
     )
     selected = mask(node, masks)
     left_out = evaluation.trained_left_out(node, masks, selected)
-    suggested, messages = "", []
+    suggested, messages = None, []
     if not selected.any():
         empty, suggested = _nothing_selected(store, node, masks, suggests=not left_out)
         messages.append(empty)
@@ -55,7 +55,7 @@ def evaluate(
     past, future = history
     return replace(
         state,
-        expression=to_text(node),
+        node=located(node),
         selected=selected,
         base=base,
         trained=context.base_populations.trained(store, state, masks),
@@ -74,8 +74,8 @@ def evaluate(
 
 def _nothing_selected(
     store: Store, node: Node, masks: MaskContext, suggests: bool
-) -> tuple[str, str]:
-    """The message for an empty selection, and the expression that it suggests or an empty text.
+) -> tuple[str, Node | None]:
+    """The message for an empty selection, and the expression that it suggests.
 
     The message says which wider expressions would select something (if it `suggests` any), or that
     the expression needs poses that the data set does not have.
@@ -83,17 +83,17 @@ def _nothing_selected(
     if store.has_poses:
         wider = widening.widenings(node, masks) if suggests else []
         if not wider:
-            return "nothing is selected", ""
+            return "nothing is selected", None
         first, *others = wider
         suggestions = [f"{first.change} would give {first.count} (key Y)"]
         suggestions += [f"{other.change} {other.count}" for other in others]
-        return f"nothing is selected; {', '.join(suggestions)}", first.text
+        return f"nothing is selected; {', '.join(suggestions)}", first.node
     expanded = expand(node, masks.words)
     used = {field.name for leaf in leaves(expanded) for field in used_fields(leaf)}
     needs_poses = used - _IMAGE_FIELDS or any(isinstance(leaf, Bend) for leaf in leaves(expanded))
     if not store.missing_run or not needs_poses:
-        return "nothing is selected", ""
-    return f"nothing is selected: {store.missing_run}", ""
+        return "nothing is selected", None
+    return f"nothing is selected: {store.missing_run}", None
 
 
 def _cursor(

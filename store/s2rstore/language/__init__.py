@@ -5,7 +5,7 @@
 """
 
 from s2rstore.errors import ExpressionError
-from s2rstore.language.canonical_text import quoted, to_text
+from s2rstore.language.canonical_text import located, quoted, to_text
 from s2rstore.language.completion import complete
 from s2rstore.language.name_resolution import Neighbours, Vocabulary, expand, used_runs
 from s2rstore.language.numpy_backend import MaskContext, base_population, mask
@@ -24,6 +24,13 @@ def parse(text: str) -> Node:
     return parse_text(text)
 
 
+def check_size(text: str) -> None:
+    """Raise ExpressionError for a text that is too large to be parsed."""
+    from s2rstore.language.parser import check_size as check
+
+    check(text)
+
+
 __all__ = [
     "ExpressionError",
     "MaskContext",
@@ -32,8 +39,10 @@ __all__ = [
     "SqlContext",
     "Vocabulary",
     "base_population",
+    "check_size",
     "complete",
     "expand",
+    "located",
     "mask",
     "parse",
     "quoted",
