@@ -7,10 +7,10 @@ from contextlib import suppress
 from dataclasses import replace
 
 from s2rstore.errors import RequestError
-from s2rstore.language import Node, base_population, evaluation, expand, mask
+from s2rstore.language import Node, evaluation, expand
 from s2rstore.language.fields import NUMERIC, TEXT
 from s2rstore.language.name_resolution import used_fields
-from s2rstore.language.syntax_tree import Bend, Extreme, Field, Like, Training, leaves
+from s2rstore.language.syntax_tree import Everything, Extreme, Field, Like, Training, leaves
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtui.session.context import SessionContext
@@ -47,8 +47,6 @@ def expression_is_loaded(store: Store, run: str, node: Node) -> bool:
 def _leaf_is_loaded(store: Store, run: str, leaf: Node) -> bool:
     if isinstance(leaf, Like):
         return False  # compares embeddings
-    if isinstance(leaf, Bend):
-        return store.has_loaded(None, None, ["curvature"])
     if isinstance(leaf, Training):
         return store.has_loaded(leaf.run or run, None, _POPULATION_COLUMNS)
     if isinstance(leaf, Extreme):  # ranks within the base population
@@ -76,12 +74,11 @@ def load_columns(store: Store, target: Target, is_current: Callable[[], bool]) -
                 return
             getattr(owner, name)
     with suppress(RequestError):  # the reducer reports an expression that cannot be evaluated
-        context = evaluation.context(
-            store, target.run, target.trajectories, with_trained=target.with_trained
-        )
-        base_population(context)
-        if target.loading is not None:
-            mask(target.loading, context)
+        query = evaluation.query(
+            store, target.loading or Everything(), target.run, target.trajectories,
+            with_trained=target.with_trained,
+        )  # fmt: skip
+        _ = query.selected
 
 
 # --- targets ---------------------------------------------------------------------------------

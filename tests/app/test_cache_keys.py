@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from s2rstore.files.planned_poses import PlannedPose
-from s2rstore.language.syntax_tree import Everything
+from s2rstore.language.syntax_tree import Everything, Nothing
 from s2rstore.records import Bounds
 from s2rtui.app.titled_view import TitledView
 from s2rtui.canvas import Canvas, RenderOptions
@@ -47,7 +47,7 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "runs": lambda _, state: state.runs[::-1],
     "run": lambda _, state: state.runs[1],
     "trajectories": lambda _, state: ("a",),
-    "expression": lambda _, state: "none",
+    "node": lambda _, state: Nothing(),
     "selected": unselected,
     "trained": lambda _, state: state.base & (np.arange(state.base.size) % 3 > 0),
     "with_trained": lambda _, state: not state.with_trained,
@@ -114,7 +114,7 @@ RESOURCE_CHANGES: dict[str, Callable[[Resources], object]] = {
     "saving": lambda resources: "1 of 3",
 }
 NEVER_DRAWN = {
-    "newest", "expression", "operator", "lasso", "message", "is_error", "past",
+    "newest", "node", "operator", "lasso", "message", "is_error", "past",
     "future", "centre", "progress", "saving", "pending", "keeps_message", "suggested",
     "first_rows",  # no table of these scenes is longer than its view
 }  # fmt: skip
