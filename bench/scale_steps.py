@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-
 from bench.index_store import ROOMS
 from s2rtui.canvas.marks import Mark
 from s2rtui.charts.compare.model import compare_model

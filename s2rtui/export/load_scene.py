@@ -10,7 +10,7 @@ from pathlib import Path
 from s2rstore.errors import RequestError
 from s2rstore.files.planned_poses import read_planned_poses
 from s2rstore.heatmap_kinds import NO_HEAT
-from s2rstore.language import fields
+from s2rstore.language import Node, fields
 from s2rstore.reader import NETWORK_KINDS
 from s2rstore.records import Side, needs_network
 from s2rtui.charts.scene import Resources, Scene
@@ -33,7 +33,7 @@ class SceneOptions:
     which the map shows.
     """
 
-    select: str = "all"
+    select: str | Node = "all"
     run: str | None = None
     trajectories: tuple[str, ...] | None = None
     iid: int | None = None

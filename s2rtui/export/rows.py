@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.index.population import SPLIT_SQL, Population, count_text
-from s2rstore.language import evaluation, expand, fields, parse, to_text
+from s2rstore.index.population import SPLIT_SQL, Population
+from s2rstore.language import Query, evaluation, fields, to_text
 from s2rstore.metrics.pose_metrics import population_ranks
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN, SPLITS
@@ -68,11 +68,6 @@ class EvaluationFacts:
     with_trained: bool = False
     note: str = ""
 
-    @property
-    def count_text(self) -> str:
-        """`8 of 40 (32 trained on)`."""
-        return count_text(self.count, self.in_view, self.trained_on, self.with_trained)
-
     def as_dict(self) -> dict[str, Any]:
         """Return the facts without those that add no information."""
         facts = asdict(self)
@@ -98,78 +93,49 @@ class SelectedRows:
 
 
 def selected_rows(
-    store: Store,
-    expression: str,
-    run: str | None = None,
-    trajectories: Sequence[str] | None = None,
-    notes: Notes | None = None,
-    columns: Sequence[str] | None = None,
-    selected: NDArray[np.bool_] | None = None,
-    with_trained: bool = False,
+    store: Store, query: Query, notes: Notes | None = None, columns: Sequence[str] | None = None
 ) -> SelectedRows:
-    """Return the rows of the instances that an expression selects.
+    """Return the rows of the instances that a query selects.
 
-    Instances that the run's model was trained on are left out unless `with_trained`; the default
-    columns then have the `split`. `columns` are fields of the selection language, with or without
-    units, `tags` and `note`. `selected` (N,) is the result of the expression if it is known, which
-    then is not evaluated again. Raises ExpressionError, and RequestError for columns and runs that
-    do not exist.
+    `columns` are fields of the selection language, with or without units, `tags` and `note`. Where
+    trained instances are included, the default columns have the `split`. Raises ExpressionError,
+    and RequestError for columns that do not exist.
     """
-    notes = notes or Notes()
-    name = store.run_name(run)
-    default: tuple[str, ...] = COLUMNS if name != NO_RUN else TRUTH_COLUMNS
+    notes, run = notes or Notes(), query.context.run
+    population = query.context.population
+    iids = np.flatnonzero(query.selected)
+    default: tuple[str, ...] = COLUMNS if run != NO_RUN else TRUTH_COLUMNS
     default = default if store.has_poses else IMAGE_COLUMNS
     default += OFFSET_COLUMNS if store.has_loose_pairs else ()
-    default += (SPLIT_COLUMN,) if with_trained and store.has_poses else ()
-    if columns is None and selected is not None:
-        rows = _rows_of(store, name, np.flatnonzero(selected), default)
+    default += (SPLIT_COLUMN,) if population.with_trained and store.has_poses else ()
+    if columns is None:
+        rows = _rows_of(store, run, iids, default)
     else:
-        text, parameters = evaluation.sql(
-            store, expression, name, trajectories, notes.nodes, with_trained
-        )
-        if columns is None:
-            pairs = evaluation.pairs(store)
-            query = f"SELECT {', '.join(default)} FROM {pairs} JOIN ({text}) USING (iid)"
-            rows = store.execute(f"{query} WHERE run = ? ORDER BY iid", [*parameters, name])
-        else:
-            population = Population(with_trained=with_trained)
-            readers = [
-                _column(store, name, fields.of_name(column), notes, population)
-                for column in columns
-            ]
-            iids = store.execute(f"SELECT iid FROM ({text}) ORDER BY iid", parameters)
-            rows = [tuple(read(iid) for read in readers) for (iid,) in iids]
-    node = parse(expression)
-    expanded = to_text(expand(node, evaluation.vocabulary(store, notes.nodes)))
+        names = map(fields.of_name, columns)
+        readers = [_column(store, run, name, notes, population) for name in names]
+        rows = [tuple(read(iid) for read in readers) for iid in iids.tolist()]
     facts = EvaluationFacts(
-        to_text(node), expanded, name, tuple(trajectories) if trajectories else None,
-        store.generation, store.dataset.hash, store.dataset.name, len(rows),
-        *count_in_view(store, name, trajectories), with_trained,
-        store.coverage(name).note,
+        to_text(query.node), to_text(query.expanded), run, population.trajectories or None,
+        store.generation, store.dataset.hash, store.dataset.name, query.count,
+        int(np.count_nonzero(query.in_view)), int(np.count_nonzero(query.trained)),
+        population.with_trained, store.coverage(run).note,
     )  # fmt: skip
-    names = [column.split(" AS ")[-1] for column in columns or default]
-    return SelectedRows(tuple(names), rows, facts)
-
-
-def count_in_view(store: Store, run: str, trajectories: Sequence[str] | None) -> tuple[int, int]:
-    """Numbers of valid instances in view, and of those that the run's model was trained on."""
-    view = Population(None if trajectories is None else tuple(trajectories))
-    columns = store.run_columns(run)
-    in_view = view.in_view(store.instances, columns)
-    return int(np.count_nonzero(in_view)), int(np.count_nonzero(in_view & columns.trained))
+    return SelectedRows(
+        tuple(column.split(" AS ")[-1] for column in columns or default), rows, facts
+    )
 
 
 def _rows_of(
     store: Store, run: str, iids: NDArray[np.intp], columns: Sequence[str]
 ) -> list[tuple[Any, ...]]:
-    pairs = evaluation.pairs(store)
-    query = f"SELECT {', '.join(columns)} FROM {pairs} WHERE run = ? AND iid BETWEEN ? AND ?"
+    query = (
+        f"SELECT {', '.join(columns)} FROM {evaluation.pairs(store)} WHERE run = ? AND "
+        "iid BETWEEN ? AND ? AND iid IN (SELECT unnest(?::INTEGER[])) ORDER BY iid"
+    )
     rows: list[tuple[Any, ...]] = []
     for block in np.split(iids, np.flatnonzero(np.diff(iids // _BLOCK_IIDS)) + 1):
         if block.size:
-            chosen, ends = set(block.tolist()), [int(block[0]), int(block[-1])]
-            block_rows = store.execute(f"{query} ORDER BY iid", [run, *ends])
-            rows += [row for row in block_rows if row[0] in chosen]
+            rows += store.execute(query, [run, int(block[0]), int(block[-1]), block.tolist()])
     return rows
 
 

@@ -24,7 +24,7 @@ from s2rtui.charts.shared.base_map_background import floor_plan_pixels
 from s2rtui.charts.shared.base_map_floor import plan_tones
 from s2rtui.charts.view import StatisticsView
 from s2rtui.loaders.loader import Fields, Key, LoadContext, Loader
-from s2rtui.session import error_groups, heatmaps, loaded_data_origin, pending_target
+from s2rtui.session import error_groups, heatmaps, loaded_data_origin, targets
 from s2rtui.session.loaded_data_origin import (
     heat_provenance,
     instance_provenance,
@@ -44,12 +44,12 @@ def read_run(store: Store, state: State, context: LoadContext) -> Fields:
     pending = state.pending
     assert pending is not None
     if pending.generation == store.generation:
-        pending_target.load_columns(store, pending, context.is_current)
+        targets.load_columns(store, pending, context.is_current)
         return {}
     fresh = s2rstore.open(store.path, INDEX_MEMORY)
     try:
         run = pending.run if pending.run in fresh.runs else fresh.run().run
-        pending_target.load_columns(fresh, replace(pending, run=run), context.is_current)
+        targets.load_columns(fresh, replace(pending, run=run), context.is_current)
     except BaseException:
         fresh.close()
         raise
@@ -58,21 +58,21 @@ def read_run(store: Store, state: State, context: LoadContext) -> Fields:
 
 def other_key(store: Store, state: State) -> Key | None:
     other = other_run(state) if state.centre == "compare" else None
-    if other is None or pending_target.run_is_loaded(store, other):
+    if other is None or targets.run_is_loaded(store, other):
         return None
     return (state.generation, other)
 
 
 def read_other(store: Store, state: State, context: LoadContext) -> Fields:
     """The columns of the compared run."""
-    target = replace(pending_target.current_target(state), run=str(other_run(state)))
-    pending_target.load_columns(store, target, context.is_current)
+    target = replace(targets.place_of(state), run=str(other_run(state)))
+    targets.load_columns(store, target, context.is_current)
     return {}
 
 
 def read_columns(store: Store, state: State, context: LoadContext) -> Fields:
     """The columns of the present run that views may need next."""
-    pending_target.load_columns(store, pending_target.current_target(state), context.is_current)
+    targets.load_columns(store, targets.place_of(state), context.is_current)
     return {}
 
 

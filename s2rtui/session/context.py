@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.language import MaskContext, base_population
+from s2rstore.language import Query, base_population
 from s2rstore.reader import Store
 from s2rtui.session.state import State
 from s2rtui.user_data.notebook import Notes
@@ -25,17 +25,15 @@ class BasePopulations:
     def __init__(self) -> None:
         self._masks: dict[tuple[object, ...], NDArray[np.bool_]] = {}
 
-    def mask(self, store: Store, state: State, context: MaskContext) -> NDArray[np.bool_]:
+    def mask(self, store: Store, state: State, query: Query) -> NDArray[np.bool_]:
         """(N,) mask of the instances that count in the state's run and population."""
-        key = (store.generation, state.run, context.population)
-        return self._shared(key, lambda: base_population(context))
+        key = (store.generation, state.run, state.population)
+        return self._shared(key, lambda: base_population(query.context))
 
-    def trained(self, store: Store, state: State, context: MaskContext) -> NDArray[np.bool_]:
+    def trained(self, store: Store, state: State, query: Query) -> NDArray[np.bool_]:
         """(N,) mask of the instances in view that the model of the state's run was trained on."""
-        key = (store.generation, state.run, context.population.trajectories, "trained")
-        columns = store.run_columns(state.run)
-        view = context.population.in_view
-        return self._shared(key, lambda: columns.trained & view(store.instances, columns))
+        key = (store.generation, state.run, state.trajectories, "trained")
+        return self._shared(key, lambda: query.trained)
 
     def _shared(
         self, key: tuple[object, ...], compute: Callable[[], NDArray[np.bool_]]

@@ -8,16 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.index.population import left_out_text
-from s2rstore.language import MaskContext, Node, evaluation, expand, mask, to_text, widening
-from s2rstore.language.name_resolution import used_fields
-from s2rstore.language.syntax_tree import Bend, leaves
+from s2rstore.language import Node, Query, evaluation, located, widening
 from s2rstore.metrics.top_k import first_largest, top_k
 from s2rstore.reader import Store
 from s2rtui.analysis.binning import selection_indices
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.session import saved_selection_diff
 from s2rtui.session.context import SessionContext
-from s2rtui.session.state import History, PendingTarget, State
+from s2rtui.session.state import History, State, Target
+from s2rtui.user_data.notebook import Notes
 
 _IMAGE_FIELDS = frozenset({"iid", "seq", "traj", "timestamp"})
 """Fields that instances without poses have."""
@@ -25,12 +24,19 @@ _RANKED_ERRORS = 4096
 """Largest errors that are searched for the cursor before the whole selection is."""
 
 
+def query_of(store: Store, state: State, notes: Notes, node: Node | None = None) -> Query:
+    """An expression, by default the selected one, on the instances that count in a state."""
+    return evaluation.query(
+        store, node or state.node, state.run, state.trajectories, notes.nodes, state.with_trained
+    )
+
+
 def evaluate(
     context: SessionContext,
     state: State,
     node: Node,
     history: History,
-    pending: PendingTarget | None = None,
+    pending: Target | None = None,
 ) -> State:
     """The state with `node` selected; brush and pending operator are cleared.
 
@@ -38,27 +44,24 @@ def evaluate(
     remains to be loaded. Raises ExpressionError.
     """
     store, notes = context.store, context.notes
-    masks = evaluation.context(
-        store, state.run, state.trajectories, notes.nodes, state.with_trained
-    )
-    selected = mask(node, masks)
-    left_out = evaluation.trained_left_out(node, masks, selected)
-    suggested, messages = "", []
-    if not selected.any():
-        empty, suggested = _nothing_selected(store, node, masks, suggests=not left_out)
+    query = query_of(store, state, notes, node)
+    selected = query.selected
+    suggested, messages = None, []
+    if not query.count:
+        empty, suggested = _nothing_selected(store, query)
         messages.append(empty)
-    if left_out:
-        messages.append(left_out_text(left_out))
+    if query.trained_left_out:
+        messages.append(left_out_text(query.trained_left_out))
     if notes.selections:
-        messages.append(saved_selection_diff.describe_saved_names(node, state, masks, notes))
-    base = context.base_populations.mask(store, state, masks)
+        messages.append(saved_selection_diff.describe_saved_names(query, state, notes))
+    base = context.base_populations.mask(store, state, query)
     past, future = history
     return replace(
         state,
-        expression=to_text(node),
+        node=located(node),
         selected=selected,
         base=base,
-        trained=context.base_populations.trained(store, state, masks),
+        trained=context.base_populations.trained(store, state, query),
         cursor=_cursor(store, state, selected, base),
         past=past,
         future=future,
@@ -72,28 +75,25 @@ def evaluate(
     )
 
 
-def _nothing_selected(
-    store: Store, node: Node, masks: MaskContext, suggests: bool
-) -> tuple[str, str]:
-    """The message for an empty selection, and the expression that it suggests or an empty text.
+def _nothing_selected(store: Store, query: Query) -> tuple[str, Node | None]:
+    """The message for an empty selection, and the expression that it suggests.
 
-    The message says which wider expressions would select something (if it `suggests` any), or that
-    the expression needs poses that the data set does not have.
+    The message says which wider expressions would select something (if no trained instance would
+    be selected), or that the expression needs poses that the data set does not have.
     """
     if store.has_poses:
-        wider = widening.widenings(node, masks) if suggests else []
+        suggests = not query.trained_left_out
+        wider = widening.widenings(query.node, query.context) if suggests else []
         if not wider:
-            return "nothing is selected", ""
+            return "nothing is selected", None
         first, *others = wider
         suggestions = [f"{first.change} would give {first.count} (key Y)"]
         suggestions += [f"{other.change} {other.count}" for other in others]
-        return f"nothing is selected; {', '.join(suggestions)}", first.text
-    expanded = expand(node, masks.words)
-    used = {field.name for leaf in leaves(expanded) for field in used_fields(leaf)}
-    needs_poses = used - _IMAGE_FIELDS or any(isinstance(leaf, Bend) for leaf in leaves(expanded))
+        return f"nothing is selected; {', '.join(suggestions)}", first.node
+    needs_poses = any(field.name not in _IMAGE_FIELDS for field in query.fields)
     if not store.missing_run or not needs_poses:
-        return "nothing is selected", ""
-    return f"nothing is selected: {store.missing_run}", ""
+        return "nothing is selected", None
+    return f"nothing is selected: {store.missing_run}", None
 
 
 def _cursor(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from s2rstore.findings import Finding
-from s2rtui.session import navigation, pending_target, selection
+from s2rtui.session import navigation, selection, targets
 from s2rtui.session.context import SessionContext
 from s2rtui.session.state import HeatChoice, State
 
@@ -28,16 +28,15 @@ def open_finding(context: SessionContext, state: State, finding: Finding) -> Sta
     if finding.other is not None and finding.other in state.runs:
         state = replace(state, other=finding.other)
     place = replace(
-        pending_target.place_of(pending_target.final_target(state)),
+        targets.place_of(targets.final(state)),
         run=finding.run,
         trajectories=None,
         with_trained=False,
     )
-    text = finding.expression or pending_target.upcoming(state).expression
-    is_here = place == pending_target.current_target(state)
+    is_here = place == targets.place_of(state)
     if is_here and finding.node is not None:
         state = selection.select(context, state, finding.node, "replace")
     elif not is_here:
-        target = pending_target.with_expression(state, place, text)
+        target = targets.with_expression(state, place, finding.node or targets.upcoming(state).node)
         state = navigation.go_to(context, replace(state, operator="replace"), target)
     return state.with_message(finding.message)

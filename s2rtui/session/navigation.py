@@ -8,17 +8,17 @@ import numpy as np
 
 from s2rstore.errors import RequestError, counted
 from s2rstore.index.catalog import NO_POSES
-from s2rstore.language import Node, parse
+from s2rstore.language import Node
 from s2rstore.language.syntax_tree import Everything
 from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN
-from s2rtui.session import adjusting, pending_target, saved_selection_diff
+from s2rtui.session import adjusting, saved_selection_diff, targets
 from s2rtui.session.context import SessionContext
 from s2rtui.session.evaluation import evaluate
 from s2rtui.session.heatmaps import with_heat
 from s2rtui.session.selection import defer, keep_input
-from s2rtui.session.state import History, PendingTarget, State
+from s2rtui.session.state import History, State, Target
 
 
 def computed_runs(store: Store) -> tuple[str, ...]:
@@ -59,7 +59,7 @@ def change_run(context: SessionContext, state: State, steps: int) -> State:
         reason = context.store.missing_run
         no_poses = reason == NO_POSES
         return state.with_message(f"{reason}, so there are no runs" if no_poses else reason)
-    target = pending_target.final_target(state)
+    target = targets.final(state)
     present = target.run if target.run in state.runs else state.run
     index = (state.runs.index(present) + steps) % len(state.runs)
     return set_run(context, state, state.runs[index])
@@ -67,12 +67,12 @@ def change_run(context: SessionContext, state: State, steps: int) -> State:
 
 def set_run(context: SessionContext, state: State, run: str) -> State:
     """Show a run with the selected or pending expression, or all if that cannot be evaluated."""
-    return go_to(context, state, replace(pending_target.final_target(state), run=run))
+    return go_to(context, state, replace(targets.final(state), run=run))
 
 
 def set_trajectories(context: SessionContext, state: State, names: tuple[str, ...] | None) -> State:
     """Show some trajectories, None for all; the expression is kept as by `set_run`."""
-    return go_to(context, state, replace(pending_target.final_target(state), trajectories=names))
+    return go_to(context, state, replace(targets.final(state), trajectories=names))
 
 
 def change_trajectory(context: SessionContext, state: State) -> State:
@@ -81,7 +81,7 @@ def change_trajectory(context: SessionContext, state: State) -> State:
     options: list[tuple[str, ...] | None] = [None, *((name,) for name in names)]
     if len(names) == 1:
         return state.with_message(f"there is one trajectory: {names[0]}")
-    present = pending_target.final_target(state).trajectories
+    present = targets.final(state).trajectories
     at = options.index(present) if present in options else -1
     return set_trajectories(context, state, options[(at + 1) % len(options)])
 
@@ -91,7 +91,7 @@ def toggle_trained(context: SessionContext, state: State) -> State:
 
     A message says so where the shown run has none that could be included.
     """
-    target = pending_target.final_target(state)
+    target = targets.final(state)
     included = not target.with_trained
     result = go_to(context, state, replace(target, with_trained=included))
     message = replace(result, with_trained=included).population_message
@@ -113,39 +113,39 @@ def _nothing_to_include(store: Store, state: State) -> str:
     return f"nothing to include: {state.population_message}"
 
 
-def go_to(context: SessionContext, state: State, target: PendingTarget) -> State:
+def go_to(context: SessionContext, state: State, target: Target) -> State:
     """Show a target as the next step of the history, keeping brush and operator.
 
     A target that is not loaded becomes pending. Until then the nearest loaded place is shown: the
     run, or the trajectories alone.
     """
-    target = replace(target, history=pending_target.next_history(state, target))
-    if (node := _node_to_load(context, state, target)) is None:
+    target = replace(target, history=targets.next_history(state, target))
+    if (loading := _node_to_load(context, state, target)) is None:
         return keep_input(state, _settle(context, state, target))
-    here, place = pending_target.current_target(state), pending_target.place_of(target)
+    here, place = targets.place_of(state), targets.place_of(target)
     for nearer in (place, replace(here, trajectories=target.trajectories)):
         if nearer != here and _node_to_load(context, state, nearer) is None:
             state = keep_input(state, _settle(context, state, nearer))
             break
-    return defer(state, replace(target, node=node))
+    return defer(state, replace(target, loading=loading))
 
 
-def _node_to_load(context: SessionContext, state: State, target: PendingTarget) -> Node | None:
-    """See `pending_target.node_to_load`; `all` replaces an expression that cannot be evaluated."""
+def _node_to_load(context: SessionContext, state: State, target: Target) -> Node | None:
+    """See `targets.node_to_load`; `all` replaces an expression that cannot be evaluated."""
     try:
-        return pending_target.node_to_load(context, state, target)
+        return targets.node_to_load(context, state, target)
     except RequestError:
-        return pending_target.node_to_load(context, state, replace(target, text="all"))
+        return targets.node_to_load(context, state, replace(target, node=Everything()))
 
 
-def select_at(context: SessionContext, state: State, target: PendingTarget) -> State:
+def select_at(context: SessionContext, state: State, target: Target) -> State:
     """Show a target with its own history, at once or once it is loaded.
 
     Raises RequestError if the expression cannot be evaluated there.
     """
-    if (node := pending_target.node_to_load(context, state, target)) is None:
+    if (loading := targets.node_to_load(context, state, target)) is None:
         return _evaluate_at(context, state, target)
-    return defer(replace(state, brush=None, operator="replace"), replace(target, node=node))
+    return defer(replace(state, brush=None, operator="replace"), replace(target, loading=loading))
 
 
 def complete_pending(context: SessionContext, state: State) -> State:
@@ -179,7 +179,7 @@ def cancel_pending(context: SessionContext, state: State, reason: str) -> State:
 def enter_generation(context: SessionContext, state: State) -> State:
     """Continue in the context's store, a newer generation, at the pending or present target."""
     store, runs = context.store, computed_runs(context.store)
-    target = pending_target.final_target(state)
+    target = targets.final(state)
     base = replace(
         state,
         generation=store.generation,
@@ -206,7 +206,7 @@ def refuse_generation(fresh: Store, present: Store) -> str:
     return ""
 
 
-def _settle(context: SessionContext, base: State, target: PendingTarget) -> State:
+def _settle(context: SessionContext, base: State, target: Target) -> State:
     """The state at a target, from one of the same generation as the store.
 
     A pending expression that cannot be evaluated there is left out, and the message says why.
@@ -214,18 +214,18 @@ def _settle(context: SessionContext, base: State, target: PendingTarget) -> Stat
     try:
         return _evaluate_at(context, base, target)
     except RequestError as error:
-        place = pending_target.place_of(target)
-        if place != pending_target.place_of(pending_target.current_target(base)):
+        place = targets.place_of(target)
+        if place != targets.place_of(targets.place_of(base)):
             place = replace(place, history=target.history)
         result = _evaluate_at(context, base, place)
         past, future = (
-            tuple(step for step in steps if step.expression != target.text)
+            tuple(step for step in steps if step.node != target.node)
             for steps in (result.past, result.future)
         )
         return replace(result, past=past, future=future, message=str(error), is_error=True)
 
 
-def _evaluate_at(context: SessionContext, base: State, target: PendingTarget) -> State:
+def _evaluate_at(context: SessionContext, base: State, target: Target) -> State:
     """Evaluate at a target; raises RequestError if its expression cannot be evaluated."""
     run = target.run if target.run in base.runs else base.run
     place = replace(
@@ -237,10 +237,10 @@ def _evaluate_at(context: SessionContext, base: State, target: PendingTarget) ->
         pending=None,
     )
     history = target.history or (base.past, base.future)
-    if target.text:
-        result = evaluate(context, place, parse(target.text), history)
-    else:
+    if target.node is None:
         result = _evaluate_present(context, place, history)
+    else:
+        result = evaluate(context, place, target.node, history)
     if target.saved is not None:
         message = saved_selection_diff.describe_move(result, base, target.saved)
         result = replace(result, message=message)
@@ -250,7 +250,7 @@ def _evaluate_at(context: SessionContext, base: State, target: PendingTarget) ->
 def _evaluate_present(context: SessionContext, state: State, history: History) -> State:
     """Evaluate the present expression in a new place, or select all if that fails."""
     try:
-        return evaluate(context, state, parse(state.expression), history)
+        return evaluate(context, state, state.node, history)
     except RequestError as error:
         result = evaluate(context, state, Everything(), history)
         message = f"all selected: {state.expression} cannot be evaluated here ({error})"

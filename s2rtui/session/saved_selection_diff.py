@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2rstore.language import MaskContext, Node, mask
+from s2rstore.language import Query
 from s2rstore.language.canonical_text import quoted
 from s2rstore.language.syntax_tree import Saved, leaves
 from s2rtui.session.state import State
 from s2rtui.user_data.notebook import Notes, SavedSelection
 
 
-def describe_saved_names(node: Node, state: State, context: MaskContext, notes: Notes) -> str:
+def describe_saved_names(query: Query, state: State, notes: Notes) -> str:
     """How the saved selections named in an expression differ here; empty if they do not."""
     parts = []
-    for leaf in dict.fromkeys(leaf for leaf in leaves(node) if isinstance(leaf, Saved)):
+    for leaf in dict.fromkeys(leaf for leaf in leaves(query.node) if isinstance(leaf, Saved)):
         saved = notes.selections.get(leaf.name)
         if saved is not None and not _is_same_place(state, saved):
-            count = int(np.count_nonzero(mask(leaf, context)))
+            count = Query(leaf, query.context).count
             parts.append(f"@{quoted(leaf.name)}: {difference(state, count, saved)}")
     return "; ".join(parts)
 

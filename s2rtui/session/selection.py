@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from s2rstore.errors import RequestError
-from s2rstore.language import Node, parse
-from s2rstore.language.syntax_tree import And, Everything, Minus, Not, Or
-from s2rtui.session import pending_target
+from s2rstore.language import Node, check_size, parse, to_text
+from s2rstore.language.syntax_tree import And, Everything, Minus, Not, Or, Saved, leaves
+from s2rtui.session import targets
 from s2rtui.session.context import SessionContext
 from s2rtui.session.evaluation import evaluate
-from s2rtui.session.state import Operator, PendingTarget, State
+from s2rtui.session.state import Operator, State, Target
 
 
 def select(
@@ -27,9 +27,10 @@ def select(
     node = parse(expression) if isinstance(expression, str) else expression
     operator = operator or state.operator
     if operator != "replace":
-        node = _combine(parse(pending_target.upcoming(state).expression), operator, node)
-    planned, pending = pending_target.plan(context, state, node)
-    if planned.node is not None:
+        node = _combine(targets.upcoming(state).node, operator, node)
+        check_size(to_text(node))
+    planned, pending = targets.plan(context, state, node)
+    if planned.loading is not None:
         return defer(replace(state, brush=None, operator="replace"), planned)
     return evaluate(context, state, node, planned.history or (state.past, state.future), pending)
 
@@ -43,14 +44,14 @@ def _combine(current: Node, operator: Operator, new: Node) -> Node:
 
 def select_suggested(context: SessionContext, state: State) -> State:
     """Select the expression that the message of an empty selection suggests."""
-    if not state.suggested:
+    if state.suggested is None:
         return state.with_message("there is no suggestion: the selection is not empty")
     return select(context, state, state.suggested, "replace")
 
 
 def complement(context: SessionContext, state: State) -> State:
     """Select all valid instances that are not selected."""
-    node = parse(pending_target.upcoming(state).expression)
+    node = targets.upcoming(state).node
     return select(context, state, node.inner if isinstance(node, Not) else Not(node), "replace")
 
 
@@ -74,26 +75,24 @@ def refresh(context: SessionContext, state: State) -> State:
     """
     result = state
     try:
-        if "@" in state.expression:
-            here = pending_target.current_target(state)
-            if (node := pending_target.node_to_load(context, state, here)) is None:
-                history = state.past, state.future
-                evaluated = evaluate(context, state, parse(state.expression), history)
+        if any(isinstance(leaf, Saved) for leaf in leaves(state.node)):
+            here = targets.place_of(state)
+            if (loading := targets.node_to_load(context, state, here)) is None:
+                evaluated = evaluate(context, state, state.node, (state.past, state.future))
                 result = replace(keep_input(state, evaluated), pending=state.pending)
             elif state.pending is None:
-                return defer(state, replace(here, node=node))
+                return defer(state, replace(here, loading=loading))
         if (target := result.pending) is not None:
-            text = target.text or state.expression
-            node = pending_target.expand_saved_names(context, text)
-            result = replace(result, pending=replace(target, node=node))
+            loading = targets.expand_saved_names(context, target.node or state.node)
+            result = replace(result, pending=replace(target, loading=loading))
     except RequestError as error:
         return result.with_message(f"{error}: the selection is unchanged", is_error=True)
     return result
 
 
-def defer(state: State, target: PendingTarget) -> State:
+def defer(state: State, target: Target) -> State:
     """Make a target pending in place of an earlier one, and name it in the message."""
-    loading = target.text or state.expression
+    loading = to_text(target.node or state.node)
     if target.generation != state.generation:
         loading = f"run {target.run} of generation {target.generation}"
     elif target.run != state.run:

@@ -16,10 +16,10 @@ from s2rstore.files.planned_poses import read_planned_poses
 from s2rstore.findings import largest_room
 from s2rstore.gap_history import reader
 from s2rstore.language import Node
-from s2rstore.language.syntax_tree import Extreme, Field
+from s2rstore.language.syntax_tree import Everything, Extreme, Field
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN
-from s2rtui.session import navigation, pending_target, selection
+from s2rtui.session import navigation, selection, targets
 from s2rtui.session.context import BasePopulations, Reducer, SessionContext
 from s2rtui.session.heatmaps import with_heat
 from s2rtui.session.run_comparison import runs_in_use
@@ -169,9 +169,9 @@ class Session:
         newest = state.newest if waits else store.latest_generation()
         if newest == store.generation:
             return self.show_message("this is the newest generation")
-        is_large = len(store.instances) > pending_target.SMALL_STORE
+        is_large = len(store.instances) > targets.SMALL_STORE
         if waits or (self.defers_loading and is_large):
-            target = replace(pending_target.final_target(state), generation=newest)
+            target = replace(targets.final(state), generation=newest)
             return self.dispatch(navigation.go_to, target)
         return self._enter(s2rstore.open(store.path, INDEX_MEMORY), navigation.enter_generation)
 
@@ -236,7 +236,7 @@ def _initial_state(store: Store, run: str | None, history: HistoryFile | None) -
         runs=navigation.computed_runs(store),
         run=name,
         trajectories=None,
-        expression="all",
+        node=Everything(),
         selected=everything,
         base=everything,
         trained=np.zeros_like(everything),

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import parse_json
-from s2rstore.language import parse, to_text
-from s2rtui.session import navigation, pending_target, selection
+from s2rstore.language import parse
+from s2rtui.session import navigation, selection, targets
 from s2rtui.session.context import SessionContext
 from s2rtui.session.state import State
 from s2rtui.user_data.notebook import SavedSelection
@@ -95,12 +95,12 @@ def select_text(context: SessionContext, state: State, text: str) -> State:
     if shared.saved is None:
         return selection.select(context, state, shared.expression, "replace")
     saved, known = shared.saved, context.store.instances.trajectory_names
-    expression = to_text(parse(saved.expression))
-    place = pending_target.final_target(state)
+    node = parse(saved.expression)
+    place = targets.final(state)
     place = replace(place, with_trained=saved.with_trained)
     if saved.run in state.runs:
         place = replace(place, run=saved.run)
     if all(name in known for name in saved.trajectories or ()):
         place = replace(place, trajectories=saved.trajectories)
-    target = pending_target.with_expression(state, place, expression)
+    target = targets.with_expression(state, place, node)
     return navigation.select_at(context, state, replace(target, saved=saved))

@@ -14,7 +14,7 @@ from s2rstore.files.planned_poses import PlannedPose
 from s2rstore.files.store_files import Stamp
 from s2rstore.heatmap_kinds import NO_HEAT
 from s2rstore.index.population import INCLUDE_HINT, Population, count_text
-from s2rstore.language import Node
+from s2rstore.language import Node, to_text
 from s2rstore.records import Bounds, Side
 from s2rstore.security.printable_text import printable
 from s2rtui.canvas.marks import Mark
@@ -119,11 +119,15 @@ class Step:
     alone are equal.
     """
 
-    expression: str
+    node: Node
     run: str = ""
     trajectories: tuple[str, ...] | None = None
     with_trained: bool = False
     cursor: int | None = field(default=None, compare=False)
+
+    @property
+    def expression(self) -> str:
+        return to_text(self.node)
 
 
 History = tuple[tuple[Step, ...], tuple[Step, ...]]
@@ -131,19 +135,19 @@ History = tuple[tuple[Step, ...], tuple[Step, ...]]
 
 
 @dataclass(frozen=True, slots=True)
-class PendingTarget:
+class Target:
     """A run, generation and trajectories (None: all) to show, and an expression to select there.
 
-    `with_trained` includes the instances that the run's model was trained on. `text` is the
-    expression, empty for the present one; `node` its expanded syntax tree, `history` the history
-    around it, None for the present one. `cursor` is kept if it is selected there. `saved` describes
-    a shared selection where it was made.
+    `with_trained` includes the instances that the run's model was trained on. `node` is the
+    expression, None for the present one; `loading` the expanded expression whose columns have to be
+    read first. `history` is the history around it, None for the present one. `cursor` is kept if it
+    is selected there. `saved` describes a shared selection where it was made.
     """
 
     run: str
     generation: int
-    text: str = ""
     node: Node | None = None
+    loading: Node | None = None
     trajectories: tuple[str, ...] | None = None
     with_trained: bool = False
     history: History | None = None
@@ -155,6 +159,7 @@ class PendingTarget:
 class State:
     """One state of the analysis.
 
+    `node` is the selected expression; its columns, for messages, are those of `expression`.
     `selected` and `base` are (N,) masks: the expression's instances, and the base population that
     it was evaluated on. `trained` (N,) marks the instances in view that the run's model was trained
     on; they belong to `base` only if `with_trained`. `trajectories` None means all. `cursor` is an
@@ -177,7 +182,7 @@ class State:
     runs: tuple[str, ...]
     run: str
     trajectories: tuple[str, ...] | None
-    expression: str
+    node: Node
     selected: NDArray[np.bool_]
     base: NDArray[np.bool_]
     trained: NDArray[np.bool_]
@@ -188,7 +193,7 @@ class State:
     brush: Brush | None = None
     lasso: bool = False
     other: str | None = None
-    pending: PendingTarget | None = None
+    pending: Target | None = None
     adjust: Adjust | None = None
     map_mode: MapMode = "colour"
     map_value: str = "shift"
@@ -214,7 +219,7 @@ class State:
     message: str = ""
     is_error: bool = False
     keeps_message: bool = False
-    suggested: str = ""
+    suggested: Node | None = None
     past: tuple[Step, ...] = ()
     future: tuple[Step, ...] = ()
 
@@ -238,9 +243,14 @@ class State:
         )
 
     @property
+    def expression(self) -> str:
+        """The canonical text of the selected expression."""
+        return to_text(self.node)
+
+    @property
     def step(self) -> Step:
         """The present selection as a step of the history."""
-        return Step(self.expression, self.run, self.trajectories, self.with_trained, self.cursor)
+        return Step(self.node, self.run, self.trajectories, self.with_trained, self.cursor)
 
     @property
     def population(self) -> Population:

@@ -6,9 +6,9 @@ from dataclasses import replace
 from typing import Literal
 
 from s2rstore.errors import RequestError
-from s2rtui.session import navigation, pending_target
+from s2rtui.session import navigation, targets
 from s2rtui.session.context import SessionContext
-from s2rtui.session.state import PendingTarget, State
+from s2rtui.session.state import State, Target
 
 
 def undo(context: SessionContext, state: State) -> State:
@@ -25,16 +25,16 @@ def _walk_history(
     context: SessionContext, state: State, direction: Literal["undo", "redo"]
 ) -> State:
     """Skip expressions that cannot be evaluated any more and name them in the message."""
-    upcoming, backwards = pending_target.upcoming(state), direction == "undo"
-    generation = pending_target.final_target(state).generation
+    upcoming, backwards = targets.upcoming(state), direction == "undo"
+    generation = targets.final(state).generation
     remaining, skipped = list(upcoming.past if backwards else upcoming.future), []
     while remaining:
         step = remaining.pop()
         history = tuple(remaining), (*upcoming.future, upcoming.step)
         if not backwards:
             history = (*upcoming.past, upcoming.step), tuple(remaining)
-        target = PendingTarget(
-            step.run, generation, step.expression, trajectories=step.trajectories,
+        target = Target(
+            step.run, generation, step.node, trajectories=step.trajectories,
             with_trained=step.with_trained, history=history, cursor=step.cursor,
         )  # fmt: skip
         try:

@@ -97,8 +97,8 @@ async def test_an_empty_selection_suggests_one_that_is_not_empty(tiny_store):
         suggested = app.session.state.suggested
         await press(app, pilot, "Y")
         state = app.session.state
-        assert (state.expression, state.selected.sum()) == (suggested, 1)
-        assert state.suggested == ""
+        assert (state.node, state.selected.sum()) == (suggested, 1)
+        assert state.suggested is None
         await press(app, pilot, "u")
         assert app.session.state.count.startswith("0 of")
         await press(app, pilot, "c", "Y")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from s2rstore.files.planned_poses import PlannedPose
+from s2rstore.language.syntax_tree import Everything, Nothing
 from s2rstore.records import Bounds
 from s2rtui.app.titled_view import TitledView
 from s2rtui.canvas import Canvas, RenderOptions
@@ -24,7 +25,7 @@ from s2rtui.session.loaded_data_origin import (
     instance_provenance,
     visible_floor_key,
 )
-from s2rtui.session.state import Adjust, Brush, HistoryFile, PendingTarget, Slider, Step
+from s2rtui.session.state import Adjust, Brush, HistoryFile, Slider, Step, Target
 from s2rtui.user_data.notebook import Notes, Remark
 from tests.charts.examples import finding_report
 from tests.support import gaps, tiny
@@ -46,7 +47,7 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "runs": lambda _, state: state.runs[::-1],
     "run": lambda _, state: state.runs[1],
     "trajectories": lambda _, state: ("a",),
-    "expression": lambda _, state: "none",
+    "node": lambda _, state: Nothing(),
     "selected": unselected,
     "trained": lambda _, state: state.base & (np.arange(state.base.size) % 3 > 0),
     "with_trained": lambda _, state: not state.with_trained,
@@ -57,7 +58,7 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "brush": lambda _, state: Brush("map", Mark("map", BOX)),
     "lasso": lambda _, state: not state.lasso,
     "other": lambda _, state: state.runs[-1],
-    "pending": lambda _, state: PendingTarget(state.runs[1], state.generation),
+    "pending": lambda _, state: Target(state.runs[1], state.generation),
     "adjust": lambda _, state: replace(ADJUST, values=((SLIDER.key, 1.2),)),
     "map_mode": lambda _, state: "full",
     "map_value": lambda _, state: "gap",
@@ -83,9 +84,9 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "message": lambda _, state: "something",
     "is_error": lambda _, state: True,
     "keeps_message": lambda _, state: not state.keeps_message,
-    "suggested": lambda _, state: "all",
-    "past": lambda _, state: (Step("all"),),
-    "future": lambda _, state: (Step("all"),),
+    "suggested": lambda _, state: Everything(),
+    "past": lambda _, state: (Step(Everything()),),
+    "future": lambda _, state: (Step(Everything()),),
 }
 RESOURCE_CHANGES: dict[str, Callable[[Resources], object]] = {
     "translators": lambda resources: (TranslatorRow("mkl", "real2sim", True),),
@@ -113,7 +114,7 @@ RESOURCE_CHANGES: dict[str, Callable[[Resources], object]] = {
     "saving": lambda resources: "1 of 3",
 }
 NEVER_DRAWN = {
-    "newest", "expression", "operator", "lasso", "message", "is_error", "past",
+    "newest", "node", "operator", "lasso", "message", "is_error", "past",
     "future", "centre", "progress", "saving", "pending", "keeps_message", "suggested",
     "first_rows",  # no table of these scenes is longer than its view
 }  # fmt: skip
@@ -217,7 +218,7 @@ def test_a_changed_canvas_has_a_changed_cache_key(session, scenes):
 
 def test_only_what_a_view_shows_redraws_it(scenes):
     scene = scenes["rich"]
-    message = replace(scene, state=replace(scene.state, message="else", past=(Step("all"),)))
+    message = replace(scene, state=replace(scene.state, message="else", past=(Step(Everything()),)))
     for view in VIEWS:
         key = TitledView(view, scene).cache_key
         assert key == TitledView(view, message).cache_key is not None, view.name

@@ -73,16 +73,16 @@ async def test_the_exported_rows_equal_those_of_s2r_query(tiny_store, tmp_path):
     assert json.loads((tmp_path / "mine.json").read_text()) == json.loads(out.read_text())
 
 
-def test_rows_of_a_selection_equal_rows_of_its_expression(tiny_store, monkeypatch):
+def test_the_rows_of_a_query_equal_those_of_the_sql_back_end(tiny_store, monkeypatch):
     monkeypatch.setattr(exported_rows, "_BLOCK_IIDS", 7)
-    rows = exported_rows.selected_rows
+    columns = ", ".join(exported_rows.COLUMNS)
     with s2rstore.open(tiny_store) as store:
         for expression in ("worst15", "all", "none", "room:right | ids(3, 7)"):
-            expected = rows(store, expression)
-            selected = evaluation.select(store, expression)
-            with monkeypatch.context() as patch:
-                patch.setattr(evaluation, "sql", lambda *_: 1 / 0)
-                assert rows(store, expression, selected=selected) == expected
+            rows = exported_rows.selected_rows(store, evaluation.query(store, expression))
+            text, parameters = evaluation.sql(store, expression)
+            query = f"SELECT {columns} FROM pair JOIN ({text}) USING (iid) WHERE run = 'vanilla'"
+            assert rows.rows == store.execute(f"{query} ORDER BY iid", parameters)
+            assert rows.facts.count == len(rows.rows)
 
 
 def test_an_unexpected_error_is_shown_in_one_line(tiny_store):

@@ -3,12 +3,12 @@
 import numpy as np
 
 from s2rtui.app.app import S2RApp
+from s2rtui.app.controllers.hover import instance_text
 from s2rtui.app.pilot import settle
 from s2rtui.app.status_line import Bar
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.session import instance_list
-from s2rtui.session.instance_text import instance_text
 from tests.support.application import press, running
 
 SIZE = (120, 40)

@@ -13,6 +13,8 @@ from textual.pilot import Pilot
 
 import s2rstore
 from s2rstore.index import column_loader
+from s2rstore.language import parse
+from s2rstore.language.syntax_tree import Everything
 from s2rtools.precompute.run_registration import add_run
 from s2rtui.app import pilot as headless
 from s2rtui.app.app import S2RApp
@@ -22,8 +24,8 @@ from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.marks import Mark
 from s2rtui.jobs.precompute_job import JobProgress
 from s2rtui.loaders import store_data
-from s2rtui.session import Brush, Session, State, navigation, pending_target, shared_selection
-from s2rtui.session.state import PendingTarget, Step
+from s2rtui.session import Brush, Session, State, navigation, shared_selection, targets
+from s2rtui.session.state import Step, Target
 from tests.support import tiny
 from tests.support.application import make_app, running
 
@@ -57,7 +59,7 @@ def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
             assert released.wait(20)
         return predicted(index, run, side, name)
 
-    monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
+    monkeypatch.setattr(targets, "SMALL_STORE", 0)
     monkeypatch.setattr(column_loader, "_predicted", blocking_read)
     released.set()
     yield released
@@ -109,13 +111,13 @@ async def test_a_shared_selection_waits_until_its_run_is_loaded(store, gate):
         await settle(app, pilot)
         state = app.session.state
         assert (state.run, state.expression, state.pending) == ("b", "worst(3, real.error)", None)
-        assert state.past[-1] == Step("all", "vanilla")
+        assert state.past[-1] == Step(Everything(), "vanilla")
         errors = app.session.store.run_columns("b").real.error
         assert set(np.flatnonzero(state.selected)) == set(np.argsort(-errors, kind="stable")[:3])
 
 
 async def test_columns_of_an_expression_are_read_in_the_background(store, monkeypatch):
-    monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
+    monkeypatch.setattr(targets, "SMALL_STORE", 0)
     predicted, ui_thread, reads = column_loader._predicted, threading.current_thread(), []
 
     def recorded_read(index, run, side, name):
@@ -139,7 +141,7 @@ async def delayed_losses(
     store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> AsyncIterator[DelayedReads]:
     """An application with an undone expression on the loss column, whose reads are blocked."""
-    monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
+    monkeypatch.setattr(targets, "SMALL_STORE", 0)
     predicted, ui_thread = column_loader._predicted, threading.current_thread()
     released = threading.Event()
 
@@ -168,7 +170,7 @@ async def test_an_undone_expression_waits_for_its_columns(delayed_losses):
     await settle(app, pilot)
     state = app.session.state
     assert (state.expression, state.past, state.pending) == ("real.loss > 0", past[:-1], None)
-    assert state.future == (Step("all", "vanilla"),)
+    assert state.future == (Step(Everything(), "vanilla"),)
     await press(app, pilot, "U")
     assert (app.session.state.expression, app.session.state.past) == ("all", past)
 
@@ -189,13 +191,13 @@ async def test_a_pending_selection_consumes_its_operator_and_keeps_a_later_brush
 
 
 def test_a_selection_made_during_a_run_change_is_kept(store, monkeypatch):
-    monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
+    monkeypatch.setattr(targets, "SMALL_STORE", 0)
     session = Session(store)
-    session.set_state(replace(session.state, pending=PendingTarget("b", 1, "gap > 0")))
+    session.set_state(replace(session.state, pending=Target("b", 1, parse("gap > 0"))))
     session.select("straight")
     pending = session.state.pending
     assert pending is not None
-    assert (pending.run, pending.text) == ("b", "")
+    assert (pending.run, pending.node) == ("b", None)
     assert (session.complete_pending().run, session.state.expression) == ("b", "straight")
 
 
@@ -216,7 +218,7 @@ async def test_an_unreadable_run_shows_an_error(store, gate, monkeypatch):
         def failing_read(*_: object) -> None:
             raise s2rstore.errors.RequestError("the index cannot be read")
 
-        monkeypatch.setattr(pending_target, "load_columns", failing_read)
+        monkeypatch.setattr(targets, "load_columns", failing_read)
         app.session.store._columns.drop(lambda key: key[0] == "run" and key[1] == "c")
         await press(app, pilot, "R")
         await settle(app, pilot)
@@ -228,7 +230,7 @@ async def test_an_unreadable_run_shows_an_error(store, gate, monkeypatch):
 @pytest.mark.parametrize("is_error", [False, True])
 def test_a_newer_message_is_kept_when_a_run_arrives(store, is_error):
     session = Session(store)
-    with_brush_and_operator(session, pending=PendingTarget("b", session.state.generation))
+    with_brush_and_operator(session, pending=Target("b", session.state.generation))
     session.show_message("wrote rows.csv", is_error)
     state = session.complete_pending()
     assert (state.run, state.message, state.is_error) == ("b", "wrote rows.csv", is_error)
@@ -239,7 +241,7 @@ def test_a_newer_message_is_kept_when_a_run_arrives(store, is_error):
 def test_a_message_about_the_selection_is_cleared_when_a_run_arrives(store):
     session = Session(store)
     session.select("none")
-    pending = PendingTarget("b", session.state.generation, text="all")
+    pending = Target("b", session.state.generation, node=Everything())
     with_brush_and_operator(session, pending=pending)
     assert session.state.message == "nothing is selected"
     assert session.complete_pending().message == ""
@@ -247,7 +249,7 @@ def test_a_message_about_the_selection_is_cleared_when_a_run_arrives(store):
 
 
 async def test_a_saved_run_is_announced_after_its_generation_is_loaded(store_copy, monkeypatch):
-    monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
+    monkeypatch.setattr(targets, "SMALL_STORE", 0)
     async with running(store_copy, size=(80, 24)) as (app, pilot):
         add_later_run(store_copy)
         progress = JobProgress(1.0, "published", "done")
@@ -276,7 +278,7 @@ async def test_the_announced_key_selects_the_saved_run(four_runs):
 
 
 def test_a_newer_generation_keeps_a_pending_selection(store_copy, monkeypatch):
-    monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
+    monkeypatch.setattr(targets, "SMALL_STORE", 0)
     session = Session(store_copy)
     session.defers_loading = True
     session.select("real.loss > 0")
@@ -339,7 +341,7 @@ def with_brush_and_operator(session: Session, **fields: object) -> tuple[Brush, 
 
 def test_a_pending_run_may_be_missing_from_the_newer_generation(store_copy):
     session = Session(store_copy, "vanilla")
-    with_brush_and_operator(session, pending=PendingTarget("vanilla", session.state.generation + 1))
+    with_brush_and_operator(session, pending=Target("vanilla", session.state.generation + 1))
     add_later_run(store_copy)
     newer = s2rstore.open(store_copy)
     del newer.runs["vanilla"]
@@ -364,7 +366,7 @@ def test_a_failed_change_of_generation_changes_nothing(store_copy, monkeypatch):
 
 
 def test_a_session_without_application_reads_synchronously(store, monkeypatch):
-    monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
+    monkeypatch.setattr(targets, "SMALL_STORE", 0)
     session = Session(store)
     assert session.dispatch(navigation.change_run, 1).run == "b"
     session.close()

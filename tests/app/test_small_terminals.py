@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
+from s2rstore.language.syntax_tree import Saved
 from s2rtools.common.command_line.output import table
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, take_screenshot
@@ -36,11 +37,11 @@ def test_the_status_line_fits_and_keeps_count_and_expression(
         session.state,
         newest=session.state.generation + newer,
         trajectories=("所有",) if narrowed else None,
-        expression="x" * length,
+        node=Saved("x" * length),
     )
     head, text, tail = status_line(session.store, state, width, RenderOptions())
     assert state.count in head
-    assert text.rstrip("…") == "x" * len(text.rstrip("…"))
+    assert f"@{'x' * length}".startswith(text.rstrip("…"))
     assert cell_len(head + text + tail) <= max(width - 2, len(state.count) + 3 + 8)
     if width >= 40:
         assert len(text) >= min(length, 20)
@@ -50,7 +51,7 @@ def test_the_status_line_fits_and_keeps_count_and_expression(
 
 
 def test_the_status_line_drops_the_least_important_parts_first(session):
-    state = replace(session.state, expression="x" * 20, newest=session.state.generation + 1)
+    state = replace(session.state, node=Saved("x" * 19), newest=session.state.generation + 1)
     lines = [
         "".join(status_line(session.store, state, width, RenderOptions()))
         for width in range(30, 120)

@@ -1,5 +1,7 @@
 """Numpy masks and SQL select the same instances for arbitrary expressions and data."""
 
+import functools
+
 import duckdb
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ from hypothesis import strategies as st
 
 import s2rstore
 from s2rstore.index.transaction import edit
-from s2rstore.language import ExpressionError, evaluation, fields, parse, to_text
+from s2rstore.language import ExpressionError, evaluation, fields, located, parse, to_text
 from s2rstore.language import syntax_tree as n
 from s2rstore.reader import Store
 from tests.support import embeddings, tiny
@@ -151,6 +153,27 @@ def test_masks_and_sql_select_the_same_instances(
 @given(node=EXPRESSIONS)
 def test_the_text_of_a_tree_parses_to_the_same_tree(node):
     assert parse(to_text(node)) == node
+
+
+@given(node=EXPRESSIONS, name=st.sampled_from(["done", "two words"]))
+def test_a_located_tree_has_the_columns_of_its_text(node, name):
+    for tree in (n.Or(node, n.Saved(name, 7)), n.Minus(n.Saved(name), n.Not(node))):
+        placed, parsed = located(tree), parse(to_text(tree))
+        assert placed == tree
+        columns = [
+            [getattr(leaf, "column", None) for leaf in n.leaves(each)] for each in (placed, parsed)
+        ]
+        assert columns[0] == columns[1], to_text(tree)
+
+
+def test_a_long_chain_of_operators_is_compared():
+    trees = [
+        functools.reduce(n.Or, (n.Compare(n.Field("gap"), ">", float(i)) for i in range(1_000)))
+        for _ in range(2)
+    ]
+    assert trees[0] == trees[1]
+    assert trees[0] != n.And(trees[1].left, trees[1].right)
+    assert len(set(trees)) == 1
 
 
 @given(text=st.text(alphabet='worst15&|!-()@%:.,"<>=0123456789 aberlmox+', max_size=30))

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from s2rstore.language import parse
+from s2rstore.language.syntax_tree import Everything
 from s2rtui.app.key_bindings import ACTIONS
 from s2rtui.session import Session, State, navigation, view_settings
 from s2rtui.session.state import Adjust, Slider, Step
@@ -35,7 +37,11 @@ def session(tiny_store: Path) -> Session:
 def test_a_message_is_cleared_by_the_next_change(session, is_error):
     adjust = Adjust("vanilla", ((SLIDER.key, 1.0),), 0, (SLIDER,))
     start = replace(
-        session.state, adjust=adjust, past=(Step("all"),), future=(Step("best15"),), viewports=()
+        session.state,
+        adjust=adjust,
+        past=(Step(Everything()),),
+        future=(Step(parse("best15")),),
+        viewports=(),
     )
     kept_messages, change_count = [], 0
     for name, key in KEYS.items():

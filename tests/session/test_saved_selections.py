@@ -11,6 +11,7 @@ import pytest
 from s2rstore.errors import RequestError
 from s2rstore.files.lock_file import LockFile
 from s2rstore.files.locks import file_lock
+from s2rstore.language.syntax_tree import Saved
 from s2rstore.records import Part
 from s2rtui.session import Session, navigation, shared_selection, undo_history
 from s2rtui.user_data import notebook
@@ -26,12 +27,12 @@ def session(tiny_store: Path) -> Session:
 def test_undo_and_redo_skip_invalid_expressions(session):
     session.select("best15")
     session.writable_notebook.save("gone", shared_selection.current_selection(session.state))
-    session.select("@gone & curved")
+    session.select("curved&@gone")
     session.select("worst15")
     session.writable_notebook.forget("gone")
     state = session.dispatch(undo_history.undo)
     assert state.expression == "best15"
-    assert "left out: @gone & curved" in state.message
+    assert "left out: curved & @gone (column 10: no saved selection 'gone'" in state.message
     assert session.dispatch(undo_history.redo).expression == "worst15"
     session.writable_notebook.save("gone", shared_selection.current_selection(session.state))
     session.select("@gone")
@@ -49,7 +50,7 @@ def test_an_invalid_expression_does_not_prevent_a_run_change(session):
     state = session.dispatch(navigation.change_run, 1)
     assert (state.run, state.expression) == ("dataaug", "all")
     assert "@gone cannot be evaluated here" in state.message
-    session.set_state(replace(state, expression="@gone"))
+    session.set_state(replace(state, node=Saved("gone")))
     state = session.dispatch(navigation.change_trajectory)
     assert (state.trajectories, state.expression) == (("a",), "all")
 

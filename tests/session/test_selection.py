@@ -98,6 +98,17 @@ def test_an_invalid_expression_keeps_state_and_operator(session):
     assert session.state is before
 
 
+def test_a_combination_that_is_too_long_to_be_typed_is_refused(session):
+    session.select(" | ".join(f"gap > {number}" for number in range(200)))
+    before = session.state
+    for operator in ("union", "intersect"):
+        state = session.select("worst15", operator)
+        with pytest.raises(ExpressionError, match="more than 200 parts; save some of it"):
+            session.select("best15", operator)
+        assert session.state is state
+        session.set_state(before)
+
+
 def test_undo_restores_run_trajectories_and_cursor(session):
     def shown() -> tuple[object, ...]:
         state = session.state

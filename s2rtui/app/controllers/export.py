@@ -14,6 +14,7 @@ from s2rtui.app.messages import ExportProgressed
 from s2rtui.app.screenshot import Screenshot
 from s2rtui.export.exclusive_files import create_exclusive, numbered_paths
 from s2rtui.session import Session, State, shared_selection
+from s2rtui.session.evaluation import query_of
 from s2rtui.user_data.notebook import Notes
 
 if TYPE_CHECKING:
@@ -131,12 +132,10 @@ class ExportController:
         """Runs in a background thread."""
         from s2rtui.export.rows import selected_rows, write_rows
 
-        rows = selected_rows(
-            store, state.expression, state.run, state.trajectories, notes, selected=state.selected,
-            with_trained=state.with_trained,
-        )  # fmt: skip
+        query = query_of(store, state, notes)
+        rows = selected_rows(store, query, notes)
         write_rows(path, rows.names, rows.rows, rows.facts.as_dict(), self.safe_csv)
-        return f": {rows.facts.count_text} instances"
+        return f": {query.count_text} instances"
 
     def _free_path(self, stem: str, suffix: str) -> Path:
         """The first free numbered path; raises RequestError if nothing may be written."""

@@ -27,7 +27,7 @@ from s2rtui.charts.shared.base_map_terminal import draw_value_map
 from s2rtui.charts.shared.points import own_positions, true_positions
 from s2rtui.charts.view import Pane, Pixels, PointsView, Table, TableWindow
 from s2rtui.drawing.scale import Floats
-from s2rtui.session import pending_target, run_comparison
+from s2rtui.session import run_comparison, targets
 from s2rtui.session.view_settings import ZoomPlane, map_plane
 
 _WIDE, _TALL = 56, 40
@@ -56,7 +56,7 @@ class CompareView(PointsView):
         if other is None:
             return f"{state.side} errors of the only run and of its constant {BASELINE} (d: side)"
         text = f"{state.side} errors of {state.run} and {other} (k: other run, d: side)"
-        if not pending_target.run_is_loaded(scene.store, other):
+        if not targets.run_is_loaded(scene.store, other):
             return text
         return "; ".join(part for part in (text, scene.other_trained_note(other)) if part)
 
@@ -238,7 +238,7 @@ def _base(scene: Scene, other: str | None) -> Bools:
 
 
 def _is_loaded(scene: Scene, other: str | None) -> bool:
-    return other is None or pending_target.run_is_loaded(scene.store, other)
+    return other is None or targets.run_is_loaded(scene.store, other)
 
 
 def _camera_notes(scene: Scene, other: str | None) -> list[str]:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rstore.index.population import count_text
 from s2rstore.records import NO_RUN
 from s2rtools.common.command_line import output, store_argument
 from s2rtools.common.command_line.coverage_line import print_coverage
@@ -16,8 +15,8 @@ from s2rtui.cli import scene_arguments
 from s2rtui.cli.coverage_notes import print_left_out, print_missing_shares
 
 if TYPE_CHECKING:
+    from s2rstore.language import Query
     from s2rstore.reader import Store
-    from s2rtui.user_data.notebook import Notes
 
 EXAMPLE = "s2r query lab.s2r 'worst15 & room:right' --columns iid,room,real.error"
 
@@ -44,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     from s2rstore.language import evaluation
-    from s2rtui.export.rows import count_in_view, selected_rows
+    from s2rtui.export.rows import selected_rows
     from s2rtui.user_data.notebook import ReadNotebook
 
     with s2rstore.open(options.store) as store:
@@ -57,47 +56,38 @@ def execute(options: argparse.Namespace) -> int:
                 raise RequestError(f"--trajectory {name}: {options.store} has {trajectories}")
         notes = ReadNotebook(store.identity, parts=store.parts).notes
         print_coverage(store, [run])
-        query = options.expression, run, options.trajectory
-        print_missing_shares(store, options.expression, run, notes.nodes)
-        print_left_out(store, *query, notes.nodes, options.with_trained)
+        query = evaluation.query(
+            store, options.expression, run, options.trajectory, notes.nodes, options.with_trained
+        )
+        evaluation.require_predictions(store, query)
+        print_missing_shares(store, query)
+        print_left_out(query)
         if options.count:
-            text, parameters = evaluation.sql(store, *query, notes.nodes, options.with_trained)
-            count = store.execute(f"SELECT count(*) FROM ({text})", parameters)[0][0]
-            print(count)
-            in_view, trained = count_in_view(store, run, options.trajectory)
-            if trained:
-                _print_count(count_text(count, in_view, trained, options.with_trained), run)
-            if not count:
-                _print_suggestions(store, *query, notes, options.with_trained)
+            print(query.count)
+            if query.trained.any():
+                _print_count(query)
+            _print_suggestions(store, query)
             return 0
         columns = options.columns.split(",") if options.columns else None
-        selection = selected_rows(store, *query, notes, columns, with_trained=options.with_trained)
-        if not selection.facts.count:
-            _print_suggestions(store, *query, notes, options.with_trained)
+        selection = selected_rows(store, query, notes, columns)
+        _print_suggestions(store, query)
     metadata = selection.facts.as_dict() if options.with_expression else None
     output.write(selection.names, selection.rows, options, metadata)
-    if selection.facts.trained_on or (options.format == "table" and options.out is None):
-        _print_count(selection.facts.count_text, run)
+    if query.trained.any() or (options.format == "table" and options.out is None):
+        _print_count(query)
     return 0
 
 
-def _print_count(text: str, run: str) -> None:
-    print(f"{text} instances{f' of run {run}' if run else ''}", file=sys.stderr)
+def _print_count(query: Query) -> None:
+    run = query.context.run
+    print(f"{query.count_text} instances{f' of run {run}' if run else ''}", file=sys.stderr)
 
 
-def _print_suggestions(
-    store: Store,
-    expression: str,
-    run: str | None,
-    trajectories: list[str] | None,
-    notes: Notes,
-    with_trained: bool,
-) -> None:
-    """Print on standard error which wider expressions would select something."""
-    from s2rstore.language import evaluation, parse, widening
+def _print_suggestions(store: Store, query: Query) -> None:
+    """Print on standard error which wider expressions select something, where this one does not."""
+    from s2rstore.language import widening
 
-    if not store.has_poses or run == NO_RUN:
+    if query.count or not store.has_poses or query.context.run == NO_RUN:
         return
-    context = evaluation.context(store, run, trajectories, notes.nodes, with_trained)
-    for wider in widening.widenings(parse(expression), context):
+    for wider in widening.widenings(query.node, query.context):
         print(f"nothing is selected; {wider.text} would give {wider.count}", file=sys.stderr)

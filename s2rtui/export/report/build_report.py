@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 
 from s2rstore.errors import DamagedStoreError, RequestError
 from s2rstore.findings import store_summary
 from s2rstore.findings.report import find_in_selection
-from s2rstore.language import evaluation
+from s2rstore.language import Node, parse
+from s2rstore.language.syntax_tree import Everything
 from s2rstore.metrics import run_metrics
 from s2rstore.security.printable_text import printable
 from s2rtui.charts.registry import BY_NAME
@@ -22,15 +23,27 @@ from s2rtui.export.report.html_page import render_page
 from s2rtui.export.report.report_model import Report, ReportImage, ReportTable, RunPart, Section
 from s2rtui.export.report.report_request import ReportRequest, RequestedSelection, StepCallback
 from s2rtui.export.report.worst_instances import worst_instances
-from s2rtui.session import Session
+from s2rtui.session import Session, State
 from s2rtui.session.error_groups import COUNTS
+from s2rtui.session.evaluation import query_of
 from s2rtui.user_data.notebook import ReadNotebook
 
-Plan = Sequence[tuple[RequestedSelection, Sequence[str]]]
-"""The requested selections, each with the runs in which it is reported."""
 _SELECTION_VIEWS = ("map", "recall", "errors", "rooms", "orientation")
 _WIDE_PIXELS = 1500
 _HASH_CHARACTERS = 16
+
+
+@dataclass(frozen=True, slots=True)
+class EvaluatedSelection:
+    """A requested selection with its state in each run where it is reported.
+
+    `problem` says why a saved selection cannot be evaluated.
+    """
+
+    requested: RequestedSelection
+    runs: tuple[str, ...]
+    states: tuple[State, ...] = ()
+    problem: str = ""
 
 
 def render_report(
@@ -57,12 +70,8 @@ def build_report(session: Session, request: ReportRequest, on_step: StepCallback
     session.store.require_poses("a report")
     if reason := session.store.missing_run:
         raise RequestError(f"{session.store.path}: {reason}; a report needs a run")
-    plan = [(selection, _runs(session, request, selection)) for selection in request.selections]
-    for selection, runs in plan:
-        if selection.saved is None:
-            for run in runs:
-                _set_state(session, request, run, selection.expression)
-    done, total = count(), 1 + sum(len(runs) for _, runs in plan)
+    selections = [_evaluated(session, request, requested) for requested in request.selections]
+    done, total = count(), 1 + sum(len(selection.runs) for selection in selections)
 
     def begin_step(step: str) -> None:
         on_step(next(done), total, step)
@@ -80,7 +89,7 @@ def build_report(session: Session, request: ReportRequest, on_step: StepCallback
         ("accuracy", f"1 − error / {store.dataset.accuracy_scale:.4g} m, at least 0"),
     ]
     overview = _overview_images(session, request)
-    sections = [_section(session, request, *planned, begin_step) for planned in plan]
+    sections = [_section(session, request, selection, begin_step) for selection in selections]
     facts += [("note", note) for run in store.runs if (note := store.coverage(run).note)]
     begin_step("")
     caption = "All runs, over the instances that are new to each model"
@@ -88,7 +97,7 @@ def build_report(session: Session, request: ReportRequest, on_step: StepCallback
         title=request.title or f"{store.dataset.name}: simulation and reality",
         subtitle=request.date,
         facts=facts,
-        findings=_finding_lines(session, request, plan),
+        findings=_finding_lines(session, request, selections),
         runs=metric_tables.compared_runs(store, state.runs, None, caption),
         images=overview,
         sections=sections,
@@ -96,24 +105,41 @@ def build_report(session: Session, request: ReportRequest, on_step: StepCallback
     )
 
 
-def _finding_lines(session: Session, request: ReportRequest, plan: Plan) -> list[str]:
+def _evaluated(
+    session: Session, request: ReportRequest, requested: RequestedSelection
+) -> EvaluatedSelection:
+    """Evaluate a selection in its runs. Raises RequestError for one that is not saved."""
+    runs = _runs(session, request, requested)
+    try:
+        node = parse(requested.expression)
+        states = tuple(_set_state(session, request, run, node) for run in runs)
+    except RequestError as error:
+        if requested.saved is None or isinstance(error, DamagedStoreError):
+            raise
+        return EvaluatedSelection(requested, runs, problem=f"Cannot be evaluated: {error}")
+    return EvaluatedSelection(requested, runs, states)
+
+
+def _finding_lines(
+    session: Session, request: ReportRequest, selections: Sequence[EvaluatedSelection]
+) -> list[str]:
     """The findings of the selections, then those of their runs, then those of the first run."""
     store, trajectories = session.store, request.trajectories
-    runs = list(dict.fromkeys(run for _, names in plan for run in names))
+    runs = list(dict.fromkeys(run for selection in selections for run in selection.runs))
     lines = [store_summary.store_line(store, runs[0])]
-    for selection, names in plan:
-        if selection.expression == "all" and trajectories is None:
+    for selection in selections:
+        requested = selection.requested
+        if requested.expression == "all" and trajectories is None:
             continue
-        place = " of ".join([selection.title, *([", ".join(trajectories)] if trajectories else [])])
-        for run in names:
-            try:
-                selected = evaluation.select(
-                    store, selection.expression, run, trajectories, session.notes.nodes
-                )
-            except RequestError:  # its section says why
-                continue
-            found = find_in_selection(store, run, selected)
-            lines += [f"{each.kind} of {run} in {place}: {each.line}" for each in found]
+        place = " of ".join([requested.title, *([", ".join(trajectories)] if trajectories else [])])
+        for state in selection.states:
+            selected = state.selected
+            if state.with_trained:  # findings are about the new instances
+                selected = query_of(
+                    store, replace(state, with_trained=False), session.notes
+                ).selected
+            found = find_in_selection(store, state.run, selected)
+            lines += [f"{each.kind} of {state.run} in {place}: {each.line}" for each in found]
     for run in runs:
         lines += store_summary.finding_lines(store, run)
     first = session.state.runs[0]
@@ -136,19 +162,20 @@ def _runs(
 
 
 def _set_state(
-    session: Session, request: ReportRequest, run: str, expression: str, room_names: bool = True
-) -> None:
+    session: Session, request: ReportRequest, run: str, node: Node, room_names: bool = True
+) -> State:
+    """Show a selection in a run, with the options of the request."""
     session.set_state(
         replace(session.state, trajectories=request.trajectories, with_trained=request.with_trained)
     )
-    session.select("all")
+    session.select(Everything())
     session.set_run(run)
     other = request.other if request.other != run else None
     options = SceneOptions(
-        select=expression, run=run, trajectories=request.trajectories, other=other,
+        select=node, run=run, trajectories=request.trajectories, other=other,
         with_trained=request.with_trained, heat=request.heat, overlay="off", room_names=room_names,
     )  # fmt: skip
-    apply_options(session, options)
+    return apply_options(session, options)
 
 
 def _population(request: ReportRequest) -> str:
@@ -173,7 +200,7 @@ def _overview_images(session: Session, request: ReportRequest) -> list[ReportIma
     first = request.runs[0] if request.runs else runs[0]
     others = [run for run in runs if run != first]
     best = max(others, key=real_accuracy) if others else None
-    _set_state(session, replace(request, other=request.other or best), first, "all", False)
+    _set_state(session, replace(request, other=request.other or best), first, Everything(), False)
     scene = _scene(session, "overview", "compare")
     size = (_WIDE_PIXELS, min(1200, 420 + 90 * len(runs)))
     images = [figure(BY_NAME["overview"], scene, request, size)]
@@ -187,26 +214,24 @@ def _overview_images(session: Session, request: ReportRequest) -> list[ReportIma
 def _section(
     session: Session,
     request: ReportRequest,
-    selection: RequestedSelection,
-    runs: tuple[str, ...],
+    selection: EvaluatedSelection,
     begin_step: Callable[[str], None],
 ) -> Section:
-    title = selection.title, selection.expression
+    requested, runs = selection.requested, selection.runs
+    title = requested.title, requested.expression
+    if selection.problem:
+        begin_step(f"{requested.title} in {runs[0]}")
+        return Section(*title, problem=selection.problem)
     parts: list[RunPart] = []
     facts: list[tuple[str, str]] = []
     table = remarks = None
-    for run in runs:
-        begin_step(f"{selection.title} in {run}")
-        try:
-            _set_state(session, request, run, selection.expression)
-        except DamagedStoreError:
-            raise
-        except RequestError as error:
-            return Section(*title, problem=f"Cannot be evaluated: {error}")
-        state, store = session.state, session.store
+    store = session.store
+    for run, state in zip(runs, selection.states, strict=True):
+        begin_step(f"{requested.title} in {run}")
+        session.set_state(state)
         facts.append((f"count in {run}" if len(runs) > 1 else "count", f"{state.count} instances"))
         if not parts:
-            facts += _saved_facts(selection, session)
+            facts += _saved_facts(requested, session)
             caption = f"The instances that it selects in {run}, in every run"
             members = state.selected & state.base
             table = metric_tables.compared_runs(store, state.runs, members, caption)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 from s2rstore.language import fields
 from s2rstore.language import syntax_tree as tree
@@ -15,6 +16,21 @@ _SIGNS = {tree.Or: "|", tree.And: "&", tree.Minus: "-"}
 def to_text(node: tree.Node) -> str:
     """The shortest unambiguous form of an expression."""
     return _with_precedence(node)[0]
+
+
+def located(node: tree.Node) -> tree.Node:
+    """The same tree with the columns that its names have in the canonical text, as if parsed."""
+    text, end = to_text(node), 0
+    placed: list[tree.Node] = []
+    for leaf in tree.leaves(node):
+        start = text.index(_leaf(leaf), end)
+        end = start + len(_leaf(leaf))
+        if isinstance(leaf, tree.Named):
+            leaf = replace(leaf, column=start + len(_field(leaf.field)) + 2)
+        elif isinstance(leaf, tree.Like | tree.Saved):
+            leaf = replace(leaf, column=start + 1)
+        placed.append(leaf)
+    return tree.with_leaves(node, iter(placed))
 
 
 def _with_precedence(node: tree.Node) -> tuple[str, int]:

@@ -152,6 +152,8 @@ def used_fields(node: tree.Node) -> tuple[tree.Field, ...]:
         return (node.field,)
     if isinstance(node, tree.Training):
         return (tree.Field("split", node.run),)
+    if isinstance(node, tree.Bend):
+        return (tree.Field("curvature"),)
     return (node.x, node.y) if isinstance(node, tree.Box | tree.Near | tree.Lasso) else ()
 
 

@@ -55,7 +55,7 @@ def parse(text: str) -> tree.Node:
     """
     if not text.strip():
         return tree.Everything()
-    _check_size(text)
+    check_size(text)
     try:
         return cast(tree.Node, _parser().parse(text))
     except VisitError as error:
@@ -70,8 +70,8 @@ def parse(text: str) -> tree.Node:
         raise ExpressionError(getattr(error, "column", 1), "cannot be read") from None
 
 
-def _check_size(text: str) -> None:
-    """Refuse expressions that are too large, before they exhaust the stack."""
+def check_size(text: str) -> None:
+    """Raise ExpressionError where an expression is too large, before it exhausts the stack."""
     if len(text) > MAX_LENGTH:
         raise ExpressionError(MAX_LENGTH, f"longer than {MAX_LENGTH} characters")
     bare = _QUOTED.sub(lambda match: "_" * len(match[0]), text)

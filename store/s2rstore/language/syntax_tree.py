@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from dataclasses import field as attribute
 from typing import Literal
@@ -147,12 +148,23 @@ class Not:
     inner: Node
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Operation:
-    """Two expressions that an operator joins."""
+    """Two expressions that an operator joins; a long chain is compared in a loop."""
 
     left: Node
     right: Node
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Operation) and self._operands == other._operands
+
+    def __hash__(self) -> int:
+        return hash(self._operands)
+
+    @property
+    def _operands(self) -> tuple[object, ...]:
+        first, links = chain(self)
+        return first, *((type(link), link.right) for link in links)
 
 
 class And(Operation):
@@ -186,6 +198,15 @@ def leaves(node: Node) -> list[Node]:
         else:
             operands.append(node)
     return operands
+
+
+def with_leaves(node: Node, others: Iterator[Node]) -> Node:
+    """The same tree with other leaves, which come from left to right."""
+    first, links = chain(node)
+    result = Not(with_leaves(first.inner, others)) if isinstance(first, Not) else next(others)
+    for link in links:
+        result = type(link)(result, with_leaves(link.right, others))
+    return result
 
 
 def chain(node: Node) -> tuple[Node, list[Operation]]:

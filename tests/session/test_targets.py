@@ -10,10 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.index import column_loader
+from s2rstore.language import parse
+from s2rstore.language.syntax_tree import Everything
 from s2rstore.metrics import nearest_neighbours
 from s2rtui.app.key_bindings import ACTIONS
 from s2rtui.loaders import store_data
-from s2rtui.session import Session, navigation, pending_target, shared_selection, undo_history
+from s2rtui.session import Session, navigation, shared_selection, targets, undo_history
 from s2rtui.session.state import State, Step
 from s2rtui.user_data.notebook import Notebook
 from tests.support import embeddings, tiny
@@ -56,17 +58,16 @@ class SessionPair:
             session.set_state(self.first(session))
             selected = session.select("best15")
             past = (
-                Step("all", "b"), Step("real.loss > 0.1", "vanilla", trajectories=("a",)),
-                Step("real.loss > 0.2", "vanilla"),
-            )  # fmt: skip
-            future = Step("curved", "c"), Step("real.loss < 1", "vanilla")
+                Step(Everything(), "b"),
+                Step(parse("real.loss > 0.1"), "vanilla", trajectories=("a",)),
+                Step(parse("real.loss > 0.2"), "vanilla"),
+            )
+            future = Step(parse("curved"), "c"), Step(parse("real.loss < 1"), "vanilla")
             session.set_state(replace(selected, past=past, future=future))
         store = self.deferred.store
         store._columns.drop(lambda key: "loss" in key or key[:2] in (("run", "b"), ("run", "c")))
         store.evaluated.clear()
-        pending_target.load_columns(
-            store, pending_target.current_target(self.deferred.state), lambda: True
-        )
+        targets.load_columns(store, targets.place_of(self.deferred.state), lambda: True)
         self.deferred.defers_loading = True
 
     def first(self, session: Session) -> State:
@@ -130,7 +131,7 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SessionPair]:
         return checked_read
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pending_target, "SMALL_STORE", 0)
+        patch.setattr(targets, "SMALL_STORE", 0)
         patch.setattr(column_loader, "_predicted", checked(predicted, store._column_loader))
         patch.setattr(nearest_neighbours, "neighbours", checked(neighbours, store))
         yield sessions

@@ -7,14 +7,14 @@ from contextlib import suppress
 from dataclasses import replace
 
 from s2rstore.errors import RequestError
-from s2rstore.language import Node, base_population, evaluation, mask, parse, to_text
+from s2rstore.language import Node, evaluation, expand
 from s2rstore.language.fields import NUMERIC, TEXT
-from s2rstore.language.name_resolution import expand, used_fields
-from s2rstore.language.syntax_tree import Bend, Extreme, Field, Like, Training, leaves
+from s2rstore.language.name_resolution import used_fields
+from s2rstore.language.syntax_tree import Everything, Extreme, Field, Like, Training, leaves
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtui.session.context import SessionContext
-from s2rtui.session.state import History, PendingTarget, State, Step
+from s2rtui.session.state import History, State, Step, Target
 
 MAX_HISTORY = 100
 """Number of past steps that can be undone."""
@@ -47,8 +47,6 @@ def expression_is_loaded(store: Store, run: str, node: Node) -> bool:
 def _leaf_is_loaded(store: Store, run: str, leaf: Node) -> bool:
     if isinstance(leaf, Like):
         return False  # compares embeddings
-    if isinstance(leaf, Bend):
-        return store.has_loaded(None, None, ["curvature"])
     if isinstance(leaf, Training):
         return store.has_loaded(leaf.run or run, None, _POPULATION_COLUMNS)
     if isinstance(leaf, Extreme):  # ranks within the base population
@@ -66,7 +64,7 @@ def _field_is_loaded(store: Store, run: str, used: Field) -> bool:
     return path == "iid" or store.has_loaded(of, side, [name])
 
 
-def load_columns(store: Store, target: PendingTarget, is_current: Callable[[], bool]) -> None:
+def load_columns(store: Store, target: Target, is_current: Callable[[], bool]) -> None:
     """Read the columns that views draw of a run, and evaluate the target's selection once."""
     columns, truth = store.run_columns(target.run), store.instances
     sides = ((columns.side(side), _SIDE_COLUMNS) for side in SIDES)
@@ -76,40 +74,29 @@ def load_columns(store: Store, target: PendingTarget, is_current: Callable[[], b
                 return
             getattr(owner, name)
     with suppress(RequestError):  # the reducer reports an expression that cannot be evaluated
-        context = evaluation.context(
-            store, target.run, target.trajectories, with_trained=target.with_trained
-        )
-        base_population(context)
-        if target.node is not None:
-            mask(target.node, context)
+        query = evaluation.query(
+            store, target.loading or Everything(), target.run, target.trajectories,
+            with_trained=target.with_trained,
+        )  # fmt: skip
+        _ = query.selected
 
 
 # --- targets ---------------------------------------------------------------------------------
 
 
-def current_target(state: State) -> PendingTarget:
-    """The place that the state shows, without an expression."""
-    return PendingTarget(
-        state.run,
-        state.generation,
-        trajectories=state.trajectories,
-        with_trained=state.with_trained,
+def place_of(shown: State | Target) -> Target:
+    """The run, generation and population of a state or a target, without an expression."""
+    return Target(
+        shown.run,
+        shown.generation,
+        trajectories=shown.trajectories,
+        with_trained=shown.with_trained,
     )
 
 
-def final_target(state: State) -> PendingTarget:
-    """The pending target, or the current one if nothing is pending."""
-    return state.pending or current_target(state)
-
-
-def place_of(target: PendingTarget) -> PendingTarget:
-    """The same run, generation and population, without an expression."""
-    return PendingTarget(
-        target.run,
-        target.generation,
-        trajectories=target.trajectories,
-        with_trained=target.with_trained,
-    )
+def final(state: State) -> Target:
+    """The pending target, or the present place if nothing is pending."""
+    return state.pending or place_of(state)
 
 
 def upcoming(state: State) -> State:
@@ -120,7 +107,7 @@ def upcoming(state: State) -> State:
     past, future = target.history or (state.past, state.future)
     return replace(
         state,
-        expression=target.text or state.expression,
+        node=target.node or state.node,
         run=target.run,
         trajectories=target.trajectories,
         with_trained=target.with_trained,
@@ -129,57 +116,51 @@ def upcoming(state: State) -> State:
     )
 
 
-def next_history(state: State, target: PendingTarget) -> History:
+def next_history(state: State, target: Target) -> History:
     """The history around a target that is shown after the present or pending one."""
     before = upcoming(state)
-    text = target.text or before.expression
-    if Step(text, target.run, target.trajectories, target.with_trained) == before.step:
+    node = target.node or before.node
+    if Step(node, target.run, target.trajectories, target.with_trained) == before.step:
         return before.past, before.future
     return (*before.past, before.step)[-MAX_HISTORY:], ()
 
 
-def with_expression(state: State, place: PendingTarget, text: str) -> PendingTarget:
-    """Select `text` at a place, as the next step of the history."""
-    target = replace(place_of(place), text=text)
+def with_expression(state: State, place: Target, node: Node) -> Target:
+    """Select `node` at a place, as the next step of the history."""
+    target = replace(place_of(place), node=node)
     return replace(target, history=next_history(state, target))
 
 
-def expand_saved_names(context: SessionContext, expression: str | Node) -> Node:
+def expand_saved_names(context: SessionContext, node: Node) -> Node:
     """The syntax tree with saved selections put in place of their names; raises ExpressionError."""
-    words = evaluation.vocabulary(context.store, context.notes.nodes)
-    return expand(parse(expression) if isinstance(expression, str) else expression, words)
+    return expand(node, evaluation.vocabulary(context.store, context.notes.nodes))
 
 
-def node_to_load(
-    context: SessionContext, state: State, target: PendingTarget, expression: Node | None = None
-) -> Node | None:
+def node_to_load(context: SessionContext, state: State, target: Target) -> Node | None:
     """The expression to evaluate in the background before the target can be shown; else None.
 
-    `expression` defaults to that of the target, or the present one. Raises ExpressionError.
+    Raises ExpressionError.
     """
     if not context.defers_loading:
         return None
     store = context.store
-    node = expand_saved_names(context, expression or target.text or state.expression)
+    node = expand_saved_names(context, target.node or state.node)
     is_loaded = target.run == state.run or run_is_loaded(store, target.run)
     if target.generation != state.generation or not is_loaded:
         return node
     return None if expression_is_loaded(store, target.run, node) else node
 
 
-def plan(
-    context: SessionContext, state: State, node: Node
-) -> tuple[PendingTarget, PendingTarget | None]:
+def plan(context: SessionContext, state: State, node: Node) -> tuple[Target, Target | None]:
     """The target of selecting `node`, and the target that remains pending after it.
 
-    The first has a `node` if columns have to be loaded before it can be selected. Raises
+    The first is `loading` if columns have to be read before it can be selected. Raises
     ExpressionError.
     """
-    target = with_expression(state, final_target(state), to_text(node))
-    place = current_target(state)
-    if (loading := node_to_load(context, state, place, node)) is not None:
-        return replace(target, node=loading), None
-    if state.pending is None or place_of(state.pending) == place:
+    target, here = with_expression(state, final(state), node), place_of(state)
+    if (loading := node_to_load(context, state, replace(here, node=node))) is not None:
+        return replace(target, loading=loading), None
+    if state.pending is None or place_of(state.pending) == here:
         return target, None
     expanded = expand_saved_names(context, node)
-    return target, replace(place_of(state.pending), node=expanded)
+    return target, replace(place_of(state.pending), loading=expanded)
