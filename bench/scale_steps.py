@@ -17,6 +17,8 @@ from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.base_map_model import map_model
 from s2rtui.charts.shared.points import highest_levels, unselected_dots
+from s2rtui.drawing.plot import Points
+from s2rtui.drawing.points import point_cells
 from s2rtui.session import (
     Brush,
     Session,
@@ -85,7 +87,9 @@ def numbers(scene: Scene) -> None:
     for name in ("rooms", "errors", "umap"):
         tab = BY_NAME[name]
         if not tab.missing(scene):
-            tab.drawing(scene, _TAB[0])
+            for plot in tab.drawing(scene, _TAB[0]).plots:
+                for points in (mark for mark in plot.marks if isinstance(mark, Points)):
+                    point_cells(points, plot.x, plot.y, _TAB[0] // 2, _TAB[1])
     shown = BY_NAME["map"].input(scene)
     model = map_model(shown)
     frame = map_layout(shown, _MAP).frame
