@@ -144,7 +144,7 @@ class Probe:
 
         def work() -> None:
             step()
-            steps.numbers(self.app.renderer.scene)
+            steps.numbers(self.app.updater.scene)
 
         return _clocked(work)
 
@@ -153,7 +153,7 @@ class Probe:
 
         def work() -> None:
             step()
-            self.app.renderer.refresh()
+            self.app.updater.refresh()
             screen = self.app.screen
             screen._compositor.update_widgets(set(self.app.query(PlotView)))
             screen._compositor_refresh()

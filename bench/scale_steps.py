@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from bench.index_store import ROOMS
-from s2rtui.canvas.marks import Mark
+from s2rtui.canvas.marks import BrushShape
 from s2rtui.charts.compare.model import compare_model
 from s2rtui.charts.map.terminal import map_layout
 from s2rtui.charts.orientation.model import orientation_model
@@ -16,7 +16,7 @@ from s2rtui.charts.overview.model import overview_model
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.base_map_model import map_model
-from s2rtui.charts.shared.points import highest_levels, unselected_dots
+from s2rtui.charts.shared.point_bins import highest_levels, unselected_dots
 from s2rtui.drawing.plot import Points
 from s2rtui.drawing.points import point_cells
 from s2rtui.session import (
@@ -101,9 +101,9 @@ def numbers(scene: Scene) -> None:
 
 def _overview(scene: Scene) -> None:
     view = BY_NAME["overview"]
-    lines, rows = view.lines(scene), scene.resources.rows
+    lines, rows = view.lines(scene), scene.loaded.rows
     if lines is not None:
-        model = overview_model(rows, scene.resources.baseline, lines)
+        model = overview_model(rows, scene.loaded.baseline, lines)
         layout = overview_layout(model.rows, 0, _TAB, lines)
         line_density(lines, model.axis, layout)
 
@@ -116,7 +116,7 @@ def moves(session: Session, turn: int) -> list[tuple[str, Step]]:
         box = ((x, y), (x + 4, y + 3))
         points = (box[0], (x + 4, y), box[1], (x, y + 3)) if lasso else box
         return lambda: session.set_state(
-            replace(session.state, brush=Brush(view, Mark(panel, points, lasso)))
+            replace(session.state, brush=Brush(view, BrushShape(panel, points, lasso)))
         )
 
     def sort() -> None:

@@ -34,7 +34,7 @@ async def _measured(store: Path, run: str | None, moves: int) -> list[float]:
         await _until(app, None, _LOADING)
         await settle(app, pilot)
         for _ in range(moves):
-            before = app.resources.live
+            before = app.loaded.live
             began = time.perf_counter()
             await app.run_action("do('more')")
             await _until(app, before, 10.0)
@@ -46,7 +46,7 @@ async def _measured(store: Path, run: str | None, moves: int) -> list[float]:
 async def _until(app: S2RApp, before: object, patience: float) -> None:
     """Wait for another live result, which is drawn in the same iteration of the event loop."""
     limit = time.monotonic() + patience
-    while app.resources.live is before:
+    while app.loaded.live is before:
         if time.monotonic() > limit:
             raise TimeoutError(app.session.state.message or "no prediction came")
         await asyncio.sleep(0.001)

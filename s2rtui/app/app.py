@@ -43,7 +43,7 @@ from s2rtui.app.messages import (
     StoreChecked,
 )
 from s2rtui.app.process_signals import end_on_signals
-from s2rtui.app.renderer import Renderer
+from s2rtui.app.screen_updater import ScreenUpdater
 from s2rtui.app.screens.doctor import DoctorScreen
 from s2rtui.app.screens.help import HelpScreen
 from s2rtui.app.screens.tour import TourScreen
@@ -53,7 +53,7 @@ from s2rtui.app.widgets.plot import PlotView
 from s2rtui.app.widgets.query_input import QueryInput
 from s2rtui.canvas import ColourMode, RenderOptions, Rgb, Theme
 from s2rtui.charts.registry import VIEWS
-from s2rtui.charts.scene import Resources
+from s2rtui.charts.scene import LoadedData
 from s2rtui.jobs import background_thread
 from s2rtui.jobs.background_thread import BackgroundJobs
 from s2rtui.security import Permissions
@@ -104,7 +104,7 @@ class S2RApp(GuardedApp):
         self.render_options = render_options
         self.access = access or Permissions.for_store(session.store.path)
         self.output_folder = output_folder or self.access.output_dir
-        self.resources = Resources(models={})
+        self.loaded = LoadedData(models={})
         self.jobs = BackgroundJobs(lambda text: self.post(BackgroundFailed(text)))
         self.load_scheduler = LoadScheduler(self)
         self.brush = BrushController(self)
@@ -117,7 +117,7 @@ class S2RApp(GuardedApp):
         self.suggestions = SuggestionController(self)
         self.load_results = LoadResultController(self)
         self.store_updates = StoreUpdateController(self)
-        self.renderer = Renderer(self)
+        self.updater = ScreenUpdater(self)
         self.is_first_start = False
         self.terminal: Terminal | None = None
         self.image_host: ImageHost | None = None
@@ -130,17 +130,17 @@ class S2RApp(GuardedApp):
             PlotView(view.name, options, _COLOUR_TOLERANCE.get(view.name, 0), self.image_host)
             for view in VIEWS
         ]
-        yield Panes(views, self.renderer.pane_rectangles)
+        yield Panes(views, self.updater.pane_rectangles)
         yield Bar("message")
         yield QueryInput()
         yield Bar("keys")
 
     def on_mount(self) -> None:
         self._set_size(self.size)
-        self.renderer.refresh()
-        self.call_after_refresh(self.renderer.start_loading)
+        self.updater.refresh()
+        self.call_after_refresh(self.updater.start_loading)
         # A key may open another screen before the first drawing.
-        call_after(self, _FIRST_DRAWING_SECONDS, self.renderer.start_loading)
+        call_after(self, _FIRST_DRAWING_SECONDS, self.updater.start_loading)
         self.set_interval(CHECK_SECONDS, self.store_updates.check_store)
         if not self.is_headless:
             end_on_signals(self.exit)
@@ -166,11 +166,11 @@ class S2RApp(GuardedApp):
         if event.size != self._drawn_size:
             self.brush.drop_drag()
         self._set_size(event.size)
-        self.renderer.refresh()
+        self.updater.refresh()
 
     def _set_size(self, size: Size) -> None:
         self._drawn_size = size
-        self.default_screen.set_classes(self.renderer.set_size(size))
+        self.default_screen.set_classes(self.updater.set_size(size))
 
     # --- services for the controllers --------------------------------------------------------
 
@@ -182,7 +182,7 @@ class S2RApp(GuardedApp):
     def show_error(self, text: str) -> None:
         """Show an error in the message line."""
         self.session.show_message(text, is_error=True)
-        self.renderer.refresh()
+        self.updater.refresh()
 
     @contextlib.contextmanager
     def surviving_errors(self) -> Iterator[None]:
@@ -210,12 +210,12 @@ class S2RApp(GuardedApp):
     @property
     def settled(self) -> bool:
         """Whether everything that the state needs is loaded and no job runs."""
-        return self.renderer.settled and not self.jobs.unfinished
+        return self.updater.settled and not self.jobs.unfinished
 
     # --- messages ----------------------------------------------------------------------------
 
     def on_panes_arranged(self) -> None:
-        self.renderer.refresh()
+        self.updater.refresh()
 
     def on_load_completed(self, message: LoadCompleted) -> None:
         self.load_results.on_completed(message)
@@ -268,7 +268,7 @@ class S2RApp(GuardedApp):
         action = BY_NAME[name]
         if reason := action.unavailable(self.session.store):
             self.session.show_message(reason)
-            self.renderer.refresh_message()
+            self.updater.refresh_message()
             return
         if action.command is not None:
             action.command(self)
@@ -278,7 +278,7 @@ class S2RApp(GuardedApp):
             action.do(self.session)
         except S2RError as error:
             self.session.show_message(str(error), is_error=True)
-        self.renderer.refresh()
+        self.updater.refresh()
 
     def action_view(self, name: str) -> None:
         self.navigation.show_view(name)
@@ -303,7 +303,7 @@ class S2RApp(GuardedApp):
         else:
             self.brush.drop_drag()
             self.session.dispatch(view_settings.cancel_input)
-            self.renderer.refresh()
+            self.updater.refresh()
 
     def action_doctor(self) -> None:
         self.push_screen(DoctorScreen(self.render_options, self.terminal))
@@ -327,7 +327,7 @@ class S2RApp(GuardedApp):
     def action_help_quit(self) -> None:
         """Override the action that Textual binds to ctrl+c."""
         self.session.show_message(f"{BY_NAME['quit'].key} quits")
-        self.renderer.refresh_message()
+        self.updater.refresh_message()
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         state = self.session.state

@@ -14,7 +14,7 @@ from s2rtui.session.session import StoreUpdates
 
 @dataclass
 class LoadCompleted(Message):
-    """A loader returned fields of `Resources`; `ticket` is the number of its request.
+    """A loader returned fields of `LoadedData`; `ticket` is the number of its request.
 
     `partial`: more fields of the same request follow.
     """

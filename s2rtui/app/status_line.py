@@ -10,7 +10,7 @@ from s2rstore.reader import Store
 from s2rstore.security.printable_text import printable
 from s2rtui.app.titled_view import truncated
 from s2rtui.canvas import RenderOptions
-from s2rtui.charts.scene import Resources
+from s2rtui.charts.scene import LoadedData
 from s2rtui.session.state import SIGNS, State
 
 StatusLine = tuple[str, str, str]
@@ -81,7 +81,7 @@ def _parts(store: Store, state: State) -> tuple[dict[str, str], dict[str, str]]:
         ),
         "run": f"run {state.run}{_pending_text(state)}" if state.run else "no runs",
         "coverage": store.coverage(state.run).summary,
-        "count": state.count,
+        "count": state.count_text,
     }
     if not before["coverage"]:
         del before["coverage"]
@@ -101,7 +101,7 @@ def _pending_text(state: State) -> str:
     return " (selecting)"
 
 
-def message_text(state: State, resources: Resources, hovered: str = "", cursor: str = "") -> str:
+def message_text(state: State, resources: LoadedData, hovered: str = "", cursor: str = "") -> str:
     """The message line: an error, the instance under the mouse, a message, or a newer generation.
 
     `hovered` and `cursor` describe the instances under the mouse and at the cursor; the cursor's is

@@ -47,7 +47,7 @@ class TitledView:
     def _subtitle(self) -> str:
         """The view's subtitle; before it, unless it says so, how many trained ones are counted."""
         text, note = self.view.subtitle(self.scene), self.scene.trained_note
-        if not note or not self.view.counts_instances or self.scene.state.count in text:
+        if not note or not self.view.counts_instances or self.scene.state.count_text in text:
             return text
         return f"{note}; {text}"
 

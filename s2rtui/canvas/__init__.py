@@ -15,7 +15,7 @@ from s2rtui.canvas.colour import (
     mix,
     turbo,
 )
-from s2rtui.canvas.marks import Mark, Panel, Point
+from s2rtui.canvas.marks import BrushShape, PlotArea, Point
 from s2rtui.canvas.render_options import (
     ASCII,
     DEFAULT_OPTIONS,
@@ -27,7 +27,29 @@ from s2rtui.canvas.render_options import (
 )
 
 __all__ = [
-    "ASCII", "DARK", "DEFAULT_OPTIONS", "DIGITS", "LIGHT", "THEMES", "UNICODE", "Canvas",
-    "ColourMode", "Glyphs", "InlineImage", "Mark", "Panel", "Pixels", "Point", "RenderOptions",
-    "Rgb", "Size", "Theme", "diverging", "heading_arrow", "legible", "luma", "mix", "turbo",
+    "ASCII",
+    "DARK",
+    "DEFAULT_OPTIONS",
+    "DIGITS",
+    "LIGHT",
+    "THEMES",
+    "UNICODE",
+    "BrushShape",
+    "Canvas",
+    "ColourMode",
+    "Glyphs",
+    "InlineImage",
+    "Pixels",
+    "PlotArea",
+    "Point",
+    "RenderOptions",
+    "Rgb",
+    "Size",
+    "Theme",
+    "diverging",
+    "heading_arrow",
+    "legible",
+    "luma",
+    "mix",
+    "turbo",
 ]  # fmt: skip

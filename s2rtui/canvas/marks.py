@@ -18,7 +18,7 @@ Shape = Literal["plane", "range", "turn", "steps"]
 
 
 @dataclass(frozen=True, slots=True)
-class Panel:
+class PlotArea:
     """A rectangle of cells in a view that can be brushed, with its data coordinates.
 
     `to_data` converts a place in the view (column, row; the middle of a cell is at + 0.5),
@@ -39,7 +39,7 @@ class Panel:
         across = self.x <= column < self.x + self.width
         return across and self.y <= row < self.y + self.height
 
-    def moved_down(self, rows: int) -> Panel:
+    def moved_down(self, rows: int) -> PlotArea:
         """The panel moved down by some rows of its view."""
 
         def to_data(column: float, row: float) -> Point:
@@ -53,7 +53,7 @@ class Panel:
 
 
 @dataclass(frozen=True, slots=True)
-class Mark:
+class BrushShape:
     """A brush mark in data coordinates: two opposite corners, or a polygon if `lasso`."""
 
     panel: str
@@ -61,12 +61,12 @@ class Mark:
     lasso: bool = False
 
 
-def panel_at(panels: Sequence[Panel], column: int, row: int) -> Panel | None:
+def panel_at(panels: Sequence[PlotArea], column: int, row: int) -> PlotArea | None:
     """The panel under a cell."""
     return next((panel for panel in panels if panel.holds(column, row)), None)
 
 
-def draw_mark(canvas: Canvas, panel: Panel, mark: Mark | None) -> None:
+def draw_mark(canvas: Canvas, panel: PlotArea, mark: BrushShape | None) -> None:
     """Draw the outline of a mark on a plane, clipped to its panel."""
     if mark is None or mark.panel != panel.name or panel.shape != "plane" or not mark.points:
         return
@@ -77,7 +77,7 @@ def draw_mark(canvas: Canvas, panel: Panel, mark: Mark | None) -> None:
         _frame(canvas, panel, corners)
 
 
-def _frame(canvas: Canvas, panel: Panel, corners: list[Point]) -> None:
+def _frame(canvas: Canvas, panel: PlotArea, corners: list[Point]) -> None:
     """A rectangle of line glyphs, at least one cell large."""
     columns = sorted(int(np.floor(column)) for column, _ in (corners[0], corners[-1]))
     rows = sorted(int(np.floor(row)) for _, row in (corners[0], corners[-1]))
@@ -93,7 +93,7 @@ def _frame(canvas: Canvas, panel: Panel, corners: list[Point]) -> None:
         canvas.put(column, row, glyph, canvas.theme.truth, bold=True)
 
 
-def _outline(canvas: Canvas, panel: Panel, corners: list[Point]) -> None:
+def _outline(canvas: Canvas, panel: PlotArea, corners: list[Point]) -> None:
     """A closed polygon in braille dots, in ASCII in full stops."""
     lines = zip(corners, [*corners[1:], corners[0]], strict=True)
     dots = line_dots(lines, canvas.width, canvas.height)
@@ -108,24 +108,24 @@ def _outline(canvas: Canvas, panel: Panel, corners: list[Point]) -> None:
         canvas.put(int(column), int(row), ".", canvas.theme.truth, bold=True)
 
 
-def mark_on_panel(mark: Mark | None, panel: str) -> Mark | None:
+def mark_on_panel(mark: BrushShape | None, panel: str) -> BrushShape | None:
     """The mark if it lies on `panel` and has a point, else None."""
     return mark if mark is not None and mark.panel == panel and mark.points else None
 
 
-def mark_range(mark: Mark) -> tuple[float, float]:
+def mark_range(mark: BrushShape) -> tuple[float, float]:
     """The smaller and the larger x."""
     low, high = sorted((mark.points[0][0], mark.points[-1][0]))
     return low, high
 
 
-def mark_rows(mark: Mark) -> tuple[int, int]:
+def mark_rows(mark: BrushShape) -> tuple[int, int]:
     """The smaller and the larger y as integers, both included."""
     low, high = sorted(round(y) for _, y in (mark.points[0], mark.points[-1]))
     return low, high
 
 
-def mark_arc(mark: Mark) -> tuple[float, float]:
+def mark_arc(mark: BrushShape) -> tuple[float, float]:
     """The centre and half width of an arc in degrees, from the first point to the last.
 
     Like a range of headings in the selection language; 360 degrees or more mean the full circle.

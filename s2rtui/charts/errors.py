@@ -12,8 +12,7 @@ from s2rstore.records import SIDES, Side
 from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.binning import Bins, Bools, bin_values, median_selected, selection_indices
 from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
-from s2rtui.canvas import Mark as Brush
-from s2rtui.canvas import Panel, Point
+from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.charts.mark_expressions import cell_width, number_text, range_expression, round_to_cell
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import DrawingView, Table
@@ -160,11 +159,11 @@ class ErrorsView(DrawingView):
                 medians.append(f"{side} {np.median(known):.2f} m, at most {known.max():.2f} m")
         return f"Median position error: {'; '.join(medians) or 'none'}."
 
-    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
+    def cursor_point(self, scene: Scene, panel: PlotArea) -> Point | None:
         error = self._cursor(scene).get("sim" if panel.name == "sim" else "real", math.nan)
         return (error, 0.0) if math.isfinite(error) else None
 
-    def to_expression(self, scene: Scene, panel: Panel, mark: Brush) -> str:
+    def to_expression(self, scene: Scene, panel: PlotArea, mark: BrushShape) -> str:
         field = f"{panel.name}.error"
         low, high = sorted(point[0] for point in (mark.points[0], mark.points[-1]))
         if high > panel.to_data(panel.x + panel.width - 1, 0)[0]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from s2rstore.errors import sentence
 from s2rstore.findings import Finding, FindingReport
-from s2rtui.canvas import Panel, Point
+from s2rtui.canvas import PlotArea, Point
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import DrawingView, Pane, Table
 from s2rtui.drawing.drawing import Drawing
@@ -59,18 +59,18 @@ class FindingsView(DrawingView):
 
     def input(self, scene: Scene) -> FindingReport | None:
         """The findings about the present run; None until they are computed."""
-        report = scene.resources.findings
+        report = scene.loaded.findings
         return report if report is not None and report.run == scene.state.run else None
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        state, failed = scene.state, scene.resources.failed.get("findings")
+        state, failed = scene.state, scene.loaded.failed.get("findings")
         is_active = state.view == self.name
-        return scene.resources.findings, state.run, state.finding, is_active, failed
+        return scene.loaded.findings, state.run, state.finding, is_active, failed
 
     def missing(self, scene: Scene) -> tuple[str, ...]:
         report = self.input(scene)
         if report is None:
-            return (scene.resources.failed.get("findings", "findings are being computed"),)
+            return (scene.loaded.failed.get("findings", "findings are being computed"),)
         return () if report.findings or report.missing else ("nothing is known about this run",)
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
@@ -80,7 +80,7 @@ class FindingsView(DrawingView):
         chosen = scene.state.finding % len(report.findings) if is_chosen else None
         return findings_drawing(report, chosen)
 
-    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+    def click(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> None:
         report, index = self.input(scene), round(point[1])
         if report is not None and 0 <= index < len(report.findings):
             session.dispatch(findings.move, index - session.state.finding)

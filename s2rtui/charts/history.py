@@ -180,20 +180,20 @@ class HistoryView(DrawingView):
         return f"{shown}: gap G of {last.run} (0: none, 100: anchor)"
 
     def input(self, scene: Scene) -> tuple[Night, ...]:
-        loaded = scene.resources.history
+        loaded = scene.loaded.history
         if loaded is None:
             return ()
         return _nights(loaded, scene.state.run, scene.store.dataset.name)
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        failed = scene.resources.failed.get("history")
-        return scene.resources.history, scene.state.run, scene.state.history, failed
+        failed = scene.loaded.failed.get("history")
+        return scene.loaded.history, scene.state.run, scene.state.history, failed
 
     def missing(self, scene: Scene) -> tuple[str, ...]:
-        loaded, file = scene.resources.history, scene.state.history
+        loaded, file = scene.loaded.history, scene.state.history
         if self.input(scene):
             return ()
-        if failed := scene.resources.failed.get("history"):
+        if failed := scene.loaded.failed.get("history"):
             return ("the history cannot be read", failed)
         if file is not None and loaded is None:
             return ("the history is being loaded",)

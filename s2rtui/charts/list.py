@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from s2rstore.language import fields
 from s2rtui.analysis.identity_cache import ArrayKey
-from s2rtui.canvas import Mark, Panel, Point
+from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import DrawingView, Pane, Table
 from s2rtui.drawing.drawing import Drawing
@@ -115,7 +115,7 @@ class ListView(DrawingView):
 
     def subtitle(self, scene: Scene) -> str:
         order = fields.with_unit(scene.state.sort)
-        return f"{scene.state.count}, by {order} (. sorts, comma reverses)"
+        return f"{scene.state.count_text}, by {order} (. sorts, comma reverses)"
 
     def input(self, scene: Scene) -> NDArray[np.intp]:
         """The iids of the selected instances (n,) in their order."""
@@ -145,7 +145,7 @@ class ListView(DrawingView):
         iids = self.input(scene)[:_SUMMARISED].tolist()
         listed = ", ".join(f"{iid} ({text(iid)})" for iid in iids)
         order = fields.with_unit(scene.state.sort)
-        return f"{scene.state.count} instances by {order}: {listed or 'none'}."
+        return f"{scene.state.count_text} instances by {order}: {listed or 'none'}."
 
     def heading(self, scene: Scene) -> tuple[str, str]:
         order = fields.with_unit(scene.state.sort)
@@ -157,20 +157,20 @@ class ListView(DrawingView):
         shown = state.generation, state.run, state.sort, state.descending, state.cursor
         return ArrayKey(self.input(scene)), *shown, state.with_trained, scene.notes.remarks
 
-    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
+    def cursor_point(self, scene: Scene, panel: PlotArea) -> Point | None:
         return 0.0, float(_place(self.input(scene), scene.state.cursor) or 0)
 
-    def instance_at(self, scene: Scene, panel: Panel, cell: Point) -> int | None:
+    def instance_at(self, scene: Scene, panel: PlotArea, cell: Point) -> int | None:
         iids = self.input(scene)
         place = round(panel.to_data(*cell)[1])
         return int(iids[place]) if 0 <= place < iids.size else None
 
-    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+    def click(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> None:
         iids = self.input(scene)
         if 0 <= round(point[1]) < iids.size:
             session.set_cursor(int(iids[round(point[1])]))
 
-    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+    def to_expression(self, scene: Scene, panel: PlotArea, mark: BrushShape) -> str:
         first, last = sorted(round(point[1]) for point in (mark.points[0], mark.points[-1]))
         chosen = np.sort(self.input(scene)[max(0, first) : last + 1])
         return f"ids({', '.join(str(iid) for iid in chosen)})"

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from s2rstore.geometry import angles
 from s2rstore.language.canonical_text import quoted
-from s2rtui.canvas import Mark, Panel
+from s2rtui.canvas import BrushShape, PlotArea
 
 
 def round_to_cell(value: float, cell: float) -> float:
@@ -16,7 +16,7 @@ def round_to_cell(value: float, cell: float) -> float:
     return round(value, places)
 
 
-def area_expression(panel: Panel, mark: Mark, box: str, lasso: str) -> str:
+def area_expression(panel: PlotArea, mark: BrushShape, box: str, lasso: str) -> str:
     """A call of the `box` or `lasso` function with the corners of a mark."""
     first, second = panel.to_data(0, 0), panel.to_data(1, 1)
     wide, high = second[0] - first[0], second[1] - first[1]
@@ -28,7 +28,11 @@ def area_expression(panel: Panel, mark: Mark, box: str, lasso: str) -> str:
 
 
 def range_expression(
-    panel: Panel, mark: Mark, field: str, lowest: float = -math.inf, highest: float = math.inf
+    panel: PlotArea,
+    mark: BrushShape,
+    field: str,
+    lowest: float = -math.inf,
+    highest: float = math.inf,
 ) -> str:
     """A range of a field, both ends included, limited to the field's possible values."""
     cell = cell_width(panel)
@@ -39,13 +43,13 @@ def range_expression(
     return f"{field}:{number_text(ends[0])}..{number_text(ends[1])}"
 
 
-def cell_width(panel: Panel) -> float:
+def cell_width(panel: PlotArea) -> float:
     """The width of one column of the panel in data units."""
     left = panel.x + min(1, panel.width - 1)
     return panel.to_data(left + 1, panel.y)[0] - panel.to_data(left, panel.y)[0]
 
 
-def heading_expression(mark: Mark, field: str) -> str:
+def heading_expression(mark: BrushShape, field: str) -> str:
     """A range of a heading in degrees, from the first point of a mark to the last."""
     low, high = (round(point[0]) for point in (mark.points[0], mark.points[-1]))
     if high - low >= 360:
@@ -53,7 +57,7 @@ def heading_expression(mark: Mark, field: str) -> str:
     return f"{field}:{number_text(_heading(low))}..{number_text(_heading(high))}"
 
 
-def names_expression(mark: Mark, field: str, names: Sequence[str]) -> str:
+def names_expression(mark: BrushShape, field: str, names: Sequence[str]) -> str:
     """One or several names of a text field; rows without a name are left out."""
     rows = sorted(round(point[1]) for point in (mark.points[0], mark.points[-1]))
     selection = [names[row] for row in range(max(0, rows[0]), min(len(names), rows[1] + 1))]

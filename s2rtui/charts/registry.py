@@ -8,7 +8,7 @@ from importlib.metadata import entry_points
 
 from s2rstore.errors import RequestError, first_line
 from s2rstore.security.printable_text import printable
-from s2rtui.charts.scene import Resources, Scene
+from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.charts.view import View
 
 NAMES = (
@@ -76,4 +76,4 @@ BY_NAME = {view.name: view for view in VIEWS}
 STORED = {word: view for view in VIEWS if view.from_store for word in (view.name, *view.aliases)}
 """Views that a store alone can fill, by name and alias."""
 
-__all__ = ["BY_NAME", "ENTRY_POINTS", "NAMES", "STORED", "VIEWS", "Resources", "Scene", "View"]
+__all__ = ["BY_NAME", "ENTRY_POINTS", "NAMES", "STORED", "VIEWS", "LoadedData", "Scene", "View"]

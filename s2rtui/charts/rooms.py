@@ -16,11 +16,11 @@ from s2rstore.language import to_text
 from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.binning import Bins, Bools, selection_indices
 from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
-from s2rtui.canvas import Mark, Panel, Point
+from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.canvas.marks import mark_rows
 from s2rtui.charts.mark_expressions import names_expression
 from s2rtui.charts.scene import LoadedGroups, Scene
-from s2rtui.charts.shared.points import valid_cursor
+from s2rtui.charts.shared.point_bins import valid_cursor
 from s2rtui.charts.view import DrawingView, Table
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Ink
@@ -72,7 +72,7 @@ def number_text(value: float, signed: bool = False) -> str:
 
 def groups_table(
     rows: Sequence[GroupErrors], grouping: str, sort: str, descending: bool,
-    selected: Mapping[str, int], cursor: str | None = None, brush: Mark | None = None,
+    selected: Mapping[str, int], cursor: str | None = None, brush: BrushShape | None = None,
     first: int | None = None,
 ) -> TableSpec:  # fmt: skip
     """Median errors of groups in metres, with the interval of the real one, and their numbers.
@@ -137,7 +137,7 @@ def _independent_text(row: GroupErrors) -> str:
 
 def counts_table(
     names: Sequence[str], part: Counts, whole: Counts, cursor: Sequence[int | None] = (),
-    brush: Mark | None = None, first: int | None = None,
+    brush: BrushShape | None = None, first: int | None = None,
 ) -> TableSpec:  # fmt: skip
     """Instances per room, (3, rows) of the selected and of all by side of `SIDES`.
 
@@ -215,7 +215,7 @@ class RoomsView(DrawingView):
         self, scene: Scene
     ) -> tuple[list[GroupErrors], Mapping[str, int], LoadedGroups] | None:
         """The rows in their order and the selected instances of each; None until computed."""
-        state, loaded = scene.state, scene.resources.current_groups(scene.state)
+        state, loaded = scene.state, scene.loaded.current_groups(scene.state)
         if loaded is None:
             return None
         selected = selected_per_group(loaded.grouped, state.selected & state.base)
@@ -230,7 +230,7 @@ class RoomsView(DrawingView):
         if state.grouping == COUNTS:
             return *shown, arrays
         order = state.group_sort, state.group_descending, state.with_trained
-        loaded, failed = scene.resources.groups, scene.resources.failed.get("groups")
+        loaded, failed = scene.loaded.groups, scene.loaded.failed.get("groups")
         return *shown, arrays, order, loaded, failed
 
     def missing(self, scene: Scene) -> tuple[str, ...]:
@@ -239,7 +239,7 @@ class RoomsView(DrawingView):
             return () if self._counts(scene)[0] else ("no rooms",)
         found = self._groups(scene)
         if found is None:
-            return (scene.resources.failed.get("groups", "errors are being computed"),)
+            return (scene.loaded.failed.get("groups", "errors are being computed"),)
         if found[0]:
             return ()
         if state.trained.any() and not state.with_trained:
@@ -284,7 +284,7 @@ class RoomsView(DrawingView):
         titles = (scene.state.grouping, *(name for name in COLUMN_NAMES if name != "group"), "note")
         return titles, [_numbers(row, found[1]) for row in found[0]] if found else []
 
-    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
+    def cursor_point(self, scene: Scene, panel: PlotArea) -> Point | None:
         if panel.name != PANEL:
             rows = dict(zip(SIDES, self._cursor_rows(scene), strict=False))
             row = rows.get(panel.name)  # type: ignore[call-overload]
@@ -293,10 +293,10 @@ class RoomsView(DrawingView):
         places = [at for at, row in enumerate(table.rows) if row.marked] if table else []
         return (0.0, float(places[0])) if places else None
 
-    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
-        session.select(self.to_expression(scene, panel, Mark(panel.name, (point, point))))
+    def click(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> None:
+        session.select(self.to_expression(scene, panel, BrushShape(panel.name, (point, point))))
 
-    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+    def to_expression(self, scene: Scene, panel: PlotArea, mark: BrushShape) -> str:
         if panel.name != PANEL:
             return names_expression(mark, _FIELDS[panel.name], scene.store.instances.room_names)
         found, (low, high) = self._groups(scene), mark_rows(mark)

@@ -18,11 +18,11 @@ from s2rstore.metrics.recall import Headline
 from s2rstore.reader import Store
 from s2rstore.records import SPLITS, Direction, Side
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.canvas import Mark
+from s2rtui.canvas import BrushShape
 from s2rtui.charts.shared.image_pair_model import InstanceInput
 from s2rtui.drawing.scale import Interval
 from s2rtui.session import State
-from s2rtui.session.loaded_data_origin import (
+from s2rtui.session.provenance import (
     HeatProvenance,
     InstanceProvenance,
     groups_key,
@@ -146,7 +146,7 @@ class LoadedModel:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Resources:
+class LoadedData:
     """The results of background loading, each with its source where it may be out of date.
 
     `floor_heat` is the heat on the map and `seen_floor` the part of the floor that the selection
@@ -201,7 +201,7 @@ class Resources:
     def seen_on_map(self, state: State) -> FloorGrid | None:
         """The part of the floor that the current selection saw."""
         current = self.seen_floor_source == visible_floor_key(state)
-        return self.seen_floor if state.clip and current else None
+        return self.seen_floor if state.dims_unseen_floor and current else None
 
     def adjusted(self, state: State) -> InstanceInput | None:
         """The adjusted instance, if it comes from the current run."""
@@ -214,13 +214,13 @@ class Resources:
             return None
         return self.groups
 
-    def with_requested(self, loaders: Set[str], cleared: Mapping[str, Any]) -> Resources:
+    def with_requested(self, loaders: Set[str], cleared: Mapping[str, Any]) -> LoadedData:
         """A copy after new requests: no progress or failure of these loaders, fields cleared."""
         progress = {name: share for name, share in self.progress.items() if name not in loaders}
         failed = {name: error for name, error in self.failed.items() if name not in loaders}
         return replace(self, **cleared, progress=progress, failed=failed)
 
-    def with_loaded(self, loader: str, fields: Mapping[str, Any], error: str) -> Resources:
+    def with_loaded(self, loader: str, fields: Mapping[str, Any], error: str) -> LoadedData:
         """A copy with the result of a loader, or with the reason why it failed."""
         if "models" in fields:
             fields = {**fields, "models": {**(self.models or {}), **fields["models"]}}
@@ -245,7 +245,7 @@ class Scene:
 
     store: Store
     state: State
-    resources: Resources
+    loaded: LoadedData
     notes: Notes = field(default_factory=Notes)
 
     def remark(self, iid: int) -> str:
@@ -261,7 +261,7 @@ class Scene:
     @property
     def caption(self) -> str:
         """The subtitle of a figure: data set, number of instances, expression."""
-        counted = f"{self.state.count} instances"
+        counted = f"{self.state.count_text} instances"
         return "  ·  ".join((self.store.dataset.name, counted, self.state.expression))
 
     @property
@@ -297,7 +297,7 @@ class Scene:
         codes = self.store.run_columns(self.state.run).split[iids].tolist()
         return [SPLITS[code] if code >= 0 else None for code in codes]
 
-    def mark(self, view: str) -> Mark | None:
+    def mark(self, view: str) -> BrushShape | None:
         """The brush mark that is being drawn in a view."""
         brush = self.state.brush
         return brush.mark if brush is not None and brush.view == view else None

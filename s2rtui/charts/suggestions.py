@@ -14,7 +14,7 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rstore.suggestions import AIMS, Answer, SuggestReport, read_report
 from s2rtui.analysis.identity_cache import cached_by_identity
-from s2rtui.canvas import Panel, Point
+from s2rtui.canvas import PlotArea, Point
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import DrawingView, Pane, Table
 from s2rtui.drawing.drawing import Drawing
@@ -281,7 +281,7 @@ class SuggestionsView(DrawingView):
     def heading(self, scene: Scene) -> tuple[str, str]:
         return f"{scene.state.run}: {self.title}", scene.store.dataset.name
 
-    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+    def click(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> None:
         data, row = self.input(scene), round(point[1])
         if data.chosen_index is not None and (place := answer_of_row(data, row)) is not None:
             session.dispatch(suggestions.choose, place - data.chosen_index)

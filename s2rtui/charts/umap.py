@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 from s2rstore.records import SIDES, Bounds, Side
 from s2rtui.analysis.binning import Bools, Codes
 from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
-from s2rtui.canvas import Mark, Panel
+from s2rtui.canvas import BrushShape, PlotArea
 from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.points import known_point, stacked_points, valid_cursor
+from s2rtui.charts.shared.point_bins import known_point, stacked_points, valid_cursor
 from s2rtui.charts.view import DrawingView, PointsView, Table
 from s2rtui.drawing.drawing import ColourBar, Drawing
 from s2rtui.drawing.plot import LEVELS, Phrase, Plot, Points
 from s2rtui.drawing.scale import Floats, Interval, Scale, percentile_range, scale_fraction
-from s2rtui.session.counted_values import counted_values
+from s2rtui.session.population_values import population_values
 from s2rtui.session.view_settings import ZoomPlane
 
 
@@ -97,7 +97,7 @@ class UmapView(PointsView, DrawingView):
         columns, population = scene.store.run_columns(scene.state.run), scene.state.population
         sides = zip(SIDES, (columns.sim, columns.real), strict=True)
         return {
-            side: counted_values(population, columns, stacked_points(each.u, each.v))
+            side: population_values(population, columns, stacked_points(each.u, each.v))
             for side, each in sides
         }
 
@@ -146,10 +146,10 @@ class UmapView(PointsView, DrawingView):
         extent = umap_extent(*embeddings.values())
         return ZoomPlane(self.name, extent, False, known_point(side, scene.state.cursor))
 
-    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+    def to_expression(self, scene: Scene, panel: PlotArea, mark: BrushShape) -> str:
         return area_expression(panel, mark, f"umap.{panel.name}", f"umap.{panel.name}.lasso")
 
-    def points(self, scene: Scene, panel: Panel) -> Floats:
+    def points(self, scene: Scene, panel: PlotArea) -> Floats:
         return self.input(scene)["sim" if panel.name == "sim" else "real"]
 
 

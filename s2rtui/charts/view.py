@@ -10,10 +10,10 @@ from s2rstore.errors import RequestError, sentence
 from s2rstore.index.catalog import NO_POSES
 from s2rstore.reader import Store
 from s2rtui.analysis.identity_cache import identity_key
-from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
+from s2rtui.canvas import BrushShape, Canvas, PlotArea, Point, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene, model_source
-from s2rtui.charts.shared.points import known_point, nearest_iid, true_positions
+from s2rtui.charts.shared.point_bins import known_point, nearest_iid, true_positions
 from s2rtui.drawing.cells import draw_cells, drawing_panels, drawing_table_layout
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.drawing_layout import drawing_layout
@@ -123,11 +123,11 @@ class View:
         """The preferred number of rows; 0 takes all that are free."""
         return 0
 
-    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[PlotArea]:
         """The parts that take the mouse or a brush."""
         return ()
 
-    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
+    def cursor_point(self, scene: Scene, panel: PlotArea) -> Point | None:
         """The cursor's place in a panel, where a brush drawn with keys begins."""
         return None
 
@@ -143,14 +143,14 @@ class View:
         """A point of a panel in the coordinates of the zoom plane; by default the same."""
         return point
 
-    def instance_at(self, scene: Scene, panel: Panel, cell: Point) -> int | None:
+    def instance_at(self, scene: Scene, panel: PlotArea, cell: Point) -> int | None:
         """The iid that is drawn at a cell of a panel (column, row; the middle is at + 0.5)."""
         return None
 
-    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+    def click(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> None:
         """Handle a click on a panel at a point in data coordinates."""
 
-    def drag(self, session: Session, scene: Scene, panel: Panel, point: Point) -> bool:
+    def drag(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> bool:
         """Handle dragging to a point in data coordinates; False lets it draw a mark."""
         return False
 
@@ -169,7 +169,7 @@ class View:
         """Draw the view on paper. Raises RequestError where there is nothing to draw."""
         raise NotImplementedError
 
-    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+    def to_expression(self, scene: Scene, panel: PlotArea, mark: BrushShape) -> str:
         """The expression that selects what a mark covers."""
         raise NotImplementedError
 
@@ -204,7 +204,7 @@ class DrawingView(View):
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         return draw_cells(self._sized(scene, size, options), size, options)
 
-    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[PlotArea]:
         return drawing_panels(self._sized(scene, size, options), size, options)
 
     def table_window(self, scene: Scene, size: Size, options: RenderOptions) -> TableWindow | None:
@@ -269,7 +269,7 @@ class StatisticsView(DrawingView):
         model = self.input(scene)
         if isinstance(model, str):
             return (model,)
-        message = scene.resources.failed.get(self.name, "figures are being computed")
+        message = scene.loaded.failed.get(self.name, "figures are being computed")
         return (message,) if model is None else ()
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
@@ -281,41 +281,41 @@ class StatisticsView(DrawingView):
 
     def input(self, scene: Scene) -> Any:
         """The numbers; in the application None until the first ones of a run are computed."""
-        state, models = scene.state, scene.resources.models
+        state, models = scene.state, scene.loaded.models
         if models is None:
             return self.model(scene.store, state)
         loaded = models.get(self.name)
         return loaded.model if loaded is not None and loaded.is_of(state) else None
 
     def loading(self, scene: Scene) -> str:
-        loaded = (scene.resources.models or {}).get(self.name)
+        loaded = (scene.loaded.models or {}).get(self.name)
         is_older = loaded is not None and loaded.source != model_source(scene.state)
         return "figures of the selection" if is_older else ""
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        return identity_key(self.input(scene)), scene.resources.failed.get(self.name)
+        return identity_key(self.input(scene)), scene.loaded.failed.get(self.name)
 
 
 class PointsView(View):
     """A view whose panels show each instance as a point in a plane: a click goes to the nearest."""
 
-    def points(self, scene: Scene, panel: Panel) -> Floats:
+    def points(self, scene: Scene, panel: PlotArea) -> Floats:
         """(N, 2) points of a panel, by default the true positions."""
         return true_positions(scene.store)
 
-    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
+    def cursor_point(self, scene: Scene, panel: PlotArea) -> Point | None:
         return known_point(self.points(scene, panel), scene.state.cursor)
 
-    def nearest(self, scene: Scene, panel: Panel, point: Point) -> int | None:
+    def nearest(self, scene: Scene, panel: PlotArea, point: Point) -> int | None:
         """The iid of the base population that is drawn the nearest to a point of a panel."""
         return nearest_iid(self.points(scene, panel), scene.state.base, point)
 
-    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+    def click(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> None:
         nearest = self.nearest(scene, panel, point)
         if nearest is not None:
             session.set_cursor(nearest)
 
-    def instance_at(self, scene: Scene, panel: Panel, cell: Point) -> int | None:
+    def instance_at(self, scene: Scene, panel: PlotArea, cell: Point) -> int | None:
         """The nearest instance of the base population, if it lies on the cell or beside it."""
         nearest = self.nearest(scene, panel, panel.to_data(*cell))
         if nearest is None:
@@ -323,5 +323,5 @@ class PointsView(View):
         column, row = panel.to_cells(*self.points(scene, panel)[nearest])
         return nearest if max(abs(column - cell[0]), abs(row - cell[1])) <= _REACH else None
 
-    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+    def to_expression(self, scene: Scene, panel: PlotArea, mark: BrushShape) -> str:
         return area_expression(panel, mark, "box", "lasso")

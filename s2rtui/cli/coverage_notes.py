@@ -19,7 +19,7 @@ def print_population(scene: Scene) -> None:
 
     state = scene.state
     if state.trained.any():
-        print(f"{state.count} instances of run {state.run}", file=sys.stderr)
+        print(f"{state.count_text} instances of run {state.run}", file=sys.stderr)
         print_left_out(query_of(scene.store, state, scene.notes))
 
 

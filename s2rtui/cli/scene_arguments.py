@@ -72,7 +72,7 @@ def add_drawing(parser: argparse.ArgumentParser) -> None:
 
 def runs(state: State) -> tuple[str | None, ...]:
     """The runs of a scene: the present one and the one that it is compared with."""
-    return state.run, state.other
+    return state.run, state.compared_run
 
 
 def scene_options(options: argparse.Namespace) -> SceneOptions:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from rich.cells import cell_len
 
-from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, Point, RenderOptions, Size
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, PlotArea, Point, RenderOptions, Size
 from s2rtui.canvas.marks import draw_mark
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.drawing_layout import (
@@ -46,7 +46,7 @@ def draw_cells(drawing: Drawing, size: Size, options: RenderOptions = DEFAULT_OP
 
 def drawing_panels(
     drawing: Drawing, size: Size, options: RenderOptions = DEFAULT_OPTIONS
-) -> tuple[Panel, ...]:
+) -> tuple[PlotArea, ...]:
     """The panels of the plots and the table in `size` (columns, rows)."""
     layout = drawing_layout(drawing, size, options)
     panels = tuple(_panel(place) for place in layout.plots if place.plot.name)
@@ -77,7 +77,7 @@ def text_lines(drawing: Drawing, width: int) -> list[str]:
     return lines
 
 
-def _panel(place: PlotPlace) -> Panel:
+def _panel(place: PlotPlace) -> PlotArea:
     """The area of a plot; the last column of a range includes what is beyond the axis."""
     x, y, bottom = place.plot.x, place.plot.y, place.top + place.rows
 
@@ -91,7 +91,7 @@ def _panel(place: PlotPlace) -> Panel:
         column = place.left + float(x.fraction(at)) * place.width
         return column, bottom - float(y.fraction(height)) * place.rows
 
-    return Panel(
+    return PlotArea(
         place.plot.name, place.plot.shape, place.left, place.top, place.width, place.rows,
         to_data, to_cells,
     )  # fmt: skip

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from s2rtui.canvas import Mark as Brush
+from s2rtui.canvas import BrushShape
 from s2rtui.drawing.plot import Phrase, Plot
 from s2rtui.drawing.table import TableSpec
 
@@ -37,7 +37,7 @@ class Drawing:
     plots: tuple[Plot, ...] = ()
     table: TableSpec | None = None
     notes: tuple[Note, ...] = ()
-    brush: Brush | None = None
+    brush: BrushShape | None = None
     beside: bool = False
 
     @property

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.canvas import Canvas, Mark, Rgb
+from s2rtui.canvas import BrushShape, Canvas, Rgb
 from s2rtui.canvas.marks import mark_on_panel, mark_range
 from s2rtui.canvas.raster import dot_grid, draw_braille
 from s2rtui.drawing.bars import draw_vertical_bars, put_over_bar
@@ -17,7 +17,7 @@ _DASH = 4
 """Dots of a dash and its gap."""
 
 
-def draw_marks(canvas: Canvas, plot: Plot, brush: Mark | None) -> None:
+def draw_marks(canvas: Canvas, plot: Plot, brush: BrushShape | None) -> None:
     """Draw the marks of a plot, and a range of x that is being brushed, on the whole canvas."""
     ends: tuple[int, ...] = ()
     is_range = plot.name and plot.shape == "range"

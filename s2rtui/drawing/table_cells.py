@@ -6,7 +6,7 @@ import math
 
 from rich.cells import cell_len
 
-from s2rtui.canvas import Canvas, Panel
+from s2rtui.canvas import Canvas, PlotArea
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.drawing.bars import draw_horizontal_bars, put_over_bar
 from s2rtui.drawing.plot import ROLES
@@ -36,7 +36,7 @@ def draw_table(canvas: Canvas, table: TableSpec, top: int, room: int) -> int:
     return top + layout.end
 
 
-def table_panels(table: TableSpec, top: int, width: int, room: int) -> tuple[Panel, ...]:
+def table_panels(table: TableSpec, top: int, width: int, room: int) -> tuple[PlotArea, ...]:
     """The panels of a table that is drawn from row `top` on; y is the index of a row."""
     if room < 1 or not table.rows:
         return ()
@@ -52,8 +52,8 @@ def table_panels(table: TableSpec, top: int, width: int, room: int) -> tuple[Pan
         at = rows.index(row) if row in rows else row - layout.first
         return x, first + at + 0.5
 
-    def panel(name: str, x: int, wide: int) -> Panel:
-        return Panel(name, "steps", x, first, wide, len(rows), to_data, to_cells)
+    def panel(name: str, x: int, wide: int) -> PlotArea:
+        return PlotArea(name, "steps", x, first, wide, len(rows), to_data, to_cells)
 
     if table.panel:
         return (panel(table.panel, 0, max(1, width)),)

@@ -13,7 +13,7 @@ from s2rstore.heatmap_kinds import NO_HEAT
 from s2rstore.language import Node, fields
 from s2rstore.reader import NETWORK_KINDS
 from s2rstore.records import Side, needs_network
-from s2rtui.charts.scene import Resources, Scene
+from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.charts.view import View
 from s2rtui.loaders import LOADERS, Fields, LoadContext
 from s2rtui.session import HeatChoice, Session, State, error_groups, instance_list
@@ -93,7 +93,7 @@ def load_scene(session: Session, *views: View, cursor: bool = True) -> Scene:
         raise RequestError(
             f"--heat {label}: run {state.run} has no stored map of it; use --on selection"
         )
-    return Scene(store, state, Resources(**fields), session.notes)
+    return Scene(store, state, LoadedData(**fields), session.notes)
 
 
 def apply_options(session: Session, options: SceneOptions, *views: View) -> State:
@@ -131,11 +131,11 @@ def apply_options(session: Session, options: SceneOptions, *views: View) -> Stat
             aggregate=options.aggregate,
             map_mode=options.map_mode,
             map_value=options.map_value,
-            clip=options.clip,
+            dims_unseen_floor=options.clip,
             room_names=options.room_names,
             planned=read_planned_poses(options.poses) if options.poses else (),
             cursor=iid,
-            other=other,
+            compared_run=other,
             sort=sort,
             descending=not options.ascending,
             grouping=options.group_by or state.grouping,

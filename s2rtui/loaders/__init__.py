@@ -4,7 +4,7 @@ from s2rtui.charts.registry import VIEWS
 from s2rtui.charts.view import StatisticsView
 from s2rtui.loaders import live_prediction, store_data
 from s2rtui.loaders.loader import Fields, Key, LoadContext, Loader
-from s2rtui.session.loaded_data_origin import visible_floor_key
+from s2rtui.session.provenance import visible_floor_key
 
 LOADERS: tuple[Loader, ...] = (
     Loader("run", store_data.run_key, store_data.read_run, is_debounced=False),
@@ -30,7 +30,8 @@ LOADERS: tuple[Loader, ...] = (
         ("floor_heat", "floor_heat_source"),
     ),
     Loader(
-        "seen floor", lambda store, state: visible_floor_key(state) if state.clip else None,
+        "seen floor",
+        lambda store, state: visible_floor_key(state) if state.dims_unseen_floor else None,
         store_data.read_seen, ("seen_floor", "seen_floor_source"),
     ),
     Loader(

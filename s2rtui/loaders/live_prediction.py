@@ -13,7 +13,7 @@ from s2rtui.charts.adjust.model import live_input
 from s2rtui.loaders.loader import Fields, LoadContext
 from s2rtui.session import adjusting
 from s2rtui.session.heatmaps import without_blanks
-from s2rtui.session.loaded_data_origin import instance_provenance
+from s2rtui.session.provenance import instance_provenance
 from s2rtui.session.state import State
 
 if TYPE_CHECKING:

@@ -32,7 +32,7 @@ class LoadContext:
 class Loader:
     """`request_key` returns a key of everything the result depends on, None if it is not needed.
 
-    `read` returns fields of `Resources`. `cleared_fields` are set to None while nothing is needed.
+    `read` returns fields of `LoadedData`. `cleared_fields` are set to None while nothing is needed.
     `is_debounced` waits for a pause in the input. With `shows_outdated`, partial results are shown
     although a newer request waits. `release` frees the resources of reading, some time after the
     last request. Each loader has one thread, which reads one request at a time.

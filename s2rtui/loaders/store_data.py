@@ -24,8 +24,8 @@ from s2rtui.charts.shared.base_map_background import floor_plan_pixels
 from s2rtui.charts.shared.base_map_floor import plan_tones
 from s2rtui.charts.view import StatisticsView
 from s2rtui.loaders.loader import Fields, Key, LoadContext, Loader
-from s2rtui.session import error_groups, heatmaps, loaded_data_origin, targets
-from s2rtui.session.loaded_data_origin import (
+from s2rtui.session import error_groups, heatmaps, provenance, targets
+from s2rtui.session.provenance import (
     heat_provenance,
     instance_provenance,
     visible_floor_key,
@@ -176,14 +176,14 @@ def read_history(store: Store, state: State, context: LoadContext) -> Fields:
 def groups_key(store: Store, state: State) -> Key | None:
     if not store.has_poses or state.grouping == error_groups.COUNTS or state.run == NO_RUN:
         return None
-    return loaded_data_origin.groups_key(state)
+    return provenance.groups_key(state)
 
 
 def read_groups(store: Store, state: State, context: LoadContext) -> Fields:
     """The errors of the groups of the rooms view, over the base population."""
     grouped = groups_of(store, cast(Grouping, state.grouping))
     rows = group_errors(store, state.run, grouped, state.base)
-    return {"groups": LoadedGroups(loaded_data_origin.groups_key(state), grouped, rows)}
+    return {"groups": LoadedGroups(provenance.groups_key(state), grouped, rows)}
 
 
 def findings_key(store: Store, state: State) -> Key | None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from s2rtui.canvas.marks import Mark, Panel, Point
+from s2rtui.canvas.marks import BrushShape, PlotArea, Point
 from s2rtui.session.state import Brush
 
 TURN_STEP = 5.0
@@ -17,7 +17,7 @@ _SHARE = 0.12
 """Half of a new box, as a share of its panel."""
 
 
-def started(view: str, panel: Panel, at: Point | None, lasso: bool = False) -> Brush:
+def started(view: str, panel: PlotArea, at: Point | None, lasso: bool = False) -> Brush:
     """A new brush around a data point (default: the panel's centre)."""
     middle = panel.x + panel.width / 2, panel.y + panel.height / 2
     column, row = middle if at is None else panel.to_cells(*at)
@@ -25,31 +25,33 @@ def started(view: str, panel: Panel, at: Point | None, lasso: bool = False) -> B
     row = min(max(row, panel.y + 0.5), panel.y + panel.height - 0.5)
     centre = panel.to_data(column, row) if at is None else at
     if panel.shape == "steps":
-        return Brush(view, Mark(panel.name, (centre, centre)))
+        return Brush(view, BrushShape(panel.name, (centre, centre)))
     if panel.shape == "turn":
         low, high = centre[0] - 2 * TURN_STEP, centre[0] + 2 * TURN_STEP
-        return Brush(view, Mark(panel.name, ((low, centre[1]), (high, centre[1]))))
+        return Brush(view, BrushShape(panel.name, ((low, centre[1]), (high, centre[1]))))
     if lasso and panel.shape == "plane":
-        return Brush(view, Mark(panel.name, (panel.to_data(column, row),), lasso=True))
+        return Brush(view, BrushShape(panel.name, (panel.to_data(column, row),), lasso=True))
     wide, high_ = max(1.0, _SHARE * panel.width), max(1.0, _SHARE * panel.height)
     corners = (panel.to_data(column - wide, row - high_), panel.to_data(column + wide, row + high_))
-    return Brush(view, Mark(panel.name, corners))
+    return Brush(view, BrushShape(panel.name, corners))
 
 
-def dragged(view: str, panel: Panel, start: Point, end: Point, trail: tuple[Point, ...]) -> Brush:
+def dragged(
+    view: str, panel: PlotArea, start: Point, end: Point, trail: tuple[Point, ...]
+) -> Brush:
     """A brush between two cells (column, row), or a lasso along a trail of cells."""
     if trail and panel.shape == "plane":
         points = tuple(panel.to_data(*cell) for cell in trail)
-        return Brush(view, Mark(panel.name, points, lasso=True), len(points))
+        return Brush(view, BrushShape(panel.name, points, lasso=True), len(points))
     if panel.shape in ("plane", "range"):
         start, end = _outer_edges(start, end)
     points = panel.to_data(*start), panel.to_data(*end)
     if panel.shape == "turn" and (points[1][0] - points[0][0]) % 360 > 180:
         points = points[1], points[0]  # dragged backwards: take the shorter arc
-    return Brush(view, Mark(panel.name, points))
+    return Brush(view, BrushShape(panel.name, points))
 
 
-def moved(brush: Brush, panel: Panel, across: int, down: int) -> Brush:
+def moved(brush: Brush, panel: PlotArea, across: int, down: int) -> Brush:
     """Move a box, or the loose end of a lasso, by cells."""
     points = brush.mark.points
     if brush.mark.lasso:
@@ -58,7 +60,7 @@ def moved(brush: Brush, panel: Panel, across: int, down: int) -> Brush:
     return _with_points(brush, shifted) if _is_on_panel(panel, shifted) else brush
 
 
-def stretched(brush: Brush, panel: Panel, across: int, down: int) -> Brush:
+def stretched(brush: Brush, panel: PlotArea, across: int, down: int) -> Brush:
     """Move the second corner by cells."""
     if brush.mark.lasso:
         return moved(brush, panel, across, down)
@@ -70,7 +72,7 @@ def stretched(brush: Brush, panel: Panel, across: int, down: int) -> Brush:
     return _with_points(brush, (first, end))
 
 
-def scaled(brush: Brush, panel: Panel, steps: int) -> Brush:
+def scaled(brush: Brush, panel: PlotArea, steps: int) -> Brush:
     """Enlarge (steps > 0) or shrink a box on every side; it never inverts."""
     if brush.mark.lasso:
         return brush
@@ -150,7 +152,7 @@ def _with_points(brush: Brush, points: tuple[Point, ...]) -> Brush:
     return replace(brush, mark=replace(brush.mark, points=points))
 
 
-def _shift(panel: Panel, point: Point, across: int, down: int) -> Point:
+def _shift(panel: PlotArea, point: Point, across: int, down: int) -> Point:
     if panel.shape == "turn":
         return point[0] + TURN_STEP * (across + down), point[1]
     column, row = panel.to_cells(*point)
@@ -159,7 +161,7 @@ def _shift(panel: Panel, point: Point, across: int, down: int) -> Point:
     return panel.to_data(column + across, row + (down if panel.shape == "plane" else 0))
 
 
-def _is_on_panel(panel: Panel, points: tuple[Point, ...]) -> bool:
+def _is_on_panel(panel: PlotArea, points: tuple[Point, ...]) -> bool:
     if panel.shape == "turn":
         return True
     cells = [panel.to_cells(*point) for point in points]

@@ -26,7 +26,7 @@ def open_finding(context: SessionContext, state: State, finding: Finding) -> Sta
     if finding.grouping is not None:
         state = replace(state, grouping=finding.grouping)
     if finding.other is not None and finding.other in state.runs:
-        state = replace(state, other=finding.other)
+        state = replace(state, compared_run=finding.other)
     place = replace(
         targets.place_of(targets.final(state)),
         run=finding.run,

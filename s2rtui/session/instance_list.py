@@ -12,7 +12,7 @@ from s2rstore.language import fields
 from s2rstore.reader import Store
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.session.context import SessionContext
-from s2rtui.session.counted_values import counted_ranks
+from s2rtui.session.population_values import population_ranks
 from s2rtui.session.state import State
 from s2rtui.user_data.notebook import Notes
 
@@ -107,7 +107,7 @@ def column(store: Store, state: State, name: str) -> NDArray[np.float64]:
         owner = truth
     values = np.asarray(getattr(owner, rest if dot else name), dtype=np.float64)
     if rest == "rank":
-        ranks = counted_ranks(state.population, run, "sim" if side == "sim" else "real")
+        ranks = population_ranks(state.population, run, "sim" if side == "sim" else "real")
         values = ranks.astype(np.float64)
     if name in COUNTS:
         return np.where(values < (rest == "rank"), np.nan, values)

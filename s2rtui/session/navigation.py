@@ -186,7 +186,7 @@ def enter_generation(context: SessionContext, state: State) -> State:
         newest=store.generation,
         runs=runs,
         run=state.run if state.run in runs else next(iter(runs), NO_RUN),
-        other=state.other if state.other in runs else None,
+        compared_run=state.compared_run if state.compared_run in runs else None,
     )
     result = _settle(context, base, target)
     if target.run in runs:

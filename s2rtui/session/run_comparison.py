@@ -13,8 +13,8 @@ from s2rtui.session.state import State
 
 def other_run(state: State) -> str | None:
     """The run to compare with: the chosen one, else the one after the present run."""
-    if state.other is not None and state.other != state.run:
-        return state.other
+    if state.compared_run is not None and state.compared_run != state.run:
+        return state.compared_run
     others = [name for name in state.runs if name != state.run]
     after = [name for name in others if state.runs.index(name) > state.runs.index(state.run)]
     return next(iter(after or others), None)

@@ -17,7 +17,7 @@ from s2rstore.index.population import INCLUDE_HINT, Population, count_text
 from s2rstore.language import Node, to_text
 from s2rstore.records import Bounds, Side
 from s2rstore.security.printable_text import printable
-from s2rtui.canvas.marks import Mark
+from s2rtui.canvas.marks import BrushShape
 from s2rtui.user_data.notebook_schema import SavedSelection
 
 Overlay = Literal["off", "instance", "selection", "run"]
@@ -87,7 +87,7 @@ class Brush:
     """An unfinished mark in a view; `corners` counts the fixed corners of a lasso."""
 
     view: str
-    mark: Mark
+    mark: BrushShape
     corners: int = 0
 
 
@@ -192,14 +192,14 @@ class State:
     operator: Operator = "replace"
     brush: Brush | None = None
     lasso: bool = False
-    other: str | None = None
+    compared_run: str | None = None
     pending: Target | None = None
     adjust: Adjust | None = None
     map_mode: MapMode = "colour"
     map_value: str = "shift"
     overlay: Overlay = "off"
     aggregate: Aggregate = "mean"
-    clip: bool = False
+    dims_unseen_floor: bool = False
     room_names: bool = False
     view: str = "map"
     centre: str = "map"
@@ -233,7 +233,7 @@ class State:
         return replace(self, message=printable(text), is_error=is_error, keeps_message=True)
 
     @property
-    def count(self) -> str:
+    def count_text(self) -> str:
         """`8 of 40 (32 trained on)`; see `s2rstore.index.population.count_text`."""
         return count_text(
             int(np.count_nonzero(self.selected)),

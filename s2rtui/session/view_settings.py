@@ -13,7 +13,7 @@ from s2rstore.metrics import heatmap_scores
 from s2rstore.reader import Store
 from s2rstore.records import Bounds, Side
 from s2rtui.analysis.map_frame import centred_within, panned, zoomed
-from s2rtui.canvas.marks import Panel, Point
+from s2rtui.canvas.marks import PlotArea, Point
 from s2rtui.session import brush_geometry, map_values
 from s2rtui.session.context import SessionContext
 from s2rtui.session.heatmaps import heatmap_choices, sample_note
@@ -120,9 +120,9 @@ def change_map_value(context: SessionContext, state: State) -> State:
 
 def toggle_clip(context: SessionContext, state: State) -> State:
     """Dim the floor that no selected instance has seen, or show all of it."""
-    clip = not state.clip
-    message = "only the floor seen in the selection" if clip else "the whole map"
-    return state.updated(clip=clip, message=message)
+    dimmed = not state.dims_unseen_floor
+    message = "only the floor seen in the selection" if dimmed else "the whole map"
+    return state.updated(dims_unseen_floor=dimmed, message=message)
 
 
 def toggle_room_names(context: SessionContext, state: State) -> State:
@@ -213,7 +213,7 @@ def change_other(context: SessionContext, state: State, steps: int = 1) -> State
         return state.with_message("there is no other run to compare with")
     present = other_run(state)
     other = others[0] if present is None else _next(others, present, steps)
-    return state.updated(other=other, message=f"compared with {other}")
+    return state.updated(compared_run=other, message=f"compared with {other}")
 
 
 def show_view(context: SessionContext, state: State, name: str, pane: str) -> State:
@@ -240,7 +240,7 @@ def drop_brush(context: SessionContext, state: State) -> State:
     return replace(state, brush=None)
 
 
-def toggle_lasso(context: SessionContext, state: State, panel: Panel | None = None) -> State:
+def toggle_lasso(context: SessionContext, state: State, panel: PlotArea | None = None) -> State:
     """Brush with a lasso, or with a box; a brush on a plane `panel` is converted."""
     message = "brushes draw a box" if state.lasso else "brushes draw a lasso"
     brush = state.brush

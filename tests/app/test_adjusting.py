@@ -29,7 +29,7 @@ from tests.support.unloaded_modules import unload_modules
 async def test_moving_a_slider_shows_the_live_prediction(few_pairs_store):
     async with running(few_pairs_store, with_trained=True) as (app, pilot):
         await press(app, pilot, "a", *["right"] * 3)
-        adjust, shown = app.session.state.adjust, app.resources.live
+        adjust, shown = app.session.state.adjust, app.loaded.live
         assert adjust is not None
         assert shown is not None
         names = [slider.name for slider in adjust.sliders]
@@ -50,22 +50,22 @@ async def test_moving_a_slider_shows_the_live_prediction(few_pairs_store):
         poses = {pose.side: pose for pose in _map_input(app).live}
         assert poses["real"].x == pytest.approx(expected.real.x, abs=1e-5)
         await press(app, pilot, "down", "left", "backspace", "up", "backspace")
-        shown, adjust = app.resources.live, app.session.state.adjust
+        shown, adjust = app.loaded.live, app.session.state.adjust
         assert all(adjust.value(slider.key) == slider.neutral for slider in adjust.sliders)
         columns = app.session.store.run_columns("vanilla").real
         assert shown.real.pose.error == pytest.approx(columns.error[shown.iid], abs=1e-4)
 
 
 def _map_input(app: S2RApp):
-    return BY_NAME["map"].input(app.renderer.scene)
+    return BY_NAME["map"].input(app.updater.scene)
 
 
 async def test_a_synthetic_world_renders_moved_sim_cameras(moved_camera_store):
     async with running(moved_camera_store, with_trained=True) as (app, pilot):
         await press(app, pilot, "a")
-        before = app.resources.live
+        before = app.loaded.live
         await press(app, pilot, "up", "right", "right")
-        adjust, after = app.session.state.adjust, app.resources.live
+        adjust, after = app.session.state.adjust, app.loaded.live
         assert adjust is not None
         assert adjust.reason == ""
         assert adjust.value(("sim", "camera_fov")) > 0
@@ -150,7 +150,7 @@ async def test_the_panel_explains_how_to_install_torch(tiny_store, monkeypatch):
         assert "brightness" in text
         await press(app, pilot, "2", "w")
         assert app.session.state.expression == "worst15"
-        assert app.resources.pictures is not None
+        assert app.loaded.pictures is not None
 
 
 async def test_a_failed_model_is_not_shown_as_loading(few_pairs_store, monkeypatch):
@@ -165,7 +165,7 @@ async def test_a_failed_model_is_not_shown_as_loading(few_pairs_store, monkeypat
         monkeypatch.undo()
         await press(app, pilot, "right")
         assert "not adjusted" not in take_screenshot(app).text
-        assert app.resources.live is not None
+        assert app.loaded.live is not None
 
 
 async def test_a_running_prediction_is_shown_while_newer_values_wait(few_pairs_store, monkeypatch):
@@ -182,7 +182,7 @@ async def test_a_running_prediction_is_shown_while_newer_values_wait(few_pairs_s
 
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a")
-        before = app.resources.live
+        before = app.loaded.live
         monkeypatch.setattr(LiveModel, "steps", blocking_steps)
         await pilot.press("right")
         assert await asyncio.to_thread(started.acquire, timeout=20)
@@ -191,7 +191,7 @@ async def test_a_running_prediction_is_shown_while_newer_values_wait(few_pairs_s
         assert await asyncio.to_thread(started.acquire, timeout=20)
         await pilot.pause()
         # The result of the first move, although nine moves followed.
-        assert app.resources.live is not before
+        assert app.loaded.live is not before
         assert not app.settled
         release.release()
         await settle(app, pilot)
@@ -251,7 +251,7 @@ async def test_a_hidden_panel_releases_the_model(tiny_store, monkeypatch):
         await asyncio.sleep(0.2)
         assert predictor.calls == ["read"]
         app.session.dispatch(view_settings.show_view, "instance", "tab")
-        app.renderer.refresh()
+        app.updater.refresh()
         await pilot.press("n")
         await settle(app, pilot)
         async with asyncio.timeout(10):

@@ -17,7 +17,7 @@ from s2rtui.app.pilot import settle, snapshot, take_screenshot
 from s2rtui.app.screens.help_content import help_text
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import ColourMode, RenderOptions
-from s2rtui.canvas.marks import Mark
+from s2rtui.canvas.marks import BrushShape
 from s2rtui.session import Brush, Session, shared_selection
 from s2rtui.terminal.strips import to_ascii
 from tests.support.application import make_app, press, running
@@ -34,7 +34,7 @@ async def check_running(app: S2RApp, pilot: Pilot[None], key: str) -> None:
     assert app.fault is None, key
     assert app.is_running, key
     shown_errors = [state.message] if state.is_error else []
-    for error in (*shown_errors, *app.resources.failed.values()):
+    for error in (*shown_errors, *app.loaded.failed.values()):
         assert any(expected in error for expected in EXPECTED_ERRORS), (key, error)
 
 
@@ -107,7 +107,7 @@ async def test_an_invalid_expression_can_be_corrected_in_the_query_line(tiny_sto
 
 def test_bindings_footer_and_help_use_the_same_actions(tiny_store):
     state = Session(tiny_store).state
-    brush = Brush("map", Mark("map", ((0.0, 0.0), (1.0, 1.0))))
+    brush = Brush("map", BrushShape("map", ((0.0, 0.0), (1.0, 1.0))))
     for current in (state, replace(state, brush=brush), replace(state, view="list")):
         applicable = [action for action in ACTIONS if action.applies(current)]
         keys = [key for action in applicable for key in action.keys]

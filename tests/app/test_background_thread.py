@@ -125,7 +125,7 @@ async def test_images_load_although_the_clock_jumps(tiny_store, monkeypatch):
     async with app.run_test(size=(120, 40)) as pilot:
         monkeypatch.setattr(_time, "get_time", lambda: clock() + 0.01 * next(ticks))
         await asyncio.wait_for(settle(app, pilot), 20)
-        assert app.resources.pictures is not None
+        assert app.loaded.pictures is not None
 
 
 async def test_a_cancelled_call_never_runs(tiny_store):

@@ -13,7 +13,7 @@ from s2rtui.app.controllers import annotations
 from s2rtui.app.key_bindings import ACTIONS
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.screens.tour import TourScreen
-from s2rtui.canvas.marks import Panel
+from s2rtui.canvas.marks import PlotArea
 from s2rtui.charts.errors import errors_model
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.session import Session, instance_list
@@ -26,7 +26,7 @@ BRUSHABLE = (
 KEYS = {view.name: view.key for view in VIEWS}
 
 
-def panels(app: S2RApp, name: str) -> list[Panel]:
+def panels(app: S2RApp, name: str) -> list[PlotArea]:
     return list(app.brush.panels(BY_NAME[name]))
 
 
@@ -100,7 +100,7 @@ async def test_an_empty_selection_suggests_one_that_is_not_empty(tiny_store):
         assert (state.node, state.selected.sum()) == (suggested, 1)
         assert state.suggested is None
         await press(app, pilot, "u")
-        assert app.session.state.count.startswith("0 of")
+        assert app.session.state.count_text.startswith("0 of")
         await press(app, pilot, "c", "Y")
         assert "there is no suggestion" in app.session.state.message
 
@@ -133,9 +133,9 @@ async def test_the_heatmap_of_the_selection_is_aggregated(tiny_store):
         state = app.session.state
         assert state.overlay == "selection"
         expected = instance_grid(app.session.store, "vanilla", state.heat, 5)
-        np.testing.assert_array_equal(app.resources.floor_heat, expected)
+        np.testing.assert_array_equal(app.loaded.floor_heat, expected)
         await press(app, pilot, "C")
-        seen_floor = app.resources.seen_floor
+        seen_floor = app.loaded.seen_floor
         assert np.isfinite(seen_floor).sum() >= np.isfinite(expected).sum() > 0
 
 
@@ -164,9 +164,9 @@ async def test_changing_a_tag_updates_the_selection_that_uses_it(tiny_store):
         await press(app, pilot, "w", "number_sign", *"done", "enter", "slash")
         app.query_line.value = "worst15 - @done"
         await press(app, pilot, "enter")
-        assert app.session.state.count == "5 of 40"
+        assert app.session.state.count_text == "5 of 40"
         await press(app, pilot, "number_sign", *"done", "enter")
-        assert app.session.state.count == "4 of 40"
+        assert app.session.state.count_text == "4 of 40"
         await press(app, pilot, "w", "number_sign", *"one", "enter")
         app.session.select("@one")
         await press(app, pilot, "number_sign", *"one", "enter")
@@ -337,7 +337,7 @@ async def test_views_are_brushed_and_clicked_by_mouse(tiny_store):
             assert state.brush is None, name
 
         await press(app, pilot, "c", "7")
-        columns = BY_NAME["errors"].input(app.renderer.scene)
+        columns = BY_NAME["errors"].input(app.updater.scene)
         panel = next(p for p in panels(app, "errors") if p.name == "real")
         counts = errors_model(*columns, panel.width).sides["real"].whole
         await drag(app, pilot, "errors", [(panel.x + 3, panel.y + 2), (panel.x + 20, panel.y + 2)])
@@ -388,7 +388,7 @@ async def test_notes_tags_and_selections_are_written_and_shown(tiny_store):
             await press(app, pilot, "slash")
             app.query_line.value = tag
             await press(app, pilot, "enter")
-            assert app.session.state.count == count
+            assert app.session.state.count_text == count
         await press(app, pilot, "w", "at", "space", "enter")
         assert app.prompt.is_open  # a name of blanks is refused
         assert app.session.state.is_error

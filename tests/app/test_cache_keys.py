@@ -12,14 +12,14 @@ from s2rstore.language.syntax_tree import Everything, Nothing
 from s2rstore.records import Bounds
 from s2rtui.app.titled_view import TitledView
 from s2rtui.canvas import Canvas, RenderOptions
-from s2rtui.canvas.marks import Mark
+from s2rtui.canvas.marks import BrushShape
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.registry import VIEWS
-from s2rtui.charts.scene import Resources, RunAccuracies, Scene, TranslatorRow
+from s2rtui.charts.scene import LoadedData, RunAccuracies, Scene, TranslatorRow
 from s2rtui.charts.view import View
 from s2rtui.loaders import LoadContext, store_data
 from s2rtui.session import HeatChoice, Session, State
-from s2rtui.session.loaded_data_origin import (
+from s2rtui.session.provenance import (
     HeatProvenance,
     heat_provenance,
     instance_provenance,
@@ -55,16 +55,16 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "cursor": lambda _, state: (state.cursor or 0) + 1,
     "heat": lambda _, state: HeatChoice("occlusion", "rgb", "sim"),
     "operator": lambda _, state: "union",
-    "brush": lambda _, state: Brush("map", Mark("map", BOX)),
+    "brush": lambda _, state: Brush("map", BrushShape("map", BOX)),
     "lasso": lambda _, state: not state.lasso,
-    "other": lambda _, state: state.runs[-1],
+    "compared_run": lambda _, state: state.runs[-1],
     "pending": lambda _, state: Target(state.runs[1], state.generation),
     "adjust": lambda _, state: replace(ADJUST, values=((SLIDER.key, 1.2),)),
     "map_mode": lambda _, state: "full",
     "map_value": lambda _, state: "gap",
     "overlay": lambda _, state: "run",
     "aggregate": lambda _, state: "max",
-    "clip": lambda _, state: not state.clip,
+    "dims_unseen_floor": lambda _, state: not state.dims_unseen_floor,
     "room_names": lambda _, state: not state.room_names,
     "view": lambda _, state: "adjust",
     "centre": lambda _, state: "compare",
@@ -88,7 +88,7 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "past": lambda _, state: (Step(Everything()),),
     "future": lambda _, state: (Step(Everything()),),
 }
-RESOURCE_CHANGES: dict[str, Callable[[Resources], object]] = {
+RESOURCE_CHANGES: dict[str, Callable[[LoadedData], object]] = {
     "translators": lambda resources: (TranslatorRow("mkl", "real2sim", True),),
     "rows": lambda resources: (replace(resources.rows[0], real_accuracy=0.3), *resources.rows[1:]),
     "lines": lambda resources: RunAccuracies(
@@ -146,10 +146,11 @@ def scenes(session: Session) -> dict[str, Scene]:
     loaded["findings"] = finding_report()
     pictures, live = (instance_input(store, state.run, i, state.heat) for i in (0, 2))
     sources = dict.fromkeys(("pictures_source", "live_source"), instance_provenance(state))
-    plain = Scene(store, state, Resources(**loaded, pictures=pictures, live=live, **sources))
+    plain = Scene(store, state, LoadedData(**loaded, pictures=pictures, live=live, **sources))
     rich = replace(
-        state, overlay="selection", clip=True, map_mode="glyph", room_names=True, sort="gap",
-        brush=Brush("umap", Mark("real", BOX)), heat=HeatChoice("activation", "loss"), cursor=4,
+        state, overlay="selection", dims_unseen_floor=True, map_mode="glyph", room_names=True,
+        sort="gap", brush=Brush("umap", BrushShape("real", BOX)),
+        heat=HeatChoice("activation", "loss"), cursor=4,
     )  # fmt: skip
     heated = replace(
         plain.resources, floor_heat=grid, seen_floor=grid > 7, live_floor_heat=grid[::-1],
@@ -159,8 +160,8 @@ def scenes(session: Session) -> dict[str, Scene]:
     rank = np.arange(state.base.size)
     return {
         "plain": plain,
-        "rich": replace(plain, state=rich, resources=heated),
-        "sliding": replace(plain, state=sliding, resources=heated),
+        "rich": replace(plain, state=rich, loaded=heated),
+        "sliding": replace(plain, state=sliding, loaded=heated),
         "findings": replace(plain, state=replace(state, view="findings")),
         "suggestions": replace(plain, state=replace(state, view="suggestions")),
         "trained": replace(
@@ -186,15 +187,15 @@ def changed_scenes(session: Session, scene: Scene) -> Iterator[tuple[str, Scene]
         state = replace(scene.state, **{name: change(session, scene.state)})
         yield name, replace(scene, state=state)
     for name, change in RESOURCE_CHANGES.items():
-        changed = replace(scene.resources, **{name: change(scene.resources)})
-        yield name, replace(scene, resources=changed)
+        changed = replace(scene.loaded, **{name: change(scene.loaded)})
+        yield name, replace(scene, loaded=changed)
     notes = Notes(remarks={int(np.flatnonzero(scene.state.selected)[0]): Remark(("odd",), "")})
     yield "notes", replace(scene, notes=notes)
 
 
 def test_every_field_of_state_and_resources_is_covered():
     assert set(STATE_CHANGES) == {field.name for field in fields(State)}
-    assert set(RESOURCE_CHANGES) == {field.name for field in fields(Resources)}
+    assert set(RESOURCE_CHANGES) == {field.name for field in fields(LoadedData)}
 
 
 def test_a_changed_canvas_has_a_changed_cache_key(session, scenes):
@@ -222,7 +223,7 @@ def test_only_what_a_view_shows_redraws_it(scenes):
     for view in VIEWS:
         key = TitledView(view, scene).cache_key
         assert key == TitledView(view, message).cache_key is not None, view.name
-    moved = Brush("umap", Mark("real", ((1.0, 1.0), (3.0, 3.0))))
+    moved = Brush("umap", BrushShape("real", ((1.0, 1.0), (3.0, 3.0))))
     changed = replace(scene, state=replace(scene.state, brush=moved))
     redrawn = {view.name for view in VIEWS if draw(view, changed)[1] != draw(view, scene)[1]}
     assert redrawn == {"umap"}
@@ -238,10 +239,10 @@ def test_only_what_a_view_shows_redraws_it(scenes):
 def test_a_failed_load_is_not_shown_as_loading(session, name, feed):
     view = next(view for view in VIEWS if view.name == name)
     assert feed in view.loads
-    state = replace(session.state, clip=feed == "seen floor", cursor=4)
-    failed = Resources(failed={feed: "no luck"})
+    state = replace(session.state, dims_unseen_floor=feed == "seen floor", cursor=4)
+    failed = LoadedData(failed={feed: "no luck"})
     keys, texts = [], []
-    for resources in (Resources(), failed):
+    for resources in (LoadedData(), failed):
         drawing = TitledView(view, Scene(session.store, state, resources))
         keys.append(drawing.cache_key)
         canvas = drawing.draw((160, 20), RenderOptions())

@@ -24,7 +24,7 @@ async def test_every_view_draws_and_sliders_say_that_they_need_a_network(store_c
     import_predictions(store_copy, tmp_path, made)
     async with running(store_copy, run="theirs", size=(80, 24)) as (app, pilot):
         assert app.session.state.run == "theirs"
-        assert f"imported, {MISSING} not localised" in app.renderer.status_text()
+        assert f"imported, {MISSING} not localised" in app.updater.status_text()
         for view in VIEWS:
             if view.name in ("adjust", "history"):
                 continue
@@ -35,9 +35,9 @@ async def test_every_view_draws_and_sliders_say_that_they_need_a_network(store_c
         await press(app, pilot, "l")
         assert "`s2r run import --embeddings` makes them" in app.session.state.message
         app.session.set_cursor(0)
-        app.renderer.refresh()
+        app.updater.refresh()
         await settle(app, pilot)
-        assert dict(app.resources.pictures.notes)["gap"] == "unknown: no real prediction"
+        assert dict(app.loaded.pictures.notes)["gap"] == "unknown: no real prediction"
         await press(app, pilot, "a")
         assert app.session.state.message == (
             "run 'theirs': its predictions were imported; live prediction needs a network"
@@ -56,7 +56,7 @@ async def test_a_session_moves_on_to_predictions_that_were_imported_again(store_
         await press(app, pilot, "g")
         assert app.session.state.run == "theirs"
         assert (app.session.store.run_columns("theirs").real.x != before).any()
-        assert "imported" in app.renderer.status_text()
+        assert "imported" in app.updater.status_text()
 
 
 ADDED = 5
@@ -79,16 +79,16 @@ def test_every_view_draws_after_an_append(store_copy):
                 await settle(app, pilot)
                 assert not app.session.state.is_error, (view.name, app.session.state.message)
             assert app.session.state.selected.size == N + ADDED
-            assert "computed for 40 of 45 instances" in app.renderer.status_text()
+            assert "computed for 40 of 45 instances" in app.updater.status_text()
             app.session.set_cursor(N)
-            app.renderer.refresh()
+            app.updater.refresh()
             await settle(app, pilot)
             assert not app.session.state.is_error
-            notes = dict(app.resources.pictures.notes)
+            notes = dict(app.loaded.pictures.notes)
             assert notes["heat"] == (
                 "instance 40: feature_distance of run 'vanilla' is not computed; "
                 "run `s2r precompute`"
             )
-            assert app.resources.pictures.sim.rgb.size
+            assert app.loaded.pictures.sim.rgb.size
 
     asyncio.run(run())

@@ -22,7 +22,7 @@ from tests.support.application import make_app, press, running
 
 async def test_each_finding_is_one_key_away_from_its_instances(tiny_store):
     async with running(tiny_store, size=(80, 24)) as (app, pilot):
-        report = app.resources.findings
+        report = app.loaded.findings
         assert report is not None
         for number, finding in enumerate(report.findings):
             await press(app, pilot, "I", *["down"] * (number > 0), "enter")
@@ -42,7 +42,7 @@ async def test_each_finding_is_one_key_away_from_its_instances(tiny_store):
 async def test_the_first_wide_screen_shows_the_findings(tiny_store):
     async with running(tiny_store, size=(200, 60)) as (app, pilot):
         text = " ".join(take_screenshot(app).text.split())
-        report = app.resources.findings
+        report = app.loaded.findings
         assert report is not None
         assert all(finding.kind in text for finding in report.findings)
         assert "I findings" in text
@@ -54,8 +54,8 @@ async def test_the_chosen_finding_wraps_around_and_is_about_all_trajectories(tin
     async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "t", "I", "up")
         assert app.session.state.trajectories is not None
-        assert app.resources.findings is not None
-        last = app.resources.findings.findings[-1]
+        assert app.loaded.findings is not None
+        last = app.loaded.findings.findings[-1]
         await press(app, pilot, "enter")
         assert last.text in app.session.state.message
         assert app.session.state.trajectories is None
@@ -91,7 +91,7 @@ async def test_every_grouping_can_be_brushed_and_enter_selects_the_row_of_the_in
                 await press(app, pilot, "enter")
                 state = app.session.state
                 assert state.expression != "all", grouping
-                assert state.message == f"selected {state.expression}: {state.count}"
+                assert state.message == f"selected {state.expression}: {state.count_text}"
                 assert state.selected[cursor]
             await press(app, pilot, "c", "x", "enter")
             state = app.session.state
@@ -107,7 +107,7 @@ async def test_trained_instances_are_ranked_only_if_they_are_included(trained_sp
     async with running(trained_split, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "6")
         for count, is_included in ((8, False), (40, True)):
-            loaded = app.resources.current_groups(app.session.state)
+            loaded = app.loaded.current_groups(app.session.state)
             assert loaded is not None
             assert sum(row.n for row in loaded.rows) == count
             assert ("32 trained on included" in take_screenshot(app).text) == is_included
@@ -181,7 +181,7 @@ async def test_keys_scroll_the_table_of_the_comparison(many_rooms):
 async def test_keys_scroll_the_groups_of_the_rooms_view(many_rooms):
     async with running(many_rooms, size=(80, 12)) as (app, pilot):
         await press(app, pilot, "c", "6")
-        before, count = take_screenshot(app).text, len(app.resources.groups.rows)
+        before, count = take_screenshot(app).text, len(app.loaded.groups.rows)
         assert f"1-7/{count}" in before
         await press(app, pilot, "down", "down")
         assert f"3-9/{count}" in take_screenshot(app).text
@@ -194,7 +194,7 @@ async def test_keys_scroll_the_groups_of_the_rooms_view(many_rooms):
 async def test_the_mouse_wheel_scrolls_the_rooms(many_rooms):
     async with running(many_rooms, size=(80, 12)) as (app, pilot):
         await press(app, pilot, "c", "6")
-        plot, count = app.renderer.plot("rooms"), len(app.resources.groups.rows)
+        plot, count = app.updater.plot("rooms"), len(app.loaded.groups.rows)
         for event, first in ((MouseScrollDown, 2), (MouseScrollDown, 3), (MouseScrollUp, 2)):
             turn = event(plot, 5, 5, 0, 0, 0, False, False, False, 5, 5)
             plot.post_message(turn.stop())
@@ -205,12 +205,12 @@ async def test_the_mouse_wheel_scrolls_the_rooms(many_rooms):
 async def test_the_room_of_the_cursor_is_shown(many_rooms):
     async with running(many_rooms, size=(80, 12)) as (app, pilot):
         await press(app, pilot, "c", "6")
-        table = VIEW.drawing(app.renderer.scene, 80).table
+        table = VIEW.drawing(app.updater.scene, 80).table
         last, names = table.rows[-1].cells[0].text, app.session.store.instances.room_names
         assert last not in take_screenshot(app).text
         members = app.session.store.instances.room == names.index(last)
         app.session.dispatch(navigation.set_cursor, int(members.argmax()))
-        app.renderer.refresh()
+        app.updater.refresh()
         await settle(app, pilot)
         assert last in take_screenshot(app).text
 

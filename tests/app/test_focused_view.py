@@ -26,10 +26,10 @@ async def test_zoom_and_pan_keys_move_the_focused_view_alone(tiny_store):
     async with running(tiny_store, size=SIZE) as (app, pilot):
         view, size = BY_NAME["umap"], (80, 20)
         await press(app, pilot, "c", "4")
-        panels = [view.panels(app.renderer.scene, size, app.render_options)[0]]
+        panels = [view.panels(app.updater.scene, size, app.render_options)[0]]
         await press(app, pilot, "z")
-        panels.append(view.panels(app.renderer.scene, size, app.render_options)[0])
-        points = view.points(app.renderer.scene, panels[1])  # type: ignore[attr-defined]
+        panels.append(view.panels(app.updater.scene, size, app.render_options)[0])
+        points = view.points(app.updater.scene, panels[1])  # type: ignore[attr-defined]
         inside = [
             sum(panel.holds(*map(int, panel.to_cells(*point))) for point in points)
             for panel in panels
@@ -78,7 +78,7 @@ async def test_the_mouse_describes_the_instance_under_it(tiny_store):
     async with running(tiny_store) as (app, pilot):
         for name in ("map", "umap", "compare", "list", "overview"):
             await press(app, pilot, "c", BY_NAME[name].key)
-            scene, plot = app.renderer.scene, app.query_one(f"#{name}", PlotView)
+            scene, plot = app.updater.scene, app.query_one(f"#{name}", PlotView)
             view = BY_NAME[name]
             panel = app.brush.panels(view)[0]
             found = {
@@ -88,7 +88,7 @@ async def test_the_mouse_describes_the_instance_under_it(tiny_store):
                 if (iid := view.instance_at(scene, panel, (column + 0.5, row + 0.5))) is not None
             }
             cell, iid = next((c, i) for c, i in found.items() if i != app.session.state.cursor)
-            await pilot.hover(plot, offset=(cell[0], cell[1] + app.renderer.title_rows(name)))
+            await pilot.hover(plot, offset=(cell[0], cell[1] + app.updater.title_rows(name)))
             await settle(app, pilot)
             assert message(app) == instance_text(app.session.store, app.session.state, iid), name
             assert message(app).startswith(f"#{iid} "), name
@@ -121,7 +121,7 @@ async def test_sorting_keeps_the_cursor_on_the_screen(tiny_store):
             assert app.session.state.cursor == cursor
             panel = app.brush.panels(BY_NAME["list"])[0]
             rows = [
-                BY_NAME["list"].instance_at(app.renderer.scene, panel, (1.5, row + 0.5))
+                BY_NAME["list"].instance_at(app.updater.scene, panel, (1.5, row + 0.5))
                 for row in range(panel.y, panel.y + panel.height)
             ]
             assert cursor in rows
@@ -159,12 +159,12 @@ async def test_a_message_shows_while_the_mouse_rests_on_an_instance(tiny_store):
     async with running(tiny_store, size=SIZE) as (app, pilot):
         await press(app, pilot, "c", BY_NAME["map"].key)
         view, plot = BY_NAME["map"], app.query_one("#map", PlotView)
-        panel, top = app.brush.panels(view)[0], app.renderer.title_rows("map")
+        panel, top = app.brush.panels(view)[0], app.updater.title_rows("map")
         cells = {
             iid: (column, row + top)
             for row in range(panel.y, panel.y + panel.height)
             for column in range(panel.x, panel.x + panel.width)
-            if (iid := view.instance_at(app.renderer.scene, panel, (column + 0.5, row + 0.5)))
+            if (iid := view.instance_at(app.updater.scene, panel, (column + 0.5, row + 0.5)))
         }
         first, second = list(cells)[:2]
         await pilot.hover(plot, offset=cells[first])
@@ -172,7 +172,7 @@ async def test_a_message_shows_while_the_mouse_rests_on_an_instance(tiny_store):
         assert message(app).startswith(f"#{first} ")
         for iid in (second, first):  # the second message has the same text
             app.session.select("none")
-            app.renderer.refresh()
+            app.updater.refresh()
             assert message(app).startswith("nothing is selected")
             await pilot.hover(plot, offset=cells[iid])
             await settle(app, pilot)

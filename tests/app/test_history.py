@@ -11,7 +11,7 @@ from s2rstore.gap_history import reader
 from s2rtui.app.pilot import settle, snapshot, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import BY_NAME
-from s2rtui.charts.scene import Resources, Scene
+from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.cli import main
 from s2rtui.session import Session
 from tests.app.test_screen_snapshots import check
@@ -133,7 +133,7 @@ def test_a_restricted_session_reads_only_its_own_history(store, tiny_store, caps
 )
 def test_missing_nights_are_explained(tiny_store, loaded, expected):
     session = Session(tiny_store)
-    scene = Scene(session.store, session.state, Resources(history=loaded))
+    scene = Scene(session.store, session.state, LoadedData(history=loaded))
     text = "\n".join(VIEW.draw(scene, (60, 10), RenderOptions()).lines())
     assert expected in text
     assert expected.capitalize() in VIEW.summary(scene) or expected in VIEW.summary(scene)

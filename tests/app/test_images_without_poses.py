@@ -82,7 +82,7 @@ async def test_no_key_ends_the_application(images):
             await pilot.press("escape", "escape")
         await settle(app, pilot)
         assert app.fault is None
-        assert not app.renderer.scene.resources.failed
+        assert not app.updater.scene.loaded.failed
         assert app.is_running
     assert {messages[a.name] for a in ACTIONS if a.needs_poses and a.name in messages} == {NO_POSES}
     assert "no runs" in messages["next_run"]

@@ -21,7 +21,7 @@ from s2rtui.app.app import S2RApp
 from s2rtui.app.messages import RunSaveProgressed
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
-from s2rtui.canvas.marks import Mark
+from s2rtui.canvas.marks import BrushShape
 from s2rtui.jobs.precompute_job import JobProgress
 from s2rtui.loaders import store_data
 from s2rtui.session import Brush, Session, State, navigation, shared_selection, targets
@@ -103,7 +103,7 @@ async def test_a_shared_selection_waits_until_its_run_is_loaded(store, gate):
         comment = f"data set {dataset_hash}, generation {before.generation}, run b, 3 instances"
         text = f"worst(3, real.error)  # {comment}"
         app.session.dispatch(shared_selection.select_text, text)
-        app.renderer.refresh()
+        app.updater.refresh()
         await pilot.pause()
         state = app.session.state
         assert (state.run, state.expression, state.message) == ("vanilla", "all", "loading run b")
@@ -180,7 +180,7 @@ async def test_a_pending_selection_consumes_its_operator_and_keeps_a_later_brush
     app.session.select("straight")
     with_brush_and_operator(app.session)
     app.session.select("real.loss > 0")
-    app.renderer.refresh()
+    app.updater.refresh()
     assert (app.session.state.brush, app.session.state.operator) == (None, "replace")
     brush, _ = with_brush_and_operator(app.session)
     release.set()
@@ -334,7 +334,7 @@ async def test_no_reference_to_an_old_store_remains(store_copy):
 
 def with_brush_and_operator(session: Session, **fields: object) -> tuple[Brush, State]:
     """Add a brush and an operator to the session's state."""
-    brush = Brush("map", Mark("map", ((1.0, 1.0), (3.0, 2.0))))
+    brush = Brush("map", BrushShape("map", ((1.0, 1.0), (3.0, 2.0))))
     state = replace(session.state, brush=brush, operator="union", **fields)
     return brush, session.set_state(state)
 

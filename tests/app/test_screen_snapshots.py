@@ -87,7 +87,7 @@ async def test_screens(tiny_store, shown):
     app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(columns, rows)) as pilot:
         await press(app, pilot, "w")
-        state, resources = session.state, app.resources
+        state, resources = session.state, app.loaded
         for name, keys in KEYS.items():
             await press(app, pilot, *keys)
             text = take_screenshot(app).text
@@ -96,8 +96,8 @@ async def test_screens(tiny_store, shown):
             if app.screen is not app.default_screen or app.prompt.is_open:
                 await press(app, pilot, "escape")
             session.set_state(state)
-            app.resources = resources
-            app.renderer.refresh()
+            app.loaded = resources
+            app.updater.refresh()
             await settle(app, pilot)
 
 

@@ -40,9 +40,9 @@ def test_the_status_line_fits_and_keeps_count_and_expression(
         node=Saved("x" * length),
     )
     head, text, tail = status_line(session.store, state, width, RenderOptions())
-    assert state.count in head
+    assert state.count_text in head
     assert f"@{'x' * length}".startswith(text.rstrip("…"))
-    assert cell_len(head + text + tail) <= max(width - 2, len(state.count) + 3 + 8)
+    assert cell_len(head + text + tail) <= max(width - 2, len(state.count_text) + 3 + 8)
     if width >= 40:
         assert len(text) >= min(length, 20)
     for part in ("run vanilla", "traj 所有" if narrowed else "run vanilla"):
@@ -67,7 +67,7 @@ async def test_long_errors_are_shown_completely(tiny_store, size):
     async with running(tiny_store, size=size) as (app, pilot):
         message = "a long story " * (6 if size[0] == 40 else 12) + "with an end"
         app.session.show_message(message, is_error=True)
-        app.renderer.refresh()
+        app.updater.refresh()
         await settle(app, pilot)
         text = " ".join(take_screenshot(app).text.split())
         assert message in text
@@ -152,11 +152,11 @@ async def test_a_small_screen_has_no_cut_text(tmp_path):
 async def test_a_long_title_has_a_second_line_and_the_mouse_still_hits(tiny_store):
     async with running(tiny_store, size=(60, 20)) as (app, pilot):
         await press(app, pilot, "c", "8")
-        assert app.renderer.title_rows("list") == 1
+        assert app.updater.title_rows("list") == 1
         await press(app, pilot, "full_stop", "full_stop", "full_stop", "full_stop")
         assert app.session.state.sort == "real.heading_error"
         lines = take_screenshot(app).text.splitlines()
-        assert app.renderer.title_rows("list") == 2
+        assert app.updater.title_rows("list") == 2
         assert "by real.heading_error_deg" in " ".join(lines[1:3])
         first = int(lines[4].replace("▶", " ").split()[0])
         await pilot.click("#list", offset=(8, 3))

@@ -76,7 +76,7 @@ async def test_no_key_fails(store):
                 continue
             await press(app, pilot, action.keys[0])
             await pilot.press("escape", "escape")
-        assert not app.resources.failed
+        assert not app.loaded.failed
     assert app.fault is None
 
 

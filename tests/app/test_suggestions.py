@@ -88,7 +88,7 @@ async def test_a_step_without_slider_is_not_applied(store):
 async def test_the_finding_leads_to_the_view(store):
     async with running(store) as (app, pilot):
         await press(app, pilot, "I")
-        kinds = [finding.kind for finding in app.resources.findings.findings]
+        kinds = [finding.kind for finding in app.loaded.findings.findings]
         finding = kinds.index("suggested change")
         app.session.set_state(replace(app.session.state, finding=finding))
         await press(app, pilot, "enter")

@@ -11,7 +11,7 @@ from s2rstore.geometry.rooms import NO_ROOM
 from s2rstore.intervals import Interval
 from s2rstore.language.syntax_tree import Field, Named
 from s2rstore.records import Bounds, Room, Side
-from s2rtui.canvas.marks import Mark
+from s2rtui.canvas.marks import BrushShape
 from s2rtui.charts.compare.model import CompareInput
 from s2rtui.charts.errors import errors_model, errors_plots
 from s2rtui.charts.findings import findings_drawing
@@ -171,7 +171,7 @@ def umap_points() -> dict[Side, Any]:
 
 
 def umap_drawing(
-    points: dict[Side, Any] | None = None, cursor: int | None = 50, brush: Mark | None = None,
+    points: dict[Side, Any] | None = None, cursor: int | None = 50, brush: BrushShape | None = None,
     selected: Any = None,
 ) -> Drawing:  # fmt: skip
     points = points or umap_points()
@@ -206,7 +206,7 @@ def orientation_input(**changes: Any) -> OrientationInput:
 ROOM_NAMES = ("hall", "größer", "a very long name of a room", "kitchen", "5")
 
 
-def counts_drawing(brush: Mark | None = None, cursor: tuple[int, ...] = (4, 4, 5)) -> Drawing:
+def counts_drawing(brush: BrushShape | None = None, cursor: tuple[int, ...] = (4, 4, 5)) -> Drawing:
     """Five rooms; some real predictions are in no room."""
     random = np.random.default_rng(13)
     truth = (np.arange(N) // 12).astype(np.int32)

@@ -11,7 +11,7 @@ from s2rstore.records import Bounds, Room
 from s2rtui.analysis.map_frame import fit_frame, panned, sample, zoomed
 from s2rtui.canvas import DARK, DEFAULT_OPTIONS, LIGHT, ColourMode, RenderOptions, heading_arrow
 from s2rtui.canvas.colour import legible, mix, turbo
-from s2rtui.canvas.marks import Mark
+from s2rtui.canvas.marks import BrushShape
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.charts.map.model import LINES_UP_TO, iids_with_error_lines
 from s2rtui.charts.map.paper import map_figure
@@ -105,7 +105,7 @@ def test_a_room_name_in_a_full_room_is_drawn_in_front_of_the_points():
     "options", [RenderOptions(), RenderOptions(mode=ColourMode.NONE, ascii=True)]
 )
 def test_a_mark_is_drawn_at_its_coordinates(mode, options):
-    view = map_input(mode=mode, cursor=None, mark=Mark("map", ((2.0, 1.0), (12.0, 9.0))))
+    view = map_input(mode=mode, cursor=None, mark=BrushShape("map", ((2.0, 1.0), (12.0, 9.0))))
     canvas = draw_map(view, SIZE, options)
     (panel,) = map_panels(view, SIZE, options)
     for corner in ((2.0, 1.0), (12.0, 9.0), (2.0, 9.0)):

@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as arrays
 
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.canvas.colour import mix
-from s2rtui.canvas.marks import Mark
+from s2rtui.canvas.marks import BrushShape
 from s2rtui.charts.errors import errors_model, errors_plots
 from s2rtui.drawing.bars import SOLID
 from s2rtui.drawing.cells import draw_cells, drawing_panels
@@ -90,7 +90,7 @@ def test_selected_bars_are_coloured_and_others_grey():
 
 
 def test_a_pending_range_is_marked_only_on_its_side():
-    drawing = errors_drawing(brush=Mark("real", ((1.0, 0.0), (2.0, 0.0))))
+    drawing = errors_drawing(brush=BrushShape("real", ((1.0, 0.0), (2.0, 0.0))))
     canvas = draw_cells(drawing, SIZE, RenderOptions(mode=ColourMode.PALETTE))
     sim, real = drawing_panels(drawing, SIZE)
     first, last = (int(real.to_cells(x, 0)[0]) for x in (1.0, 2.0))

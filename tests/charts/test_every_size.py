@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rtui.canvas import LIGHT, Canvas, ColourMode, RenderOptions
-from s2rtui.canvas.marks import Mark
+from s2rtui.canvas.marks import BrushShape
 from s2rtui.charts.compare.terminal import draw_compare
 from s2rtui.charts.map.terminal import draw_map
 from s2rtui.charts.orientation.terminal import draw_orientation
@@ -40,9 +40,9 @@ from tests.support import gaps
 from tests.support.suggestions import suggestions_input
 
 Draw = Callable[[tuple[int, int], RenderOptions], Canvas]
-BOX = Mark("map", ((2.0, 2.0), (9.0, 5.0)))
-LASSO = Mark("map", ((2.0, 2.0), (9.0, 5.0), (4.0, 8.0)), lasso=True)
-RANGE = Mark("vanilla", ((0.6, 0.0), (0.8, 0.0)))
+BOX = BrushShape("map", ((2.0, 2.0), (9.0, 5.0)))
+LASSO = BrushShape("map", ((2.0, 2.0), (9.0, 5.0), (4.0, 8.0)), lasso=True)
+RANGE = BrushShape("vanilla", ((0.6, 0.0), (0.8, 0.0)))
 
 
 def drawing(draw: Callable[..., Canvas], *data: Any) -> Draw:
@@ -67,25 +67,27 @@ VIEWS: dict[str, Draw] = {
         instance_input(sim=side(1, False, False), real=side(2, False, False), truth=None),
     ),
     "marked histogram": drawing(
-        draw_cells, errors_drawing(5, brush=Mark("real", ((0.2, 3.0), (99.0, -1.0))))
+        draw_cells, errors_drawing(5, brush=BrushShape("real", ((0.2, 3.0), (99.0, -1.0))))
     ),
     "history": drawing(draw_cells, history_drawing(gaps.week(), 60)),
     "marked umap": drawing(
         draw_cells,
-        umap_drawing(brush=Mark("real", ((-9.0, -9.0), (3.0, 3.0), (4.0, 9.0)), lasso=True)),
+        umap_drawing(brush=BrushShape("real", ((-9.0, -9.0), (3.0, 3.0), (4.0, 9.0)), lasso=True)),
     ),
     "marked orientation": drawing(
-        draw_orientation, orientation_input(mark=Mark("sim", ((170.0, 1.0), (-120.0, 9.0))))
+        draw_orientation, orientation_input(mark=BrushShape("sim", ((170.0, 1.0), (-120.0, 9.0))))
     ),
     "marked scatter": drawing(
         draw_cells,
         scatter_of(
-            cursor=5, brush=Mark("errors", ((0.5, 0.5), (9.0, 3.0), (1.0, -2.0)), lasso=True)
+            cursor=5, brush=BrushShape("errors", ((0.5, 0.5), (9.0, 3.0), (1.0, -2.0)), lasso=True)
         ),
     ),
-    "marked rooms": drawing(draw_cells, counts_drawing(Mark("truth", ((0.0, 1.0), (0.0, 9.0))))),
+    "marked rooms": drawing(
+        draw_cells, counts_drawing(BrushShape("truth", ((0.0, 1.0), (0.0, 9.0))))
+    ),
     "marked groups": drawing(
-        draw_cells, groups_drawing(brush=Mark("groups", ((0.0, 3.0), (0.0, 4.0))))
+        draw_cells, groups_drawing(brush=BrushShape("groups", ((0.0, 3.0), (0.0, 4.0))))
     ),
     "findings": drawing(draw_cells, findings_of(chosen=2)),
     "no findings": drawing(draw_cells, findings_of(0)),

@@ -9,7 +9,7 @@ import pytest
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.history import STYLES, history_model, history_plots
 from s2rtui.charts.registry import BY_NAME
-from s2rtui.charts.scene import Resources, Scene
+from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.drawing.cells import draw_cells
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.drawing_layout import drawing_layout
@@ -93,7 +93,7 @@ def test_more_nights_than_columns_show_the_newest_and_say_so(tiny_store):
     history = gaps.history(
         *(replace(night, dataset=session.store.dataset.name) for night in nights)
     )
-    scene = Scene(session.store, session.state, Resources(history=history))
+    scene = Scene(session.store, session.state, LoadedData(history=history))
     lines = BY_NAME["history"].draw(scene, (80, 24), RenderOptions()).lines()
     assert "older" in lines[-1]
     assert "2027-12-19" in lines[-2]

@@ -15,7 +15,7 @@ from s2rtui.charts.instance.model import instance_input as stored_instance_input
 from s2rtui.charts.map.model import error_glyphs, full_scale
 from s2rtui.charts.map.terminal import draw_map, map_layout
 from s2rtui.charts.registry import BY_NAME
-from s2rtui.charts.scene import Resources, Scene
+from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.charts.shared import image_pair_terminal
 from s2rtui.charts.shared.base_map_model import MapInput, map_input, map_model
 from s2rtui.charts.shared.heat_colours import heat_colours
@@ -212,7 +212,7 @@ def test_the_instance_shows_the_true_poses_of_its_images(loose, tiny_store):
 def test_tables_and_subtitles_name_the_poses_of_the_images(loose, tiny_store):
     for path, is_loose in ((loose, True), (tiny_store, False)):
         session = Session(path)
-        scene = Scene(session.store, session.state, Resources())
+        scene = Scene(session.store, session.state, LoadedData())
         names, rows = BY_NAME["map"].numbers(scene)
         assert ("sim_true_x_m" in names) == is_loose
         assert "real_true_x_m" not in names

@@ -12,7 +12,7 @@ from s2rstore.intervals.interval import Bound
 from s2rtui.canvas import DARK, Canvas, RenderOptions
 from s2rtui.charts.map.terminal import draw_map
 from s2rtui.charts.registry import BY_NAME
-from s2rtui.charts.scene import Resources, Scene
+from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.drawing.legend import (
     colour_bar,
     draw_rows,
@@ -84,7 +84,7 @@ def test_rows_of_findings_mark_bounds_beyond_all_values(tiny_store):
     interval = SimpleNamespace(bounds=(Bound(0.4, "<"), Bound(9.25, ">")))
     report = replace(report, findings=(replace(report.findings[0], interval=interval),))
     session = Session(tiny_store)
-    scene = Scene(session.store, session.state, Resources(findings=report))
+    scene = Scene(session.store, session.state, LoadedData(findings=report))
     names, (row,) = BY_NAME["findings"].numbers(scene)
     values = dict(zip(names, row, strict=True))
     assert (f"{values['low']:.4g}", f"{values['high']:.4g}") == ("<0.4", ">9.25")

@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as arrays
 
 from s2rtui.analysis.binning import selection_indices
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.charts.shared.points import (
+from s2rtui.charts.shared.point_bins import (
     LEVELS,
     highest_levels,
     point_cells,

@@ -17,9 +17,9 @@ from s2rtui.canvas import (
     DARK,
     LIGHT,
     THEMES,
+    BrushShape,
     ColourMode,
     InlineImage,
-    Mark,
     Pixels,
     RenderOptions,
     legible,
@@ -88,7 +88,7 @@ def test_terminals_of_few_colours_get_no_picture(options):
 
 
 def map_input_like(data: Any, **changes: Any) -> Any:
-    return replace(data, mark=Mark("map", ((0.0, 0.0), (2.0, 2.0))), **changes)
+    return replace(data, mark=BrushShape("map", ((0.0, 0.0), (2.0, 2.0))), **changes)
 
 
 def test_a_brush_stays_text_on_the_picture_and_only_the_cursor_changes_the_key():

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
-from s2rtui.canvas.marks import Mark, mark_arc, wrap_degrees
+from s2rtui.canvas.marks import BrushShape, mark_arc, wrap_degrees
 from s2rtui.charts.orientation.dial import bar_dots, dial_of
 from s2rtui.charts.orientation.model import BINS, EXACTLY_UP_TO, orientation_model
 from s2rtui.charts.orientation.terminal import draw_orientation, orientation_layout
@@ -196,14 +196,14 @@ def test_the_cursor_direction_is_marked_in_each_panel():
      ((50.0, 30.0), (-140.0, 170.0)), ((-200.0, 200.0), (-20.0, 180.0))],
 )  # fmt: skip
 def test_a_brush_covers_the_arc_from_its_first_to_its_last_end(ends, arc):
-    centre, half = mark_arc(Mark("sim", ((ends[0], 1.0), (ends[1], 1.0))))
+    centre, half = mark_arc(BrushShape("sim", ((ends[0], 1.0), (ends[1], 1.0))))
     assert wrap_degrees(centre - arc[0]) == pytest.approx(0)
     assert half == pytest.approx(arc[1])
 
 
 @pytest.mark.parametrize("size", [(100, 20), (60, 4)])
 def test_a_pending_arc_is_highlighted_with_marked_ends(size):
-    mark = Mark("truth", ((170.0, 1.0), (-120.0, 1.0)))
+    mark = BrushShape("truth", ((170.0, 1.0), (-120.0, 1.0)))
     view = orientation_input(mark=mark, cursor=None)
     canvas = draw_orientation(view, size, RenderOptions(mode=ColourMode.NONE))
     _, truth, _ = surface(view, size)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
-from s2rtui.canvas.marks import Mark, panel_at
+from s2rtui.canvas.marks import BrushShape, panel_at
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.charts.overview import bands
 from s2rtui.charts.overview import lines as module
@@ -257,7 +257,7 @@ def test_the_leftmost_column_includes_clipped_values():
 )
 def test_a_marked_range_is_drawn_on_its_run(options):
     lines = overview_lines()
-    mark = Mark("dataaug", ((0.75, 0.0), (0.9, 0.0)))
+    mark = BrushShape("dataaug", ((0.75, 0.0), (0.9, 0.0)))
     canvas = draw_overview(ROWS, 0.72, 0, SIZE, options, lines, mark)
     panel = overview_panels(ROWS, 0.72, 0, SIZE, lines)[1]
     low, high = (int(panel.to_cells(value, 0.0)[0]) for value in (0.75, 0.9))

@@ -16,7 +16,7 @@ from s2rtui.charts.overview.translators import (
     translator_rows,
 )
 from s2rtui.charts.overview.view import VIEW
-from s2rtui.charts.scene import Resources, Scene, TranslatorGain, TranslatorRow
+from s2rtui.charts.scene import LoadedData, Scene, TranslatorGain, TranslatorRow
 from s2rtui.session import Session
 
 ROWS = (
@@ -72,7 +72,7 @@ def test_gains_are_those_of_the_present_run_and_name_the_metric():
 
 def test_the_present_run_decides_what_the_view_shows(tiny_store):
     gains = (TranslatorGain("vanilla", 1.0, (0.5, 1.5)), TranslatorGain("dataaug", 2.0, (1.5, 2.5)))
-    resources = Resources(translators=(TranslatorRow("mkl", "real2sim", True, gains),))
+    resources = LoadedData(translators=(TranslatorRow("mkl", "real2sim", True, gains),))
     session = Session(tiny_store)
     scenes = [
         Scene(session.store, replace(session.state, run=run), resources)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from s2rstore.records import Bounds
 from s2rtui.canvas import RenderOptions
-from s2rtui.canvas.marks import Panel
+from s2rtui.canvas.marks import PlotArea
 from s2rtui.charts.compare.terminal import compare_panels
 from s2rtui.charts.map.terminal import map_panels
 from s2rtui.charts.orientation.terminal import orientation_panels
@@ -28,11 +28,11 @@ from tests.charts.examples import (
     umap_drawing,
 )
 
-Surface = Callable[[tuple[int, int], RenderOptions], tuple[Panel, ...]]
+Surface = Callable[[tuple[int, int], RenderOptions], tuple[PlotArea, ...]]
 NEAR = Bounds(3.0, 2.0, 6.0, 4.0)
 
 
-def surface(panels: Callable[..., tuple[Panel, ...]], data: object, *area: Bounds) -> Surface:
+def surface(panels: Callable[..., tuple[PlotArea, ...]], data: object, *area: Bounds) -> Surface:
     return lambda size, options: panels(data, size, options, *area)
 
 

@@ -15,7 +15,7 @@ import s2rstore
 from s2rstore.index.transaction import edit
 from s2rtui.canvas import DEFAULT_OPTIONS
 from s2rtui.charts.recall import VIEW
-from s2rtui.charts.scene import LoadedModel, Resources, Scene, model_source
+from s2rtui.charts.scene import LoadedData, LoadedModel, Scene, model_source
 from s2rtui.cli import main
 from s2rtui.session import Session
 
@@ -35,7 +35,7 @@ def lost(store_copy):
 def scene_of(path, expression):
     session = Session(path, "vanilla")
     session.select(expression)
-    return session, Scene(session.store, session.state, Resources())
+    return session, Scene(session.store, session.state, LoadedData())
 
 
 def test_the_table_has_the_shares_of_all_attempted_instances(lost, capsys):
@@ -133,10 +133,10 @@ def test_an_installed_package_adds_a_view(tmp_path, tiny_store):
 
 def test_the_figures_of_the_selection_before_are_shown_until_new_ones_are_computed(tiny_store):
     session, scene = scene_of(tiny_store, "all")
-    waiting = replace(scene, resources=Resources(models={}))
+    waiting = replace(scene, loaded=LoadedData(models={}))
     assert "figures are being computed" in VIEW.draw(waiting, (80, 21), DEFAULT_OPTIONS).lines()[0]
     loaded = LoadedModel(model_source(session.state), VIEW.model(session.store, session.state))
-    shown = replace(scene, resources=Resources(models={"recall": loaded}))
+    shown = replace(scene, loaded=LoadedData(models={"recall": loaded}))
     assert (VIEW.input(shown), VIEW.loading(shown)) == (loaded.model, "")
     session.select("room:right")
     older = replace(shown, state=session.state)

@@ -13,7 +13,7 @@ from s2rstore.findings.groups import Group, Groups
 from s2rstore.intervals import Interval, Sample
 from s2rstore.language.syntax_tree import Everything
 from s2rtui.canvas import DARK
-from s2rtui.canvas.marks import Mark
+from s2rtui.canvas.marks import BrushShape
 from s2rtui.charts.rooms import _numbers, independent, ordered, room_counts, selected_per_group
 from s2rtui.drawing.cells import draw_cells, drawing_panels
 from s2rtui.session.error_groups import COLUMN_NAMES
@@ -41,7 +41,7 @@ def test_counts_equal_those_of_each_column(sim, truth, real, selected, valid):
 
 @pytest.mark.parametrize("size", [(60, 9), (90, 30)])
 def test_brushed_rooms_and_the_room_of_the_cursor_are_marked_in_their_columns(size):
-    drawing = counts_drawing(Mark("truth", ((0.0, 3.0), (0.0, 1.0))))
+    drawing = counts_drawing(BrushShape("truth", ((0.0, 3.0), (0.0, 1.0))))
     canvas = draw_cells(drawing, size)
     panels = drawing_panels(drawing, size)
     marked = {"◉": [[4.0], [4.0], [5.0]], "▶": [[], [1.0, 2.0, 3.0], []]}

@@ -11,7 +11,7 @@ from matplotlib.path import Path as Polygon
 
 from s2rstore.language import mask, parse
 from s2rstore.records import Bounds
-from s2rtui.canvas import DARK, ColourMode, Mark, RenderOptions
+from s2rtui.canvas import DARK, BrushShape, ColourMode, RenderOptions
 from s2rtui.charts.scatter.brush import box_expression, lasso_expression
 from s2rtui.charts.scatter.model import QUADRANTS, drawn_errors, error_scale, scatter_summary
 from s2rtui.charts.scatter.view import scatter_drawing
@@ -99,7 +99,7 @@ def test_a_box_selects_exactly_the_dots_inside(sim, real, box):
     corners = [(panel.x + min(x, panel.width), min(y, panel.height)) for x, y in
                ((x0, y0), (x1, y1))]  # fmt: skip
     cell = (1 / panel.width, 1 / panel.height)
-    mark = Mark("errors", tuple(panel.to_data(*corner) for corner in corners))
+    mark = BrushShape("errors", tuple(panel.to_data(*corner) for corner in corners))
     expression = box_expression(scale, sim, real, mark, cell)
     chosen = mask(parse(expression), mask_context(N, sim_error=sim, real_error=real))
     across, up = (scale.fraction(drawn_errors(side, scale)) for side in (sim, real))
@@ -117,7 +117,7 @@ def test_a_box_over_the_whole_plot_selects_all():
     sim, real = scatter_errors()
     panel = drawing_panels(scatter_of(), SIZE)[0]
     corners = ((panel.x - 1, panel.height + 1), (panel.x + panel.width + 1, -1))
-    mark = Mark("errors", tuple(panel.to_data(*corner) for corner in corners))
+    mark = BrushShape("errors", tuple(panel.to_data(*corner) for corner in corners))
     assert box_expression(error_scale(sim, real), sim, real, mark, (0.02, 0.05)) == "all"
 
 
@@ -127,7 +127,7 @@ def test_a_box_over_the_whole_plot_selects_all():
 )  # fmt: skip
 def test_a_lasso_selects_the_dots_inside_the_drawn_polygon(sim, real, corners):
     axis = error_scale(sim, real)
-    mark = Mark(
+    mark = BrushShape(
         "errors",
         tuple((float(axis.value(x)), float(axis.value(y))) for x, y in corners),
         lasso=True,
@@ -211,7 +211,7 @@ def test_a_box_over_a_zoomed_plot_selects_the_instances_in_view():
     drawing = view(sim, real, valid=valid, shown=shown)
     (plot,), panel = drawing.plots, drawing_panels(drawing, SIZE)[0]
     corners = ((panel.x, panel.height), (panel.x + panel.width, 0))
-    mark = Mark("errors", tuple(panel.to_data(*corner) for corner in corners))
+    mark = BrushShape("errors", tuple(panel.to_data(*corner) for corner in corners))
     cell = (0.4 / panel.width, 0.4 / panel.height)
     expression = box_expression(error_scale(sim, real), sim, real, mark, cell)
     chosen = mask(parse(expression), mask_context(60, sim_error=sim, real_error=real))
@@ -227,7 +227,7 @@ def test_a_box_that_ends_at_the_smallest_error_is_an_expression(place, start, en
     columns = [np.linspace(0.018, 3, N), np.linspace(0.018, 3, N)]
     corners = [[-1.0, -1.0], [9.0, 9.0]]
     corners[0][place], corners[1][place] = start, end
-    mark = Mark("errors", (tuple(corners[0]), tuple(corners[1])))
+    mark = BrushShape("errors", (tuple(corners[0]), tuple(corners[1])))
     expression = box_expression(error_scale(*columns), *columns, mark, (0.02, 0.05))
     chosen = mask(parse(expression), mask_context(N, sim_error=columns[0], real_error=columns[1]))
     assert np.flatnonzero(chosen).tolist() == ([0] if end > 0.018 else [])

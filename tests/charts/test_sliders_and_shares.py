@@ -14,7 +14,7 @@ from s2rstore.records import GAP_FACTORS
 from s2rtools.adjustments import ADJUSTMENTS
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.adjust.terminal import SliderLine, draw_sliders, slider_panels
-from s2rtui.charts.scene import Resources, Scene
+from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.charts.shares import VIEW, SharesModel, shares_scale
 from s2rtui.drawing.cells import draw_cells
 from s2rtui.drawing.drawing import Drawing
@@ -117,7 +117,7 @@ def test_the_reason_follows_a_change_of_the_run(store_copy):
     keys, texts = [], []
     for run in ("vanilla", "dataaug"):
         session.set_run(run)
-        scene = Scene(session.store, session.state, Resources())
+        scene = Scene(session.store, session.state, LoadedData())
         keys.append(VIEW.cache_key(scene))
         texts.append(VIEW.draw(scene, (80, 10), RenderOptions()).lines())
     assert texts[0] != texts[1]

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rstore.records import Bounds
-from s2rtui.canvas.marks import Mark
+from s2rtui.canvas.marks import BrushShape
 from s2rtui.charts.umap import distance_levels, distance_range, distances, umap_extent
 from s2rtui.drawing.cells import draw_cells, drawing_panels
 from s2rtui.drawing.plot import LEVELS
@@ -83,7 +83,7 @@ def test_missing_coordinates_show_a_message():
 
 
 def test_a_pending_box_is_drawn_on_its_panel():
-    mark = Mark("real", ((0.0, 0.0), (4.0, 4.0)))
+    mark = BrushShape("real", ((0.0, 0.0), (4.0, 4.0)))
     drawing = umap_drawing(brush=mark)
     canvas = draw_cells(drawing, SIZE)
     sim, real = drawing_panels(drawing, SIZE)

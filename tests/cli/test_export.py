@@ -101,7 +101,7 @@ def test_heatmap_counts_are_in_pixels_and_missing_where_zero(tiny_store):
         view = BY_NAME["map"].input(scene)
         assert view.heat_unit == "pixels"
         assert view.heat_label.endswith("count")
-        grid = scene.resources.floor_heat
+        grid = scene.loaded.floor_heat
         assert grid is not None
         assert np.nanmin(grid) >= 1
 

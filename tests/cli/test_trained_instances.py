@@ -85,7 +85,7 @@ def test_numbers_words_cells_and_figures_of_a_view_ignore_trained_instances(stor
             cells = [getattr(canvas, part).tolist() for part in ("char", "fg", "bg")]
             rows = repr(view.numbers(scene))
             shown.append((rows, view.summary(scene), cells, view.figure(scene, (320, 240), LIGHT)))
-            assert scene.state.count == "20 of 40 (20 trained on)"
+            assert scene.state.count_text == "20 of 40 (20 trained on)"
             assert "20 of 40 (20 trained on) instances" in scene.caption
     for ordinary, absurd in zip(*shown, strict=True):
         assert ordinary == absurd
@@ -94,7 +94,7 @@ def test_numbers_words_cells_and_figures_of_a_view_ignore_trained_instances(stor
 @pytest.mark.parametrize("view", COUNTING, ids=lambda view: view.name)
 def test_views_mark_trained_instances_where_they_are_included(stores, view):
     with open_scene(stores.absurd, options(with_trained=True), view) as scene:
-        assert scene.state.count == "40 of 40 (20 trained on, included)"
+        assert scene.state.count_text == "40 of 40 (20 trained on, included)"
         title = TitledView(view, scene).draw((110, 40), RenderOptions(DARK)).lines()
         names, rows = view.numbers(scene)
         assert view.name != "errors" or "at most 12" in view.summary(scene)
@@ -215,14 +215,14 @@ def session(stores: Stores) -> Iterator[Session]:
 
 def test_the_key_includes_and_leaves_out_trained_instances(session):
     session.select("worst(20%, real.error)")
-    assert session.state.count == "4 of 40 (20 trained on)"
+    assert session.state.count_text == "4 of 40 (20 trained on)"
     assert not (session.state.selected & session.state.trained).any()
     state = session.dispatch(navigation.toggle_trained)
-    assert state.count == "8 of 40 (20 trained on, included)"
+    assert state.count_text == "8 of 40 (20 trained on, included)"
     assert state.message.startswith("20 trained instances in view included and marked")
     assert (state.selected & state.trained).sum() == 8
     state = session.dispatch(navigation.toggle_trained)
-    assert state.count == "4 of 40 (20 trained on)"
+    assert state.count_text == "4 of 40 (20 trained on)"
     assert "left out (M includes them)" in state.message
 
 

@@ -35,7 +35,7 @@ _SCONTROL = """
 count=$(cat FOLDER/count 2> /dev/null || echo 0)
 echo $((count + 1)) > FOLDER/count
 case $count in
-    0) echo "JobId=7 JobState=PENDING Reason=Resources ExitCode=0:0 ReqNodeList=(null)" ;;
+    0) echo "JobId=7 JobState=PENDING Reason=LoadedData ExitCode=0:0 ReqNodeList=(null)" ;;
     1) echo "JobId=7 JobState=RUNNING Reason=None ExitCode=0:0 ReqNodeList=(null) NodeList=n1" ;;
     *) status=$(cat FOLDER/status)
        echo "JobId=7 JobState=FINAL Reason=BECAUSE DerivedExitCode=0:0 ExitCode=$status:0" ;;
@@ -100,7 +100,7 @@ def test_the_output_and_the_exit_code_are_those_of_the_job(slurm, status, state)
     logs = slurm.folder / "logs"
     assert lines == [
         f"job 7 submitted; its output goes to {logs}/s2r-train-7.out and s2r-train-7.err",
-        "job 7 waits (Resources)",
+        "job 7 waits (LoadedData)",
         "job 7 runs on n1",
     ]
     assert not (slurm.folder / "cancelled").exists()

@@ -152,7 +152,7 @@ async def test_views_and_screens_show_no_control_characters_and_parse_no_markup(
                 await pilot.press("escape")
         app.session.select(f"room:{string(HOSTILE + 'right')}")
         app.session.show_message(HOSTILE)
-        app.renderer.refresh()
+        app.updater.refresh()
         await pilot.pause()
         screen_text += screen_text_of(app)
         app.show_error(hostile.MARKUP)

@@ -100,7 +100,7 @@ async def test_a_room_name_is_not_an_action(store_copy):
     async with app.run_test(size=(160, 44)) as pilot:
         await settle(app, pilot)
         app.session.select(f'room:"{name}right"')
-        app.renderer.refresh()
+        app.updater.refresh()
         await pilot.pause()
         segments = [segment for line in take_screenshot(app).lines for segment in line]
         assert f"{name}right" in "".join(segment.text for segment in segments)
@@ -122,9 +122,9 @@ async def test_names_of_folders_tags_and_selections_are_not_markup(tiny_store, t
     app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(160, 44)) as pilot:
         await settle(app, pilot)
-        assert "[ [@click=app.quit].s2r" in app.renderer.status_text()
+        assert "[ [@click=app.quit].s2r" in app.updater.status_text()
         app.session.select('@"[b"')
-        app.renderer.refresh()
+        app.updater.refresh()
         await pilot.press("f")
         await pilot.pause()
         await pilot.press("escape", "slash", *"@", "tab", "tab")

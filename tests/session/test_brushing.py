@@ -7,23 +7,25 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.language import parse
-from s2rtui.canvas.marks import Mark, Panel
+from s2rtui.canvas.marks import BrushShape, PlotArea
 from s2rtui.charts.mark_expressions import range_expression
 from s2rtui.session import Brush, brush_geometry
 
 
-def plane(y_down: bool = True) -> Panel:
+def plane(y_down: bool = True) -> PlotArea:
     """A panel of 10 x 8 cells at (5, 2); a cell is 0.5 m wide and 1 m high."""
     sign = 1 if y_down else -1
-    return Panel(
+    return PlotArea(
         "map", "plane", 5, 2, 10, 8,
         lambda column, row: ((column - 5) * 0.5, sign * (row - 2)),
         lambda x, y: (x / 0.5 + 5, sign * y + 2),
     )  # fmt: skip
 
 
-def line(shape: str) -> Panel:
-    return Panel("real", shape, 0, 0, 20, 10, lambda c, r: (c * 0.1, r), lambda x, y: (x * 10, y))
+def line(shape: str) -> PlotArea:
+    return PlotArea(
+        "real", shape, 0, 0, 20, 10, lambda c, r: (c * 0.1, r), lambda x, y: (x * 10, y)
+    )
 
 
 @pytest.mark.parametrize("y_down", [True, False])
@@ -116,7 +118,7 @@ def test_a_heading_mark_across_180_degrees_can_be_stretched():
 @given(st.floats(-3, 3), st.floats(-3, 3))
 def test_a_range_is_clipped_to_the_limits_of_its_field(low, high):
     panel = line("range")
-    mark = Mark("real", ((low, 0.0), (high, 0.0)))
+    mark = BrushShape("real", ((low, 0.0), (high, 0.0)))
     text = range_expression(panel, mark, "real.accuracy", 0.0, 1.0)
     first, last = text.removeprefix("real.accuracy:").split("..")
     assert 0 <= float(first) <= float(last) <= 1

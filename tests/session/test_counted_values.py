@@ -8,7 +8,7 @@ import pytest
 import s2rstore
 from s2rstore.index.population import NEW_INSTANCES, Population
 from s2rstore.language import evaluation
-from s2rtui.session.counted_values import counted_ranks, counted_values
+from s2rtui.session.population_values import population_ranks, population_values
 from tests.support import tiny
 
 ALL = Population(with_trained=True)
@@ -24,25 +24,25 @@ def test_trained_instances_have_no_value_unless_they_count(half_trained):
         columns = store.run_columns("vanilla")
         errors = columns.real.error
         assert columns.trained.any()
-        counted = counted_values(NEW_INSTANCES, columns, errors)
+        counted = population_values(NEW_INSTANCES, columns, errors)
         assert np.array_equal(np.isnan(counted), columns.trained | np.isnan(errors))
-        assert counted_values(NEW_INSTANCES, columns, errors) is counted
-        assert counted_values(ALL, columns, errors) is errors
-        points = counted_values(NEW_INSTANCES, columns, np.stack([errors, errors], axis=1))
+        assert population_values(NEW_INSTANCES, columns, errors) is counted
+        assert population_values(ALL, columns, errors) is errors
+        points = population_values(NEW_INSTANCES, columns, np.stack([errors, errors], axis=1))
         assert np.isnan(points[columns.trained]).all()
         other = store.run_columns("dataaug")
-        assert counted_values(NEW_INSTANCES, other, other.real.error) is other.real.error
+        assert population_values(NEW_INSTANCES, other, other.real.error) is other.real.error
 
 
 def test_counted_ranks_agree_with_best_and_the_language_and_stored_ranks_count_all(half_trained):
     with s2rstore.open(half_trained) as store:
         columns = store.run_columns("vanilla")
-        ranks = counted_ranks(NEW_INSTANCES, columns, "real")
+        ranks = population_ranks(NEW_INSTANCES, columns, "real")
         best = evaluation.select(store, "best(3, real.error)", "vanilla")
         assert np.array_equal(best, (ranks > 0) & (ranks <= 3))
         ranked = evaluation.select(store, "real.rank <= 3", "vanilla")
         assert np.array_equal(ranked, best)
-        assert np.array_equal(counted_ranks(ALL, columns, "real"), columns.real.rank)
+        assert np.array_equal(population_ranks(ALL, columns, "real"), columns.real.rank)
         stored = evaluation.select(store, "real.rank <= 3", "vanilla", with_trained=True)
         assert np.array_equal(stored, columns.real.rank <= 3)
         (comment,) = store.execute(

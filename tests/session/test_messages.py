@@ -74,4 +74,4 @@ def test_m_says_that_a_run_has_no_trained_instances(session):
     assert state.message.startswith("nothing to include: ")
     assert "vanilla" in state.message
     assert "\n" not in state.message
-    assert "trained" not in state.count
+    assert "trained" not in state.count_text

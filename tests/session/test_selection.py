@@ -17,7 +17,7 @@ from s2rstore.metrics import nearest_neighbours
 from s2rtui.app.key_bindings import BY_NAME
 from s2rtui.charts.instance.model import NEIGHBOURS
 from s2rtui.charts.list import ListView
-from s2rtui.charts.scene import Resources, Scene
+from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.session import (
     Session,
     evaluation,
@@ -112,7 +112,7 @@ def test_a_combination_that_is_too_long_to_be_typed_is_refused(session):
 def test_undo_restores_run_trajectories_and_cursor(session):
     def shown() -> tuple[object, ...]:
         state = session.state
-        return state.expression, state.run, state.trajectories, state.count, state.cursor
+        return state.expression, state.run, state.trajectories, state.count_text, state.cursor
 
     session.select("worst15")
     session.dispatch(navigation.move_cursor, 1)
@@ -289,7 +289,7 @@ def test_names_are_sorted_alphabetically(session, name):
 
 
 def test_every_column_of_the_list_can_be_sorted_by(session):
-    names, _ = ListView().numbers(Scene(session.store, session.state, Resources()))
+    names, _ = ListView().numbers(Scene(session.store, session.state, LoadedData()))
     shown = {fields.of_name(name) for name in names}
     assert shown == set(instance_list.COLUMNS)
     sort_columns = [

@@ -47,9 +47,9 @@ def test_the_count_refers_to_the_chosen_trajectories(session):
     assert session.select("worst15").count == "6 of 40"
     session.dispatch(navigation.change_trajectory)
     assert session.state.trajectories == ("a",)
-    assert session.state.count == "4 of 25"
+    assert session.state.count_text == "4 of 25"
     session.dispatch(navigation.change_trajectory)
-    assert session.state.count == "3 of 15"
+    assert session.state.count_text == "3 of 15"
     session.dispatch(navigation.change_trajectory)
     assert session.state.trajectories is None
 

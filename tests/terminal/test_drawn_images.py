@@ -188,9 +188,9 @@ def first_map(tiny_store: Path) -> Boxes:
 
     async def read() -> Boxes:
         async with running(tiny_store) as (app, _pilot):
-            region = app.renderer.plot("map").region
+            region = app.updater.plot("map").region
             size = region.width, region.height - 1
-            canvas = BY_NAME["map"].draw(app.renderer.scene, size, RenderOptions())
+            canvas = BY_NAME["map"].draw(app.updater.scene, size, RenderOptions())
             (image,) = canvas.images
             place = region.x + image.x, region.y + 1 + image.y
             pixels = image.pixels((image.height * CELL[1], image.width * CELL[0]))

@@ -69,8 +69,8 @@ def first_instance(tiny_store: Path) -> InstanceInput:
 
     async def read() -> InstanceInput:
         async with running(tiny_store) as (app, _pilot):
-            assert app.resources.pictures is not None
-            return app.resources.pictures
+            assert app.loaded.pictures is not None
+            return app.loaded.pictures
 
     return asyncio.run(read())
 

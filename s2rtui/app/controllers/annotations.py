@@ -36,7 +36,7 @@ class AnnotationController:
                 self._app.session.dispatch(shared_selection.select_text, text)
             except S2RError as error:
                 self._app.session.show_message(str(error), is_error=True)
-        self._app.renderer.refresh()
+        self._app.updater.refresh()
 
     def save_selection(self) -> None:
         """Save the selection under a name."""
@@ -62,7 +62,7 @@ class AnnotationController:
         """The present instance; a message says so if there is none."""
         if (iid := self._app.session.state.cursor) is None:
             self._app.session.show_message(f"no instance for a {purpose}: select some")
-            self._app.renderer.refresh()
+            self._app.updater.refresh()
         return iid
 
     def edit_note(self) -> None:

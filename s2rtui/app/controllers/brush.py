@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from s2rstore.errors import RequestError, S2RError
 from s2rtui.app.widgets.plot import Cell, PlotView, Stroke
 from s2rtui.canvas import Point, Size
-from s2rtui.canvas.marks import Panel, panel_at
+from s2rtui.canvas.marks import PlotArea, panel_at
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.charts.view import TableWindow, View
 from s2rtui.session import brush_geometry, instance_list, view_settings
@@ -28,37 +28,37 @@ class BrushController:
 
     def __init__(self, app: S2RApp) -> None:
         self._app = app
-        self._drag_panel: tuple[tuple[str, Cell], Panel] | None = None
+        self._drag_panel: tuple[tuple[str, Cell], PlotArea] | None = None
         """View and cell where the present stroke began, and the panel there."""
 
-    def panels(self, view: View) -> Sequence[Panel]:
+    def panels(self, view: View) -> Sequence[PlotArea]:
         """The panels of a view on the screen; none if it is hidden."""
         size = self._drawn_size(view)
         if size is None:
             return ()
-        return view.panels(self._app.renderer.scene, size, self._app.render_options)
+        return view.panels(self._app.updater.scene, size, self._app.render_options)
 
     def table_window(self, view: View) -> TableWindow | None:
         """The visible rows of a view's table; None if it is hidden or has none."""
         size = self._drawn_size(view)
         if size is None:
             return None
-        return view.table_window(self._app.renderer.scene, size, self._app.render_options)
+        return view.table_window(self._app.updater.scene, size, self._app.render_options)
 
     def _drawn_size(self, view: View) -> Size | None:
         """Columns and rows of a view on the screen below its title; None if it is hidden."""
-        widget = self._app.renderer.plot(view.name)
+        widget = self._app.updater.plot(view.name)
         width, height = widget.size
         if not widget.placed or view.unavailable(self._app.session.store):
             return None
-        rows = height - self._app.renderer.title_rows(view.name)
+        rows = height - self._app.updater.title_rows(view.name)
         return (width, rows) if rows > 0 else None
 
     def place_of(self, view: View, cell: Cell) -> Point:
         """The middle of a cell of a widget (column, row) in the view below the title."""
-        return cell[0] + 0.5, cell[1] - self._app.renderer.title_rows(view.name) + 0.5
+        return cell[0] + 0.5, cell[1] - self._app.updater.title_rows(view.name) + 0.5
 
-    def _present(self) -> tuple[Brush, Panel] | None:
+    def _present(self) -> tuple[Brush, PlotArea] | None:
         """The brush and its panel; None if there is none on the screen."""
         brush = self._app.session.state.brush
         if brush is None:
@@ -69,7 +69,7 @@ class BrushController:
 
     def _show(self, brush: Brush | None) -> None:
         self._app.session.dispatch(view_settings.set_brush, brush)
-        self._app.renderer.refresh()
+        self._app.updater.refresh()
 
     # --- keys --------------------------------------------------------------------------------
 
@@ -82,13 +82,13 @@ class BrushController:
             self._app.session.show_message(
                 f"nothing to brush in {view.name}: choose the map or a chart"
             )
-            self._app.renderer.refresh()
+            self._app.updater.refresh()
             return
         names = (state.side, state.run)
         self._start_on(view, next((p for p in panels if p.name in names), panels[0]))
 
-    def _start_on(self, view: View, panel: Panel) -> None:
-        point = view.cursor_point(self._app.renderer.scene, panel)
+    def _start_on(self, view: View, panel: PlotArea) -> None:
+        point = view.cursor_point(self._app.updater.scene, panel)
         self._show(brush_geometry.started(view.name, panel, point, self._app.session.state.lasso))
 
     def next_panel(self) -> None:
@@ -121,9 +121,9 @@ class BrushController:
         """Switch between lasso and box; the brush that is drawn is converted."""
         present = self._present()
         self._app.session.dispatch(view_settings.toggle_lasso, present[1] if present else None)
-        self._app.renderer.refresh()
+        self._app.updater.refresh()
 
-    def _select(self, brush: Brush, panel: Panel, operator: Operator | None = None) -> bool:
+    def _select(self, brush: Brush, panel: PlotArea, operator: Operator | None = None) -> bool:
         """Whether the mark could be selected; an error is shown, and the brush stays."""
         view, mark = BY_NAME[brush.view], brush.mark
         try:
@@ -131,12 +131,12 @@ class BrushController:
                 mark = replace(mark, points=brush_geometry.outline(brush))
                 if len(mark.points) < 3:
                     raise RequestError("a lasso needs three corners: space sets one")
-            expression = view.to_expression(self._app.renderer.scene, panel, mark)
+            expression = view.to_expression(self._app.updater.scene, panel, mark)
             self._app.session.select(expression, operator)
         except S2RError as error:
             self._app.show_error(str(error))
             return False
-        self._app.renderer.refresh()
+        self._app.updater.refresh()
         return True
 
     # --- the mouse ---------------------------------------------------------------------------
@@ -144,18 +144,18 @@ class BrushController:
     @property
     def is_dragging(self) -> bool:
         """Whether the mouse is drawing a mark or moving a slider."""
-        return any(self._app.renderer.plot(view.name).dragging for view in VIEWS)
+        return any(self._app.updater.plot(view.name).dragging for view in VIEWS)
 
     def drop_drag(self) -> None:
         """End an unfinished mouse stroke without a mark."""
-        dropped = [view for view in VIEWS if self._app.renderer.plot(view.name).abandon()]
+        dropped = [view for view in VIEWS if self._app.updater.plot(view.name).abandon()]
         self._drag_panel = None
         if dropped:
             self._app.session.dispatch(view_settings.drop_brush)
 
-    def panel_under(self, view: View, cell: Cell) -> Panel | None:
+    def panel_under(self, view: View, cell: Cell) -> PlotArea | None:
         """The panel of a view under a cell of its widget, which begins with the title."""
-        row = cell[1] - self._app.renderer.title_rows(view.name)
+        row = cell[1] - self._app.updater.title_rows(view.name)
         return panel_at(self.panels(view), cell[0], row)
 
     def on_pressed(self, message: PlotView.Pressed) -> None:
@@ -168,12 +168,12 @@ class BrushController:
         if panel is not None:
             middle = self.place_of(view, message.cell)
             try:
-                view.click(session, self._app.renderer.scene, panel, panel.to_data(*middle))
+                view.click(session, self._app.updater.scene, panel, panel.to_data(*middle))
             except S2RError as error:
                 session.show_message(str(error), is_error=True)
-        self._app.renderer.refresh()
+        self._app.updater.refresh()
 
-    def _stroke_panel(self, stroke: Stroke) -> Panel | None:
+    def _stroke_panel(self, stroke: Stroke) -> PlotArea | None:
         """The panel that a stroke began on, where its view shows it now."""
         start, view = (stroke.view, stroke.start), BY_NAME[stroke.view]
         if self._drag_panel is None or self._drag_panel[0] != start:
@@ -190,7 +190,7 @@ class BrushController:
         if stroke.view not in BY_NAME:
             return
         view, session = BY_NAME[stroke.view], self._app.session
-        if not stroke.done and not self._app.renderer.plot(view.name).dragging:
+        if not stroke.done and not self._app.updater.plot(view.name).dragging:
             return  # the stroke was dropped meanwhile
         panel = self._stroke_panel(stroke)
         if panel is None:
@@ -198,8 +198,8 @@ class BrushController:
         session.dispatch(view_settings.activate, view.name)
         left, top = self.place_of(view, (0, 0))
         start, *trail = ((x + left, y + top) for x, y in (stroke.start, *stroke.trail))
-        if view.drag(session, self._app.renderer.scene, panel, panel.to_data(*trail[-1])):
-            self._app.renderer.refresh()
+        if view.drag(session, self._app.updater.scene, panel, panel.to_data(*trail[-1])):
+            self._app.updater.refresh()
             return
         if not view.brushable:
             return
@@ -209,7 +209,7 @@ class BrushController:
             self._show(brush)
         elif not self._select(brush, panel):
             session.dispatch(view_settings.drop_brush)
-            self._app.renderer.refresh()
+            self._app.updater.refresh()
 
     def on_wheeled(self, message: PlotView.Wheeled) -> None:
         """Zoom the plane of the view, scroll its table, or move through the list."""
@@ -221,12 +221,12 @@ class BrushController:
         panel = self.panel_under(view, wheel.cell)
         if view.name == "list":
             session.dispatch(instance_list.move, -steps)
-        elif panel is not None and (plane := view.zoom_plane(self._app.renderer.scene)) is not None:
+        elif panel is not None and (plane := view.zoom_plane(self._app.updater.scene)) is not None:
             point = panel.to_data(*self.place_of(view, wheel.cell))
             steps = max(-_MAX_WHEEL_STEPS, min(steps, _MAX_WHEEL_STEPS))
-            at = view.plane_point(self._app.renderer.scene, point)
+            at = view.plane_point(self._app.updater.scene, point)
             session.dispatch(view_settings.zoom, _WHEEL_ZOOM**steps, at, plane)
         elif (window := self.table_window(view)) is not None and window.hidden > 0:
             first = window.first - steps
             session.dispatch(view_settings.scroll_table, view.name, first, window.hidden)
-        self._app.renderer.refresh()
+        self._app.updater.refresh()

@@ -41,7 +41,7 @@ class ExportController:
             self._in_progress.discard(message.finished)
         if message.text:
             self._app.session.show_message(message.text, message.is_error)
-            self._app.renderer.refresh_message()
+            self._app.updater.refresh_message()
 
     def copy_expression(self) -> None:
         """Copy the expression to the terminal's clipboard, by the control sequence OSC 52."""
@@ -50,7 +50,7 @@ class ExportController:
         text = shared_selection.shared_text(saved, session.store.identity)
         self._app.copy_to_clipboard(text)
         session.show_message("copied the expression, with run, generation and count")
-        self._app.renderer.refresh()
+        self._app.updater.refresh()
 
     def write_screenshot(self) -> None:
         """Write the screen as PNG; it is taken now and encoded in the background."""
@@ -67,7 +67,7 @@ class ExportController:
         """Write the saved selections, or the present one if none is saved, as HTML."""
         if any(path.suffix == _REPORT for path in self._in_progress):
             self._app.session.show_message("a report is being written")
-            self._app.renderer.refresh_message()
+            self._app.updater.refresh_message()
             return
         session = self._app.session
         write = partial(self._report, session.branch(), session.state, session.notes)
@@ -102,7 +102,7 @@ class ExportController:
         hint = f"a file for the selection: {', '.join(ROW_FORMATS)}"
         self._app.session.show_message(hint)
         self._app.prompt.ask(self.write_selection, name, hint)
-        self._app.renderer.refresh_message()
+        self._app.updater.refresh_message()
 
     def write_selection(self, text: str) -> None:
         """Write the selected rows; raises RequestError for a file that may not be written."""
@@ -152,7 +152,7 @@ class ExportController:
         else:
             self._app.session.show_message(message)
             self._export(target, write, numbered_paths(self._app.output_folder, stem, suffix))
-        self._app.renderer.refresh_message()
+        self._app.updater.refresh_message()
 
     def _export(self, target: Path, write: WriteFile, alternatives: Iterable[Path] = ()) -> None:
         """Write a file in a background thread; `alternatives` are used if the name is taken."""

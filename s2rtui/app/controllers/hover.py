@@ -45,7 +45,7 @@ class HoverController:
         found = None if cell is None else self._instance_at(view, cell)
         if found != self._under:
             self._under, self._state = found, self._app.session.state
-            self._app.renderer.refresh_message()
+            self._app.updater.refresh_message()
 
     def _instance_at(self, name: str, cell: Cell) -> int | None:
         app = self._app
@@ -55,7 +55,7 @@ class HoverController:
         if (panel := app.brush.panel_under(view, cell)) is None:
             return None
         place = app.brush.place_of(view, cell)
-        return view.instance_at(app.renderer.scene, panel, place)
+        return view.instance_at(app.updater.scene, panel, place)
 
     def _text_of(self, iid: int | None) -> str:
         store, state = self._app.session.store, self._app.session.state

@@ -31,8 +31,8 @@ class LoadResultController:
             self._complete_pending(message.error, fresh)
         elif message.error:
             app.session.show_message(message.error, is_error=True)
-        app.resources = app.resources.with_loaded(message.loader, message.fields, message.error)
-        app.renderer.refresh()
+        app.loaded = app.loaded.with_loaded(message.loader, message.fields, message.error)
+        app.updater.refresh()
 
     def _complete_pending(self, error: str, fresh: Store | None) -> None:
         """Show the pending target, or say why it cannot be loaded."""
@@ -49,7 +49,7 @@ class LoadResultController:
         """Show the share of a loader's work that is done."""
         if not self._app.load_scheduler.is_newest(message.loader, message.ticket):
             return
-        resources = self._app.resources
+        resources = self._app.loaded
         progress = {**resources.progress, message.loader: message.share}
-        self._app.resources = replace(resources, progress=progress)
-        self._app.renderer.refresh_message()
+        self._app.loaded = replace(resources, progress=progress)
+        self._app.updater.refresh_message()

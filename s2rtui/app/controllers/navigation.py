@@ -39,11 +39,11 @@ class NavigationController:
     def show_view(self, name: str) -> None:
         """Send the keys to a view, and bring it to the front of its pane if it is hidden."""
         session = self._app.session
-        if self._app.renderer.is_placed(name):
+        if self._app.updater.is_placed(name):
             session.dispatch(view_settings.activate, name)
         else:
             session.dispatch(view_settings.show_view, name, BY_NAME[name].pane)
-        self._app.renderer.refresh()
+        self._app.updater.refresh()
 
     def show_next_view(self, steps: int) -> None:
         """Show the view `steps` keys after the active one."""
@@ -55,17 +55,17 @@ class NavigationController:
         """Zoom the active view at the cursor; factor 0 shows all of it."""
         if (plane := self._plane()) is not None:
             self._app.session.dispatch(view_settings.zoom, factor, None, plane)
-        self._app.renderer.refresh()
+        self._app.updater.refresh()
 
     def pan(self, across: float, down: float) -> None:
         """Move what the active view shows by shares of its size."""
         if (plane := self._plane()) is not None:
             self._app.session.dispatch(view_settings.pan, across, down, plane)
-        self._app.renderer.refresh()
+        self._app.updater.refresh()
 
     def _plane(self) -> ZoomPlane | None:
         """The plane of the active view; None after a message where it has none."""
-        scene = self._app.renderer.scene
+        scene = self._app.updater.scene
         view = BY_NAME[scene.state.view]
         is_shown = not view.unavailable(scene.store)
         plane = view.zoom_plane(scene) if is_shown else None
@@ -86,16 +86,16 @@ class NavigationController:
             app.session.dispatch(
                 view_settings.scroll_table, view.name, window.first + rows, window.hidden
             )
-        app.renderer.refresh()
+        app.updater.refresh()
 
     def fill_screen(self) -> None:
         """Fill the screen with the active view, or show all views again."""
         app = self._app
-        if app.renderer.shows_one_view:
+        if app.updater.shows_one_view:
             app.session.show_message("this screen has room for one view, which fills it already")
         else:
             app.session.dispatch(view_settings.toggle_full_screen)
-        app.renderer.refresh()
+        app.updater.refresh()
 
     def open_finding(self) -> None:
         """Select the chosen finding's instances and show its view.
@@ -103,26 +103,26 @@ class NavigationController:
         Where the findings stay on the screen beside that view, they keep the keys.
         """
         app = self._app
-        scene = app.renderer.scene
+        scene = app.updater.scene
         report = BY_NAME["findings"].input(scene)
         finding = chosen_finding(report, scene.state.finding) if report is not None else None
         if finding is None:
             app.session.show_message("there is no finding to select")
-            app.renderer.refresh()
+            app.updater.refresh()
             return
         app.session.dispatch(findings.open_finding, finding)
-        stays = app.renderer.is_placed("findings") and app.session.state.centre != "findings"
+        stays = app.updater.is_placed("findings") and app.session.state.centre != "findings"
         message = app.session.state.message
         self.show_view(finding.view)
         if stays:
             app.session.dispatch(view_settings.activate, "findings")
         app.session.show_message(message)
-        app.renderer.refresh()
+        app.updater.refresh()
 
     def select_row(self) -> None:
         """Select the row of the active view's table that holds the cursor's instance."""
         app, session = self._app, self._app.session
-        view, scene = BY_NAME[session.state.view], app.renderer.scene
+        view, scene = BY_NAME[session.state.view], app.updater.scene
         panels = app.brush.panels(view)
         panel = next((p for p in panels if p.name == session.state.side), next(iter(panels), None))
         point = None if panel is None else view.cursor_point(scene, panel)
@@ -133,17 +133,17 @@ class NavigationController:
             view.click(session, scene, panel, point)
             state = session.state
             if not state.message:
-                session.show_message(f"selected {state.expression}: {state.count}")
-        app.renderer.refresh()
+                session.show_message(f"selected {state.expression}: {state.count_text}")
+        app.updater.refresh()
 
     def jump(self) -> None:
         """Put a letter on every view and part of the status line; the letter goes there."""
         self._app.push_screen(JumpScreen(self._targets()), self._jump_to)
 
     def _targets(self) -> list[Target]:
-        regions = self._app.renderer.visible_regions()
+        regions = self._app.updater.visible_regions()
         targets = [Target(region.x, region.y, f"view('{name}')") for name, region in regions]
-        for part, column in self._app.renderer.status_columns().items():
+        for part, column in self._app.updater.status_columns().items():
             if part in _STATUS_ACTIONS:
                 targets.append(Target(column, 0, f"do('{_STATUS_ACTIONS[part]}')"))
         return targets

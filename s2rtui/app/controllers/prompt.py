@@ -52,7 +52,7 @@ class PromptController:
     def _close(self) -> None:
         self._accept = None
         self._app.query_line.close()
-        self._app.renderer.refresh()
+        self._app.updater.refresh()
 
     def submit(self, event: Input.Submitted) -> None:
         """Pass the text on; if it cannot be used, show why and keep the line open."""
@@ -65,7 +65,7 @@ class PromptController:
             self._app.session.show_message(str(error), is_error=True)
             if isinstance(error, ExpressionError):
                 event.input.cursor_position = min(error.column - 1, len(event.value))
-            self._app.renderer.refresh_message()
+            self._app.updater.refresh_message()
             return
         self._close()
 
@@ -75,7 +75,7 @@ class PromptController:
         more = len(message.options) - _MAX_OFFERS
         text = "  ".join(offers) + (f"  and {more} more" if more > 0 else "")
         self._app.session.show_message(text or "no completion")
-        self._app.renderer.refresh_message()
+        self._app.updater.refresh_message()
 
     def edit_expression(self) -> None:
         """Edit the present expression, with history and completion."""

@@ -37,7 +37,7 @@ class RunSaveController:
             else:
                 self._load_sliders()
                 session.dispatch(view_settings.show_view, "adjust", "tab")
-        self._app.renderer.refresh()
+        self._app.updater.refresh()
 
     def _load_sliders(self) -> None:
         session = self._app.session
@@ -56,7 +56,7 @@ class RunSaveController:
         adjust = self._app.session.state.adjust
         if adjust is None or not adjust.sliders:
             self._app.session.show_message("nothing to save: there are no sliders")
-            self._app.renderer.refresh()
+            self._app.updater.refresh()
         elif self._refusal:
             self._app.show_error(self._refusal)
         else:
@@ -126,7 +126,7 @@ class RunSaveController:
         run, progress, session = message.run, message.progress, self._app.session
         if progress.is_running:
             self._show_progress(f"run {run}: {progress.fraction:.0%}, {progress.stage}")
-            self._app.renderer.refresh_message()
+            self._app.updater.refresh_message()
             return
         self._saving = None
         self._show_progress("")
@@ -141,10 +141,10 @@ class RunSaveController:
         else:
             reason = progress.error or progress.outcome
             session.show_message(f"run {run}: {reason}", is_error=progress.outcome == "failed")
-        self._app.renderer.refresh()
+        self._app.updater.refresh()
 
     def _show_progress(self, text: str) -> None:
-        self._app.resources = replace(self._app.resources, saving=text)
+        self._app.loaded = replace(self._app.loaded, saving=text)
 
     def announce(self) -> None:
         """Say how to show the saved run, once its generation is open."""

@@ -59,7 +59,7 @@ class StoreUpdateController:
         if error != self._error:
             self._show_error(error)
         if has_updates:
-            self._app.renderer.refresh()
+            self._app.updater.refresh()
 
     def _show_error(self, error: str) -> None:
         """Show once that the store cannot be read, and clear the message once it can."""
@@ -68,4 +68,4 @@ class StoreUpdateController:
             session.show_message(error, is_error=True)
         elif session.state.is_error and session.state.message == before:
             session.show_message("")
-        self._app.renderer.refresh_message()
+        self._app.updater.refresh_message()

@@ -22,7 +22,7 @@ class SuggestionController:
         """Apply the chosen answer, or say why there is none."""
         session = self._app.session
         reason = SUGGESTIONS.unavailable(session.store)
-        chosen = None if reason else SUGGESTIONS.input(self._app.renderer.scene).chosen_answer
+        chosen = None if reason else SUGGESTIONS.input(self._app.updater.scene).chosen_answer
         if reason:
             session.show_message(reason)
         elif chosen is None:
@@ -35,7 +35,7 @@ class SuggestionController:
                 command = direction.commands[number]
                 self._app.copy_to_clipboard(command)
                 session.show_message(f"copied, to be run in a shell: {command}")
-        self._app.renderer.refresh()
+        self._app.updater.refresh()
 
     def _adjust(self, answer: Answer, number: int) -> None:
         """Open the sliders of the run at the values of an answer for its real images."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Size
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, PlotArea, RenderOptions, Size
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.drawing.scale import short_number
 
@@ -95,7 +95,7 @@ def _column(share: float, layout: SliderLayout) -> int:
     return layout.track + round(min(max(share, 0.0), 1.0) * (layout.track_width - 1))
 
 
-def slider_panels(lines: Sequence[SliderLine], size: Size) -> tuple[Panel, ...]:
+def slider_panels(lines: Sequence[SliderLine], size: Size) -> tuple[PlotArea, ...]:
     """A panel per visible slider, named by its index; x is the slider's value."""
     layout = slider_layout(lines, size)
     panels = []
@@ -105,7 +105,7 @@ def slider_panels(lines: Sequence[SliderLine], size: Size) -> tuple[Panel, ...]:
         data = partial(_to_data, line, layout, row)
         cells = partial(_to_cells, line, layout, row)
         panels.append(
-            Panel(str(index), "range", layout.track, row, layout.track_width, 1, data, cells)
+            PlotArea(str(index), "range", layout.track, row, layout.track_width, 1, data, cells)
         )
     return tuple(panels)
 

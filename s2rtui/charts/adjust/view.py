@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 
-from s2rtui.canvas import Canvas, Panel, Point, RenderOptions, Size
+from s2rtui.canvas import Canvas, PlotArea, Point, RenderOptions, Size
 from s2rtui.charts.adjust.terminal import SliderLine, draw_sliders, slider_panels
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared import image_pair_terminal
@@ -30,9 +30,9 @@ class AdjustView(View):
         adjust = state.adjust
         if adjust is None or adjust.missing:
             return ""
-        if "live" in scene.resources.failed:
+        if "live" in scene.loaded.failed:
             return f"run {adjust.run}: not adjusted"
-        live = scene.resources.adjusted(state)
+        live = scene.loaded.adjusted(state)
         if live is not None:
             loading = f" (loading {state.cursor})" if live.iid != state.cursor else ""
             return f"run {adjust.run}, instance {live.iid}{loading}"
@@ -50,7 +50,7 @@ class AdjustView(View):
         )  # fmt: skip
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        resources = scene.resources
+        resources = scene.loaded
         return scene.state.adjust, resources.adjusted(scene.state), resources.failed.get("live")
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
@@ -66,9 +66,9 @@ class AdjustView(View):
             canvas.text(0, rows, adjust.reason[: canvas.width], options.theme.muted)
             used += 1
         space = canvas.height - used - 1
-        if failed := scene.resources.failed.get("live"):
+        if failed := scene.loaded.failed.get("live"):
             return _put_message(canvas, failed, used + 1)
-        live = scene.resources.adjusted(scene.state)
+        live = scene.loaded.adjusted(scene.state)
         if live is not None and space > 0:
             canvas.paste(
                 image_pair_terminal.draw_instance(live, (canvas.width, space), options), 0, used + 1
@@ -81,14 +81,14 @@ class AdjustView(View):
         most = max(height // 3, min(height // 2, height - _IMAGE_ROWS))
         return max(1, min(len(self.lines(scene)), most))
 
-    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[PlotArea]:
         lines = self.lines(scene)
         return slider_panels(lines, (size[0], self._rows(scene, size[1]))) if lines else ()
 
-    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+    def click(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> None:
         session.dispatch(adjusting.set_slider, int(panel.name), point[0])
 
-    def drag(self, session: Session, scene: Scene, panel: Panel, point: Point) -> bool:
+    def drag(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> bool:
         session.dispatch(adjusting.set_slider, int(panel.name), point[0])
         return True
 

@@ -19,11 +19,11 @@ from s2rtui.analysis.binning import (
 )
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas import Mark, Pixels, diverging
+from s2rtui.canvas import BrushShape, Pixels, diverging
 from s2rtui.charts.compare.change import EQUAL, Codes, RoomChanges, room_changes, sentences
 from s2rtui.charts.shared.base_map_background import MapBackground
 from s2rtui.charts.shared.base_map_model import selection_sizes
-from s2rtui.charts.shared.points import point_cells, valid_cursor
+from s2rtui.charts.shared.point_bins import point_cells, valid_cursor
 from s2rtui.drawing.scale import Floats
 
 Means = NDArray[np.float64]
@@ -59,7 +59,7 @@ class CompareInput:
     clip: Floats | Bools | None = None
     rooms: tuple[Room, ...] = ()
     room_names: bool = True
-    mark: Mark | None = None
+    mark: BrushShape | None = None
     trajectory: Codes | None = None
     room: Codes | None = None
     room_list: tuple[str, ...] = ()

@@ -17,7 +17,7 @@ from s2rtui.charts.compare.model import (
     difference_colours,
 )
 from s2rtui.charts.shared.base_map_pixels import MapPicture
-from s2rtui.charts.shared.points import marked_cells
+from s2rtui.charts.shared.point_bins import marked_cells
 
 _STEPS = 100
 """Colours between no difference and one of full colour."""

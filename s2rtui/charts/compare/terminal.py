@@ -10,7 +10,7 @@ from rich.cells import cell_len
 
 from s2rstore.records import Bounds
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Rgb, Size, legible
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, PlotArea, RenderOptions, Rgb, Size, legible
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.charts.compare.change import ALL, HEADINGS, NOT_EVIDENT, UNKNOWN, table_rows
 from s2rtui.charts.compare.model import (
@@ -34,7 +34,7 @@ from s2rtui.charts.shared.base_map_terminal import (
     put_glyphs,
     several_legend,
 )
-from s2rtui.charts.shared.points import marked_cells
+from s2rtui.charts.shared.point_bins import marked_cells
 from s2rtui.drawing.legend import NO_BREAK, LegendPart, colour_bar, ramp_for_values, text_part
 from s2rtui.drawing.scale import short_number
 from s2rtui.drawing.trained_marks import (
@@ -85,7 +85,7 @@ def compare_panels(
     size: Size,
     options: RenderOptions = DEFAULT_OPTIONS,
     viewport: Bounds | None = None,
-) -> tuple[Panel, ...]:
+) -> tuple[PlotArea, ...]:
     """One panel "map", a plane of metres."""
     return (map_panel(compare_layout(data, size, viewport, options)),)
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import identity_key
-from s2rtui.canvas import Canvas, Panel, RenderOptions, Size, Theme
+from s2rtui.canvas import Canvas, PlotArea, RenderOptions, Size, Theme
 from s2rtui.charts.compare.change import ALL, Change, evidence, interval_text
 from s2rtui.charts.compare.model import CompareInput, constant_errors
 from s2rtui.charts.compare.terminal import (
@@ -24,7 +24,7 @@ from s2rtui.charts.compare.terminal import (
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.base_map_model import MapInput, map_input, value_range
 from s2rtui.charts.shared.base_map_terminal import draw_value_map
-from s2rtui.charts.shared.points import own_positions, true_positions
+from s2rtui.charts.shared.point_bins import own_positions, true_positions
 from s2rtui.charts.view import Pane, Pixels, PointsView, Table, TableWindow
 from s2rtui.drawing.scale import Floats
 from s2rtui.session import run_comparison, targets
@@ -68,7 +68,7 @@ class CompareView(PointsView):
             true_positions(store), first, second, state.selected, _base(scene, other),
             store.dataset.bounds, (state.run, other or BASELINE), state.side,
             cursor=state.cursor, y_down=store.dataset.y_down,
-            floor_plan=scene.resources.floor_plan, rooms=store.rooms,
+            floor_plan=scene.loaded.floor_plan, rooms=store.rooms,
             room_names=state.room_names, mark=scene.mark(self.name),
             trajectory=store.instances.trajectory, room=store.instances.room,
             room_list=store.instances.room_names, trained=_marked(scene, other),
@@ -172,7 +172,7 @@ class CompareView(PointsView):
                 map_input(
                     store,
                     replace(state, run=run or state.run, map_mode="colour"),
-                    scene.resources.floor_plan,
+                    scene.loaded.floor_plan,
                 ),
                 values=column,
                 valid=base,
@@ -203,7 +203,7 @@ class CompareView(PointsView):
     def zoom_plane(self, scene: Scene) -> ZoomPlane:
         return map_plane(scene.store, scene.state)
 
-    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[PlotArea]:
         other = run_comparison.other_run(scene.state)
         if not _is_loaded(scene, other) or not self._has_map(size):
             return ()

@@ -23,8 +23,8 @@ from s2rtui.charts.shared.image_pair_model import (
     heat_fields,
     truth_fields,
 )
-from s2rtui.session.counted_values import counted_ranks
 from s2rtui.session.model_input import ModelInput, model_input, stored_image
+from s2rtui.session.population_values import population_ranks
 from s2rtui.session.state import HeatChoice
 
 NEIGHBOURS = 5
@@ -172,7 +172,7 @@ def _ranks(store: Store, run: str, iid: int, population: Population) -> str:
     """Ranks among the new instances; among all of them where these are included."""
     columns = store.run_columns(run)
     if population.leaves_out_trained(columns) and not columns.trained[iid]:
-        places = [counted_ranks(population, columns, side) for side in SIDES]
+        places = [population_ranks(population, columns, side) for side in SIDES]
         sim, real = (int(column[iid]) or "none" for column in places)
         return f"sim {sim}, real {real} of {int(places[1].max())} new instances by error"
     totals = {side: int(np.isfinite(columns.side(side).error).sum()) for side in SIDES}

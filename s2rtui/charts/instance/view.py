@@ -10,7 +10,7 @@ from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared import image_pair_terminal
 from s2rtui.charts.view import Pixels, Table, View
-from s2rtui.session.loaded_data_origin import instance_provenance
+from s2rtui.session.provenance import instance_provenance
 
 _TEXT_ROWS = 16
 """Rows of titles, colour bars, poses and notes."""
@@ -31,7 +31,7 @@ class InstanceView(View):
 
     def subtitle(self, scene: Scene) -> str:
         """The source of the images; long titles are cut."""
-        state, resources = scene.state, scene.resources
+        state, resources = scene.state, scene.loaded
         if state.cursor is None:
             return "none"
         requested = instance_provenance(state).label(state)
@@ -45,19 +45,19 @@ class InstanceView(View):
 
     def loading(self, scene: Scene) -> str:
         """By what the images being loaded differ from those that are shown."""
-        shown = scene.resources.pictures_source
-        if shown is None or "pictures" in scene.resources.failed or scene.state.cursor is None:
+        shown = scene.loaded.pictures_source
+        if shown is None or "pictures" in scene.loaded.failed or scene.state.cursor is None:
             return ""
         return instance_provenance(scene.state).difference(shown)
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        shown = scene.resources.pictures
+        shown = scene.loaded.pictures
         remark = scene.remark(shown.iid) if shown else ""
         return shown, scene.state.cursor is None, remark
 
     def numbers(self, scene: Scene) -> Table:
         names = ("what", "x_m", "y_m", "heading_deg", "error_m", "heading_error_deg", "note")
-        shown = scene.resources.pictures
+        shown = scene.loaded.pictures
         if shown is None:
             return names, []
         rows: list[tuple[object, ...]] = []
@@ -71,7 +71,7 @@ class InstanceView(View):
         return names, rows + [(name, *[None] * 5, text) for name, text in notes if text]
 
     def summary(self, scene: Scene) -> str:
-        shown = scene.resources.pictures
+        shown = scene.loaded.pictures
         if shown is None:
             return "No instance."
         sides = [
@@ -97,7 +97,7 @@ class InstanceView(View):
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.instance import paper
 
-        shown = scene.resources.pictures
+        shown = scene.loaded.pictures
         if shown is None:
             raise RequestError("--select: selects nothing, so there is no instance to draw")
         if not any(side.rgb.size for side in (shown.sim, shown.real)):
@@ -108,9 +108,9 @@ class InstanceView(View):
         return paper.instance_figure(shown, size, theme, title)
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
-        if scene.resources.pictures is None or scene.state.cursor is None:
+        if scene.loaded.pictures is None or scene.state.cursor is None:
             return Canvas(*size, options)
-        shown = scene.resources.pictures
+        shown = scene.loaded.pictures
         if remark := scene.remark(shown.iid):
             shown = replace(shown, notes=(("remark", remark), *shown.notes))
         return image_pair_terminal.draw_instance(shown, size, options)

@@ -12,7 +12,7 @@ from s2rtui.analysis.binning import Bins, Bools, SelectionIndices, count_selecte
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel, selected_in_frame
-from s2rtui.charts.shared.points import point_cells
+from s2rtui.charts.shared.point_bins import point_cells
 from s2rtui.drawing.scale import Floats
 
 SINGLES = 200

@@ -10,7 +10,7 @@ from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import (
     DEFAULT_OPTIONS,
     Canvas,
-    Panel,
+    PlotArea,
     RenderOptions,
     Size,
     heading_arrow,
@@ -47,7 +47,7 @@ from s2rtui.charts.shared.base_map_terminal import (
     value_legend,
     value_marks,
 )
-from s2rtui.charts.shared.points import selected_counts
+from s2rtui.charts.shared.point_bins import selected_counts
 from s2rtui.drawing.legend import LegendPart, ramp_for_values, role_legend, text_part
 from s2rtui.drawing.scale import short_number
 from s2rtui.drawing.trained_marks import SEVERAL as SEVERAL_TRAINED
@@ -101,7 +101,7 @@ def map_panels(
     size: Size,
     options: RenderOptions = DEFAULT_OPTIONS,
     viewport: Bounds | None = None,
-) -> tuple[Panel, ...]:
+) -> tuple[PlotArea, ...]:
     """One panel "map", a plane of metres."""
     return (map_panel(map_layout(data, size, viewport, options)),)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from s2rstore.records import SIDES, Side
 from s2rtui.analysis.identity_cache import identity_key
-from s2rtui.canvas import Canvas, Panel, RenderOptions, Size, Theme
+from s2rtui.canvas import Canvas, PlotArea, RenderOptions, Size, Theme
 from s2rtui.charts.map import terminal
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.base_map_model import LivePose, MapInput, map_input
@@ -56,19 +56,19 @@ class MapView(PointsView):
         text = by_mode[state.map_mode]
         if scene.store.missing_run:
             text = "true positions"
-        if state.clip:
+        if state.dims_unseen_floor:
             seen = f"what the selection saw{sample_note(state)}"
-            failed = scene.resources.failed.get("seen floor")
-            if scene.resources.seen_on_map(state) is not None:
+            failed = scene.loaded.failed.get("seen floor")
+            if scene.loaded.seen_on_map(state) is not None:
                 text += f", {seen}"
             else:
                 text += f", {seen} is unknown: {failed}" if failed else f", loading {seen}"
-        failed_loads = scene.resources.failed
+        failed_loads = scene.loaded.failed
         missing = (name for name in ("floor plan", "heat on the map") if name in failed_loads)
         return text + "".join(f", no {name}: {failed_loads[name]}" for name in missing)
 
     def input(self, scene: Scene) -> MapInput:
-        state, resources = scene.state, scene.resources
+        state, resources = scene.state, scene.loaded
         view = map_input(
             scene.store,
             state,
@@ -130,7 +130,7 @@ class MapView(PointsView):
         counts = [(int((codes == code).sum()), name) for code, name in enumerate(truth.room_names)]
         rooms = ", ".join(f"{name} {n}" for n, name in sorted(counts, key=lambda r: -r[0]) if n)
         of_run = f"Map of run {state.run}" if state.run else "Map of the true positions"
-        text = f"{of_run}: {state.count} instances; {rooms or 'in no room'}."
+        text = f"{of_run}: {state.count_text} instances; {rooms or 'in no room'}."
         if shift.size:
             text += (
                 f" Sim and real predictions lie {np.median(shift):.2f} m apart in the median, "
@@ -162,7 +162,7 @@ class MapView(PointsView):
     def zoom_plane(self, scene: Scene) -> ZoomPlane:
         return map_plane(scene.store, scene.state)
 
-    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[PlotArea]:
         return terminal.map_panels(self.input(scene), size, options, scene.state.viewport)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from s2rstore.geometry import angles
-from s2rtui.canvas import Canvas, Mark, Panel, Point, Rgb, heading_arrow
+from s2rtui.canvas import BrushShape, Canvas, PlotArea, Point, Rgb, heading_arrow
 from s2rtui.canvas.marks import mark_arc
 from s2rtui.canvas.raster import cells_with_dots, draw_braille, line_dots
 from s2rtui.drawing.bars import Bars
@@ -108,11 +108,11 @@ QUARTER = np.array([[1, 2], [4, 8]])
 
 def draw_dial(
     canvas: Canvas,
-    panel: Panel,
+    panel: PlotArea,
     dial: Dial,
     bars: Bars,
     cursor: float | None,
-    mark: Mark | None,
+    mark: BrushShape | None,
     colour: Rgb,
 ) -> None:
     """Draw bars of the selected in `colour` on grey bars of all; `cursor` in degrees."""
@@ -170,7 +170,7 @@ def _needle(chart: Canvas, dial: Dial, cursor: float | None) -> None:
     )
 
 
-def _ground(chart: Canvas, dial: Dial, mark: Mark) -> None:
+def _ground(chart: Canvas, dial: Dial, mark: BrushShape) -> None:
     """The sector of a brush mark."""
     middle, half = mark_arc(mark)
     across = np.arange(chart.width) + 0.5 - dial.x
@@ -180,7 +180,7 @@ def _ground(chart: Canvas, dial: Dial, mark: Mark) -> None:
     chart.bg[apart <= half] = chart.theme.highlight
 
 
-def _rim(canvas: Canvas, panel: Panel, cursor: float | None, mark: Mark | None) -> None:
+def _rim(canvas: Canvas, panel: PlotArea, cursor: float | None, mark: BrushShape | None) -> None:
     """The ends of a brush mark and the cursor's heading at the rim."""
     if mark is not None:
         middle, half = mark_arc(mark)
@@ -190,7 +190,7 @@ def _rim(canvas: Canvas, panel: Panel, cursor: float | None, mark: Mark | None) 
         _at_rim(canvas, panel, cursor, canvas.glyphs.cursor, canvas.theme.cursor)
 
 
-def _at_rim(canvas: Canvas, panel: Panel, degrees: float, glyph: str, colour: Rgb) -> None:
+def _at_rim(canvas: Canvas, panel: PlotArea, degrees: float, glyph: str, colour: Rgb) -> None:
     column, row = panel.to_cells(degrees, 1.0)
     across = min(max(int(np.floor(column)), panel.x), panel.x + panel.width - 1)
     down = min(max(int(np.floor(row)), panel.y), panel.y + panel.height - 1)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.binning import Bins, Bools, SelectionIndices, bin_values, selection_indices
 from s2rtui.analysis.identity_cache import cached_by_identity
-from s2rtui.canvas import Mark
+from s2rtui.canvas import BrushShape
 from s2rtui.canvas.marks import wrap_degrees
-from s2rtui.charts.shared.points import valid_cursor
+from s2rtui.charts.shared.point_bins import valid_cursor
 from s2rtui.drawing.scale import Floats
 
 BINS = 72
@@ -39,7 +39,7 @@ class OrientationInput:
     valid: Bools
     y_down: bool = True
     cursor: int | None = None
-    mark: Mark | None = None
+    mark: BrushShape | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,7 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2rstore.geometry import angles
-from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Mark, Panel, Point, RenderOptions, Rgb, Size
+from s2rtui.canvas import (
+    DEFAULT_OPTIONS,
+    BrushShape,
+    Canvas,
+    PlotArea,
+    Point,
+    RenderOptions,
+    Rgb,
+    Size,
+)
 from s2rtui.canvas.marks import mark_arc, mark_on_panel, wrap_degrees
 from s2rtui.charts.orientation.dial import Dial, dial_of, draw_dial
 from s2rtui.charts.orientation.model import (
@@ -89,14 +98,14 @@ def _strips(width: int, height: int) -> OrientationLayout:
 
 def orientation_panels(
     data: OrientationInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS
-) -> tuple[Panel, ...]:
+) -> tuple[PlotArea, ...]:
     """Panels "sim", "truth" and "real": degrees in [-180, 180), and the radius 0 .. 1."""
     layout = orientation_layout(data, size, options)
     dial = layout.dial
     panels = []
     for name, place in zip(NAMES, layout.places, strict=False):
         to_data, to_cells = _on_strip(place) if dial is None else _on_dial(dial, place)
-        panels.append(Panel(name, "turn", *place, to_data, to_cells))
+        panels.append(PlotArea(name, "turn", *place, to_data, to_cells))
     return tuple(panels)
 
 
@@ -165,7 +174,7 @@ def _scale(model: OrientationModel, room: int) -> str:
 
 def _label_dial(
     canvas: Canvas,
-    panel: Panel,
+    panel: PlotArea,
     layout: OrientationLayout,
     headings: Headings,
     scale: str,
@@ -205,7 +214,12 @@ def _mean(headings: Headings, room: int, options: RenderOptions) -> str:
 
 
 def draw_strip(
-    canvas: Canvas, panel: Panel, bars: Bars, cursor: float | None, mark: Mark | None, colour: Rgb
+    canvas: Canvas,
+    panel: PlotArea,
+    bars: Bars,
+    cursor: float | None,
+    mark: BrushShape | None,
+    colour: Rgb,
 ) -> None:
     """Draw vertical bars; cursor (degrees) and ends of the brush mark on the last row."""
     bottom = panel.y + panel.height - 1
@@ -227,11 +241,11 @@ def draw_strip(
         put_over_bar(canvas, at, bottom, canvas.glyphs.cursor, canvas.theme.cursor)
 
 
-def _column(panel: Panel, degrees: float) -> int:
+def _column(panel: PlotArea, degrees: float) -> int:
     return min(int(panel.to_cells(degrees, 0.0)[0]), panel.x + panel.width - 1)
 
 
-def draw_strip_axis(canvas: Canvas, panel: Panel, scale: str) -> None:
+def draw_strip_axis(canvas: Canvas, panel: PlotArea, scale: str) -> None:
     """Draw degrees on the last row, the scale at the left."""
     row, theme, free = canvas.height - 1, canvas.theme, panel.x
     if len(scale) < panel.x:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from s2rstore.records import SIDES
-from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
+from s2rtui.canvas import BrushShape, Canvas, PlotArea, Point, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import heading_expression
 from s2rtui.charts.orientation.model import OrientationInput, orientation_model
 from s2rtui.charts.orientation.terminal import draw_orientation, orientation_panels
@@ -63,16 +63,16 @@ class OrientationView(View):
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         return draw_orientation(self.input(scene), size, options)
 
-    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[PlotArea]:
         return orientation_panels(self.input(scene), size, options)
 
-    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
+    def cursor_point(self, scene: Scene, panel: PlotArea) -> Point | None:
         if scene.state.cursor is None:
             return None
         heading = float(getattr(self.input(scene), panel.name)[scene.state.cursor])
         return (math.degrees(heading), 1.0) if math.isfinite(heading) else None
 
-    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+    def to_expression(self, scene: Scene, panel: PlotArea, mark: BrushShape) -> str:
         return heading_expression(mark, _FIELDS[panel.name])
 
 

@@ -8,7 +8,7 @@ from functools import partial
 
 from rich.cells import cell_len
 
-from s2rtui.canvas import Panel, Point, Size
+from s2rtui.canvas import PlotArea, Point, Size
 from s2rtui.charts.overview.model import OverviewLines, overview_model
 from s2rtui.charts.scene import OverviewRow
 from s2rtui.drawing.scale import Interval
@@ -106,7 +106,7 @@ def overview_panels(
     selected: int | None,
     size: Size,
     lines: OverviewLines | None = None,
-) -> tuple[Panel, ...]:
+) -> tuple[PlotArea, ...]:
     """One range of accuracies per visible run, named like the run.
 
     With lines, the leftmost column includes all accuracies below the axis.
@@ -124,11 +124,11 @@ def overview_panels(
         place = layout.chart, held[0], layout.chart_width, len(held)
         to_data = partial(_to_data, layout, model.axis, held[0], lines is not None)
         to_cells = partial(_to_cells, layout, model.axis, held[0])
-        panels.append(Panel(model.rows[index].run, "range", *place, to_data, to_cells))
+        panels.append(PlotArea(model.rows[index].run, "range", *place, to_data, to_cells))
     return tuple(panels)
 
 
-def row_in_panel(panel: Panel, index: int, runs: int) -> int:
+def row_in_panel(panel: PlotArea, index: int, runs: int) -> int:
     """The row of run `index` of `runs` in its panel, which reaches half-way to the next runs."""
     if index == 0:
         return panel.y

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rich.cells import cell_len
 
-from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Mark, RenderOptions, Rgb, Size
+from s2rtui.canvas import DEFAULT_OPTIONS, BrushShape, Canvas, RenderOptions, Rgb, Size
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.marks import mark_on_panel, mark_range
 from s2rtui.charts.overview.layout import OverviewLayout, overview_layout, overview_panels
@@ -28,7 +28,7 @@ def draw_overview(
     size: Size,
     options: RenderOptions = DEFAULT_OPTIONS,
     lines: OverviewLines | None = None,
-    mark: Mark | None = None,
+    mark: BrushShape | None = None,
 ) -> Canvas:
     """Draw the overview in `size` (columns, rows); `selected` is an index into `rows`.
 
@@ -177,7 +177,7 @@ def _mark(
     baseline: float | None,
     selected: int | None,
     lines: OverviewLines | None,
-    mark: Mark,
+    mark: BrushShape,
 ) -> None:
     """A brushed range on a run's axis: highlighted background between bold ends."""
     panels = overview_panels(rows, baseline, selected, (canvas.width, canvas.height), lines)

@@ -11,7 +11,7 @@ from s2rstore.language.canonical_text import string
 from s2rstore.metrics.recall import Headline
 from s2rstore.records import SIDES
 from s2rtui.analysis.identity_cache import identity_key
-from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
+from s2rtui.canvas import BrushShape, Canvas, PlotArea, Point, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import range_expression
 from s2rtui.charts.overview import layout, terminal, translators
 from s2rtui.charts.overview.bands import BAND_TEXT
@@ -35,8 +35,8 @@ class OverviewView(View):
     loads = ("rows", "lines")
 
     def subtitle(self, scene: Scene) -> str:
-        lines = scene.resources.accuracies(scene.state)
-        if failed := scene.resources.failed.get("rows" if not scene.resources.rows else "lines"):
+        lines = scene.loaded.accuracies(scene.state)
+        if failed := scene.loaded.failed.get("rows" if not scene.loaded.rows else "lines"):
             return f"accuracy, sim and real: {failed}"
         if lines is None:
             return "accuracy, sim and real"
@@ -52,7 +52,7 @@ class OverviewView(View):
     def lines(self, scene: Scene) -> OverviewLines | None:
         """The instances as lines across the runs, once they are loaded."""
         rows, state = self._rows(scene), scene.state
-        lines = scene.resources.accuracies(state)
+        lines = scene.loaded.accuracies(state)
         if lines is None or any(row.run not in lines.values for row in rows):
             return None
         values = tuple(lines.values[row.run] for row in rows)
@@ -62,18 +62,18 @@ class OverviewView(View):
 
     def _rows(self, scene: Scene) -> tuple[OverviewRow, ...]:
         """A row per run; only names until the accuracies are loaded."""
-        note = "cannot be read" if "rows" in scene.resources.failed else "loading"
+        note = "cannot be read" if "rows" in scene.loaded.failed else "loading"
         empty = (OverviewRow(run, None, None, note=note) for run in scene.state.runs)
-        return scene.resources.rows or tuple(empty)
+        return scene.loaded.rows or tuple(empty)
 
     def _arguments(self, scene: Scene) -> tuple[tuple[OverviewRow, ...], float | None, int | None]:
         rows = self._rows(scene)
         selected = next((i for i, row in enumerate(rows) if row.run == scene.state.run), None)
-        return rows, scene.resources.baseline, selected
+        return rows, scene.loaded.baseline, selected
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         lines = identity_key(self.lines(scene))
-        rows = scene.resources.translators
+        rows = scene.loaded.translators
         return *self._arguments(scene), rows, lines, scene.mark(self.name)
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
@@ -85,7 +85,7 @@ class OverviewView(View):
         canvas = Canvas(*size, options)
         canvas.paste(drawn, 0, 0)
         block = size[0], size[1] - chart[1]
-        rows = scene.resources.translators
+        rows = scene.loaded.translators
         canvas.paste(
             translators.draw_translators(rows, scene.state.run, block, options), 0, chart[1]
         )
@@ -94,9 +94,7 @@ class OverviewView(View):
     def _chart_size(self, scene: Scene, size: Size) -> Size:
         """Columns and rows of the runs, above the rows of the translators."""
         runs = len(self._rows(scene))
-        return size[0], size[1] - translators.block_height(
-            scene.resources.translators, runs, size[1]
-        )
+        return size[0], size[1] - translators.block_height(scene.loaded.translators, runs, size[1])
 
     def numbers(self, scene: Scene) -> Table:
         names = ("run", "sim median_m", "sim heading_deg", "sim recall", "real median_m",
@@ -107,8 +105,8 @@ class OverviewView(View):
             (row.run, *_leading(row.headlines), row.sim_accuracy,
              *(row.sim_interval or (None, None)), row.real_accuracy,
              *(row.real_interval or (None, None)), row.n, row.independent,
-             scene.resources.baseline, row.note)
-            for row in scene.resources.rows
+             scene.loaded.baseline, row.note)
+            for row in scene.loaded.rows
         ]  # fmt: skip
         return names, rows
 
@@ -118,16 +116,16 @@ class OverviewView(View):
             f"{_percent(row.sim_accuracy, row.sim_interval)}, "
             f"real {_percent(row.real_accuracy, row.real_interval)}, {row.n} instances"
             f"{f' ({row.note})' if row.note else ''}"
-            for row in scene.resources.rows
+            for row in scene.loaded.rows
         ]
-        mean = _percent(scene.resources.baseline, None)
+        mean = _percent(scene.loaded.baseline, None)
         accuracies = "; ".join(runs) or "no run"
         text = f"{accuracies}. Baseline (always the mean position): accuracy {mean}."
         run = scene.state.run
         fitted = [
             f"{row.translator}: "
             f"{', '.join(part for part in (row.verdict, row.gain_text(run)) if part)}"
-            for row in translators.ordered(scene.resources.translators, run)
+            for row in translators.ordered(scene.loaded.translators, run)
         ]
         return f"{text} Translators: {'; '.join(fitted)}." if fitted else text
 
@@ -143,24 +141,24 @@ class OverviewView(View):
     def height(self, scene: Scene, width: int) -> int:
         if self.unavailable(scene.store):
             return FRAME_ROWS
-        rows = scene.resources.translators
+        rows = scene.loaded.translators
         below = min(translators.MOST_ROWS, len(rows) + 1) if rows else 0
         return ROWS_PER_RUN * (len(scene.state.runs) - 1) + 1 + FRAME_ROWS + below
 
-    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[PlotArea]:
         chart = self._chart_size(scene, size)
         return layout.overview_panels(*self._arguments(scene), chart, self.lines(scene))
 
-    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
-        lines, cursor = scene.resources.accuracies(scene.state), scene.state.cursor
+    def cursor_point(self, scene: Scene, panel: PlotArea) -> Point | None:
+        lines, cursor = scene.loaded.accuracies(scene.state), scene.state.cursor
         if lines is None or cursor is None or panel.name not in lines.values:
             return None
         value = float(lines.values[panel.name][cursor])
         return (value, 0.0) if math.isfinite(value) else None
 
-    def instance_at(self, scene: Scene, panel: Panel, cell: Point) -> int | None:
+    def instance_at(self, scene: Scene, panel: PlotArea, cell: Point) -> int | None:
         """The selected instance whose line crosses the row of a run at a cell."""
-        lines = scene.resources.accuracies(scene.state)
+        lines = scene.loaded.accuracies(scene.state)
         names = [row.run for row in self._rows(scene)]
         if lines is None or panel.name not in lines.values or panel.name not in names:
             return None
@@ -176,12 +174,12 @@ class OverviewView(View):
         at = panel.to_cells(float(values[iid]), 0.0)[0]
         return iid if abs(at - column) <= 1 else None
 
-    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+    def click(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> None:
         if panel.name in session.state.runs:
             session.set_run(panel.name)
 
-    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
-        side = scene.resources.lines.side if scene.resources.lines else scene.state.side
+    def to_expression(self, scene: Scene, panel: PlotArea, mark: BrushShape) -> str:
+        side = scene.loaded.lines.side if scene.loaded.lines else scene.state.side
         run = "" if panel.name == scene.state.run else f"run({string(panel.name)})."
         return range_expression(panel, mark, f"{run}{side}.accuracy", 0.0, 1.0)
 
@@ -210,7 +208,7 @@ def _caption(scene: Scene, lines: OverviewLines | None) -> str:
     """The subtitle of the figure: which instances the numbers and the lines stand for."""
     parts = [scene.store.dataset.name, "accuracies over the instances that are new to each run"]
     if lines is not None:
-        count = f"{scene.state.expression} ({scene.state.count} instances)"
+        count = f"{scene.state.expression} ({scene.state.count_text} instances)"
         highlighted, others = lines.banded
         parts.append(f"bands: {BAND_TEXT} of {count}" if highlighted else f"lines: {count}")
         if others:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from s2rtui.canvas import Mark, Point
+from s2rtui.canvas import BrushShape, Point
 from s2rtui.charts.mark_expressions import function_call, number_text, round_to_cell
 from s2rtui.drawing.scale import Floats, Scale
 from s2rtui.session.brush_geometry import MAX_CORNERS
@@ -16,7 +16,7 @@ _DIGITS = 17
 
 
 def box_expression(
-    axis: Scale, sim: Floats, real: Floats, mark: Mark, cell: tuple[float, float]
+    axis: Scale, sim: Floats, real: Floats, mark: BrushShape, cell: tuple[float, float]
 ) -> str:
     """Ranges of both errors, with the shortest numbers that select what the box covers.
 
@@ -38,7 +38,7 @@ def box_expression(
     return " & ".join(part for part in parts if part) or "all"
 
 
-def lasso_expression(axis: Scale, mark: Mark, cell: tuple[float, float]) -> str:
+def lasso_expression(axis: Scale, mark: BrushShape, cell: tuple[float, float]) -> str:
     """A polygon in metres.
 
     Edges that are straight on logarithmic axes are curves in metres: they get as many corners as

@@ -11,7 +11,7 @@ import numpy as np
 from s2rstore.records import Bounds
 from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
-from s2rtui.canvas import Mark, Panel, Point
+from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.charts.scatter.brush import box_expression, lasso_expression
 from s2rtui.charts.scatter.model import (
     LOG_RULE,
@@ -25,13 +25,13 @@ from s2rtui.charts.scatter.model import (
     scatter_summary,
 )
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.points import known_point, nearest_iid, stacked_points, valid_cursor
+from s2rtui.charts.shared.point_bins import known_point, nearest_iid, stacked_points, valid_cursor
 from s2rtui.charts.view import DrawingView, PointsView, Table
 from s2rtui.drawing.drawing import Drawing, Note
 from s2rtui.drawing.plot import Line, Phrase, Plot, Points, Rule
 from s2rtui.drawing.plot import Mark as PlotMark
 from s2rtui.drawing.scale import Floats, Scale, short_number
-from s2rtui.session.counted_values import counted_values
+from s2rtui.session.population_values import population_values
 from s2rtui.session.view_settings import ZoomPlane
 
 PANEL = "errors"
@@ -43,7 +43,7 @@ _SAMPLES = 200
 
 def scatter_drawing(
     sim: Floats, real: Floats, selected: Bools, valid: Bools, shown: Bounds = WHOLE,
-    cursor: int | None = None, trained: Bools | None = None, brush: Mark | None = None,
+    cursor: int | None = None, trained: Bools | None = None, brush: BrushShape | None = None,
 ) -> Drawing:  # fmt: skip
     """Errors (N,) in metres; `shown`: the part of the plane in view, in fractions of its axes."""
     scale, summary = error_scale(sim, real), scatter_summary(sim, real, selected, valid)
@@ -121,7 +121,7 @@ class ScatterView(PointsView, DrawingView):
         state = scene.state
         columns = scene.store.run_columns(state.run)
         sim, real = (
-            counted_values(state.population, columns, side.error)
+            population_values(state.population, columns, side.error)
             for side in (columns.sim, columns.real)
         )
         return sim, real, state.selected, state.base
@@ -174,19 +174,19 @@ class ScatterView(PointsView, DrawingView):
         across, up = scale.fraction(np.clip(point, scale.low, scale.high)).tolist()
         return across, up
 
-    def points(self, scene: Scene, panel: Panel) -> Floats:
+    def points(self, scene: Scene, panel: PlotArea) -> Floats:
         sim, real = self.input(scene)[:2]
         scale = error_scale(sim, real)
         return stacked_points(drawn_errors(sim, scale), drawn_errors(real, scale))
 
-    def nearest(self, scene: Scene, panel: Panel, point: Point) -> int | None:
+    def nearest(self, scene: Scene, panel: PlotArea, point: Point) -> int | None:
         places = _places(*self.input(scene)[:2])
         shown = scene.state.viewport_of(self.name) or WHOLE
         size = np.array([panel.width / shown.width, 2 * panel.height / shown.height])
         across, up = size * self.plane_point(scene, point)
         return nearest_iid(places * size, scene.state.base, (float(across), float(up)))
 
-    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+    def to_expression(self, scene: Scene, panel: PlotArea, mark: BrushShape) -> str:
         sim, real = self.input(scene)[:2]
         shown = scene.state.viewport_of(self.name) or WHOLE
         cell = shown.width / panel.width, shown.height / panel.height

@@ -13,9 +13,9 @@ from s2rstore.records import NO_RUN, Bounds, Room, Side
 from s2rtui.analysis.binning import Bools, SelectionIndices, count_selected, selection_indices
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas import Mark, Pixels
+from s2rtui.canvas import BrushShape, Pixels
 from s2rtui.charts.shared.base_map_background import MapBackground, heat_scale
-from s2rtui.charts.shared.points import (
+from s2rtui.charts.shared.point_bins import (
     own_positions,
     point_cells,
     stacked_points,
@@ -78,7 +78,7 @@ class MapInput:
     clip: Floats | Bools | None = None
     rooms: tuple[Room, ...] = ()
     room_names: bool = True
-    mark: Mark | None = None
+    mark: BrushShape | None = None
     live: tuple[LivePose, ...] = ()
     sim_truth: Floats | None = None
     real_truth: Floats | None = None
@@ -174,7 +174,7 @@ def map_input(
     floor_plan: Pixels | None = None,
     heat: Floats | None = None,
     seen: Floats | None = None,
-    mark: Mark | None = None,
+    mark: BrushShape | None = None,
     heat_note: str = "",
 ) -> MapInput:
     """The map of the state's run; `heat_note` names the source of outdated heat."""

@@ -30,7 +30,7 @@ from s2rtui.canvas.pixel_marks import (
 from s2rtui.canvas.raster import resample
 from s2rtui.charts.shared.base_map_background import MapBackground, background_pixels
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel
-from s2rtui.charts.shared.points import LEVELS, level_of, level_shares
+from s2rtui.charts.shared.point_bins import LEVELS, level_of, level_shares
 from s2rtui.drawing.scale import Floats
 
 FEW, MANY = 1_500, 15_000

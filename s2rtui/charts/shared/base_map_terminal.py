@@ -13,10 +13,10 @@ from s2rstore.records import Bounds
 from s2rtui.analysis.binning import Bools, SelectionIndices
 from s2rtui.analysis.map_frame import MapFrame, fit_frame
 from s2rtui.canvas import (
+    BrushShape,
     Canvas,
-    Mark,
-    Panel,
     Pixels,
+    PlotArea,
     Point,
     RenderOptions,
     Rgb,
@@ -40,7 +40,7 @@ from s2rtui.charts.shared.base_map_pixels import (
 )
 from s2rtui.charts.shared.base_map_room_names import draw_room_names, mark_costs
 from s2rtui.charts.shared.heat_colours import heat_glyphs, heat_ramp
-from s2rtui.charts.shared.points import (
+from s2rtui.charts.shared.point_bins import (
     highest_levels,
     level_shares,
     marked_cells,
@@ -108,7 +108,7 @@ class PointMap(Protocol):
     @property
     def ground(self) -> MapBackground: ...
     @property
-    def mark(self) -> Mark | None: ...
+    def mark(self) -> BrushShape | None: ...
 
 
 def layout_of_area(area: Bounds, y_down: bool, size: Size, legend: Legend) -> MapLayout:
@@ -124,12 +124,14 @@ def layout_of_area(area: Bounds, y_down: bool, size: Size, legend: Legend) -> Ma
     return MapLayout(left, 0, inner, rows_high, frame, axes, tuple(tuple(row) for row in rows))
 
 
-def map_panel(layout: MapLayout) -> Panel:
+def map_panel(layout: MapLayout) -> PlotArea:
     """The panel of a map: a plane in metres."""
     return plane_panel("map", layout.x, layout.y, layout.width, layout.height, layout.frame)
 
 
-def plane_panel(name: str, left: int, top: int, width: int, height: int, frame: MapFrame) -> Panel:
+def plane_panel(
+    name: str, left: int, top: int, width: int, height: int, frame: MapFrame
+) -> PlotArea:
     """A brushable panel with x and y coordinates that covers a map frame."""
 
     def to_data(column: float, row: float) -> Point:
@@ -139,7 +141,7 @@ def plane_panel(name: str, left: int, top: int, width: int, height: int, frame: 
         column, row = frame.to_cells([[x, y]])[0].tolist()
         return column + left, row + top
 
-    return Panel(name, "plane", left, top, width, height, to_data, to_cells)
+    return PlotArea(name, "plane", left, top, width, height, to_data, to_cells)
 
 
 def draw_axes(canvas: Canvas, layout: MapLayout) -> None:

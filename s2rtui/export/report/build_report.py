@@ -229,7 +229,9 @@ def _section(
     for run, state in zip(runs, selection.states, strict=True):
         begin_step(f"{requested.title} in {run}")
         session.set_state(state)
-        facts.append((f"count in {run}" if len(runs) > 1 else "count", f"{state.count} instances"))
+        facts.append(
+            (f"count in {run}" if len(runs) > 1 else "count", f"{state.count_text} instances")
+        )
         if not parts:
             facts += _saved_facts(requested, session)
             caption = f"The instances that it selects in {run}, in every run"
@@ -273,7 +275,7 @@ def _part(session: Session, request: ReportRequest, run: str) -> RunPart:
         images.append(figure(BY_NAME[name], scene, request, numbers=numbers))
     members = state.selected & state.base
     trained = int((members & state.trained).sum())
-    summary = f"{state.count} instances."
+    summary = f"{state.count_text} instances."
     if trained:
         summary += (
             f" The model was trained on {trained} of them: they are marked in the figures and left "

@@ -14,7 +14,7 @@ from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.loaders import LOADERS, store_data
-from s2rtui.session.loaded_data_origin import instance_provenance
+from s2rtui.session.provenance import instance_provenance
 from s2rtui.session.state import Adjust, Slider
 from tests.support.application import make_app, press, running
 
@@ -31,11 +31,11 @@ async def press_without_loading(app: S2RApp, pilot: Pilot[None], *keys: str) -> 
 
 
 def subtitle(app: S2RApp, view: str) -> str:
-    return BY_NAME[view].subtitle(app.renderer.scene)
+    return BY_NAME[view].subtitle(app.updater.scene)
 
 
 def loading(app: S2RApp, view: str) -> str:
-    return BY_NAME[view].loading(app.renderer.scene)
+    return BY_NAME[view].loading(app.updater.scene)
 
 
 async def test_images_keep_label_and_place_until_new_ones_arrive(tiny_store):
@@ -69,9 +69,9 @@ async def test_unreadable_images_are_not_shown_as_loading(tiny_store, monkeypatc
     async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "c")
         assert subtitle(app, "overview") == "real 1.93 m, recall 15 %; accuracy"
-        lines = app.resources.lines
+        lines = app.loaded.lines
         await pilot.press("d")
-        app.resources = replace(app.resources, lines=lines)  # labelled by their own side
+        app.loaded = replace(app.loaded, lines=lines)  # labelled by their own side
         assert subtitle(app, "overview") == "real 1.93 m, recall 15 %; accuracy"
         monkeypatch.setattr(store_data, "instance_input", lambda *_: 1 / 0)
         await press(app, pilot, "right")
@@ -92,10 +92,10 @@ async def test_a_live_prediction_is_shown_only_for_its_run_and_instance(tiny_sto
         shown = instance_input(session.store, state.run, state.cursor, None)
         grid = np.ones((4, 4), dtype=np.float32)
         resources = replace(
-            app.resources, live=shown, live_source=instance_provenance(state), live_floor_heat=grid
+            app.loaded, live=shown, live_source=instance_provenance(state), live_floor_heat=grid
         )
         panel_state = replace(state, adjust=adjust, view="adjust", tab="adjust", overlay="instance")
-        plain = replace(app.renderer.scene, resources=resources)
+        plain = replace(app.updater.scene, loaded=resources)
 
         def scene(**changes: object):
             return replace(plain, state=replace(panel_state, **changes))
@@ -124,9 +124,9 @@ async def test_every_loader_reports_its_own_progress(tiny_store):
         text = take_screenshot(app).text
         assert "heat on the map 25%, seen floor 50%" in text
         app.on_load_completed(LoadCompleted("seen floor", tickets["seen floor"], {}))
-        assert app.resources.progress == {"heat on the map": 0.25}
+        assert app.loaded.progress == {"heat on the map": 0.25}
         await press(app, pilot, "A")
-        assert app.resources.progress == {}
+        assert app.loaded.progress == {}
 
 
 async def test_a_slow_loader_does_not_block_the_others(tiny_store, monkeypatch):
@@ -147,7 +147,7 @@ async def test_a_slow_loader_does_not_block_the_others(tiny_store, monkeypatch):
     app = make_app(tiny_store)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("3", *["n"] * 20)
-        while (source := app.resources.pictures_source) is None or (
+        while (source := app.loaded.pictures_source) is None or (
             source.iid != app.session.state.cursor
         ):
             await pilot.pause(0.01)
@@ -166,7 +166,7 @@ async def test_heat_of_an_earlier_state_is_labelled_or_hidden(tiny_store, keys, 
         await press(app, pilot, *keys)
         cursor = app.session.state.cursor
         await press_without_loading(app, pilot, key)
-        shown = BY_NAME["map"].input(app.renderer.scene)
+        shown = BY_NAME["map"].input(app.updater.scene)
         assert (shown.heat is None) == (label is None)
         assert label is None or label.format(cursor) in shown.heat_label
 
@@ -175,7 +175,7 @@ async def test_heat_of_an_earlier_state_is_labelled_or_hidden(tiny_store, keys, 
 async def test_the_seen_floor_of_an_earlier_selection_is_not_used(tiny_store, key):
     async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "c", "C")
-        assert BY_NAME["map"].input(app.renderer.scene).clip is not None
+        assert BY_NAME["map"].input(app.updater.scene).clip is not None
         await press_without_loading(app, pilot, key)
-        assert BY_NAME["map"].input(app.renderer.scene).clip is None
+        assert BY_NAME["map"].input(app.updater.scene).clip is None
         assert "loading what the selection saw" in subtitle(app, "map")

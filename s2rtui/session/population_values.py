@@ -14,7 +14,7 @@ from s2rstore.records import Side
 from s2rtui.analysis.identity_cache import cached_by_identity
 
 
-def counted_values(
+def population_values(
     population: Population, run: RunColumns, values: NDArray[Any]
 ) -> NDArray[np.float64]:
     """Values (N, ...) of a run, NaN for trained instances unless the population holds them.
@@ -25,7 +25,7 @@ def counted_values(
     return _without(values, run.trained) if population.leaves_out_trained(run) else values
 
 
-def counted_ranks(population: Population, run: RunColumns, side: Side) -> NDArray[np.int32]:
+def population_ranks(population: Population, run: RunColumns, side: Side) -> NDArray[np.int32]:
     """(N,) ranks by error among a side's instances that count in any trajectory; 0 for the others.
 
     Where all instances count, they are the stored ranks.
@@ -33,7 +33,7 @@ def counted_ranks(population: Population, run: RunColumns, side: Side) -> NDArra
     part = run.side(side)
     if not population.leaves_out_trained(run):
         return part.rank
-    return _ranks(counted_values(population, run, part.error))
+    return _ranks(population_values(population, run, part.error))
 
 
 @cached_by_identity(16)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
 
 
-class Renderer:
+class ScreenUpdater:
     """Draws what has changed since the last drawing."""
 
     def __init__(self, app: S2RApp) -> None:
@@ -66,7 +66,7 @@ class Renderer:
         if self._is_loading_started:
             restarted, cleared = app.load_scheduler.request(app.session.store, state)
             if restarted:
-                app.resources = app.resources.with_requested(restarted, cleared)
+                app.loaded = app.loaded.with_requested(restarted, cleared)
         panes = app.query_one(Panes)
         panes.place(self.pane_rectangles(*panes.available_size))
         before, expression, after = status_line(*self._status)
@@ -88,14 +88,14 @@ class Renderer:
             hover = self._app.hover
             is_whole = self._app.prompt.is_open or (state.message and not hover.text)
             classes = "error" if state.is_error else "whole" if is_whole else ""
-            text = message_text(state, self._app.resources, hover.text, hover.cursor_text)
+            text = message_text(state, self._app.loaded, hover.text, hover.cursor_text)
             bar.show(text, classes=classes)
 
     @property
     def scene(self) -> Scene:
         """The present input of all views."""
         session = self._app.session
-        return Scene(session.store, session.state, self._app.resources, session.notes)
+        return Scene(session.store, session.state, self._app.loaded, session.notes)
 
     def plot(self, view: str) -> PlotView:
         """The widget of a view."""
