@@ -94,10 +94,12 @@ def _beyond(errors: Floats, upper: float, valid: Bools) -> int:
 def errors_plots(model: ErrorsModel, cursor: dict[Side, float]) -> tuple[Plot, ...]:
     """A histogram per side with the median of the selected; `cursor`: errors of one instance."""
     upper = float(model.edges[-1])
-    name = "position error (m)"
+    names = ("position error (m)", "error (m)", "m")
     if any(side.beyond for side in model.sides.values()):
-        name = f"{name}, last bar: {short_number(upper)} and more"
-    x = Scale(0.0, upper, (name, "position error (m)", "error (m)", "m"))
+        last = short_number(upper)
+        names = (f"position error (m), last bar: {last} and more",
+                 f"error (m), last bar: {last}+", "error (m)")  # fmt: skip
+    x = Scale(0.0, upper, names)
     peak = max(1, *(int(side.whole.max()) for side in model.sides.values()))
     y = Scale(0.0, float(peak), ("instances",), fixed=((peak, f"{peak}"),))
     plots = []

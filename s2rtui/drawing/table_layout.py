@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from rich.cells import cell_len
 
 from s2rtui.drawing.plot import ROLES
-from s2rtui.drawing.table import Column, Row, TableSpec
+from s2rtui.drawing.table import Bar, Column, Row, TableSpec
 
 GAP = 2
 """Blank columns between the columns of a table."""
@@ -76,7 +76,7 @@ def table_layout(table: TableSpec, width: int, height: int) -> TableLayout:
     """Lay out a table in `width` x `height` cells; columns that do not fit are left out.
 
     Details, then columns of the largest rank, are left out first. Rows are spread where they have
-    strips and there is room.
+    bars and there is room.
     """
     gutter = _GUTTER if table.panel else 0
     top = int(table.has_head and height > 1)
@@ -97,8 +97,11 @@ def table_layout(table: TableSpec, width: int, height: int) -> TableLayout:
         lines = lines[_first_line(table, lines, room) :][:room]
         each = 1
     else:
-        has_strips = any(table.columns[place].scale is not None for place in columns)
-        each = min(_THICKEST, max(1, room // max(1, count))) if has_strips else 1
+        has_bars = any(
+            isinstance(mark, Bar) for row in measured for place in columns
+            for mark in row.cells[place].strip
+        )  # fmt: skip
+        each = min(_THICKEST, max(1, room // max(1, count))) if has_bars else 1
         shown = range(first, min(count, first + room // each))
         lines = [TableLine(row, part) for row in shown for part in range(each)]
         if each > 1:

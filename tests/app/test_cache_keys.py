@@ -153,7 +153,7 @@ def scenes(session: Session) -> dict[str, Scene]:
         heat=HeatChoice("activation", "loss"), cursor=4,
     )  # fmt: skip
     heated = replace(
-        plain.resources, floor_heat=grid, seen_floor=grid > 7, live_floor_heat=grid[::-1],
+        plain.loaded, floor_heat=grid, seen_floor=grid > 7, live_floor_heat=grid[::-1],
         floor_heat_source=heat_provenance(rich), seen_floor_source=visible_floor_key(rich),
     )  # fmt: skip
     sliding = replace(state, view="adjust", tab="adjust", adjust=ADJUST, overlay="instance")

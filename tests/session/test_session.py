@@ -44,7 +44,7 @@ def test_every_change_gives_a_new_frozen_state(session):
 
 
 def test_the_count_refers_to_the_chosen_trajectories(session):
-    assert session.select("worst15").count == "6 of 40"
+    assert session.select("worst15").count_text == "6 of 40"
     session.dispatch(navigation.change_trajectory)
     assert session.state.trajectories == ("a",)
     assert session.state.count_text == "4 of 25"

@@ -75,7 +75,8 @@ class SessionPair:
         return replace(
             state, run="vanilla", trajectories=None, pending=None, past=(), future=(), cursor=20,
             operator="replace", brush=None, compared_run=None, heat=None, adjust=None, viewports=(),
-            sort="real.error", descending=True, overlay="off", map_mode="colour", dims_unseen_floor=False,
+            sort="real.error", descending=True, overlay="off", map_mode="colour",
+            dims_unseen_floor=False,
         )  # fmt: skip
 
     def press(self, key: Key) -> None:
