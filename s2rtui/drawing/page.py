@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from matplotlib.patheffects import AbstractPathEffect
 
 FileFormat = Literal["png", "svg", "pdf"]
+Form = FileFormat | Literal["rgb"]
+"""A format of files, or the pixels themselves, 3 bytes each, row by row."""
 Pixels = tuple[int, int]
 Box = tuple[float, float, float, float]
 Ink = tuple[float, float, float]
@@ -68,7 +70,7 @@ class FigureFormat:
     pages. title replaces the title of the figure. colour_map: one of `COLOUR_MAPS`.
     """
 
-    form: FileFormat = "png"
+    form: Form = "png"
     type_size: float = 1.0
     dpi: float | None = None
     title: str = ""
@@ -80,7 +82,7 @@ _format: ContextVar[FigureFormat] = ContextVar("format", default=FigureFormat())
 
 @contextmanager
 def figure_format(
-    form: FileFormat = "png",
+    form: Form = "png",
     type_size: float = 1.0,
     dpi: float | None = None,
     title: str = "",
@@ -187,9 +189,13 @@ class Page:
         return [patheffects.withStroke(linewidth=width, foreground=self.inks.background)]
 
     def encoded(self) -> bytes:
-        """The file in exactly the page's size, without date and version."""
+        """The file in exactly the page's size, without date and version, or the pixels."""
         form, dpi = _format.get().form, self.figure.dpi
         self.figure.set_size_inches((self.width + 0.01) / dpi, (self.height + 0.01) / dpi)
+        if form == "rgb":
+            canvas: Any = self.figure.canvas
+            canvas.draw()
+            return bytes(np.asarray(canvas.buffer_rgba())[: self.height, : self.width, :3])
         stream = BytesIO()
         self.figure.savefig(stream, format=form, dpi=dpi, metadata=EMPTY_METADATA[form])
         return stream.getvalue()

@@ -16,7 +16,7 @@ from s2rstore.reader import Store
 from s2rtui.canvas import DARK, LIGHT, Theme
 from s2rtui.charts.registry import STORED, View
 from s2rtui.charts.scene import Scene
-from s2rtui.drawing.page import FileFormat, figure_format
+from s2rtui.drawing.page import FileFormat, Form, figure_format
 from s2rtui.export.load_scene import SceneOptions, open_scene
 
 Pixels = tuple[int, int]
@@ -81,7 +81,7 @@ class PageOptions:
         return round(wide), round(wide * ratio)
 
     @contextmanager
-    def format(self, form: FileFormat = "png", type_size: float = 1.0) -> Iterator[None]:
+    def format(self, form: Form = "png", type_size: float = 1.0) -> Iterator[None]:
         """The context in which figures are drawn for this page."""
         dpi = float(self.dpi or DEFAULT_DPI) if self.is_physical else None
         with figure_format(form, type_size, dpi, self.title, self.cmap):

@@ -130,13 +130,14 @@ def test_starting_the_application_loads_no_heavy_package(tiny_store):
         "from s2rtui.app.app import S2RApp;"
         "capabilities.refuse_unusable = lambda: None; S2RApp.run = lambda app, mouse: print('run');"
         f"assert cli.main(['tui', {str(tiny_store)!r}]) == 0;"
-        "print([m for m in ('torch', 'matplotlib', 'zarr', 'scipy', 'cv2', 'PIL', 's2rtools', "
-        "'s2rtui.terminal.graphics') if m in sys.modules])"
+        "print([m for m in ('torch', 'matplotlib', 'zarr', 'scipy', 'cv2', 'PIL', "
+        "'s2rtui.terminal.graphics') if m in sys.modules], {m.split('.')[1] for m in sys.modules "
+        "if m.startswith('s2rtools.')})"
     )
     process = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
-    assert process.stdout.split() == ["run", "[]"]
+    assert process.stdout.split() == ["run", "[]", "{'common'}"]
 
 
 def test_key_labels_match_the_keyboard():

@@ -98,21 +98,16 @@ def theme_of(command: str, *words: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("command", "default", "old"),
-    [("snapshot", "dark", "light"), ("export", "auto", "dark"), ("report", "auto", "light")],
+    ("command", "default"), [("snapshot", "dark"), ("export", "auto"), ("report", "auto")]
 )
-def test_commands_that_draw_have_one_theme_option(command, default, old, capsys):
+def test_commands_that_draw_have_one_theme_option(command, default, capsys):
     assert theme_of(command) == default
     for name in THEME_NAMES:
         assert theme_of(command, "--theme", name) == name
-    assert theme_of(command, f"--{old}") == old
-    with pytest.raises(SystemExit):
-        theme_of(command, f"--{old}", "--theme", {"auto": "light", "dark": "auto"}[default])
     with pytest.raises(SystemExit):
         theme_of(command, "--help")
     shown = capsys.readouterr().out
     assert "--theme {auto,dark,light}" in shown
-    assert f"deprecated: --theme {old}" in shown
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Figures and images as data URIs in the smallest WebP encoding that looks the same."""
+"""Figures and images as data URIs in WebP."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from s2rtui.export.figures import NARROW_MM
 from s2rtui.export.report.report_model import ReportImage, ReportTable
 from s2rtui.export.report.report_request import ReportRequest
 
-_QUALITY = 92
+_QUALITY, _FEW_COLOURS = 92, 1 << 13
 _THEMES = {"auto": (LIGHT, DARK), "light": (LIGHT,), "dark": (DARK,)}
 _HALF_PAGE = (1100, 760)
 """Size of a figure in pixels that takes half the width of the page."""
@@ -39,8 +39,11 @@ def figure(
     size, is_wide = wide or _HALF_PAGE, wide is not None
     if page.is_physical:
         size, is_wide = page.pixels(view), page.millimetres >= NARROW_MM
-    with page.format(type_size=_WIDE_TYPE_SIZE if wide else _HALF_TYPE_SIZE):
-        uris = [_data_uri(Image.open(BytesIO(view.figure(scene, size, theme)))) for theme in themes]
+    with page.format("rgb", _WIDE_TYPE_SIZE if wide else _HALF_TYPE_SIZE):
+        figures = (
+            Image.frombytes("RGB", size, view.figure(scene, size, theme)) for theme in themes
+        )
+        uris = [_data_uri(figure) for figure in figures]
     return ReportImage(
         uris[0], size, view.summary(scene), dark=uris[1] if len(uris) > 1 else "", wide=is_wide,
         numbers=numbers, millimetres=page.millimetres if page.is_physical else None,
@@ -54,11 +57,9 @@ def image(pixels: NDArray[np.uint8], alt: str, caption: str) -> ReportImage:
 
 
 def _data_uri(image: Image.Image) -> str:
-    """Return the smaller of a lossless and a nearly lossless WebP encoding."""
-    rgb = image.convert("RGB")
-    encodings = []
-    for lossless, quality in ((True, 60), (False, _QUALITY)):
-        stream = BytesIO()
-        rgb.save(stream, "WEBP", lossless=lossless, quality=quality, method=4, use_sharp_yuv=True)
-        encodings.append(stream.getvalue())
-    return "data:image/webp;base64," + base64.b64encode(min(encodings, key=len)).decode()
+    """WebP: without loss where it has few colours, as charts have, else nearly without loss."""
+    stream = BytesIO()
+    lossless = image.getcolors(_FEW_COLOURS) is not None
+    quality = 60 if lossless else _QUALITY
+    image.save(stream, "WEBP", lossless=lossless, quality=quality, method=4, use_sharp_yuv=True)
+    return "data:image/webp;base64," + base64.b64encode(stream.getvalue()).decode()
