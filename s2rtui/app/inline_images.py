@@ -10,7 +10,7 @@ from s2rtui.app.app import S2RApp
 from s2rtui.app.messages import BackgroundFailed
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.terminal.graphics.image_manager import ImageManager
-from s2rtui.terminal.graphics.probe import Graphics
+from s2rtui.terminal.graphics.protocols import Graphics
 
 
 def enable_inline_images(app: S2RApp, graphics: Graphics) -> None:

@@ -12,7 +12,7 @@ from s2rtui.canvas import DARK, LIGHT, THEMES, ColourMode, RenderOptions, Theme
 from s2rtui.canvas.block_symbols import Symbols
 
 if TYPE_CHECKING:
-    from s2rtui.terminal.graphics.probe import Graphics
+    from s2rtui.terminal.graphics.protocols import Graphics
 
 COLOURS = ("auto", *(mode.value for mode in ColourMode))
 _STREAMS = (0, 1, 2)

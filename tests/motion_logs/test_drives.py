@@ -11,7 +11,8 @@ from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.geometry import angles
 from s2rstore.index.transaction import edit
 from s2rtools.motion_logs import csv_reader, read_drives
-from s2rtools.motion_logs.rigid_alignment import RigidTransform, fit
+from s2rtools.motion_logs.motion_log import RigidTransform
+from s2rtools.motion_logs.rigid_alignment import fit
 from s2rtools.motion_logs.store_odometry import odometry
 
 

@@ -23,7 +23,7 @@ from s2rtui.charts.registry import BY_NAME
 from s2rtui.terminal.graphics.drawn_images import SixelImages
 from s2rtui.terminal.graphics.image_manager import ImageManager
 from s2rtui.terminal.graphics.png import MOST, png
-from s2rtui.terminal.graphics.probe import Graphics, GraphicsProtocol
+from s2rtui.terminal.graphics.protocols import Graphics, GraphicsProtocol
 from s2rtui.terminal.graphics.sixel import MOST_COLUMNS, PaletteImage, quantised, sixels
 from s2rtui.terminal.strips import to_strips
 from tests.support.application import running

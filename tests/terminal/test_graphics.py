@@ -22,7 +22,8 @@ from s2rtui.terminal.graphics.choice import choose_graphics, parse_cell_size
 from s2rtui.terminal.graphics.image_manager import ImageManager
 from s2rtui.terminal.graphics.kitty_images import NUMBERS
 from s2rtui.terminal.graphics.png import MAX_BYTES, MAX_DRAWN_PIXELS, MAX_PIXELS, reduced_size
-from s2rtui.terminal.graphics.probe import Graphics, parse_answer
+from s2rtui.terminal.graphics.probe import parse_answer
+from s2rtui.terminal.graphics.protocols import Graphics
 from s2rtui.terminal.strips import to_strips
 from tests.support.kitty import (
     ANSWER,

@@ -11,15 +11,12 @@ from s2rstore.errors import RequestError
 from s2rtui.canvas import Size
 from s2rtui.terminal.capabilities import Terminal
 from s2rtui.terminal.graphics.probe import (
-    NAMES,
-    Graphics,
-    GraphicsProtocol,
-    cell_pixels,
     iterm2_by_environment,
     probe_terminal,
     tmux_graphics,
     unsuitable,
 )
+from s2rtui.terminal.graphics.protocols import NAMES, Graphics, GraphicsProtocol, cell_pixels
 
 CHOICES = ("auto", *get_args(GraphicsProtocol), "off")
 _SSH = ("SSH_CONNECTION", "SSH_CLIENT", "SSH_TTY")

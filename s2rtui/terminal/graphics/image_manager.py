@@ -16,7 +16,7 @@ from s2rtui.jobs.background_thread import LatestOnlyWorker, ReportError
 from s2rtui.terminal.graphics.drawn_images import Iterm2Images, SixelImages
 from s2rtui.terminal.graphics.image_strips import Span, with_spans
 from s2rtui.terminal.graphics.kitty_images import KittyImages
-from s2rtui.terminal.graphics.probe import Graphics
+from s2rtui.terminal.graphics.protocols import Graphics
 from s2rtui.terminal.strips import ImagePlace, PaintedStrips
 
 _SLIDER_DEBOUNCE = 0.3

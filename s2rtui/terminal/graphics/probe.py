@@ -6,28 +6,29 @@ timeout: a slow connection only takes longer.
 
 from __future__ import annotations
 
-import fcntl
 import os
 import re
 import select
-import struct
 import subprocess
 import sys
 import termios
 import time
 import tty
 from collections.abc import Mapping
-from contextlib import suppress
-from dataclasses import dataclass, replace
-from typing import Literal
 
-from s2rtui.canvas import RenderOptions, Size
+from s2rtui.canvas import RenderOptions
 from s2rtui.terminal.capabilities import Terminal
 from s2rtui.terminal.graphics import kitty_protocol
+from s2rtui.terminal.graphics.protocols import (
+    NAMES,
+    USUAL_CELL,
+    Graphics,
+    GraphicsProtocol,
+    cell_pixels,
+)
 
 PATIENCE = 3.0
 """Seconds to wait for the answer."""
-USUAL_CELL = (10, 20)
 _NUMBER = 31
 _ATTRIBUTES = re.compile(rb"\x1b\[\?([\d;]*)c")
 _SIXEL = b"4"
@@ -36,38 +37,6 @@ _CURSOR = re.compile(rb"\x1b\[\d+;\d+R")
 _CELL = re.compile(rb"\x1b\[6;(\d+);(\d+)t")
 _DRAWN = b"\x1b_Gi=%d;OK" % _NUMBER
 _ON_TMUX = re.compile("kitty|ghostty")
-
-
-GraphicsProtocol = Literal["kitty", "iterm2", "sixel"]
-NAMES = {"kitty": "Kitty graphics protocol", "iterm2": "iTerm2 protocol", "sixel": "sixels"}
-
-
-@dataclass(frozen=True, slots=True)
-class Graphics:
-    """How the terminal draws images (None: it does not), why, and its cells in pixels.
-
-    `cell`: (width, height), used where the system does not know the size, or always if
-    `is_cell_fixed`.
-    """
-
-    protocol: GraphicsProtocol | None
-    reason: str
-    cell: Size = USUAL_CELL
-    in_tmux: bool = False
-    is_cell_fixed: bool = False
-
-    @property
-    def supported(self) -> bool:
-        """Whether the terminal draws images."""
-        return self.protocol is not None
-
-    def cell_now(self) -> Size:
-        """(width, height) of a cell in pixels, which change with the font."""
-        return self.cell if self.is_cell_fixed else cell_pixels(self.cell)
-
-    def with_cell(self, cell: Size | None) -> Graphics:
-        """The same with a cell size that was given, None for the terminal's own."""
-        return self if cell is None else replace(self, cell=cell, is_cell_fixed=True)
 
 
 def unsuitable(terminal: Terminal) -> str:
@@ -133,16 +102,6 @@ def _without_kitty(answer: bytes) -> str:
     if len(set(_CURSOR.findall(answer))) != 1:
         return "the terminal supports the Kitty graphics protocol, but not its placeholders"
     return ""
-
-
-def cell_pixels(otherwise: Size = USUAL_CELL) -> Size:
-    """(width, height) of a cell in pixels, or `otherwise` if the system does not know it."""
-    with suppress(OSError, ValueError, AttributeError):
-        size = fcntl.ioctl(sys.__stdout__.fileno(), termios.TIOCGWINSZ, bytes(8))  # type: ignore[union-attr]
-        rows, columns, width, height = struct.unpack("HHHH", size)
-        if rows and columns and width >= columns and height >= rows:
-            return width // columns, height // rows
-    return otherwise
 
 
 def _question() -> bytes:

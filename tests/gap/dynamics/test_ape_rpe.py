@@ -16,7 +16,8 @@ from s2rstore.geometry import angles
 from s2rtools.gap.dynamics import ape_rpe
 from s2rtools.gap.dynamics.ape_rpe import LogAlignment, RpeStep
 from s2rtools.motion_logs import Log
-from s2rtools.motion_logs.rigid_alignment import RigidTransform, fit
+from s2rtools.motion_logs.motion_log import RigidTransform
+from s2rtools.motion_logs.rigid_alignment import fit
 
 metrics = pytest.importorskip("evo.core.metrics")
 trajectory = pytest.importorskip("evo.core.trajectory")

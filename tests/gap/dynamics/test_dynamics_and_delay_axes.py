@@ -19,7 +19,7 @@ from s2rtools.gap.delay.delay_axis import DelayAxis
 from s2rtools.gap.dynamics import DynamicsAxis
 from s2rtools.gap.dynamics.windows import WindowPlan
 from s2rtools.motion_logs import Drive
-from s2rtools.motion_logs.rigid_alignment import RigidTransform
+from s2rtools.motion_logs.motion_log import RigidTransform
 
 SETTINGS = GapSettings()
 

@@ -16,7 +16,7 @@ from s2rtools.gap.delay.delay_axis import DelayAxis
 from s2rtools.gap.dynamics import DynamicsAxis, options
 from s2rtools.gap.dynamics.ape_rpe import LogAlignment, RpeStep
 from s2rtools.gap.dynamics.noise_floor import Noise
-from s2rtools.motion_logs.rigid_alignment import RigidTransform
+from s2rtools.motion_logs.motion_log import RigidTransform
 from s2rtui.cli import main
 
 SETTINGS = GapSettings()

@@ -13,7 +13,7 @@ from bench.support import robot
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rtools.gap.delay import time_delay
 from s2rtools.motion_logs import Log
-from s2rtools.motion_logs.rigid_alignment import RigidTransform
+from s2rtools.motion_logs.motion_log import RigidTransform
 
 BASE = robot.commands(20.0, np.random.default_rng(5))
 EXACT = robot.drive(BASE)

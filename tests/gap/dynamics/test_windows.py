@@ -14,7 +14,7 @@ from s2rtools.gap.dynamics import ape_rpe, noise_floor, repeatability
 from s2rtools.gap.dynamics.window_units import WindowUnits
 from s2rtools.gap.dynamics.windows import WindowPlan, windows
 from s2rtools.motion_logs import Drive, Log
-from s2rtools.motion_logs.rigid_alignment import RigidTransform
+from s2rtools.motion_logs.motion_log import RigidTransform
 
 PLAN = WindowPlan(horizons=(0.5, 2.0), stride=0.5, scatter=0.0)
 

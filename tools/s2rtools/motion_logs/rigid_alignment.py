@@ -2,42 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import InconclusiveError
-from s2rstore.geometry import angles
-from s2rtools.motion_logs.motion_log import Floats, Log
-
-
-@dataclass(frozen=True, slots=True)
-class RigidTransform:
-    """p -> scale * R(angle) * p + (x, y), with y mirrored first if `reflected`; rad and m."""
-
-    angle: float = 0.0
-    reflected: bool = False
-    scale: float = 1.0
-    x: float = 0.0
-    y: float = 0.0
-
-    def __str__(self) -> str:
-        parts = [
-            "mirrored" if self.reflected else "",
-            f"turned by {np.degrees(self.angle):.1f} degrees",
-            f"scaled by {self.scale:.4g}" if self.scale != 1 else "",
-            f"moved by ({self.x:.2f}, {self.y:.2f}) m",
-        ]
-        return ", ".join(part for part in parts if part)
-
-    def __call__(self, log: Log) -> Log:
-        """The transformed log."""
-        cos, sin = np.cos(self.angle), np.sin(self.angle)
-        sign = -1.0 if self.reflected else 1.0
-        x = self.scale * (cos * log.x - sin * sign * log.y) + self.x
-        y = self.scale * (sin * log.x + cos * sign * log.y) + self.y
-        return replace(log, x=x, y=y, heading=angles.wrap(sign * log.heading + self.angle))
+from s2rtools.motion_logs.motion_log import Floats, RigidTransform
 
 
 def fit(

@@ -16,10 +16,10 @@ import torch
 from torch import Tensor, nn
 
 from s2rtools.sysid.simulators.simulator import Floats, Values
+from s2rtools.sysid.stretches import STEP, Stretches
 
 if TYPE_CHECKING:
     from s2rtools.common.command_line.progress import Reporter
-    from s2rtools.sysid.residual_training import Stretches
 
 _WIDTH, _DROPOUT, _RATE, _DECAY, _PATIENCE = 24, 0.1, 5e-3, 1e-4, 25
 
@@ -93,8 +93,6 @@ class ResidualNetwork(nn.Module):
         """A safetensors file; its metadata hold inputs, outputs, step and simulator `values`."""
         from safetensors.torch import save
 
-        from s2rtools.sysid.residual_training import STEP
-
         description = {
             "inputs": ["speed", "turn rate", "added speed", "added turn rate", "commands",
                        "cos heading", "sin heading"],
@@ -142,8 +140,6 @@ def train(correction: ResidualNetwork, training: Stretches, stopping: Stretches,
 
 
 def _tensors(stretches: Stretches) -> tuple[Tensor, Tensor, float]:
-    from s2rtools.sysid.residual_training import STEP
-
     return torch.from_numpy(stretches.states), torch.from_numpy(stretches.commands), STEP
 
 

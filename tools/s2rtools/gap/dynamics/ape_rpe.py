@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
-from s2rtools.motion_logs.motion_log import Drive, Floats, Log, poses_at
-from s2rtools.motion_logs.rigid_alignment import RigidTransform, fit
+from s2rtools.motion_logs.motion_log import Drive, Floats, Log, RigidTransform, poses_at
+from s2rtools.motion_logs.rigid_alignment import fit
 
 
 @dataclass(frozen=True, slots=True)
