@@ -135,9 +135,9 @@ def test_the_topic_is_passed_to_the_bag_reader(tmp_path, monkeypatch):
 
 
 def test_coarse_logs_skip_only_the_residual_network(drive_folder, tmp_path, capsys, monkeypatch):
-    from s2rtools.sysid import residual_training
+    from s2rtools.sysid import stretches
 
-    monkeypatch.setattr(residual_training, "STEP", 0.001)
+    monkeypatch.setattr(stretches, "STEP", 0.001)
     drives, out = drive_folder(latency=0.8, mass=1.0)[0], tmp_path / "out"
     assert main(["sysid", str(drives), "--out", str(out), "--residual", *FAST]) == 3
     assert "--residual: needs at least 4 poses" in capsys.readouterr().err

@@ -8,12 +8,12 @@ import torch
 
 from s2rstore.intervals import Interval
 from s2rtools.sysid.residual_network import ResidualNetwork
-from s2rtools.sysid.residual_training import _stretches, learn
+from s2rtools.sysid.stretches import learn, stretches_of
 from tests.sysid.conftest import StepCounter
 
 
 def test_an_untrained_network_equals_the_simulator(identified):
-    segments = _stretches(identified.everything, identified.cube)
+    segments = stretches_of(identified.everything, identified.cube)
     correction = ResidualNetwork(segments, 1)
     np.testing.assert_allclose(
         correction.poses(segments), segments.states[:, :, :3], rtol=0, atol=1e-9
