@@ -6,7 +6,17 @@ from dataclasses import replace
 
 from rich.cells import cell_len
 
-from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, PlotArea, Point, RenderOptions, Size
+from s2rtui.canvas import (
+    DEFAULT_OPTIONS,
+    Canvas,
+    InlineImage,
+    Pixels,
+    PlotArea,
+    Point,
+    RenderOptions,
+    Size,
+    Theme,
+)
 from s2rtui.canvas.marks import draw_mark
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.drawing_layout import (
@@ -109,10 +119,24 @@ def _draw_plot(canvas: Canvas, place: PlotPlace, drawing: Drawing) -> None:
     part = Canvas(place.width, place.rows, canvas.options)
     draw_marks(part, plot, drawing.brush)
     canvas.paste(part, place.left, place.top)
+    if drawing.brush is None:
+        canvas.images.append(_image(place, canvas.theme))
     if plot.name and plot.shape == "plane":
         draw_mark(canvas, _panel(place), drawing.brush)
     if place.axis is not None:
         draw_axis(canvas, plot.x, place.left, place.axis, place.width, place.width // _TICKS)
+
+
+def _image(place: PlotPlace, theme: Theme) -> InlineImage:
+    """The marks in true pixels, for terminals with graphics."""
+
+    def pixels(size: Size) -> Pixels:
+        from s2rtui.drawing.plot_paper import plot_pixels
+
+        return plot_pixels(place.plot, theme, size)
+
+    box = place.left, place.top, place.width, place.rows
+    return InlineImage(*box, None, pixels, (theme.name, place))
 
 
 def _draw_head(canvas: Canvas, place: PlotPlace) -> None:

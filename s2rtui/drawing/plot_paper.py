@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from s2rtui.canvas import Pixels, Theme
 from s2rtui.canvas.render_options import UNICODE
-from s2rtui.drawing.page import LETTER, NARROW, Page, style_axes
+from s2rtui.drawing.page import LETTER, NARROW, Inks, Page, style_axes
 from s2rtui.drawing.plot import Bars, Dots, Line, Plot, Points, Rule, Sign
 from s2rtui.drawing.points_paper import draw_points
 from s2rtui.drawing.scale import Scale, short_number
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 
 _X_TICKS, _Y_TICKS = 0.7, 0.35
 """Inches between ticks at least."""
+_SCREEN_DPI = 110.0
+"""Pixels per inch of plots on the screen of a terminal with graphics."""
 _LINE = 0.17
 """Height of a label in inches."""
 LEGEND_COLUMNS = 2
@@ -36,16 +39,9 @@ def draw_plot(
     font = 8 if page.inches[0] <= NARROW else 9
     width, height = inches
     style_axes(axes, page)
-    for mark in plot.marks:
-        if isinstance(mark, Points):
-            draw_points(axes, page, plot, mark, inches)
-        else:
-            _draw_mark(axes, page, plot, mark)
+    _draw_marks(axes, page, plot, inches)
     for axis, scale in ((axes.xaxis, plot.x), (axes.yaxis, plot.y)):
         is_x = axis.axis_name == "x"
-        axes.set(**{f"{axis.axis_name}lim": (scale.low, scale.high)})
-        if scale.log:
-            getattr(axes, f"set_{axis.axis_name}scale")("log")
         axis.set_ticks(*axis_ticks(scale, width if is_x else height, is_x))
         axis.set_ticks([], minor=True)
     if has_x:
@@ -65,6 +61,37 @@ def draw_plot(
             loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0, ncols=LEGEND_COLUMNS,
             fontsize=font, frameon=False, labelcolor=page.inks.text,
         )  # fmt: skip
+
+
+def plot_pixels(plot: Plot, theme: Theme, size: tuple[int, int]) -> Pixels:
+    """The marks of a plot, without axes and texts beside them, in `size` (height, width) pixels."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    height, width = size
+    inches = width / _SCREEN_DPI, height / _SCREEN_DPI
+    inks = Inks(theme)
+    figure = Figure(figsize=inches, dpi=_SCREEN_DPI, facecolor=inks.background)
+    canvas = FigureCanvasAgg(figure)
+    page = Page(figure, width, height, theme, inks)
+    axes = page.axes(0.0, 0.0, *inches)
+    axes.set_axis_off()
+    _draw_marks(axes, page, plot, inches)
+    canvas.draw()
+    return np.array(np.asarray(canvas.buffer_rgba())[:height, :width, :3])
+
+
+def _draw_marks(axes: Axes, page: Page, plot: Plot, inches: tuple[float, float]) -> None:
+    """The marks, and the ends of both scales."""
+    for mark in plot.marks:
+        if isinstance(mark, Points):
+            draw_points(axes, page, plot, mark, inches)
+        else:
+            _draw_mark(axes, page, plot, mark)
+    for name, scale in (("x", plot.x), ("y", plot.y)):
+        axes.set(**{f"{name}lim": (scale.low, scale.high)})
+        if scale.log:
+            getattr(axes, f"set_{name}scale")("log")
 
 
 def axis_name(scale: Scale, width: float) -> str:

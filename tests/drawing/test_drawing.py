@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from s2rtui.canvas import LIGHT, RenderOptions
+from s2rtui.canvas import DARK, LIGHT, RenderOptions
+from s2rtui.canvas.marks import BrushShape
 from s2rtui.drawing.cells import draw_cells
 from s2rtui.drawing.page import figure_format
 from s2rtui.drawing.paper import draw_paper
@@ -84,3 +85,16 @@ def test_a_page_holds_the_whole_drawing(width):
 def test_ascii_draws_ascii_alone():
     lines = draw_cells(examples.drawing(), (80, 24), RenderOptions(ascii=True)).lines()
     assert "".join(lines).isascii()
+
+
+def test_terminals_with_graphics_get_plots_in_true_pixels_while_nothing_is_brushed():
+    drawing = examples.drawing()
+    canvas = draw_cells(drawing, (80, 24))
+    (image,) = canvas.images
+    pixels = image.pixels((200, 640))
+    assert (pixels.shape, pixels.dtype) == ((200, 640, 3), np.uint8)
+    for colour in (DARK.sim, DARK.real):
+        assert (np.abs(pixels.astype(int) - colour).max(axis=2) <= 8).any()
+    assert draw_cells(drawing, (80, 24)).images[0].content_key != image.content_key
+    brushed = replace(drawing, brush=BrushShape("", ((1.0, 0.0), (2.0, 0.0))))
+    assert not draw_cells(brushed, (80, 24)).images

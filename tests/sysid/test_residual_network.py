@@ -8,7 +8,8 @@ import torch
 
 from s2rstore.intervals import Interval
 from s2rtools.sysid.residual_network import ResidualNetwork
-from s2rtools.sysid.stretches import learn, stretches_of
+from s2rtools.sysid.residual_training import learn
+from s2rtools.sysid.stretches import stretches_of
 from tests.sysid.conftest import StepCounter
 
 
