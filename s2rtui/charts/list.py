@@ -138,7 +138,7 @@ class ListView(DrawingView):
     def numbers(self, scene: Scene) -> Table:
         columns = list_columns(scene)
         rows = [[column.value(iid) for column in columns] for iid in self.input(scene).tolist()]
-        return [fields.with_unit(c.name).replace(".", "_") for c in columns], rows
+        return [fields.column_of(c.name) for c in columns], rows
 
     def summary(self, scene: Scene) -> str:
         text = _column(scene, scene.state.sort).text

@@ -15,7 +15,7 @@ from s2rtui.cli import main
         ("heading_rad > 1", "could be heading_deg"),
         ("real_error > 1", "could be real.error_m"),
         ("real.error_rad > 1", "could be real.error_m"),
-        ("real_error_m", "could be real.error_m > 1"),
+        ("real_error", "could be real.error_m > 1"),
         ("real_room:kitchen", "could be real.room"),
         ("trajectory:traj1", "could be traj"),
         ("worst(15%, sim_heading_error_rad)", "could be sim.heading_error_deg"),
@@ -25,6 +25,13 @@ def test_an_expression_names_the_field_alone(text, hint):
     with pytest.raises(ExpressionError) as error:
         parse(text)
     assert str(error.value).endswith(hint)
+
+
+def test_an_expression_takes_the_columns_of_rows():
+    for name in fields.NUMERIC:
+        assert parse(f"{fields.column_of(name)} > 1") == parse(f"{name} > 1")
+    columns = parse('worst(5%, sim_heading_error_deg) & run("b").real_error_m:1..2')
+    assert columns == parse('worst(5%, sim.heading_error) & run("b").real.error:1..2')
 
 
 def test_every_field_is_meant_by_its_own_name():

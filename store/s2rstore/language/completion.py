@@ -27,8 +27,9 @@ _OPEN_CALL = re.compile(r"(?P<function>[\w.]+)\((?P<arguments>[^()]*)\Z")
 
 _FUNCTIONS = [(f"{name}(", text) for name, text in fields.FUNCTIONS.items()]
 _NUMBERS = [
-    (name, f"{field.description}{f', {field.unit}' if field.unit else ''}")
+    (written, f"{field.description}{f', {field.unit}' if field.unit else ''}")
     for name, field in fields.NUMERIC.items()
+    for written in dict.fromkeys((name, fields.column_of(name)))
 ]
 _FIELDS = [*((f"{name}:", text.description) for name, text in fields.TEXT.items()), *_NUMBERS]
 

@@ -174,13 +174,19 @@ _SUFFIXES = {"m": "_m", "degrees": "_deg", "s": "_s"}
 def with_unit(name: str) -> str:
     """The name of a field with its unit: `real.error_m`, `heading_deg`. Others stay as they are.
 
-    Expressions take both names; columns of rows have the one with the unit.
+    Expressions take both names.
     """
     suffix = _SUFFIXES.get(NUMERIC[name].unit, "") if name in NUMERIC else ""
     return name if name.endswith(suffix) else name + suffix
 
 
+def column_of(name: str) -> str:
+    """The column of rows that holds a field, such as `real_error_m`; expressions take it, too."""
+    return with_unit(name).replace(".", "_")
+
+
 _FIELDS = {with_unit(name): name for name in NUMERIC}
+_COLUMNS = {column_of(name): with_unit(name) for name in NUMERIC}
 
 
 def without_unit(name: str) -> str:
@@ -190,7 +196,7 @@ def without_unit(name: str) -> str:
 
 def of_column(column: str) -> str | None:
     """The field, with its unit, that a column of rows such as `real_error_m` holds."""
-    return next((name for name in _FIELDS if name.replace(".", "_") == column), None)
+    return _COLUMNS.get(column)
 
 
 def of_name(name: str) -> str:

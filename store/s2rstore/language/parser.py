@@ -141,7 +141,7 @@ class _Build(Transformer[Token, Any]):
     def dotted(self, call: Call, rest: Token) -> Head:
         if call.name != "run" or [kind for kind, _ in call.arguments] != ["text"]:
             raise ExpressionError(call.column, "only a run has fields", ['run("name").field'])
-        return Head(fields.without_unit(str(rest)[1:]), call.column, call.arguments[0][1])
+        return Head(fields.of_name(str(rest)[1:]), call.column, call.arguments[0][1])
 
     def call(self, name: Token, arguments: list[Any]) -> Call:
         return Call(str(name), int(name.column or 1), arguments)
@@ -229,7 +229,7 @@ class _Build(Transformer[Token, Any]):
 def _head(name: Token | Head) -> Head:
     if isinstance(name, Head):
         return name
-    return Head(fields.without_unit(str(name)), int(name.column or 1))
+    return Head(fields.of_name(str(name)), int(name.column or 1))
 
 
 def _unquoted(token: Token) -> str:
