@@ -14,7 +14,7 @@ from s2rstore.geometry.rooms import NO_ROOM
 from s2rstore.index.population import INCLUDE_HINT
 from s2rstore.language import to_text
 from s2rtui.analysis import joint_histogram
-from s2rtui.analysis.binning import Bins, Bools, selection_indices
+from s2rtui.analysis.binning import Bins, Bools, count_selected, selection_indices
 from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.canvas.marks import mark_rows
@@ -218,7 +218,7 @@ class RoomsView(DrawingView):
         state, loaded = scene.state, scene.loaded.current_groups(scene.state)
         if loaded is None:
             return None
-        selected = selected_per_group(loaded.grouped, state.selected & state.base)
+        selected = selected_per_group(loaded.grouped, state.selected, state.base)
         rows = ordered(loaded.rows, state.group_sort, state.group_descending, selected)
         return rows, selected, loaded
 
@@ -304,11 +304,17 @@ class RoomsView(DrawingView):
         return to_text(any_of(row.group.node for row in chosen)) if chosen else "none"
 
 
-def selected_per_group(grouped: Groups, members: Bools) -> dict[str, int]:
-    """How many of `members` (N,) each group holds, by name."""
-    codes = grouped.codes[members]
-    counts = np.bincount(codes[codes >= 0], minlength=len(grouped.groups)).tolist()
-    return dict(zip((group.name for group in grouped.groups), counts, strict=True))
+@cached_by_identity(4)
+def selected_per_group(grouped: Groups, selected: Bools, valid: Bools) -> dict[str, int]:
+    """How many valid instances of a selection (N,) each group holds, by name."""
+    bins = _group_bins(grouped.codes, len(grouped.groups))
+    counts, _ = count_selected(bins, selection_indices(selected, valid))
+    return dict(zip((group.name for group in grouped.groups), counts.tolist(), strict=True))
+
+
+@cached_by_identity(4)
+def _group_bins(codes: Codes, number: int) -> Bins:
+    return Bins(np.where(codes >= 0, codes, number).astype(np.uint32), number)
 
 
 def _numbers(row: GroupErrors, selected: Mapping[str, int]) -> tuple[object, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import SIDES, Bounds, Side
-from s2rtui.analysis.binning import Bools, Codes
+from s2rtui.analysis.binning import Bins, Bools, Codes, count_selected, selection_indices
 from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
 from s2rtui.canvas import BrushShape, PlotArea
 from s2rtui.charts.mark_expressions import area_expression
@@ -21,53 +21,57 @@ from s2rtui.drawing.scale import Floats, Interval, Scale, percentile_range, scal
 from s2rtui.session.population_values import population_values
 from s2rtui.session.view_settings import ZoomPlane
 
+Plane = tuple[Floats, Floats]
+"""Coordinates u and v (N,) of all instances, NaN for none."""
+
 
 def umap_plots(
-    embeddings: dict[Side, Floats], levels: Codes, selected: Bools, valid: Bools, area: Bounds,
+    embeddings: dict[Side, Plane], levels: Codes, selected: Bools, valid: Bools, area: Bounds,
     cursor: int | None = None, trained: Bools | None = None,
 ) -> tuple[Plot, ...]:  # fmt: skip
-    """A plot per side of points (N, 2) on common scales, which show at least `area`."""
+    """A plot per side of points on common scales, which show at least `area`."""
     x, y = Scale(area.x0, area.x1, ("u (no unit)", "u")), Scale(area.y0, area.y1, ("v (no unit)",))
+    selection = selection_indices(selected, valid)
     plots = []
-    for side, points in embeddings.items():
-        u, v = points[:, 0], points[:, 1]
-        known = np.isfinite(u) & np.isfinite(v) & valid
-        chosen, total = np.count_nonzero(known & selected), np.count_nonzero(known)
+    for side, (u, v) in embeddings.items():
+        (chosen,), (total,) = count_selected(_known(u, v), selection)
         counts = f"{chosen} of {total}" if total else "no coordinates"
-        marks = (Points(*_columns(points), levels, selected, valid, (), trained, cursor),)
+        marks = (Points(u, v, levels, selected, valid, (), trained, cursor),)
         title = Phrase(side, side, side), Phrase(counts)
         plots.append(Plot(x, y, marks, side, title, shape="plane", equal=True))
     return tuple(plots)
 
 
-@cached_by_identity(16)
-def _columns(points: Floats) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The columns of points (N, 2); the same points give the same columns, for caches."""
-    u, v = np.ascontiguousarray(np.asarray(points, dtype=np.float64).T)
-    return u, v
+@cached_by_identity(4)
+def _known(u: Floats, v: Floats) -> Bins:
+    """One bin for the instances that have coordinates."""
+    return Bins(np.where(np.isfinite(u) & np.isfinite(v), 0, 1).astype(np.uint16), 1)
 
 
-@cached_by_identity(16)
-def umap_extent(sim: Floats, real: Floats) -> Bounds:
-    """The box of all points of both sides with a small margin; the unit square without any."""
+@cached_by_identity(8)
+def umap_extent(*coordinates: Floats) -> Bounds:
+    """The box of all points with a small margin; the unit square without any.
+
+    coordinates: u and v (N,) of one side, then those of the other.
+    """
     ends = []
-    for side in (sim, real):
-        known = side[np.isfinite(side).all(axis=1)]
-        if len(known):
-            ends += [known.min(axis=0), known.max(axis=0)]
-    if not ends:
+    for column in coordinates:
+        known = column[np.isfinite(column)]
+        ends.append((known.min(), known.max()) if known.size else (np.inf, -np.inf))
+    low = np.minimum(*(np.array([ends[at][0], ends[at + 1][0]]) for at in (0, 2)))
+    high = np.maximum(*(np.array([ends[at][1], ends[at + 1][1]]) for at in (0, 2)))
+    if not np.isfinite([low, high]).all():
         return Bounds(0.0, 0.0, 1.0, 1.0)
-    low, high = np.min(ends, axis=0), np.max(ends, axis=0)
     margin = 0.02 * float(max(*(high - low), 1e-3))
     (x0, y0), (x1, y1) = low - margin, high + margin
     return Bounds(float(x0), float(y0), float(x1), float(y1))
 
 
-@cached_by_identity(16)
-def distances(sim: Floats, real: Floats) -> NDArray[np.float64]:
+@cached_by_identity(8)
+def distances(sim_u: Floats, sim_v: Floats, real_u: Floats, real_v: Floats) -> NDArray[np.float64]:
     """The distance (N,) between the two points of each instance."""
-    apart = np.asarray(sim, dtype=np.float64) - np.asarray(real, dtype=np.float64)
-    return np.hypot(apart[:, 0], apart[:, 1])
+    return np.hypot(np.asarray(sim_u, dtype=np.float64) - real_u,
+                    np.asarray(sim_v, dtype=np.float64) - real_v)  # fmt: skip
 
 
 distance_range = cached_by_identity(16)(percentile_range)
@@ -92,26 +96,31 @@ class UmapView(PointsView, DrawingView):
     def subtitle(self, scene: Scene) -> str:
         return "coloured by sim-real distance"
 
-    def input(self, scene: Scene) -> dict[Side, Floats]:
-        """The embeddings of both sides in the plane, (N, 2) each."""
+    def input(self, scene: Scene) -> dict[Side, Plane]:
+        """The embeddings of both sides in the plane."""
         columns, population = scene.store.run_columns(scene.state.run), scene.state.population
         sides = zip(SIDES, (columns.sim, columns.real), strict=True)
         return {
-            side: population_values(population, columns, stacked_points(each.u, each.v))
+            side: (population_values(population, columns, each.u),
+                   population_values(population, columns, each.v))
             for side, each in sides
-        }
+        }  # fmt: skip
+
+    def _all(self, scene: Scene) -> tuple[Floats, ...]:
+        embeddings = self.input(scene)
+        return (*embeddings["sim"], *embeddings["real"])
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         state = scene.state
-        arrays = (*self.input(scene).values(), state.selected, state.base, state.marked)
+        arrays = (*self._all(scene), state.selected, state.base, state.marked)
         return (identity_key(arrays), state.cursor, scene.mark(self.name),
                 state.viewport_of(self.name))  # fmt: skip
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         state, embeddings = scene.state, self.input(scene)
-        values = distances(embeddings["sim"], embeddings["real"])
+        values = distances(*self._all(scene))
         scale = distance_range(values)
-        area = state.viewport_of(self.name) or umap_extent(*embeddings.values())
+        area = state.viewport_of(self.name) or umap_extent(*self._all(scene))
         cursor = valid_cursor(state.cursor, state.base)
         plots = umap_plots(embeddings, distance_levels(values, scale), state.selected, state.base,
                            area, cursor, state.marked)  # fmt: skip
@@ -120,7 +129,7 @@ class UmapView(PointsView, DrawingView):
 
     def numbers(self, scene: Scene) -> Table:
         embeddings, selection = self.input(scene), np.flatnonzero(scene.state.selected)
-        sim, real = (embeddings[side][selection] for side in SIDES)
+        sim, real = (np.stack(embeddings[side], axis=1)[selection] for side in SIDES)
         distance = np.hypot(*(real - sim).T)
         names: tuple[str, ...] = ("iid", "sim u", "sim v", "real u", "real v", "distance")
         columns = (selection, sim[:, 0], sim[:, 1], real[:, 0], real[:, 1], distance)
@@ -141,16 +150,15 @@ class UmapView(PointsView, DrawingView):
         )
 
     def zoom_plane(self, scene: Scene) -> ZoomPlane:
-        embeddings = self.input(scene)
-        side = embeddings["sim" if scene.state.side == "sim" else "real"]
-        extent = umap_extent(*embeddings.values())
-        return ZoomPlane(self.name, extent, False, known_point(side, scene.state.cursor))
+        points = stacked_points(*self.input(scene)["sim" if scene.state.side == "sim" else "real"])
+        extent = umap_extent(*self._all(scene))
+        return ZoomPlane(self.name, extent, False, known_point(points, scene.state.cursor))
 
     def to_expression(self, scene: Scene, panel: PlotArea, mark: BrushShape) -> str:
         return area_expression(panel, mark, f"umap.{panel.name}", f"umap.{panel.name}.lasso")
 
     def points(self, scene: Scene, panel: PlotArea) -> Floats:
-        return self.input(scene)["sim" if panel.name == "sim" else "real"]
+        return stacked_points(*self.input(scene)["sim" if panel.name == "sim" else "real"])
 
 
 VIEW = UmapView()

@@ -175,11 +175,13 @@ def umap_drawing(
     selected: Any = None,
 ) -> Drawing:  # fmt: skip
     points = points or umap_points()
-    values = distances(points["sim"], points["real"])
+    planes = {side: (both[:, 0].copy(), both[:, 1].copy()) for side, both in points.items()}
+    columns = (*planes["sim"], *planes["real"])
+    values = distances(*columns)
     scale = distance_range(values)
-    plots = umap_plots(points, distance_levels(values, scale),
+    plots = umap_plots(planes, distance_levels(values, scale),
                        np.arange(N) >= 40 if selected is None else selected, np.arange(N) != 3,
-                       umap_extent(points["sim"], points["real"]), cursor)  # fmt: skip
+                       umap_extent(*columns), cursor)  # fmt: skip
     bar = ColourBar("distance", "", scale, clipped=True)
     return Drawing(plots, notes=((bar,),), brush=brush, beside=True)
 

@@ -108,4 +108,6 @@ def test_selected_instances_are_counted_per_group():
     named = tuple(Group(name, Everything()) for name in ("a", "b", "c"))
     grouped = Groups("room", named, np.array([0, 1, 1, -1, 0]))
     members = np.array([True, True, True, True, False])
-    assert selected_per_group(grouped, members) == {"a": 1, "b": 2, "c": 0}
+    everyone = np.ones(5, dtype=np.bool_)
+    assert selected_per_group(grouped, members, everyone) == {"a": 1, "b": 2, "c": 0}
+    assert selected_per_group(grouped, everyone, members) == {"a": 1, "b": 2, "c": 0}

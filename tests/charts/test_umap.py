@@ -29,7 +29,7 @@ def test_levels_divide_the_range_of_the_values(values):
 def test_colours_show_the_distance_of_both_sides():
     sim, real = umap_points().values()
     apart = np.hypot(*(sim - real).T)
-    np.testing.assert_array_equal(distances(sim, real), apart)
+    np.testing.assert_array_equal(distances(*sim.T, *real.T), apart)
     known = apart[np.isfinite(apart)]
     assert distance_range(apart) == pytest.approx(tuple(np.percentile(known, [1, 99])))
     bar = umap_drawing().notes[0][0]
@@ -52,12 +52,12 @@ def test_both_panels_have_the_same_scale_and_are_stacked_in_a_tall_view():
 
 def test_all_points_are_in_view():
     sim, real = umap_points().values()
-    area = umap_extent(sim, real)
+    area = umap_extent(*sim.T, *real.T)
     for side in (sim, real):
         x, y = side[np.isfinite(side).all(axis=1)].T
         assert (area.x0 < x).all() & (x < area.x1).all() & (area.y0 < y).all() & (y < area.y1).all()
     nothing = np.full((3, 2), np.nan)
-    assert umap_extent(nothing, nothing) == Bounds(0.0, 0.0, 1.0, 1.0)
+    assert umap_extent(*nothing.T, *nothing.T) == Bounds(0.0, 0.0, 1.0, 1.0)
 
 
 def test_the_cursor_is_marked_in_both_panels():

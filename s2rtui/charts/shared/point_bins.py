@@ -177,9 +177,9 @@ def _positions(poses: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @cached_by_identity(24)
-def stacked_points(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+def stacked_points(x: Floats, y: Floats) -> NDArray[np.float64]:
     """Stack two columns to (N, 2); the same columns give the same array, so caches keep working."""
-    return np.stack([x, y], axis=1)
+    return np.stack([x, y], axis=1).astype(np.float64, copy=False)
 
 
 def valid_cursor(cursor: int | None, valid: NDArray[np.bool_]) -> int | None:
