@@ -133,10 +133,10 @@ def _marks(model: HistoryModel, track: Track) -> Iterator[Mark]:
     yield Line(ends, np.repeat(model.thresholds, 2), "truth", dashed=True)
     statuses = np.array(track.statuses)
     for status, (sign, ink) in STYLES.items():
-        held = statuses == status
-        value, low, high = (track.column(end)[held] for end in ("value", "low", "high"))
-        if held.any():
-            yield Dots(model.days[held], value, ink, low, high, sign)
+        held = np.flatnonzero(statuses == status)
+        if held.size:
+            gaps = [track.gaps[place] for place in held]
+            yield Dots.of(model.days[held], gaps, ink, sign=sign)
 
 
 def _title(track: Track) -> tuple[Phrase, ...]:

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from s2rstore.index.population import Population
 from s2rstore.intervals import Interval
 from s2rstore.metrics.uncertainty import (
     ALPHA,
@@ -21,8 +20,6 @@ from s2rstore.metrics.uncertainty import (
 )
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
-from s2rtui.analysis.binning import Bools
-from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import StatisticsView
 from s2rtui.drawing.figures import Figure, Figures
@@ -31,20 +28,6 @@ from s2rtui.drawing.scale import Scale
 from s2rtui.session import State
 
 RiskModel = dict[Side, SideUncertainty]
-
-
-@cached_by_identity(8)
-def risk_model(
-    store: Store, run: str, selected: Bools, base: Bools, population: Population
-) -> RiskModel:
-    """The uncertainty of both sides over the selected instances.
-
-    Where all are selected, instances that are not localised are included.
-    """
-    members = None if np.array_equal(selected, base) else np.asarray(selected)
-    return {
-        side: side_uncertainty(store, run, side, members, population=population) for side in SIDES
-    }
 
 
 class RiskView(StatisticsView):
@@ -59,7 +42,11 @@ class RiskView(StatisticsView):
         return "mean error of the instances with the smallest sigmas"
 
     def model(self, store: Store, state: State) -> RiskModel:
-        return risk_model(store, state.run, state.selected, state.base, state.population)
+        members, population = self.members(state), state.population
+        return {
+            side: side_uncertainty(store, state.run, side, members, population=population)
+            for side in SIDES
+        }
 
     def figures(self, model: RiskModel) -> Figures:
         return {side: tuple(_figures(found)) for side, found in model.items()}

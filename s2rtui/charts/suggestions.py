@@ -208,13 +208,10 @@ def gain_plot(report: SuggestReport) -> Plot:
     ]  # fmt: skip
     signs: tuple[tuple[bool, Sign], ...] = ((True, "selected"), (False, "trained"))
     for is_evident, sign in signs:
-        held = [answer.evident == is_evident for answer in report.answers]
-        gains = [each.gain for each, shown in zip(report.answers, held, strict=True) if shown]
-        value, low, high = (
-            factor * np.array([getattr(gain, end) for gain in gains], dtype=np.float64)
-            for end in ("value", "low", "high")
-        )
-        marks.append(Dots(counts[held], value, report.side, low, high, sign))
+        held = [answer for answer in report.answers if answer.evident == is_evident]
+        at = np.array([float(len(answer.changes)) for answer in held])
+        gains = [answer.gain.scaled(factor) for answer in held]
+        marks.append(Dots.of(at, gains, report.side, sign=sign))
     ticks = tuple((float(number), str(number)) for number in range(int(most) + 1))
     title = _TITLES[report.side] + ("" if report.answers else ": nothing helps")
     return Plot(

@@ -6,10 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import numpy as np
+
 from s2rstore.errors import RequestError, sentence
 from s2rstore.index.catalog import NO_POSES
 from s2rstore.reader import Store
-from s2rtui.analysis.identity_cache import identity_key
+from s2rtui.analysis.binning import Bools
+from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
 from s2rtui.canvas import BrushShape, Canvas, PlotArea, Point, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene, model_source
@@ -249,6 +252,10 @@ class StatisticsView(DrawingView):
         """The numbers of a state, or why there are none; a pure function that may take time."""
         raise NotImplementedError
 
+    def members(self, state: State) -> Bools | None:
+        """The selected instances (N,); None for all, those that are not localised included."""
+        return None if np.array_equal(state.selected, state.base) else state.selected
+
     def figures(self, model: Any) -> Figures:
         """The numbers that the table on the screen and `s2r show` print, by side."""
         raise NotImplementedError
@@ -283,7 +290,7 @@ class StatisticsView(DrawingView):
         """The numbers; in the application None until the first ones of a run are computed."""
         state, models = scene.state, scene.loaded.models
         if models is None:
-            return self.model(scene.store, state)
+            return _computed(self, scene.store, state)
         loaded = models.get(self.name)
         return loaded.model if loaded is not None and loaded.is_of(state) else None
 
@@ -294,6 +301,11 @@ class StatisticsView(DrawingView):
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         return identity_key(self.input(scene)), scene.loaded.failed.get(self.name)
+
+
+@cached_by_identity(8)
+def _computed(view: StatisticsView, store: Store, state: State) -> Any:
+    return view.model(store, state)
 
 
 class PointsView(View):

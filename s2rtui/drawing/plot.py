@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.intervals import Interval
 from s2rtui.canvas.marks import Shape
 from s2rtui.canvas.render_options import Glyphs
 from s2rtui.drawing.scale import Scale
@@ -74,6 +76,13 @@ class Dots:
     sign: Sign | None = None
     name: str = ""
     shift: float = 1.0
+
+    @classmethod
+    def of(cls, x: Floats, intervals: Sequence[Interval], ink: Ink, **style: Any) -> Dots:
+        """The values (n,) of intervals with their bounds."""
+        columns = np.array([(each.value, each.low, each.high) for each in intervals], dtype=float)
+        value, low, high = columns.reshape(-1, 3).T
+        return cls(x, value, ink, low, high, **style)
 
 
 @dataclass(frozen=True, slots=True)
