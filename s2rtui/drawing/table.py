@@ -83,6 +83,7 @@ class Row:
     """Cells, the first one its name. notes: texts below it, shown where there is room.
 
     inks: those of the texts of single columns, by their place. marked: with the cursor's glyph.
+    name: of the panel in which its strips take a range of their scale.
     """
 
     cells: tuple[Cell, ...]
@@ -91,6 +92,7 @@ class Row:
     notes: tuple[str, ...] = ()
     inks: dict[int, Ink] = field(default_factory=dict)
     marked: bool = False
+    name: str = ""
 
 
 class LazyRows(Sequence[Row]):

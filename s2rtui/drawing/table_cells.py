@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 from rich.cells import cell_len
 
@@ -57,12 +58,37 @@ def table_panels(table: TableSpec, top: int, width: int, room: int) -> tuple[Plo
 
     if table.panel:
         return (panel(table.panel, 0, max(1, width)),)
+    if table.rows[0].name:
+        return tuple(_ranges(table, layout, first))
     shown = zip(layout.columns, layout.starts, layout.widths, strict=True)
     return tuple(
         panel(table.columns[place].panel, start, min(wide, width - start))
         for place, start, wide in shown
         if table.columns[place].panel and start < width
     )
+
+
+def _ranges(table: TableSpec, layout: TableLayout, top: int) -> Iterator[PlotArea]:
+    """Yield a range of the scale for each visible strip of a row that has a name."""
+    shown = list(zip(layout.columns, layout.starts, layout.widths, layout.text_widths, strict=True))
+    for y, line in enumerate(layout.lines, start=top):
+        for place, start, width, texts in shown if line.part == 0 else ():
+            if (scale := table.columns[place].scale) is not None:
+                length = width - (texts + 1 if texts else 0)
+                yield _range(table.rows[line.row].name, scale, (start, y, length))
+
+
+def _range(name: str, scale: Scale, at: tuple[int, int, int]) -> PlotArea:
+    """The strip of `width` cells from (x, y); the middles of its outer cells are the ends."""
+    left, top, width = at
+
+    def to_data(column: float, row: float) -> tuple[float, float]:
+        return float(scale.value((column - 0.5 - left) / max(1, width - 1))), row - top
+
+    def to_cells(x: float, y: float) -> tuple[float, float]:
+        return left + 0.5 + float(scale.fraction(x)) * max(1, width - 1), y + top
+
+    return PlotArea(name, "range", left, top, width, 1, to_data, to_cells)
 
 
 def _draw_head(canvas: Canvas, table: TableSpec, layout: TableLayout) -> None:

@@ -78,7 +78,7 @@ def table_layout(table: TableSpec, width: int, height: int) -> TableLayout:
     Details, then columns of the largest rank, are left out first. Rows are spread where they have
     bars and there is room.
     """
-    gutter = _GUTTER if table.panel else 0
+    gutter = _GUTTER if table.panel or table.chosen is not None else 0
     top = int(table.has_head and height > 1)
     has_axis = any(column.scale is not None and column.scale.names for column in table.columns)
     free = max(1, height - top)
@@ -188,7 +188,7 @@ def _least(column: Column, place: int, text: int, choice: _Choice) -> int:
         return _NARROWEST_TEXT
     if column.scale is not None:
         return choice.strip + (text + 1 if text else 0)
-    if place == 0:
+    if place == 0 and not choice.details:
         return min(max(head, text, column.least), max(choice.name, column.least))
     return max(head, text, column.least)
 

@@ -13,37 +13,45 @@ from s2rstore.metrics.gap_shares import FactorShare, GapShares, mean_shares
 from s2rstore.records import GAP_FACTORS
 from s2rtools.adjustments import ADJUSTMENTS
 from s2rtui.canvas import RenderOptions
-from s2rtui.charts.adjust.terminal import SliderLine, draw_sliders, slider_panels
+from s2rtui.charts.adjust.view import sliders_drawing
 from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.charts.shares import VIEW, SharesModel, shares_scale
-from s2rtui.drawing.cells import draw_cells
+from s2rtui.drawing.cells import draw_cells, drawing_panels
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.session import Session
+from s2rtui.session.state import Slider
 
-LINES = tuple(
-    SliderLine(
-        one.name.replace("_", " "), "real", one.lowest, one.highest, one.neutral,
-        one.lowest + one.step, one.unit, at == 2,
-    )
-    for at, one in enumerate(ADJUSTMENTS.values())
-)  # fmt: skip
+SLIDERS = tuple(
+    Slider("real", one.name, one.lowest, one.highest, one.neutral, one.step, one.unit)
+    for one in ADJUSTMENTS.values()
+)
+SLIDING = sliders_drawing(SLIDERS, [one.lowest + one.step for one in ADJUSTMENTS.values()], 2)
 
 
 @pytest.mark.parametrize("width", [46, 50, 80])
 def test_labels_and_units_are_complete(width):
-    rows = draw_sliders(LINES, (width, len(LINES))).lines()
-    for line, row in zip(LINES, rows, strict=True):
-        assert f" {line.label} " in row
-        assert row.rstrip().endswith(f" {line.unit}")
+    rows = draw_cells(SLIDING, (width, len(SLIDERS))).lines()
+    for slider, row in zip(SLIDERS, rows, strict=True):
+        assert slider.name.replace("_", " ") in row
+        assert row.rstrip().endswith(slider.unit)
 
 
-@pytest.mark.parametrize("width", [1, 8, 20, 30, 46])
+@pytest.mark.parametrize("width", [20, 30, 46])
 def test_narrow_sliders_keep_their_track(width):
-    panels = slider_panels(LINES, (width, 4))
+    panels = drawing_panels(SLIDING, (width, 4))
     assert len(panels) == 4
-    assert all(panel.width >= 8 for panel in panels)
+    assert all(panel.width >= 4 for panel in panels)
     assert "2" in {panel.name for panel in panels}
-    draw_sliders(LINES, (width, 4))
+
+
+def test_a_strip_takes_the_range_of_its_slider():
+    panel = drawing_panels(SLIDING, (80, len(SLIDERS)))[0]
+    ends = [
+        panel.to_data(column, panel.y + 0.5)[0]
+        for column in (panel.x + 0.5, panel.x + panel.width - 0.5)
+    ]
+    assert ends == [0.0, 1.0]
+    assert panel.to_cells(0.25, 0.5)[0] == pytest.approx(panel.x + 0.5 + 0.25 * (panel.width - 1))
 
 
 def shares(*means: float, n: int = 30) -> SharesModel:

@@ -6,12 +6,16 @@ import textwrap
 from collections.abc import Sequence
 
 from s2rtui.canvas import Canvas, PlotArea, Point, RenderOptions, Size
-from s2rtui.charts.adjust.terminal import SliderLine, draw_sliders, slider_panels
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared import image_pair_terminal
 from s2rtui.charts.view import View
+from s2rtui.drawing.cells import draw_cells, drawing_panels
+from s2rtui.drawing.drawing import Drawing
+from s2rtui.drawing.plot import Ink
+from s2rtui.drawing.scale import Scale, short_number
+from s2rtui.drawing.table import Cell, Column, Dot, Row, Span, StripMark, TableSpec
 from s2rtui.session import Session, adjusting
-from s2rtui.session.state import Adjust
+from s2rtui.session.state import Adjust, Slider
 
 _IMAGE_ROWS = 16
 """Screen rows that the images and the table of errors need."""
@@ -38,16 +42,11 @@ class AdjustView(View):
             return f"run {adjust.run}, instance {live.iid}{loading}"
         return f"run {adjust.run}: loading the model"
 
-    def lines(self, scene: Scene) -> tuple[SliderLine, ...]:
+    def sliders(self, scene: Scene) -> Drawing:
+        """A row per slider with its range, neutral value and value."""
         adjust = scene.state.adjust or Adjust("")
-        return tuple(
-            SliderLine(
-                _label(slider.name), slider.side,
-                slider.lowest, slider.highest, slider.neutral, adjust.value(slider.key),
-                slider.unit, index == adjust.active,
-            )
-            for index, slider in enumerate(adjust.sliders)
-        )  # fmt: skip
+        values = [adjust.value(slider.key) for slider in adjust.sliders]
+        return sliders_drawing(adjust.sliders, values, adjust.active)
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         resources = scene.loaded
@@ -58,9 +57,8 @@ class AdjustView(View):
         adjust = scene.state.adjust
         if adjust is None or adjust.missing:
             return _put_message(canvas, adjust.missing if adjust else "no instance to adjust", 0)
-        lines = self.lines(scene)
         rows = self._rows(scene, canvas.height)
-        canvas.paste(draw_sliders(lines, (canvas.width, rows), options), 0, 0)
+        canvas.paste(draw_cells(self.sliders(scene), (canvas.width, rows), options), 0, 0)
         used = rows
         if adjust.reason and canvas.height > rows + 2:
             canvas.text(0, rows, adjust.reason[: canvas.width], options.theme.muted)
@@ -79,21 +77,44 @@ class AdjustView(View):
         """Number of rows of sliders: at most half of the height, less where the errors below them
         would not fit, but at least a third."""
         most = max(height // 3, min(height // 2, height - _IMAGE_ROWS))
-        return max(1, min(len(self.lines(scene)), most))
+        count = len(scene.state.adjust.sliders) if scene.state.adjust else 0
+        return max(1, min(count, most))
 
     def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[PlotArea]:
-        lines = self.lines(scene)
-        return slider_panels(lines, (size[0], self._rows(scene, size[1]))) if lines else ()
+        return drawing_panels(self.sliders(scene), (size[0], self._rows(scene, size[1])), options)
 
     def click(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> None:
-        session.dispatch(adjusting.set_slider, int(panel.name), point[0])
+        adjust, number = scene.state.adjust, int(panel.name)
+        if adjust is not None:
+            low, high = adjust.sliders[number].lowest, adjust.sliders[number].highest
+            session.dispatch(adjusting.set_slider, number, low + point[0] * (high - low))
 
     def drag(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> bool:
-        session.dispatch(adjusting.set_slider, int(panel.name), point[0])
+        self.click(session, scene, panel, point)
         return True
 
 
 VIEW = AdjustView()
+
+
+def sliders_drawing(sliders: Sequence[Slider], values: Sequence[float], active: int) -> Drawing:
+    """A row per slider; its strip is the range from the lowest value, 0, to the highest, 1."""
+    columns = Column(""), Column("", scale=Scale(0.0, 1.0)), Column("", rank=0)
+    rows = []
+    for number, (slider, value) in enumerate(zip(sliders, values, strict=True)):
+        span = max(slider.highest - slider.lowest, 1e-12)
+        neutral, here = ((each - slider.lowest) / span for each in (slider.neutral, value))
+        moved = value != slider.neutral
+        ink: Ink = slider.side if moved else "text"
+        strip: tuple[StripMark, ...] = (
+            Span(0.0, 1.0, "faint"), Span(min(neutral, here), max(neutral, here), slider.side),
+            Dot(neutral, "muted", "vertical"), Dot(here, ink, "selected"),
+        )  # fmt: skip
+        text = f"{short_number(value)} {slider.unit}".rstrip()
+        cells = Cell(_label(slider.name), slider.side), Cell(strip=strip), Cell(text)
+        inks: dict[int, Ink] = {0: slider.side, 2: "text" if moved else "muted"}
+        rows.append(Row(cells, inks=inks, name=str(number)))
+    return Drawing(table=TableSpec(columns, tuple(rows), chosen=active))
 
 
 def _label(name: str) -> str:
