@@ -22,6 +22,7 @@ from textual.widgets import Input
 from s2rstore.errors import S2RError
 from s2rstore.security.printable_text import printable_lines
 from s2rtui.app.action_guard import GuardedApp
+from s2rtui.app.controllers.adjust import AdjustController
 from s2rtui.app.controllers.annotations import AnnotationController
 from s2rtui.app.controllers.brush import BrushController
 from s2rtui.app.controllers.export import ExportController
@@ -29,17 +30,16 @@ from s2rtui.app.controllers.hover import HoverController
 from s2rtui.app.controllers.load_results import LoadResultController
 from s2rtui.app.controllers.navigation import NavigationController
 from s2rtui.app.controllers.prompt import PromptController
-from s2rtui.app.controllers.run_save import RunSaveController
 from s2rtui.app.controllers.store_updates import CHECK_SECONDS, StoreUpdateController
 from s2rtui.app.controllers.suggestions import SuggestionController
 from s2rtui.app.key_bindings import ACTIONS, BY_NAME, find_action, permitted_actions
 from s2rtui.app.load_scheduler import LoadScheduler
 from s2rtui.app.messages import (
+    AdjustmentProgressed,
     BackgroundFailed,
     ExportProgressed,
     LoadCompleted,
     LoadProgressed,
-    RunSaveProgressed,
     StoreChecked,
 )
 from s2rtui.app.process_signals import end_on_signals
@@ -80,7 +80,7 @@ class S2RApp(GuardedApp):
     prompt: PromptController
     annotations: AnnotationController
     export: ExportController
-    run_save: RunSaveController
+    adjust: AdjustController
     navigation: NavigationController
     suggestions: SuggestionController
 
@@ -112,7 +112,7 @@ class S2RApp(GuardedApp):
         self.prompt = PromptController(self)
         self.annotations = AnnotationController(self)
         self.export = ExportController(self)
-        self.run_save = RunSaveController(self)
+        self.adjust = AdjustController(self)
         self.navigation = NavigationController(self)
         self.suggestions = SuggestionController(self)
         self.load_results = LoadResultController(self)
@@ -150,7 +150,7 @@ class S2RApp(GuardedApp):
     def on_unmount(self) -> None:
         self.load_scheduler.stop()
         self.jobs.close()
-        self.run_save.close()
+        self.adjust.close()
         background_thread.run_in_thread("closing", self.session.close)
         state = self.session.state
         if self.session.notebook is not None:  # last, because its file may be slow or locked
@@ -226,8 +226,8 @@ class S2RApp(GuardedApp):
     def on_export_progressed(self, message: ExportProgressed) -> None:
         self.export.on_progressed(message)
 
-    def on_run_save_progressed(self, message: RunSaveProgressed) -> None:
-        self.run_save.on_progressed(message)
+    def on_adjustment_progressed(self, message: AdjustmentProgressed) -> None:
+        self.adjust.on_progressed(message)
 
     def on_store_checked(self, message: StoreChecked) -> None:
         self.store_updates.on_checked(message)

@@ -126,7 +126,7 @@ _BRUSHING = (
 
 _ADJUSTING = (
     Action("adjust", "a", "adjust", "adjust images live", short="adjust", when="plain",
-           needs="models", command=lambda app: app.run_save.open_sliders()),
+           needs="models", command=lambda app: app.adjust.open_sliders()),
     Action("slider_up", "up", "adjust", "choose another slider",
            _do(adjusting.choose_slider, -1), shown="up, down", when="adjust"),
     Action("slider_down", "down", "adjust", "", _do(adjusting.choose_slider, 1), when="adjust"),
@@ -139,7 +139,7 @@ _ADJUSTING = (
            _do(adjusting.reset_sliders), "neutral", when="adjust"),
     Action("save_run", "S", "adjust",
            "save the adjustments as a run and compute it for all images", short="save run",
-           when="adjust", needs="models", command=lambda app: app.run_save.ask_name()),
+           when="adjust", needs="models", command=lambda app: app.adjust.ask_name()),
 )  # fmt: skip
 
 

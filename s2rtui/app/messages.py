@@ -45,8 +45,8 @@ class ExportProgressed(Message):
 
 
 @dataclass
-class RunSaveProgressed(Message):
-    """The computation of a saved run has advanced."""
+class AdjustmentProgressed(Message):
+    """The computation of an adjustment that was saved as a run has advanced."""
 
     run: str
     progress: JobProgress

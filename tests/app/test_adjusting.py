@@ -14,7 +14,7 @@ from s2rtools.adjustments import ADJUSTMENTS, ImageAdjustment, make_chain
 from s2rtools.interactive import LiveModel
 from s2rtools.precompute.run_registration import add_run
 from s2rtui.app.app import S2RApp
-from s2rtui.app.controllers import run_save
+from s2rtui.app.controllers import adjust
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import BY_NAME
@@ -98,7 +98,7 @@ async def test_one_run_is_saved_at_a_time(few_pairs_store, tmp_path, monkeypatch
         release.wait(20)
         raise RequestError("nothing is saved here")
 
-    monkeypatch.setattr(run_save, "save_run", blocking_save)
+    monkeypatch.setattr(adjust, "save_run", blocking_save)
     async with running(few_pairs_store, with_trained=True) as (app, pilot):
         await press(app, pilot, "a", "right")
         await pilot.press("S", *"one", "enter")
@@ -109,7 +109,7 @@ async def test_one_run_is_saved_at_a_time(few_pairs_store, tmp_path, monkeypatch
         assert not app.prompt.is_open
         assert "run one is still being saved" in take_screenshot(app).text
         with pytest.raises(RequestError, match="run one is still being saved"):
-            app.run_save.save("two", lambda: blocking_save(few_pairs_store, "two"))
+            app.adjust.save("two", lambda: blocking_save(few_pairs_store, "two"))
         release.set()
         await settle(app, pilot)
         assert started == ["one"]
@@ -130,7 +130,7 @@ async def test_refused_names_and_failed_saves_show_an_error(few_pairs_store, mon
         assert "already" in app.session.state.message
         assert app.session.state.is_error
         await press(app, pilot, "escape")
-        monkeypatch.setattr(run_save, "save_run", failing_save)
+        monkeypatch.setattr(adjust, "save_run", failing_save)
         await press(app, pilot, "S", *"one", "enter")
         assert app.session.state.is_error
         assert "saving a run needs torch: pip install 's2rtui[tools]'" in app.session.state.message

@@ -18,7 +18,7 @@ from s2rstore.language.syntax_tree import Everything
 from s2rtools.precompute.run_registration import add_run
 from s2rtui.app import pilot as headless
 from s2rtui.app.app import S2RApp
-from s2rtui.app.messages import RunSaveProgressed
+from s2rtui.app.messages import AdjustmentProgressed
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.marks import BrushShape
@@ -253,7 +253,7 @@ async def test_a_saved_run_is_announced_after_its_generation_is_loaded(store_cop
     async with running(store_copy, size=(80, 24)) as (app, pilot):
         add_later_run(store_copy)
         progress = JobProgress(1.0, "published", "done")
-        app.post_message(RunSaveProgressed("dataaug", progress))
+        app.post_message(AdjustmentProgressed("dataaug", progress))
         await settle(app, pilot)
         assert app.session.state.generation == app.session.state.newest > 1
         assert app.session.state.message == "run dataaug is saved: r shows it"
@@ -264,7 +264,9 @@ async def test_the_announced_key_selects_the_saved_run(four_runs):
         runs = app.session.state.runs
         for present, saved in ((0, 0), (0, 1), (0, 2), (0, 3), (3, 0), (3, 1), (2, 1)):
             app.session.set_run(runs[present])
-            app.post_message(RunSaveProgressed(runs[saved], JobProgress(1.0, "published", "done")))
+            app.post_message(
+                AdjustmentProgressed(runs[saved], JobProgress(1.0, "published", "done"))
+            )
             await settle(app, pilot)
             message = app.session.state.message
             assert message.startswith(f"run {runs[saved]} is saved")

@@ -27,7 +27,7 @@ from s2rtools.precompute.executors import dask_executor, dask_worker  # noqa: E4
 from s2rtools.precompute.executors.clusters import open_cluster  # noqa: E402
 from s2rtools.precompute.executors.dask_executor import DaskExecutor  # noqa: E402
 from s2rtools.precompute.executors.dask_worker import StoreIdentity  # noqa: E402
-from s2rtools.precompute.executors.local_executors import usual_threads  # noqa: E402
+from s2rtools.precompute.executors.local_executors import default_threads  # noqa: E402
 
 pytestmark = pytest.mark.xdist_group("cluster")
 
@@ -326,7 +326,7 @@ def test_workers_of_this_machine_keep_the_threads_of_a_begun_array(tmp_path):
         if path.startswith("runs.zarr"):
             name = next(s.name for s in stages if s.specs[0].key in path)
             threads.setdefault(name, set()).update(e.environment.threads for e in entries)
-    assert threads == {"x": {2}, "y": {usual_threads(1)}}
+    assert threads == {"x": {2}, "y": {default_threads(1)}}
 
 
 def test_a_worker_that_connects_after_an_append_sees_the_same_store(tmp_path):

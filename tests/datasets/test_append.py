@@ -11,7 +11,7 @@ import pytest
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files import layout
-from s2rstore.files.ingest_folder import appending_folders
+from s2rstore.files.ingest_folder import append_staging_folders
 from s2rstore.maintenance.verify import verify
 from s2rtools.datasets.appending import append
 from s2rtools.datasets.files.image_decoding import ImageFiles
@@ -101,7 +101,7 @@ def test_an_unusable_pair_is_left_out_and_strict_refuses_it(tmp_path):
     with pytest.raises(RequestError, match="nothing was ingested"):
         add(scan_of("sim2realviz", tmp_path / "data", **options), store, strict=True)
     assert files(store) == before
-    assert not appending_folders(store)
+    assert not append_staging_folders(store)
     assert add(scan_of("sim2realviz", tmp_path / "data", **options), store) == {"b": N - 1}
     assert verify(store) == []
 

@@ -10,7 +10,7 @@ import s2rstore
 from s2rstore.arrays import array_writer
 from s2rstore.errors import RequestError, StoreBusyError
 from s2rstore.files import atomic_writes, layout
-from s2rstore.files.ingest_folder import appending_folder, appending_folders
+from s2rstore.files.ingest_folder import append_staging_folder, append_staging_folders
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import verify
 from s2rstore.records import Domain
@@ -70,7 +70,7 @@ def test_prune_removes_unreferenced_frames_and_keeps_all_others(scan, store, mon
 
 
 def test_prune_keeps_the_folder_in_which_another_process_appends(store):
-    folder = appending_folder(store)
+    folder = append_staging_folder(store)
     (folder / "ledger").mkdir(parents=True)
     (folder / ".x.partial").write_bytes(b"1")
     assert prune(store).paths == ()
@@ -137,7 +137,7 @@ def test_an_append_to_a_busy_store_keeps_its_frames(scan, store, monkeypatch, er
     monkeypatch.setattr(append, "_publish", fail)
     with pytest.raises(error):
         add(scan, store)
-    assert bool(appending_folders(store)) == is_kept
+    assert bool(append_staging_folders(store)) == is_kept
 
 
 def test_an_interrupted_append_is_resumed(source, tmp_path, monkeypatch):
@@ -175,4 +175,4 @@ def test_an_interrupted_append_is_resumed(source, tmp_path, monkeypatch):
     assert len(decoded) == undisturbed - 2 * kept
     assert rows_by_trajectory(stores[1]) == rows_by_trajectory(stores[0])
     assert verify(stores[1]) == []
-    assert appending_folders(stores[1]) == []
+    assert append_staging_folders(stores[1]) == []

@@ -15,7 +15,7 @@ import pytest
 from s2rstore.arrays import array_writer
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout
-from s2rstore.files.ingest_folder import building_folders
+from s2rstore.files.ingest_folder import staging_folders
 from s2rstore.files.ledger import Ledger
 from s2rstore.maintenance.verify import verify
 from s2rtools.datasets.files.image_decoding import ImageFiles
@@ -117,7 +117,7 @@ class Ingest:
             patch.setattr(owner, name, kill_after(getattr(owner, name), calls))
             with pytest.raises(Killed):
                 ingest(self.manifest, self.store)
-        (folder,) = building_folders(self.store)
+        (folder,) = staging_folders(self.store)
         return folder.path
 
     def check_resumed(self) -> str:
@@ -131,7 +131,7 @@ class Ingest:
         if found := re.search(r"(\d+) of \d+ instances are not decoded again", lines[0]):
             assert done[0] == 4 * int(found[1])
         assert verify(self.store) == []
-        assert building_folders(self.store) == []
+        assert staging_folders(self.store) == []
         return lines[0]
 
 

@@ -14,7 +14,7 @@ from msgspec import structs
 
 import s2rstore
 from s2rstore.files import process_identity
-from s2rstore.files.ingest_folder import building_folder, building_folders
+from s2rstore.files.ingest_folder import staging_folder, staging_folders
 from s2rstore.files.process_identity import ProcessIdentity
 from s2rstore.maintenance.verify import verify
 from s2rtools.datasets.writing import ingest_journal
@@ -42,7 +42,7 @@ def make_leftover(store: Path, identity: ProcessIdentity, days: float = 0.0) -> 
     """The building folder of a process with a file's folder, both last changed `days` ago."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(process_identity, "this_process", lambda: identity)
-        folder = building_folder(store)
+        folder = staging_folder(store)
     (folder / "frames.zarr").mkdir(parents=True)
     for path in (folder / "frames.zarr", folder):
         os.utime(path, (time.time() - days * 86_400,) * 2)
@@ -71,7 +71,7 @@ def test_leftovers_of_a_process_that_may_run_are_kept(manifest, tmp_path, capsys
 
 
 def abandoned(store: Path) -> set[str]:
-    return {folder.path.name for folder in building_folders(store) if folder.is_abandoned}
+    return {folder.path.name for folder in staging_folders(store) if folder.is_abandoned}
 
 
 def test_the_name_of_a_building_folder_identifies_its_process(tmp_path):
@@ -90,7 +90,7 @@ def test_the_name_of_a_building_folder_identifies_its_process(tmp_path):
         folders = {name: make_leftover(store, each, days) for name, each in identities.items()}
         expected = {"ended", "reused"} | ({"container", "boot"} if days else set())
         assert abandoned(store) == {folders[name].name for name in expected}
-        builders = {folder.path: folder.builder for folder in building_folders(store)}
+        builders = {folder.path: folder.builder for folder in staging_folders(store)}
         assert builders[folders["host"]] == f"process {ended} on another-host-7"
         assert builders[folders["running"]] == f"process {os.getpid()} on {own.host}"
         (folders["boot"] / "frames.zarr" / "new").touch()
@@ -100,7 +100,7 @@ def test_the_name_of_a_building_folder_identifies_its_process(tmp_path):
 
 
 def test_two_ingests_of_one_process_build_in_separate_folders(tmp_path):
-    assert building_folder(tmp_path / "s.s2r") != building_folder(tmp_path / "s.s2r")
+    assert staging_folder(tmp_path / "s.s2r") != staging_folder(tmp_path / "s.s2r")
 
 
 def start_ingest(manifest: Path, store: Path) -> tuple[subprocess.Popen[bytes], Path]:
@@ -135,7 +135,7 @@ def test_an_interrupted_ingest_says_how_to_resume_it(tmp_path, s2r):
     assert taken is not None
     assert int(taken[1]) >= 64
     assert verify(store) == []
-    assert not building_folders(store)
+    assert not staging_folders(store)
     with s2rstore.open(store) as opened:
         assert len(opened.instances) == 300
 

@@ -11,7 +11,7 @@ from msgspec import structs
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files import process_identity
-from s2rstore.files.ingest_folder import building_folder
+from s2rstore.files.ingest_folder import staging_folder
 from s2rstore.files.locks import file_lock
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import check
@@ -32,7 +32,7 @@ def leave_building_folder(store: Path) -> Path:
     ended = structs.replace(process_identity.this_process(), process=UNUSED_PROCESS_ID)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(process_identity, "this_process", lambda: ended)
-        folder = building_folder(store)
+        folder = staging_folder(store)
     (folder / "frames.zarr").mkdir(parents=True)
     return folder
 

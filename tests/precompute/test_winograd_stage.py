@@ -82,7 +82,7 @@ def test_workers_end_with_a_failed_request(store, monkeypatch):
 
     monkeypatch.setattr(local_executors, "available_processors", lambda: 2)
     monkeypatch.setattr(pipeline, "available_processors", lambda: 2)
-    monkeypatch.setattr(pipeline, "usual_workers", lambda instances: 2)
+    monkeypatch.setattr(pipeline, "default_workers", lambda instances: 2)
     monkeypatch.setattr(pipeline, "run_backends", refuse)
     with pytest.raises(RequestError, match="no backend suits"):
         precompute(store, QUIET, ["r"], PrecomputeOptions(KINDS))

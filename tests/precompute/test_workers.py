@@ -23,7 +23,7 @@ def test_workers_are_limited_by_processors_memory_and_work(
 ):
     monkeypatch.setattr(local_executors, "available_processors", lambda: processors)
     monkeypatch.setattr(local_executors, "available_memory", lambda: memory)
-    assert local_executors.usual_workers(instances) == workers
+    assert local_executors.default_workers(instances) == workers
 
 
 def test_units_that_take_the_longest_come_first():

@@ -123,7 +123,7 @@ async def test_no_run_is_saved_on_a_server(served):
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         with pytest.raises(RequestError, match="a store on a server is only read"):
-            app.run_save.save("brighter", lambda: pytest.fail("nothing may start"))
+            app.adjust.save("brighter", lambda: pytest.fail("nothing may start"))
 
 
 def test_a_restricted_session_opens_no_url(served, capsys):

@@ -41,7 +41,7 @@ class LoadResultController:
             if error:
                 raise RequestError(error)
             session.complete_pending(fresh)
-            self._app.run_save.announce()
+            self._app.adjust.announce()
         except S2RError as reason:
             session.dispatch(navigation.cancel_pending, str(reason))
 

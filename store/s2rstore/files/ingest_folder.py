@@ -31,7 +31,7 @@ _DAY = 86_400.0
 
 
 @dataclass(frozen=True, slots=True)
-class BuildingFolder:
+class StagingFolder:
     """A folder with its builder, for messages, and whether nobody builds in it any more."""
 
     path: Path
@@ -39,14 +39,14 @@ class BuildingFolder:
     is_abandoned: bool
 
 
-def building_folder(target: Path) -> Path:
+def staging_folder(target: Path) -> Path:
     """A new path at which this process can build the store `target`."""
     own = process_identity.this_process()
     builder = f"{own.host}-{own.process}-{_boot_hash(own)}-{own.start}-{secrets.token_hex(8)}"
     return target.with_name(f".{target.name}{_MARK}{builder}")
 
 
-def building_folders(target: Path) -> list[BuildingFolder]:
+def staging_folders(target: Path) -> list[StagingFolder]:
     """All such folders of a store, by name; links are left out."""
     start = f".{target.name}{_MARK}"
     folders = []
@@ -58,7 +58,7 @@ def building_folders(target: Path) -> list[BuildingFolder]:
         named = path.name.startswith(start) and _BUILDER.fullmatch(path.name.removeprefix(start))
         if named and path.is_dir() and not path.is_symlink():
             builder = f"process {named['process']} on {named['host']}"
-            folders.append(BuildingFolder(path, builder, _is_abandoned(path, named)))
+            folders.append(StagingFolder(path, builder, _is_abandoned(path, named)))
     return folders
 
 
@@ -86,11 +86,11 @@ def _is_unchanged_for_a_day(path: Path) -> bool:
     return time.time() - newest > _DAY
 
 
-def appending_folder(root: Path) -> Path:
+def append_staging_folder(root: Path) -> Path:
     """Where this process writes the frames of new trajectories, inside the store at `root`."""
-    return building_folder(root / layout.FRAMES)
+    return staging_folder(root / layout.FRAMES)
 
 
-def appending_folders(root: Path) -> list[BuildingFolder]:
+def append_staging_folders(root: Path) -> list[StagingFolder]:
     """The folders in which processes write frames for the store at `root`, or have left them."""
-    return building_folders(root / layout.FRAMES)
+    return staging_folders(root / layout.FRAMES)

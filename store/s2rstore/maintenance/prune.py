@@ -17,7 +17,7 @@ import duckdb
 
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, locks, safe_files
-from s2rstore.files.ingest_folder import appending_folders, building_folders
+from s2rstore.files.ingest_folder import append_staging_folders, staging_folders
 from s2rstore.files.ledger import Ledger
 from s2rstore.files.safe_files import FolderEntry
 from s2rstore.index import locked_connection, row_files, schema
@@ -51,7 +51,7 @@ def prune(root: Path, keep: int = 3, dry_run: bool = False) -> PruneResult:
     Raises StoreBusyError while a precompute runs, RequestError for a store that another release
     wrote or whose published index is missing.
     """
-    beside = [folder.path for folder in building_folders(root) if folder.is_abandoned]
+    beside = [folder.path for folder in staging_folders(root) if folder.is_abandoned]
     if beside and not root.exists():
         return _with_beside(PruneResult((), 0), beside, dry_run)
     layout.read_current(root)
@@ -73,7 +73,9 @@ def prune(root: Path, keep: int = 3, dry_run: bool = False) -> PruneResult:
         needed = published[-max(1, keep) :]
         removed = [path for number, path in indexes if number not in needed]
         removed += _unreferenced(root, [path for number, path in indexes if number in needed])
-        appending = {folder.path.name: folder.is_abandoned for folder in appending_folders(root)}
+        appending = {
+            folder.path.name: folder.is_abandoned for folder in append_staging_folders(root)
+        }
         removed += [path for path, is_abandoned in appending.items() if is_abandoned]
         unfinished = [
             path for path in _unfinished(root, histories) if not _is_in(path, [*appending])

@@ -20,7 +20,7 @@ from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.dataset_reader import SOURCE_IMAGES
 from s2rstore.errors import RequestError, counted, first_line
 from s2rstore.files import atomic_writes, layout, safe_files
-from s2rstore.files.ingest_folder import appending_folders, building_folders
+from s2rstore.files.ingest_folder import append_staging_folders, staging_folders
 from s2rstore.files.ledger import LedgerReader
 from s2rstore.files.store_files import LocalFiles, StoreFiles
 from s2rstore.gap_history import reader
@@ -99,7 +99,7 @@ def _leftovers(files: StoreFiles) -> Iterator[str]:
     if files.is_remote:
         return
     root = files.path
-    appending = appending_folders(root)
+    appending = append_staging_folders(root)
     for entry in atomic_writes.partial_files(root):
         if any(entry.path.startswith(f"{folder.path.name}/") for folder in appending):
             continue
@@ -112,7 +112,7 @@ def _leftovers(files: StoreFiles) -> Iterator[str]:
             f"{entry.path}: results of a run that is not completely computed; `s2r precompute` "
             "uses them, `s2r prune` removes them"
         )
-    for folder in (*building_folders(root), *appending):
+    for folder in (*staging_folders(root), *appending):
         if folder.is_abandoned:
             yield f"{folder.path}: left by an ingest that was killed; `s2r prune` removes it"
 

@@ -12,11 +12,11 @@ from s2rstore.intervals import Interval
 from s2rstore.reader import Store
 from s2rstore.records import GAP_FACTORS
 
-TOLD_TOGETHER = ("sensor", "camera")
+MERGED_FACTORS = ("sensor", "camera")
 """Factors whose single shares are too uncertain to be told apart."""
 SHARED_FACTORS: dict[str, tuple[str, ...]] = {
-    **{factor: (factor,) for factor in GAP_FACTORS if factor not in TOLD_TOGETHER},
-    " and ".join(TOLD_TOGETHER): TOLD_TOGETHER,
+    **{factor: (factor,) for factor in GAP_FACTORS if factor not in MERGED_FACTORS},
+    " and ".join(MERGED_FACTORS): MERGED_FACTORS,
 }
 """The factors that are told, with the columns that each sums."""
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import s2rstore
 from s2rstore.errors import RequestError, counted, shortened
-from s2rstore.files.ingest_folder import building_folders
+from s2rstore.files.ingest_folder import staging_folders
 from s2rstore.records import SIDES
 from s2rstore.security.printable_text import printable
 from s2rtools.common.command_line import store_argument
@@ -217,7 +217,7 @@ def _interrupted_state(target: Path) -> str:
 
     if target.exists():
         return f"{target} is complete"
-    folders = [each.path for each in building_folders(target) if fingerprint_of(each.path)]
+    folders = [each.path for each in staging_folders(target) if fingerprint_of(each.path)]
     if not folders:
         return f"{target} was not created"
     names = " ".join(shlex.quote(str(folder)) for folder in folders)

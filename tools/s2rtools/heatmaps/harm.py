@@ -46,7 +46,7 @@ class _HarmKind(HeatmapKind):
     planes = ("position", "heading", "loss")
     unit: ClassVar[str] = "m rad loss"
 
-    def is_usual(self, model: LoadedModel) -> bool:
+    def is_default(self, model: LoadedModel) -> bool:
         """Networks of larger inputs take a second and more for each pair of images."""
         height, width = model.contract.size
         return height * width <= USUAL_PIXELS

@@ -177,7 +177,7 @@ class HeatmapKind(ABC):
         """Whether the method can be computed for a model."""
         return self.model_free or model.network.has_features
 
-    def is_usual(self, model: LoadedModel) -> bool:
+    def is_default(self, model: LoadedModel) -> bool:
         """Whether the method is computed for a model where no kinds are named."""
         return True
 

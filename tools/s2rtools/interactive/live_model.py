@@ -25,7 +25,6 @@ from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch, SideBatch
 from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.inference import open_float32
 from s2rtools.models.load_model import load_model
-from s2rtools.precompute.alignment import load_alignment
 from s2rtools.precompute.frame_reader import (
     FrameImages,
     Renderers,
@@ -33,6 +32,7 @@ from s2rtools.precompute.frame_reader import (
     SourceBlock,
     side_frames,
 )
+from s2rtools.precompute.rig_alignment import load_alignment
 from s2rtools.precompute.tasks.network_outputs import as_stored, side_batch
 from s2rtools.rendering import no_renderer_reason
 

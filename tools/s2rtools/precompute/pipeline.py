@@ -23,9 +23,9 @@ from s2rtools.precompute.current_store import CurrentStore
 from s2rtools.precompute.executors.executor import Executor, Task, by_threads, largest_first
 from s2rtools.precompute.executors.local_executors import (
     WorkerPool,
+    default_threads,
+    default_workers,
     local_executor,
-    usual_threads,
-    usual_workers,
 )
 from s2rtools.precompute.merged_arrays import merge_arrays
 from s2rtools.precompute.publish_results import publish_run
@@ -133,8 +133,8 @@ def _compute_run(
     _calibrate(current, run, kinds, reporter, lease)
     allowed = [kind for kind in kinds if HEATMAP_KINDS[kind].suits(model)]
     if options.kinds is None:
-        allowed = _usual_kinds(current.get(), name, model, allowed, reporter)
-    workers = options.workers or usual_workers(len(current.get().instances))
+        allowed = _default_kinds(current.get(), name, model, allowed, reporter)
+    workers = options.workers or default_workers(len(current.get().instances))
     backends = run_backends(
         current.get(),
         run,
@@ -143,7 +143,7 @@ def _compute_run(
         options.backend,
         reporter.say,
         lease.check,
-        options.threads or usual_threads(workers),
+        options.threads or default_threads(workers),
     )
     store = current.get()
     planned = store.parts
@@ -162,7 +162,7 @@ def _compute_run(
     return is_new
 
 
-def _usual_kinds(
+def _default_kinds(
     store: Store, run: str, model: LoadedModel, kinds: Sequence[str], reporter: Reporter
 ) -> list[str]:
     """Those kinds that are computed where none are named; reports the others.
@@ -170,7 +170,7 @@ def _usual_kinds(
     A kind that the run has already is computed for new instances, too.
     """
     published = {record.kind for record in store.array_parts(run)}
-    usual = [k for k in kinds if k in published or HEATMAP_KINDS[k].is_usual(model)]
+    usual = [k for k in kinds if k in published or HEATMAP_KINDS[k].is_default(model)]
     left_out = [kind for kind in kinds if kind not in usual]
     if left_out:
         reporter.say(
@@ -305,7 +305,7 @@ def _needs_many_passes(kind: str) -> bool:
 
 def _start_workers(pool: WorkerPool, instances: int, options: PrecomputeOptions) -> None:
     """Start the processes that will compute a new run, while its backends are measured."""
-    workers = min(options.workers or available_processors(), usual_workers(instances))
+    workers = min(options.workers or available_processors(), default_workers(instances))
     if workers > 1 and options.executor is None and CudaBackend.unavailable_reason() is not None:
         pool.start(workers)
 
@@ -317,10 +317,10 @@ def _assigned(
     if options.executor is not None:
         yield options.executor, list(tasks)
         return
-    workers = options.workers or usual_workers(instances)
+    workers = options.workers or default_workers(instances)
     workers = min(workers, len(tasks), available_processors())
     if any(task.computation.uses_gpu(task.unit.stage) for task in tasks):
         workers = 1
-    groups = by_threads(tasks, options.threads, usual_threads(workers))
+    groups = by_threads(tasks, options.threads, default_threads(workers))
     for threads, some in groups.items():
         yield local_executor(workers, threads, pool), some

@@ -24,8 +24,8 @@ from s2rtools.counterfactual.counterfactual_inputs import CounterfactualInputs
 from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch
 from s2rtools.inference import Backend, open_backend
 from s2rtools.models.load_model import load_model
-from s2rtools.precompute.alignment import load_alignment
 from s2rtools.precompute.frame_reader import RunFrames, read_pairs
+from s2rtools.precompute.rig_alignment import load_alignment
 from s2rtools.precompute.tasks.network_outputs import side_batch
 from s2rtools.scoring.ground_truth import to_cells
 from s2rtools.scoring.harm_report import heatmaps_of, scored_modes

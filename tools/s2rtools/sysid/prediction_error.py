@@ -17,7 +17,7 @@ from s2rtools.sysid.windows import SysidWindows
 
 _DOUBT = np.array([0.02, 0.02, 0.02, 0.15, 0.3])
 """Standard deviation of measured start states, generous: m, m, rad, m/s, rad/s."""
-_NUDGE = np.array([1e-4, 1e-4])
+_FD_STEP = np.array([1e-4, 1e-4])
 _STEP = 1e-3
 """Step of the numerical derivatives, in the unit cube."""
 _WORST = 1e12
@@ -86,7 +86,7 @@ class PredictionError:
         sensitivity[:, 0, 0] = sensitivity[:, 1, 1] = sensitivity[:, 2, 2] = 1.0
         sensitivity[:, 0, 2] = -(states[:, 1] - begin[:, 1])
         sensitivity[:, 1, 2] = states[:, 0] - begin[:, 0]
-        for i, nudge in enumerate(_NUDGE):
+        for i, nudge in enumerate(_FD_STEP):
             nudged = starts.copy()
             nudged[:, 3 + i] += nudge
             other = replay(values, replays, nudged)

@@ -18,7 +18,7 @@ from typing import Any
 import s2rstore
 from s2rstore.errors import RequestError, StoreBusyError
 from s2rstore.files import atomic_writes, layout, safe_files
-from s2rstore.files.ingest_folder import appending_folder, appending_folders
+from s2rstore.files.ingest_folder import append_staging_folder, append_staging_folders
 from s2rstore.files.ledger import Ledger, LedgerEntry
 from s2rstore.index import locked_connection, schema
 from s2rstore.index.transaction import IndexTransaction, check_writable, edit
@@ -131,14 +131,14 @@ def append(
         added = replace(scan, trajectories=_added_records(scan, found))
         report_outside_bounds(added)
         refuse_unusable(scan if found.domains else added, strict)
-        part, folder = len(store.parts), appending_folder(target)
+        part, folder = len(store.parts), append_staging_folder(target)
         places = {
             name: FramePlace(
                 TrajectoryPart.later_folder(name, part), stored_depth_types(store, name)
             )
             for name in found.continued
         }
-        find_folders = partial(appending_folders, target)
+        find_folders = partial(append_staging_folders, target)
         journal = open_folder(added, target, folder, find_folders, places, progress, report_line)
         try:
             written = _write(added, scan, store, found, folder, places, journal, progress)

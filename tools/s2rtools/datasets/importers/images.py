@@ -56,7 +56,7 @@ def scan(path: Path, options: ScanOptions) -> Scan:
                 reason = f"two folders make one trajectory, {trajectory}; rename one"
                 raise RequestError(f"{folder}: {reason}")
             found[trajectory] = domain, images
-    size = image_instances.frame_size(_usual_size(sizes), max(options.frame))
+    size = image_instances.frame_size(_commonest_size(sizes), max(options.frame))
     name = " + ".join(folder.resolve().name for folder in options.folders.values())
     kinds: dict[str, Side] = {domain: domain for domain in options.folders}
     result = image_instances.empty_scan(name, Path(), size, kinds)
@@ -187,7 +187,7 @@ class _FolderReader:
         return f"{self._domain}/{inside.as_posix()}"
 
 
-def _usual_size(sizes: dict[Side, Counter[tuple[int, int]]]) -> tuple[int, int]:
+def _commonest_size(sizes: dict[Side, Counter[tuple[int, int]]]) -> tuple[int, int]:
     """The most frequent (height, width) of the real images, or of all where there are none."""
     counted = sizes.get("real") or sum(sizes.values(), Counter())
     return counted.most_common(1)[0][0]

@@ -41,7 +41,7 @@ from s2rtools.datasets.recording import (
     RecordedTrajectory,
     Recording,
 )
-from s2rtools.datasets.recordings.recorded_files import FrameFiles, find_file, usual_size
+from s2rtools.datasets.recordings.recorded_files import FrameFiles, commonest_size, find_file
 from s2rtools.datasets.recordings.recorded_folders import (
     existing_folder,
     folder_name,
@@ -139,7 +139,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
         layout="euroc",
         name=folder_name(folder),
         root=folder,
-        camera=_pinhole(sensor, size or usual_size(frames, folder), sensor_path),
+        camera=_pinhole(sensor, size or commonest_size(frames, folder), sensor_path),
         up=(0.0, 0.0, 1.0),
         trajectories=trajectories,
         issues=issues,

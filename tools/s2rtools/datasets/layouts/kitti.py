@@ -36,8 +36,8 @@ from s2rtools.datasets.recording import (
 from s2rtools.datasets.recordings.recorded_files import (
     FrameFiles,
     NumberedFiles,
+    commonest_size,
     find_file,
-    usual_size,
 )
 from s2rtools.datasets.recordings.recorded_folders import (
     existing_folder,
@@ -149,7 +149,7 @@ def _read_sequence(
     offset[:3, 3] = -np.linalg.solve(matrix, projection[:, 3])
     intrinsics = matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
     fx, fy, cx, cy = (float(value) for value in intrinsics)
-    pinhole = opencv_camera(usual_size(trajectory.frames, folder), (fx, fy, cx, cy))
+    pinhole = opencv_camera(commonest_size(trajectory.frames, folder), (fx, fy, cx, cy))
     placed = replace(trajectory, poses=trajectory.poses @ offset)
     return _Sequence(placed, checked(pinhole, str(folder / calibration)))
 

@@ -25,7 +25,7 @@ from s2rtools.datasets.files.numeric_rows import read_matrix
 from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recording import Layout, PinholeCamera, ReadOptions, Recording
 from s2rtools.datasets.recordings.pose_files import NumberedFrames, read_frames
-from s2rtools.datasets.recordings.recorded_files import NumberedFiles, usual_size
+from s2rtools.datasets.recordings.recorded_files import NumberedFiles, commonest_size
 from s2rtools.datasets.recordings.recorded_folders import (
     existing_folder,
     folder_name,
@@ -60,8 +60,8 @@ def read(path: Path, options: ReadOptions) -> Recording:
     choose_trajectories(options.trajectories, [name], path)
     trajectory = read_frames(folder, files, containment, issues)
     require_frames("scannet", folder, {name: trajectory}, issues)
-    size = usual_size(trajectory.frames, folder)
-    depth_size = usual_size(trajectory.frames, folder, depth=True)
+    size = commonest_size(trajectory.frames, folder)
+    depth_size = commonest_size(trajectory.frames, folder, depth=True)
     return Recording(
         layout="scannet",
         name=folder_name(folder),

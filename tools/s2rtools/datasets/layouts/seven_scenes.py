@@ -30,7 +30,7 @@ from s2rtools.datasets.recording import (
     Recording,
 )
 from s2rtools.datasets.recordings.pose_files import NumberedFrames, read_frames
-from s2rtools.datasets.recordings.recorded_files import NumberedFiles, usual_size
+from s2rtools.datasets.recordings.recorded_files import NumberedFiles, commonest_size
 from s2rtools.datasets.recordings.recorded_folders import (
     existing_folder,
     folder_name,
@@ -79,8 +79,8 @@ def read(path: Path, options: ReadOptions) -> Recording:
             issues.append(InputIssue("empty trajectory", name, "no usable frame"))
     require_frames("7scenes", folder, trajectories, issues)
     frames = max((each.frames for each in trajectories.values()), key=len)
-    size = usual_size(frames, folder)
-    depth_size = usual_size(frames, folder, depth=True)
+    size = commonest_size(frames, folder)
+    depth_size = commonest_size(frames, folder, depth=True)
     colour = camera_option(options, "camera", size) or _COLOUR
     depth = camera_option(options, "depth_camera", depth_size) or _DEPTH
     return Recording(

@@ -38,7 +38,7 @@ from s2rtools.datasets.recording import (
     RecordedTrajectory,
     Recording,
 )
-from s2rtools.datasets.recordings.recorded_files import FrameFiles, find_file, usual_size
+from s2rtools.datasets.recordings.recorded_files import FrameFiles, commonest_size, find_file
 from s2rtools.datasets.recordings.recorded_folders import (
     existing_folder,
     folder_name,
@@ -125,7 +125,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
     choose_trajectories(options.trajectories, [name], path)
     trajectories = {name: RecordedTrajectory(frames, orthonormal(poses[usable]), times[usable])}
     require_frames("tum", folder, trajectories, issues)
-    camera, source = _camera(folder, options, usual_size(frames, folder), issues)
+    camera, source = _camera(folder, options, commonest_size(frames, folder), issues)
     return Recording(
         layout="tum",
         name=folder_name(folder),

@@ -172,7 +172,7 @@ def find_file(
     return False
 
 
-def usual_size(
+def commonest_size(
     frames: Sequence[RecordedFrame], where: object, depth: bool = False
 ) -> tuple[int, int]:
     """The most frequent (height, width) in the headers of up to 25 RGB or `depth` images.

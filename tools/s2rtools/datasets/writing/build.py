@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from s2rstore.arrays import stored_array
 from s2rstore.errors import RequestError, counted
 from s2rstore.files import atomic_writes, layout, safe_files
-from s2rstore.files.ingest_folder import BuildingFolder, building_folder, building_folders
+from s2rstore.files.ingest_folder import StagingFolder, staging_folder, staging_folders
 from s2rstore.index import schema
 from s2rstore.index.transaction import edit
 from s2rtools.datasets.conventions import convention_report
@@ -56,8 +56,8 @@ def build(
         )
     report_outside_bounds(scan)
     refuse_unusable(scan, strict=False)
-    folder = building_folder(target)
-    find_folders = partial(building_folders, target)
+    folder = staging_folder(target)
+    find_folders = partial(staging_folders, target)
     journal = open_folder(scan, target, folder, find_folders, {}, progress, report_line)
     try:
         stored = write_frames(scan, folder, progress, journal=journal)
@@ -96,7 +96,7 @@ def open_folder(
     scan: Scan,
     target: Path,
     folder: Path,
-    find_folders: Callable[[], list[BuildingFolder]],
+    find_folders: Callable[[], list[StagingFolder]],
     places: Mapping[str, FramePlace],
     progress: ReportProgress,
     report_line: ReportLine,
@@ -177,7 +177,7 @@ def write_frames(
     return stored
 
 
-def remove_leftovers(folders: list[BuildingFolder], report_line: ReportLine) -> None:
+def remove_leftovers(folders: list[StagingFolder], report_line: ReportLine) -> None:
     """Remove the building folders of ingests that have ended; report every such folder.
 
     Folders stay whose process runs, or may run on another host.

@@ -21,9 +21,9 @@ from s2rstore.errors import RequestError, first_line
 from s2rstore.security import working_folder
 from s2rtools.precompute.executors.executor import Executor, Task, by_threads
 from s2rtools.precompute.executors.local_executors import (
+    default_threads,
     defer_interrupts,
     start_resource_tracker,
-    usual_threads,
 )
 from s2rtools.precompute.executors.requested_workers import RequestedWorkers
 from s2rtools.precompute.executors.slurm_settings import SlurmSettings, read_settings
@@ -137,7 +137,7 @@ class _LocalWorkers:
 
     def run(self, tasks: Iterable[Task]) -> Iterator[Receipt]:
         """See `Executor`."""
-        groups = by_threads(tasks, self._threads, usual_threads(self._workers))
+        groups = by_threads(tasks, self._threads, default_threads(self._workers))
         for threads, some in groups.items():
             yield from self._with_threads(threads).run(some)
 

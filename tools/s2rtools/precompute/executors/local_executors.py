@@ -28,7 +28,7 @@ _INSTANCES_PER_WORKER = 256
 _WORKER_BYTES = 2 * 2**30
 
 
-def usual_workers(instances: int) -> int:
+def default_workers(instances: int) -> int:
     """How many processes compute the units of some instances the fastest.
 
     One thread in each of several processes computes networks faster than several threads in one
@@ -41,7 +41,7 @@ def usual_workers(instances: int) -> int:
     return max(1, min(limits))
 
 
-def usual_threads(workers: int) -> int:
+def default_threads(workers: int) -> int:
     """How many threads each of some processes of this machine computes with."""
     return max(1, available_processors() // workers)
 

@@ -9,7 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError, S2RError
-from s2rtui.app.messages import RunSaveProgressed
+from s2rtui.app.messages import AdjustmentProgressed
 from s2rtui.jobs.precompute_job import JobProgress, PrecomputeJob, save_run
 from s2rtui.session import State, adjusting, view_settings
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
 
 
-class RunSaveController:
+class AdjustController:
     """Saves one run at a time and follows its computation until it is published."""
 
     def __init__(self, app: S2RApp) -> None:
@@ -104,13 +104,13 @@ class RunSaveController:
             reason = str(error) or type(error).__name__
             if isinstance(error, ModuleNotFoundError):
                 reason = f"saving a run needs {error.name}: pip install 's2rtui[tools]'"
-            self._app.post(RunSaveProgressed(name, JobProgress(0.0, "", "failed", reason)))
+            self._app.post(AdjustmentProgressed(name, JobProgress(0.0, "", "failed", reason)))
             return
         self._job = job
         if self._is_closed:
             job.cancel()
         for progress in job.follow():
-            self._app.post(RunSaveProgressed(job.run, progress))
+            self._app.post(AdjustmentProgressed(job.run, progress))
         self._job = None
         if progress.outcome != "done" and self._is_closed:
             raise RequestError(f"run {name}: cancelled")
@@ -121,7 +121,7 @@ class RunSaveController:
         if self._job is not None:
             self._job.cancel()
 
-    def on_progressed(self, message: RunSaveProgressed) -> None:
+    def on_progressed(self, message: AdjustmentProgressed) -> None:
         """Show the progress, or the outcome."""
         run, progress, session = message.run, message.progress, self._app.session
         if progress.is_running:
