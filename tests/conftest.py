@@ -1,5 +1,7 @@
 """Fixtures shared by all test packages."""
 
+import atexit
+import gc
 import os
 import shutil
 import signal
@@ -14,6 +16,7 @@ from filelock import FileLock
 from hypothesis import is_hypothesis_test, settings
 from textual import _wait
 
+import s2rstore
 from tests.support import linear_umap, tiny
 from tests.support.copies import copy_store
 from tests.support.refusals import RunCommand, run_command
@@ -66,6 +69,14 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     _group(items)
     wanted = _is_deep if config.getoption("--deep") else _is_in_suite
     items[:] = filter(wanted, items)
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Let the garbage collector pass over the modules, and run it less often."""
+    gc.collect()
+    gc.freeze()
+    atexit.register(gc.unfreeze)
+    gc.set_threshold(20_000, 20, 20)
 
 
 def _is_deep(item: pytest.Item) -> bool:
@@ -165,9 +176,12 @@ BuildOnce = Callable[[str, Build], Path]
 
 
 @pytest.fixture(scope="session")
-def tiny_store(build_once: BuildOnce) -> Path:
-    """A synthetic store that no test modifies."""
-    return build_once("tiny.s2r", tiny.build)
+def tiny_store(build_once: BuildOnce) -> Iterator[Path]:
+    """A synthetic store that no test modifies; its index is open, so that others open it faster."""
+    path = build_once("tiny.s2r", tiny.build)
+    with s2rstore.open(path) as store:
+        store.execute("SELECT 1")
+        yield path
 
 
 @pytest.fixture
