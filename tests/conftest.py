@@ -8,6 +8,7 @@ import signal
 import sys
 import tomllib
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
@@ -16,9 +17,9 @@ from filelock import FileLock
 from hypothesis import is_hypothesis_test, settings
 from textual import _wait
 
-import s2rstore
 from tests.support import linear_umap, tiny
 from tests.support.copies import copy_store
+from tests.support.open_stores import kept_open
 from tests.support.refusals import RunCommand, run_command
 
 settings.register_profile("suite", deadline=None, max_examples=30, derandomize=True)
@@ -152,10 +153,12 @@ Build = Callable[[Path], object]
 
 
 @pytest.fixture(scope="session")
-def build_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Build], Path]:
+def build_once(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Iterator[Callable[[str, Build], Path]]:
     """Call `build_once(name, build)` to build something once for all processes of the session.
 
-    The first caller builds it, the others wait. No test modifies what is built.
+    The first caller builds it, the others wait. No test modifies what is built. Stores stay open.
     """
     base = tmp_path_factory.getbasetemp()
     folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "built"
@@ -167,21 +170,23 @@ def build_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Build
             if not is_built.exists():
                 build(path)
                 is_built.touch()
+        if path.suffix == ".s2r" and name not in kept:
+            kept.add(name)
+            stack.enter_context(kept_open(path))
         return path
 
-    return get
+    kept: set[str] = set()
+    with ExitStack() as stack:
+        yield get
 
 
 BuildOnce = Callable[[str, Build], Path]
 
 
 @pytest.fixture(scope="session")
-def tiny_store(build_once: BuildOnce) -> Iterator[Path]:
-    """A synthetic store that no test modifies; its index is open, so that others open it faster."""
-    path = build_once("tiny.s2r", tiny.build)
-    with s2rstore.open(path) as store:
-        store.execute("SELECT 1")
-        yield path
+def tiny_store(build_once: BuildOnce) -> Path:
+    """A synthetic store that no test modifies."""
+    return build_once("tiny.s2r", tiny.build)
 
 
 @pytest.fixture
