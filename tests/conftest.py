@@ -1,11 +1,14 @@
 """Fixtures shared by all test packages."""
 
+import atexit
+import gc
 import os
 import shutil
 import signal
 import sys
 import tomllib
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
@@ -16,6 +19,7 @@ from textual import _wait
 
 from tests.support import linear_umap, tiny
 from tests.support.copies import copy_store
+from tests.support.open_stores import kept_open
 from tests.support.refusals import RunCommand, run_command
 
 settings.register_profile("suite", deadline=None, max_examples=30, derandomize=True)
@@ -66,6 +70,14 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     _group(items)
     wanted = _is_deep if config.getoption("--deep") else _is_in_suite
     items[:] = filter(wanted, items)
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Let the garbage collector pass over the modules, and run it less often."""
+    gc.collect()
+    gc.freeze()
+    atexit.register(gc.unfreeze)
+    gc.set_threshold(20_000, 20, 20)
 
 
 def _is_deep(item: pytest.Item) -> bool:
@@ -141,10 +153,12 @@ Build = Callable[[Path], object]
 
 
 @pytest.fixture(scope="session")
-def build_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Build], Path]:
+def build_once(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Iterator[Callable[[str, Build], Path]]:
     """Call `build_once(name, build)` to build something once for all processes of the session.
 
-    The first caller builds it, the others wait. No test modifies what is built.
+    The first caller builds it, the others wait. No test modifies what is built. Stores stay open.
     """
     base = tmp_path_factory.getbasetemp()
     folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "built"
@@ -156,9 +170,14 @@ def build_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Build
             if not is_built.exists():
                 build(path)
                 is_built.touch()
+        if path.suffix == ".s2r" and name not in kept:
+            kept.add(name)
+            stack.enter_context(kept_open(path))
         return path
 
-    return get
+    kept: set[str] = set()
+    with ExitStack() as stack:
+        yield get
 
 
 BuildOnce = Callable[[str, Build], Path]

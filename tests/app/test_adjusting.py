@@ -3,6 +3,7 @@
 import asyncio
 import sys
 import threading
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,17 +13,20 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rtools.adjustments import ADJUSTMENTS, ImageAdjustment, make_chain
 from s2rtools.interactive import LiveModel
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import add_run
 from s2rtui.app.app import S2RApp
 from s2rtui.app.controllers import adjust
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import BY_NAME
+from s2rtui.jobs.precompute_job import JobProgress
 from s2rtui.loaders import live_prediction
 from s2rtui.session import Session, view_settings
 from s2rtui.session.state import Adjust
 from tests.support.application import make_app, press, running
 from tests.support.copies import copy_store
+from tests.support.silent_reporter import SilentReporter
 from tests.support.unloaded_modules import unload_modules
 
 
@@ -75,7 +79,21 @@ async def test_a_synthetic_world_renders_moved_sim_cameras(moved_camera_store):
         assert (before.real.rgb == after.real.rgb).all()
 
 
-async def test_adjustments_are_saved_as_a_run(few_pairs_store, tmp_path):
+class FinishedJob:
+    """A run computed in this process; tests/session checks the processes that do it otherwise."""
+
+    def __init__(self, path: Path, run: str, source: str, chains: dict) -> None:
+        self.run = run
+        add_run(path, run, source, None, None, chains)
+        precompute(path, SilentReporter(), [run], PrecomputeOptions(("feature_distance",)))
+
+    def follow(self) -> Iterator[JobProgress]:
+        yield JobProgress(0.5, "forward", "")
+        yield JobProgress(1.0, "", "done")
+
+
+async def test_adjustments_are_saved_as_a_run(few_pairs_store, tmp_path, monkeypatch):
+    monkeypatch.setattr(run_save, "save_run", FinishedJob)
     path = copy_store(few_pairs_store, tmp_path / "own.s2r")
     async with running(path, with_trained=True) as (app, pilot):
         await press(app, pilot, "a", "right", "right", "S")

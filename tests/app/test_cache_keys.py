@@ -31,7 +31,7 @@ from tests.charts.examples import finding_report
 from tests.support import gaps, tiny
 from tests.support.suggestions import store_reports
 
-SIZE = (100, 40)
+SIZE = (80, 24)
 SLIDER = Slider("real", "brightness", 0.5, 1.5, 1.0, 0.05, "")
 ADJUST = Adjust("vanilla", ((SLIDER.key, 1.0),), 0, (SLIDER,))
 BOX = ((2.0, 2.0), (6.0, 5.0))
@@ -128,7 +128,7 @@ IN_SCENE = {
 
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
-    path = tiny.build(tmp_path_factory.mktemp("three") / "s.s2r", runs=("vanilla", "b", "c"))
+    path = tiny.build(tmp_path_factory.mktemp("three") / "s.s2r", 16, ("vanilla", "b", "c"))
     store_reports(path, "vanilla", "real", "sim")
     opened = Session(path)
     opened.select("worst(40%, real.error)")

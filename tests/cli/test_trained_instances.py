@@ -29,6 +29,7 @@ from s2rtui.export.report.report_request import ReportRequest, RequestedSelectio
 from s2rtui.session import Session, navigation, shared_selection, undo_history
 from s2rtui.user_data.notebook import Notebook
 from tests.support import tiny
+from tests.support.open_stores import kept_open
 from tests.support.small_figures import draw_small_figures
 
 N = 40
@@ -50,7 +51,7 @@ class Stores(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def stores(tmp_path_factory: pytest.TempPathFactory) -> Stores:
+def stores(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stores]:
     folder = tmp_path_factory.mktemp("trained")
     made = Stores(*(tiny.build(folder / name / "tiny.s2r", N) for name in ("ordinary", "absurd")))
     for path in made:
@@ -69,7 +70,8 @@ def stores(tmp_path_factory: pytest.TempPathFactory) -> Stores:
                     f"rank = 41 - rank, outlier = 1e4 {where}"
                 )
                 draft._connection.execute(f"UPDATE projection SET u = u + 500, v = v - 500 {where}")
-    return made
+    with kept_open(made.ordinary), kept_open(made.absurd):
+        yield made
 
 
 def options(with_trained: bool = False, select: str = "all", **more: Any) -> SceneOptions:

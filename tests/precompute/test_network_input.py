@@ -23,7 +23,7 @@ from s2rtui.cli.main import main
 from tests.support import pairs
 from tests.support.silent_reporter import SilentReporter
 
-PAIRS = 4
+PAIRS = 2
 """Per trajectory; few enough that the projection needs no fit."""
 Images = list[tuple[Path, Path]]
 Load = Callable[[Path, Path], np.ndarray]

@@ -18,7 +18,7 @@ from s2rtools.precompute.run_registration import insert_run
 
 KINDS = ("activation", "feature_distance", "occlusion")
 BACKENDS = ("torch", "winograd")
-INSTANCES, PIXELS = 3, 64
+INSTANCES, PIXELS = 2, 48
 
 
 @pytest.fixture(scope="module")

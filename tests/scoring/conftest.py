@@ -18,7 +18,7 @@ def world_with_all_factors(build_once: BuildOnce) -> Path:
 
 
 def _build(path: Path) -> None:
-    assert main(["ingest", "world", "--instances", "6", "--store", str(path)]) == 0
+    assert main(["ingest", "world", "--instances", "6", "--size", "64", "--store", str(path)]) == 0
     pretrained.add_pretrained_models(path)
     precompute(
         path, SilentReporter(), ["vanilla", "finetune"], PrecomputeOptions(("pixel_difference",))

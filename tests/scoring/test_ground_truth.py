@@ -37,12 +37,12 @@ def make(path: Path, factors: str, count: int, kinds: tuple[str, ...]) -> None:
 
 @pytest.fixture(scope="module")
 def objects_only(build_once: BuildOnce) -> Path:
-    return build_once("objects.s2r", lambda path: make(path, "objects", 8, KINDS))
+    return build_once("objects.s2r", lambda path: make(path, "objects", 6, KINDS))
 
 
 @pytest.fixture(scope="module")
 def light_only(build_once: BuildOnce) -> Path:
-    return build_once("light.s2r", lambda path: make(path, "lights,exposure=0.5", 4, KINDS[:1]))
+    return build_once("light.s2r", lambda path: make(path, "lights,exposure=0.5", 2, KINDS[:1]))
 
 
 @pytest.fixture(scope="module")
@@ -116,11 +116,11 @@ def test_training_instances_are_excluded(objects_only, tmp_path):
         held_out = int(run_metrics.held_out(store, "mine").sum())
     if held_out:
         assert {(row["n"], row["left_out"]) for row in scored["factors"]} == {
-            (held_out, 16 - held_out)
+            (held_out, 12 - held_out)
         }
     else:
         assert scored["factors"] == []
-    assert held_out < 16
+    assert held_out < 12
     assert scored["objects"] == []
 
 
@@ -158,7 +158,7 @@ def test_pretrained_models_are_rejected_for_another_seed(light_only, tmp_path):
 def test_without_object_changes_there_are_no_positives(light_scored):
     for row in rows(light_scored, place="image"):
         assert row["auroc"] is None
-        assert (row["n"], row["without"]) == (0, 8)
+        assert (row["n"], row["without"]) == (0, 4)
     for row in rows(light_scored, place="floor"):
         assert row["auroc"] is None
         assert row["base_rate"] == 0

@@ -80,7 +80,7 @@ def test_gains_begin_at_the_stored_errors(store, gains):
 def test_the_pairs_are_the_visible_objects(truth, gains):
     """Each pair's pixels show the object in one of the scenes; its share is large enough."""
     pixels = gains.pixels("vanilla", "real")
-    assert pixels.shape == (gains.view.size, 128, 128)
+    assert pixels.shape == (gains.view.size, 64, 64)
     assert (pixels.mean(axis=(1, 2)) >= 0.004).all()
     camera = truth.data.camera("real")
     for pair in range(0, gains.view.size, 3):
@@ -93,7 +93,7 @@ def test_the_pairs_are_the_visible_objects(truth, gains):
         assert np.array_equal(pixels[pair], shown[0] | shown[1])
 
 
-@pytest.mark.parametrize("size", [(6, 6), (128, 128), (48, 40)])
+@pytest.mark.parametrize("size", [(6, 6), (64, 64), (48, 40)])
 def test_a_uniform_map_sums_to_the_covered_area(gains, size):
     maps = np.full((len(gains.iids), *size), 1 / (size[0] * size[1]), dtype=np.float32)
     area = gains.pixels("vanilla", "real").mean(axis=(1, 2))

@@ -52,7 +52,7 @@ def world(path: Path, factors: str) -> None:
 
 
 def searched(path: Path, **more) -> SuggestReport:
-    options = {"side": "sim", "budget": 1e6, "frames": 8, "judged": 56, "evaluations": 20,
+    options = {"side": "sim", "budget": 1e6, "frames": 8, "judged": 56, "evaluations": 10,
                "changes": 2, **more}  # fmt: skip
     return suggest(path, "r", SuggestSettings(**options), SilentReporter())
 

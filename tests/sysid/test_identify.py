@@ -68,7 +68,7 @@ def test_no_mismatch_remains_once_the_parameter_is_searched(drive_folder):
     assert result.values["wheels"] == pytest.approx(SEVERITIES["wheels"][1], rel=0.05)
 
 
-SHORT = SysidSettings(seeds=2, evaluations=10)
+SHORT = SysidSettings(parameters=("mass", "friction"), seeds=2, evaluations=10)
 
 
 @pytest.fixture(scope="module")

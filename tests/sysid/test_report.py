@@ -10,7 +10,7 @@ from s2rtools.sysid import report
 from s2rtools.sysid.convergence_plot import convergence_figure
 from s2rtui.cli import main
 
-FAST = ["--seeds", "1", "--evaluations", "60"]
+FAST = ["--seeds", "1", "--evaluations", "40"]
 
 
 def test_result_files_agree_and_no_others_are_written(identified, tmp_path):
@@ -108,7 +108,8 @@ def test_invalid_ranges_are_reported_first(drive_folder, tmp_path, capsys, optio
 
 def test_a_too_narrow_range_exits_with_3(drive_folder, tmp_path, capsys):
     drives, out = drive_folder(latency=0.8, mass=1.0)[0], tmp_path / "out"
-    command = ["sysid", str(drives), "--out", str(out), *FAST, "--range", "latency=0..0.05"]
+    command = ["sysid", str(drives), "--out", str(out), *FAST, "--range", "latency=0..0.05",
+               "--parameters", "latency,mass"]  # fmt: skip
     assert main(command) == 3
     assert (
         "latency at a bound of the search range; widen it with --range" in capsys.readouterr().err

@@ -189,8 +189,9 @@ def scanned(importer: str, path: Path, **options: object) -> str:
     return "reported" if issues else "read"
 
 
+@pytest.mark.parametrize("rounds", [60, pytest.param(200, marks=pytest.mark.deep)])
 @pytest.mark.parametrize("importer", ["csv", "sim2realviz"])
-def test_damage_of_paired_images_is_reported_or_refused(importer, tmp_path):
+def test_damage_of_paired_images_is_reported_or_refused(importer, rounds, tmp_path):
     whole, folder = tmp_path / "whole", tmp_path / "data"
     options = {}
     if importer == "csv":
@@ -198,7 +199,7 @@ def test_damage_of_paired_images_is_reported_or_refused(importer, tmp_path):
     else:
         path, options = folder, {"header": folder / pairs.sim2realviz(whole, n=3).name}
     outcomes = set()
-    for number in range(200):
+    for number in range(rounds):
         rng = random.Random(number)
         shutil.copytree(whole, folder)
         files = sorted(file for file in folder.rglob("*") if file.is_file())
