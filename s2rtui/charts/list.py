@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from s2rstore.language import fields
 from s2rtui.analysis.identity_cache import ArrayKey
 from s2rtui.canvas import BrushShape, PlotArea, Point
+from s2rtui.canvas.marks import mark_rows
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import DrawingView, Pane, Table
 from s2rtui.drawing.drawing import Drawing
@@ -130,9 +131,11 @@ class ListView(DrawingView):
         def row(place: int) -> Row:
             return Row(tuple(Cell(column.text(int(iids[place]))) for column in shown))
 
+        brush = scene.mark(self.name)
         return Drawing(table=TableSpec(
             tuple(column.shown for column in shown), LazyRows(iids.size, row), PANEL,
-            chosen=_place(iids, state.cursor), descending=state.descending,
+            chosen=_place(iids, state.cursor), brushed=mark_rows(brush) if brush else None,
+            descending=state.descending,
         ))  # fmt: skip
 
     def numbers(self, scene: Scene) -> Table:
@@ -155,7 +158,8 @@ class ListView(DrawingView):
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         state = scene.state
         shown = state.generation, state.run, state.sort, state.descending, state.cursor
-        return ArrayKey(self.input(scene)), *shown, state.with_trained, scene.notes.remarks
+        brush = scene.mark(self.name)
+        return ArrayKey(self.input(scene)), *shown, state.with_trained, scene.notes.remarks, brush
 
     def cursor_point(self, scene: Scene, panel: PlotArea) -> Point | None:
         return 0.0, float(_place(self.input(scene), scene.state.cursor) or 0)

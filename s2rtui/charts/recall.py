@@ -90,14 +90,17 @@ def _plot(model: RecallModel) -> Plot:
     heading = f"heading within {model.curves['real'].ratio:g} deg per m"
     x = Scale(
         points[0].metres / _BELOW, points[-1].metres * _BEYOND,
-        (f"position within (m), {heading}", heading, "m"), log=True,
+        (f"position within (m), {heading}", "position within (m)", "m"), log=True,
         fixed=tuple((p.metres, f"{p.metres:g} m") for p in points),
     )  # fmt: skip
     y = Scale(0, 100, ("recall (%)",), fixed=((0, "0 %"), (50, "50 %"), (100, "100 %")))
     metres = x.value(np.linspace(0, 1, _SAMPLES))
     marks: list[Mark] = [Rule(p.metres) for p in points]
-    marks += [Line(metres, 100 * c.at(metres), "unselected") for c in model.everything.values()]
-    marks += [Line(metres, 100 * c.at(metres), side) for side, c in model.curves.items()]
+    marks += [
+        Line(metres, 100 * c.at(metres), "unselected", "all instances" * (side == "sim"))
+        for side, c in model.everything.items()
+    ]
+    marks += [Line(metres, 100 * c.at(metres), side, side) for side, c in model.curves.items()]
     at = np.array([p.metres for p in points])
     for (side, each), shift in zip(model.figures.items(), (1 / _SHIFT, _SHIFT), strict=True):
         shares = [p.share.scaled(100) for p in each.points]

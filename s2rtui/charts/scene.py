@@ -130,7 +130,8 @@ class LoadedGroups:
 
 def model_source(state: State) -> tuple[object, ...]:
     """Everything that the numbers of a statistical view depend on."""
-    return state.generation, state.run, state.with_trained, ArrayKey(state.selected)
+    instances = state.trajectories, ArrayKey(state.base), ArrayKey(state.selected)
+    return state.generation, state.run, state.with_trained, instances
 
 
 @dataclass(frozen=True, slots=True, eq=False)

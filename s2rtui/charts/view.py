@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -290,7 +290,7 @@ class StatisticsView(DrawingView):
         """The numbers; in the application None until the first ones of a run are computed."""
         state, models = scene.state, scene.loaded.models
         if models is None:
-            return _computed(self, scene.store, state)
+            return _computed(self, scene.store, _Source(model_source(state), state))
         loaded = models.get(self.name)
         return loaded.model if loaded is not None and loaded.is_of(state) else None
 
@@ -303,9 +303,17 @@ class StatisticsView(DrawingView):
         return identity_key(self.input(scene)), scene.loaded.failed.get(self.name)
 
 
+@dataclass(frozen=True, slots=True)
+class _Source:
+    """A state; states from which the same numbers are computed are equal."""
+
+    key: tuple[object, ...]
+    state: State = field(compare=False)
+
+
 @cached_by_identity(8)
-def _computed(view: StatisticsView, store: Store, state: State) -> Any:
-    return view.model(store, state)
+def _computed(view: StatisticsView, store: Store, source: _Source) -> Any:
+    return view.model(store, source.state)
 
 
 class PointsView(View):

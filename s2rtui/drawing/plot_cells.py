@@ -13,6 +13,8 @@ from s2rtui.drawing.plot import ROLES, Bars, Dots, Ink, Line, Plot, Points, Rule
 from s2rtui.drawing.points_cells import draw_points
 from s2rtui.drawing.scale import Scale, short_number
 
+_ROUNDING = 1e-9
+"""Fractions of a scale this far beyond its ends lie at them."""
 _DASH = 4
 """Dots of a dash and its gap."""
 
@@ -94,13 +96,15 @@ def _draw_bars(canvas: Canvas, plot: Plot, bars: Bars) -> None:
 
 
 def _draw_line(canvas: Canvas, plot: Plot, line: Line) -> None:
-    """Braille dots; in ASCII a glyph in every second column."""
+    """Braille dots, in ASCII a glyph in every second column; nothing beyond the scale of y."""
     if not line.x.size:
         return
     width, height = canvas.width, canvas.height
     fractions = (np.arange(2 * width) + 0.5) / (2 * width)
     values = np.interp(plot.x.value(fractions), line.x, line.y, left=np.nan, right=np.nan)
-    heights = np.clip((1 - plot.y.fraction(values)) * height, 0, height - 1e-6)
+    up = plot.y.fraction(values)
+    up = np.where((up >= -_ROUNDING) & (up <= 1 + _ROUNDING), up, np.nan)
+    heights = np.clip((1 - up) * height, 0, height - 1e-6)
     glyph, colour = style_of(canvas, line)
     if canvas.options.ascii:
         for column in range(0, width, 4 if line.dashed else 2):

@@ -186,7 +186,7 @@ def _draw_strip(
             if not (math.isfinite(mark.low) and math.isfinite(mark.high)):
                 continue
             ends = column(mark.low), column(mark.high)
-            for x in range(ends[0], ends[1] + 1):
+            for x in range(ends[0], min(ends[1] + 1, canvas.width)):
                 if canvas.char[y, x] not in "█#":
                     canvas.put(x, y, canvas.glyphs.interval, ink)
             for x, is_beyond, glyph in zip(ends, (mark.low < low, mark.high > high), "<>",
@@ -208,13 +208,13 @@ def _draw_axes(canvas: Canvas, table: TableSpec, layout: TableLayout, y: int) ->
 
 
 def draw_axis(canvas: Canvas, scale: Scale, left: int, y: int, width: int, most: int) -> None:
-    """Labels and name; round numbers leave room for the name, and fixed labels come before it."""
+    """Labels and name: fixed labels come first, round numbers leave room for it but for one."""
     muted = canvas.theme.muted
     name = scale.name(width / 2, cell_len)
     stop = width if scale.fixed is not None else width - cell_len(name) - 1
     end = 0
     for start, _, text in scale.labels(width, max(2, most), cell_len, 1.0):
-        if int(start) + cell_len(text) <= stop:
+        if int(start) + cell_len(text) <= stop or not end:
             end = canvas.text(left + int(start), y, text, muted) - left
     name = scale.name(width - end - 1, cell_len)
     canvas.text(left + width, y, name, muted, align="right")

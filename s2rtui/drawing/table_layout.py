@@ -85,10 +85,15 @@ def table_layout(table: TableSpec, width: int, height: int) -> TableLayout:
     axis = int(has_axis and free >= _FEWEST_WITH_AXIS)
     count, room = len(table.rows), max(1, free - axis)
     first = _first_row(table, min(count, room))
-    measured = table.rows[first : first + room] if count > _MEASURED else table.rows
+    measured = table.rows[first : first + room] if count > _MEASURED else list(table.rows)
     room_across = max(1, width - gutter)
     window = len(f"{count}-{count}/{count}") if top and count > room else 0
     columns, widths, texts, choice = _columns(table, measured, room_across, window)
+    if axis and not any(
+        scale is not None and scale.names for scale in (table.columns[at].scale for at in columns)
+    ):
+        axis, room = 0, free
+        first = _first_row(table, min(count, room))
     wrapping = [place for place, column in enumerate(table.columns) if column.wraps]
     if wrapping and width < _NARROW:
         columns, widths, texts = wrapping[:1], [room_across], [0]

@@ -46,10 +46,10 @@ def wrapped(text: str, letters: int) -> list[str]:
 def draw_table(page: Page, table: TableSpec, top: float, bottom: float, font: float) -> None:
     """Draw what fits between two heights of the page, in inches."""
     height = line_height(font)
-    has_axis = any(column.scale is not None and column.scale.names for column in table.columns)
     letter = LETTER * font
-    room = top - bottom - (_AXIS if has_axis else 0.0)
     letters = int((page.inches[0] - 2 * MARGIN) / letter)
+    has_axis = table_layout(table, letters, 10_000).axis is not None
+    room = top - bottom - (_AXIS if has_axis else 0.0)
     lines = max(1, int(room / height + 1e-6))
     if not _has_notes(table) and any(column.scale is not None for column in table.columns):
         lines = min(lines, len(table.rows) + table.has_head)
@@ -68,7 +68,7 @@ def draw_table(page: Page, table: TableSpec, top: float, bottom: float, font: fl
             axes = page.axes(left, heights[-1] - step / 2, *inches)
             _draw_strips(axes, page, table, layout, place, inches)
         if layout.top:
-            name = column.name + (" ▼" if table.descending else " ▲") * column.sorts
+            name = column.name + ("▼" if table.descending else "▲") * column.sorts
             ink = page.inks.text if column.sorts else getattr(page.inks, column.ink)
             x, side = (right, "right") if column.right else (left, "left")
             weight = "bold" if column.sorts or column.ink in ROLES else "normal"
@@ -88,6 +88,8 @@ def draw_table(page: Page, table: TableSpec, top: float, bottom: float, font: fl
             at_right = column.right or column.scale is not None
             x, side = (right, "right") if at_right else (left, "left")
             most = width if column.scale is None else max(width, len(text))
+            if line.is_note and not column.wraps:
+                most = letters
             weight = "bold" if row.bold and not line.is_note else "normal"
             text = fit_text(text, most + 1, "…")
             page.text(x, y, text, getattr(page.inks, ink), font, ha=side, va="center",

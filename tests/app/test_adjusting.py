@@ -93,7 +93,7 @@ class FinishedJob:
 
 
 async def test_adjustments_are_saved_as_a_run(few_pairs_store, tmp_path, monkeypatch):
-    monkeypatch.setattr(run_save, "save_run", FinishedJob)
+    monkeypatch.setattr(adjust, "save_run", FinishedJob)
     path = copy_store(few_pairs_store, tmp_path / "own.s2r")
     async with running(path, with_trained=True) as (app, pilot):
         await press(app, pilot, "a", "right", "right", "S")

@@ -30,6 +30,16 @@ def panels(app: S2RApp, name: str) -> list[PlotArea]:
     return list(app.brush.panels(BY_NAME[name]))
 
 
+def brush_is_drawn(app: S2RApp, name: str) -> bool:
+    """Whether a view looks different without its brush, and its cache tells so."""
+    view, scene = BY_NAME[name], app.updater.scene
+    without = replace(scene, state=replace(scene.state, brush=None))
+    size, options = app.updater.plot(name).size, app.render_options
+    one, other = (view.draw(each, size, options) for each in (scene, without))
+    looks_alike = np.array_equal(one.char, other.char) and np.array_equal(one.bg, other.bg)
+    return not looks_alike and view.cache_key(scene) != view.cache_key(without)
+
+
 @pytest.mark.parametrize("size", [(80, 24), pytest.param((200, 60), marks=pytest.mark.deep)])
 async def test_every_view_can_be_brushed_by_keys(tiny_store, size):
     app, other = make_app(tiny_store), Session(tiny_store)
@@ -39,7 +49,9 @@ async def test_every_view_can_be_brushed_by_keys(tiny_store, size):
             brush = app.session.state.brush
             assert brush is not None, name
             assert brush.view == name
-            await press(app, pilot, "Z", "right", "down", "shift+down", "shift+right", "enter")
+            await press(app, pilot, "Z", "right", "down", "shift+down", "shift+right")
+            assert brush_is_drawn(app, name), name
+            await press(app, pilot, "enter")
             state = app.session.state
             assert state.brush is None, name
             assert not state.is_error, name

@@ -59,8 +59,9 @@ def test_the_drawing_says_what_is_not_localised_in_all_and_in_a_selection(lost):
         assert text in model.counted
         lines = VIEW.draw(scene, (80, 21), DEFAULT_OPTIONS).lines()
         assert any(text in line for line in lines)
-        assert lines[0].startswith("100 %")
-        assert sum(line.count("◇") for line in lines[:11]) == 4  # a mark for each threshold
+        assert "◇ real" in lines[0]
+        assert lines[1].startswith("100 %")
+        assert sum(line.count("◇") for line in lines[1:12]) == 4  # a mark for each threshold
         session.close()
     assert VIEW.summary(scene).count("not localised") == 1
 

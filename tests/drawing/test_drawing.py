@@ -14,8 +14,10 @@ from PIL import Image
 from s2rtui.canvas import DARK, LIGHT, RenderOptions
 from s2rtui.canvas.marks import BrushShape
 from s2rtui.drawing.cells import draw_cells
+from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.page import figure_format
 from s2rtui.drawing.paper import draw_paper
+from s2rtui.drawing.plot import Line, Plot
 from s2rtui.drawing.scale import Scale
 from tests.drawing import examples
 
@@ -98,3 +100,15 @@ def test_terminals_with_graphics_get_plots_in_true_pixels_while_nothing_is_brush
     assert draw_cells(drawing, (80, 24)).images[0].content_key != image.content_key
     brushed = replace(drawing, brush=BrushShape("", ((1.0, 0.0), (2.0, 0.0))))
     assert not draw_cells(brushed, (80, 24)).images
+
+
+def test_a_line_is_drawn_only_where_it_lies_within_the_scale_of_y():
+    low, high = (Scale(0, 10, (name,)) for name in ("a (m)", "b (m)"))
+    rising = Line(np.array([0.0, 10.0]), np.array([-10.0, 10.0]), "sim")
+    plain, bent = (
+        draw_cells(Drawing(plots=(Plot(low, high, marks),)), (60, 20))
+        for marks in ((), (rising,))
+    )  # fmt: skip
+    rows, columns = np.nonzero(plain.char != bent.char)
+    assert columns.min() > 30  # it is below the scale in the left half
+    assert 0 <= rows.min() < 3
