@@ -34,8 +34,6 @@ from s2rtui.drawing.table_layout import GAP, TableLayout, table_layout
 
 _TICKS = 8
 """Columns of a plot for each tick of its axis."""
-_MANY = 10_000
-"""Lines in which every table that is printed fits."""
 
 
 def draw_cells(drawing: Drawing, size: Size, options: RenderOptions = DEFAULT_OPTIONS) -> Canvas:
@@ -79,7 +77,7 @@ def text_lines(drawing: Drawing, width: int) -> list[str]:
     """The table and the notes for a terminal of `width` columns, with all rows and their notes."""
     height = len(note_rows(drawing.notes, width, DEFAULT_OPTIONS))
     if drawing.table is not None:
-        height += table_layout(drawing.table, width, _MANY).end
+        height += table_layout(drawing.table, width).end
     canvas = draw_cells(replace(drawing, plots=()), (width, max(1, 2 * height)))
     lines = [line.rstrip() for line in canvas.lines()]
     while lines and not lines[-1]:

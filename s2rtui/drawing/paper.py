@@ -27,11 +27,11 @@ from s2rtui.drawing.plot import Phrase, Plot, Points
 from s2rtui.drawing.plot_paper import LEGEND_COLUMNS, draw_plot
 from s2rtui.drawing.points_paper import points_note
 from s2rtui.drawing.table import TableSpec
-from s2rtui.drawing.table_layout import table_layout
 from s2rtui.drawing.table_paper import (
     LINE,
     MARGIN,
     draw_table,
+    page_layout,
     sentences,
     table_inches,
     wrapped,
@@ -42,8 +42,6 @@ _BELOW, _LEFT, _RIGHT = 0.7, 0.75, 0.25
 _TITLE, _LEGEND_LINE = 0.3, 0.2
 """Inches of the title of a plot, and of a line of its legend."""
 _SMALLEST_FONT, _SMALLEST_TABLE_FONT = 4.0, 6.0
-_MANY = 10_000
-"""Lines in which every table fits."""
 _GAP = 4
 """Letters between phrases beside each other."""
 _SIDE, _BAR_BELOW = 1.4, 0.7
@@ -109,7 +107,7 @@ def _fitting_font(page: Page, table: TableSpec, room: float, font: float) -> flo
     while font > (_SMALLEST_FONT if wraps else _SMALLEST_TABLE_FONT):
         letters = int((page.inches[0] - 2 * MARGIN) / (LETTER * font))
         is_low = has_texts and table_inches(table, letters, font) > room
-        if not is_low and not table_layout(table, letters, _MANY).is_tight:
+        if not is_low and not page_layout(table, letters).is_tight:
             break
         font -= 0.5
     return font

@@ -11,6 +11,8 @@ from rich.cells import cell_len
 from s2rtui.drawing.plot import ROLES
 from s2rtui.drawing.table import Bar, Column, Row, TableSpec
 
+ALL_LINES = 10_000
+"""A height in which every table fits."""
 GAP = 2
 """Blank columns between the columns of a table."""
 _GUTTER = 2
@@ -72,11 +74,13 @@ def wanted_lines(table: TableSpec) -> int:
     return len(table.rows) + table.has_head + has_axis
 
 
-def table_layout(table: TableSpec, width: int, height: int) -> TableLayout:
+def table_layout(
+    table: TableSpec, width: int, height: int = ALL_LINES, has_window: bool = True
+) -> TableLayout:
     """Lay out a table in `width` x `height` cells; columns that do not fit are left out.
 
     Details, then columns of the largest rank, are left out first. Rows are spread where they have
-    bars and there is room.
+    bars and there is room. has_window: whether the head counts the visible rows where not all are.
     """
     gutter = _GUTTER if table.panel or table.chosen is not None else 0
     top = int(table.has_head and height > 1)
@@ -87,7 +91,7 @@ def table_layout(table: TableSpec, width: int, height: int) -> TableLayout:
     first = _first_row(table, min(count, room))
     measured = table.rows[first : first + room] if count > _MEASURED else list(table.rows)
     room_across = max(1, width - gutter)
-    window = len(f"{count}-{count}/{count}") if top and count > room else 0
+    window = len(f"{count}-{count}/{count}") if has_window and top and count > room else 0
     columns, widths, texts, choice = _columns(table, measured, room_across, window)
     if axis and not any(
         scale is not None and scale.names for scale in (table.columns[at].scale for at in columns)

@@ -12,7 +12,7 @@ from s2rtui.drawing.page import LETTER, Page, style_axes
 from s2rtui.drawing.plot import ROLES
 from s2rtui.drawing.plot_paper import MARKERS, axis_name, axis_ticks
 from s2rtui.drawing.table import Bar, Row, Span, StripMark, TableSpec
-from s2rtui.drawing.table_layout import TableLayout, table_layout
+from s2rtui.drawing.table_layout import ALL_LINES, TableLayout, table_layout
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,12 +31,17 @@ def sentences(table: TableSpec, letters: int) -> list[str] | None:
     """The rows as sentences, where no column may be left out and they do not fit; else None."""
     if any(column.rank or column.scale or column.wraps for column in table.columns):
         return None
-    layout = table_layout(table, letters, len(table.rows) + 1)
+    layout = page_layout(table, letters, len(table.rows) + 1)
     needed = max((start + width for start, width in zip(layout.starts, layout.widths, strict=True)),
                  default=0)  # fmt: skip
     if layout.is_detailed and needed <= letters:
         return None
     return [line for text in table.sentences("\u00a0") for line in wrapped(text, letters)]
+
+
+def page_layout(table: TableSpec, letters: int, lines: int = ALL_LINES) -> TableLayout:
+    """The layout of a table on a page, which counts its hidden rows below it."""
+    return table_layout(table, letters, lines, has_window=False)
 
 
 def wrapped(text: str, letters: int) -> list[str]:
@@ -48,12 +53,12 @@ def draw_table(page: Page, table: TableSpec, top: float, bottom: float, font: fl
     height = line_height(font)
     letter = LETTER * font
     letters = int((page.inches[0] - 2 * MARGIN) / letter)
-    has_axis = table_layout(table, letters, 10_000).axis is not None
+    has_axis = page_layout(table, letters).axis is not None
     room = top - bottom - (_AXIS if has_axis else 0.0)
     lines = max(1, int(room / height + 1e-6))
     if not _has_notes(table) and any(column.scale is not None for column in table.columns):
         lines = min(lines, len(table.rows) + table.has_head)
-    layout = table_layout(table, letters, lines + has_axis)
+    layout = page_layout(table, letters, lines + has_axis)
     used = layout.top + len(layout.lines)
     is_spread = _has_strips(table, layout) and not _has_notes(table)
     step = min(room / max(1, used), 2.2 * height) if is_spread else height
@@ -106,7 +111,7 @@ def line_height(font: float) -> float:
 
 def table_inches(table: TableSpec, letters: int, font: float) -> float:
     """The height of a table in inches, with a line for each row, and its wrapped texts."""
-    layout = table_layout(table, letters, 10_000)
+    layout = page_layout(table, letters)
     has_axis = layout.axis is not None
     if _has_strips(table, layout) and not _has_notes(table):
         return (layout.top + len(table.rows)) * 1.6 * line_height(font) + (
