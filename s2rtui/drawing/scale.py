@@ -47,6 +47,7 @@ class Scale:
     def ticks(self, most: int) -> tuple[Tick, ...]:
         """The fixed ticks, or round numbers that divide the axis into at most `most` intervals.
 
+        Where fewer than two of these lie on the axis, it is divided into up to twice as many.
         Those of a logarithmic axis are 1, 2 and 5 times powers of 10, or powers of 10 alone where
         these are more than `most`; where fewer than two lie on the axis, round numbers.
         """
@@ -62,6 +63,8 @@ class Scale:
                     break
             if len(shown) > 1:
                 return tuple((value, f"{value:g}") for value in shown)
+        if len(tick_values(low, high, most)) < 2:
+            most *= 2
         width = tick_step(high - low, most)
         return tuple((value, tick_text(value, width)) for value in tick_values(low, high, most))
 
