@@ -271,7 +271,7 @@ class RoomsView(DrawingView):
     def heading(self, scene: Scene) -> tuple[str, str]:
         state = scene.state
         if state.grouping == COUNTS:
-            return f"{state.run}: rooms in simulation, in truth and in reality", scene.caption
+            return f"{state.run}: instances per room, selected/all", scene.caption
         which = "trained instances included" if state.with_trained else "instances new to the run"
         return f"{state.run}: errors by {state.grouping}", f"{scene.caption}  ·  {which}"
 

@@ -252,7 +252,7 @@ class SuggestionsView(DrawingView):
     counts_instances = False
     narrow_ratio = 2.6
     wide_ratio = 0.75
-    figure_size = (1600, 1000)
+    figure_size = (1600, 1300)
 
     def subtitle(self, scene: Scene) -> str:
         has_answers = self.input(scene).chosen_index is not None

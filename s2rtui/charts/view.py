@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from s2rstore.errors import RequestError, sentence
+from s2rstore.errors import RequestError
 from s2rstore.index.catalog import NO_POSES
 from s2rstore.reader import Store
 from s2rtui.analysis.binning import Bools
@@ -222,7 +222,7 @@ class DrawingView(View):
         return self.drawing(scene, self.paper_columns)
 
     def heading(self, scene: Scene) -> tuple[str, str]:
-        """The title and the subtitle of its figure."""
+        """The title of its figure and its text, and the subtitle of the figure."""
         return f"{scene.title}: {self.title or self.description}", scene.caption
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
@@ -233,10 +233,10 @@ class DrawingView(View):
         return draw_paper(self.paper_drawing(scene), size, theme, *self.heading(scene))
 
     def summary(self, scene: Scene) -> str:
-        title = sentence(self.title or self.description)
+        title, _ = self.heading(scene)
         reasons = self.missing(scene)
         text = ". ".join(reasons) or self.drawing(scene, self.paper_columns).text
-        return f"{title}, run {scene.state.run}. {text}."
+        return f"{title}. {text}."
 
 
 class StatisticsView(DrawingView):

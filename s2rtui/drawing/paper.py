@@ -48,8 +48,8 @@ _SIDE, _BAR_BELOW = 1.4, 0.7
 """Inches of a colour bar at the right of the plots, and below those of a narrow page."""
 _BETWEEN, _TALLEST = 0.45, 1.25
 """Inches between plots beside each other; height over width of one with equal scales, at most."""
-_LEAST_SHARE = 0.35
-"""Share of the page below its heading that plots have at least."""
+_LEAST_SHARE, _LEAST_HEIGHT = 0.35, 0.55
+"""Share of the page below its heading that plots have at least, and least inches of each."""
 
 
 @own_settings()
@@ -72,7 +72,8 @@ def draw_paper(
         table = None
     top, below = page.top, 0.1 + (len(notes) + 1.5) * LINE
     if drawing.plots:
-        most = (1 - _LEAST_SHARE) * page.top - below
+        least = max(_LEAST_SHARE * page.top, _least_inches(page, drawing))
+        most = max(0.0, page.top - least - below)
         if texts is not None and len(texts) * LINE > most:
             kept = max(0, int(most / LINE) - 1)
             texts = [*texts[:kept], f"and {len(texts) - kept} more lines: `s2r show`"]
@@ -167,10 +168,33 @@ def _draw_plots(page: Page, drawing: Drawing, below: float, bar: ColourBar | Non
         left = wide - side + 0.25
         draw_colour_bar(page, left, page.top - high - 0.5, high, bar.scale, label, value_colours,
                         bar.clipped)  # fmt: skip
-    if drawing.beside and wide > NARROW:
+    if _is_beside(page, drawing):
         _draw_beside(page, plots, below, side)
     else:
         _draw_stacked(page, plots, below, side)
+
+
+def _is_beside(page: Page, drawing: Drawing) -> bool:
+    return drawing.beside and page.inches[0] > NARROW
+
+
+def _least_inches(page: Page, drawing: Drawing) -> float:
+    """The least height of the plots with their titles and axes."""
+    if _is_beside(page, drawing):
+        return _BELOW + _TITLE + 0.15 + _LEAST_HEIGHT
+    heads, feet, _ = _beyond_axes(drawing.plots)
+    return 0.15 + sum(heads) + sum(feet) + _LEAST_HEIGHT * len(drawing.plots)
+
+
+def _beyond_axes(plots: tuple[Plot, ...]) -> tuple[list[float], list[float], list[bool]]:
+    """Inches above and below each of stacked plots, and whether its axis of x is labelled."""
+    heads = [
+        _TITLE if plot.title else math.ceil(len(plot.legend) / LEGEND_COLUMNS) * _LEGEND_LINE
+        for plot in plots
+    ]
+    has_axis = [place == len(plots) - 1 or plot.x != plots[place + 1].x
+                for place, plot in enumerate(plots)]  # fmt: skip
+    return heads, [_BELOW if each else 0.12 for each in has_axis], has_axis
 
 
 def _draw_beside(page: Page, plots: tuple[Plot, ...], below: float, side: float) -> None:
@@ -187,13 +211,7 @@ def _draw_beside(page: Page, plots: tuple[Plot, ...], below: float, side: float)
 
 def _draw_stacked(page: Page, plots: tuple[Plot, ...], below: float, side: float) -> None:
     """Plots of equal height above `below` inches; those with the same scale share its labels."""
-    heads = [
-        _TITLE if plot.title else math.ceil(len(plot.legend) / LEGEND_COLUMNS) * _LEGEND_LINE
-        for plot in plots
-    ]
-    has_axis = [place == len(plots) - 1 or plot.x != plots[place + 1].x
-                for place, plot in enumerate(plots)]  # fmt: skip
-    feet = [_BELOW if each else 0.12 for each in has_axis]
+    heads, feet, has_axis = _beyond_axes(plots)
     height = max(0.2, (page.top - below - 0.15 - sum(heads) - sum(feet)) / len(plots))
     top, width = page.top - 0.15, page.inches[0] - _LEFT - _RIGHT - side
     for place, (plot, head, foot) in enumerate(zip(plots, heads, feet, strict=True)):

@@ -112,7 +112,7 @@ def test_an_installed_package_adds_a_view(tmp_path, tiny_store):
 
     shown = run("show", str(tiny_store), "doors", "--format", "csv")
     assert shown.stdout.splitlines()[1].startswith("real,doors,,2")
-    assert run("show", str(tiny_store), "doors", "--words").stdout.startswith("Doors, run ")
+    assert run("show", str(tiny_store), "doors", "--words").stdout.startswith("vanilla: doors. ")
     figure = tmp_path / "doors.png"
     assert run("export", str(tiny_store), "--view", "doors", "--out", str(figure)).returncode == 0
     assert figure.read_bytes().startswith(b"\x89PNG")
