@@ -156,6 +156,10 @@ def _missing_chunk(content: bytearray) -> None:
     _reindex(content, 2**64 - 1, 2**64 - 1)
 
 
+def _other_checksum(content: bytearray) -> None:
+    content[-1] ^= 1
+
+
 def _reindex(content: bytearray, offset: int, size: int) -> None:
     import google_crc32c
 
@@ -164,8 +168,9 @@ def _reindex(content: bytearray, offset: int, size: int) -> None:
 
 
 @pytest.mark.parametrize(
-    "damage", [_bomb, _cut_chunk, _far_chunk, _long_chunk, _missing_chunk], ids=lambda f: f.__name__
-)
+    "damage", [_bomb, _cut_chunk, _far_chunk, _long_chunk, _missing_chunk, _other_checksum],
+    ids=lambda f: f.__name__,
+)  # fmt: skip
 def test_a_damaged_chunk_is_rejected(store_copy, damage):
     shard = store_copy / ARRAY / "c.0.0.0.0"
     content = bytearray(shard.read_bytes())
