@@ -95,16 +95,13 @@ def _plot(model: RecallModel) -> Plot:
     )  # fmt: skip
     y = Scale(0, 100, ("recall (%)",), fixed=((0, "0 %"), (50, "50 %"), (100, "100 %")))
     metres = x.value(np.linspace(0, 1, _SAMPLES))
+    whole = zip(model.everything.values(), ("all instances", ""), strict=False)
     marks: list[Mark] = [Rule(p.metres) for p in points]
-    marks += [
-        Line(metres, 100 * c.at(metres), "unselected", "all instances" * (side == "sim"))
-        for side, c in model.everything.items()
-    ]
+    marks += [Line(metres, 100 * c.at(metres), "unselected", name) for c, name in whole]
     marks += [Line(metres, 100 * c.at(metres), side, side) for side, c in model.curves.items()]
     at = np.array([p.metres for p in points])
     for (side, each), shift in zip(model.figures.items(), (1 / _SHIFT, _SHIFT), strict=True):
-        shares = [p.share.scaled(100) for p in each.points]
-        marks.append(Dots.of(at, shares, side, shift=shift))
+        marks.append(Dots.of(at, [p.share.scaled(100) for p in each.points], side, shift=shift))
     return Plot(x, y, tuple(marks))
 
 

@@ -178,7 +178,7 @@ class View:
 
 
 class DrawingView(View):
-    """A view that is data: `drawing` says what is shown, and renderers that know no view draw it.
+    """A view whose content is a `Drawing`, from which its cells, pixels, figure and text are made.
 
     title: what its figure shows, after the name of the run; by default the description.
     """
@@ -249,7 +249,7 @@ class StatisticsView(DrawingView):
     brushable = False
 
     def model(self, store: Store, state: State) -> Any:
-        """The numbers of a state, or why there are none; a pure function that may take time."""
+        """Compute the numbers of a state; a text where there are none. Pure, and may be slow."""
         raise NotImplementedError
 
     def members(self, state: State) -> Bools | None:

@@ -21,7 +21,7 @@ _SYMBOLS_HELP = (
 
 
 def add_theme(parser: argparse._ActionsContainer, auto: str, default: str = "auto") -> None:
-    """Add `--theme`; `auto` says what its value `auto` stands for."""
+    """Add `--theme`; the text `auto` explains its value `auto` in the help."""
     parser.add_argument("--theme", choices=THEME_NAMES, default=default,
                         help=f"colours for a dark or a light background; auto: {auto} (default "
                         f"{default})")  # fmt: skip

@@ -75,8 +75,7 @@ def drawing_layout(drawing: Drawing, size: Size, options: RenderOptions) -> Draw
     plots, left_out = list(drawing.plots), list[Plot]()
     wanted = 0 if drawing.table is None else wanted_lines(drawing.table)
     while True:
-        named = ", ".join(plot.title[0].text if plot.title else plot.name for plot in left_out)
-        texts = [*drawing.notes, *([f"no room for {named}"] if named else [])]
+        texts = [*drawing.notes, *no_room_notes(left_out)]
         notes = _note_rows(texts, plots, width, _most_notes(drawing, height), options)
         least = _FEWEST_ROWS if drawing.table is not None or notes else 1
         extra = 1 + any(map(_has_head, plots))
@@ -98,6 +97,12 @@ def drawing_layout(drawing: Drawing, size: Size, options: RenderOptions) -> Draw
         places = tuple(place(plots, width, area))
         top = area
     return DrawingLayout(places, (top, max(0, height - len(notes) - top)), notes)
+
+
+def no_room_notes(left_out: Sequence[Plot]) -> tuple[str, ...]:
+    """A note that names the plots that are left out, if there are any."""
+    named = ", ".join(plot.title[0].text if plot.title else plot.name for plot in left_out)
+    return (f"no room for {named}",) if named else ()
 
 
 def note_rows(notes: Sequence[Note], width: int, options: RenderOptions) -> Rows:

@@ -272,11 +272,11 @@ def set_panel_title(axes: Axes, text: str, ink: Ink, points: float = 10) -> None
 
 
 def draw_ring(axes: Axes, x: float, y: float, ink: Ink, size: float, order: int) -> None:
-    """Draw a ring of `size` square points around a point."""
-    edge, width = [ink], 1.6
-    axes.scatter(
-        [x], [y], s=size, facecolors="none", edgecolors=edge, linewidths=width, zorder=order
-    )
+    """Draw a ring of `size` square points around a point, whole where the point is in view."""
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    is_seen = left <= x <= right and min(low, high) <= y <= max(low, high)
+    axes.scatter([x], [y], s=size, facecolors="none", edgecolors=[ink], linewidths=1.6,
+                 zorder=order, clip_on=not is_seen)  # fmt: skip
 
 
 def wrapped_label(label: str, letters: int = 23) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from s2rtui.canvas import Theme
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.drawing.drawing import ColourBar, Drawing, Note
+from s2rtui.drawing.drawing_layout import no_room_notes
 from s2rtui.drawing.page import (
     LETTER,
     NARROW,
@@ -42,6 +43,8 @@ _BELOW, _LEFT, _RIGHT = 0.7, 0.75, 0.25
 _TITLE, _LEGEND_LINE = 0.3, 0.2
 """Inches of the title of a plot, and of a line of its legend."""
 _SMALLEST_FONT, _SMALLEST_TABLE_FONT = 4.0, 6.0
+_NOTES = 1.0
+"""Inches for notes below plots that are left out where not all have room."""
 _GAP = 4
 """Letters between phrases beside each other."""
 _SIDE, _BAR_BELOW = 1.4, 0.7
@@ -62,6 +65,7 @@ def draw_paper(
     Rows that would leave the plots too little room are left out, and a line says so.
     """
     page = new_page(size, theme, title, subtitle)
+    drawing = _without_lightest(page, drawing)
     font = 8 if page.inches[0] <= NARROW else 9
     letters = int((page.inches[0] - 2 * MARGIN) / (LETTER * font))
     bar = next(iter(_colour_bars(drawing)), None)
@@ -172,6 +176,20 @@ def _draw_plots(page: Page, drawing: Drawing, below: float, bar: ColourBar | Non
         _draw_beside(page, plots, below, side)
     else:
         _draw_stacked(page, plots, below, side)
+
+
+def _without_lightest(page: Page, drawing: Drawing) -> Drawing:
+    """Leave out the plots of the smallest weight while not all have room; a note names them."""
+    plots, left_out = list(drawing.plots), list[Plot]()
+    while plots and _least_inches(page, replace(drawing, plots=tuple(plots))) > page.top - _NOTES:
+        lightest = min(plots, key=lambda plot: plot.weight)
+        if lightest.weight == max(plot.weight for plot in plots):
+            break
+        left_out.append(lightest)
+        plots.remove(lightest)
+    return replace(
+        drawing, plots=tuple(plots), notes=(*drawing.notes, *no_room_notes(left_out))
+    )  # fmt: skip
 
 
 def _is_beside(page: Page, drawing: Drawing) -> bool:

@@ -125,7 +125,7 @@ Mark = Bars | Line | Dots | Rule | Points
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plot:
-    """Marks on two scales, the first below the others.
+    """Marks on a scale of x and one of y; later marks cover earlier ones.
 
     name: of its panel, in which ranges of x or, on a plane, areas can be brushed. title: texts
     above it. weight: plots with the smallest are left out first where there is no room for all.

@@ -15,6 +15,7 @@ from s2rtui.drawing.scale import Scale, short_number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
 
 _X_TICKS, _Y_TICKS = 0.7, 0.35
 """Inches between ticks at least."""
@@ -22,6 +23,8 @@ _SCREEN_DPI = 110.0
 """Pixels per inch of plots on the screen of a terminal with graphics."""
 _LINE = 0.17
 """Height of a label in inches."""
+_BESIDE = 0.2
+"""Inches beside an axis of x into which its labels may reach."""
 LEGEND_COLUMNS = 2
 MARKERS: dict[Sign, tuple[str, bool]] = {
     "sim": ("D", True), "real": ("o", False), "truth": ("D", True), "both": ("s", True),
@@ -44,6 +47,8 @@ def draw_plot(
         is_x = axis.axis_name == "x"
         axis.set_ticks(*axis_ticks(scale, width if is_x else height, is_x))
         axis.set_ticks([], minor=True)
+        if is_x:
+            _keep_on_page(axis, scale, width)
     if has_x:
         axes.set_xlabel(axis_name(plot.x, width))
     else:
@@ -81,17 +86,26 @@ def plot_pixels(plot: Plot, theme: Theme, size: tuple[int, int]) -> Pixels:
     return np.array(np.asarray(canvas.buffer_rgba())[:height, :width, :3])
 
 
+def _keep_on_page(axis: Axis, scale: Scale, inches: float) -> None:
+    """Move the labels that would reach beyond the axis and the room beside it."""
+    for label, at in zip(axis.get_ticklabels(), axis.get_ticklocs(), strict=True):
+        beyond = len(label.get_text()) * LETTER * 8 / 2 - _BESIDE
+        place = float(scale.fraction(at)) * inches
+        if place + beyond > inches:
+            label.set_horizontalalignment("right")
+
+
 def _draw_marks(axes: Axes, page: Page, plot: Plot, inches: tuple[float, float]) -> None:
-    """The marks, and the ends of both scales."""
+    """The ends of both scales, and the marks."""
+    for name, scale in (("x", plot.x), ("y", plot.y)):
+        if scale.log:
+            getattr(axes, f"set_{name}scale")("log")
+        axes.set(**{f"{name}lim": (scale.low, scale.high)})
     for mark in plot.marks:
         if isinstance(mark, Points):
             draw_points(axes, page, plot, mark, inches)
         else:
             _draw_mark(axes, page, plot, mark)
-    for name, scale in (("x", plot.x), ("y", plot.y)):
-        axes.set(**{f"{name}lim": (scale.low, scale.high)})
-        if scale.log:
-            getattr(axes, f"set_{name}scale")("log")
 
 
 def axis_name(scale: Scale, width: float) -> str:
@@ -124,9 +138,11 @@ def _draw_mark(axes: Axes, page: Page, plot: Plot, mark: Bars | Line | Dots | Ru
     elif isinstance(mark, Line):
         width = 1.2 if mark.ink in ("faint", "unselected") else 1.6
         style = (0, (3, 2)) if mark.dashed else "-"
+        crosses = bool(((mark.y < plot.y.low) | (mark.y > plot.y.high)).any())
         axes.plot(
-            mark.x, mark.y, color=ink, linewidth=width, linestyle=style, label=mark.name or None
-        )
+            mark.x, mark.y, color=ink, linewidth=width, linestyle=style, label=mark.name or None,
+            clip_on=crosses or bool(((mark.x < plot.x.low) | (mark.x > plot.x.high)).any()),
+        )  # fmt: skip
     elif isinstance(mark, Dots):
         _draw_dots(axes, page, plot, mark)
     else:

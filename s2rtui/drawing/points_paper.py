@@ -62,19 +62,23 @@ def _draw_each(axes: Axes, page: Page, points: Points) -> None:
     """Unselected points small and grey, the selected by level, the highest on top."""
     inks = page.inks
     members = selection_indices(points.selected, points.valid).members
-    others = np.asarray(points.valid, dtype=np.bool_).copy()
+    within = np.ones(points.x.shape, dtype=np.bool_)
+    for values, (low, high) in ((points.x, axes.get_xlim()), (points.y, axes.get_ylim())):
+        within &= (values >= min(low, high)) & (values <= max(low, high))
+    others = points.valid & within
     others[members] = False
+    members = members[within[members]]
     axes.scatter(points.x[others], points.y[others], s=6, color=inks.unselected, linewidths=0,
-                 zorder=2)  # fmt: skip
+                 zorder=2, clip_on=False)  # fmt: skip
     if not points.inks:
         members = members[np.argsort(points.levels[members], kind="stable")]
     colours = _colours(page, points)[points.levels[members]]
     axes.scatter(points.x[members], points.y[members], s=24, c=colours,
-                 edgecolors=[inks.background], linewidths=0.5, zorder=4)  # fmt: skip
+                 edgecolors=[inks.background], linewidths=0.5, zorder=4, clip_on=False)  # fmt: skip
     if points.trained is not None:
         holes = members[points.trained[members]]
         axes.scatter(points.x[holes], points.y[holes], s=8, color=[inks.background], linewidths=0,
-                     zorder=5)  # fmt: skip
+                     zorder=5, clip_on=False)  # fmt: skip
 
 
 def _draw_mesh(

@@ -7,6 +7,7 @@ import textwrap
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import counted
+from s2rstore.security.printable_text import printable
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.drawing.page import LETTER, Page, style_axes
 from s2rtui.drawing.plot import ROLES
@@ -96,7 +97,7 @@ def draw_table(page: Page, table: TableSpec, top: float, bottom: float, font: fl
             if line.is_note and not column.wraps:
                 most = letters
             weight = "bold" if row.bold and not line.is_note else "normal"
-            text = fit_text(text, most + 1, "…")
+            text = fit_text(printable(text), most + 1, "…")
             page.text(x, y, text, getattr(page.inks, ink), font, ha=side, va="center",
                       fontweight=weight)  # fmt: skip
     hidden = len(table.rows) - layout.shown

@@ -13,8 +13,14 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
+from s2rtui.canvas import LIGHT
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.drawing import page as paper
+from s2rtui.drawing.drawing import Drawing
+from s2rtui.drawing.paper import draw_paper
+from s2rtui.drawing.plot import Dots, Phrase, Plot, Points
+from s2rtui.drawing.plot_paper import draw_plot
+from s2rtui.drawing.scale import Scale
 from s2rtui.export.figures import PageOptions, draw_figure
 from s2rtui.export.load_scene import SceneOptions, open_scene
 from tests.support import nights, tiny
@@ -147,6 +153,35 @@ def test_texts_are_whole_and_apart_and_axes_with_numbers_have_units(figure):
             if _has_numbers(axes, which):
                 label = _label(figure, axes, which)
                 assert UNITS.search(label), (which, label)
+
+
+def test_marks_at_the_edge_of_a_plot_are_whole():
+    scale = Scale(0.0, 1.0, ("error (m)",))
+    edge, held = np.array([0.0, 1.0]), np.ones(2, dtype=np.bool_)
+    points = Points(edge, edge, np.ones(2, dtype=np.uint8), held, held, cursor=1)
+    page = paper.new_page((600, 600), LIGHT, "", "")
+    axes = page.axes(1.0, 1.0, 3.0, 3.0)
+    draw_plot(axes, page, Plot(scale, scale, (points,)), (3.0, 3.0), True, True)
+    assert len(axes.collections) == 3  # unselected, selected, and the ring
+    assert not any(each.get_clip_on() for each in axes.collections)
+
+
+def test_plots_of_the_smallest_weight_without_room_are_named(monkeypatch):
+    figures: list[Figure] = []
+    monkeypatch.setattr(paper.Page, "encoded", lambda page: figures.append(page.figure) or b"")
+    x, y = Scale(0.0, 1.0, ("time (s)",)), Scale(0.0, 1.0, ("error (m)",))
+    dots = (Dots(np.array([0.5]), np.array([0.5]), "sim"),)
+    plots = tuple(
+        Plot(x, y, dots, title=(Phrase(f"plot {at}"),), weight=float(at)) for at in range(9)
+    )
+    draw_paper(Drawing(plots), (600, 600), LIGHT)
+    (drawn,) = figures
+    shown = {text.strip() for text, _ in texts(drawn)}
+    kept = {f"plot {at}" for at in range(9)} & shown
+    assert "plot 8" in kept
+    assert len(drawn.axes) == len(kept) < 9
+    assert any(text.startswith("no room for plot 0, plot 1") for text in shown)
+    assert min(axes.bbox.height for axes in drawn.axes) > 50
 
 
 def _shared(one: Bbox, two: Bbox) -> bool:
