@@ -16,13 +16,6 @@ WAIT = 120.0
 """Seconds after which a condition counts as not reached; far more than any test needs."""
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    folder = Path(__file__).parent
-    for item in items:
-        if folder in item.path.parents:
-            item.add_marker(pytest.mark.xdist_group("ros"))
-
-
 def wait_until(condition: Callable[[], object], what: str) -> None:
     """Wait until a condition holds; fails after `WAIT` seconds."""
     end = time.monotonic() + WAIT
