@@ -48,6 +48,9 @@ def draw_cells(drawing: Drawing, size: Size, options: RenderOptions = DEFAULT_OP
     end = layout.table[0]
     if drawing.table is not None:
         end = draw_table(canvas, drawing.table, *layout.table)
+        if drawing.brush is not None:
+            for panel in table_panels(drawing.table, layout.table[0], size[0], layout.table[1]):
+                draw_mark(canvas, panel, drawing.brush)
     draw_rows(canvas, 0, min(end, canvas.height - len(layout.notes)), layout.notes, GAP)
     return canvas
 

@@ -14,6 +14,7 @@ from s2rtui.drawing.drawing import ColourBar, Drawing, Note
 from s2rtui.drawing.legend import (
     LegendPart,
     colour_bar,
+    cut_rows,
     fit_rows,
     point_colours,
     ramp_for_values,
@@ -30,6 +31,8 @@ _FEWEST_STACKED = 3
 """Rows of each of several plots; those of smaller weight are left out where it has fewer."""
 _FEWEST_COLUMNS, _FEWEST_WITH_AXES = 16, 8
 """Columns of a plot beside which labels of y have room; rows of plots on a plane with axes."""
+_FEWEST_WITH_NOTES = 6
+"""Rows of a drawing from which on it has notes beside plots, or before rows of a table."""
 _GAP = 1
 """Columns between plots beside each other."""
 Rows = tuple[tuple[LegendPart, ...], ...]
@@ -111,9 +114,13 @@ def note_rows(notes: Sequence[Note], width: int, options: RenderOptions) -> Rows
 
 
 def _most_notes(drawing: Drawing, height: int) -> int:
+    """Rows of notes; those of a table without plots come before all notes but one row."""
     if drawing.table is None and not drawing.plots:
         return height
-    return 0 if height < 6 and drawing.plots else height // 2
+    least = int(height >= _FEWEST_WITH_NOTES)
+    if drawing.plots or drawing.table is None:
+        return least * (height // 2)
+    return max(least, min(height // 2, height - wanted_lines(drawing.table)))
 
 
 def _note_rows(
@@ -132,9 +139,8 @@ def _note_rows(
         parts = [part for item in note for part in _note_parts(item, width, options)]
         if points and place == 0:
             parts += points_legend(points[0], options)
-        room = None if most is None else max(0, most - len(rows))
-        rows += fit_rows(parts, width, most=room)
-    return tuple(map(tuple, rows[:most]))
+        rows += fit_rows(parts, width)
+    return tuple(map(tuple, cut_rows(rows, width, most)))
 
 
 def _note_parts(item: Phrase | ColourBar, width: int, options: RenderOptions) -> list[LegendPart]:

@@ -19,7 +19,7 @@ Ink = Literal["sim", "real", "truth", "both", "text", "muted", "faint", "unselec
 """A colour of the theme."""
 Sign = Literal[
     "sim", "real", "truth", "both", "cursor", "selected", "trained", "baseline", "vertical",
-    "pointer", "passed", "failed", "inconclusive", "skipped",
+    "pointer", "passed", "failed", "inconclusive", "skipped", "interval",
 ]  # fmt: skip
 """What a dot means; each has its glyph and its marker on paper."""
 ROLES: tuple[Ink, ...] = ("sim", "real", "truth", "both", "cursor")

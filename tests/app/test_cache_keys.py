@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from s2rstore.files.planned_poses import PlannedPose
+from s2rstore.intervals import Interval
 from s2rstore.language.syntax_tree import Everything, Nothing
 from s2rstore.records import Bounds
 from s2rtui.app.titled_view import TitledView
@@ -90,7 +91,10 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
 }
 RESOURCE_CHANGES: dict[str, Callable[[LoadedData], object]] = {
     "translators": lambda resources: (TranslatorRow("mkl", "real2sim", True),),
-    "rows": lambda resources: (replace(resources.rows[0], real_accuracy=0.3), *resources.rows[1:]),
+    "rows": lambda resources: (
+        replace(resources.rows[0], real=Interval.unknown(0.3)),
+        *resources.rows[1:],
+    ),
     "lines": lambda resources: RunAccuracies(
         "sim", {r: v / 2 for r, v in resources.lines.values.items()}
     ),

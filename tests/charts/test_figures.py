@@ -14,12 +14,10 @@ from s2rtui.charts.compare.paper import compare_figure
 from s2rtui.charts.instance.paper import instance_figure
 from s2rtui.charts.map.paper import map_figure
 from s2rtui.charts.orientation.paper import orientation_figure
-from s2rtui.charts.overview.paper import overview_figure
 from s2rtui.charts.suggestions import paper_drawing
 from s2rtui.drawing.page import colour_bar_ticks
 from s2rtui.drawing.paper import draw_paper
 from tests.charts.examples import (
-    ROWS,
     compare_input,
     counts_drawing,
     errors_drawing,
@@ -28,6 +26,7 @@ from tests.charts.examples import (
     instance_input,
     map_input,
     orientation_input,
+    overview_drawing,
     overview_lines,
     scatter_of,
     side,
@@ -43,10 +42,8 @@ def drawing(figure: Callable[..., bytes], data: object, *texts: str) -> Draw:
 
 
 FIGURES: dict[str, Draw] = {
-    "overview": lambda size, theme: overview_figure(ROWS, 0.72, size, theme, selected=1),
-    "overview lines": lambda size, theme: overview_figure(
-        ROWS, 0.72, size, theme, lines=overview_lines()
-    ),
+    "overview": drawing(draw_paper, overview_drawing()),
+    "overview lines": drawing(draw_paper, overview_drawing(overview_lines())),
     "map": drawing(map_figure, map_input(), "vanilla", "worst15"),
     "full map": drawing(map_figure, map_input(mode="full")),
     "glyph map": drawing(map_figure, map_input(mode="glyph", clip=np.eye(5))),
@@ -85,7 +82,6 @@ def test_empty_selections_and_missing_values_can_be_drawn():
     for figure in (
         map_figure(bare_map, size),
         instance_figure(bare, size),
-        overview_figure([], None, size),
         draw_paper(umap_drawing(selected=nobody), size, LIGHT),
         draw_paper(umap_drawing({"sim": no_points, "real": no_points}, 1), size, LIGHT),
         orientation_figure(orientation_input(selected=nobody, valid=nobody), size),
@@ -120,7 +116,7 @@ def test_the_background_and_the_colours_of_the_sides_appear(name, theme):
 
 def test_an_invalid_size_is_rejected():
     with pytest.raises(RequestError, match="--size"):
-        overview_figure(ROWS, None, (0, 100))
+        draw_paper(overview_drawing(), (0, 100), LIGHT)
 
 
 def test_many_points_are_drawn_as_cells(monkeypatch):

@@ -24,6 +24,8 @@ from tests.charts.examples import (
     list_drawing,
     map_input,
     orientation_input,
+    overview_drawing,
+    overview_lines,
     scatter_of,
     umap_drawing,
 )
@@ -41,6 +43,7 @@ def drawn(drawing: Drawing) -> Surface:
 
 
 SIDES, DIALS = ("sim", "real"), ("sim", "truth", "real")
+RUNS = ("vanilla", "dataaug", "seen all")
 VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
     "map": (surface(map_panels, map_input(y_down=False)), "plane", ("map",)),
     "near comparison": (surface(compare_panels, compare_input(), NEAR), "plane", ("map",)),
@@ -53,6 +56,8 @@ VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
     "list": (drawn(list_drawing(7)), "steps", ("rows",)),
     "findings": (drawn(findings_of()), "steps", ("findings",)),
     "errors": (drawn(errors_drawing()), "range", SIDES),
+    "overview": (drawn(overview_drawing()), "range", RUNS),
+    "overview lines": (drawn(overview_drawing(overview_lines())), "range", RUNS),
 }
 
 
