@@ -33,6 +33,7 @@ from s2rtui.session.provenance import (
 from s2rtui.user_data.notebook import Notes
 
 FloorGrid = NDArray[np.float32]
+_UNKNOWN = Headline(0, 0, math.nan, math.nan, math.nan, "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +49,7 @@ class OverviewRow:
     real: Interval
     n: int = 0
     note: str = ""
-    headlines: tuple[Headline, Headline] | None = None
+    headlines: tuple[Headline, Headline] = (_UNKNOWN, _UNKNOWN)
 
 
 @dataclass(frozen=True, slots=True)

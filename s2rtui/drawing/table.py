@@ -73,8 +73,9 @@ class Column:
     right: whether texts end at the right. scale: of the strips of its cells; an axis is drawn
     where the scale has a name. rules: lines across all its strips. sorts: whether the rows are
     sorted by it. rank: columns of the largest are left out first where there is no room. least:
-    its least width in cells. wraps: whether its texts are wrapped into the room that the other
-    columns leave. panel: name of the panel in which its cells can be brushed.
+    its least width in cells; a strip has it as long as columns of more than one rank can be left
+    out. wraps: whether its texts are wrapped into the room that the other columns leave. panel:
+    name of the panel in which its cells can be brushed.
     """
 
     name: str

@@ -180,8 +180,11 @@ def _columns(
     """
     ranks = sorted({column.rank for column in table.columns}, reverse=True)
     tight = max(4, width // 4)
+    strips = [column.least for column in table.columns if column.scale is not None]
+    wide = max([_SHORTEST_STRIP, *strips])
     choices = [
-        _Choice(ranks[0], True), *map(_Choice, ranks), _Choice(ranks[-1], name=tight, strip=5),
+        _Choice(ranks[0], True, strip=wide), *(_Choice(rank, strip=wide) for rank in ranks[:-1]),
+        *map(_Choice, ranks), _Choice(ranks[-1], name=tight, strip=5),
         _Choice(ranks[-1], strip_texts=False, name=tight, strip=4),
     ]  # fmt: skip
     for choice in choices:

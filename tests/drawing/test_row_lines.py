@@ -14,7 +14,7 @@ from s2rtui.canvas import DARK, Canvas, ColourMode, RenderOptions
 from s2rtui.canvas.marks import panel_at
 from s2rtui.drawing.cells import draw_cells, drawing_panels
 from s2rtui.drawing.drawing import Drawing
-from s2rtui.drawing.row_lines import MOST_LINES, QUANTILES, LineLayer, RowLines, line_dots
+from s2rtui.drawing.row_lines import MOST_LINES, QUANTILES, RowLines, line_dots
 from s2rtui.drawing.scale import Scale
 from s2rtui.drawing.table import Cell, Column, Row, TableSpec
 
@@ -78,12 +78,8 @@ def test_more_lines_than_sixty_are_bands(count):
     found = line_dots(lines.layers[-1], SCALE, 40, 4)
     assert set(np.unique(found)) <= {0, 1, 2, 3} if lines.is_banded else found[5].sum() >= count
     assert lines.legend[0].text == f"{'bands' if lines.is_banded else 'lines'}: real"
-
-
-def test_selected_lines_are_drawn_above_bands_of_the_others():
-    others, selected = many(selected=np.arange(400) < 10).layers
-    assert (others.is_banded, selected.is_banded) == (True, False)
-    assert line_dots(selected, SCALE, 40, 4)[2:-2].sum(axis=1).min() >= 10
+    others, selected = many(selected=np.arange(400) < count).layers
+    assert (others.is_banded, selected.is_banded) == (True, lines.is_banded)
 
 
 def test_bands_lie_at_the_quantiles():
@@ -105,17 +101,6 @@ def test_rows_that_follow_each_other_have_bars_of_their_instances():
     assert others[3].sum() == pytest.approx(300)
     assert selected[3, 20:].max() == 0
     assert (np.diff((others > 0)[:4], axis=0) >= 0).all()  # bars stand on the row
-
-
-def test_bins_are_kept_across_selections(monkeypatch):
-    lines = many()
-    drawn(lines)
-    sizes, fraction = [], Scale.fraction
-    monkeypatch.setattr(Scale, "fraction", lambda scale, values: (
-        sizes.append(np.size(values)), fraction(scale, values))[1])  # fmt: skip
-    drawn(replace(lines, selected=np.arange(400) < 99))
-    assert sizes
-    assert max(sizes) < 400
 
 
 def test_selected_lines_are_coloured_and_others_grey():
@@ -178,9 +163,3 @@ def test_each_row_takes_ranges_as_far_as_half_way_to_its_neighbours():
         assert panel_at((first, second), panel.x, own) == panel
         assert panel.to_data(panel.x + 0.5, own)[1] == 0.0
         assert panel.to_cells(0.75, 0.0) == pytest.approx((panel.x + panel.width / 2, own))
-
-
-def test_layers_count_instances_without_listing_them():
-    selection = many().layers[-1].selection
-    assert LineLayer((), selection, "real").size == 400
-    assert selection.indices.size == 0  # the shorter list, that of the others, is kept

@@ -9,7 +9,6 @@ import numpy as np
 
 from s2rstore.intervals import LEVEL_TEXT, Interval
 from s2rstore.language.canonical_text import string
-from s2rstore.metrics.recall import Headline
 from s2rstore.records import SIDES
 from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import BrushShape, PlotArea, Point
@@ -29,6 +28,8 @@ ROWS_PER_RUN = 3
 FRAME_ROWS = 3
 """Rows of the header, the axis and the legend."""
 MOST_TRANSLATORS = 5
+SHORTEST_STRIP = 17
+"""Cells of a strip that the numbers of the cursor's instance leave."""
 NUMBERS = (
     "run", "sim median_m", "sim heading_deg", "sim recall", "real median_m", "real heading_deg",
     "real recall", "not localised", "sim accuracy", "sim low", "sim high", "real accuracy",
@@ -46,7 +47,8 @@ def overview_table(
     """
     rules = (Rule(baseline, ink="truth", dashed=True),) if math.isfinite(baseline) else ()
     scale = accuracy_scale(rows, baseline, lines, ("accuracy (%)", "%") if on_paper else ("",))
-    strip = Column("" if on_paper else "accuracy %", scale=scale, rules=rules)
+    name = "" if on_paper else "accuracy %"
+    strip = Column(name, scale=scale, rules=rules, least=SHORTEST_STRIP)
     columns = [Column("run"), strip, Column("sim", "sim", True, rank=1),
                Column("real", "real", True)]  # fmt: skip
     if on_paper:
@@ -119,7 +121,7 @@ class OverviewView(DrawingView):
         drawn = f" bands: {BAND_TEXT}" if found and found.is_banded else ""
         pale = ", pale: trained on" if lines.trained is not None else ""
         row = next((row for row in self._rows(scene) if row.run == scene.state.run), None)
-        lead = row.headlines[SIDES.index(lines.side)].short if row and row.headlines else ""
+        lead = row.headlines[SIDES.index(lines.side)].short if row else ""
         return f"{lines.side} {lead and f'{lead}; '}accuracy{drawn}{pale}"
 
     def lines(self, scene: Scene) -> RowLines | None:
@@ -189,28 +191,31 @@ class OverviewView(DrawingView):
     def numbers(self, scene: Scene) -> Table:
         rows = []
         for row in scene.loaded.rows:
-            accuracies = [
-                end for side in (row.sim, row.real)
-                for end in (side.value, *(side.bounds if side.is_known else (None, None)))
+            errors = [
+                figure for side in row.headlines
+                for figure in (side.position, math.degrees(side.heading), side.recall)
             ]  # fmt: skip
+            lost = max(side.not_localised for side in row.headlines)
+            accuracies = [end for side in (row.sim, row.real) for end in (side.value, *side.bounds)]
             independent = row.real.sample.effective_n if row.real.sample else None
-            rows.append((row.run, *_leading(row.headlines), *accuracies, row.n, independent,
+            rows.append((row.run, *errors, lost, *accuracies, row.n, independent,
                          scene.loaded.baseline, row.note))  # fmt: skip
         return NUMBERS, rows
 
     def summary(self, scene: Scene) -> str:
-        run = scene.state.run
-        runs = [
-            f"{row.run}: {_headlines(row.headlines)}accuracy sim {_with_bounds(row.sim)}, real "
-            f"{_with_bounds(row.real)}, {row.n} instances{f' ({row.note})' if row.note else ''}"
-            for row in scene.loaded.rows
-        ]
+        run, parts = scene.state.run, []
+        for row in scene.loaded.rows:
+            errors = [
+                f"{side} {found.text}" for side, found in zip(SIDES, row.headlines, strict=True)
+            ]
+            note = f" ({row.note})" if row.note else ""
+            parts.append(f"{row.run}: {'; '.join(errors)}; accuracy sim {_with_bounds(row.sim)}, "
+                         f"real {_with_bounds(row.real)}, {row.n} instances{note}")  # fmt: skip
         mean = _with_bounds(Interval.unknown(scene.loaded.baseline))
-        text = (f"{'; '.join(runs) or 'no run'}. "
+        text = (f"{'; '.join(parts) or 'no run'}. "
                 f"Baseline (always the mean position): accuracy {mean}.")  # fmt: skip
         fitted = [
-            f"{row.translator}: "
-            f"{', '.join(part for part in (row.verdict, row.gain_text(run)) if part)}"
+            f"{row.translator}: {', '.join(filter(None, (row.verdict, row.gain_text(run))))}"
             for row in ordered(scene.loaded.translators, run)
         ]
         return f"{text} Translators, gains on {run}: {'; '.join(fitted)}." if fitted else text
@@ -257,23 +262,6 @@ class OverviewView(DrawingView):
 
 
 VIEW = OverviewView()
-
-
-def _headlines(headlines: tuple[Headline, Headline] | None) -> str:
-    parts = zip(SIDES, headlines or (), strict=False)
-    return "".join(f"{side} {headline.text}; " for side, headline in parts)
-
-
-def _leading(headlines: tuple[Headline, Headline] | None) -> list[object]:
-    """Median errors and recall of both sides, and the larger number that is not localised."""
-    if headlines is None:
-        return [None] * 7
-    figures = [
-        value if math.isfinite(value) else None
-        for each in headlines
-        for value in (each.position, math.degrees(each.heading), each.recall)
-    ]
-    return [*figures, max(each.not_localised for each in headlines)]
 
 
 def _percent(share: float) -> str:
