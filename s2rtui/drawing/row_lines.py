@@ -7,7 +7,6 @@ a million instances follow every key press.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -24,7 +23,7 @@ MOST_LINES = 60
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 """The ends of the outer and the inner band, and the median between them."""
 BAND_TEXT = "5 to 95 %, 25 to 75 %, median"
-BINS = 128
+BINS = 64
 """Bins of a scale; within a bin instances count as evenly spread."""
 _PIECE = 1 << 15
 _SPARSE = np.array([[1, 0], [0, 0], [0, 1], [0, 0]], dtype=np.bool_)
@@ -47,7 +46,7 @@ class LineLayer:
         listed = self.selection.indices.size
         if not self.selection.inverted:
             return listed
-        return int(np.count_nonzero(self.selection.base)) - listed
+        return _size(self.selection.base) - listed
 
     @property
     def is_banded(self) -> bool:
@@ -127,6 +126,11 @@ class RowLines:
         return np.nan if self.cursor is None else float(self.values[row][self.cursor])
 
 
+@cached_by_identity(8)
+def _size(members: Bools) -> int:
+    return int(np.count_nonzero(members))
+
+
 @cached_by_identity(4)
 def _parts(selected: Bools, trained: Bools) -> tuple[Bools, Bools]:
     """The selected instances that are trained, and those that are not."""
@@ -204,18 +208,18 @@ def _band(first: Density, second: Density, rows: int, width: int) -> Density:
 
 def _bars(layer: LineLayer, scale: Scale, width: int) -> Density:
     """Bars on each row; four dots stand for the largest number of valid instances at a dot."""
-    part, total = (counts @ _overlaps(2 * width) for counts in layer.counts(scale))
+    part, total = _per_dot(np.stack(layer.counts(scale)), 2 * width)
     heights = np.ceil(4 * levels(part, float(total.max(initial=0.0))))
     grid = (heights[:, None] >= np.arange(4, 0, -1)[:, None]) * part[:, None]
     return grid.reshape(-1, 2 * width)
 
 
-@lru_cache(8)
-def _overlaps(dots: int) -> Density:
-    """The share of each bin that lies at each of `dots` dots, (BINS, dots)."""
-    bins, edges = np.arange(BINS)[:, None], np.linspace(0, BINS, dots + 1)
-    inside = np.minimum(bins + 1, edges[1:]) - np.maximum(bins, edges[:-1])
-    return np.maximum(inside, 0.0)
+def _per_dot(counts: Counts, dots: int) -> Density:
+    """Counts (..., BINS) as numbers of instances at each of `dots` dots, (..., dots)."""
+    edges = np.linspace(0.0, BINS, dots + 1)
+    bins = np.minimum(edges.astype(np.intp), BINS - 1)
+    below = np.cumsum(counts, axis=-1) - counts
+    return np.diff(below[..., bins] + (edges - bins) * counts[..., bins])
 
 
 def levels(density: Density, peak: float) -> Density:

@@ -31,7 +31,7 @@ def draw_table(canvas: Canvas, table: TableSpec, top: int, room: int) -> int:
     for y, line in enumerate(layout.lines, start=layout.top):
         if _is_held(table, line):
             part.fill(0, y, canvas.width, 1, canvas.theme.highlight)
-        for place, scale, start, length in layout.strips(table):
+        for place, scale, start, length in layout.strips(table) if line.part else ():
             for rule in table.columns[place].rules:
                 x = _column(scale, rule.at, start, length)
                 part.put(x, y, part.glyphs.baseline, getattr(part.theme, rule.ink))
@@ -153,7 +153,7 @@ def _draw_line(
         if column.wraps:
             ink = theme.muted if line.is_note else getattr(theme, row.ink)
             canvas.text(start, y, canvas.options.printable(line.text), ink)
-        elif line.part == 0:
+        elif line.part == 0 and (cell.text or cell.detail):
             _draw_text(canvas, row, column, cell, place, (start, y, width), layout, held)
         elif (
             line.is_note and place == 0 and not any(table.columns[p].wraps for p in layout.columns)
@@ -194,6 +194,7 @@ def _draw_strip(
     """The marks of a cell in `width` cells from (x, y); what is beyond the scale is at its end."""
     (left, y, width), theme, glyphs = at, canvas.theme, canvas.glyphs
     low, high = scale.low, scale.high
+    has_bars = any(isinstance(mark, Bar) for mark in marks)
 
     def column(value: float) -> int:
         return _column(scale, value, left, width)
@@ -212,9 +213,12 @@ def _draw_strip(
             if not (math.isfinite(mark.low) and math.isfinite(mark.high)):
                 continue
             ends = column(mark.low), column(mark.high)
-            for x in range(ends[0], min(ends[1] + 1, canvas.width)):
+            line = glyphs.bar if mark.is_thick else glyphs.interval
+            if not has_bars:
+                canvas.hline(*ends, y, line, ink)
+            for x in range(ends[0], min(ends[1] + 1, canvas.width)) if has_bars else ():
                 if canvas.char[y, x] not in "█#":
-                    canvas.put(x, y, glyphs.bar if mark.is_thick else glyphs.interval, ink)
+                    canvas.put(x, y, line, ink)
             for x, is_beyond, glyph in zip(ends, (mark.low < low, mark.high > high), "<>",
                                            strict=True):  # fmt: skip
                 if is_beyond:
