@@ -185,7 +185,7 @@ class DrawingView(View):
 
     title: str = ""
     paper_columns = 60
-    """The columns of a plot on paper, where its marks depend on them, as bars do."""
+    """The columns of a plot on paper, where its marks depend on them, as bars do; and of a dial."""
 
     def missing(self, scene: Scene) -> tuple[str, ...]:
         """Lines that say why there is nothing to draw; empty if there is."""
@@ -201,8 +201,10 @@ class DrawingView(View):
             return Drawing(notes=reasons)
         drawing = self.drawing(scene, size[0])
         places = drawing_layout(drawing, size, options).plots
-        width = places[0].width if places else size[0]
-        return drawing if width == size[0] else self.drawing(scene, width)
+        columns = places[0].width if places else size[0]
+        if places and places[0].plot.turns:
+            columns = self.paper_columns
+        return drawing if columns == size[0] else self.drawing(scene, columns)
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         return draw_cells(self._sized(scene, size, options), size, options)
