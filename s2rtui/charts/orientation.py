@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from s2rstore.records import SIDES
 from s2rtui.analysis import joint_histogram
-from s2rtui.analysis.binning import Bins, Bools, SelectionIndices, bin_values, selection_indices
+from s2rtui.analysis.binning import Bools, selection_indices
+from s2rtui.analysis.circular import mean_direction, turn_bins
 from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.canvas.marks import wrap_degrees
@@ -25,10 +26,9 @@ from s2rtui.drawing.scale import Floats, Scale, short_number, tick_values
 
 BINS = 72
 """Bins of dials and of the numbers, of 5 degrees."""
-EXACTLY_UP_TO = 20_000
-"""Up to this number, mean directions are exact; above it they are computed from bins."""
 Name = Literal["sim", "truth", "real"]
-_FIELDS: dict[Name, str] = {"sim": "sim.heading", "truth": "heading", "real": "real.heading"}
+NAMES: tuple[Name, ...] = ("sim", "truth", "real")
+_FIELDS = {"sim": "sim.heading", "truth": "heading", "real": "real.heading"}
 Counts = NDArray[np.intp]
 
 
@@ -66,11 +66,11 @@ def orientation_model(
 ) -> OrientationModel:
     """Count headings (N,) in radians (sim, true, real; NaN for none) and compute their means."""
     selection, fine = selection_indices(selected, valid), bins * -(-BINS // bins)
-    columns = [_bins(side, fine) for side in sides]
+    columns = [turn_bins(side, fine) for side in sides]
     counted = joint_histogram.joint_counts(columns, selection)
     headings: dict[Name, Headings] = {}
-    for name, side, (part, whole) in zip(_FIELDS, sides, counted, strict=True):
-        mean = _mean(side, part, selection)
+    for name, side, (part, whole) in zip(NAMES, sides, counted, strict=True):
+        mean = mean_direction(side, part, selection)
         headings[name] = Headings(
             part.reshape(bins, -1).sum(axis=1), whole.reshape(bins, -1).sum(axis=1),
             math.degrees(np.angle(mean)), abs(mean),
@@ -80,43 +80,6 @@ def orientation_model(
     longest = max(float(each.whole.max()) * share for each in headings.values())
     peak = max(1, math.ceil(longest), *(int(each.part.max()) for each in headings.values()))
     return OrientationModel(np.linspace(-180.0, 180.0, bins + 1), headings, peak, share)
-
-
-@cached_by_identity(16)
-def _bins(headings: Floats, count: int) -> Bins:
-    turned = np.degrees(np.asarray(headings, dtype=np.float64)) + 180
-    turned = (turned - 360 * np.floor(turned / 360)) / 360 * count
-    return bin_values(np.where(turned >= count, 0.0, turned), count)
-
-
-@cached_by_identity(16)
-def _directions(headings: Floats, count: int) -> NDArray[np.complex128]:
-    """(count,) the mean unit vector of all headings in each bin, in single precision."""
-    column = np.asarray(headings, dtype=np.float32)
-    codes = _bins(headings, count).codes
-    known = np.where(codes < count, column, 0.0)
-    cosines = np.bincount(codes, np.cos(known), count + 1)[:count]
-    sines = np.bincount(codes, np.sin(known), count + 1)[:count]
-    number = np.maximum(np.bincount(codes, minlength=count + 1)[:count], 1)
-    return np.asarray((cosines + 1j * sines) / number)
-
-
-@cached_by_identity(16)
-def _units(headings: Floats) -> NDArray[np.complex128]:
-    return np.asarray(np.exp(1j * headings))
-
-
-def _mean(headings: Floats, part: Counts, selection: SelectionIndices) -> complex:
-    """The mean unit vector of the selected, whose counts are `part`."""
-    number = int(part.sum())
-    if number == 0:
-        return complex(math.nan, math.nan)
-    if number > EXACTLY_UP_TO:
-        return complex((part * _directions(headings, part.size)).sum() / number)
-    few = len(headings) <= EXACTLY_UP_TO
-    members = selection.members
-    units = _units(headings)[members] if few else np.exp(1j * headings[members])
-    return complex(units[np.isfinite(units)].mean())
 
 
 def orientation_plots(
@@ -172,7 +135,7 @@ class OrientationView(DrawingView):
         if cursor is None:
             return {}
         turns = {name: math.degrees(side[cursor])
-                 for name, side in zip(_FIELDS, self.input(scene)[0], strict=True)}  # fmt: skip
+                 for name, side in zip(NAMES, self.input(scene)[0], strict=True)}  # fmt: skip
         return {name: wrap_degrees(turn) for name, turn in turns.items() if math.isfinite(turn)}
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
@@ -191,7 +154,7 @@ class OrientationView(DrawingView):
         model = orientation_model(*self.input(scene))
         ends = model.edges.astype(int).tolist()
         counts = (each.part.tolist() for each in model.headings.values())
-        return ("from_deg", "to_deg", *_FIELDS), list(zip(ends, ends[1:], *counts, strict=False))
+        return ("from_deg", "to_deg", *NAMES), list(zip(ends, ends[1:], *counts, strict=False))
 
     def summary(self, scene: Scene) -> str:
         means = [
@@ -202,11 +165,11 @@ class OrientationView(DrawingView):
         return f"Mean headings: {', '.join(means) or 'none'}."
 
     def cursor_point(self, scene: Scene, panel: PlotArea) -> Point | None:
-        turn = {str(name): at for name, at in self._cursor(scene).items()}.get(panel.name)
-        return None if turn is None else (turn, 0.0)
+        turns = self._cursor(scene).items()
+        return next(((turn, 0.0) for name, turn in turns if name == panel.name), None)
 
     def to_expression(self, scene: Scene, panel: PlotArea, mark: BrushShape) -> str:
-        return heading_expression(mark, {str(k): v for k, v in _FIELDS.items()}[panel.name])
+        return heading_expression(mark, _FIELDS[panel.name])
 
 
 VIEW = OrientationView()

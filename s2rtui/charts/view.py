@@ -196,15 +196,14 @@ class DrawingView(View):
         raise NotImplementedError
 
     def _sized(self, scene: Scene, size: Size, options: RenderOptions) -> Drawing:
-        """The drawing for cells, where the labels of y take some of the columns of its plots."""
+        """The drawing for cells, whose layout says how many columns the plots have."""
         if reasons := self.missing(scene):
             return Drawing(notes=reasons)
-        drawing = self.drawing(scene, size[0])
+        drawing = self.drawing(scene, self.paper_columns)
         places = drawing_layout(drawing, size, options).plots
-        columns = places[0].width if places else size[0]
-        if places and places[0].plot.turns:
-            columns = self.paper_columns
-        return drawing if columns == size[0] else self.drawing(scene, columns)
+        if not places or places[0].plot.turns or places[0].width == self.paper_columns:
+            return drawing
+        return self.drawing(scene, places[0].width)
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         return draw_cells(self._sized(scene, size, options), size, options)

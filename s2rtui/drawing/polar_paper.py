@@ -16,9 +16,9 @@ from s2rtui.drawing.polar_cells import RING
 
 _LINE, _HEAD, _LABEL_FONT = 0.2, 0.25, 8
 """Inches of a label and of a title, and font size of labels."""
-_SIDE = 0.45
+_SIDE = 0.36
 """Inches beside a disc, for labels of x."""
-_MARGIN, _PADDING = 0.05, 0.2
+_MARGIN, _PADDING = 0.15, 0.1
 """Inches beside all dials, and at both sides of each."""
 _BETWEEN = 12
 """Degrees beside a label of y in which its bars may cover it."""
@@ -55,11 +55,11 @@ def _draw_dial(page: Page, plot: Plot, box: tuple[float, float, float, float]) -
     """
     left, bottom, width, height = box
     font = 8 if page.inches[0] <= NARROW else 9
-    names = [phrase.whole(UNICODE).replace("-", "−") for phrase in plot.title[1:]]
-    texts = "   ".join(names)
     name = plot.title[0].text if plot.title else ""
-    longest = LETTER * max(len(texts) * font, len(name) * (font + 1) * BOLD)
-    head = 0.0 if width / 2 > longest + 0.4 else _HEAD
+    wide = LETTER * len(name) * (font + 1) * BOLD
+    room = (width - 3 * _PADDING - wide) / (LETTER * font)
+    texts = "   ".join(phrase.whole(UNICODE, room).replace("-", "−") for phrase in plot.title[1:])
+    head = 0.0 if width / 2 > max(wide, LETTER * font * len(texts)) + 0.4 else _HEAD
     across = max(0.2, min(width - 2 * _SIDE, height - head - 3 * _LINE))
     bottom += (height - head - across) / 2
     axes = _disc(page, plot, (left + (width - across) / 2, bottom, across))

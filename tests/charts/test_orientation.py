@@ -8,9 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from s2rtui.analysis.circular import EXACTLY_UP_TO
 from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.marks import wrap_degrees
-from s2rtui.charts.orientation import BINS, EXACTLY_UP_TO, orientation_model
+from s2rtui.charts.orientation import BINS, orientation_model
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.drawing.cells import draw_cells
 from s2rtui.drawing.plot import Bars
