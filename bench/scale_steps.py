@@ -9,7 +9,7 @@ from bench.index_store import ROOMS
 from s2rtui.canvas.marks import BrushShape
 from s2rtui.charts.compare.model import compare_model
 from s2rtui.charts.map.terminal import map_layout
-from s2rtui.charts.orientation.model import orientation_model
+from s2rtui.charts.orientation import orientation_model
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.base_map_model import map_model
@@ -81,7 +81,7 @@ def _room(index: int) -> str:
 def numbers(scene: Scene) -> None:
     """The numbers that every view computes before it draws."""
     _overview(scene)
-    orientation_model(BY_NAME["orientation"].input(scene))
+    orientation_model(*BY_NAME["orientation"].input(scene))
     for name in ("rooms", "errors", "umap"):
         tab = BY_NAME[name]
         if not tab.missing(scene):

@@ -26,6 +26,7 @@ from s2rtui.drawing.page import (
 from s2rtui.drawing.plot import Phrase, Plot, Points
 from s2rtui.drawing.plot_paper import LEGEND_COLUMNS, draw_plot, draw_sign
 from s2rtui.drawing.points_paper import points_note
+from s2rtui.drawing.polar_paper import draw_dials
 from s2rtui.drawing.table import TableSpec
 from s2rtui.drawing.table_paper import (
     LINE,
@@ -174,7 +175,9 @@ def _draw_plots(page: Page, drawing: Drawing, below: float, bar: ColourBar | Non
         left = wide - side + 0.25
         draw_colour_bar(page, left, page.top - high - 0.5, high, bar.scale, label, value_colours,
                         bar.clipped)  # fmt: skip
-    if _is_beside(page, drawing):
+    if plots[0].turns:
+        draw_dials(page, plots, below, _is_beside(page, drawing))
+    elif _is_beside(page, drawing):
         _draw_beside(page, plots, below, side)
     else:
         _draw_stacked(page, plots, below, side)
@@ -195,7 +198,7 @@ def _without_lightest(page: Page, drawing: Drawing) -> Drawing:
 
 
 def _is_beside(page: Page, drawing: Drawing) -> bool:
-    return drawing.beside and page.inches[0] > NARROW
+    return drawing.beside and page.top <= page.inches[0]
 
 
 def _least_inches(page: Page, drawing: Drawing) -> float:

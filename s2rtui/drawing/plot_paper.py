@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -70,6 +71,17 @@ def draw_plot(
 
 def plot_pixels(plot: Plot, theme: Theme, size: tuple[int, int]) -> Pixels:
     """The marks of a plot, without axes and texts beside them, in `size` (height, width) pixels."""
+
+    def draw(page: Page) -> None:
+        axes = page.axes(0.0, 0.0, *page.inches)
+        axes.set_axis_off()
+        _draw_marks(axes, page, plot, page.inches)
+
+    return drawn_pixels(theme, size, draw)
+
+
+def drawn_pixels(theme: Theme, size: tuple[int, int], draw: Callable[[Page], None]) -> Pixels:
+    """What `draw` draws on a page without heading, in `size` (height, width) pixels."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -78,10 +90,7 @@ def plot_pixels(plot: Plot, theme: Theme, size: tuple[int, int]) -> Pixels:
     inks = Inks(theme)
     figure = Figure(figsize=inches, dpi=_SCREEN_DPI, facecolor=inks.background)
     canvas = FigureCanvasAgg(figure)
-    page = Page(figure, width, height, theme, inks)
-    axes = page.axes(0.0, 0.0, *inches)
-    axes.set_axis_off()
-    _draw_marks(axes, page, plot, inches)
+    draw(Page(figure, width, height, theme, inks))
     canvas.draw()
     return np.array(np.asarray(canvas.buffer_rgba())[:height, :width, :3])
 

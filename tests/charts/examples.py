@@ -16,7 +16,7 @@ from s2rtui.charts.compare.model import CompareInput
 from s2rtui.charts.errors import errors_model, errors_plots
 from s2rtui.charts.findings import findings_drawing
 from s2rtui.charts.history import history_model, history_plots
-from s2rtui.charts.orientation.model import OrientationInput
+from s2rtui.charts.orientation import BINS, Name, orientation_model, orientation_plots
 from s2rtui.charts.overview.view import overview_table
 from s2rtui.charts.rooms import counts_table, groups_table, ordered, room_counts
 from s2rtui.charts.scatter.view import scatter_drawing
@@ -195,23 +195,26 @@ def umap_drawing(
     return Drawing(plots, notes=((bar,),), brush=brush, beside=True)
 
 
-def orientation_input(**changes: Any) -> OrientationInput:
+def headings() -> tuple[Any, Any, Any]:
     """All headings; sim is close to the truth, real far from it; instance 4 has no real heading."""
     random = np.random.default_rng(12)
     truth = np.linspace(-np.pi, np.pi, N, endpoint=False)
     real = truth + random.normal(0, 0.8, N)
     real[4] = np.nan
-    return replace(
-        OrientationInput(
-            sim=truth + random.normal(0, 0.1, N),
-            truth=truth,
-            real=real,
-            selected=np.arange(N) < 20,
-            valid=np.arange(N) != 3,
-            cursor=50,
-        ),
-        **changes,
-    )
+    return truth + random.normal(0, 0.1, N), truth, real
+
+
+def orientation_drawing(
+    sides: tuple[Any, Any, Any] | None = None, cursor: dict[Name, float] | None = None,
+    brush: BrushShape | None = None, selected: Any = None, valid: Any = None, y_down: bool = True,
+    bins: int = BINS,
+) -> Drawing:  # fmt: skip
+    """Dials of headings, by default those of `headings`, of which 20 of 59 are selected."""
+    model = orientation_model(
+        headings() if sides is None else sides, np.arange(N) < 20 if selected is None else selected,
+        np.arange(N) != 3 if valid is None else valid, bins,
+    )  # fmt: skip
+    return Drawing(orientation_plots(model, cursor or {}, y_down), brush=brush, beside=True)
 
 
 ROOM_NAMES = ("hall", "größer", "a very long name of a room", "kitchen", "5")

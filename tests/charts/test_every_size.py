@@ -12,7 +12,6 @@ from s2rtui.canvas import LIGHT, Canvas, ColourMode, RenderOptions
 from s2rtui.canvas.marks import BrushShape
 from s2rtui.charts.compare.terminal import draw_compare
 from s2rtui.charts.map.terminal import draw_map
-from s2rtui.charts.orientation.terminal import draw_orientation
 from s2rtui.charts.shared.image_pair_terminal import draw_instance
 from s2rtui.charts.suggestions import suggestions_drawing
 from s2rtui.drawing.cells import draw_cells
@@ -27,7 +26,7 @@ from tests.charts.examples import (
     instance_input,
     list_drawing,
     map_input,
-    orientation_input,
+    orientation_drawing,
     overview_drawing,
     overview_lines,
     scatter_of,
@@ -72,7 +71,10 @@ VIEWS: dict[str, Draw] = {
         umap_drawing(brush=BrushShape("real", ((-9.0, -9.0), (3.0, 3.0), (4.0, 9.0)), lasso=True)),
     ),
     "marked orientation": drawing(
-        draw_orientation, orientation_input(mark=BrushShape("sim", ((170.0, 1.0), (-120.0, 9.0))))
+        draw_cells,
+        orientation_drawing(
+            cursor={"sim": 30.0}, brush=BrushShape("sim", ((170.0, 1.0), (-120.0, 9.0)))
+        ),
     ),
     "marked scatter": drawing(
         draw_cells,

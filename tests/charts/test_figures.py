@@ -13,7 +13,6 @@ from s2rtui.canvas import DARK, LIGHT, Theme
 from s2rtui.charts.compare.paper import compare_figure
 from s2rtui.charts.instance.paper import instance_figure
 from s2rtui.charts.map.paper import map_figure
-from s2rtui.charts.orientation.paper import orientation_figure
 from s2rtui.charts.suggestions import paper_drawing
 from s2rtui.drawing.page import colour_bar_ticks
 from s2rtui.drawing.paper import draw_paper
@@ -25,7 +24,7 @@ from tests.charts.examples import (
     groups_drawing,
     instance_input,
     map_input,
-    orientation_input,
+    orientation_drawing,
     overview_drawing,
     overview_lines,
     scatter_of,
@@ -52,7 +51,7 @@ FIGURES: dict[str, Draw] = {
     ),
     "instance": drawing(instance_figure, instance_input(), "vanilla"),
     "umap": drawing(draw_paper, umap_drawing()),
-    "orientation": drawing(orientation_figure, orientation_input()),
+    "orientation": drawing(draw_paper, orientation_drawing(cursor={"sim": 30.0})),
     "rooms": drawing(draw_paper, counts_drawing()),
     "scatter": drawing(draw_paper, scatter_of(cursor=5)),
     "groups": drawing(draw_paper, groups_drawing(), "vanilla"),
@@ -84,7 +83,7 @@ def test_empty_selections_and_missing_values_can_be_drawn():
         instance_figure(bare, size),
         draw_paper(umap_drawing(selected=nobody), size, LIGHT),
         draw_paper(umap_drawing({"sim": no_points, "real": no_points}, 1), size, LIGHT),
-        orientation_figure(orientation_input(selected=nobody, valid=nobody), size),
+        draw_paper(orientation_drawing(selected=nobody, valid=nobody), size, LIGHT),
         draw_paper(errors_drawing(selected=nobody, valid=nobody), size, LIGHT),
     ):
         assert decode(figure).size == size
