@@ -198,7 +198,8 @@ class DrawingView(View):
     def _sized(self, scene: Scene, size: Size, options: RenderOptions) -> Drawing:
         """The drawing for cells, where the labels of y take some of the columns of its plots."""
         if reasons := self.missing(scene):
-            return Drawing(notes=reasons)
+            waits = (f"{scene.loaded.computing}; the view fills in by itself",)
+            return Drawing(notes=(*reasons, *(waits if scene.loaded.computing else ())))
         drawing = self.drawing(scene, size[0])
         places = drawing_layout(drawing, size, options).plots
         width = places[0].width if places else size[0]

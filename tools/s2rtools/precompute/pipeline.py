@@ -32,12 +32,14 @@ from s2rtools.precompute.publish_results import publish_run
 from s2rtools.precompute.restart import discard_incomplete
 from s2rtools.precompute.run_backends import RunBackends
 from s2rtools.precompute.run_stages import (
+    PROJECTION,
     ROUNDS,
     Round,
     RunStages,
     imported_run_stages,
     model_run_stages,
 )
+from s2rtools.precompute.shared_progress import SharedProgress
 from s2rtools.precompute.tasks.map_grids import merge_grids
 from s2rtools.precompute.unit_computer import Computation
 from s2rtools.precompute.unit_plan import UnitPlan
@@ -89,6 +91,7 @@ def precompute(
         locks.compute_lock(root, report_line=reporter.say) as lease,
         CurrentStore(root) as current,
         WorkerPool(reporter.say) as pool,
+        SharedProgress(root, reporter) as progress,
     ):
         store = current.get()
         store.require_poses("precompute")
@@ -96,10 +99,12 @@ def precompute(
         if not names:
             raise RequestError(f"{root}: {store.no_run}")
         untrusted = [name for name in names if not options.trust and _needs_trust(store, name)]
-        call = _Call(current, options, reporter, lease, pool)
+        call = _Call(current, options, progress, lease, pool)
         computed = [_Run(call, name) for name in names if name not in untrusted]
         for number in range(len(ROUNDS)):
-            for run in computed:
+            for place, run in enumerate(computed, 1):
+                count = len(current.get().instances)
+                progress.expect(number, count, len(computed) - place, len(computed))
                 run.compute(number)
         if untrusted:
             raise RequestError(
@@ -157,7 +162,7 @@ class _Run:
         self._compute_round(stages.rounds[number])
         if self._parts != call.current.get().parts:
             return self.compute(number)
-        if number or not self._was_computed:
+        if number >= PROJECTION or not self._was_computed:
             self._publish(stages, number)
         if number == len(ROUNDS) - 1:
             root = call.current.root

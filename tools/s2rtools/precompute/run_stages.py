@@ -35,8 +35,10 @@ from s2rtools.precompute.tasks.umap_projection import projection_stage
 from s2rtools.precompute.usable_kinds import domains_without_depth
 from s2rtools.precompute.work_units import ArraySpec, Stage
 
-ROUNDS = ("predictions", *COSTS)
-"""What is computed and published one after the other: predictions, then heatmaps by their cost."""
+ROUNDS = ("predictions", COSTS[0], "projection", *COSTS[1:])
+"""What is computed and published one after the other; heatmaps by their cost."""
+PROJECTION = ROUNDS.index("projection")
+"""The round of projections and outliers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,13 +245,13 @@ def _run_stages(
 
 
 def _round(spec: ArraySpec) -> int:
-    """The place in `ROUNDS` of an array; projections and outliers come with the first heatmaps."""
+    """The place in `ROUNDS` of an array."""
     kind = spec.kind.removeprefix("map:")
     if kind in HEATMAP_KINDS:
         return ROUNDS.index(HEATMAP_KINDS[kind].cost)
     if kind == gap_shares.KIND:
         return ROUNDS.index(HEATMAP_KINDS[harm.Harm.name].cost)
-    return int(kind in ("pca", "umap", outliers.KIND))
+    return PROJECTION if kind in ("pca", "umap", outliers.KIND) else 0
 
 
 def _with_specs(stages: Sequence[Stage], is_wanted: Callable[[ArraySpec], bool]) -> list[Stage]:
