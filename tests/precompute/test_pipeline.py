@@ -195,19 +195,17 @@ class _RoundsReporter(SilentReporter):
 
 def test_predictions_of_all_runs_are_published_before_any_heatmap(trained_store, tmp_path):
     path = copy_store(trained_store, tmp_path / "s.s2r")
+    dim = {"sim": [], "real": [{"name": "brightness", "value": 0.8}]}
+    add_run(path, "dim", "vanilla", None, None, dim)
     reporter = _RoundsReporter(path)
     precompute(path, reporter, [], PrecomputeOptions(("feature_distance", "occlusion")))
-    published = [
-        (stage.split(": ")[1], [sorted(kinds) for kinds in by_run.values()])
-        for stage, by_run in reporter.seen
-    ]
-    predicted, runs = ["embedding", "prediction"], len(published[0][1])
-    second = next(kinds for stage, kinds in published[runs:])
-    assert runs > 1
-    assert second == [predicted] * runs
-    first_occlusion = next(kinds for stage, kinds in published if "umap" in kinds[-1])
-    for kinds in first_occlusion:
-        assert {"feature_distance", "map:feature_distance", "umap"} <= {*kinds}
+    stages = [stage for stage, _ in reporter.seen]
+    heatmaps = next(kinds for stage, kinds in reporter.seen if stage == "vanilla: maps")
+    occlusion = next(kinds for _, kinds in reporter.seen if "umap" in kinds["dim"])
+    assert stages[:2] == ["vanilla: forward", "dim: forward"]
+    assert list(heatmaps.values()) == [{"prediction", "embedding"}] * 2
+    for kinds in occlusion.values():
+        assert {"feature_distance", "map:feature_distance", "umap"} <= kinds
         assert "occlusion" not in kinds
     assert compute_progress.read(LocalFiles(path)) is None
 
