@@ -155,7 +155,8 @@ class LoadedData:
     has seen, (rows, cols) each; `live` is the instance that is being adjusted. `groups` and
     `findings` belong to the rooms and the findings view. `models` are the numbers of statistical
     views by name; None: they are computed when they are drawn. `progress` (0 .. 1) and `failed`
-    (messages) are by the name of the loader.
+    (messages) are by the name of the loader. `saving` is the progress of the run that is being
+    saved, `computing` that of a process which computes in the store.
     """
 
     rows: tuple[OverviewRow, ...] = ()
@@ -179,6 +180,7 @@ class LoadedData:
     progress: Mapping[str, float] = field(default_factory=dict)
     failed: Mapping[str, str] = field(default_factory=dict)
     saving: str = ""
+    computing: str = ""
 
     def accuracies(self, state: State) -> RunAccuracies | None:
         """The accuracies of every run; None if instances were added since they were loaded."""
@@ -230,9 +232,10 @@ class LoadedData:
         return replace(loaded, failed={**loaded.failed, loader: error}) if error else loaded
 
     def with_progress(self, message: str) -> str:
-        """A message followed by the progress of every loader."""
+        """A message followed by the progress of every loader and of the computing process."""
         shares = ", ".join(f"{loader} {share:.0%}" for loader, share in self.progress.items())
-        return f"{message}  {shares}".strip()
+        computing = "" if self.saving else self.computing  # a saved run has its own progress
+        return "  ".join(part for part in (message, shares, computing) if part)
 
 
 @cached_by_identity(8)

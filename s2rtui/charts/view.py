@@ -198,7 +198,8 @@ class DrawingView(View):
     def _sized(self, scene: Scene, size: Size, options: RenderOptions) -> Drawing:
         """The drawing for cells, whose layout says how many columns the plots have."""
         if reasons := self.missing(scene):
-            return Drawing(notes=reasons)
+            waits = (f"{scene.loaded.computing}; the view fills in by itself",)
+            return Drawing(notes=(*reasons, *(waits if scene.loaded.computing else ())))
         drawing = self.drawing(scene, self.paper_columns)
         places = drawing_layout(drawing, size, options).plots
         if not places or places[0].plot.turns or places[0].width == self.paper_columns:
@@ -301,7 +302,9 @@ class StatisticsView(DrawingView):
         return "figures of the selection" if is_older else ""
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        return identity_key(self.input(scene)), scene.loaded.failed.get(self.name)
+        model, loaded = self.input(scene), scene.loaded
+        waits = loaded.computing if isinstance(model, str) else ""
+        return identity_key(model), loaded.failed.get(self.name), waits
 
 
 @dataclass(frozen=True, slots=True)
