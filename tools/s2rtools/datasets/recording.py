@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rtools.datasets.scan import InputIssue
+from s2rtools.common.input_issue import InputIssue
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
+from s2rtools.common.bag_messages import ODOMETRY, BagMessages, pose_of, stamp_of
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.bags.frame_tree import FrameTree, PoseLog, plain
-from s2rtools.datasets.bags.messages import BagMessages, stamp_of
-from s2rtools.datasets.bags.topics import ODOMETRY, TF, Topics, is_static
+from s2rtools.datasets.bags.topics import TF, Topics, is_static
 from s2rtools.datasets.recording import ReadOptions
 from s2rtools.datasets.recordings.recorded_poses import FORWARD_TO_OPTICAL, poses_at
-from s2rtools.datasets.scan import InputIssue
 
 OPTICAL, FORWARD = "optical", "forward"
 """Values of the option `axes`."""
@@ -48,7 +48,7 @@ class CameraPoses:
         if topic != self._topics.pose:
             self._tree.add(message, is_static(topic))
             return
-        pose = getattr(message.pose, "pose", message.pose)
+        pose = pose_of(message)
         self._log.add(stamp_of(message) or recorded, pose.position, pose.orientation)
         self._worlds.add(plain(message.header.frame_id))
         if self._bag.types[topic] == ODOMETRY:

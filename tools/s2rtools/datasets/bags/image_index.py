@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError, counted
 from s2rtools.common.bag_files import refusing_damage
+from s2rtools.common.bag_messages import BagMessages, stamp_of
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.bags import image_messages
 from s2rtools.datasets.bags.frame_tree import plain
-from s2rtools.datasets.bags.messages import BagMessages, stamp_of
 from s2rtools.datasets.recording import SourceImage
-from s2rtools.datasets.scan import InputIssue
 
 
 class ImageIndex:

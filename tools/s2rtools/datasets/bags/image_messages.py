@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from s2rstore.files.image_header import read_header
 from s2rtools.common.image_files import MAX_PIXELS
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.files.image_decoding import decode_image, size_text
 from s2rtools.datasets.recording import SourceImage
-from s2rtools.datasets.scan import InputIssue
 from s2rtools.translation.image_codec import (
     ENCODINGS,
     RawLayout,

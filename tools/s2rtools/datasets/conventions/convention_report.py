@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from s2rstore.files import atomic_writes, layout
 from s2rstore.geometry import angles
 from s2rstore.records import Bounds
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.conventions.convention_check import (
     DECLARED,
     MAX_FRAMES,
@@ -28,7 +29,7 @@ from s2rtools.datasets.conventions.depth_frames import (
     read_depth,
     stored_rows,
 )
-from s2rtools.datasets.scan import InputIssue, Scan
+from s2rtools.datasets.scan import Scan
 from s2rtools.datasets.stored_instances import StoredRecords
 
 Floats = NDArray[np.float64]

@@ -17,7 +17,8 @@ from s2rstore.files.input_files import open_regular, read_bytes
 from s2rstore.records import Domain
 from s2rtools.common import image_files
 from s2rtools.common.frame_resizing import resized_depth, resized_rgb
-from s2rtools.datasets.scan import DecodedFrame, InputIssue, Scan, SourceImages
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.datasets.scan import DecodedFrame, Scan, SourceImages
 from s2rtools.datasets.writing.source_arrays import is_storable
 
 _MAX_DEPTH_COLOUR_SPREAD = 8

@@ -17,9 +17,9 @@ from scipy.spatial.transform import Rotation
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.floor import ground_plane
 from s2rtools.datasets.recording import Recording
-from s2rtools.datasets.scan import InputIssue
 
 Floats = NDArray[np.float64]
 

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rtools.common.bag_files import refusing_damage
+from s2rtools.common.bag_messages import BagMessages, stamp_of
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.common.lazy_sequence import LazySequence
 from s2rtools.datasets.bags.camera_poses import FORWARD, MAX_GAP, OPTICAL, CameraPoses
 from s2rtools.datasets.bags.image_index import ImageIndex
-from s2rtools.datasets.bags.messages import BagMessages, stamp_of
 from s2rtools.datasets.bags.topics import camera_of, choose_topics
-from s2rtools.datasets.files.numeric_rows import report_unusable
-from s2rtools.datasets.lazy_sequence import LazySequence
 from s2rtools.datasets.recording import (
     Layout,
     PinholeCamera,
@@ -42,9 +42,10 @@ from s2rtools.datasets.recordings.recorded_folders import (
 from s2rtools.datasets.recordings.recorded_poses import (
     mutual_nearest,
     orthonormal,
+    report_unusable,
 )
 from s2rtools.datasets.recordings.stated_cameras import CAMERA_OPTION, camera_option
-from s2rtools.datasets.scan import InputIssue, choose_trajectories
+from s2rtools.datasets.scan import choose_trajectories
 
 _SUFFIXES = (".bag", ".mcap", ".db3")
 _LEVEL_WORLDS = ("map", "odom", "world")

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rtools.datasets.files.numeric_rows import report_unusable
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recording import Layout, ReadOptions, RecordedTrajectory, Recording
 from s2rtools.datasets.recordings.colmap_model import ModelImage, holds_model, read_model
@@ -26,8 +26,12 @@ from s2rtools.datasets.recordings.recorded_folders import (
     require_frames,
     trajectory_name,
 )
-from s2rtools.datasets.recordings.recorded_poses import orthonormal, poses_from_quaternions
-from s2rtools.datasets.scan import InputIssue, choose_trajectories
+from s2rtools.datasets.recordings.recorded_poses import (
+    orthonormal,
+    poses_from_quaternions,
+    report_unusable,
+)
+from s2rtools.datasets.scan import choose_trajectories
 
 _MODEL_FOLDERS = (".", "sparse", "colmap/sparse")
 _LEVELS = 4

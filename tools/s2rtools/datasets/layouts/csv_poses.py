@@ -42,6 +42,8 @@ from scipy.spatial.transform import Rotation
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import read_document
 from s2rtools.common.documents import convert
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.common.tables.csv_rows import missing_column, parse_float, read_rows
 from s2rtools.datasets.dataset_config import (
     CameraTable,
     Coordinate,
@@ -49,8 +51,6 @@ from s2rtools.datasets.dataset_config import (
     IntrinsicsCamera,
     Positive,
 )
-from s2rtools.datasets.files.csv_rows import missing_column, parse_float, read_rows
-from s2rtools.datasets.files.numeric_rows import report_unusable
 from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recording import (
     Layout,
@@ -65,9 +65,10 @@ from s2rtools.datasets.recordings.recorded_poses import (
     FORWARD_TO_OPTICAL,
     orthonormal,
     poses_from_quaternions,
+    report_unusable,
 )
 from s2rtools.datasets.recordings.stated_cameras import checked
-from s2rtools.datasets.scan import InputIssue, choose_trajectories
+from s2rtools.datasets.scan import choose_trajectories
 
 _POSITION = ("x", "y", "z")
 _QUATERNION = ("qx", "qy", "qz", "qw")

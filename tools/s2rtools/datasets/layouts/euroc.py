@@ -26,13 +26,9 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rtools.common.documents import convert
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.common.tables.numeric_rows import in_time_order, read_numbers, read_stamped_names
 from s2rtools.common.yaml_files import read_yaml
-from s2rtools.datasets.files.numeric_rows import (
-    in_time_order,
-    read_numbers,
-    read_stamped_names,
-    report_unusable,
-)
 from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recording import (
     Layout,
@@ -53,10 +49,11 @@ from s2rtools.datasets.recordings.recorded_poses import (
     orthonormal,
     poses_at,
     poses_from_quaternions,
+    report_unusable,
     usable_poses,
 )
 from s2rtools.datasets.recordings.stated_cameras import checked, opencv_camera
-from s2rtools.datasets.scan import InputIssue, choose_trajectories
+from s2rtools.datasets.scan import choose_trajectories
 
 MAX_GAP = 0.1
 """Seconds between two poses that are interpolated."""
@@ -112,16 +109,16 @@ def read(path: Path, options: ReadOptions) -> Recording:
     listed = f"mav0/{camera}/data.csv"
     images = read_stamped_names(containment.resolve(listed, str(folder)), listed, issues, ",")
     order = in_time_order(images, issues)
-    times = images.times / _NANOSECONDS
+    times = images.values[:, 0] / _NANOSECONDS
     poses = poses_at(times[order], known_times, body_poses, MAX_GAP, max_hold=0)
     posed = np.isfinite(poses).all(axis=(1, 2))
-    names = [f"mav0/{camera}/data/{images.file_name(row)}" for row in order[~posed].tolist()]
+    names = [f"mav0/{camera}/data/{images.text(row)}" for row in order[~posed].tolist()]
     report_none_near("no pose", names, times[order[~posed]], known_times, MAX_GAP, issues, _RULE)
 
     files, kept = FrameFiles(folder), []
     for number in np.flatnonzero(posed).tolist():
         row = int(order[number])
-        name = f"mav0/{camera}/data/{images.file_name(row)}"
+        name = f"mav0/{camera}/data/{images.text(row)}"
         if find_file(containment, name, f"{folder / images.place(row)}", issues):
             files.append(name)
             kept.append(number)

@@ -23,9 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rtools.datasets.files.numeric_rows import NumericRows, read_numbers, report_unusable
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.common.tables.numeric_rows import NumericRows, read_numbers
+from s2rtools.common.tables.text_lines import read_lines
 from s2rtools.datasets.files.path_containment import PathContainment
-from s2rtools.datasets.files.text_lines import read_lines
 from s2rtools.datasets.recording import (
     Layout,
     PinholeCamera,
@@ -44,9 +45,9 @@ from s2rtools.datasets.recordings.recorded_folders import (
     folder_name,
     require_frames,
 )
-from s2rtools.datasets.recordings.recorded_poses import orthonormal
+from s2rtools.datasets.recordings.recorded_poses import orthonormal, report_unusable
 from s2rtools.datasets.recordings.stated_cameras import checked, opencv_camera
-from s2rtools.datasets.scan import InputIssue, choose_trajectories
+from s2rtools.datasets.scan import choose_trajectories
 
 _SEQUENCE = re.compile(r"[0-9]{2,4}")
 _IMAGE = re.compile(r"([0-9]+)\.(?:png|jpg)", re.IGNORECASE)

@@ -16,9 +16,9 @@ from scipy.spatial.transform import Rotation
 
 from s2rstore.errors import RequestError
 from s2rstore.index.parquet_table import read_columns, read_vectors
-from s2rtools.datasets.files.numeric_rows import report_unusable
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.common.lazy_sequence import LazySequence
 from s2rtools.datasets.files.path_containment import PathContainment
-from s2rtools.datasets.lazy_sequence import LazySequence
 from s2rtools.datasets.recording import (
     Layout,
     ReadOptions,
@@ -46,9 +46,10 @@ from s2rtools.datasets.recordings.recorded_poses import (
     FORWARD_TO_OPTICAL,
     orthonormal,
     poses_from_quaternions,
+    report_unusable,
 )
 from s2rtools.datasets.recordings.stated_cameras import CAMERA_OPTION, camera_option
-from s2rtools.datasets.scan import InputIssue, choose_trajectories
+from s2rtools.datasets.scan import choose_trajectories
 
 _STATE = "observation.state"
 _NUMBERS = ("episode_index", "frame_index", "timestamp")

@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import decode_json, read_bytes
 from s2rtools.common.image_files import SUFFIXES
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.files.image_decoding import declared_size
-from s2rtools.datasets.files.numeric_rows import report_unusable
 from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recording import (
     Layout,
@@ -45,9 +45,9 @@ from s2rtools.datasets.recordings.recorded_folders import (
     require_frames,
     trajectory_name,
 )
-from s2rtools.datasets.recordings.recorded_poses import orthonormal
+from s2rtools.datasets.recordings.recorded_poses import orthonormal, report_unusable
 from s2rtools.datasets.recordings.stated_cameras import checked
-from s2rtools.datasets.scan import InputIssue, choose_trajectories
+from s2rtools.datasets.scan import choose_trajectories
 
 _MAX_BYTES = 256 << 20
 """Bytes of a file; a frame has about 700."""

@@ -21,7 +21,8 @@ from pathlib import Path
 import numpy as np
 
 from s2rstore.errors import RequestError
-from s2rtools.datasets.files.numeric_rows import read_matrix
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.common.tables.numeric_rows import read_matrix
 from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recording import Layout, PinholeCamera, ReadOptions, Recording
 from s2rtools.datasets.recordings.pose_files import NumberedFrames, read_frames
@@ -33,7 +34,7 @@ from s2rtools.datasets.recordings.recorded_folders import (
     trajectory_name,
 )
 from s2rtools.datasets.recordings.stated_cameras import checked, opencv_camera
-from s2rtools.datasets.scan import InputIssue, choose_trajectories
+from s2rtools.datasets.scan import choose_trajectories
 
 _RGB = re.compile(r"([0-9]+)\.(?:jpg|jpeg|png)", re.IGNORECASE)
 _DEPTH = re.compile(r"([0-9]+)\.png", re.IGNORECASE)

@@ -20,8 +20,9 @@ import re
 from pathlib import Path
 
 from s2rstore.errors import RequestError
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.common.tables.text_lines import read_lines
 from s2rtools.datasets.files.path_containment import PathContainment
-from s2rtools.datasets.files.text_lines import read_lines
 from s2rtools.datasets.recording import (
     Layout,
     PinholeCamera,
@@ -38,7 +39,7 @@ from s2rtools.datasets.recordings.recorded_folders import (
     trajectory_name,
 )
 from s2rtools.datasets.recordings.stated_cameras import CAMERA_OPTION, camera_option, fit_to_images
-from s2rtools.datasets.scan import InputIssue, choose_trajectories
+from s2rtools.datasets.scan import choose_trajectories
 
 RAW_MAX = 65534
 _COLOUR = PinholeCamera(640, 480, 525.0, 525.0, 320.0, 240.0)

@@ -22,13 +22,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.datasets.files.numeric_rows import (
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.common.tables.numeric_rows import (
     NumericRows,
-    StampedNames,
     in_time_order,
     read_numbers,
     read_stamped_names,
-    report_unusable,
 )
 from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recording import (
@@ -51,6 +50,7 @@ from s2rtools.datasets.recordings.recorded_poses import (
     orthonormal,
     poses_from_quaternions,
     poses_near,
+    report_unusable,
 )
 from s2rtools.datasets.recordings.stated_cameras import (
     CAMERA_OPTION,
@@ -58,7 +58,7 @@ from s2rtools.datasets.recordings.stated_cameras import (
     fit_to_images,
     opencv_camera,
 )
-from s2rtools.datasets.scan import InputIssue, choose_trajectories
+from s2rtools.datasets.scan import choose_trajectories
 
 UNITS_PER_METRE = 5000
 TOLERANCE = 0.02
@@ -84,15 +84,15 @@ _ROS_DEFAULT = opencv_camera(_SIZE, (525.0, 525.0, 319.5, 239.5))
 class _Images:
     """The images of a list that exist, by time."""
 
-    rows: StampedNames
+    rows: NumericRows
     order: NDArray[np.intp]
 
     @property
     def times(self) -> NDArray[np.float64]:
-        return np.asarray(self.rows.times[self.order])
+        return np.asarray(self.rows.values[self.order, 0])
 
     def name(self, number: int) -> str:
-        return self.rows.file_name(int(self.order[number]))
+        return self.rows.text(int(self.order[number]))
 
 
 def read(path: Path, options: ReadOptions) -> Recording:
@@ -146,7 +146,7 @@ def _images(
     rows = read_stamped_names(folder / name, name, issues)
     order = in_time_order(rows, issues)
     found = [
-        find_file(containment, rows.file_name(row), f"{folder / rows.place(row)}", issues)
+        find_file(containment, rows.text(row), f"{folder / rows.place(row)}", issues)
         for row in order.tolist()
     ]
     return _Images(rows, order[np.asarray(found, dtype=bool)])

@@ -15,11 +15,11 @@ import numpy as np
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
 from s2rstore.records import SIDES, Side
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.floor.floor_poses import FloorPoses
 from s2rtools.datasets.pairing import pair_matching
 from s2rtools.datasets.pairing.pair_matching import Floats, PoseTolerance, ReportProgress, Rows
 from s2rtools.datasets.recording import RecordedFrame, Recording
-from s2rtools.datasets.scan import InputIssue
 
 Match = Literal["pose", "time", "name"]
 MATCHES: tuple[Match, ...] = get_args(Match)

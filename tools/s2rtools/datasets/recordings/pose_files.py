@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rtools.datasets.files.numeric_rows import read_matrix, report_unusable
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.common.tables.numeric_rows import read_matrix
 from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recording import RecordedTrajectory
 from s2rtools.datasets.recordings.recorded_files import FrameFiles, NumberedFiles, find_file
-from s2rtools.datasets.recordings.recorded_poses import orthonormal
-from s2rtools.datasets.scan import InputIssue
+from s2rtools.datasets.recordings.recorded_poses import orthonormal, report_unusable
 
 
 @dataclass(frozen=True, slots=True)

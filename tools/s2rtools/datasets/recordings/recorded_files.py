@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import read_bytes
 from s2rtools.common.image_files import MAX_PIXELS
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.common.lazy_sequence import LazySequence, RowFile
 from s2rtools.datasets.files.image_decoding import MAX_METADATA_BYTES, declared_size, decode_image
 from s2rtools.datasets.files.path_containment import PathContainment
-from s2rtools.datasets.lazy_sequence import LazySequence, RowFile
 from s2rtools.datasets.recording import RecordedFrame, SourceImage
-from s2rtools.datasets.scan import InputIssue
 
 _SAMPLES = 25
 _MOST_DIGITS = 18

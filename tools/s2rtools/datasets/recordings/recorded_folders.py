@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError, counted
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.recording import RecordedTrajectory
 from s2rtools.datasets.recordings.recorded_poses import nearest_times
-from s2rtools.datasets.scan import InputIssue
 
 _MAX_NAME = 80
 _PARTS = re.compile(r"([0-9]+)|([^0-9]+)")

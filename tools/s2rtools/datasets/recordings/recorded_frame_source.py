@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.records import Domain, Intrinsics
 from s2rtools.common.frame_resizing import resized_depth, resized_rgb
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.files.image_decoding import size_text
 from s2rtools.datasets.recording import PinholeCamera, RecordedFrame, RecordedImage, SourceImage
-from s2rtools.datasets.scan import DecodedFrame, InputIssue, Scan, SourceImages
+from s2rtools.datasets.scan import DecodedFrame, Scan, SourceImages
 from s2rtools.datasets.writing.source_arrays import is_storable
 
 MAX_SIDE = 16_384

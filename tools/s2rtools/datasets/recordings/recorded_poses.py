@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
+
+from s2rtools.common.input_issue import InputIssue
 
 MAX_NORM_ERROR = 1e-2
 """Deviation from 1 of a quaternion's norm that rounding in a text file explains."""
@@ -70,6 +73,28 @@ def pose_defect(pose: NDArray[np.float64]) -> str:
     distance = float(np.abs(pose[:3, 3]).max())
     limit = f"at most {MAX_COORDINATE:,.0f} m are read; subtract an offset"
     return f"{distance:,.0f} m from the origin; {limit}"
+
+
+def report_unusable(
+    poses: NDArray[np.float64],
+    place: Callable[[int], str],
+    issues: list[InputIssue],
+    quaternions: NDArray[np.float64] | None = None,
+) -> NDArray[np.bool_]:
+    """(N,): which of the poses (N, 4, 4) are usable; the others are reported at `place(row)`.
+
+    The report states the norm where `quaternions` (N, 4), from which they were made, have another
+    one than 1.
+    """
+    usable = usable_poses(poses)
+    for row in np.flatnonzero(~usable).tolist():
+        defect = pose_defect(poses[row])
+        if quaternions is not None:
+            norm = math.hypot(*quaternions[row].tolist())
+            if math.isfinite(norm) and not np.isfinite(poses[row, :3, :3]).all():
+                defect = f"the norm of its quaternion is {norm:.4g}, expected 1"
+        issues.append(InputIssue("bad pose", place(row), defect))
+    return usable
 
 
 def orthonormal(poses: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rtools.common.image_files import MAX_PIXELS
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.recording import PinholeCamera, ReadOptions
-from s2rtools.datasets.scan import InputIssue
 
 CAMERA_OPTION = (
     "intrinsics fx,fy,cx,cy[,width,height] in pixels, with the centre of the first pixel at 0 as "

@@ -17,9 +17,10 @@ from functools import partial
 from pathlib import Path
 
 from s2rstore.files import atomic_writes
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.common.processors import available_processors
 from s2rtools.common.read_ahead import map_ahead
-from s2rtools.datasets.scan import DecodedFrame, InputIssue, InstanceRecord, Scan
+from s2rtools.datasets.scan import DecodedFrame, InstanceRecord, Scan
 from s2rtools.datasets.stored_instances import StoredTrajectory
 from s2rtools.datasets.writing import source_arrays
 from s2rtools.datasets.writing.frame_group import DepthTypes, FrameGroup, Frames, Sources
