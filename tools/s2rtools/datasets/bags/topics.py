@@ -10,7 +10,6 @@ from s2rstore.errors import RequestError
 from s2rtools.common.bag_messages import POSES, BagMessages
 from s2rtools.datasets.bags.image_messages import COMPRESSED, IMAGE, declared
 from s2rtools.datasets.recording import PinholeCamera, ReadOptions
-from s2rtools.datasets.recordings.stated_cameras import checked
 
 INFO = "sensor_msgs/msg/CameraInfo"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
@@ -106,7 +105,7 @@ def camera_of(message: Any, where: str, is_rectified: bool) -> PinholeCamera:
         distortion,
         is_fisheye,
     )
-    return checked(camera, where)
+    return camera.checked(where)
 
 
 def _one(

@@ -73,7 +73,7 @@ def read(layout: str, path: Path | str, options: ReadOptions | None = None) -> R
     if unknown := [name for name in options.values if name not in known.options]:
         names = ", ".join(sorted(known.options)) or "none"
         raise RequestError(f"layout {layout}: no option {unknown[0]!r} (has: {names})")
-    return known.read(Path(path), options)
+    return known.read(Path(path), options).finish(options)
 
 
 def _added() -> dict[str, EntryPoint]:

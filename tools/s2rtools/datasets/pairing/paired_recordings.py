@@ -303,9 +303,9 @@ class _Cameras:
             for trajectory in recording.trajectories.values()
             for each in trajectory.frames
         )
-        self.rgb = CameraImages(recording.camera, f"{name}: camera")
+        self.rgb = CameraImages(recording.camera)
         own = recording.depth_camera or recording.camera
-        self.depth = CameraImages(own, f"{name}: depth camera") if has_depth else None
+        self.depth = CameraImages(own) if has_depth else None
         if has_depth and not math.isfinite(floor.camera_height):
             raise RequestError(
                 f"{name}: the height of the camera above the floor is not known; give "
