@@ -40,6 +40,7 @@ from s2rtools.datasets.conventions.depth_frames import (
 from s2rtools.datasets.floor.floor_plan_image import read_floor_plan
 from s2rtools.datasets.scan import Scan
 from s2rtools.datasets.stored_instances import StoredRecords
+from s2rtools.motion_logs import rigid_alignment
 
 Floats = NDArray[np.float64]
 Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]
@@ -167,27 +168,22 @@ def fit_similarity(pixels: Floats, metres: Floats, y_down: bool, where: str) -> 
     beginning with `where`, if the points coincide or do not fit: their distance in metres must be
     that in pixels times one scale, and their orientation that of `y_down`.
     """
-    p = pixels[:, 0] + 1j * pixels[:, 1] * (1 if y_down else -1)
-    q = metres[:, 0] + 1j * metres[:, 1]
-    away_p, away_q = p - p.mean(), q - q.mean()
-    extent = float(np.abs(away_q).max())
-    if np.abs(away_p).max() < 1.0 or extent < 0.01:
+    hand = 1.0 if y_down else -1.0
+    extent = float(np.hypot(*(metres - metres.mean(axis=0)).T).max())
+    if np.hypot(*(pixels - pixels.mean(axis=0)).T).max() < 1.0 or extent < 0.01:
         raise RequestError(f"{where}: the points coincide; give two that are far apart")
-    factor = np.vdot(away_p, away_q) / np.vdot(away_p, away_p).real
-    residual = float(np.abs(factor * away_p - away_q).max())
+    upright, known = (pixels[:, 0], hand * pixels[:, 1]), (metres[:, 0], metres[:, 1])
+    found = rigid_alignment.fit(upright, known, scale=True)
+    cos, sin = found.scale * math.cos(found.angle), found.scale * math.sin(found.angle)
+    matrix = np.array([[cos, -sin * hand, found.x], [sin, cos * hand, found.y]])
+    moved = pixels @ matrix[:, :2].T + matrix[:, 2]
+    residual = float(np.hypot(*(moved - metres).T).max())
     if residual > _MAX_RESIDUAL * extent:
         raise RequestError(
             f"{where}: the points miss their best fit by up to {residual:.2f} m; check them, and "
             "y_down"
         )
-    hand = 1.0 if y_down else -1.0
-    offset = q.mean() - factor * p.mean()
-    return np.array(
-        [
-            [factor.real, -factor.imag * hand, offset.real],
-            [factor.imag, factor.real * hand, offset.imag],
-        ]
-    )
+    return matrix
 
 
 def occupancy_grid(path: Path, resolve: Resolve) -> PlacedPlan:
