@@ -23,7 +23,12 @@ from s2rstore.files.input_files import read_bytes
 from s2rtools.common.image_files import MAX_PIXELS
 from s2rtools.common.input_issue import InputIssue
 from s2rtools.common.lazy_sequence import LazySequence, RowFile
-from s2rtools.datasets.files.image_decoding import MAX_METADATA_BYTES, declared_size, decode_image
+from s2rtools.datasets.files.image_decoding import (
+    MAX_METADATA_BYTES,
+    declared_size,
+    declared_type,
+    decode_image,
+)
 from s2rtools.datasets.recording import RecordedFrame, SourceImage
 
 _SAMPLES = 25
@@ -68,6 +73,10 @@ class RgbImageFile(_ImageFile):
 @dataclass(frozen=True, slots=True)
 class DepthImageFile(_ImageFile):
     """A depth image in a file, one channel of 8 or 16 bits; fields as in `_ImageFile`."""
+
+    @property
+    def declared_type(self) -> str | None:
+        return declared_type(self.path)
 
     def read(self) -> SourceImage | InputIssue:
         image = _read(self.path, self.name, cv2.IMREAD_UNCHANGED, self.size)

@@ -97,6 +97,9 @@ class RecordedFrameSource:
         depth = self.frame.depth
         return files, ascii((self.frame.rgb.name, depth and depth.name, cameras))
 
+    def declared_depth_type(self) -> str | None:
+        return getattr(self.frame.depth, "declared_type", None)
+
     def checksum(self, scan: Scan, domain: Domain) -> str | None:
         rgb = self.frame.rgb.checksum()
         if rgb is None or self.depth is None:

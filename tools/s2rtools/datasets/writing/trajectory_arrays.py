@@ -1,4 +1,4 @@
-"""The arrays of a trajectory's instances whose depth images have the same types."""
+"""The arrays of a trajectory's stored instances: those of each domain and image."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from s2rstore.arrays import array_writer
 from s2rstore.arrays.zarr_metadata import Layout
 from s2rstore.dataset_reader import SOURCE_IMAGES
-from s2rstore.files import atomic_writes, layout
+from s2rstore.files import layout
 from s2rstore.files.ledger import Ledger, LedgerEntry
 from s2rtools.datasets.scan import DecodedFrame
 from s2rtools.datasets.stored_instances import StoredTrajectory
@@ -24,29 +24,22 @@ from s2rtools.datasets.writing.source_arrays import CompressedImages
 
 Frames = Mapping[str, DecodedFrame]
 Sources = Mapping[str, CompressedImages]
-DepthTypes = tuple[str, ...]
-"""The depth type of each domain, in the order of the records' sources."""
 
 
-class FrameGroup:
-    """The written instances of one combination of depth types.
+class TrajectoryArrays:
+    """The frames of a trajectory's instances as they are written, and the instances in `stored`.
 
-    `number` counts the combinations; the arrays of number 0 are written in their final places.
-    `folders` are those of the arrays by domain, `folder` that of the trajectory in the store.
+    `folder` is that of the trajectory in the folder of each domain below `root`.
     """
 
     def __init__(
-        self,
-        root: Path,
-        number: int,
-        folders: Mapping[str, str],
-        folder: str,
-        stored: StoredTrajectory,
+        self, root: Path, folder: str, domains: Sequence[str], stored: StoredTrajectory
     ) -> None:
-        self.number, self.stored = number, stored
-        self._root, self._folder, self._folders = root, folder, folders
+        self.stored = stored
+        self._root, self._folder = root, folder
         self._arrays: dict[str, dict[str, GrowingArray[Any]]] = {}
-        for domain, base in folders.items():
+        for domain in domains:
+            base = f"{layout.FRAMES}/{domain}/{folder}"
             frames = {image: _frame_array(root, f"{base}/{image}") for image in ("rgb", "depth")}
             sources = {
                 image: source_arrays.source_array(root, f"{base}/{image}")
@@ -83,12 +76,11 @@ class FrameGroup:
         if position == len(block.rows) - 1:
             self._recorded = len(self.stored)
 
-    def fill(self, block: Block, with_shards: bool) -> None:
+    def fill(self, block: Block) -> None:
         """Put the instances that are in no block yet into one, with the shards that hold them."""
         start, self._recorded = self._recorded, len(self.stored)
-        block.number = self.number
         block.add_rows(self.stored, start)
-        if not (with_shards and block.rows):
+        if not block.rows:
             return
         for domain, arrays in self._arrays.items():
             block.shards[domain] = {}
@@ -97,28 +89,17 @@ class FrameGroup:
                     each.flush()
                     block.shards[domain][image] = each.last_shard
 
-    def remove(self) -> None:
-        """Remove what was written."""
-        for folder in self._folders.values():
-            atomic_writes.remove(self._root, folder)
-
     def finish(self) -> None:
-        """Complete the arrays, put them in their places and list their files in the ledger."""
+        """Complete the arrays and list their files in the ledger."""
         entries: list[LedgerEntry] = []
         for domain, arrays in self._arrays.items():
-            written = self._folders[domain]
-            place = f"{layout.FRAMES}/{domain}/{self._folder}"
             key = f"frames:{domain}:{self._folder}"
             files = [
-                (image, shard, entry)
+                (shard, replace(entry, key=f"{key}:{image}:{shard}"))
                 for image, each in arrays.items()
                 for shard, entry in enumerate(each.finish())
             ]
-            for image, shard, entry in sorted(files, key=lambda file: file[1]):
-                path = entry.path.replace(written, place, 1)
-                entries.append(replace(entry, key=f"{key}:{image}:{shard}", path=path))
-            if written != place:
-                atomic_writes.move(self._root, written, place)
+            entries += [entry for _, entry in sorted(files, key=lambda file: file[0])]
         Ledger(self._root).add_entries(entries)
 
 
