@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -77,6 +77,22 @@ class PinholeCamera:
             count = f"{len(self.distortion)} coefficients of distortion"
             raise RequestError(f"{where}: {count}; OpenCV has {', '.join(map(str, lengths))}")
         return self
+
+    def resized(self, size: tuple[int, int]) -> PinholeCamera:
+        """The camera for images that were resized to (height, width).
+
+        Distortion does not depend on the size.
+        """
+        columns, rows = size[1] / self.width, size[0] / self.height
+        return replace(
+            self,
+            width=size[1],
+            height=size[0],
+            fx=self.fx * columns,
+            fy=self.fy * rows,
+            cx=self.cx * columns,
+            cy=self.cy * rows,
+        )
 
     @property
     def coefficients(self) -> NDArray[np.float64]:

@@ -24,6 +24,7 @@ LAYOUTS: dict[str, Layout | str] = {
     "kitti": "kitti",
     "lerobot": "lerobot",
     "nerfstudio": "nerfstudio",
+    "polycam": "polycam",
     "scannet": "scannet",
     "tum": "tum",
 }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 from s2rstore.errors import RequestError
 from s2rtools.datasets.recording import PinholeCamera, ReadOptions, Recording
@@ -60,27 +59,18 @@ def fitted_camera(
     """The camera that an option states, or else the default, for the size of the images.
 
     That is the commonest one of the RGB or the `depth` images. Intrinsics for another size are
-    scaled and reported; distortion does not depend on the size.
+    scaled and reported.
     """
     height, width = image_size(recording, depth)
     camera = camera_option(options, option, (height, width)) or default
     if (camera.width, camera.height) == (width, height):
         return camera
-    columns, rows = width / camera.width, height / camera.height
     detail = (
         f"{option}: for {camera.width}x{camera.height} pixels, images have {width}x{height}; "
         f"scaled, which is wrong for cropped images: state theirs by option {option}"
     )
     recording.report("intrinsics of another size", recording.root.as_posix(), detail)
-    return replace(
-        camera,
-        width=width,
-        height=height,
-        fx=camera.fx * columns,
-        fy=camera.fy * rows,
-        cx=camera.cx * columns,
-        cy=camera.cy * rows,
-    )
+    return camera.resized((height, width))
 
 
 def image_size(recording: Recording, depth: bool = False) -> tuple[int, int]:
