@@ -307,6 +307,17 @@ class ReadOptions:
     trajectories: tuple[str, ...] = ()
     allow_outside: bool = False
 
+    @property
+    def reads_depth(self) -> bool:
+        """Whether depth images are read; the option `depth`, whose only value is none, says not.
+
+        Raises RequestError for another value.
+        """
+        value = self.values.get("depth")
+        if value not in (None, "none"):
+            raise RequestError(f"option depth={value}: only none, for recordings without depth")
+        return value is None
+
     def positive(self, name: str, default: float) -> float:
         """The number that an option states. Raises RequestError unless it is larger than 0."""
         text = self.values.get(name)
@@ -320,6 +331,11 @@ class ReadOptions:
             raise RequestError(f"option {name}={text}: must be a number larger than 0")
         return value
 
+
+DEPTH_OPTION = "none: only colour images are read"
+"""Description of the option `depth` of layouts whose recordings usually have depth."""
+WITHOUT_DEPTH = "option depth=none reads the colour images alone"
+"""What a message about missing depth images advises."""
 
 ReadRecording = Callable[[Path, ReadOptions], Recording]
 

@@ -104,9 +104,8 @@ def doubts(checks: Sequence[ConventionCheck]) -> list[InputIssue]:
         InputIssue(
             "convention doubtful",
             check.domain,
-            f"depth of {check.frames} frames is sharper on the floor with {check.best_other}: "
-            f"{check.sharpness[check.best_other].information:.2f} nats, "
-            f"{check.sharpness[DECLARED].information:.2f} as declared",
+            f"{check.best_other.finding}; images and poses of {check.frames} frames agree best "
+            f"with {check.best_other} ({check.figures})",
         )
         for check in checks
         if check.verdict == "doubtful"

@@ -22,7 +22,14 @@ import numpy as np
 
 from s2rstore.errors import RequestError
 from s2rtools.common.tables.numeric_rows import read_matrix
-from s2rtools.datasets.recording import Layout, PinholeCamera, ReadOptions, Recording
+from s2rtools.datasets.recording import (
+    DEPTH_OPTION,
+    WITHOUT_DEPTH,
+    Layout,
+    PinholeCamera,
+    ReadOptions,
+    Recording,
+)
 from s2rtools.datasets.recordings.pose_files import read_frames
 from s2rtools.datasets.recordings.stated_cameras import image_size, opencv_camera
 
@@ -39,9 +46,13 @@ _SKEW_LIMIT = 1e-3
 def read(path: Path, options: ReadOptions) -> Recording:
     """Read an exported scan. Raises RequestError if a folder or the intrinsics are missing."""
     recording = Recording.of_folder("scannet", path, options)
-    recording.trajectories[recording.only_name] = read_frames(recording, _FILES)
+    files = {kind: each for kind, each in _FILES.items() if kind != "depth" or options.reads_depth}
+    if options.reads_depth and not (path / "depth").is_dir():
+        raise RequestError(f"{path / 'depth'}: no such folder; {WITHOUT_DEPTH}")
+    recording.trajectories[recording.only_name] = read_frames(recording, files)
     recording.camera = _camera(recording, "color", image_size(recording))
-    recording.depth_camera = _camera(recording, "depth", image_size(recording, depth=True))
+    if options.reads_depth:
+        recording.depth_camera = _camera(recording, "depth", image_size(recording, depth=True))
     recording.up = (0.0, 0.0, 1.0)
     return recording
 
@@ -74,4 +85,8 @@ def _camera(recording: Recording, kind: str, size: tuple[int, int]) -> PinholeCa
     return camera
 
 
-LAYOUT = Layout(read, "exported ScanNet scan: color/, depth/, pose/, intrinsic/")
+LAYOUT = Layout(
+    read,
+    "exported ScanNet scan: color/, depth/, pose/, intrinsic/",
+    {"depth": DEPTH_OPTION},
+)

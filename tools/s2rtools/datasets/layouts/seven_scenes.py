@@ -21,7 +21,13 @@ from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rtools.common.tables.text_lines import read_lines
-from s2rtools.datasets.recording import Layout, PinholeCamera, ReadOptions, Recording
+from s2rtools.datasets.recording import (
+    DEPTH_OPTION,
+    Layout,
+    PinholeCamera,
+    ReadOptions,
+    Recording,
+)
 from s2rtools.datasets.recordings.pose_files import read_frames
 from s2rtools.datasets.recordings.stated_cameras import CAMERA_OPTION, fitted_camera
 from s2rtools.datasets.scan import choose_trajectories
@@ -50,10 +56,15 @@ def read(path: Path, options: ReadOptions) -> Recording:
             recording.report("missing sequence", missing, f"listed in {_SPLITS[split]}")
         folders = {name: folder for name, folder in folders.items() if name in listed}
     for name in choose_trajectories(options.trajectories, folders, path):
-        patterns = {kind: (folders[name], pattern) for kind, pattern in _FILES.items()}
+        patterns = {
+            kind: (folders[name], pattern)
+            for kind, pattern in _FILES.items()
+            if kind != "depth" or options.reads_depth
+        }
         recording.trajectories[name] = read_frames(recording, patterns)
     recording.camera = fitted_camera(recording, options, "camera", _COLOUR)
-    recording.depth_camera = fitted_camera(recording, options, "depth_camera", _DEPTH, depth=True)
+    if options.reads_depth:
+        recording.depth_camera = fitted_camera(recording, options, "depth_camera", _DEPTH, True)
     recording.depth_raw_max = RAW_MAX
     recording.provenance = {
         "split": split or "all",
@@ -87,5 +98,6 @@ LAYOUT = Layout(
         "split": "train or test: only the sequences of TrainSplit.txt or TestSplit.txt",
         "camera": CAMERA_OPTION,
         "depth_camera": f"of the depth images: {CAMERA_OPTION}",
+        "depth": DEPTH_OPTION,
     },
 )

@@ -20,7 +20,15 @@ from pathlib import Path
 
 import numpy as np
 
-from s2rtools.datasets.recording import Layout, ReadOptions, RecordedTrajectory, Recording
+from s2rstore.errors import RequestError
+from s2rtools.datasets.recording import (
+    DEPTH_OPTION,
+    WITHOUT_DEPTH,
+    Layout,
+    ReadOptions,
+    RecordedTrajectory,
+    Recording,
+)
 from s2rtools.datasets.recordings.recorded_files import FrameFiles
 from s2rtools.datasets.recordings.recorded_poses import mutual_nearest, poses_near
 from s2rtools.datasets.recordings.stamped_lists import (
@@ -54,21 +62,26 @@ _ROS_DEFAULT = opencv_camera(_SIZE, (525.0, 525.0, 319.5, 239.5))
 def read(path: Path, options: ReadOptions) -> Recording:
     """Read a sequence of the layout. Raises RequestError if a list is missing or unusable."""
     recording = Recording.of_folder("tum", path, options)
-    rgb, depth = (read_image_list(recording, name) for name in ("rgb.txt", "depth.txt"))
+    rgb, depth = read_image_list(recording, "rgb.txt"), None
     truth = read_pose_list(recording, "groundtruth.txt")
-    depth_rows = mutual_nearest(rgb.times, depth.times, _LIMIT)
     poses = poses_near(rgb.times, truth.times, truth.poses, _LIMIT)
     posed = np.isfinite(poses).all(axis=(1, 2))
-    for kind, missing, known in (
-        ("no depth image", depth_rows < 0, depth.times),
-        ("no pose", ~posed, truth.times),
-    ):
-        images = [(rgb.name(row), rgb.times[row]) for row in np.flatnonzero(missing).tolist()]
+    paired, depth_rows = np.ones(len(poses), dtype=bool), np.zeros(len(poses), dtype=np.intp)
+    needed = [("no pose", posed, truth.times)]
+    if options.reads_depth:
+        if not (path / "depth.txt").is_file():
+            raise RequestError(f"{path / 'depth.txt'}: missing; {WITHOUT_DEPTH}")
+        depth = read_image_list(recording, "depth.txt")
+        depth_rows = mutual_nearest(rgb.times, depth.times, _LIMIT)
+        paired = depth_rows >= 0
+        needed.insert(0, ("no depth image", paired, depth.times))
+    for kind, found, known in needed:
+        images = [(rgb.name(row), rgb.times[row]) for row in np.flatnonzero(~found).tolist()]
         report_none_near(recording, kind, images, known, _RULE)
-    usable = np.flatnonzero(posed & (depth_rows >= 0))
+    usable = np.flatnonzero(posed & paired)
     files = FrameFiles(path)
     for row in usable.tolist():
-        files.append(rgb.name(row), depth.name(int(depth_rows[row])))
+        files.append(rgb.name(row), None if depth is None else depth.name(int(depth_rows[row])))
     recording.trajectories[recording.only_name] = RecordedTrajectory(
         files.frames(), poses[usable], rgb.times[usable]
     )
@@ -85,5 +98,5 @@ def read(path: Path, options: ReadOptions) -> Recording:
 LAYOUT = Layout(
     read,
     "TUM RGB-D sequence: rgb.txt, depth.txt, groundtruth.txt",
-    {"camera": CAMERA_OPTION},
+    {"camera": CAMERA_OPTION, "depth": DEPTH_OPTION},
 )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rtools.common.tables.numeric_rows import read_matrix
-from s2rtools.datasets.recording import RecordedTrajectory, Recording
+from s2rtools.datasets.recording import WITHOUT_DEPTH, RecordedTrajectory, Recording
 from s2rtools.datasets.recordings.recorded_files import FrameFiles, NumberedFiles
 
 Pattern = tuple[str, re.Pattern[str]]
@@ -21,8 +21,9 @@ Pattern = tuple[str, re.Pattern[str]]
 def read_frames(recording: Recording, patterns: Mapping[str, Pattern]) -> RecordedTrajectory:
     """The frames with an RGB image, a depth image and a pose file, by number; others are reported.
 
-    `patterns` are those of `rgb`, `depth` and `pose`. Each pose file holds a matrix (4, 4) from the
-    camera's axes to the world's, metres.
+    `patterns` are those of `rgb`, `depth` and `pose`; without `depth`, only colour images are read.
+    Each pose file holds a matrix (4, 4) from the camera's axes to the world's, metres. Raises
+    RequestError if a folder is missing.
     """
     listed = {
         kind: NumberedFiles(recording.root / folder, pattern)
@@ -37,22 +38,25 @@ def read_frames(recording: Recording, patterns: Mapping[str, Pattern]) -> Record
         for name in files.repeated:
             file = f"{patterns[kind][0]}{name}"
             recording.report(f"repeated {what}", file, "another file has its number")
+    images = [kind for kind in ("rgb", "depth") if kind in listed]
+    advice = WITHOUT_DEPTH if any(not len(listed[kind]) for kind in images) else ""
     frames, numbers, values = FrameFiles(recording.root), array("q"), array("d")
     for number in listed["rgb"].numbers.tolist():
-        rgb, depth = path("rgb", number), path("depth", number)
-        if listed["depth"].name(number) is None:
-            recording.report("no depth image", rgb)
+        if any(listed[kind].name(number) is None for kind in images):
+            recording.report("no depth image", path("rgb", number), advice)
         elif listed["pose"].name(number) is None:
-            recording.report("no pose", rgb)
+            recording.report("no pose", path("rgb", number))
         else:
-            found = [recording.has_image(name) for name in (rgb, depth)]
+            names = [path(kind, number) for kind in images]
+            found = [recording.has_image(name) for name in names]
             matrix = _read_pose(recording, path("pose", number))
             if all(found) and matrix is not None:
-                frames.append(rgb, depth)
+                frames.append(*names)
                 values.extend(matrix.ravel().tolist())
                 numbers.append(number)
-    for number in np.setdiff1d(listed["depth"].numbers, listed["rgb"].numbers).tolist():
-        recording.report("no RGB image", path("depth", number))
+    if "depth" in listed:
+        for number in np.setdiff1d(listed["depth"].numbers, listed["rgb"].numbers).tolist():
+            recording.report("no RGB image", path("depth", number))
     return RecordedTrajectory(
         frames.frames(),
         np.asarray(values).reshape(-1, 4, 4),
