@@ -17,8 +17,8 @@ from s2rtools.common.tables.numeric_rows import (
     read_numbers,
     read_stamped_names,
 )
+from s2rtools.datasets.recording import trajectory_name
 from s2rtools.datasets.recordings.recorded_files import NumberedFiles
-from s2rtools.datasets.recordings.recorded_folders import trajectory_name
 from s2rtools.datasets.recordings.recorded_poses import poses_at, poses_near
 from tests.datasets.layouts.recordings import drive
 

@@ -23,9 +23,7 @@ from s2rtools.datasets.scan import Scan
 from s2rtools.datasets.writing import build as build_module
 from s2rtools.datasets.writing import (
     frame_writing,
-    growing_array,
     ingest_journal,
-    source_arrays,
     trajectory_arrays,
 )
 from s2rtools.datasets.writing.build import build
@@ -43,7 +41,7 @@ OTHER_SIZE = (5, 30)
 
 @pytest.fixture(autouse=True)
 def small_shards(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (trajectory_arrays, frame_writing, growing_array, ingest_journal, source_arrays):
+    for module in (trajectory_arrays, frame_writing, ingest_journal):
         monkeypatch.setattr(module, "SHARD_ROWS", SHARD)
 
 
@@ -99,9 +97,7 @@ def undisturbed(
         for module in (
             trajectory_arrays,
             frame_writing,
-            growing_array,
             ingest_journal,
-            source_arrays,
         ):
             patch.setattr(module, "SHARD_ROWS", SHARD)
         store = tmp_path_factory.mktemp("undisturbed") / "s.s2r"

@@ -7,6 +7,7 @@ reader says where the numbers of its layout are; `Recording.finish` checks them.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,17 +21,14 @@ from s2rtools.common.image_files import MAX_PIXELS
 from s2rtools.common.input_issue import InputIssue
 from s2rtools.common.lazy_sequence import chosen
 from s2rtools.datasets.files.path_containment import PathContainment
-from s2rtools.datasets.recordings.recorded_folders import (
-    existing_folder,
-    folder_name,
-    trajectory_name,
-)
 from s2rtools.datasets.recordings.recorded_poses import orthonormal, report_unusable
 from s2rtools.datasets.scan import choose_trajectories
 
 MAX_SIDE = 16_384
 """Rows or columns of an image of a recording."""
 _MAX_FOCAL = 1e6
+_MAX_NAME = 80
+_PARTS = re.compile(r"([0-9]+)|([^0-9]+)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -350,3 +348,28 @@ class Layout:
     read: ReadRecording
     description: str
     options: Mapping[str, str] = field(default_factory=dict)
+
+
+def existing_folder(path: Path) -> Path:
+    """The path. Raises RequestError unless it is a folder."""
+    if not path.is_dir():
+        kind = "not a folder" if path.exists() else "no such folder"
+        raise RequestError(f"{path}: {kind}")
+    return path
+
+
+def folder_name(path: Path) -> str:
+    """The name of a folder, also of `.`, as it is reported."""
+    return path.name or path.resolve().name or "recording"
+
+
+def trajectory_name(text: str) -> str:
+    """The text as the name of a trajectory: other characters than letters and digits are `_`."""
+    name = re.sub(r"\.\.+", ".", re.sub(r"[^A-Za-z0-9_.+-]", "_", text)).lstrip("_.+-")
+    return name[:_MAX_NAME] or "recording"
+
+
+def natural_order(name: str) -> list[tuple[int, str]]:
+    """The key that sorts names by the numbers in them, so that 2.png comes before 10.png."""
+    parts = ((number.lstrip("0"), text) for number, text in _PARTS.findall(name))
+    return [(-1, text) if text else (len(number), number) for number, text in parts]

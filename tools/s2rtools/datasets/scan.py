@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.arrays.zarr_metadata import ITEM_BYTES
 from s2rstore.errors import RequestError
 from s2rstore.files.layout import checked_name
 from s2rstore.geometry import angles
@@ -48,6 +49,12 @@ class SourceImages:
 
     rgb: NDArray[np.uint8]
     depth: NDArray[Any] | None
+
+    @property
+    def is_storable(self) -> bool:
+        """Whether an array can hold such images."""
+        depth = 0 if self.depth is None else self.depth.nbytes
+        return max(self.rgb.nbytes, depth) <= ITEM_BYTES
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -19,7 +19,6 @@ from s2rtools.common import image_files
 from s2rtools.common.frame_resizing import resized_depth, resized_rgb
 from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.scan import DecodedFrame, Scan, SourceImages
-from s2rtools.datasets.writing.source_arrays import is_storable
 
 _MAX_DEPTH_COLOUR_SPREAD = 8
 _PHOTO_DIFFERENCE = 6.0
@@ -90,7 +89,7 @@ class ImageFiles:
         is_resized = (colours.shape[:2], pixels.shape) != (scan.frame, scan.frame)
         source = SourceImages(colours, pixels) if is_resized else None
         issues = _lost_bits(scan.relative(self.rgb), bits)
-        if source is not None and not is_storable(source):
+        if source is not None and not source.is_storable:
             source, detail = None, f"{size_text(colours.shape)}; networks see the stored frame"
             issues += (InputIssue("image too large to be kept", scan.relative(self.rgb), detail),)
         if _is_photo(raw, small):

@@ -30,8 +30,6 @@ from s2rtools.datasets.recording import (
     RecordedFrame,
     RecordedTrajectory,
     Recording,
-)
-from s2rtools.datasets.recordings.recorded_folders import (
     existing_folder,
     folder_name,
     trajectory_name,

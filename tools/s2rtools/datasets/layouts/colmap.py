@@ -14,16 +14,19 @@ import numpy as np
 
 from s2rstore.errors import RequestError
 from s2rtools.datasets.files.path_containment import PathContainment
-from s2rtools.datasets.recording import Layout, ReadOptions, RecordedTrajectory, Recording
-from s2rtools.datasets.recordings.colmap_model import ModelImage, holds_model, read_model
-from s2rtools.datasets.recordings.recorded_cameras import CAMERA_ID, choose_camera
-from s2rtools.datasets.recordings.recorded_files import FrameFiles
-from s2rtools.datasets.recordings.recorded_folders import (
+from s2rtools.datasets.recording import (
+    Layout,
+    ReadOptions,
+    RecordedTrajectory,
+    Recording,
     existing_folder,
     folder_name,
     natural_order,
     trajectory_name,
 )
+from s2rtools.datasets.recordings.colmap_model import ModelImage, holds_model, read_model
+from s2rtools.datasets.recordings.recorded_cameras import CAMERA_ID, choose_camera
+from s2rtools.datasets.recordings.recorded_files import FrameFiles
 from s2rtools.datasets.recordings.recorded_poses import poses_from_quaternions
 from s2rtools.datasets.scan import choose_trajectories
 

@@ -55,9 +55,9 @@ from s2rtools.datasets.recording import (
     ReadOptions,
     RecordedTrajectory,
     Recording,
+    trajectory_name,
 )
 from s2rtools.datasets.recordings.recorded_files import FrameFiles
-from s2rtools.datasets.recordings.recorded_folders import trajectory_name
 from s2rtools.datasets.recordings.recorded_poses import (
     in_optical_axes,
     level_poses,

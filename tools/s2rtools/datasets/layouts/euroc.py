@@ -33,9 +33,9 @@ from s2rtools.datasets.recording import (
     ReadOptions,
     RecordedTrajectory,
     Recording,
+    existing_folder,
 )
 from s2rtools.datasets.recordings.recorded_files import FrameFiles
-from s2rtools.datasets.recordings.recorded_folders import existing_folder
 from s2rtools.datasets.recordings.recorded_poses import orthonormal, poses_at, usable_poses
 from s2rtools.datasets.recordings.stamped_lists import (
     read_image_list,

@@ -25,14 +25,12 @@ from s2rtools.datasets.recording import (
     ReadOptions,
     RecordedTrajectory,
     Recording,
-)
-from s2rtools.datasets.recordings.recorded_cameras import CAMERA_ID, choose_camera
-from s2rtools.datasets.recordings.recorded_files import FrameFiles
-from s2rtools.datasets.recordings.recorded_folders import (
     existing_folder,
     folder_name,
     trajectory_name,
 )
+from s2rtools.datasets.recordings.recorded_cameras import CAMERA_ID, choose_camera
+from s2rtools.datasets.recordings.recorded_files import FrameFiles
 from s2rtools.datasets.recordings.transforms_file import Intrinsics, read_transforms
 from s2rtools.datasets.scan import choose_trajectories
 

@@ -18,7 +18,6 @@ from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.files.image_decoding import size_text
 from s2rtools.datasets.recording import PinholeCamera, RecordedFrame, RecordedImage, SourceImage
 from s2rtools.datasets.scan import DecodedFrame, Scan, SourceImages
-from s2rtools.datasets.writing.source_arrays import is_storable
 
 
 class CameraImages:
@@ -132,7 +131,7 @@ class RecordedFrameSource:
         colours, raw = rgb.pixels, None if depth is None else depth.pixels
         sizes = {image.shape[:2] for image in (colours, raw) if image is not None}
         source = None if sizes == {scan.frame} else SourceImages(colours, raw)
-        if source is not None and not is_storable(source):
+        if source is not None and not source.is_storable:
             source, detail = None, f"{size_text(colours.shape)}; networks see the stored frame"
             issues.append(InputIssue("image too large to be kept", self.frame.rgb.name, detail))
         small, is_valid = resized_rgb(colours, scan.frame), np.array(np.nan)

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import decode_json, read_bytes
 from s2rtools.datasets.files.image_decoding import declared_size
-from s2rtools.datasets.recording import PinholeCamera
-from s2rtools.datasets.recordings.recorded_folders import natural_order
+from s2rtools.datasets.recording import PinholeCamera, natural_order
 
 _MAX_BYTES = 256 << 20
 """Bytes of a file; a frame has about 700."""

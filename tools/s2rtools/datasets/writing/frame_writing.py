@@ -18,10 +18,15 @@ from s2rtools.common.processors import available_processors
 from s2rtools.common.read_ahead import map_ahead
 from s2rtools.datasets.scan import DecodedFrame, InstanceRecord, Scan
 from s2rtools.datasets.stored_instances import StoredTrajectory
-from s2rtools.datasets.writing import source_arrays
 from s2rtools.datasets.writing.ingest_journal import SHARD_ROWS, Block, IngestJournal
-from s2rtools.datasets.writing.source_arrays import CompressedImages, compressed
-from s2rtools.datasets.writing.trajectory_arrays import Frames, Sources, TrajectoryArrays
+from s2rtools.datasets.writing.trajectory_arrays import (
+    CompressedImages,
+    Frames,
+    Sources,
+    TrajectoryArrays,
+    compressed,
+    sizes_of,
+)
 
 NO_DEPTH = "no depth"
 """The depth type of frames without depth."""
@@ -156,7 +161,7 @@ class _TrajectoryWriter:
         if issues:
             return issues
         for domain, images in sources.items():
-            sizes = source_arrays.sizes(images)
+            sizes = sizes_of(images)
             if sizes != self._source_sizes.setdefault(domain, sizes):
                 file = of_row[domain].file_names(self._scan)[0] or domain
                 detail = f"not the size of the trajectory's first image in {domain}"
