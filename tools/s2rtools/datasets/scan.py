@@ -84,9 +84,6 @@ class FrameSource(Protocol):
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
         """Names of the RGB and the depth file relative to the scan's root; None without files."""
 
-    def declared_depth_type(self) -> str | None:
-        """The numpy type of the depth image by its header; None without one."""
-
     def checksum(self, scan: Scan, domain: Domain) -> str | None:
         """`DecodedFrame.sha256` without decoding; None where the source cannot be read."""
 

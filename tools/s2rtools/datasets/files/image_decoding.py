@@ -120,9 +120,6 @@ class RgbFile:
     def origin(self) -> tuple[tuple[Path, ...], str]:
         return (self.path,), f"{self.name!a} {self.size}"
 
-    def declared_depth_type(self) -> str | None:
-        return None
-
     def checksum(self, scan: Scan, domain: Domain) -> str | None:
         return _checksum((self.path, self.size))
 

@@ -43,9 +43,6 @@ class RenderedFrameSource:
         recipe = self.data.recipe
         return (), f"{recipe} {self.pose.tolist()} {self.number} {self.side}"
 
-    def declared_depth_type(self) -> None:
-        return None
-
     def checksum(self, scan: Scan, domain: Domain) -> str:
         return self.decode(scan, domain).sha256
 

@@ -60,9 +60,6 @@ class CachedFrame:
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
         return self.name, None
 
-    def declared_depth_type(self) -> None:
-        return None
-
     def checksum(self, scan: Scan, domain: Domain) -> str:
         return self.sha256
 

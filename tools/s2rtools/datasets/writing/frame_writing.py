@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol, runtime_checkable
 
 from s2rtools.common.input_issue import InputIssue
 from s2rtools.common.processors import available_processors
@@ -39,6 +40,14 @@ ReportProgress = Callable[[int], None]
 Decoded = tuple[Frames, Sources, list[InputIssue]]
 """The frames of a record and the images at the size of their source, both by domain, and the issues
 of unusable frames."""
+
+
+@runtime_checkable
+class DeclaringSource(Protocol):
+    """A `FrameSource` whose depth image may be of one of several types."""
+
+    def declared_depth_type(self) -> str | None:
+        """The numpy type of the depth image by its header; None without one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,7 +221,8 @@ def _declared_depth_types(scan: Scan, records: Sequence[InstanceRecord]) -> dict
     counts: dict[str, Counter[str]] = {}
     for record in records:
         for domain, source in record.sources.items():
-            if (found := source.declared_depth_type()) is not None:
+            found = source.declared_depth_type() if isinstance(source, DeclaringSource) else None
+            if found is not None:
                 counts.setdefault(domain, Counter())[found] += 1
     return {domain: each.most_common(1)[0][0] for domain, each in counts.items()}
 
