@@ -281,7 +281,7 @@ def registries_page() -> str:
     from s2rstore.heatmap_kinds import heatmap_facts
     from s2rtools.adjustments import ADJUSTMENTS
     from s2rtools.datasets.importers import IMPORTERS
-    from s2rtools.datasets.layouts import LAYOUTS
+    from s2rtools.datasets.layouts import LAYOUTS, find_layout
     from s2rtools.heatmaps import HEATMAP_KINDS
     from s2rtools.models import ARCHITECTURES
     from s2rtools.motion_logs.drives import READERS
@@ -320,7 +320,11 @@ def registries_page() -> str:
     ]
     others: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
         ("Importers", "`s2r ingest NAME ...`", IMPORTERS),
-        ("Layouts of recordings", "`s2r ingest pairs --sim NAME:PATH ...`", LAYOUTS),
+        (
+            "Layouts of recordings",
+            "`s2r ingest pairs --sim NAME:PATH ...`",
+            {name: find_layout(name) for name in LAYOUTS},
+        ),
         ("Architectures", "`s2r model add ... --arch NAME`", ARCHITECTURES),
         ("Training recipes", "`s2r train --recipe NAME`", RECIPES),
         ("Translation methods", "`s2r translate fit NAME ...`", METHODS),

@@ -6,7 +6,7 @@ import os
 import threading
 import weakref
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from tempfile import TemporaryFile
 from typing import Any, TypeVar, overload
 
@@ -32,6 +32,12 @@ class LazySequence(Sequence[Item]):
         if isinstance(row, slice):
             return [self._make(each) for each in range(self._count)[row]]
         return self._make(range(self._count)[row])
+
+
+def chosen(items: Sequence[Item], rows: Iterable[int]) -> LazySequence[Item]:
+    """The items of the given rows, in their order."""
+    kept = array("q", rows)
+    return LazySequence(len(kept), lambda row: items[kept[row]])
 
 
 class RowFile:

@@ -13,6 +13,13 @@ from s2rstore.errors import RequestError
 from s2rstore.security.memory_limit import bounded_memory
 from s2rtools.common.bag_files import LARGEST_UNPACKED, READING_MEMORY, check_bag, refusing_damage
 
+ODOMETRY = "nav_msgs/msg/Odometry"
+POSES = (
+    ODOMETRY,
+    "geometry_msgs/msg/PoseStamped",
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+)
+"""Types of messages that hold a pose."""
 _Key = tuple[str, int, int]
 """Topic, recording time and stamp."""
 _RECENT_BYTES = 32 << 20
@@ -145,3 +152,8 @@ def stamp_of(message: Any) -> int:
     """Nanoseconds of a message's header."""
     stamp = message.header.stamp
     return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+
+
+def pose_of(message: Any) -> Any:
+    """The position and orientation of a message of a type in `POSES`."""
+    return getattr(message.pose, "pose", message.pose)

@@ -1,10 +1,10 @@
-"""Read rows of numbers from the text files of recordings, and put time stamps into order."""
+"""Read rows of numbers from text files, report bad ones, and put time stamps into order."""
 
 from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError, counted
 from s2rstore.files.input_files import read_text
-from s2rtools.datasets.files.text_lines import read_lines
-from s2rtools.datasets.lazy_sequence import RowFile
-from s2rtools.datasets.recordings.recorded_poses import pose_defect, usable_poses
-from s2rtools.datasets.scan import InputIssue
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.common.lazy_sequence import RowFile
+from s2rtools.common.tables.text_lines import read_lines
 
+POSE_COLUMNS = ("time", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
+"""The numbers of a line of a TUM file: seconds, metres, and a quaternion."""
 _MAX_ROWS = 4_000_000
 """Rows of a file; ground truth of 200 Hz has 720,000 in an hour."""
 _MAX_MATRIX_BYTES = 16 << 10
@@ -25,37 +26,28 @@ _MAX_MATRIX_BYTES = 16 << 10
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NumericRows:
-    """`values` (N, columns) float64 and the numbers of their `lines` (N,) in the file `name`."""
+    """`values` (N, columns) float64 and the numbers of their `lines` (N,) in the file `name`.
+
+    `texts` are what stands behind the numbers of each row, where that was requested.
+    """
 
     name: str
     values: NDArray[np.float64]
     lines: NDArray[np.int32]
+    texts: RowFile | None = None
 
     def place(self, row: int) -> str:
         """`FILE:LINE` of a row."""
         return f"{self.name}:{self.lines[row]}"
 
     def chosen(self, rows: NDArray[np.intp]) -> NumericRows:
-        """Only the given rows, in their order."""
+        """The numbers of the given rows, in their order, without texts."""
         return NumericRows(self.name, self.values[rows], self.lines[rows])
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class StampedNames:
-    """`times` (N,) in the unit of the file, names of files, and their lines in the file `name`."""
-
-    name: str
-    times: NDArray[np.float64]
-    lines: NDArray[np.int32]
-    file_names: RowFile
-
-    def place(self, row: int) -> str:
-        """`FILE:LINE` of a row."""
-        return f"{self.name}:{self.lines[row]}"
-
-    def file_name(self, row: int) -> str:
-        """The name of the file that a row states."""
-        return str(self.file_names[row][0])
+    def text(self, row: int) -> str:
+        """What stands behind the numbers of a row."""
+        assert self.texts is not None
+        return str(self.texts[row][0])
 
 
 def read_numbers(
@@ -98,8 +90,8 @@ def read_numbers(
 
 def read_stamped_names(
     path: Path, name: str, issues: list[InputIssue], separator: str | None = None
-) -> StampedNames:
-    """The rows of a file with a time and a file name in each line; see `read_numbers`."""
+) -> NumericRows:
+    """The rows of a file with a time, and behind it a file name; see `read_numbers`."""
     times, lines, names = array("d"), array("i"), RowFile()
     first = ""
     for number, text in _rows(path):
@@ -116,7 +108,7 @@ def read_stamped_names(
         names.append(fields[1].strip())
     if not lines:
         raise RequestError(f"{path}: no row of a time and a file name{first}")
-    return StampedNames(name, np.asarray(times), np.asarray(lines, dtype=np.int32), names)
+    return NumericRows(name, np.asarray(times)[:, None], np.asarray(lines, dtype=np.int32), names)
 
 
 def _rows(path: Path) -> Iterator[tuple[int, str]]:
@@ -146,13 +138,13 @@ def read_matrix(path: Path, rows: int, columns: int) -> NDArray[np.float64]:
     return np.array(values).reshape(rows, columns)
 
 
-def in_time_order(rows: NumericRows | StampedNames, issues: list[InputIssue]) -> NDArray[np.intp]:
-    """Rows (N,) by ascending time, which is the first column of `NumericRows`.
+def in_time_order(rows: NumericRows, issues: list[InputIssue]) -> NDArray[np.intp]:
+    """Rows (N,) by ascending time, which is the first column.
 
     Rows without a finite time, and those that repeat the time of an earlier line, are left out and
     reported. Times that do not ascend in the file are reported once.
     """
-    times = rows.values[:, 0] if isinstance(rows, NumericRows) else rows.times
+    times = rows.values[:, 0]
     finite = np.isfinite(times)
     issues += [
         InputIssue("bad time", rows.place(row), str(times[row]))
@@ -174,25 +166,3 @@ def in_time_order(rows: NumericRows | StampedNames, issues: list[InputIssue]) ->
         for row in np.sort(order[repeated]).tolist()
     ]
     return order[~repeated]
-
-
-def report_unusable(
-    poses: NDArray[np.float64],
-    place: Callable[[int], str],
-    issues: list[InputIssue],
-    quaternions: NDArray[np.float64] | None = None,
-) -> NDArray[np.bool_]:
-    """(N,): which of the poses (N, 4, 4) are usable; the others are reported at `place(row)`.
-
-    The report states the norm where `quaternions` (N, 4), from which they were made, have another
-    one than 1.
-    """
-    usable = usable_poses(poses)
-    for row in np.flatnonzero(~usable).tolist():
-        defect = pose_defect(poses[row])
-        if quaternions is not None:
-            norm = math.hypot(*quaternions[row].tolist())
-            if math.isfinite(norm) and not np.isfinite(poses[row, :3, :3]).all():
-                defect = f"the norm of its quaternion is {norm:.4g}, expected 1"
-        issues.append(InputIssue("bad pose", place(row), defect))
-    return usable
