@@ -97,7 +97,7 @@ def test_the_configuration_is_passed_to_the_gate(config, fake_gate):
         "run": "vanilla", "expression": "worst15", "axes": ("task",), "rate": None,
         "drives": str(config.source.parent / "drives"), "features": None, "reference": None,
         "topic": "/odom", "golden": None, "threshold": 20.0, "margin": 0.1,
-        "dynamics": ("reach=2",),
+        "options": {"reach": "2"},
     }  # fmt: skip
 
 

@@ -82,7 +82,7 @@ def test_all_keys_are_read(tmp_path):
         {"latency": "0..0.5", "mass": "5..30:log"}, "/odom",
     )  # fmt: skip
     assert parsed.topic == "/odom"
-    assert parsed.dynamics == ("horizons=1,2", "align=rigid")
+    assert parsed.options == {"horizons": "1,2", "align": "rigid"}
     assert (parsed.history, parsed.reports, parsed.metrics) == (
         folder / "h.duckdb", folder / "r", folder / "m.prom",
     )  # fmt: skip

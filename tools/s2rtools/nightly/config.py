@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,16 +16,24 @@ from s2rstore.files import layout, safe_files
 from s2rstore.files.input_files import read_toml
 from s2rstore.gap_history import reader as history
 from s2rtools.common.documents import convert
-from s2rtools.gap import defaults
-from s2rtools.gap.axes import AXES
-from s2rtools.gap.defaults import ODOMETRY
+from s2rtools.gap.axes import (
+    AXES,
+    MARGIN,
+    MAX_SEED,
+    MOTION,
+    ODOMETRY,
+    SEED,
+    THRESHOLD,
+    configured,
+    option_texts,
+)
 
 if TYPE_CHECKING:
     from s2rtools.sysid.settings import SysidSettings
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,79}\Z")
 Positive = Annotated[float, Meta(gt=0)]
-Seed = Annotated[int, Meta(ge=0, le=defaults.MAX_SEED)]
+Seed = Annotated[int, Meta(ge=0, le=MAX_SEED)]
 
 
 class DrivesTable(Struct, frozen=True, forbid_unknown_fields=True):
@@ -99,9 +108,9 @@ class ConfigFile(Struct, frozen=True, forbid_unknown_fields=True):
     axes: list[str] = []
     reference: str | None = None
     golden: str | None = None
-    threshold: Positive = defaults.THRESHOLD
-    margin: Positive = defaults.MARGIN
-    seed: Seed = defaults.SEED
+    threshold: Positive = THRESHOLD
+    margin: Positive = MARGIN
+    seed: Seed = SEED
     features: str | None = None
     drives: DrivesTable = DrivesTable()
     sysid: SysidTable | None = None
@@ -114,8 +123,8 @@ class NightlyConfig:
     """One nightly gate with resolved paths.
 
     `drives` is a folder (by default that of the store) or `odometry`, whose `rate` (Hz) is needed
-    where the store has no times; `topic` carries the poses in ROS bags; `dynamics` are options of
-    `s2r gap --dynamics`.
+    where the store has no times; `topic` carries the poses in ROS bags; `options` are texts of
+    options of the axes by name.
     """
 
     source: Path
@@ -133,7 +142,7 @@ class NightlyConfig:
     drives: str | None
     rate: float | None
     topic: str | None
-    dynamics: tuple[str, ...]
+    options: Mapping[str, str]
     sysid: SysidConfig | None
     history: Path
     reports: Path
@@ -172,7 +181,7 @@ def read(path: Path) -> NightlyConfig:
         drives=drives,
         rate=file.drives.rate,
         topic=file.drives.topic,
-        dynamics=_dynamics(source, file.drives.dynamics),
+        options=_options(source, file.drives.dynamics),
         sysid=_sysid(source, file, drives) if file.sysid else None,
         history=_resolve(source, output.history) if output.history else history.history_path(store),
         reports=_resolve(source, output.reports or f"reports/{name}"),
@@ -225,16 +234,15 @@ def _axes(source: Path, names: list[str]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _dynamics(source: Path, options: list[str]) -> tuple[str, ...]:
-    if options:
-        from s2rtools.gap.dynamics.options import axes
-
-        try:
-            axes(options)
-        except RequestError as error:
-            reason = str(error).removeprefix("--dynamics ")
-            raise _invalid(source, "drives.dynamics", reason) from error
-    return tuple(options)
+def _options(source: Path, written: list[str]) -> dict[str, str]:
+    try:
+        texts = option_texts(MOTION, written)
+        if texts:
+            configured(texts)
+    except RequestError as error:
+        reason = str(error).removeprefix(f"{MOTION} ")
+        raise _invalid(source, "drives.dynamics", reason) from error
+    return texts
 
 
 def _sysid(source: Path, file: ConfigFile, default_drives: str | None) -> SysidConfig:

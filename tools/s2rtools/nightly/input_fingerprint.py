@@ -17,7 +17,7 @@ from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.files.input_files import read_document, sha256
 from s2rstore.reader import Store
-from s2rtools.gap.defaults import ODOMETRY
+from s2rtools.gap.axes import ODOMETRY
 from s2rtools.nightly.config import NightlyConfig
 
 
@@ -60,9 +60,10 @@ def inputs(config: NightlyConfig, store: Store, current: layout.Current) -> Inpu
     drives, sysid_drives = _drives(config.drives), []
     sysid: dict[str, Any] | None = None
     if config.sysid is not None:
-        options = msgspec.structs.asdict(config.sysid)
-        sysid_drives = _drives(options.pop("drives"))
-        sysid = {"options": options, "drives": sysid_drives}
+        settings = msgspec.structs.asdict(config.sysid)
+        sysid_drives = _drives(settings.pop("drives"))
+        sysid = {"options": settings, "drives": sysid_drives}
+    options = sorted(f"{name}={text}" for name, text in config.options.items())
     logs = {digest for _, digest in (*drives, *sysid_drives)}
     recorded = [current.dataset_hash, run.key, *sorted(logs)]
     everything = {
@@ -76,7 +77,13 @@ def inputs(config: NightlyConfig, store: Store, current: layout.Current) -> Inpu
         "margin": config.margin,
         "seed": config.seed,
         "stale_after": config.stale_after,
-        "drives": [config.drives == ODOMETRY, config.rate, config.topic, config.dynamics, drives],
+        "drives": [
+            config.drives == ODOMETRY,
+            config.rate,
+            config.topic,
+            options,
+            drives,
+        ],
         "sysid": sysid,
         **{name: _hash(getattr(config, name)) for name in ("reference", "golden")},
         "features": _network(config.features),

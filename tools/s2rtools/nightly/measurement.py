@@ -25,7 +25,7 @@ Estimating = Callable[[SysidConfig], Estimates]
 
 def measure_gap(store: Store, config: NightlyConfig) -> Report:
     """The report of `s2r gap` for this configuration."""
-    from s2rtools.gap.axis_result import GapSettings
+    from s2rtools.gap.axis import GapSettings
     from s2rtools.gap.gate import gate
 
     request = gate.GapRequest(
@@ -35,7 +35,7 @@ def measure_gap(store: Store, config: NightlyConfig) -> Report:
         drives=config.drives,
         rate=config.rate,
         topic=config.topic,
-        dynamics=config.dynamics,
+        options=config.options,
         features=config.features,
         reference=config.reference,
         golden=config.golden,
