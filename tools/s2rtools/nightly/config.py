@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,6 +14,7 @@ from s2rstore.errors import RequestError
 from s2rstore.files import layout, safe_files
 from s2rstore.files.input_files import read_toml
 from s2rstore.gap_history import reader as history
+from s2rstore.gap_history.change_check import YEAR_LEVEL
 from s2rtools.common.documents import convert
 from s2rtools.gap.axes import (
     AXES,
@@ -27,6 +27,8 @@ from s2rtools.gap.axes import (
     configured,
     option_texts,
 )
+from s2rtools.gap.axis import GapSettings
+from s2rtools.gap.gate.gate import GapRequest
 
 if TYPE_CHECKING:
     from s2rtools.sysid.settings import SysidSettings
@@ -120,29 +122,12 @@ class ConfigFile(Struct, frozen=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True, slots=True)
 class NightlyConfig:
-    """One nightly gate with resolved paths.
-
-    `drives` is a folder (by default that of the store) or `odometry`, whose `rate` (Hz) is needed
-    where the store has no times; `topic` carries the poses in ROS bags; `options` are texts of
-    options of the axes by name.
-    """
+    """One nightly gate with resolved paths; `stale_after` is in days."""
 
     source: Path
     name: str
     store: Path
-    run: str | None
-    select: str
-    axes: tuple[str, ...]
-    reference: Path | None
-    golden: Path | None
-    threshold: float
-    margin: float
-    seed: int
-    features: Path | None
-    drives: str | None
-    rate: float | None
-    topic: str | None
-    options: Mapping[str, str]
+    request: GapRequest
     sysid: SysidConfig | None
     history: Path
     reports: Path
@@ -164,24 +149,27 @@ def read(path: Path) -> NightlyConfig:
     if drives is None:
         folder = safe_files.checked_folder(store, layout.DRIVES)
         drives = None if folder is None else str(folder)
+    request = GapRequest(
+        run=file.run,
+        expression=file.select,
+        axes=_axes(source, file.axes),
+        drives=drives,
+        rate=file.drives.rate,
+        features=_file(source, "features", file.features),
+        topic=file.drives.topic,
+        reference=_file(source, "reference", file.reference),
+        golden=_file(source, "golden", file.golden),
+        threshold=file.threshold,
+        margin=file.margin,
+        options=_options(source, file.drives.dynamics),
+        settings=GapSettings(fail_level=YEAR_LEVEL, seed=file.seed),
+    )
     output = file.output
     config = NightlyConfig(
         source=source,
         name=name,
         store=store,
-        run=file.run,
-        select=file.select,
-        axes=_axes(source, file.axes),
-        reference=_file(source, "reference", file.reference),
-        golden=_file(source, "golden", file.golden),
-        threshold=file.threshold,
-        margin=file.margin,
-        seed=file.seed,
-        features=_file(source, "features", file.features),
-        drives=drives,
-        rate=file.drives.rate,
-        topic=file.drives.topic,
-        options=_options(source, file.drives.dynamics),
+        request=request,
         sysid=_sysid(source, file, drives) if file.sysid else None,
         history=_resolve(source, output.history) if output.history else history.history_path(store),
         reports=_resolve(source, output.reports or f"reports/{name}"),
@@ -264,7 +252,8 @@ def _sysid(source: Path, file: ConfigFile, default_drives: str | None) -> SysidC
 
 def _check_outputs(config: NightlyConfig) -> None:
     """Raises RequestError where an output is a folder, a device, or another file of the gate."""
-    taken = {config.source.resolve(), config.reference, config.golden, config.features}
+    request = config.request
+    taken = {config.source.resolve(), request.reference, request.golden, request.features}
     for name, path in {"history": config.history, "metrics": config.metrics}.items():
         if path is None:
             continue
