@@ -31,7 +31,7 @@ from s2rtools.gap.axis import GapSettings
 from s2rtools.gap.gate.gate import GapRequest
 
 if TYPE_CHECKING:
-    from s2rtools.sysid.settings import SysidSettings
+    from s2rtools.sysid.identify import SysidSettings
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,79}\Z")
 Positive = Annotated[float, Meta(gt=0)]
@@ -71,8 +71,8 @@ class SysidConfig(SysidTable, frozen=True):
 
     def settings(self) -> SysidSettings:
         """The settings of the identification. Raises RequestError for invalid ranges."""
+        from s2rtools.sysid.identify import SysidSettings
         from s2rtools.sysid.parameter_space import parse_range
-        from s2rtools.sysid.settings import SysidSettings
 
         ranges = {}
         for name, text in self.ranges.items():
