@@ -81,7 +81,7 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "group_descending": lambda _, state: not state.group_descending,
     "finding": lambda _, state: state.finding + 1,
     "suggestion": lambda _, state: state.suggestion + 1,
-    "history": lambda _, state: HistoryFile(Path("gap.duckdb"), (1, 2, 3)),
+    "history": lambda _, state: HistoryFile(Path("gap.jsonl"), (1, 2, 3)),
     "message": lambda _, state: "something",
     "is_error": lambda _, state: True,
     "keeps_message": lambda _, state: not state.keeps_message,

@@ -18,6 +18,7 @@ from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import RenderOptions
 from s2rtui.cli import main
 from s2rtui.session import Session
+from tests.support import gaps
 
 HEAT = "runs.zarr/vanilla/key0/"
 
@@ -102,8 +103,8 @@ async def test_a_new_generation_and_history_are_noticed_and_followed(served, tmp
         assert app.session.state.history is None
         with edit(served.path) as draft:
             draft.set_provenance("test", {"key": "value"})
-        history = tmp_path / "gap.duckdb"
-        writer.append(history, {})
+        history = tmp_path / "gap.jsonl"
+        writer.append(history, gaps.night(1, {"task": 5.0}))
         target = reader.history_path(served.path)
         target.parent.mkdir()
         shutil.copy(history, target)

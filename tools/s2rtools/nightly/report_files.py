@@ -1,18 +1,18 @@
-"""HTML report of a night: one page without scripts and external resources, plot included."""
+"""The reports of a night as files: HTML, Markdown and JUnit, from one model.
+
+The HTML page has no scripts and no external resources. In the JUnit file failures and errors fail a
+build, and inconclusive checks are skipped.
+"""
 
 from __future__ import annotations
 
 import base64
+from xml.etree import ElementTree as ET
 
 from jinja2 import Environment
 
 from s2rstore.security.printable_text import printable
-from s2rtools.nightly.report_model import (
-    CHECK_COLUMNS,
-    ESTIMATE_COLUMNS,
-    NIGHT_COLUMNS,
-    NightReport,
-)
+from s2rtools.nightly.report_model import NightReport, Table
 
 _SIGNS = {"PASS": "●", "FAIL": "▲", "INCONCLUSIVE": "■", "ERROR": "▲", "SKIPPED": "·"}
 _TEMPLATE = """\
@@ -71,14 +71,10 @@ dt { color: var(--muted); font-size: .8rem; } dd { margin: 0; overflow-wrap: any
 <img src="data:image/png;base64,{{ plot }}" alt="Gap over {{ report.past | length }} nights; \
 the last ones: {% for each in report.past[-7:] %}{{ each.night }} {{ each.outcome }}\
 {% if not loop.last %}, {% endif %}{% endfor %}">
-<h2>Checks</h2>
-{{- table(check_columns, report.check_rows()) }}
-{%- if night.estimates %}
-<h2>Estimated parameters of the simulator</h2>
-{{- table(estimate_columns, report.estimate_rows()) }}
-{%- endif %}
-<h2>Nights</h2>
-{{- table(night_columns, report.night_rows()) }}
+{%- for each in report.tables() %}
+<h2>{{ each.title }}</h2>
+{{- table(each.columns, each.rows) }}
+{%- endfor %}
 <h2>Measured data</h2>
 <dl>
 {% for name, value in report.facts() -%}
@@ -99,13 +95,76 @@ def html(report: NightReport, plot: bytes) -> str:
         night=report.night,
         plot=base64.b64encode(plot).decode(),
         signs=_SIGNS,
-        check_columns=CHECK_COLUMNS,
-        estimate_columns=ESTIMATE_COLUMNS,
-        night_columns=NIGHT_COLUMNS,
     )
-    return html.lstrip()
 
 
 def _printable(value: object) -> object:
     """Escape control characters in texts; leave markup of macros as it is."""
     return printable(value) if type(value) is str else value
+
+
+def markdown(report: NightReport) -> str:
+    """The outcome, the checks, the estimated parameters and the past nights, for a chat."""
+    checks, *tables = report.tables()
+    parts = [
+        f"# {_escaped(report.title)}",
+        f"![Gap over time](history.png)\n\n{_escaped(report.checks[0].message)}",
+        _markdown_table(checks),
+    ]
+    for table in tables:
+        parts += [f"## {table.title}", _markdown_table(table)]
+    parts.append("\n".join(f"- {name}: {_escaped(value)}" for name, value in report.facts()))
+    return "\n\n".join(parts) + "\n"
+
+
+def _markdown_table(table: Table) -> str:
+    rows = [[_escaped(value) for value in row] for row in table.rows]
+    lines = [table.columns, ["---"] * len(table.columns), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _escaped(text: str) -> str:
+    """Printable text that cannot end a cell or start markup."""
+    escaped = printable(text)
+    for sign in "\\|<>*_`[]":
+        escaped = escaped.replace(sign, f"\\{sign}")
+    return escaped
+
+
+def junit(report: NightReport) -> bytes:
+    """The XML file, one test case per check."""
+    night = report.night
+    counts = {
+        "tests": str(len(report.checks)),
+        "failures": str(sum(check.outcome == "FAIL" for check in report.checks)),
+        "errors": str(sum(check.outcome == "ERROR" for check in report.checks)),
+        "skipped": str(
+            sum(check.outcome in ("INCONCLUSIVE", "SKIPPED") for check in report.checks)
+        ),
+        "time": "0",
+    }
+    root = ET.Element("testsuites", {"name": "s2r nightly", **counts})
+    stamp = night.written_at.removesuffix("Z")
+    suite = ET.SubElement(
+        root, "testsuite", {"name": printable(night.name), "timestamp": stamp, **counts}
+    )
+    properties = ET.SubElement(suite, "properties")
+    for name, value in (("night", str(night.night)), *report.facts()):
+        ET.SubElement(properties, "property", {"name": name, "value": printable(value)})
+    for check in report.checks:
+        case = ET.SubElement(
+            suite, "testcase",
+            {"classname": f"s2r.gap.{printable(night.run)}", "name": check.name, "time": "0"},
+        )  # fmt: skip
+        text = printable(check.message)
+        if check.outcome == "FAIL":
+            ET.SubElement(case, "failure", {"message": text, "type": "gap"}).text = text
+        elif check.outcome == "ERROR":
+            ET.SubElement(case, "error", {"message": text, "type": "request"}).text = text
+        elif check.outcome == "PASS":
+            ET.SubElement(case, "system-out").text = text
+        else:
+            lead = "inconclusive: " if check.outcome == "INCONCLUSIVE" else ""
+            ET.SubElement(case, "skipped", {"message": f"{lead}{text}"})
+    ET.indent(root)
+    return ET.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n"
