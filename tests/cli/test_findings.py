@@ -40,8 +40,8 @@ def test_the_table_fits_into_80_columns(store, s2r, monkeypatch):
 
 def test_unknown_runs_and_histories_are_rejected(store, tmp_path, s2r):
     s2r("findings", store, "--run", "nobody").assert_refused("nobody")
-    s2r("findings", store, "--history", tmp_path / "no.duckdb").assert_refused("no.duckdb")
-    path = tmp_path / "gap.duckdb"
+    s2r("findings", store, "--history", tmp_path / "no.jsonl").assert_refused("no.jsonl")
+    path = tmp_path / "gap.jsonl"
     path.write_text("no history")
     s2r("findings", store, "--history", path).assert_refused("no history that this version reads")
 
