@@ -43,7 +43,7 @@ _wait.SLEEP_GRANULARITY, _wait.SLEEP_IDLE = 0.002, 0.0002
 """Seconds; Textual's defaults wait 20 ms of idle time after each key and slow the tests down."""
 
 FOLDERS_WITH_SHARED_FIXTURES = (
-    "lane_detection", "nightly", "prediction_import", "scoring", "sysid",
+    "examples", "nightly", "prediction_import", "scoring", "sysid",
 )  # fmt: skip
 """Folders with expensive fixtures in their own conftest.py."""
 

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.lane_detection.line_detector import COLOURS, Bools, Segments
-from s2rtools.lane_detection.road_renderer import IGNORE, OTHER, Mask
+from examples.duckietown.line_detector import COLOURS, Bools, Segments
+from examples.duckietown.road_renderer import IGNORE, OTHER, Mask
 
 Floats = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""Intervals, shares, verdicts and words of the threshold experiment on hand-made counts."""
+"""Intervals, shares, verdicts and words of the threshold study on hand-made counts."""
 
 from dataclasses import replace
 
@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from s2rtools.lane_detection.arm_evaluation import Scores
-from s2rtools.lane_detection.experiment_arms import Arm, parse_sources
-from s2rtools.lane_detection.experiment_data import split_images
-from s2rtools.lane_detection.experiment_report import in_words, to_table
-from s2rtools.lane_detection.line_scores import agreement, f1, mean_f1
-from s2rtools.lane_detection.road_images import RoadImages
-from s2rtools.lane_detection.threshold_experiment import Choice, Experiment, pick_arm, verdict
+from examples.duckietown.arm_evaluation import Scores
+from examples.duckietown.arms import Arm, parse_sources
+from examples.duckietown.line_scores import agreement, f1, mean_f1
+from examples.duckietown.report import in_words, to_table
+from examples.duckietown.road_images import RoadImages
+from examples.duckietown.split import split_images
+from examples.duckietown.study import Choice, Study, pick_arm, verdict
 
 TRUE = 100
 """True pixels per colour and image."""
@@ -31,10 +31,10 @@ def scores(name: str, hits: object, absent_red: int | None = None) -> Scores:
     return Scores(name, "labelled" not in name, pixels, empty, np.full((len(found), 2), np.nan))
 
 
-def experiment(
+def study(
     arms: dict[str, object], recordings: int, images: int = 4, absent_red: int | None = None
-) -> Experiment:
-    """An experiment on recordings of equal length; the chosen arm is `sim+ai`."""
+) -> Study:
+    """An study on recordings of equal length; the chosen arm is `sim+ai`."""
     count = recordings * images
     names = np.repeat([f"r{number}" for number in range(recordings)], images)
     defaults = {"default": 0.5, "default+ai": 0.5, "sim": 0.5, "sim+ai": 0.5}
@@ -43,7 +43,7 @@ def experiment(
         "fitted_on_judged_recordings": [], "fitted_on_judged_images": [],
         "lights_with_plausible_detections": [],
     }  # fmt: skip
-    return Experiment(
+    return Study(
         np.full(count, "day"), names,
         {
             name: scores(name, TRUE * np.broadcast_to(share, count), absent_red)
@@ -75,17 +75,17 @@ def test_agreement_is_the_mean_over_colours_that_either_mask_has():
 
 
 def test_gap_closed_is_the_share_between_simulation_and_oracle():
-    of = experiment({"sim": 0.2, "sim+ai": 0.5, "oracle per light": 0.9}, 6)
+    of = study({"sim": 0.2, "sim+ai": 0.5, "oracle per light": 0.9}, 6)
     expected = (f1_of(0.5) - f1_of(0.2)) / (f1_of(0.9) - f1_of(0.2))
     assert of.gap_closed("sim+ai", "all") == pytest.approx(expected)
     assert of.gap_closed("sim", "all") == 0
-    small = experiment({"sim": 0.89, "oracle per light": 0.9}, 6)
+    small = study({"sim": 0.89, "oracle per light": 0.9}, 6)
     assert np.isnan(small.gap_closed("sim+ai", "all"))
 
 
 def test_the_interval_over_recordings_is_about_students_interval_of_their_scores():
     shares = np.array([0.60, 0.62, 0.64, 0.66, 0.68, 0.70, 0.72, 0.74])
-    of = experiment({"sim+ai": np.repeat(shares, 4)}, 8)
+    of = study({"sim+ai": np.repeat(shares, 4)}, 8)
     found = of.f1("sim+ai", "all")
     values = np.array([f1_of(share) for share in shares])
     half = stats.t.ppf(0.975, 7) * values.std(ddof=1) / np.sqrt(8)
@@ -97,7 +97,7 @@ def test_the_interval_over_recordings_is_about_students_interval_of_their_scores
 
 def test_a_constant_paired_difference_has_no_spread_though_the_images_differ():
     hits = np.linspace(0.3, 0.9, 32)
-    of = experiment({"default+ai": hits, "sim+ai": hits, "sim": hits - 0.1}, 8)
+    of = study({"default+ai": hits, "sim+ai": hits, "sim": hits - 0.1}, 8)
     equal = of.difference("sim+ai", "default+ai", "all")
     assert (equal.low, equal.value, equal.high) == (0, 0, 0)
     below = of.difference("sim", "default+ai", "all")
@@ -109,7 +109,7 @@ def test_a_constant_paired_difference_has_no_spread_though_the_images_differ():
 @pytest.mark.parametrize(("share", "spared"), [(0.75, True), (0.70, False)])
 def test_spared_is_an_interval_that_reaches_the_oracle(share, spared):
     spread = np.repeat(np.linspace(-0.04, 0.04, 8), 4)
-    of = experiment({"sim+ai": share + spread, "oracle per light": 0.765}, 8)
+    of = study({"sim+ai": share + spread, "oracle per light": 0.765}, 8)
     assert verdict(of, "all")["f1"] < verdict(of, "all")["oracle"]
     assert verdict(of, "all")["spared"] is spared
     assert ("calibration spared" in in_words(of)) is spared
@@ -117,7 +117,7 @@ def test_spared_is_an_interval_that_reaches_the_oracle(share, spared):
 
 def test_the_smallest_number_of_labelled_images_that_wins_is_named():
     spread = np.repeat(np.linspace(-0.04, 0.04, 8), 4)
-    of = experiment(
+    of = study(
         {
             "sim+ai": 0.7 + spread, "1 labelled (per light)": 0.6 + spread,
             "2 labelled (per light)": 0.8 + spread, "4 labelled (per light)": 0.9 + spread,
@@ -127,10 +127,10 @@ def test_the_smallest_number_of_labelled_images_that_wins_is_named():
     assert verdict(of, "all")["labels_that_win"] == 2
     assert verdict(of, "all")["labels_tested"] == [1, 2, 4]
     assert "wins from 2 labelled" in in_words(of)
-    none = experiment({"sim+ai": 0.7 + spread, "1 labelled (per light)": 0.6 + spread}, 8)
+    none = study({"sim+ai": 0.7 + spread, "1 labelled (per light)": 0.6 + spread}, 8)
     assert verdict(none, "all")["labels_that_win"] is None
     assert "Of 1 labelled images per light, none is better" in in_words(none)
-    untested = in_words(experiment({"sim+ai": 0.7 + spread}, 8))
+    untested = in_words(study({"sim+ai": 0.7 + spread}, 8))
     assert "No number of labelled images was tested" in untested
     assert "none is better" not in untested
 
@@ -138,7 +138,7 @@ def test_the_smallest_number_of_labelled_images_that_wins_is_named():
 def test_one_recording_gives_an_interval_within_it_and_no_verdict():
     varied = np.linspace(0.5, 0.9, 16)
     labelled = {"1 labelled (per light)": varied + 0.1}
-    of = experiment({"sim+ai": varied, **labelled}, 1, images=16)
+    of = study({"sim+ai": varied, **labelled}, 1, images=16)
     found = verdict(of, "all")
     assert found["spared"] is None
     assert found["labels_that_win"] is None

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from s2rtools.lane_detection.conditions import CONDITIONS
-from s2rtools.lane_detection.rendered_folder import write_rendered
-from s2rtools.lane_detection.road_images import RoadImages, read_road_images
+from examples.duckietown.conditions import CONDITIONS
+from examples.duckietown.rendered_folder import write_rendered
+from examples.duckietown.road_images import RoadImages, read_road_images
 from tests.conftest import BuildOnce
 
 

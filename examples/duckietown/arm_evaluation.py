@@ -1,4 +1,4 @@
-"""Evaluate arms of the threshold experiment image by image."""
+"""Evaluate arms of the threshold study image by image."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.lane_detection.experiment_arms import (
+from examples.duckietown.arms import (
     BASELINE,
     Arm,
     FitRequest,
@@ -20,20 +20,20 @@ from s2rtools.lane_detection.experiment_arms import (
     thresholds_of,
     translated,
 )
-from s2rtools.lane_detection.experiment_data import Rows, Split
-from s2rtools.lane_detection.fisheye_camera import FisheyeCamera
-from s2rtools.lane_detection.lane_pose import lane_pose
-from s2rtools.lane_detection.line_detector import (
+from examples.duckietown.fisheye_camera import FisheyeCamera
+from examples.duckietown.lane_pose import lane_pose
+from examples.duckietown.line_detector import (
     COLOURS,
     DETECTOR_SIZE,
     Thresholds,
     colour_masks,
     detect,
 )
-from s2rtools.lane_detection.line_scores import agreement, pixel_counts, segment_counts
-from s2rtools.lane_detection.road_images import RoadImages
-from s2rtools.lane_detection.road_renderer import Mask
-from s2rtools.lane_detection.threshold_tuning import tune
+from examples.duckietown.line_scores import agreement, pixel_counts, segment_counts
+from examples.duckietown.road_images import RoadImages
+from examples.duckietown.road_renderer import Mask
+from examples.duckietown.split import Rows, Split
+from examples.duckietown.tuning import tune
 from s2rtools.translation.image_set import Rgb
 from s2rtools.translation.method import Translator
 

@@ -18,16 +18,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.errors import RequestError
-from s2rstore.files.input_files import read_bytes, read_text
-from s2rtools.lane_detection.line_detector import (
+from examples.duckietown.line_detector import (
     COLOURS,
     DETECTOR_SIZE,
     Crop,
     detector_images,
     road_part,
 )
-from s2rtools.lane_detection.road_renderer import IGNORE, Mask
+from examples.duckietown.road_renderer import IGNORE, Mask
+from s2rstore.errors import RequestError
+from s2rstore.files.input_files import read_bytes, read_text
 from s2rtools.translation.image_set import MAX_IMAGE_BYTES, ImageSet, Rgb, read_image
 
 Floats = NDArray[np.float64]

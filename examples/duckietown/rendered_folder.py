@@ -11,12 +11,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from examples.duckietown.conditions import Condition, LightField
+from examples.duckietown.fisheye_camera import FisheyeCamera
+from examples.duckietown.road_images import INDEX
+from examples.duckietown.road_renderer import LanePose, Mask, build_town, drive
 from s2rstore.errors import RequestError
 from s2rtools.common.result_files import write_all
-from s2rtools.lane_detection.conditions import Condition, LightField
-from s2rtools.lane_detection.fisheye_camera import FisheyeCamera
-from s2rtools.lane_detection.road_images import INDEX
-from s2rtools.lane_detection.road_renderer import LanePose, Mask, build_town, drive
 from s2rtools.translation.image_set import Rgb
 
 FRAMES_PER_SEQUENCE = 20

@@ -5,23 +5,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from s2rstore.errors import RequestError
-from s2rtools.lane_detection.arm_evaluation import CAMERA
-from s2rtools.lane_detection.lane_pose import lane_pose
-from s2rtools.lane_detection.line_detector import (
+from examples.duckietown.arm_evaluation import CAMERA
+from examples.duckietown.lane_pose import lane_pose
+from examples.duckietown.line_detector import (
     DEFAULT_THRESHOLDS,
     Segments,
     detect,
     detector_images,
     road_part,
 )
-from s2rtools.lane_detection.line_scores import (
+from examples.duckietown.line_scores import (
     f1,
     mean_f1,
     pixel_counts,
     segment_counts,
 )
-from s2rtools.lane_detection.threshold_tuning import tune
+from examples.duckietown.tuning import tune
+from s2rstore.errors import RequestError
 
 PAINT = {1: (230, 230, 230), 2: (230, 215, 20), 3: (200, 20, 30)}
 

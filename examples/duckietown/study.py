@@ -17,13 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.errors import RequestError
-from s2rstore.intervals import Interval, of_units
-from s2rtools.common.blocks import Blocks, split_into_blocks
-from s2rtools.common.command_line.progress import Reporter
-from s2rtools.lane_detection.arm_evaluation import Evaluation, Scores
-from s2rtools.lane_detection.conditions import CONDITIONS
-from s2rtools.lane_detection.experiment_arms import (
+from examples.duckietown.arm_evaluation import Evaluation, Scores
+from examples.duckietown.arms import (
     BASELINE,
     FIT_SCOPES,
     Arm,
@@ -32,16 +27,21 @@ from s2rtools.lane_detection.experiment_arms import (
     TranslatorCache,
     arms_of,
 )
-from s2rtools.lane_detection.experiment_data import (
+from examples.duckietown.conditions import CONDITIONS
+from examples.duckietown.line_detector import COLOURS, Bools, Thresholds, anti_instagram
+from examples.duckietown.line_scores import f1, mean_f1, true_colours
+from examples.duckietown.road_images import RoadImages
+from examples.duckietown.split import (
     Rows,
     Split,
     simulated_lights,
     split_images,
 )
-from s2rtools.lane_detection.line_detector import COLOURS, Bools, Thresholds, anti_instagram
-from s2rtools.lane_detection.line_scores import f1, mean_f1, true_colours
-from s2rtools.lane_detection.road_images import RoadImages
-from s2rtools.lane_detection.threshold_tuning import tune
+from examples.duckietown.tuning import tune
+from s2rstore.errors import RequestError
+from s2rstore.intervals import Interval, of_units
+from s2rtools.common.blocks import Blocks, split_into_blocks
+from s2rtools.common.command_line.progress import Reporter
 
 Floats = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ _MIN_GAP = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class ExperimentSettings:
+class StudySettings:
     """Seeds of learned fits and of draws, minutes per learned fit, a folder for translators, the
     translators, and the real images on which they are fitted."""
 
@@ -83,7 +83,7 @@ class Choice:
 
 
 @dataclass(slots=True, eq=False)
-class Experiment:
+class Study:
     """Scores of all arms on the judged images; `groups` are rows of the scores by name."""
 
     lights: NDArray[np.str_]
@@ -176,9 +176,9 @@ def _score(counts: Floats, colour: str | None, colours: Bools) -> Floats:
     return np.asarray(f1(counts[..., COLOURS.index(colour), :]))
 
 
-def run_experiment(
-    sim: RoadImages, real: RoadImages, settings: ExperimentSettings, progress: Reporter
-) -> Experiment:
+def run_study(
+    sim: RoadImages, real: RoadImages, settings: StudySettings, progress: Reporter
+) -> Study:
     """Evaluate all arms. Raises RequestError where labels are missing or a method is not usable."""
     if not sim.labelled.any():
         raise RequestError(f"{sim.name}: --sim has no labelled images")
@@ -221,7 +221,7 @@ def run_experiment(
     }  # fmt: skip
     groups = _groups(lights, scores[BASELINE])
     sequences = real.sequences[split.judged]
-    return Experiment(lights, sequences, scores, choice, groups, facts, skipped)
+    return Study(lights, sequences, scores, choice, groups, facts, skipped)
 
 
 def sim_thresholds(sim: RoadImages) -> dict[str, Thresholds]:
@@ -235,7 +235,7 @@ def sim_thresholds(sim: RoadImages) -> dict[str, Thresholds]:
 
 def choose_arm(
     sim: RoadImages,
-    settings: ExperimentSettings,
+    settings: StudySettings,
     progress: Reporter,
     real: Split,
     draws: int = 2,
@@ -322,7 +322,7 @@ def _groups(lights: NDArray[np.str_], baseline: Scores) -> dict[str, Rows]:
 
 
 def verdict(
-    experiment: Experiment, group: str, colour: str | None = None, name: str | None = None
+    study: Study, group: str, colour: str | None = None, name: str | None = None
 ) -> dict[str, Any]:
     """Whether the chosen arm spares the calibration on a group.
 
@@ -331,24 +331,24 @@ def verdict(
     per light that were tried, `labels_that_win` is the smallest of them whose paired difference to
     the arm is above zero; None where there is none, and below two recordings.
     """
-    name = name or experiment.chosen
-    of, oracle = experiment.f1(name, group, colour), experiment.f1(ORACLE, group, colour)
-    between = experiment.recordings(group) >= 2
+    name = name or study.chosen
+    of, oracle = study.f1(name, group, colour), study.f1(ORACLE, group, colour)
+    between = study.recordings(group) >= 2
     tested = {
         count: labelled
         for count in LABEL_COUNTS
-        if (labelled := f"{count} labelled (per light)") in experiment.scores
+        if (labelled := f"{count} labelled (per light)") in study.scores
     }
     winning = [
         count
         for count, labelled in tested.items()
-        if between and experiment.difference(labelled, name, group, colour).low > 0
+        if between and study.difference(labelled, name, group, colour).low > 0
     ]
     return {
         "arm": name, "group": group, "colour": colour or "all", "f1": of.value,
         "low": of.low, "high": of.high, "oracle": oracle.value,
-        "recordings": experiment.recordings(group), "unit": experiment.unit(group),
+        "recordings": study.recordings(group), "unit": study.unit(group),
         "spared": bool(of.high >= oracle.value) if between and np.isfinite(of.high) else None,
         "labels_tested": list(tested), "labels_that_win": min(winning, default=None),
-        "gap_closed": experiment.gap_closed(name, group),
+        "gap_closed": study.gap_closed(name, group),
     }  # fmt: skip

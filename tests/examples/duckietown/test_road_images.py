@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
+from examples.duckietown.road_images import read_road_images
 from s2rstore.errors import RequestError
-from s2rtools.lane_detection.road_images import read_road_images
 
 FIRST = "day-00_0000"
 

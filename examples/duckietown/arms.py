@@ -1,4 +1,4 @@
-"""Arms of the threshold experiment: thresholds, translators in front of them, and their fits."""
+"""Arms of the threshold study: thresholds, translators in front of them, and their fits."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from typing import Literal
 
 import numpy as np
 
-from s2rstore.errors import RequestError
-from s2rtools import translation
-from s2rtools.common.result_files import write_all
-from s2rtools.lane_detection.line_detector import (
+from examples.duckietown.line_detector import (
     DEFAULT_THRESHOLDS,
     Thresholds,
     anti_instagram,
 )
-from s2rtools.lane_detection.road_images import RoadImages
+from examples.duckietown.road_images import RoadImages
+from s2rstore.errors import RequestError
+from s2rtools import translation
+from s2rtools.common.result_files import write_all
 from s2rtools.translation import METHODS, find_method
 from s2rtools.translation.image_set import ImageSet, Rgb
 from s2rtools.translation.method import FitSettings, Translator
@@ -48,7 +48,7 @@ _BATCH = 32
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A translator of the experiment: a method with options, or a file."""
+    """A translator of the study: a method with options, or a file."""
 
     text: str
     method: str
@@ -157,7 +157,7 @@ def arms_of(
 
 @dataclass(frozen=True, slots=True)
 class FitRequest:
-    """What determines a fitted translator of the experiment."""
+    """What determines a fitted translator of the study."""
 
     source: Source
     direction: Direction

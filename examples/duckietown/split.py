@@ -1,4 +1,4 @@
-"""Which images of the threshold experiment are judged, which are fitted on and which are tuned on.
+"""Which images of the threshold study are judged, which are fitted on and which are tuned on.
 
 Per light (condition) of the real images:
 
@@ -20,11 +20,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from examples.duckietown.conditions import CONDITIONS, LightField
+from examples.duckietown.line_detector import COLOURS
+from examples.duckietown.road_images import RoadImages
+from examples.duckietown.road_renderer import IGNORE
 from s2rstore.errors import RequestError
-from s2rtools.lane_detection.conditions import CONDITIONS, LightField
-from s2rtools.lane_detection.line_detector import COLOURS
-from s2rtools.lane_detection.road_images import RoadImages
-from s2rtools.lane_detection.road_renderer import IGNORE
 from s2rtools.translation.image_set import Rgb
 
 Rows = NDArray[np.int64]

@@ -14,10 +14,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.lane_detection.fisheye_camera import FisheyeCamera
-from s2rtools.lane_detection.line_detector import Segments
-from s2rtools.lane_detection.road_map import LANE_OFFSET, WHITE_OFFSET, WHITE_WIDTH, YELLOW_WIDTH
-from s2rtools.lane_detection.road_renderer import LanePose
+from examples.duckietown.fisheye_camera import FisheyeCamera
+from examples.duckietown.line_detector import Segments
+from examples.duckietown.road_map import LANE_OFFSET, WHITE_OFFSET, WHITE_WIDTH, YELLOW_WIDTH
+from examples.duckietown.road_renderer import LanePose
 
 Floats = NDArray[np.float64]
 

@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.lane_detection.fisheye_camera import FisheyeCamera
-from s2rtools.lane_detection.road_map import TILE, RoadMap, map_pixels, road_map
+from examples.duckietown.fisheye_camera import FisheyeCamera
+from examples.duckietown.road_map import TILE, RoadMap, map_pixels, road_map
 from s2rtools.translation.image_set import Rgb
 
 Floats = NDArray[np.float64]

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from s2rtools.lane_detection.fisheye_camera import FisheyeCamera
-from s2rtools.lane_detection.road_map import (
+from examples.duckietown.fisheye_camera import FisheyeCamera
+from examples.duckietown.road_map import (
     LANE_OFFSET,
     TILE,
     WHITE_OFFSET,
 )
-from s2rtools.lane_detection.road_renderer import RoadRenderer, Town, build_town
+from examples.duckietown.road_renderer import RoadRenderer, Town, build_town
 
 CAMERA = FisheyeCamera()
 

@@ -6,8 +6,7 @@ import csv
 import io
 from pathlib import Path
 
-from s2rtools.common.result_files import write_all
-from s2rtools.lane_detection.line_detector import (
+from examples.duckietown.line_detector import (
     COLOURS,
     DEFAULT_THRESHOLDS,
     Crop,
@@ -15,6 +14,7 @@ from s2rtools.lane_detection.line_detector import (
     detect,
     detector_images,
 )
+from s2rtools.common.result_files import write_all
 from s2rtools.translation.image_set import Rgb
 
 COLUMNS = ("stamp_ns", "colour", "x1", "y1", "x2", "y2", "normal_x", "normal_y")

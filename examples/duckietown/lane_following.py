@@ -16,20 +16,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.lane_detection.conditions import Condition, LightField
-from s2rtools.lane_detection.fisheye_camera import FisheyeCamera
-from s2rtools.lane_detection.lane_pose import lane_pose
-from s2rtools.lane_detection.line_detector import (
+from examples.duckietown.conditions import Condition, LightField
+from examples.duckietown.fisheye_camera import FisheyeCamera
+from examples.duckietown.lane_pose import lane_pose
+from examples.duckietown.line_detector import (
     DETECTOR_SIZE,
     Thresholds,
     detect,
     detector_images,
 )
-from s2rtools.lane_detection.rendered_folder import lit_frames
-from s2rtools.lane_detection.road_images import reduce_mask
-from s2rtools.lane_detection.road_map import LANE_OFFSET
-from s2rtools.lane_detection.road_renderer import LanePose, RoadRenderer, Town, build_town
-from s2rtools.lane_detection.threshold_tuning import tune
+from examples.duckietown.rendered_folder import lit_frames
+from examples.duckietown.road_images import reduce_mask
+from examples.duckietown.road_map import LANE_OFFSET
+from examples.duckietown.road_renderer import LanePose, RoadRenderer, Town, build_town
+from examples.duckietown.tuning import tune
 from s2rtools.translation.image_set import Rgb
 from s2rtools.translation.method import Translator, blend
 

@@ -1,4 +1,4 @@
-"""Results of the threshold experiment as a JSON document, CSV rows, a table, words and a figure."""
+"""Results of the threshold study as a JSON document, CSV rows, a table, words and a figure."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from s2rstore.intervals import LEVEL_TEXT, Interval
-from s2rtools.common.blocks import MIN_TRAJECTORIES
-from s2rtools.lane_detection.line_detector import COLOURS
-from s2rtools.lane_detection.line_scores import false_pixels_of_absent, mean_f1, precision_recall
-from s2rtools.lane_detection.threshold_experiment import (
+from examples.duckietown.line_detector import COLOURS
+from examples.duckietown.line_scores import false_pixels_of_absent, mean_f1, precision_recall
+from examples.duckietown.study import (
     BASELINE,
     HARD_BELOW,
     ORACLE,
     SIM_TUNED,
-    Experiment,
+    Study,
     verdict,
 )
+from s2rstore.intervals import LEVEL_TEXT, Interval
+from s2rtools.common.blocks import MIN_TRAJECTORIES
 
 SCHEMA = 2
 _BEST_SHOWN = 8
@@ -35,45 +35,43 @@ _CSV = (
 )  # fmt: skip
 
 
-def to_document(experiment: Experiment) -> dict[str, Any]:
+def to_document(study: Study) -> dict[str, Any]:
     """All results as JSON values; unknown numbers are null."""
     rows = [
-        _row(experiment, name, group, colour)
-        for group in experiment.groups
-        for name in experiment.scores
+        _row(study, name, group, colour)
+        for group in study.groups
+        for name in study.scores
         for colour in (None, *COLOURS)
     ]
     verdicts = [
-        verdict(experiment, group, colour)
-        for group in experiment.groups
-        for colour in (None, *COLOURS)
+        verdict(study, group, colour) for group in study.groups for colour in (None, *COLOURS)
     ]
     document = {
-        "schema": SCHEMA, **experiment.facts, "chosen": experiment.chosen,
-        "choice": experiment.choice.candidates,
-        "groups": {name: len(rows) for name, rows in experiment.groups.items()},
-        "units": {name: experiment.unit(name) for name in experiment.groups},
-        "true_colours": {name: _true_colours(experiment, name) for name in experiment.groups},
-        "verdicts": verdicts, "arms": rows, "skipped": experiment.skipped,
-        "words": in_words(experiment),
+        "schema": SCHEMA, **study.facts, "chosen": study.chosen,
+        "choice": study.choice.candidates,
+        "groups": {name: len(rows) for name, rows in study.groups.items()},
+        "units": {name: study.unit(name) for name in study.groups},
+        "true_colours": {name: _true_colours(study, name) for name in study.groups},
+        "verdicts": verdicts, "arms": rows, "skipped": study.skipped,
+        "words": in_words(study),
     }  # fmt: skip
     finite: dict[str, Any] = _finite(document)
     return finite
 
 
-def _true_colours(experiment: Experiment, group: str) -> list[str]:
-    present = experiment.true_colours(group)
+def _true_colours(study: Study, group: str) -> list[str]:
+    present = study.true_colours(group)
     return [colour for colour, known in zip(COLOURS, present, strict=True) if known]
 
 
-def _row(experiment: Experiment, name: str, group: str, colour: str | None) -> dict[str, Any]:
-    scores, rows = experiment.scores[name], experiment.groups[group]
-    of = experiment.f1(name, group, colour)
-    change = experiment.difference(name, BASELINE, group, colour)
+def _row(study: Study, name: str, group: str, colour: str | None) -> dict[str, Any]:
+    scores, rows = study.scores[name], study.groups[group]
+    of = study.f1(name, group, colour)
+    change = study.difference(name, BASELINE, group, colour)
     segments = scores.segments[rows].sum(axis=0)
     chosen = segments.sum(axis=0) if colour is None else segments[COLOURS.index(colour)]
     known = bool(chosen[3] > 0)
-    counts, present = experiment.counts(name, group), experiment.true_colours(group)
+    counts, present = study.counts(name, group), study.true_colours(group)
     asked = np.ones(len(COLOURS), np.bool_) if colour is None else np.array(COLOURS) == colour
     absent = false_pixels_of_absent(counts[asked], present[asked]) / len(rows)
     precision, recall = precision_recall(chosen)
@@ -86,7 +84,7 @@ def _row(experiment: Experiment, name: str, group: str, colour: str | None) -> d
     values = (
         name, scores.label_free, group, colour or "all", of.value, of.low, of.high, change.value,
         change.low, change.high,
-        experiment.gap_closed(name, group) if colour is None else math.nan, absent,
+        study.gap_closed(name, group) if colour is None else math.nan, absent,
         float(precision) if known else math.nan, float(recall) if known else math.nan,
         chosen[4] / len(rows) if known else math.nan, offset, heading, scores.milliseconds,
         _seed_spread(scores.by_seed),
@@ -120,33 +118,33 @@ def to_csv(document: dict[str, Any]) -> str:
     return text.getvalue()
 
 
-def shown_arms(experiment: Experiment) -> list[str]:
+def shown_arms(study: Study) -> list[str]:
     """Arms of the table and the figure: baselines, the chosen one, the best label-free ones, and
     those with labels."""
-    names = experiment.scores
+    names = study.scores
     free = sorted(
         (name for name, scores in names.items() if scores.label_free),
-        key=lambda name: -np.nan_to_num(experiment.f1(name, "all").value),
+        key=lambda name: -np.nan_to_num(study.f1(name, "all").value),
     )
-    first = ["default", BASELINE, SIM_TUNED, "sim+ai", experiment.chosen]
+    first = ["default", BASELINE, SIM_TUNED, "sim+ai", study.chosen]
     labelled = [name for name, scores in names.items() if not scores.label_free]
     return list(dict.fromkeys([*first, *free[:_BEST_SHOWN], *labelled]))
 
 
-def to_table(experiment: Experiment) -> str:
+def to_table(study: Study) -> str:
     """A table per group: F1 and intervals, differences, gap closed, segments, pose, time."""
     lines = []
-    for group, rows in experiment.groups.items():
-        colours = ", ".join(_true_colours(experiment, group))
+    for group, rows in study.groups.items():
+        colours = ", ".join(_true_colours(study, group))
         lines.append(
-            f"\n{group}: {len(rows)} images; lines: {colours}; resampled: {experiment.unit(group)}"
-            f"{_WITHIN if experiment.recordings(group) < 2 else ''}"
+            f"\n{group}: {len(rows)} images; lines: {colours}; resampled: {study.unit(group)}"
+            f"{_WITHIN if study.recordings(group) < 2 else ''}"
         )
         lines.append(
             f"{'arm':<44} {'F1 (' + LEVEL_TEXT + ')':<19} {'to default+ai':<22} "
             f"{'gap':>5} {'abs.':>5} {'prec.':>5} {'rec.':>5} {'inv.':>5} {'pose':>11} {'ms':>5}"
         )
-        lines += [_line(experiment, name, group) for name in shown_arms(experiment)]
+        lines += [_line(study, name, group) for name in shown_arms(study)]
     lines.append(
         "\nF1: mean over the colours that have true lines in the group; gap: share of the gap from "
         "simulation-tuned to per-light oracle thresholds that is closed; abs.: false pixels per "
@@ -157,9 +155,9 @@ def to_table(experiment: Experiment) -> str:
     return "\n".join(lines).lstrip("\n")
 
 
-def _line(experiment: Experiment, name: str, group: str) -> str:
-    row = _row(experiment, name, group, None)
-    mark = "*" if name == experiment.chosen else " "
+def _line(study: Study, name: str, group: str) -> str:
+    row = _row(study, name, group, None)
+    mark = "*" if name == study.chosen else " "
     of = Interval(row["f1_low"], row["f1"], row["f1_high"])
     change = Interval(row["difference_low"], row["difference_to_default_ai"],
                       row["difference_high"])  # fmt: skip
@@ -186,24 +184,24 @@ def _interval(of: Interval, sign: str = "") -> str:
     return f"{of.value:{sign}.2f}{bounds}"
 
 
-def in_words(experiment: Experiment) -> str:
+def in_words(study: Study) -> str:
     """The answer as sentences, one per group, and what limits it."""
-    sentences = [f"Chosen without labels, on simulated lights: {experiment.chosen}."]
-    plain = experiment.facts["lights_with_plausible_detections"]
-    if experiment.choice.arm.guarded and plain:
+    sentences = [f"Chosen without labels, on simulated lights: {study.chosen}."]
+    plain = study.facts["lights_with_plausible_detections"]
+    if study.choice.arm.guarded and plain:
         sentences.append(
             f"In {', '.join(plain)} {BASELINE} detects a plausible amount of white and yellow, so "
             "nothing is translated there."
         )
-    sentences += [_answer(experiment, group) for group in experiment.groups]
-    return "\n".join(sentences + _limits(experiment))
+    sentences += [_answer(study, group) for group in study.groups]
+    return "\n".join(sentences + _limits(study))
 
 
-def _answer(experiment: Experiment, group: str) -> str:
-    of = verdict(experiment, group)
+def _answer(study: Study, group: str) -> str:
+    of = verdict(study, group)
     f1 = _interval(Interval(of["low"], of["f1"], of["high"]))
     with_labels = f"{of['oracle']:.2f} with thresholds tuned on these images"
-    change = _interval(experiment.difference(experiment.chosen, BASELINE, group), "+")
+    change = _interval(study.difference(study.chosen, BASELINE, group), "+")
     if of["recordings"] < 2:
         return (
             f"{group}: one recording: no interval between recordings, no verdict; mean F1 {f1} "
@@ -226,14 +224,14 @@ def _answer(experiment: Experiment, group: str) -> str:
     colours = [
         f"{colour} {'spared' if each['spared'] else 'needed'}"
         for colour in COLOURS
-        if (each := verdict(experiment, group, colour))["spared"] is not None
+        if (each := verdict(study, group, colour))["spared"] is not None
     ]
     return f"{sentence} By colour: {', '.join(colours)}."
 
 
-def _limits(experiment: Experiment) -> list[str]:
+def _limits(study: Study) -> list[str]:
     """Sentences about what the intervals and groups do not cover."""
-    facts, sentences = experiment.facts, []
+    facts, sentences = study.facts, []
     shared, same = facts["fitted_on_judged_recordings"], facts["fitted_on_judged_images"]
     if shared:
         sentences.append(
@@ -243,19 +241,19 @@ def _limits(experiment: Experiment) -> list[str]:
         )
     if same:
         sentences.append(f"They are fitted on the judged images themselves in {', '.join(same)}.")
-    if "hard lights" in experiment.groups:
+    if "hard lights" in study.groups:
         sentences.append(
             f"Hard lights are those in which {BASELINE} stays below {HARD_BELOW:g} on the judged "
             f"images: there the difference to {BASELINE} is stated too high, in ordinary lights "
             "too low."
         )
-    several = [group for group in experiment.groups if experiment.recordings(group) > 1]
-    if not all(experiment.blocks(group).by_trajectory for group in several):
+    several = [group for group in study.groups if study.recordings(group) > 1]
+    if not all(study.blocks(group).by_trajectory for group in several):
         sentences.append(
             f"Below {MIN_TRAJECTORIES} recordings pieces of them are the units: such intervals are "
             "too narrow where recordings differ."
         )
-    if any(len(scores.by_seed) > 1 for scores in experiment.scores.values()):
+    if any(len(scores.by_seed) > 1 for scores in study.scores.values()):
         sentences.append(
             "Intervals hold the fits of learned methods and the draws of labelled images fixed; "
             "the spread between them stands apart, as seed_spread."
@@ -263,30 +261,28 @@ def _limits(experiment: Experiment) -> list[str]:
     return sentences
 
 
-def figure_png(experiment: Experiment) -> bytes:
+def figure_png(study: Study) -> bytes:
     """F1 with intervals of the shown arms, a panel per group of lights."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    groups = [name for name in experiment.groups if name.endswith("lights")] or ["all"]
-    names = shown_arms(experiment)[::-1]
+    groups = [name for name in study.groups if name.endswith("lights")] or ["all"]
+    names = shown_arms(study)[::-1]
     figure = Figure(figsize=(3.2 + 3.4 * len(groups), 1.4 + 0.26 * len(names)))
     FigureCanvasAgg(figure)
     axes = figure.subplots(1, len(groups), sharey=True, squeeze=False)[0]
     for axis, group in zip(axes, groups, strict=True):
         for place, name in enumerate(names):
-            of = experiment.f1(name, group)
-            free = experiment.scores[name].label_free
+            of = study.f1(name, group)
+            free = study.scores[name].label_free
             colour = "#0072b2" if free else "#d55e00"
-            shape = "D" if name == experiment.chosen else "o"
+            shape = "D" if name == study.chosen else "o"
             if math.isfinite(of.low):
                 axis.plot([of.low, of.high], [place, place], color=colour, linewidth=1.5)
             axis.plot(of.value, place, shape, color=colour, markersize=5)
-        axis.axvline(
-            experiment.f1(ORACLE, group).value, color="#999999", linewidth=1, dashes=(4, 2)
-        )
+        axis.axvline(study.f1(ORACLE, group).value, color="#999999", linewidth=1, dashes=(4, 2))
         axis.set_title(
-            f"{group} ({len(experiment.groups[group])} images; {experiment.unit(group)})",
+            f"{group} ({len(study.groups[group])} images; {study.unit(group)})",
             fontsize=9,
         )
         axis.set_xlim(-0.02, 1.02)

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from s2rtools.lane_detection.conditions import CONDITIONS, Condition
-from s2rtools.lane_detection.line_detector import Thresholds
-from s2rtools.lane_detection.rendered_folder import lit_frames
-from s2rtools.ros.lane_following import (
+from examples.duckietown.conditions import CONDITIONS, Condition
+from examples.duckietown.lane_following import (
     CAMERA,
     DriveSettings,
     compare,
     follow_lane,
     tuned_thresholds,
 )
+from examples.duckietown.line_detector import Thresholds
+from examples.duckietown.rendered_folder import lit_frames
 from s2rtools.translation.colour_statistics import moments
 from s2rtools.translation.identity import IdentityTranslator
 from s2rtools.translation.mkl import MklTranslator
