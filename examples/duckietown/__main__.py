@@ -29,7 +29,7 @@ from s2rtools.common.result_files import check_writable, write_all
 from s2rtools.translation.apply_bag import BagRequest, apply_to_bag
 from s2rtools.translation.translator_file import load_translator
 
-SIM_SEED, LIGHTS_SEED = 1, 2
+SIM_SEED, LIGHTS_SEED = 1, 7
 """Seeds of the rendered simulation and of the rendered lights of the study."""
 
 

@@ -88,6 +88,7 @@ class Evaluation:
         self.split, self.sim, self.cache, self.tuned = split, sim, cache, dict(tuned)
         self.minutes, self.seeds, self.pixels_only = minutes, seeds, pixels_only
         self._tuned_on: dict[Translator | None, Thresholds] = {}
+        self._translated: dict[tuple[Translator | None, str], Rgb] = {}
         self._plausible: dict[str, bool] = {}
 
     @cached_property
@@ -118,7 +119,9 @@ class Evaluation:
                 seen, kind = images, "sim"
             else:
                 thresholds, kind = thresholds_of(used.thresholds, self.tuned), used.thresholds
-                seen = prepared(kind, translated(translator, images))
+                if (translator, light) not in self._translated:
+                    self._translated[translator, light] = translated(translator, images)
+                seen = prepared(kind, self._translated[translator, light])
                 elapsed += [] if self.pixels_only else _times(translator, kind, thresholds, images)
             pieces.append((rows, self._scores(rows, seen, thresholds)))
         result = _placed(arm.name, True, pieces, split)

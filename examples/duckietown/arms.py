@@ -23,7 +23,7 @@ from s2rtools import translation
 from s2rtools.common.result_files import write_all
 from s2rtools.translation import METHODS, find_method
 from s2rtools.translation.image_set import ImageSet, Rgb
-from s2rtools.translation.method import FitSettings, Translator
+from s2rtools.translation.method import FitSettings, Translator, lower_share
 from s2rtools.translation.translator_file import (
     StoredTranslator,
     encode,
@@ -41,6 +41,8 @@ BASELINE = "default+ai"
 SUFFIX = ".safetensors"
 _OF_IMAGE = ("grayworld", "fda")
 """Methods whose fit uses the target images alone."""
+LOWER_HALF = ("mkl", "unit")
+"""Methods that `all` also tries on the lower half of the images, which shows mostly road."""
 _MAX_FRAMES = 400
 """Images of a domain that a translator is fitted on, at most."""
 _BATCH = 32
@@ -54,6 +56,8 @@ class Source:
     method: str
     options: tuple[tuple[str, str], ...] = ()
     file: Path | None = None
+    lower: float = 1.0
+    """Share of the rows, from the bottom, that is translated."""
 
     @property
     def learned(self) -> bool:
@@ -91,9 +95,10 @@ class Arm:
 def parse_sources(texts: str | None) -> list[Source]:
     """Translators of a comma-separated list: METHOD, METHOD:OPTION=VALUE[:...] or FILE.
 
+    `lower=SHARE` is an option of every method: the lowest share of the rows is translated alone.
     None is every method that needs no training, and its per-image form where it has one; `all` are
-    the learned ones, too. Raises RequestError for unknown methods and options and for damaged
-    files.
+    the learned ones, too, and those of `LOWER_HALF` on the lower half. Raises RequestError for
+    unknown methods and options and for damaged files.
     """
     if texts is None or texts == "all":
         sources = []
@@ -105,6 +110,8 @@ def parse_sources(texts: str | None) -> list[Source]:
             if "statistics" in method.options:
                 option = ("statistics", "image")
                 sources.append(Source(f"{method.name}:image", method.name, (option,)))
+        if texts == "all":
+            sources += [_parse_source(f"{name}:lower=0.5") for name in LOWER_HALF]
         return sources
     return [_parse_source(text.strip()) for text in texts.split(",") if text.strip()]
 
@@ -115,14 +122,17 @@ def _parse_source(text: str) -> Source:
         return Source(Path(text).stem, stored.method, file=Path(text))
     name, *settings = text.split(":")
     method = find_method(name)
-    options = []
+    options, lower = [], 1.0
     for setting in settings:
         key, _, value = ("statistics=image" if setting == "image" else setting).partition("=")
+        if key == "lower":
+            lower = lower_share(value, f"translator {text!r}")
+            continue
         if key not in method.options or not value:
             known = ", ".join(method.options) or "it has none"
             raise RequestError(f"translator {text!r}: option {key!r} of {name}: {known}")
         options.append((key, value))
-    return Source(text, name, tuple(options))
+    return Source(text, name, tuple(options), lower=lower)
 
 
 def parse_scopes(text: str | None) -> tuple[Scope, ...]:
@@ -203,6 +213,7 @@ class TranslatorCache:
         settings = FitSettings(
             seed=request.seed, minutes=request.minutes if method.learned else None,
             options=dict(request.source.options), checkpoint=checkpoint,
+            lower=request.source.lower,
         )  # fmt: skip
         translator = method.fit(_limited(source), _limited(target), settings).translator
         if self.folder is not None:
@@ -223,7 +234,10 @@ def _key(request: FitRequest, source: ImageSet, target: ImageSet) -> str:
     method = METHODS[request.source.method]
     seed, minutes = (request.seed, request.minutes) if method.learned else (0, None)
     options = [(name, value, _file_digest(value)) for name, value in request.source.options]
-    facts = [method.name, _translation_code(), options, request.direction, seed, minutes]
+    facts = [
+        method.name, _translation_code(), options, request.source.lower, request.direction, seed,
+        minutes,
+    ]  # fmt: skip
     digest = hashlib.sha256(json.dumps(facts).encode())
     for images in (source, target):
         digest.update(json.dumps(images.images.shape).encode())

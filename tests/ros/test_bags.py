@@ -12,7 +12,7 @@ from bench.support.ros_programs import missing_ros
 from s2rstore.maintenance.verify import verify
 from s2rtools.datasets.writing.frame_cache import FrameCache
 from s2rtools.ros.ros_environment import SYSTEM_PACKAGES
-from s2rtools.translation.mkl import MklTranslator
+from s2rtools.translation.colour_maps import MklTranslator
 from s2rtui.cli import main
 from tests.support.image_bags import COMPRESSED, IMAGES, RAW, START, grey_images, write_image_bag
 

@@ -9,7 +9,7 @@ import pytest
 from examples.duckietown.__main__ import main
 from examples.duckietown.conditions import CONDITIONS
 from examples.duckietown.rendered_folder import lit_frames
-from s2rtools.translation.identity import IdentityTranslator
+from s2rtools.translation.colour_maps import IdentityTranslator
 from s2rtools.translation.translator_file import StoredTranslator, encode
 from tests.support.image_bags import START, write_image_bag
 

@@ -15,18 +15,12 @@ from examples.duckietown.lane_following import (
 )
 from examples.duckietown.line_detector import Thresholds
 from examples.duckietown.rendered_folder import lit_frames
+from s2rtools.translation.colour_maps import MklTranslator
 from s2rtools.translation.colour_statistics import moments
-from s2rtools.translation.identity import IdentityTranslator
-from s2rtools.translation.mkl import MklTranslator
 
 DAY = CONDITIONS["day"]
 BLUE = replace(DAY, name="blue", lamp=(0.12, 0.3, 1.4), exposure=0.5)
 SHORT = DriveSettings(distance=0.8, period=0.15)
-
-
-class Blind(IdentityTranslator):
-    def translate(self, rgb):
-        return np.zeros_like(rgb)
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -54,6 +54,10 @@ class ImageSet:
         iids = None if self.iids is None else self.iids[index]
         names = tuple(self.names[row] for row in index)
         return ImageSet(self.name, self.images[index], self.groups[index], names, iids)
+
+    def from_row(self, start: int) -> ImageSet:
+        """The images without the rows above `start`."""
+        return replace(self, images=self.images[:, start:]) if start else self
 
 
 def fit_size(height: int, width: int, long_edge: int = LONG_EDGE) -> tuple[int, int]:

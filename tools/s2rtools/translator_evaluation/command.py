@@ -61,6 +61,8 @@ def _add_fit_arguments(fit: argparse.ArgumentParser) -> None:
     add("--target", type=Path, metavar="DIR", help="folder of images with the look to give")
     add("--size", type=int, default=160, metavar="PX",
         help="longer edge of the images of the fit (default 160)")  # fmt: skip
+    add("--lower", default="1", metavar="SHARE",
+        help="translate the lowest SHARE of the rows alone, such as 0.5 (default 1)")  # fmt: skip
     add("--paired", action="store_true",
         help="use that both domains show the same scenes (mkl+residual)")  # fmt: skip
     add("--depth-noise", action="store_true",
@@ -193,7 +195,7 @@ def _request(options: argparse.Namespace, method: str, name: str, report: object
         domains = sim, real
     settings = fitting.default_settings(
         method, options.seed, options.steps, options.minutes, options.paired, options.option,
-        report,  # type: ignore[arg-type]
+        options.lower, report,  # type: ignore[arg-type]
     )  # fmt: skip
     return fitting.FitRequest(
         method, name, options.direction, domains, options.depth_noise, options.size, settings

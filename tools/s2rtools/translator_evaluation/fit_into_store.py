@@ -33,6 +33,7 @@ from s2rtools.translation.method import (
     ReportProgress,
     TranslationMethod,
     Translator,
+    lower_share,
 )
 from s2rtools.translation.translator_file import (
     StoredTranslator,
@@ -195,6 +196,7 @@ def publish(
             "seed": request.settings.seed,
             "paired": request.settings.paired,
             "options": json.dumps(dict(request.settings.options), sort_keys=True),
+            "lower": request.settings.lower,
             "size": list(stored.size),
             "split": encode_split(codes),
             "split_rule": fit_split.RULE,
@@ -266,7 +268,7 @@ def _checkpoint(store: Store, request: FitRequest) -> Path:
     facts = [
         store.dataset.hash, request.method, request.name, request.direction, request.domains,
         request.long_edge, settings.seed, settings.steps, settings.minutes, settings.paired,
-        sorted(settings.options.items()),
+        settings.lower, sorted(settings.options.items()),
     ]  # fmt: skip
     digest = hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
@@ -292,7 +294,7 @@ def _measure_depth_noise(
 
 def default_settings(
     method: str, seed: int, steps: int | None, minutes: float | None, paired: bool,
-    options: Sequence[str], report: ReportProgress,
+    options: Sequence[str], lower: str, report: ReportProgress,
 ) -> FitSettings:  # fmt: skip
     """Settings from the options of the command line. Raises RequestError for unknown options."""
     known = find_method(method).options
@@ -303,4 +305,5 @@ def default_settings(
             allowed = ", ".join(f"{name}=VALUE" for name in known) or "no options"
             raise RequestError(f"--option {text}: {method} takes {allowed}")
         parsed[key] = value
-    return FitSettings(seed, steps, minutes, paired, parsed, None, report)
+    share = lower_share(lower, "--lower")
+    return FitSettings(seed, steps, minutes, paired, parsed, None, report, share)
