@@ -16,7 +16,7 @@ from s2rtools.translation.method import FitResult, FitSettings, Options, Transla
 from s2rtools.translation.translator_file import read_translator
 from s2rtools.translator_evaluation import fit_into_store as fitting
 from s2rtools.translator_evaluation.fit_into_store import FitRequest, fit_folders, fit_into_store
-from s2rtools.translator_evaluation.named_translator import named_translator
+from s2rtools.translator_evaluation.judged_frames import named_translator
 from s2rtools.translator_evaluation.report import evaluate_folders
 from s2rtools.translator_evaluation.tables import folder_text
 from s2rtui.cli import main

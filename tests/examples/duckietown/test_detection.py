@@ -20,6 +20,7 @@ from examples.duckietown.line_scores import (
     pixel_counts,
     segment_counts,
 )
+from examples.duckietown.perception import LineModel
 from examples.duckietown.tuning import tune
 from s2rstore.errors import RequestError
 
@@ -112,3 +113,12 @@ def test_lane_pose_of_rendered_day_images(rendered):
     assert len(errors) > 15
     assert np.median(errors, axis=0)[0] < 0.03
     assert np.median(errors, axis=0)[1] < 0.2
+
+
+def test_the_detector_is_a_model_that_is_scored_by_the_agreement_of_its_labels():
+    images, masks = painted()
+    model = LineModel()
+    result = model.predict(images[0])
+    assert set(np.unique(result)) == {0, 1, 2, 3}
+    assert 0.9 < model.score(result, masks[0]) <= 1
+    assert model.score(model.predict(images[0] // 3), masks[0]) < 0.5
