@@ -22,7 +22,7 @@ from s2rstore.errors import RequestError
 from s2rtools import translation
 from s2rtools.common.result_files import write_all
 from s2rtools.translation import METHODS, find_method
-from s2rtools.translation.image_set import ImageSet, Rgb
+from s2rtools.translation.image_set import ImageSet, Rgb, evenly_spaced
 from s2rtools.translation.method import FitSettings, Translator, lower_share
 from s2rtools.translation.translator_file import (
     StoredTranslator,
@@ -225,9 +225,7 @@ class TranslatorCache:
 
 
 def _limited(images: ImageSet) -> ImageSet:
-    if len(images) <= _MAX_FRAMES:
-        return images
-    return images.rows(np.linspace(0, len(images) - 1, _MAX_FRAMES).round().astype(np.intp))
+    return images.rows(evenly_spaced(np.arange(len(images)), _MAX_FRAMES))
 
 
 def _key(request: FitRequest, source: ImageSet, target: ImageSet) -> str:

@@ -25,7 +25,7 @@ from examples.duckietown.line_detector import COLOURS
 from examples.duckietown.road_images import RoadImages
 from examples.duckietown.road_renderer import IGNORE
 from s2rstore.errors import RequestError
-from s2rtools.translation.image_set import Rgb
+from s2rtools.translation.image_set import Rgb, evenly_spaced
 
 Rows = NDArray[np.int64]
 
@@ -156,7 +156,7 @@ def simulated_lights(sim: RoadImages, seed: int, images_per_light: int = 32) -> 
         light = LightField(condition, size, seed * 100 + number)
         factors = np.exp([rng.uniform(*_SURFACE), rng.uniform(*_PAINT)])
         for part, place in enumerate(rng.choice(len(recordings), 2, replace=False)):
-            piece = sim.rows(_spread(recordings[place], images_per_light // 2))
+            piece = sim.rows(evenly_spaced(recordings[place], images_per_light // 2))
             lit = np.stack([light.apply(image) for image in _resurfaced(piece, *factors)])
             count = len(piece)
             pieces.append(
@@ -190,13 +190,6 @@ def _resurfaced(images: RoadImages, surface: float, paint: float) -> Rgb:
     lines = np.isin(images.masks, range(1, len(COLOURS) + 1))[..., None]
     scaled = np.clip(images.images * np.where(lines, paint, surface), 0, 255)
     return np.asarray(scaled.astype(np.uint8))
-
-
-def _spread(rows: Rows, count: int) -> Rows:
-    """At most `count` rows, evenly spaced."""
-    if len(rows) <= count:
-        return rows
-    return rows[np.linspace(0, len(rows) - 1, count).round().astype(np.int64)]
 
 
 def _joined(name: str, parts: list[RoadImages]) -> RoadImages:

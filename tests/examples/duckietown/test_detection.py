@@ -67,13 +67,14 @@ def test_pixel_scores_ignore_255_and_leave_out_absent_colours():
     masks = {
         "white": np.array([[True, False, True, True]]),
         "yellow": np.zeros((1, 4), bool),
-        "red": np.zeros((1, 4), bool),
+        "red": np.array([[False, False, True, False]]),
     }
     counts = pixel_counts(masks, truth)
     assert counts[0].tolist() == [1, 1, 1]
     assert f1(counts)[0] == 0.5
-    assert np.isnan(f1(counts)[1])
+    assert np.isnan(f1(counts)[1:]).all()
     assert mean_f1(counts) == 0.5
+    assert np.isnan(mean_f1(np.zeros((3, 3))))
 
 
 def test_segments_count_as_correct_invented_or_not_judged():

@@ -14,7 +14,6 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from s2rtools.common.torch_device import device
 from s2rtools.translation.feature_network import build_features, fitted_features
 from s2rtools.translation.image_set import ImageSet
 from s2rtools.translation.method import (
@@ -27,7 +26,7 @@ from s2rtools.translation.method import (
 )
 from s2rtools.translation.network_translator import NetworkTranslator
 from s2rtools.translation.networks import check_fit_size
-from s2rtools.translation.style_losses import StyleLosses, mean_gram_matrices, total_variation
+from s2rtools.translation.style_losses import StyleLosses, total_variation
 
 MAX_ITERATIONS = 300
 STEP = 0.02
@@ -91,8 +90,7 @@ def fit(source: ImageSet, target: ImageSet, settings: FitSettings, options: Opti
     check_fit_size("style", source, 1)
     features, facts = fitted_features(source, target, settings, options["features"])
     check_fit_size("style", source, features.widths()["conv1_1"])
-    losses = StyleLosses(features).to(device())
-    losses.set_style(mean_gram_matrices(features, target))
+    losses = StyleLosses.of_images(features, target)
     document: dict[str, Any] = {
         "layout": features.layout, "iterations": options["iterations"],
         "weight": options["weight"],

@@ -13,9 +13,8 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
-from s2rtools.common.torch_device import device
 from s2rtools.translation.adversarial_training import crop_size
-from s2rtools.translation.feature_network import FeatureNetwork, fitted_features
+from s2rtools.translation.feature_network import fitted_features
 from s2rtools.translation.fit_checkpoint import FitState
 from s2rtools.translation.fit_loop import (
     Batch,
@@ -36,7 +35,7 @@ from s2rtools.translation.networks import (
     initialised,
     size_options,
 )
-from s2rtools.translation.style_losses import StyleLosses, mean_gram_matrices, total_variation
+from s2rtools.translation.style_losses import StyleLosses, total_variation
 
 STEPS = 800
 LEARNING_RATE = 2e-4
@@ -74,12 +73,6 @@ class StyleNetworkLearner(Learner):
         return {"loss": loss.detach(), "content": content.detach(), "style": style.detach()}
 
 
-def _losses(features: FeatureNetwork, target: ImageSet) -> StyleLosses:
-    losses = StyleLosses(features).to(device())
-    losses.set_style(mean_gram_matrices(features, target))
-    return losses.requires_grad_(False)
-
-
 def fit(source: ImageSet, target: ImageSet, settings: FitSettings, options: Options) -> FitResult:
     """Train the generator on images of the source; the budget counts without the features."""
     size, weight = chosen_size(options, BOUND), options["weight"]
@@ -87,7 +80,8 @@ def fit(source: ImageSet, target: ImageSet, settings: FitSettings, options: Opti
     features, facts = fitted_features(source, target, settings, options["features"])
     generator = initialised(settings.seed, lambda: Generator(size))
     placed(generator)
-    learner = StyleNetworkLearner(generator, _losses(features, target), weight)
+    losses = StyleLosses.of_images(features, target).requires_grad_(False)
+    learner = StyleNetworkLearner(generator, losses, weight)
     sampler = BatchSampler(source, target, crop_size(source), options["batch"], settings.seed)
     identity = {key: value for key, value in facts.items() if not key.endswith("seconds")}
     plan = FitPlan(

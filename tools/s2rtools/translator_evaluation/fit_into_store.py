@@ -26,7 +26,13 @@ from s2rtools.precompute.prediction_rows import decode_split, encode_split
 from s2rtools.precompute.run_registration import find_domain
 from s2rtools.translation import METHODS, find_method, fit_split
 from s2rtools.translation.depth_noise import DepthNoise, measure
-from s2rtools.translation.image_set import ImageSet, fit_size, from_folder, from_store
+from s2rtools.translation.image_set import (
+    ImageSet,
+    evenly_spaced,
+    fit_size,
+    from_folder,
+    from_store,
+)
 from s2rtools.translation.method import (
     FitResult,
     FitSettings,
@@ -114,7 +120,7 @@ def _checked_images(
     iids = np.flatnonzero(store.imaged(domain) & (codes == fit_split.HELD_OUT))
     if len(iids) < _MIN_CHECKED:
         return None
-    return from_store(store, domain, _evenly_spaced(iids, _CHECKED_IMAGES), size)
+    return from_store(store, domain, evenly_spaced(iids, _CHECKED_IMAGES), size)
 
 
 def _check_content(
@@ -126,20 +132,13 @@ def _check_content(
     return judge(measure_content(before.images, translator.translate(before.images), look.images))
 
 
-def _evenly_spaced(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
-    """At most `most` of the rows."""
-    if len(rows) <= most:
-        return rows
-    return rows[np.linspace(0, len(rows) - 1, most).round().astype(np.intp)]
-
-
 def _split_codes(store: Store, source: str, target: str) -> NDArray[np.int8]:
     """Codes (N,) of `fit_split`, with at most `MAX_FITTED` images of each domain for the fit."""
     codes = fit_split.split_codes(store.instances.trajectory)
     used = np.zeros(len(codes), dtype=np.bool_)
     for domain in (source, target):
         iids = np.flatnonzero(store.imaged(domain) & (codes == fit_split.FITTED))
-        used[_evenly_spaced(iids, MAX_FITTED)] = True
+        used[evenly_spaced(iids, MAX_FITTED)] = True
     codes[(codes == fit_split.FITTED) & ~used] = fit_split.UNSEEN
     return codes
 
@@ -246,7 +245,7 @@ def fit_folders(source: Path, target: Path, request: FitRequest, out: Path) -> V
 def _rows_of_fit(images: ImageSet, code: int, most: int) -> ImageSet:
     """At most `most` of the images with a code of `fit_split`, evenly spaced."""
     rows = np.flatnonzero(fit_split.split_codes(images.groups) == code)
-    return images.rows(_evenly_spaced(rows, most))
+    return images.rows(evenly_spaced(rows, most))
 
 
 def _domains(store: Store, request: FitRequest) -> tuple[str, str]:
