@@ -43,7 +43,7 @@ _wait.SLEEP_GRANULARITY, _wait.SLEEP_IDLE = 0.002, 0.0002
 """Seconds; Textual's defaults wait 20 ms of idle time after each key and slow the tests down."""
 
 FOLDERS_OF_ONE_PROCESS = (
-    "cluster", "lane_detection", "nightly", "prediction_import", "ros", "scoring", "serve", "ssh",
+    "cluster", "examples", "nightly", "prediction_import", "ros", "scoring", "serve", "ssh",
     "sysid",
 )  # fmt: skip
 """Folders that share expensive fixtures, or start programs of which few run at once."""

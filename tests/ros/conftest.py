@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from bench.support.ros_programs import RosNetwork, missing_ros
-from s2rtools.translation.colour_statistics import Moments
-from s2rtools.translation.mkl import MklTranslator
+from s2rtools.translation.colour_maps import MklTranslator
 from s2rtools.translation.translator_file import StoredTranslator, encode
 
 WAIT = 120.0
@@ -26,8 +25,8 @@ def wait_until(condition: Callable[[], object], what: str) -> None:
 
 def shifted(offset: float) -> StoredTranslator:
     """A translator that adds `offset` to red and removes it from blue."""
-    source = Moments(np.full(3, 120.0), np.eye(3) * 900)
-    target = Moments(source.mean + np.array([offset, 0, -offset]), source.covariance)
+    source = np.vstack([np.full(3, 120.0), np.eye(3) * 900])
+    target = source + np.pad([[offset, 0.0, -offset]], ((0, 3), (0, 0)))
     return StoredTranslator(MklTranslator(target, source), "real", "sim", (48, 64))
 
 

@@ -1,6 +1,5 @@
 """`s2r ros replay`, and its bags in ROS's own tools."""
 
-import csv
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -12,10 +11,8 @@ import s2rstore
 from bench.support.ros_programs import missing_ros
 from s2rstore.maintenance.verify import verify
 from s2rtools.datasets.writing.frame_cache import FrameCache
-from s2rtools.lane_detection.conditions import CONDITIONS
-from s2rtools.lane_detection.rendered_folder import lit_frames
 from s2rtools.ros.ros_environment import SYSTEM_PACKAGES
-from s2rtools.translation.mkl import MklTranslator
+from s2rtools.translation.colour_maps import MklTranslator
 from s2rtui.cli import main
 from tests.support.image_bags import COMPRESSED, IMAGES, RAW, START, grey_images, write_image_bag
 
@@ -101,21 +98,6 @@ def test_missing_ros_names_the_packages_to_install(translator_file, s2r, monkeyp
     arguments = ["ros", "proxy", "--translator", str(translator_file), "--in", "/a", "--out", "/b"]
     s2r(*arguments).assert_refused("apt install python3-rospy")
     s2r(*arguments, "--ros", "2").assert_refused("rclpy")
-
-
-def test_replay_writes_the_line_segments_of_every_image(tmp_path, translator_file, capsys):
-    lit = next(iter(lit_frames([CONDITIONS["day"]], 1, seed=3))).rgb
-    source = write_image_bag(tmp_path / "a.bag", [lit, np.full_like(lit, 60)])
-    table = tmp_path / "segments.csv"
-    arguments = ["ros", "replay", str(source), "--translator", str(translator_file)]
-    arguments += ["--strength", "0", "--segments", str(table), "--out", str(tmp_path / "b.bag")]
-    assert main(arguments) == 0
-    with table.open() as file:
-        rows = list(csv.DictReader(file))
-    assert {int(row["stamp_ns"]) for row in rows} == {START}
-    assert {"white", "yellow"} <= {row["colour"] for row in rows}
-    assert all(0 <= float(row["x1"]) < 160 and 0 <= float(row["y2"]) < 80 for row in rows)
-    assert f"{len(rows)} segments in 2 images" in capsys.readouterr().out
 
 
 def test_replay_makes_a_store_of_images_and_translations(tmp_path, translator_file):
