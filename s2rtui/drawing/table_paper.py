@@ -205,7 +205,7 @@ def _draw_strip_mark(axes: Axes, page: Page, mark: StripMark, y: float) -> None:
         axes.annotate(mark.text, (0, y), xycoords=("axes fraction", "data"), va="center",
                       fontsize=8, color=ink, path_effects=page.halo(2), zorder=5)  # fmt: skip
     else:
-        marker, is_filled = MARKERS[mark.sign]
-        axes.plot([mark.at], [y], marker=marker, markersize=5.5, color=ink, linestyle="none",
-                  markerfacecolor=ink if is_filled else page.inks.background, zorder=5,
-                  clip_on=False)  # fmt: skip
+        (low, high), (marker, is_filled) = axes.get_xlim(), MARKERS[mark.sign]
+        axes.plot([min(max(mark.at, low), high)], [y], marker=marker, markersize=5.5, color=ink,
+                  markerfacecolor=ink if is_filled else page.inks.background, linestyle="none",
+                  zorder=5, clip_on=False)  # fmt: skip

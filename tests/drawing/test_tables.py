@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from s2rtui.canvas import DARK, Canvas, ColourMode, RenderOptions
+from s2rtui.canvas import DARK, LIGHT, Canvas, ColourMode, RenderOptions
 from s2rtui.drawing.cells import draw_cells, drawing_panels
 from s2rtui.drawing.drawing import Drawing
+from s2rtui.drawing.paper import draw_paper
 from s2rtui.drawing.scale import Scale
 from s2rtui.drawing.table import Bar, Cell, Column, Dot, LazyRows, Row, Span, TableSpec
 from s2rtui.drawing.table_cells import draw_axis
@@ -91,6 +92,15 @@ def test_strips_show_bars_intervals_and_dots_on_one_scale():
     assert places["•"] == pytest.approx(2 * unit, abs=1)
     assert strip.count("█") + 1 == pytest.approx(unit, abs=2)
     assert places[">"] == len(strip) - 1  # the interval ends beyond the scale
+
+
+def test_a_dot_beyond_the_scale_is_at_its_end_on_paper():
+    pages = []
+    for at in (-3.0, 0.0):
+        cells = Cell("light"), Cell(strip=(Dot(at, "cursor", "cursor"),))
+        table = TableSpec((Column("factor"), Column("", scale=Scale(0.0, 2.0))), (Row(cells),))
+        pages.append(draw_paper(Drawing(table=table), (300, 200), LIGHT))
+    assert pages[0] == pages[1]
 
 
 def test_bars_from_the_left_edge_have_eighths_of_cells():
