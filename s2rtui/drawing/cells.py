@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from rich.cells import cell_len
 
+from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import (
     DEFAULT_OPTIONS,
     Canvas,
@@ -18,6 +19,7 @@ from s2rtui.canvas import (
     Theme,
 )
 from s2rtui.canvas.marks import draw_mark
+from s2rtui.canvas.raster import limit_ground
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.drawing_layout import (
     PlotPlace,
@@ -27,6 +29,7 @@ from s2rtui.drawing.drawing_layout import (
     y_labels,
 )
 from s2rtui.drawing.legend import draw_rows
+from s2rtui.drawing.plane_marks import Floor
 from s2rtui.drawing.plot import ROLES, Line
 from s2rtui.drawing.plot_cells import draw_marks, style_of
 from s2rtui.drawing.table_cells import draw_axis, draw_table, table_panels
@@ -114,13 +117,19 @@ def _draw_plot(canvas: Canvas, place: PlotPlace, drawing: Drawing) -> None:
         for row, text in y_labels(plot, place.rows).items():
             if cell_len(text) < place.left - place.start:
                 canvas.text(place.left - 1, place.top + row, text, theme.muted, align="right")
+        if plot.equal and place.head is None:
+            name = plot.y.name(place.left - place.start, cell_len)
+            canvas.text(place.start, place.top, name.ljust(place.left - place.start), theme.muted)
     part = Canvas(place.width, place.rows, canvas.options)
-    draw_marks(part, plot, drawing.brush)
-    canvas.paste(part, place.left, place.top)
-    if drawing.brush is None:
-        canvas.images.append(_image(place, canvas.theme))
+    texts, marked = draw_marks(part, plot, drawing.brush), part.char.copy()
     if plot.name and plot.shape == "plane":
-        draw_mark(canvas, _panel(place), drawing.brush)
+        draw_mark(part, _panel(replace(place, left=0, top=0)), drawing.brush)
+    if any(isinstance(mark, Floor) for mark in plot.marks):
+        limit_ground(part)
+    if canvas.options.supports_shading and (drawing.brush is None or plot.shape == "plane"):
+        part.images.append(_image(place, canvas.theme))
+        part.show_text(texts | (part.char != marked))
+    canvas.paste(part, place.left, place.top)
     if place.axis is not None:
         draw_axis(canvas, plot.x, place.left, place.axis, place.width, place.width // _TICKS)
 
@@ -131,10 +140,10 @@ def _image(place: PlotPlace, theme: Theme) -> InlineImage:
     def pixels(size: Size) -> Pixels:
         from s2rtui.drawing.plot_paper import plot_pixels
 
-        return plot_pixels(place.plot, theme, size)
+        return plot_pixels(place.plot, theme, size, place.width)
 
-    box = place.left, place.top, place.width, place.rows
-    return InlineImage(*box, None, pixels, (theme.name, place))
+    key = identity_key((theme.name, place.width, place.rows, place.plot))
+    return InlineImage(0, 0, place.width, place.rows, None, pixels, key)
 
 
 def _draw_head(canvas: Canvas, place: PlotPlace) -> None:

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from s2rstore.records import Bounds
 from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.marks import PlotArea
-from s2rtui.charts.compare.terminal import compare_panels
-from s2rtui.charts.map.terminal import map_panels
+from s2rtui.charts.compare.view import compare_drawing
+from s2rtui.charts.map import map_drawing
 from s2rtui.charts.orientation.terminal import orientation_panels
 from s2rtui.drawing.cells import drawing_panels
 from s2rtui.drawing.drawing import Drawing
@@ -42,8 +42,8 @@ def drawn(drawing: Drawing) -> Surface:
 
 SIDES, DIALS = ("sim", "real"), ("sim", "truth", "real")
 VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
-    "map": (surface(map_panels, map_input(y_down=False)), "plane", ("map",)),
-    "near comparison": (surface(compare_panels, compare_input(), NEAR), "plane", ("map",)),
+    "map": (drawn(map_drawing(map_input(y_down=False))), "plane", ("map",)),
+    "near comparison": (drawn(compare_drawing(compare_input(), NEAR)), "plane", ("map",)),
     "umap": (drawn(umap_drawing()), "plane", SIDES),
     "orientation": (surface(orientation_panels, orientation_input()), "turn", DIALS),
     "upwards": (surface(orientation_panels, orientation_input(y_down=False)), "turn", DIALS),
