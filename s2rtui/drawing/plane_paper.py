@@ -164,7 +164,7 @@ def _draw_floor(sheet: _Sheet, floor: Floor) -> None:
     width, height = (max(1, round(side * sheet.page.figure.dpi)) for side in sheet.inches)
     x, y = sheet.plot.x, sheet.plot.y
     frame = MapFrame(
-        x.low, y.high, sheet.span[0] / width, width, height, y.low > y.high
+        x.low, y.high, sheet.span[0] / width, width, height, sheet.plot.y_down
     )  # fmt: skip
     layer = floor_pixels(floor, frame, sheet.page.theme)
     opaque = np.full((*layer.shape[:2], 1), 255, dtype=np.uint8)
@@ -196,7 +196,7 @@ def _draw_outlines(sheet: _Sheet, outlines: Outlines) -> None:
         size = _NAME * min(1.0, fits)
         if size < _SMALLEST_NAME:
             continue
-        top = room.y0 if sheet.plot.y.low > sheet.plot.y.high else room.y1
+        top = room.y0 if sheet.plot.y_down else room.y1
         sheet.axes.annotate(
             "\n".join(words), (room.x0, top), xytext=(4, -4), textcoords="offset points",
             ha="left", va="top", fontsize=size, color=sheet.inks.muted, zorder=6,

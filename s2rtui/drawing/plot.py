@@ -152,6 +152,11 @@ class Plot:
         named = [mark for mark in self.marks if isinstance(mark, Line | Dots) and mark.name]
         return tuple(sorted(named, key=lambda mark: isinstance(mark, Line) and mark.dashed))
 
+    @property
+    def y_down(self) -> bool:
+        """Whether y grows downwards."""
+        return self.y.low > self.y.high
+
     def fitted(self, width: float, height: float) -> Plot:
         """The plot in an area of this size; with `equal` scales one is widened about its middle."""
         if not self.equal:

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from s2rtui.canvas import BrushShape, Canvas, Rgb
 from s2rtui.canvas.marks import mark_on_panel, mark_range
 from s2rtui.canvas.raster import dot_grid, draw_braille
+from s2rtui.drawing.arcs_cells import number_cells
 from s2rtui.drawing.bars import draw_vertical_bars, put_over_bar
-from s2rtui.drawing.plane_cells import draw_names, draw_plane_mark, number_cells
+from s2rtui.drawing.plane_cells import draw_names, draw_plane_mark
 from s2rtui.drawing.plane_marks import GROUND
 from s2rtui.drawing.plot import ROLES, Bars, Dots, Ink, Line, Plot, Points, Rule
 from s2rtui.drawing.points_cells import draw_points
