@@ -108,10 +108,10 @@ class _Sheet:
         self.per_point = self.span[0] / (72 * inches[0])
         """Units of the scales per point."""
 
-    def grid(self, per_inch: float) -> Grid:
-        """Cells of the plot, each twice as high as wide, of which an inch has `per_inch`."""
+    def grid(self, per_inch: float, shape: float = 1.0) -> Grid:
+        """Cells of the plot, `shape` times as high as wide, of which an inch has `per_inch`."""
         width = max(1, round(self.inches[0] * per_inch))
-        height = max(1, round(self.span[1] / self.span[0] * width / 2))
+        height = max(1, round(self.span[1] / self.span[0] * width / shape))
         return self.plot.x, self.plot.y, width, height
 
     def places(self, cells: NDArray[np.float64], grid: Grid) -> NDArray[np.float64]:
@@ -126,11 +126,11 @@ class _Sheet:
     def last_per_spot(self, x: Floats, y: Floats, ids: NDArray[np.intp]) -> NDArray[np.intp]:
         """Those of `ids` that are drawn, in their order: if they are many, the last of each spot.
 
-        A spot is about half a point wide.
+        A spot is half a point wide.
         """
         if len(ids) <= _FEW:
             return ids
-        spots = dot_bins(x, y, *self.grid(72))
+        spots = dot_bins(x, y, *self.grid(72, 2.0))
         codes = spots.codes[ids][::-1]
         _, first = np.unique(codes, return_index=True)
         held = ids[np.sort(len(ids) - 1 - first)]
@@ -290,7 +290,7 @@ def _draw_changes(sheet: _Sheet, changes: Changes) -> None:
 def _draw_segments(sheet: _Sheet, segments: Segments) -> None:
     from matplotlib.collections import LineCollection
 
-    ids = drawn_segments(segments, sheet.grid(CELLS_PER_INCH), _SEGMENTS_UP_TO)
+    ids = drawn_segments(segments, sheet.grid(CELLS_PER_INCH, 2.0), _SEGMENTS_UP_TO)
     ends = [np.stack([part[ids] for part in end], axis=1) for end in (segments.start, segments.end)]
     lines = np.stack(ends, axis=1)
     known = list(lines[np.isfinite(lines).all(axis=(1, 2))])
@@ -305,13 +305,18 @@ def _draw_arcs(sheet: _Sheet, arcs: Arcs) -> None:
     from matplotlib.collections import PolyCollection
 
     inks = sheet.inks
-    grid = sheet.grid(CELLS_PER_INCH)
+    grid = sheet.grid(CELLS_PER_INCH, 2.0)
     glyphs = error_glyphs(arcs, grid, _FOOTPRINT[sheet.is_page])
     members = selection_indices(arcs.selected, arcs.valid).members
-    held = sheet.last_per_spot(arcs.x, arcs.y, members)
     size, alpha = (1, 0.25) if glyphs.is_crowded else (6, 1.0)
-    ink = mix(sheet.page.theme.background, sheet.page.theme.truth, alpha) / 255
-    sheet.dots(arcs.x[held], arcs.y[held], size, [ink], 4)
+    tint = mix(sheet.page.theme.background, sheet.page.theme.truth, alpha)
+    if len(members) > _MANY:
+        fine = sheet.grid(_PER_INCH)
+        shown = sign_cells(Signs(arcs.x, arcs.y, arcs.selected, arcs.valid), fine)
+        sheet.cells(shown.columns, shown.rows, np.tile(tint, (len(shown.rows), 1)), fine, 4)
+    else:
+        held = sheet.last_per_spot(arcs.x, arcs.y, members)
+        sheet.dots(arcs.x[held], arcs.y[held], size, [tint / 255], 4)
     if not glyphs.is_crowded:
         _draw_holes(sheet, arcs, members)
     cells = glyphs.centres if sheet.is_page else np.floor(glyphs.centres) + 0.5
@@ -329,7 +334,7 @@ def _draw_arcs(sheet: _Sheet, arcs: Arcs) -> None:
     for vectors, rim, face in ((glyphs.sim, inks.sim, inks.sim), (glyphs.real, inks.real, None)):
         steps = vectors / np.hypot(*vectors.T)[:, None]
         tips = centres + (_RADIUS - _THICK / 2) * sheet.per_point * steps
-        sheet.dots(tips[:, 0], tips[:, 1], 16, [face or inks.background], 5.5, 1.0, "D", rim)
+        sheet.dots(tips[:, 0], tips[:, 1], 10, [face or inks.background], 5.5, 1.0, "D", rim)
     if sheet.is_page:
         _draw_numbers(sheet, glyphs, centres)
 
