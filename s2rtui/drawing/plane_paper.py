@@ -78,8 +78,10 @@ def plane_note(mark: PlaneMark) -> tuple[Phrase, ...]:
         return () if is_all else (Phrase("grey: not selected"),)
     if isinstance(mark, Arcs):
         wide = f"{LARGEST:g}° wide: {short_number(mark.full, 2)} m"
-        phrases = [Phrase("sim error", "sim"), Phrase("real error", "real"), Phrase("both", "both"),
-                   Phrase(wide)]  # fmt: skip
+        phrases = [
+            Phrase("sim error", "sim", "sim"), Phrase("real error", "real", "real"),
+            Phrase("both", "both"), Phrase(wide),
+        ]  # fmt: skip
         if selected_count(mark.selected, mark.valid) > 1:
             phrases.append(Phrase("number: mean of n instances"))
         return (*phrases, *_trained_note(mark))
