@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from s2rtui.canvas import Pixels, Theme
 from s2rtui.canvas.render_options import UNICODE
-from s2rtui.drawing.page import BOLD, LETTER, NARROW, Inks, Page, style_axes
+from s2rtui.drawing.page import BOLD, LETTER, NARROW, Ink, Inks, Page, style_axes
 from s2rtui.drawing.plane_marks import PlaneMark
 from s2rtui.drawing.plane_paper import CELLS_PER_INCH, draw_plane_mark
 from s2rtui.drawing.plot import Bars, Dots, Line, Plot, Points, Rule, Sign
@@ -25,12 +26,15 @@ _LINE = 0.17
 """Height of a label in inches."""
 _BESIDE = 0.2
 """Inches beside an axis of x into which its labels may reach."""
+_SCREEN_DPI = 110.0
+"""Pixels per inch of dials on the screen of a terminal with graphics."""
 LEGEND_COLUMNS = 2
 MARKERS: dict[Sign, tuple[str, bool]] = {
     "sim": ("D", True), "real": ("D", False), "truth": ("o", True), "both": ("s", True),
     "cursor": ("^", True), "pointer": (">", True), "selected": ("o", True), "trained": ("o", False),
     "baseline": ("|", True), "vertical": ("|", True), "passed": ("o", True), "failed": ("^", True),
-    "inconclusive": ("o", False), "skipped": (".", True), "planned": (">", True),
+    "inconclusive": ("o", False), "skipped": (".", True), "interval": ("_", True),
+    "planned": (">", True),
     "below": ("v", True), "above": ("^", True),
 }  # fmt: skip
 """The marker of each sign, and whether it is filled."""
@@ -78,21 +82,40 @@ def plot_pixels(plot: Plot, theme: Theme, size: tuple[int, int], columns: int) -
 
     columns: cells of the terminal that it is wide.
     """
+
+    def draw(page: Page) -> None:
+        axes = page.axes(0.0, 0.0, *page.inches)
+        axes.set_axis_off()
+        _draw_marks(axes, page, plot, page.inches, False)
+
+    return drawn_pixels(theme, size, draw, CELLS_PER_INCH * size[1] / columns)
+
+
+def drawn_pixels(
+    theme: Theme, size: tuple[int, int], draw: Callable[[Page], None], dpi: float = _SCREEN_DPI
+) -> Pixels:
+    """What `draw` draws on a page without heading, in `size` (height, width) pixels."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     height, width = size
-    dpi = CELLS_PER_INCH * width / columns
     inches = width / dpi, height / dpi
     inks = Inks(theme)
     figure = Figure(figsize=inches, dpi=dpi, facecolor=inks.background)
     canvas = FigureCanvasAgg(figure)
-    page = Page(figure, width, height, theme, inks)
-    axes = page.axes(0.0, 0.0, *inches)
-    axes.set_axis_off()
-    _draw_marks(axes, page, plot, inches, False)
+    draw(Page(figure, width, height, theme, inks))
     canvas.draw()
     return np.array(np.asarray(canvas.buffer_rgba())[:height, :width, :3])
+
+
+def draw_sign(page: Page, x: float, y: float, sign: Sign, ink: Ink) -> None:
+    """Draw the marker of a sign at a place of the page in inches."""
+    from matplotlib.lines import Line2D
+
+    (wide, high), (marker, is_filled) = page.inches, MARKERS[sign]
+    face = ink if is_filled else page.inks.background
+    page.figure.add_artist(Line2D([x / wide], [y / high], color=ink, marker=marker, markersize=5.5,
+                                  markerfacecolor=face, linestyle="none"))  # fmt: skip
 
 
 def _keep_on_page(axis: Axis, scale: Scale, inches: float) -> None:

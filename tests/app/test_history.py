@@ -73,7 +73,7 @@ def test_a_damaged_history_is_reported_and_other_views_work(tmp_path, tiny_store
     path.parent.mkdir()
     path.write_bytes(b"no database")
     text = snapshot(tmp_path / "s.s2r", (200, 24)).text
-    assert "gap.duckdb: no history that this version reads" in text
+    assert "gap.jsonl: no history that this version reads" in text
     shown = snapshot(tmp_path / "s.s2r", (80, 24), ["G"]).text.splitlines()[2:8]
     assert shown[0].strip() == "the history cannot be read"
     assert str(path) in "".join(line.strip() for line in shown)

@@ -45,7 +45,7 @@ def test_stages_are_run_until_the_store_is_complete(demo_folder, capsys, monkeyp
 
     monkeypatch.setattr("s2rtui.cli.main", record)
     assert main([*DEMO_ARGUMENTS, str(demo_folder)]) == 0
-    assert commands == ["ingest", "precompute", "score"]
+    assert commands == ["ingest", "precompute", "score", "suggest"]
     output = capsys.readouterr()
     assert "2 runs" in output.out
     assert f"open it with: s2r {path}" in output.out
@@ -58,7 +58,7 @@ def test_stages_are_run_until_the_store_is_complete(demo_folder, capsys, monkeyp
         draft.delete("run", run="vanilla")
     del commands[:]
     assert main([*DEMO_ARGUMENTS, str(demo_folder)]) == 0
-    assert commands == ["model"]
+    assert commands == ["model", "suggest"]
 
 
 @pytest.mark.deep

@@ -47,9 +47,9 @@ def test_the_table_fits_into_80_columns(store, capsys, monkeypatch):
 def test_unknown_runs_and_histories_are_rejected(store, tmp_path, capsys):
     assert main(["findings", str(store), "--run", "nobody"]) == 2
     assert "nobody" in capsys.readouterr().err
-    assert main(["findings", str(store), "--history", str(tmp_path / "no.duckdb")]) == 2
-    assert "no.duckdb" in capsys.readouterr().err
-    path = tmp_path / "gap.duckdb"
+    assert main(["findings", str(store), "--history", str(tmp_path / "no.jsonl")]) == 2
+    assert "no.jsonl" in capsys.readouterr().err
+    path = tmp_path / "gap.jsonl"
     path.write_text("no history")
     assert main(["findings", str(store), "--history", str(path)]) == 2
     assert "no history that this version reads" in capsys.readouterr().err

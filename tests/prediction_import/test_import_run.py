@@ -239,7 +239,7 @@ def test_rows_of_a_tum_file_that_cannot_be_used(store, tmp_path):
     (tmp_path / "r.tum").write_text("0 1 2 0 0 0 0 1\n")
     report = run_import(store, f"sim:{tmp_path}/s.tum", f"real:{tmp_path}/r.tum")
     text = "\n".join(report.issues.lines())
-    assert "s.tum:2 7 values; TUM has 8" in text
+    assert "s.tum:2 7 values, expected 8" in text
     assert "s.tum:3 length 2" in text
     assert "s.tum:4 (sim) no number in " in text
     assert "s.tum:5 the nearest instance is 67.7 s away" in text
@@ -305,7 +305,7 @@ def test_files_that_are_no_predictions(store, tmp_path):
         ("p.csv", b"iid;side;x;y\n0;sim;1;1\n", "p.csv:1: columns are separated by semicolons"),
         ("p.csv", b"iid,side\n\x00", "NUL bytes"),
         ("p.parquet", b"PAR1 cut", "cannot be read as a Parquet file"),
-        ("p.tum", b"# nothing\n", "no rows"),
+        ("p.tum", b"# nothing\n", "no row of 8 numbers"),
         ("p.xls", b"1", "unknown suffix"),
     ):
         (tmp_path / name).write_bytes(content)

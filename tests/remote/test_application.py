@@ -18,6 +18,7 @@ from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import RenderOptions
 from s2rtui.cli import main
 from s2rtui.session import Session
+from tests.support import gaps
 
 HEAT = "runs.zarr/vanilla/key0/"
 
@@ -94,7 +95,7 @@ async def test_a_slow_server_does_not_stop_the_keys(served, monkeypatch):
         served.server.released.set()
 
 
-async def test_a_new_generation_and_history_are_noticed_and_opened(served, tmp_path):
+async def test_a_new_generation_and_history_are_noticed_and_followed(served, tmp_path):
     app = make_app(served.url)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -102,16 +103,14 @@ async def test_a_new_generation_and_history_are_noticed_and_opened(served, tmp_p
         assert app.session.state.history is None
         with edit(served.path) as draft:
             draft.set_provenance("test", {"key": "value"})
-        history = tmp_path / "gap.duckdb"
-        writer.append(history, {})
+        history = tmp_path / "gap.jsonl"
+        writer.append(history, gaps.night(1, {"task": 5.0}))
         target = reader.history_path(served.path)
         target.parent.mkdir()
         shutil.copy(history, target)
         app.store_updates.check_store()
         await until(lambda: app.session.state.newest == before + 1, pilot)
         assert app.session.state.history is not None
-        assert app.session.state.generation == before
-        await pilot.press("g")
         await until(lambda: app.session.state.generation == before + 1, pilot)
         await settle(app, pilot)
         assert app.session.store.provenance("test") == {"key": "value"}

@@ -114,7 +114,7 @@ def _check(options: argparse.Namespace) -> None:
 
 def _proxy(options: argparse.Namespace) -> None:
     from s2rtools.ros import ros_environment
-    from s2rtools.ros.image_topics import check_topics
+    from s2rtools.ros.proxy_node import check_topics
     from s2rtools.ros.proxy_settings import ProxyRequest, ProxySettings, parse_age
     from s2rtools.translation.translator_file import load_translator
 

@@ -25,6 +25,7 @@ from s2rstore.index.transaction import IndexTransaction, check_writable, edit
 from s2rstore.maintenance.prune import frame_folders
 from s2rstore.reader import Store
 from s2rstore.records import Part, TrajectoryPart
+from s2rtools.common.lazy_sequence import LazySequence
 from s2rtools.datasets.appending.instance_agreement import Additions, additions, stored_depth_types
 from s2rtools.datasets.appending.new_domains import (
     DomainFrames,
@@ -35,7 +36,6 @@ from s2rtools.datasets.appending.new_domains import (
 from s2rtools.datasets.appending.store_agreement import in_store_terms
 from s2rtools.datasets.conventions import convention_report
 from s2rtools.datasets.conventions.convention_check import ConventionCheck
-from s2rtools.datasets.lazy_sequence import LazySequence
 from s2rtools.datasets.scan import InstanceRecord, Scan
 from s2rtools.datasets.stored_instances import StoredRecords
 from s2rtools.datasets.writing.build import (

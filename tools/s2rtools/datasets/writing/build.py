@@ -18,10 +18,10 @@ from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.ingest_folder import StagingFolder, staging_folder, staging_folders
 from s2rstore.index import schema
 from s2rstore.index.transaction import edit
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.conventions import convention_report
-from s2rtools.datasets.floor.floor_plan_image import read_floor_plan
-from s2rtools.datasets.floor.floor_plans import plan_from_depth
-from s2rtools.datasets.scan import InputIssue, Scan
+from s2rtools.datasets.floor.floor_plans import plan_from_depth, read_floor_plan
+from s2rtools.datasets.scan import Scan
 from s2rtools.datasets.stored_instances import StoredRecords
 from s2rtools.datasets.writing.frame_writing import FramePlace, ReportProgress, write_trajectory
 from s2rtools.datasets.writing.index_rows import write_index

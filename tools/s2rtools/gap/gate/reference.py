@@ -15,7 +15,8 @@ from msgspec import Meta, Struct
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import MAX_JSON_BYTES, parse_json, read_bytes
 from s2rtools.common.documents import convert
-from s2rtools.gap.axis_result import Anchor, AxisResult
+from s2rtools.gap.axes import AXES
+from s2rtools.gap.axis import Anchor, AxisResult
 
 FORMAT = 2
 _MIN_SPAN, _MAX_NUMBER = 1e-100, 1e100
@@ -55,18 +56,18 @@ class Reference:
     sha256: str
 
 
-def freeze(measured: AxisResult, anchor: Anchor, unit: str) -> AxisScale:
+def freeze(axis: str, measured: AxisResult, anchor: Anchor) -> AxisScale:
     """Scale of a measured axis.
 
     Raises RequestError where the anchor is within its noise of the floor, or has no interval.
     """
-    bad = anchor.interval
+    bad, unit = anchor.interval, AXES[axis].unit
     if not bad.low > measured.floor:
         why = f"is within noise of the floor ({measured.floor:.3g} {unit})"
         if not bad.is_known:
             why = f"has {bad.bounds_text()}"
         raise RequestError(
-            f"{measured.axis}: the anchor ({anchor.state}: {bad.value:.3g} {unit}) {why} and gives "
+            f"{axis}: the anchor ({anchor.state}: {bad.value:.3g} {unit}) {why} and gives "
             "no scale; declare a worse state (--anchor-run, untuned logs), or leave this axis out "
             "(name the others by --axis)"
         )

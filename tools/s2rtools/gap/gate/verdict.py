@@ -14,10 +14,9 @@ from dataclasses import dataclass
 from s2rstore.errors import RequestError
 from s2rstore.intervals import Interval, simultaneous_level, verdict
 from s2rstore.intervals.verdict import Bounds, Outcome
-from s2rtools.gap import defaults
-from s2rtools.gap.axis_result import AxisResult, GapSettings
+from s2rtools.gap.axes import THRESHOLD
+from s2rtools.gap.axis import AxisResult, GapSettings, Measurement
 from s2rtools.gap.gate.reference import AxisScale, Reference
-from s2rtools.gap.measure import Measurement
 
 _HASH = re.compile("[0-9a-f]{64}")
 NOTHING = Interval.unknown()
@@ -53,7 +52,7 @@ def judge(
     measurement: Measurement,
     reference: Reference,
     settings: GapSettings,
-    threshold: float = defaults.THRESHOLD,
+    threshold: float = THRESHOLD,
 ) -> Verdict:
     """PASS where all axes are below the threshold, FAIL where any is above, each by its interval.
 
@@ -108,8 +107,8 @@ def _gaps(
                 f"{reference.source}: judges {axis}, which cannot be measured here ({reason}); "
                 "provide what is missing, or freeze a reference without this axis"
             )
-        _check_fits(measurement.measured[axis], scale, reference.source)
-        gaps.append(_axis_gap(measurement.measured[axis], scale, level))
+        _check_fits(axis, measurement.measured[axis], scale, reference.source)
+        gaps.append(_axis_gap(axis, measurement.measured[axis], scale, level))
     return gaps, inconclusive
 
 
@@ -119,21 +118,21 @@ def unjudged(threshold: float) -> Verdict:
     return Verdict("INCONCLUSIVE", threshold, None, NOTHING, (), reason)
 
 
-def _axis_gap(measured: AxisResult, scale: AxisScale, level: float) -> AxisGap:
+def _axis_gap(axis: str, measured: AxisResult, scale: AxisScale, level: float) -> AxisGap:
     factor = 100 / (scale.anchor - scale.floor)
 
     def bounds(level: float) -> Interval:
         return measured.bounds(level).scaled(factor, -measured.floor)
 
-    return AxisGap(measured.axis, bounds(level), bounds)
+    return AxisGap(axis, bounds(level), bounds)
 
 
-def _check_fits(measured: AxisResult, scale: AxisScale, source: str) -> None:
+def _check_fits(axis: str, measured: AxisResult, scale: AxisScale, source: str) -> None:
     for key in sorted({*measured.fingerprint, *scale.fingerprint}):
         here, there = measured.fingerprint.get(key), scale.fingerprint.get(key)
         if here != there:
             raise RequestError(
-                f"{source}: does not fit: {measured.axis}'s {key} is {_short(here)} here and "
+                f"{source}: does not fit: {axis}'s {key} is {_short(here)} here and "
                 f"{_short(there)} in the reference; freeze a new reference for this measurement"
             )
 
