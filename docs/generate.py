@@ -300,6 +300,7 @@ def registries_page() -> str:
     from s2rtools.sysid.simulators import SIMULATORS
     from s2rtools.training.recipes import RECIPES
     from s2rtools.translation import METHODS
+    from s2rtools.translator_evaluation.measures import MEASURES
     from s2rtui.charts.registry import VIEWS
 
     views = (
@@ -350,6 +351,15 @@ def registries_page() -> str:
                 ((code(name), cell(_meaning(entry))) for name, entry in entries.items()),
             )
         )
+    measures = (
+        (code(name), cell(each.meaning), code(each.unit) if each.unit else "", each.better)
+        for name, each in MEASURES.items()
+    )
+    parts += [
+        "## Measures of translators\n",
+        "Rows of `s2r translate report --json` and of table `translator_metric`.\n",
+        table(("name", "what it is", "unit", "better"), measures),
+    ]
     suffixes = ", ".join(code(suffix or "a folder (ROS 2 bag)") for suffix in READERS)
     parts += [
         "## Motion logs\n",

@@ -71,14 +71,12 @@ def test_every_view_draws_after_an_append(store_copy):
             app.store_updates.check_store()
             await settle(app, pilot)
             assert app.session.state.newest > app.session.state.generation
-            await pilot.press("g")
-            await settle(app, pilot)
+            await press(app, pilot, "g")
             assert "5 instances added" in app.session.state.message
             for view in VIEWS:
                 if view.name == "adjust":  # the store has no weights
                     continue
-                await pilot.press(view.key)
-                await settle(app, pilot)
+                await press(app, pilot, view.key)
                 assert not app.session.state.is_error, (view.name, app.session.state.message)
             assert app.session.state.selected.size == N + ADDED
             assert "computed for 40 of 45 instances" in app.updater.status_text()

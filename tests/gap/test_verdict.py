@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from statistics import NormalDist
 
@@ -45,7 +44,7 @@ def scale(*axes: str, anchor: float = 1.1, floor: float = 0.1) -> reference.Refe
                                {"features": "f", "n": 50})
         for axis in axes
     }  # fmt: skip
-    return reference.Reference(frozen, {}, "ref.json", "0" * 64)
+    return reference.Reference(axes=frozen, made_from={}, source="ref.json", sha256="0" * 64)
 
 
 def test_the_floor_is_0_and_the_anchor_100() -> None:
@@ -64,7 +63,7 @@ def test_the_worst_axis_is_the_headline() -> None:
     )
     assert verdict.worst == "visual"
     assert verdict.gap.value == pytest.approx(50)
-    assert [result.axis for result in verdict.axes] == ["task", "visual"]
+    assert list(verdict.gaps) == ["task", "visual"]
 
 
 def test_one_axis_above_the_threshold_fails_and_is_named() -> None:
@@ -133,7 +132,7 @@ def test_a_reference_with_another_fingerprint_is_rejected(change: dict, expected
     with pytest.raises(RequestError, match=expected):
         judge(
             measurement_of(task=axis_result(0.1)),
-            replace(base_scale, axes={"task": frozen}),
+            msgspec.structs.replace(base_scale, axes={"task": frozen}),
             SETTINGS,
         )
 

@@ -204,25 +204,31 @@ def test_two_simultaneous_runs_add_one_night(week):
     assert len(history.read(week.config.history).nights) == 1
 
 
-@pytest.mark.parametrize("content", [b"", b"no history", b"{}\n", b'{"id": 1, "crc32": 3}\n'])
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"", b"no history", b"{}\n", b'{"id": 1, "crc32": 3}\n',
+        *map(history.checked_line, [b"[1]", b'{"id": "\xff"}', b'{"id": ' + 10_000 * b"["]),
+    ],
+    ids=range(7),
+)  # fmt: skip
 def test_an_invalid_history_file_is_rejected(tmp_path, content):
     path = tmp_path / "h.jsonl"
     path.write_bytes(content)
-    with pytest.raises(RequestError, match=r"h\.jsonl: no history that this version reads"):
+    with pytest.raises(RequestError, match=r"h\.jsonl: .*no history that this version reads"):
         history.read(path)
 
 
 @pytest.mark.parametrize(
     ("changes", "field"),
     [({"id": "1"}, "id"), ({"axes": 3}, "axes"), ({"night": "today"}, "night"),
-     ({"axes": [{"axis": "task"}]}, "state"), ({"gap_low": "x"}, "gap")],
+     ({"axes": [{"axis": "task"}]}, "state"), ({"gap_low": "x"}, "gap"),
+     ({"exit_code": 10**400}, "exit_code")],
 )  # fmt: skip
 def test_a_record_of_other_types_is_rejected(recorded_week, tmp_path, changes, field):
     line = json.loads(recorded_week.config.history.read_text().splitlines()[0])
     line.pop("crc32")
     path = tmp_path / "gap.jsonl"
     path.write_bytes(history.checked_line(json.dumps(line | changes).encode()))
-    with pytest.raises(
-        RequestError, match=rf"line 1.*: {field}: no history that this version reads"
-    ):
+    with pytest.raises(RequestError, match=rf"{field}: no history that this version reads"):
         history.read(path)

@@ -160,8 +160,7 @@ def test_an_interrupted_precompute_loses_only_unfinished_units(
 
 @pytest.mark.deep
 def test_a_killed_precompute_loses_only_unfinished_units(computed_store, trained_store, tmp_path):
-    path = tmp_path / "s.s2r"
-    copy_store(trained_store, path)
+    path = copy_store(trained_store, tmp_path / "s.s2r")
     for number in range(3):
         _start_and_kill(path, tmp_path, number)
     recorded = [path / e.path for e in Ledger(path).entries() if e.path.startswith("runs.zarr")]
@@ -242,8 +241,7 @@ class _TakingReporter(SilentReporter):
 
 
 def test_a_precompute_that_lost_its_lock_publishes_nothing(trained_store, tmp_path):
-    path = tmp_path / "s.s2r"
-    copy_store(trained_store, path)
+    path = copy_store(trained_store, tmp_path / "s.s2r")
     reporter = _TakingReporter(path / "ledger" / "compute.lock")
     with pytest.raises(StoreBusyError, match="compute lock was removed"):
         precompute(path, reporter, ["vanilla"], PrecomputeOptions(()))
@@ -266,8 +264,7 @@ def test_invalid_requests_list_the_valid_values(small_copy):
 def test_a_run_that_is_not_what_was_computed_is_not_published(
     computed_store, tmp_path, monkeypatch, is_removed
 ):
-    path = tmp_path / "s.s2r"
-    copy_store(computed_store, path)
+    path = copy_store(computed_store, tmp_path / "s.s2r")
     tables = "prediction", "projection", "zarr_array"
     with edit(path) as draft:  # all arrays are there, and not published
         for table in tables:

@@ -16,9 +16,9 @@ from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import RenderOptions
-from s2rtui.cli import main
 from s2rtui.session import Session
 from tests.support import gaps
+from tests.support.application import press
 
 HEAT = "runs.zarr/vanilla/key0/"
 
@@ -52,8 +52,7 @@ async def test_a_cut_connection_is_a_message_and_no_end(served):
         assert served.url in state.message
         assert "the connection was cut" in take_screenshot(app).text
         served.server.heal()
-        await pilot.press("n")
-        await settle(app, pilot)
+        await press(app, pilot, "n")
         assert not app.session.state.is_error
         assert app.query_one("#instance", PlotView)
     assert app.fault is None
@@ -125,7 +124,6 @@ async def test_no_run_is_saved_on_a_server(served):
             app.adjust.save("brighter", lambda: pytest.fail("nothing may start"))
 
 
-def test_a_restricted_session_opens_no_url(served, capsys):
-    assert main(["tui", served.url, "--restricted"]) == 2
-    assert "reads only a store in a folder" in capsys.readouterr().err
+def test_a_restricted_session_opens_no_url(served, s2r):
+    s2r("tui", served.url, "--restricted").assert_refused("reads only a store in a folder")
     assert not served.server.requests

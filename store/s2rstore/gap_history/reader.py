@@ -32,6 +32,9 @@ BOUNDS = {"": "", "_low": f", lower {LEVEL_TEXT} bound", "_high": f", upper {LEV
 _CHECKSUM = b', "crc32": '
 """Precedes the last value of a line: the checksum of what stands before it."""
 _UNKNOWN = Interval.unknown()
+_MAX_INTEGER = 2**53
+_MALFORMED = (msgspec.MsgspecError, TypeError, ValueError, AttributeError, KeyError, RecursionError)
+"""What decoding and converting a record of unknown origin raises."""
 Row = dict[str, Any]
 T = TypeVar("T")
 
@@ -201,10 +204,13 @@ def read(path: Path) -> History:
 
 def report_text(path: Path, measured: int) -> str:
     """The JSON of one measurement's report."""
-    for line in lines(path):
-        row = msgspec.json.decode(line, type=dict[str, msgspec.Raw])
-        if "report" in row and msgspec.json.decode(row["id"]) == measured:
-            return msgspec.json.decode(row["report"], type=str)
+    for number, line in enumerate(lines(path), start=1):
+        try:
+            row = msgspec.json.decode(line, type=dict[str, msgspec.Raw])
+            if "report" in row and msgspec.json.decode(row["id"]) == measured:
+                return msgspec.json.decode(row["report"], type=str)
+        except _MALFORMED as error:
+            raise _invalid(f"{path}: line {number}", error) from error
     raise RequestError(f"{path}: holds no report of measurement {measured}; restore it")
 
 
@@ -265,7 +271,7 @@ def _rows(path: Path) -> Iterator[tuple[int, Row]]:
         try:
             raw = msgspec.json.decode(line, type=dict[str, msgspec.Raw])
             row = {key: msgspec.json.decode(raw[key]) for key in raw if key != "report"}
-        except msgspec.MsgspecError as error:
+        except _MALFORMED as error:
             raise _invalid(f"{path}: line {number}", error) from error
         yield number, printable_values(row)
 
@@ -276,7 +282,7 @@ def _record(kind: type[T], row: Row, where: str) -> T:
     for name, hint in _HINTS[kind].items():
         try:
             values[name] = _value(get_args(hint)[0], row, name, where)
-        except (msgspec.MsgspecError, TypeError, ValueError, AttributeError) as error:
+        except _MALFORMED as error:
             raise _invalid(f"{where}: {name}", error) from error
     return kind(**values)
 
@@ -288,7 +294,10 @@ def _value(plain: Any, row: Row, name: str, where: str) -> Any:
         return math.nan if row[name] is None else msgspec.convert(row[name], float)
     if get_origin(plain) is tuple and get_args(plain)[0] is not str:
         return tuple(_record(get_args(plain)[0], each, where) for each in row[name])
-    return msgspec.convert(row.get(name), plain)
+    value = msgspec.convert(row.get(name), plain)
+    if isinstance(value, int) and abs(value) > _MAX_INTEGER:
+        raise ValueError("too large")
+    return value
 
 
 def _as_row(record: Any) -> Row:

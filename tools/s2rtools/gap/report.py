@@ -92,7 +92,6 @@ def _numbers(options: Mapping[str, str]) -> dict[str, Any]:
 def _axis(name: str, settings: GapSettings, result: GapResult) -> dict[str, Any]:
     record, scale = AXES[name], result.scales.get(name)
     measured = result.measurement.measured[name]
-    gaps = {each.axis: each.gap for each in result.verdict.axes}
     value = measured.bounds(settings.level)
     floor = Interval(measured.floor, measured.floor, measured.floor)
     anchor: dict[str, Any] = {}
@@ -108,7 +107,7 @@ def _axis(name: str, settings: GapSettings, result: GapResult) -> dict[str, Any]
         **floor.as_columns("floor"),
         "floor_is": record.floor,
         "n": measured.n,
-        **gaps.get(name, NOTHING).as_columns("gap"),
+        **result.verdict.gaps.get(name, NOTHING).as_columns("gap"),
         **anchor,
         "fingerprint": dict(measured.fingerprint),
         "details": dict(measured.details),

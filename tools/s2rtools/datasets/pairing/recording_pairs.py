@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from s2rtools.datasets.recording import RecordedFrame, Recording
 from s2rtools.datasets.recordings.recorded_poses import nearest_times
 
 Match = Literal["pose", "time", "name"]
-MATCHES: tuple[Match, ...] = get_args(Match)
 DEFAULT_TOLERANCES: dict[Match, str] = {"pose": "0.2m,10deg", "time": "0.05s", "name": ""}
 
 _UNITS = {"m": ("m", 1.0), "cm": ("m", 0.01), "mm": ("m", 0.001), "s": ("s", 1.0),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -35,25 +34,17 @@ class AxisScale(Struct, frozen=True, forbid_unknown_fields=True):
     fingerprint: dict[str, str | int | float]
 
 
-class ReferenceFile(Struct, frozen=True, forbid_unknown_fields=True):
-    """The JSON file of a reference."""
-
-    format: int
-    axes: dict[str, AxisScale]
-    made_from: dict[str, Any]
-
-
-@dataclass(frozen=True, slots=True)
-class Reference:
-    """A reference read from the file `source` with the hash `sha256`.
+class Reference(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The JSON file of a reference; `source` and `sha256` are those of the file that was read.
 
     `made_from` describes data set, run, model and selection, for the reader.
     """
 
-    axes: Mapping[str, AxisScale]
-    made_from: Mapping[str, Any]
-    source: str
-    sha256: str
+    format: int = FORMAT
+    axes: dict[str, AxisScale]
+    made_from: dict[str, Any]
+    source: str = ""
+    sha256: str = ""
 
 
 def freeze(axis: str, measured: AxisResult, anchor: Anchor) -> AxisScale:
@@ -96,7 +87,8 @@ def read(path: Path) -> Reference:
             f"{path}: format {content.get('format')}, this version reads {FORMAT}; freeze a new "
             "reference"
         )
-    file = convert(content, ReferenceFile, str(path), check=False)
+    found = {"source": str(path), "sha256": hashlib.sha256(raw).hexdigest()}
+    file = convert(content | found, Reference, str(path), check=False)
     if not file.axes:
         raise RequestError(f"{path}: axes: empty; freeze a new reference")
     for axis, scale in file.axes.items():
@@ -105,4 +97,4 @@ def read(path: Path) -> Reference:
                 f"{path}: axes.{axis}: the anchor is within noise of the floor; freeze a new "
                 "reference"
             )
-    return Reference(file.axes, file.made_from, str(path), hashlib.sha256(raw).hexdigest())
+    return file
