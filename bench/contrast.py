@@ -16,7 +16,7 @@ from bench.support.map_contrast import Ratios, measure
 from s2rstore.records import Bounds
 from s2rtui.canvas import THEMES, ColourMode, Pixels, RenderOptions
 from s2rtui.canvas.colour import LEAST_CONTRAST, UNSELECTED_CONTRAST
-from s2rtui.charts.shared.base_map_background import floor_plan_pixels
+from s2rtui.loaders.store_data import floor_plan_pixels
 
 _PLAN_PIXELS = 1056
 _REAL_BOUNDS = Bounds(-1.80, -1.26, 19.67, 20.08)

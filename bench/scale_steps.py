@@ -7,22 +7,19 @@ from dataclasses import replace
 
 from bench.index_store import ROOMS
 from s2rtui.canvas.marks import BrushShape
-from s2rtui.charts.compare.model import compare_model
-from s2rtui.charts.map.terminal import map_layout
 from s2rtui.charts.orientation import orientation_model
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.base_map_model import map_model
-from s2rtui.charts.shared.point_bins import highest_levels, unselected_dots
+from s2rtui.drawing.plane_marks import Changes, Signs
 from s2rtui.drawing.plot import Points
 from s2rtui.drawing.points import point_cells
 from s2rtui.drawing.row_lines import line_dots
+from s2rtui.drawing.signs import change_cells, sign_cells
 from s2rtui.session import (
     Brush,
     Session,
     instance_list,
     navigation,
-    run_comparison,
     selection,
     undo_history,
     view_settings,
@@ -88,13 +85,15 @@ def numbers(scene: Scene) -> None:
             for plot in tab.drawing(scene, _TAB[0]).plots:
                 for points in (mark for mark in plot.marks if isinstance(mark, Points)):
                     point_cells(points, plot.x, plot.y, _TAB[0] // 2, _TAB[1])
-    shown = BY_NAME["map"].input(scene)
-    model = map_model(shown)
-    frame = map_layout(shown, _MAP).frame
-    unselected_dots(shown.truth, model.selection, frame)
-    highest_levels(shown.truth, shown.values, model.value_range, model.selection, frame)
-    other = run_comparison.other_run(scene.state)
-    compare_model(BY_NAME["compare"].pair_input(scene, other))
+    for name in ("map", "compare"):
+        for plot in BY_NAME[name].drawing(scene, _MAP[0]).plots:
+            grid = plot.fitted(_MAP[0], 2 * _MAP[1])
+            cells = grid.x, grid.y, *_MAP
+            for mark in plot.marks:
+                if isinstance(mark, Signs):
+                    sign_cells(mark, cells)
+                elif isinstance(mark, Changes):
+                    change_cells(mark, cells)
 
 
 def _overview(scene: Scene) -> None:

@@ -12,9 +12,10 @@ import s2rstore
 from bench.budget import BudgetRow, seconds
 from s2rstore.records import Bounds
 from s2rtui.canvas import DEFAULT_OPTIONS, InlineImage, Pixels
-from s2rtui.charts.map.terminal import draw_map
-from s2rtui.charts.shared.base_map_background import floor_plan_pixels
-from s2rtui.charts.shared.base_map_model import MapInput
+from s2rtui.charts.map import MapInput, map_drawing
+from s2rtui.drawing.cells import draw_cells
+from s2rtui.drawing.plane_marks import Floor
+from s2rtui.loaders.store_data import floor_plan_pixels
 from s2rtui.terminal.graphics.drawn_images import inline_file
 from s2rtui.terminal.graphics.png import MAX_DRAWN_BYTES, png_within_limit, reduced_size
 from s2rtui.terminal.graphics.sixel import quantised, sixels
@@ -69,12 +70,13 @@ def _points(plan: Pixels, bounds: Bounds, count: int) -> MapInput:
     """`count` instances at random positions, half of them selected, with random values."""
     rng = np.random.default_rng(1)
     low, high = (bounds.x0, bounds.y0), (bounds.x1, bounds.y1)
-    truth = rng.uniform(low, high, (count, 2))
+    x, y = rng.uniform(low, high, (count, 2)).T.copy()
     selected, valid = rng.random(count) < 0.5, np.ones(count, dtype=np.bool_)
     values = rng.gamma(2.0, 1.0, count)
-    return MapInput(truth, truth, truth, values, selected, valid, bounds, floor_plan=plan, cursor=3)
+    floor = Floor(bounds, plan)
+    return MapInput(*((x, y) for _ in range(5)), values, selected, valid, floor, cursor=3)
 
 
 def _image(data: MapInput, size: tuple[int, int]) -> InlineImage:
-    (image,) = draw_map(data, size, DEFAULT_OPTIONS).images
+    (image,) = draw_cells(map_drawing(data), size, DEFAULT_OPTIONS).images
     return image

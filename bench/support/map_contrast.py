@@ -18,8 +18,11 @@ from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame, sample
 from s2rtui.canvas import Pixels, RenderOptions
 from s2rtui.canvas.colour import luminance
-from s2rtui.charts.map.terminal import draw_map, map_layout
-from s2rtui.charts.shared.base_map_model import MapInput
+from s2rtui.charts.map import MapInput, map_drawing
+from s2rtui.drawing.cells import draw_cells
+from s2rtui.drawing.drawing_layout import drawing_layout
+from s2rtui.drawing.floor import plane_frame
+from s2rtui.drawing.plane_marks import Floor
 from s2rtui.export.rasterizer import HEIGHT, WIDTH, rasterize
 from s2rtui.terminal.strips import to_strips
 
@@ -51,13 +54,14 @@ def measure(
     `heat` (rows, columns) covers the bounds.
     """
     for_layout = _points(plan, bounds, np.full((2, 2), np.nan), heat)
-    layout = map_layout(for_layout, size, None, options)
-    centres = _cell_centres(layout.frame, bounds)
+    place = drawing_layout(map_drawing(for_layout), size, options).plots[0]
+    frame = plane_frame(place.plot.x, place.plot.y, place.width, place.rows)
+    centres = _cell_centres(frame, bounds)
     points = _points(plan, bounds, centres, heat)
     empty = _points(plan, bounds, np.full_like(centres, np.nan), heat)
-    box = (slice(0, layout.height), slice(layout.x, layout.x + layout.width))
-    walls = _wall_contrasts(_pixels(empty, size, options), plan, bounds, layout.frame, layout.x)
-    before, drawn = draw_map(empty, size, options), draw_map(points, size, options)
+    box = (slice(0, place.rows), slice(place.left, place.left + place.width))
+    walls = _wall_contrasts(_pixels(empty, size, options), plan, bounds, frame, place.left)
+    before, drawn = (draw_cells(map_drawing(view), size, options) for view in (empty, points))
     cells = _pixels(points, size, options).reshape(size[1], HEIGHT, size[0], WIDTH)
     cells = cells.transpose(0, 2, 1, 3).reshape(size[1], size[0], -1)
     changed = np.zeros(drawn.char.shape, dtype=np.bool_)
@@ -73,18 +77,18 @@ def _points(
 ) -> MapInput:
     """A map with points at `truth` (N, 2), every second one selected."""
     random, count = np.random.default_rng(1), len(truth)
+    x, y = truth.T.copy()
     return MapInput(
-        truth=truth, sim=truth, real=truth, values=random.uniform(0, 1, count),
-        selected=np.arange(count) % 2 == 0, valid=np.ones(count, dtype=np.bool_), bounds=bounds,
-        value_range=(0.0, 1.0), floor_plan=plan, heat=heat,
+        *((x, y) for _ in range(5)), random.uniform(0, 1, count), np.arange(count) % 2 == 0,
+        np.ones(count, dtype=np.bool_), Floor(bounds, plan, heat),
     )  # fmt: skip
 
 
 def _cell_centres(frame: MapFrame, bounds: Bounds) -> NDArray[np.float64]:
     """(N, 2) middles of the cells inside the bounds."""
     columns, rows = np.meshgrid(np.arange(frame.width), np.arange(frame.height // 2))
-    centres = [frame.to_world(*at) for at in zip(columns.ravel(), rows.ravel(), strict=True)]
-    x, y = np.array(centres).T
+    x = frame.x0 + (columns.ravel() + 0.5) * frame.pitch
+    y = frame.y0 + (2 * rows.ravel() + 1) * frame.pitch
     inside = (x > bounds.x0) & (x < bounds.x1) & (y > bounds.y0) & (y < bounds.y1)
     return np.stack([x, y], axis=1)[inside]
 
@@ -94,7 +98,8 @@ def _pixels(data: MapInput, size: tuple[int, int], options: RenderOptions) -> Ra
 
     The first pixel of a cell shows the ground of its glyph.
     """
-    strips = to_strips(draw_map(data, size, options), options.mode, options.ascii, _TOLERANCE)
+    canvas = draw_cells(map_drawing(data), size, options)
+    strips = to_strips(canvas, options.mode, options.ascii, _TOLERANCE)
     return np.asarray(luminance(np.asarray(rasterize(strips, options.theme))), dtype=np.float64)
 
 

@@ -30,14 +30,6 @@ class MapFrame:
     height: int
     y_down: bool
 
-    @property
-    def extent(self) -> Bounds:
-        """The world rectangle in view."""
-        far = self.y0 + (1 if self.y_down else -1) * self.height * self.pitch
-        return Bounds(
-            self.x0, min(self.y0, far), self.x0 + self.width * self.pitch, max(self.y0, far)
-        )
-
     def to_pixels(self, points: ArrayLike) -> Points:
         """Convert (N, 2) metres to (N, 2) pixel coordinates (column, row) with fractions."""
         world = np.asarray(points, dtype=np.float64).reshape(-1, 2)
@@ -47,22 +39,6 @@ class MapFrame:
     def to_cells(self, points: ArrayLike) -> Points:
         """Convert (N, 2) metres to (N, 2) cell coordinates (column, row) with fractions."""
         return self.to_pixels(points) / (1.0, 2.0)
-
-    def to_world(self, column: float, row: float) -> tuple[float, float]:
-        """The middle of a cell, metres."""
-        down = (2 * row + 1) * self.pitch * (1 if self.y_down else -1)
-        return self.x0 + (column + 0.5) * self.pitch, self.y0 + down
-
-
-def fit_frame(area: Bounds, width: int, height: int, y_down: bool) -> MapFrame:
-    """The frame of `width` x `height` pixels that shows all of `area`, centred."""
-    width, height = max(1, width), max(1, height)
-    spans = max(area.width, 1e-6), max(area.height, 1e-6)
-    pitch = max(spans[0] / width, spans[1] / height)
-    left = (area.x0 + area.x1) / 2 - width * pitch / 2
-    middle = (area.y0 + area.y1) / 2
-    top = middle - height * pitch / 2 if y_down else middle + height * pitch / 2
-    return MapFrame(left, top, pitch, width, height, y_down)
 
 
 def zoomed(view: Bounds, factor: float, centre: tuple[float, float] | None = None) -> Bounds:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -38,18 +38,6 @@ class PlotArea:
         """Whether a cell lies in the panel."""
         across = self.x <= column < self.x + self.width
         return across and self.y <= row < self.y + self.height
-
-    def moved_down(self, rows: int) -> PlotArea:
-        """The panel moved down by some rows of its view."""
-
-        def to_data(column: float, row: float) -> Point:
-            return self.to_data(column, row - rows)
-
-        def to_cells(x: float, y: float) -> Point:
-            column, row = self.to_cells(x, y)
-            return column, row + rows
-
-        return replace(self, y=self.y + rows, to_data=to_data, to_cells=to_cells)
 
 
 @dataclass(frozen=True, slots=True)

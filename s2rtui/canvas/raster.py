@@ -124,6 +124,16 @@ def draw_image(canvas: Canvas, x: int, y: int, pixels: Pixels) -> None:
     draw_shades(canvas, x, y, levels, canvas.glyphs.shades, np.rint(paired).astype(np.uint8))
 
 
+def put_glyphs(
+    canvas: Canvas, columns: NDArray[np.intp], rows: NDArray[np.intp], glyphs: ArrayLike,
+    colours: ArrayLike, bold: ArrayLike = True,
+) -> None:  # fmt: skip
+    """Put a glyph into each of some cells (n,); glyphs, colours and weights for all or for each."""
+    canvas.char[rows, columns] = glyphs
+    canvas.bold[rows, columns] = bold
+    canvas.fg[rows, columns] = colours
+
+
 def braille_bits(dots: NDArray[np.bool_]) -> NDArray[np.int32]:
     """Convert dots (4h, 2w) to braille patterns (h, w), 0 .. 255."""
     rows, columns = dots.shape[0] // 4, dots.shape[1] // 2

@@ -40,6 +40,9 @@ class Glyphs:
     scale_left: str
     scale_right: str
     pointer: str
+    planned: str
+    below: str
+    above: str
     ellipsis: str
     degree: str
     arrows: str
@@ -70,6 +73,9 @@ UNICODE = Glyphs(
     scale_left="├",
     scale_right="┤",
     pointer="▶",
+    planned="→",
+    below="▼",
+    above="▲",
     ellipsis="…",
     degree="°",
     arrows="→↘↓↙←↖↑↗",
@@ -99,6 +105,9 @@ ASCII = Glyphs(
     scale_left="|",
     scale_right="|",
     pointer=">",
+    planned=">",
+    below="-",
+    above="+",
     ellipsis="~",
     degree="d",
     arrows=">\\v/<\\^/",

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from rich.cells import cell_len
 
+from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import (
     DEFAULT_OPTIONS,
     Canvas,
@@ -18,6 +19,7 @@ from s2rtui.canvas import (
     Theme,
 )
 from s2rtui.canvas.marks import draw_mark, wrap_degrees
+from s2rtui.canvas.raster import limit_ground
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.drawing_layout import (
     PlotPlace,
@@ -28,6 +30,7 @@ from s2rtui.drawing.drawing_layout import (
     y_labels,
 )
 from s2rtui.drawing.legend import draw_rows
+from s2rtui.drawing.plane_marks import Floor
 from s2rtui.drawing.plot import ROLES, Line
 from s2rtui.drawing.plot_cells import draw_marks, style_of
 from s2rtui.drawing.polar_cells import dial_of, dial_panel, draw_dial
@@ -123,15 +126,19 @@ def _draw_plot(canvas: Canvas, place: PlotPlace, drawing: Drawing) -> None:
     if place.left > place.start:
         _draw_left(canvas, place)
     part = Canvas(place.width, place.rows, canvas.options)
-    (draw_dial if plot.turns else draw_marks)(part, plot, drawing.brush)
-    canvas.paste(part, place.left, place.top)
-    if drawing.brush is None:
-        canvas.images.append(_image(place, canvas.theme))
+    texts = (draw_dial if plot.turns else draw_marks)(part, plot, drawing.brush)
+    marked = part.char.copy()
     if plot.name and plot.shape == "plane":
-        draw_mark(canvas, _panel(place), drawing.brush)
+        draw_mark(part, _panel(replace(place, left=0, top=0)), drawing.brush)
+    if any(isinstance(mark, Floor) for mark in plot.marks):
+        limit_ground(part)
+    if canvas.options.supports_shading and (drawing.brush is None or plot.shape == "plane"):
+        part.images.append(_image(place, canvas.theme))
+        part.show_text((part.char != marked) if texts is None else texts | (part.char != marked))
+    canvas.paste(part, place.left, place.top)
     if place.axis is not None and plot.turns:
-        texts = [phrase.whole(canvas.glyphs, place.width) for phrase in plot.title[1:]]
-        text = canvas.options.printable((" " * GAP).join(texts))
+        texts_below = [phrase.whole(canvas.glyphs, place.width) for phrase in plot.title[1:]]
+        text = canvas.options.printable((" " * GAP).join(texts_below))
         start = place.left + (place.width - cell_len(text)) // 2
         canvas.text(start, place.axis, text, theme.muted)
     elif place.axis is not None:
@@ -151,6 +158,9 @@ def _draw_left(canvas: Canvas, place: PlotPlace) -> None:
     for row, text in y_labels(plot, place.rows).items():
         if cell_len(text) <= room:
             canvas.text(place.left - 1, place.top + row, text, theme.muted, align="right")
+    if plot.equal and place.head is None:
+        text = plot.y.name(room + 1, cell_len).ljust(room + 1)
+        canvas.text(place.start, place.top, text, theme.muted)
 
 
 def _image(place: PlotPlace, theme: Theme) -> InlineImage:
@@ -164,10 +174,12 @@ def _image(place: PlotPlace, theme: Theme) -> InlineImage:
         from s2rtui.drawing.plot_paper import plot_pixels
         from s2rtui.drawing.polar_paper import dial_pixels
 
-        return (dial_pixels if plot.turns else plot_pixels)(plot, theme, size)
+        if plot.turns:
+            return dial_pixels(plot, theme, size)
+        return plot_pixels(plot, theme, size, place.width)
 
-    box = place.left + x, place.top + y, width, height
-    return InlineImage(*box, None, pixels, (theme.name, place))
+    key = identity_key((theme.name, place.width, place.rows, plot))
+    return InlineImage(x, y, width, height, None, pixels, key)
 
 
 def _draw_head(canvas: Canvas, place: PlotPlace) -> None:

@@ -6,20 +6,27 @@ A view makes it from its numbers; the renderers `cells` and `paper` draw it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from s2rtui.canvas import BrushShape
 from s2rtui.drawing.plot import Phrase, Plot
 from s2rtui.drawing.table import TableSpec
 
+Ramp = Literal["values", "heat", "signed heat", "changes"]
+
 
 @dataclass(frozen=True, slots=True)
 class ColourBar:
-    """The scale of the colours of points. clipped: whether values lie beyond its ends."""
+    """The scale of the colours of points, of heat or of changes.
+
+    clipped: whether values lie beyond its ends.
+    """
 
     label: str
     unit: str
     scale: tuple[float, float]
     clipped: bool = False
+    ramp: Ramp = "values"
 
 
 Note = str | tuple[Phrase | ColourBar, ...]

@@ -12,6 +12,7 @@ from rich.cells import cell_len
 from s2rtui.canvas import RenderOptions, Size
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.drawing.drawing import ColourBar, Drawing, Note
+from s2rtui.drawing.heat_colours import change_ramp, heat_glyphs, heat_ramp
 from s2rtui.drawing.legend import (
     LegendPart,
     colour_bar,
@@ -21,6 +22,8 @@ from s2rtui.drawing.legend import (
     ramp_for_values,
     text_part,
 )
+from s2rtui.drawing.plane_cells import change_glyphs, plane_legend
+from s2rtui.drawing.plane_marks import PlaneMark
 from s2rtui.drawing.plot import Phrase, Plot, Points
 from s2rtui.drawing.plot_cells import row_of
 from s2rtui.drawing.points_cells import points_legend
@@ -29,6 +32,8 @@ from s2rtui.drawing.table_layout import wanted_lines
 
 _FEWEST_ROWS = 5
 """Rows of a single plot above a table, without its axis, from which on it is drawn."""
+_KEPT_ROWS = 4
+"""Lines that a table keeps below plots on a plane, which otherwise are left out."""
 _FEWEST_STACKED = 3
 """Rows of each of several plots; those of smaller weight are left out where it has fewer."""
 _FEWEST_COLUMNS, _FEWEST_WITH_AXES = 16, 8
@@ -83,11 +88,13 @@ def drawing_layout(drawing: Drawing, size: Size, options: RenderOptions) -> Draw
     wanted = 0 if drawing.table is None else wanted_lines(drawing.table)
     while True:
         texts = [*drawing.notes, *no_room_notes(left_out)]
-        notes = _note_rows(texts, plots, width, _most_notes(drawing, height), options)
+        of_notes = width, _most_notes(drawing, height), options
+        notes = _note_rows(texts, plots, (width, height), *of_notes)
         least = _FEWEST_ROWS if drawing.table is not None or notes else 1
         extra = 1 + any(map(_has_head, plots))
         area = height - wanted - len(notes)
-        if plots and height >= 2 * (least + extra):
+        kept = min(wanted, _KEPT_ROWS) if any(plot.is_tight for plot in plots) else 0
+        if plots and height >= 2 * (least + extra) and height - len(notes) - least - extra >= kept:
             area = max(area, min(height, least + extra))
         is_beside = drawing.beside and len(plots) > 1 and 2 * area <= width
         lightest = min(plots, key=lambda plot: plot.weight) if plots else None
@@ -108,7 +115,15 @@ def drawing_layout(drawing: Drawing, size: Size, options: RenderOptions) -> Draw
             is_round = len(known) == len(dials)
             places = tuple(known if is_round else _stacked(straight, width, area))
         top = area
+        exact = _note_rows(texts, plots, (places[0].width, places[0].rows), *of_notes)
+        notes = exact if len(exact) <= len(notes) else notes
+    elif drawing.plots:
+        notes = _note_rows([_without_bars(note) for note in texts], (), (1, 1), *of_notes)
     return DrawingLayout(places, (top, max(0, height - len(notes) - top)), notes)
+
+
+def _without_bars(note: Note) -> Note:
+    return note if isinstance(note, str) else tuple(p for p in note if isinstance(p, Phrase))
 
 
 def _around_dial(place: PlotPlace, options: RenderOptions) -> PlotPlace | None:
@@ -130,7 +145,7 @@ def no_room_notes(left_out: Sequence[Plot]) -> tuple[str, ...]:
 
 def note_rows(notes: Sequence[Note], width: int, options: RenderOptions) -> Rows:
     """Notes in rows of at most `width` cells."""
-    return _note_rows(notes, (), width, None, options)
+    return _note_rows(notes, (), (1, 1), width, None, options)
 
 
 def _most_notes(drawing: Drawing, height: int) -> int:
@@ -144,13 +159,17 @@ def _most_notes(drawing: Drawing, height: int) -> int:
 
 
 def _note_rows(
-    notes: Sequence[Note], plots: Sequence[Plot], width: int, most: int | None,
+    notes: Sequence[Note], plots: Sequence[Plot], size: Size, width: int, most: int | None,
     options: RenderOptions,
 ) -> Rows:  # fmt: skip
-    """Notes, and what the cells of points show; an ellipsis ends the last of `most` rows."""
+    """Notes, and what the marks of plots in `size` cells show, each in `width` cells.
+
+    An ellipsis ends the last of `most` rows.
+    """
     rows: list[list[LegendPart]] = []
     muted = options.theme.muted
     points = [mark for plot in plots for mark in plot.marks if isinstance(mark, Points)]
+    marks = _mark_parts(plots, *size, options)
     for place, note in enumerate(notes):
         if isinstance(note, str):
             rows += [[text_part(((options.printable(line), muted),))]
@@ -159,6 +178,7 @@ def _note_rows(
         parts = [part for item in note for part in _note_parts(item, width, options)]
         if points and place == 0:
             parts += points_legend(points[0], options)
+        parts, marks = [*parts, *marks], []
         rows += fit_rows(parts, width)
     return tuple(map(tuple, cut_rows(rows, width, most)))
 
@@ -167,13 +187,34 @@ def _note_parts(item: Phrase | ColourBar, width: int, options: RenderOptions) ->
     if isinstance(item, Phrase):
         text = options.printable(item.whole(options.glyphs))
         return [text_part(((text, getattr(options.theme, item.ink)),))]
-    ramp = ramp_for_values(options)
+    ramp, colours = ramp_for_values(options), point_colours(options.theme)
+    if item.ramp == "changes":
+        ramp, colours = ramp and change_glyphs(options), change_ramp
+    elif item.ramp != "values":
+        is_signed = item.ramp == "signed heat"
+        ramp = None if options.supports_shading else heat_glyphs(options, is_signed)
+        colours = heat_ramp(is_signed)
     length = 10 if ramp else 8 if width < 60 else 16
     bar = colour_bar(
-        item.label, item.unit, item.scale, options, length, point_colours(options.theme),
-        ramp=ramp, room=width, clipped=item.clipped,
+        options.printable(item.label), options.printable(item.unit), item.scale, options, length,
+        colours, ramp=ramp, room=width, clipped=item.clipped,
     )  # fmt: skip
     return [bar]
+
+
+def _mark_parts(plots: Sequence[Plot], width: int, height: int, options: RenderOptions
+                ) -> list[LegendPart]:  # fmt: skip
+    """What the marks of plots on a plane show, each kind of mark once.
+
+    The plots have `width` x `height` cells.
+    """
+    parts: dict[type, list[LegendPart]] = {}
+    for plot in (plot.fitted(width, 2 * height) for plot in plots):
+        pitch = abs(plot.x.high - plot.x.low) / width
+        for mark in reversed(plot.marks):
+            if isinstance(mark, PlaneMark) and not parts.get(type(mark)):
+                parts[type(mark)] = plane_legend(mark, plot, options, width, pitch)
+    return [part for each in parts.values() for part in each]
 
 
 def _has_head(plot: Plot) -> bool:

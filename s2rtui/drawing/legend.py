@@ -210,11 +210,6 @@ def cut_rows(
     return kept
 
 
-def legend_rows(height: int) -> int:
-    """The most rows of a legend in a view of `height` rows; none in very low views."""
-    return 0 if height < 6 else height // 2
-
-
 def _wrapped_parts(parts: Sequence[LegendPart], width: int) -> Iterator[LegendPart]:
     for part in parts:
         if part.width <= width or part.wrap is None:

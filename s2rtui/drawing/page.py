@@ -254,23 +254,6 @@ def style_axes(axes: Axes, page: Page, grid: bool = False) -> None:
         axes.set_axisbelow(True)
 
 
-def style_plane(axes: Axes, page: Page, limits: Box, inches: tuple[float, float]) -> None:
-    """Style framed axes of `inches` with a tick about every 0.7 inches; limits: x and y ends."""
-    style_axes(axes, page)
-    x0, x1, y0, y1 = limits
-    axes.set_xlim(x0, x1)
-    axes.set_ylim(y0, y1)
-    axes.set_xticks(tick_values(x0, x1, max(2, int(inches[0] / 0.7))))
-    axes.set_yticks(tick_values(min(y0, y1), max(y0, y1), max(2, int(inches[1] / 0.7))))
-    for spine in axes.spines.values():
-        spine.set_visible(True)
-
-
-def set_panel_title(axes: Axes, text: str, ink: Ink, points: float = 10) -> None:
-    """Write the bold title of one of several panels at the left."""
-    axes.set_title(text, loc="left", fontsize=points, pad=6, color=ink, fontweight="bold")
-
-
 def draw_ring(axes: Axes, x: float, y: float, ink: Ink, size: float, order: int) -> None:
     """Draw a ring of `size` square points around a point, whole where the point is in view."""
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()

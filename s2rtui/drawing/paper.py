@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from s2rtui.canvas import Pixels as Colours
 from s2rtui.canvas import Theme
 from s2rtui.drawing.drawing import ColourBar, Drawing, Note
 from s2rtui.drawing.drawing_layout import no_room_notes
+from s2rtui.drawing.heat_colours import change_ramp, heat_ramp
 from s2rtui.drawing.page import (
     LETTER,
     NARROW,
@@ -23,6 +27,8 @@ from s2rtui.drawing.page import (
     value_colours,
     wrapped_label,
 )
+from s2rtui.drawing.plane_marks import PlaneMark
+from s2rtui.drawing.plane_paper import plane_note
 from s2rtui.drawing.plot import Phrase, Plot, Points
 from s2rtui.drawing.plot_paper import LEGEND_COLUMNS, draw_plot, draw_sign
 from s2rtui.drawing.points_paper import points_note
@@ -51,8 +57,9 @@ _SIDE, _BAR_BELOW = 1.4, 0.7
 """Inches of a colour bar at the right of the plots, and below those of a narrow page."""
 _BETWEEN, _TALLEST = 0.45, 1.25
 """Inches between plots beside each other; height over width of one with equal scales, at most."""
-_LEAST_SHARE, _LEAST_HEIGHT = 0.35, 0.55
-"""Share of the page below its heading that plots have at least, and least inches of each."""
+_LEAST_SHARE, _TIGHT_SHARE, _LEAST_HEIGHT = 0.35, 0.65, 0.55
+"""Share of the page below its heading that plots have at least, and those with the shape of their
+scales; least inches of each."""
 
 
 @own_settings()
@@ -68,15 +75,15 @@ def draw_paper(
     drawing = _without_lightest(page, drawing)
     font = 8 if page.inches[0] <= NARROW else 9
     letters = int((page.inches[0] - 2 * MARGIN) / (LETTER * font))
-    bar = next(iter(_colour_bars(drawing)), None)
-    below_all = [*drawing.notes, *map(points_note, _points(drawing)[:1])]
+    bars = _colour_bars(drawing)
+    below_all = [*_with_plane_notes(drawing), *map(points_note, _points(drawing)[:1])]
     notes = [line for note in below_all for line in _lines(note, letters)]
     table, texts = drawing.table, None
     if table is not None and (texts := sentences(table, letters)) is not None:
         table = None
     top, below = page.top, 0.1 + (len(notes) + 1.5) * LINE
     if drawing.plots:
-        least = max(_LEAST_SHARE * page.top, _least_inches(page, drawing))
+        least = max(_most_shared(page, drawing), _least_inches(page, drawing))
         most = max(0.0, page.top - least - below)
         if texts is not None and len(texts) * LINE > most:
             kept = max(0, int(most / LINE) - 1)
@@ -85,11 +92,11 @@ def draw_paper(
             table_inches(table, letters, font) if table is not None else LINE * len(texts or ())
         )
         below += min(height, most)
-        if bar is not None and page.inches[0] <= NARROW:
-            _draw_bar_below(page, bar, below)
-            below += _BAR_BELOW
-        _draw_plots(page, drawing, below, bar)
         top = below
+        if bars and (page.inches[0] <= NARROW or _is_larger_above(page, drawing, below)):
+            below += _draw_bars_below(page, bars, below)
+            bars = []
+        _draw_plots(page, drawing, below, bars)
     for row, text in enumerate(texts or ()):
         page.text(MARGIN, top - (row + 1) * LINE, text, page.inks.muted, font)
     if table is not None:
@@ -149,31 +156,78 @@ def _points(drawing: Drawing) -> list[Points]:
     return [mark for plot in drawing.plots for mark in plot.marks if isinstance(mark, Points)]
 
 
-def _draw_bar_below(page: Page, bar: ColourBar, bottom: float) -> None:
-    """A horizontal colour bar with its ticks and its label below."""
-    width = page.inches[0] - _LEFT - _RIGHT
-    axes = page.axes(_LEFT, bottom + 0.5, width, 0.12)
-    low, high = bar.scale
-    axes.imshow(value_colours(np.linspace(0, 1, 256)[None]), aspect="auto",
-                extent=(low, high, 0, 1), interpolation="none")  # fmt: skip
-    axes.set_yticks([])
-    axes.set_xticks(*colour_bar_ticks(bar.scale, width / 2.5, bar.clipped))
-    axes.tick_params(colors=page.inks.muted, labelsize=8, width=0.8, length=3)
-    for spine in axes.spines.values():
-        spine.set_visible(False)
-    label = label_with_unit(bar.label, bar.unit)
-    axes.set_xlabel(label, fontsize=8, color=page.inks.text)
+def _with_plane_notes(drawing: Drawing) -> list[Note]:
+    """The notes, and in the first one of phrases what each kind of mark of a plane shows."""
+    found: dict[type, tuple[Phrase, ...]] = {}
+    for mark in (mark for plot in drawing.plots for mark in plot.marks):
+        if isinstance(mark, PlaneMark) and not found.get(type(mark)):
+            found[type(mark)] = plane_note(mark)
+    phrases = tuple(dict.fromkeys(phrase for note in found.values() for phrase in note))
+    notes = list(drawing.notes)
+    place = next((at for at, note in enumerate(notes) if not isinstance(note, str)), len(notes))
+    notes[place : place + 1] = [(*(notes[place] if place < len(notes) else ()), *phrases)]
+    return notes
 
 
-def _draw_plots(page: Page, drawing: Drawing, below: float, bar: ColourBar | None) -> None:
+def _bar_colours(bar: ColourBar) -> Callable[[ArrayLike], Colours]:
+    if bar.ramp == "values":
+        return value_colours
+    return change_ramp if bar.ramp == "changes" else heat_ramp(bar.ramp != "heat", value_colours)
+
+
+def _draw_bars_below(page: Page, bars: list[ColourBar], bottom: float) -> float:
+    """Horizontal colour bars beside each other with their ticks and labels below; their height."""
+    room = (page.inches[0] - _LEFT - _RIGHT + _SIDE / 2) / len(bars)
+    width = max(0.3, room - _SIDE / 2)
+    labels = [wrapped_label(label_with_unit(bar.label, bar.unit), int(width / (LETTER * 8)))
+              for bar in bars]  # fmt: skip
+    more = LINE * max(label.count("\n") for label in labels)
+    for place, (bar, label) in enumerate(zip(bars, labels, strict=True)):
+        axes = page.axes(_LEFT + place * room, bottom + 0.5 + more, width, 0.12)
+        low, high = bar.scale
+        axes.imshow(_bar_colours(bar)(np.linspace(0, 1, 256)[None]), aspect="auto",
+                    extent=(low, high, 0, 1), interpolation="none")  # fmt: skip
+        axes.set_yticks([])
+        axes.set_xticks(*colour_bar_ticks(bar.scale, width / 2.5, bar.clipped))
+        axes.tick_params(colors=page.inks.muted, labelsize=8, width=0.8, length=3)
+        for spine in axes.spines.values():
+            spine.set_visible(False)
+        axes.set_xlabel(label, fontsize=8, color=page.inks.text)
+    return _BAR_BELOW + more
+
+
+def _is_larger_above(page: Page, drawing: Drawing, below: float) -> bool:
+    """Whether plots beside each other are larger above their colour bars than beside these."""
+    if not (drawing.plots[0].is_tight and _is_beside(page, drawing)):
+        return False
+    above, beside = (
+        max(_beside_size(page, drawing.plots, foot, side, rows)[0] for rows in (1, 2))
+        for foot, side in ((below + _BAR_BELOW + LINE, 0.0), (below, _SIDE))
+    )
+    return above > beside
+
+
+def _most_shared(page: Page, drawing: Drawing) -> float:
+    """The height that plots have before a table has all of its rows, inches."""
+    plots = drawing.plots
+    if not plots[0].is_tight:
+        return _LEAST_SHARE * page.top
+    if not _is_beside(page, drawing):
+        return _TIGHT_SHARE * page.top
+    room = (page.inches[0] - _LEFT - _RIGHT - _BETWEEN * (len(plots) - 1)) / len(plots)
+    whole = plots[0].tight(room, math.inf)[1] + _TITLE + _BELOW + _BAR_BELOW + 2 * LINE
+    return min(_TIGHT_SHARE * page.top, whole)
+
+
+def _draw_plots(page: Page, drawing: Drawing, below: float, bars: list[ColourBar]) -> None:
     """Plots of equal size above `below` inches; those with the same scale share its labels."""
     plots, wide = drawing.plots, page.inches[0]
-    side = 0.0
-    if bar is not None and wide > NARROW:
-        side, high = _SIDE, min(2.0, 0.45 * (page.top - below))
+    side, top = 0.0, page.top
+    for bar in bars:
+        side, high = _SIDE, min(2.0, 0.45 * (page.top - below) / (0.8 * len(bars) + 0.2))
         label = wrapped_label(label_with_unit(bar.label, bar.unit), 14)
-        left = wide - side + 0.25
-        draw_colour_bar(page, left, page.top - high - 0.5, high, bar.scale, label, value_colours,
+        top -= 0.3 + high + 0.15 * (label.count("\n") + 1)
+        draw_colour_bar(page, wide - side + 0.25, top, high, bar.scale, label, _bar_colours(bar),
                         bar.clipped)  # fmt: skip
     if plots[0].turns:
         draw_dials(page, plots, below, _is_beside(page, drawing))
@@ -221,15 +275,30 @@ def _beyond_axes(plots: tuple[Plot, ...]) -> tuple[list[float], list[float], lis
 
 
 def _draw_beside(page: Page, plots: tuple[Plot, ...], below: float, side: float) -> None:
-    room = (page.inches[0] - _LEFT - _RIGHT - side - _BETWEEN * (len(plots) - 1)) / len(plots)
-    height = max(0.2, page.top - below - _BELOW - _TITLE - 0.15)
-    height = min(height, _TALLEST * room) if plots[0].equal else height
-    top = page.top - 0.15 - _TITLE
+    """Plots in a row; those with the shape of their scales in as many rows as make them large."""
+    rows = {number: _beside_size(page, plots, below, side, number) for number in (1, 2)}
+    is_larger = plots[0].is_tight and rows[2][0] > rows[1][0]
+    columns = -(-len(plots) // 2) if is_larger else len(plots)
+    room, height = rows[2] if is_larger else rows[1]
     for place, plot in enumerate(plots):
-        axes = page.axes(_LEFT + place * (room + _BETWEEN), top - height, room, height)
-        draw_plot(axes, page, plot.fitted(room, height), (room, height), True, not place)
-        if place and plot.y == plots[0].y:
+        row, column = divmod(place, columns)
+        bottom = page.top - (row + 1) * (0.15 + _TITLE + height) - row * _BELOW
+        axes = page.axes(_LEFT + column * (room + _BETWEEN), bottom, room, height)
+        draw_plot(axes, page, plot.fitted(room, height), (room, height), True, not column)
+        if column and plot.y == plots[0].y:
             axes.tick_params(labelleft=False)
+
+
+def _beside_size(
+    page: Page, plots: tuple[Plot, ...], below: float, side: float, rows: int
+) -> tuple[float, float]:
+    """Width and height of plots in `rows` rows, inches."""
+    columns = -(-len(plots) // rows)
+    room = (page.inches[0] - _LEFT - _RIGHT - side - _BETWEEN * (columns - 1)) / columns
+    height = max(0.2, (page.top - below) / rows - _BELOW - _TITLE - 0.15)
+    if plots[0].is_tight:
+        return plots[0].tight(room, height)
+    return room, min(height, _TALLEST * room) if plots[0].equal else height
 
 
 def _draw_stacked(page: Page, plots: tuple[Plot, ...], below: float, side: float) -> None:
@@ -238,10 +307,9 @@ def _draw_stacked(page: Page, plots: tuple[Plot, ...], below: float, side: float
     height = max(0.2, (page.top - below - 0.15 - sum(heads) - sum(feet)) / len(plots))
     top, width = page.top - 0.15, page.inches[0] - _LEFT - _RIGHT - side
     for place, (plot, head, foot) in enumerate(zip(plots, heads, feet, strict=True)):
-        axes = page.axes(_LEFT, top - head - height, width, height)
+        size = plot.tight(width, height) if plot.is_tight else (width, height)
+        axes = page.axes(_LEFT, top - head - size[1], *size)
         alike = [at for at, other in enumerate(plots) if other.y == plot.y]
         has_name = place == alike[len(alike) // 2]  # one name for plots with the same scale of y
-        draw_plot(
-            axes, page, plot.fitted(width, height), (width, height), has_axis[place], has_name
-        )
+        draw_plot(axes, page, plot.fitted(*size), size, has_axis[place], has_name)
         top -= head + height + foot

@@ -14,14 +14,18 @@ from rich.cells import cell_len
 from s2rstore.intervals import Interval
 from s2rtui.canvas.marks import Shape
 from s2rtui.canvas.render_options import Glyphs
+from s2rtui.drawing.plane_marks import PlaneMark
 from s2rtui.drawing.scale import Scale
 
 Floats = NDArray[np.float64]
-Ink = Literal["sim", "real", "truth", "both", "text", "muted", "faint", "unselected", "cursor"]
+Ink = Literal[
+    "sim", "real", "truth", "both", "text", "muted", "faint", "unselected", "cursor", "planned",
+]  # fmt: skip
 """A colour of the theme."""
 Sign = Literal[
     "sim", "real", "truth", "both", "cursor", "selected", "trained", "baseline", "vertical",
-    "pointer", "passed", "failed", "inconclusive", "skipped", "interval",
+    "pointer", "passed", "failed", "inconclusive", "skipped", "interval", "planned", "below",
+    "above",
 ]  # fmt: skip
 """What a dot means; each has its glyph and its marker on paper."""
 ROLES: tuple[Ink, ...] = ("sim", "real", "truth", "both", "cursor")
@@ -126,9 +130,11 @@ class Points:
         return len(self.inks) or LEVELS
 
 
+_LEAST = 0.05
+"""Least inches of a side of a plot on a page."""
 LEVELS = 20
 """Steps of the scale of colours of points."""
-Mark = Bars | Line | Dots | Rule | Points
+Mark = Bars | Line | Dots | Rule | Points | PlaneMark
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,8 +143,9 @@ class Plot:
 
     name: of its panel, in which ranges of x or, on a plane, areas can be brushed. title: texts
     above it. weight: plots with the smallest are left out first where there is no room for all.
-    equal: whether the scales are widened so that a unit is as long on both. turns: how the degrees
-    of x, from -180 to 180, turn on a dial; where there is no room for dials, x is a straight axis.
+    equal: whether the scales are widened so that a unit is as long on both. is_tight: whether a
+    page gives such a plot the shape of its scales instead. turns: how the degrees of x, from -180
+    to 180, turn on a dial; where there is no room for dials, x is a straight axis.
     """
 
     x: Scale
@@ -149,6 +156,7 @@ class Plot:
     weight: float = 0.0
     shape: Shape = "range"
     equal: bool = False
+    is_tight: bool = False
     turns: Literal["clockwise", "anticlockwise"] | None = None
 
     @property
@@ -157,15 +165,27 @@ class Plot:
         named = [mark for mark in self.marks if isinstance(mark, Line | Dots) and mark.name]
         return tuple(sorted(named, key=lambda mark: isinstance(mark, Line) and mark.dashed))
 
+    @property
+    def y_down(self) -> bool:
+        """Whether y grows downwards."""
+        return self.y.low > self.y.high
+
     def fitted(self, width: float, height: float) -> Plot:
         """The plot in an area of this size; with `equal` scales one is widened about its middle."""
         if not self.equal:
             return self
-        spans = self.x.high - self.x.low, self.y.high - self.y.low
+        spans = abs(self.x.high - self.x.low), abs(self.y.high - self.y.low)
         pitch = max(spans[0] / width, spans[1] / height)
         return replace(self, x=_widened(self.x, pitch * width), y=_widened(self.y, pitch * height))
 
+    def tight(self, width: float, height: float) -> tuple[float, float]:
+        """The largest size in an area that has the shape of the scales."""
+        spans = abs(self.x.high - self.x.low), abs(self.y.high - self.y.low)
+        pitch = max(spans[0] / max(width, _LEAST), spans[1] / max(height, _LEAST))
+        return spans[0] / pitch, spans[1] / pitch
+
 
 def _widened(scale: Scale, span: float) -> Scale:
-    middle = (scale.low + scale.high) / 2
-    return replace(scale, low=middle - span / 2, high=middle + span / 2)
+    """The scale about the same middle, `span` long, in its direction."""
+    middle, half = (scale.low + scale.high) / 2, span / 2 * (1 if scale.low < scale.high else -1)
+    return replace(scale, low=middle - half, high=middle + half)

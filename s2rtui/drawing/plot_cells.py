@@ -9,7 +9,10 @@ from s2rstore.geometry import angles
 from s2rtui.canvas import BrushShape, Canvas, Rgb
 from s2rtui.canvas.marks import mark_arc, mark_on_panel, mark_range, wrap_degrees
 from s2rtui.canvas.raster import dot_grid, draw_braille
+from s2rtui.drawing.arcs_cells import number_cells
 from s2rtui.drawing.bars import draw_vertical_bars, put_over_bar
+from s2rtui.drawing.plane_cells import draw_names, draw_plane_mark
+from s2rtui.drawing.plane_marks import GROUND
 from s2rtui.drawing.plot import ROLES, Bars, Dots, Ink, Line, Plot, Points, Rule
 from s2rtui.drawing.points_cells import draw_points
 from s2rtui.drawing.scale import Scale, short_number
@@ -20,14 +23,20 @@ _DASH = 4
 """Dots of a dash and its gap."""
 
 
-def draw_marks(canvas: Canvas, plot: Plot, brush: BrushShape | None) -> None:
-    """Draw the marks of a plot, and a range of x that is being brushed, on the whole canvas."""
+def draw_marks(canvas: Canvas, plot: Plot, brush: BrushShape | None) -> NDArray[np.bool_]:
+    """Draw the marks of a plot, and a range of x that is being brushed, on the whole canvas.
+
+    Returns the cells (h, w) whose characters stay texts over a picture of the marks.
+    """
     ends: tuple[int, ...] = ()
     is_range = plot.name and plot.shape in ("range", "turn")
     mark = mark_on_panel(brush, plot.name) if is_range else None
     if mark is not None:
         ends = _draw_range(canvas, plot, mark)
+    ground: Canvas | None = None
     for each in plot.marks:
+        if ground is None and not isinstance(each, GROUND):
+            ground = _copy(canvas)
         if isinstance(each, Bars):
             _draw_bars(canvas, plot, each)
         elif isinstance(each, Line):
@@ -37,12 +46,22 @@ def draw_marks(canvas: Canvas, plot: Plot, brush: BrushShape | None) -> None:
         elif isinstance(each, Points):
             draw_points(canvas, plot, each)
             _draw_cursor(canvas, plot, each)
-        else:
+        elif isinstance(each, Rule):
             _draw_rule(canvas, plot, each)
+        else:
+            draw_plane_mark(canvas, plot, each)
+    texts = number_cells(canvas, plot) | draw_names(canvas, plot, ground or canvas)
     glyphs = canvas.glyphs
     for at, glyph in zip(ends, (glyphs.scale_left, glyphs.scale_right), strict=False):
         for row in range(canvas.height):
             canvas.put(at, row, glyph, canvas.theme.truth, bold=True)
+    return texts
+
+
+def _copy(canvas: Canvas) -> Canvas:
+    copy = Canvas(canvas.width, canvas.height, canvas.options)
+    copy.paste(canvas, 0, 0)
+    return copy
 
 
 def _draw_range(canvas: Canvas, plot: Plot, mark: BrushShape) -> tuple[int, ...]:

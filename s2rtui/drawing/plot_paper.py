@@ -9,7 +9,9 @@ import numpy as np
 
 from s2rtui.canvas import Pixels, Theme
 from s2rtui.canvas.render_options import UNICODE
-from s2rtui.drawing.page import LETTER, NARROW, Ink, Inks, Page, style_axes
+from s2rtui.drawing.page import BOLD, LETTER, NARROW, Ink, Inks, Page, style_axes
+from s2rtui.drawing.plane_marks import PlaneMark
+from s2rtui.drawing.plane_paper import CELLS_PER_INCH, draw_plane_mark
 from s2rtui.drawing.plot import Bars, Dots, Line, Plot, Points, Rule, Sign
 from s2rtui.drawing.points_paper import draw_points
 from s2rtui.drawing.scale import Scale, short_number
@@ -20,18 +22,20 @@ if TYPE_CHECKING:
 
 _X_TICKS, _Y_TICKS = 0.7, 0.35
 """Inches between ticks at least."""
-_SCREEN_DPI = 110.0
-"""Pixels per inch of plots on the screen of a terminal with graphics."""
 _LINE = 0.17
 """Height of a label in inches."""
 _BESIDE = 0.2
 """Inches beside an axis of x into which its labels may reach."""
+_SCREEN_DPI = 110.0
+"""Pixels per inch of dials on the screen of a terminal with graphics."""
 LEGEND_COLUMNS = 2
 MARKERS: dict[Sign, tuple[str, bool]] = {
-    "sim": ("D", True), "real": ("o", False), "truth": ("D", True), "both": ("s", True),
+    "sim": ("D", True), "real": ("D", False), "truth": ("o", True), "both": ("s", True),
     "cursor": ("^", True), "pointer": (">", True), "selected": ("o", True), "trained": ("o", False),
     "baseline": ("|", True), "vertical": ("|", True), "passed": ("o", True), "failed": ("^", True),
     "inconclusive": ("o", False), "skipped": (".", True), "interval": ("_", True),
+    "planned": (">", True),
+    "below": ("v", True), "above": ("^", True),
 }  # fmt: skip
 """The marker of each sign, and whether it is filled."""
 
@@ -43,7 +47,9 @@ def draw_plot(
     font = 8 if page.inches[0] <= NARROW else 9
     width, height = inches
     style_axes(axes, page)
-    _draw_marks(axes, page, plot, inches)
+    for spine in axes.spines.values() if plot.is_tight else ():
+        spine.set_visible(True)
+    _draw_marks(axes, page, plot, inches, True)
     for axis, scale in ((axes.xaxis, plot.x), (axes.yaxis, plot.y)):
         is_x = axis.axis_name == "x"
         axis.set_ticks(*axis_ticks(scale, width if is_x else height, is_x))
@@ -61,6 +67,8 @@ def draw_plot(
         axes.set_title(name.text, loc="left", fontsize=font + 1, pad=5, fontweight="bold",
                        color=getattr(page.inks, name.ink))  # fmt: skip
         text = "   ".join(phrase.whole(UNICODE) for phrase in others)
+        if (BOLD * (font + 1) * len(name.text) + font * (len(text) + 2)) * LETTER > width:
+            text = ""
         axes.set_title(text, loc="right", fontsize=font, pad=5, color=page.inks.text)
     elif plot.legend:
         axes.legend(
@@ -69,26 +77,31 @@ def draw_plot(
         )  # fmt: skip
 
 
-def plot_pixels(plot: Plot, theme: Theme, size: tuple[int, int]) -> Pixels:
-    """The marks of a plot, without axes and texts beside them, in `size` (height, width) pixels."""
+def plot_pixels(plot: Plot, theme: Theme, size: tuple[int, int], columns: int) -> Pixels:
+    """The marks of a plot, without axes and texts, in `size` (height, width) pixels.
+
+    columns: cells of the terminal that it is wide.
+    """
 
     def draw(page: Page) -> None:
         axes = page.axes(0.0, 0.0, *page.inches)
         axes.set_axis_off()
-        _draw_marks(axes, page, plot, page.inches)
+        _draw_marks(axes, page, plot, page.inches, False)
 
-    return drawn_pixels(theme, size, draw)
+    return drawn_pixels(theme, size, draw, CELLS_PER_INCH * size[1] / columns)
 
 
-def drawn_pixels(theme: Theme, size: tuple[int, int], draw: Callable[[Page], None]) -> Pixels:
+def drawn_pixels(
+    theme: Theme, size: tuple[int, int], draw: Callable[[Page], None], dpi: float = _SCREEN_DPI
+) -> Pixels:
     """What `draw` draws on a page without heading, in `size` (height, width) pixels."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     height, width = size
-    inches = width / _SCREEN_DPI, height / _SCREEN_DPI
+    inches = width / dpi, height / dpi
     inks = Inks(theme)
-    figure = Figure(figsize=inches, dpi=_SCREEN_DPI, facecolor=inks.background)
+    figure = Figure(figsize=inches, dpi=dpi, facecolor=inks.background)
     canvas = FigureCanvasAgg(figure)
     draw(Page(figure, width, height, theme, inks))
     canvas.draw()
@@ -114,7 +127,9 @@ def _keep_on_page(axis: Axis, scale: Scale, inches: float) -> None:
             label.set_horizontalalignment("right")
 
 
-def _draw_marks(axes: Axes, page: Page, plot: Plot, inches: tuple[float, float]) -> None:
+def _draw_marks(
+    axes: Axes, page: Page, plot: Plot, inches: tuple[float, float], is_page: bool
+) -> None:
     """The ends of both scales, and the marks."""
     for name, scale in (("x", plot.x), ("y", plot.y)):
         if scale.log:
@@ -123,6 +138,8 @@ def _draw_marks(axes: Axes, page: Page, plot: Plot, inches: tuple[float, float])
     for mark in plot.marks:
         if isinstance(mark, Points):
             draw_points(axes, page, plot, mark, inches)
+        elif isinstance(mark, PlaneMark):
+            draw_plane_mark(axes, page, plot, mark, inches, is_page)
         else:
             _draw_mark(axes, page, plot, mark)
 

@@ -85,7 +85,7 @@ class Scale:
         axis, and `gap` apart; one that would collide with the label before it is left out.
         """
         free = 0.0
-        for value, text in self.ticks(most):
+        for value, text in sorted(self.ticks(most), key=lambda tick: float(self.fraction(tick[0]))):
             tick, size = float(self.fraction(value)) * length, extent(text)
             start = min(max(tick - size / 2, 0.0), length - size)
             if 0 <= tick <= length and start >= free - 1e-9:

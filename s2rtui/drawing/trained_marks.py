@@ -22,6 +22,10 @@ MANY = {False: "⊕", True: "T"}
 """`+`, a number above 9, of which some are trained instances; by whether it is ASCII."""
 
 
+Cells = NDArray[np.bool_] | tuple[NDArray[np.intp], NDArray[np.intp]]
+"""Cells of a canvas: a mask (h, w), or their rows and columns."""
+
+
 @dataclass(frozen=True, slots=True)
 class TrainedForms:
     """The form of each glyph that marks a trained instance; other glyphs get the plain mark.
@@ -58,8 +62,8 @@ def _forms(glyphs: str, forms: str) -> dict[str, str]:
     return dict(zip(glyphs, forms, strict=True))
 
 
-def mark_trained(canvas: Canvas, cells: NDArray[np.bool_], marks: TrainedForms) -> None:
-    """Give the glyphs of `cells` (h, w) bool the forms that mark trained instances."""
+def mark_trained(canvas: Canvas, cells: Cells, marks: TrainedForms) -> None:
+    """Give the glyphs of cells the forms that mark trained instances."""
     drawn = canvas.char[cells]
     marked = np.full(drawn.shape, canvas.glyphs.trained, dtype="<U1")
     for glyph, form in marks.forms.items():

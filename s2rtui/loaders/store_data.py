@@ -4,24 +4,29 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import lru_cache
+from io import BytesIO
+from pathlib import Path
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.files.image_header import floor_plan_bytes
 from s2rstore.findings import find_all
 from s2rstore.findings.groups import Grouping, group_errors, groups_of
 from s2rstore.gap_history import reader
 from s2rstore.index.population import Population
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN
+from s2rtui.canvas import Pixels
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.overview.model import overview_rows, translator_rows
 from s2rtui.charts.scene import LoadedGroups, LoadedModel, RunAccuracies, model_source
-from s2rtui.charts.shared.base_map_background import floor_plan_pixels
-from s2rtui.charts.shared.base_map_floor import plan_tones
 from s2rtui.charts.view import StatisticsView
+from s2rtui.drawing.floor import plan_tones
 from s2rtui.loaders.loader import Fields, Key, LoadContext, Loader
 from s2rtui.session import error_groups, heatmaps, provenance, targets
 from s2rtui.session.provenance import (
@@ -117,6 +122,19 @@ def read_floor_plan(store: Store, state: State, context: LoadContext) -> Fields:
     if width > 0:
         plan_tones(plan, width)
     return {"floor_plan": plan}
+
+
+@lru_cache(maxsize=4)
+def floor_plan_pixels(path: str) -> Pixels:
+    """The floor plan (H, W, 3). Raises RequestError where it cannot be decoded."""
+    from PIL import Image
+
+    content = floor_plan_bytes(Path(path))
+    try:
+        with Image.open(BytesIO(content), formats=["PNG"]) as picture:
+            return np.asarray(picture.convert("RGB"))
+    except (OSError, ValueError, SyntaxError) as error:  # Pillow: damage is any of these
+        raise RequestError(f"{path}: the floor plan is damaged ({error})") from error
 
 
 def pictures_key(store: Store, state: State) -> Key | None:

@@ -19,7 +19,7 @@ from s2rtui.app.app import S2RApp
 from s2rtui.app.controllers.navigation import NavigationController
 from s2rtui.app.pilot import settle
 from s2rtui.canvas import RenderOptions
-from s2rtui.charts.map.view import VIEW as MAP
+from s2rtui.charts.map import VIEW as MAP
 from s2rtui.cli import main
 from s2rtui.loaders import LOADERS
 from s2rtui.session import Session

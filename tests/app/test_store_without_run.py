@@ -12,7 +12,7 @@ from s2rstore.metrics import run_metrics
 from s2rtui.app.key_bindings import ACTIONS
 from s2rtui.app.pilot import settle, snapshot, take_screenshot
 from s2rtui.canvas import RenderOptions
-from s2rtui.charts.compare.model import constant_errors
+from s2rtui.charts.compare.view import constant_errors
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.export.load_scene import SceneOptions, open_scene
 from s2rtui.export.report.build_report import render_report
@@ -118,17 +118,16 @@ def one_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_errors_of_the_constant_prediction_give_the_baseline_of_the_store(one_run):
     with s2rstore.open(one_run) as store:
         truth, columns = store.instances, store.run_columns("vanilla")
-        points = np.stack([truth.x, truth.y], axis=1)
-        errors = constant_errors(points, columns.valid, columns.trained)
+        errors = constant_errors(truth.x, truth.y, columns.valid, columns.trained)
         accuracy = np.maximum(0, 1 - errors[columns.valid] / store.dataset.accuracy_scale)
         assert accuracy.mean() == pytest.approx(run_metrics.baseline_accuracy(store, "vanilla"))
 
 
 def test_new_instances_alone_decide_the_constant_prediction():
-    points = np.array([[0.0, 0.0], [2.0, 0.0], [8.0, 0.0], [np.nan, 0.0]])
+    x, y = np.array([0.0, 2.0, 8.0, np.nan]), np.zeros(4)
     valid, trained = np.array([True, True, True, True]), np.array([False, False, True, False])
-    assert constant_errors(points, valid, trained)[:3].tolist() == [1.0, 1.0, 7.0]
-    everywhere = constant_errors(points, valid, np.ones(4, dtype=np.bool_))
+    assert constant_errors(x, y, valid, trained)[:3].tolist() == [1.0, 1.0, 7.0]
+    everywhere = constant_errors(x, y, valid, np.ones(4, dtype=np.bool_))
     assert everywhere[:2].tolist() == pytest.approx([10 / 3, 4 / 3])
 
 

@@ -1,6 +1,6 @@
 """Small synthetic inputs of every view."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,17 +11,19 @@ from s2rstore.geometry.rooms import NO_ROOM
 from s2rstore.intervals import Interval
 from s2rstore.language.syntax_tree import Field, Named
 from s2rstore.records import Bounds, Room, Side
+from s2rtui.analysis.map_frame import MapFrame
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, RenderOptions
 from s2rtui.canvas.marks import BrushShape
-from s2rtui.charts.compare.model import CompareInput
+from s2rtui.charts.compare.view import CompareInput, compare_drawing
 from s2rtui.charts.errors import errors_model, errors_plots
 from s2rtui.charts.findings import findings_drawing
 from s2rtui.charts.history import history_model, history_plots
+from s2rtui.charts.map import MapInput, map_drawing
 from s2rtui.charts.orientation import BINS, Name, orientation_model, orientation_plots
 from s2rtui.charts.overview.view import overview_table
 from s2rtui.charts.rooms import counts_table, groups_table, ordered, room_counts
 from s2rtui.charts.scatter.view import scatter_drawing
 from s2rtui.charts.scene import OverviewRow
-from s2rtui.charts.shared.base_map_model import MapInput
 from s2rtui.charts.shared.image_pair_model import InstanceInput, PoseNumbers, SideView
 from s2rtui.charts.umap import (
     distance_levels,
@@ -30,7 +32,11 @@ from s2rtui.charts.umap import (
     umap_extent,
     umap_plots,
 )
+from s2rtui.drawing.cells import draw_cells
 from s2rtui.drawing.drawing import ColourBar, Drawing
+from s2rtui.drawing.drawing_layout import drawing_layout
+from s2rtui.drawing.floor import plane_frame
+from s2rtui.drawing.plane_marks import Floor
 from s2rtui.drawing.row_lines import RowLines
 from s2rtui.drawing.table import Cell, Column, LazyRows, Row, TableSpec
 
@@ -68,54 +74,105 @@ def overview_drawing(
     return Drawing(table=overview_table(ROWS, 0.72, run, lines), brush=brush)
 
 
-def map_input(**changes: Any) -> MapInput:
+def columns(points: Any) -> tuple[Any, Any]:
+    """Points (N, 2) as columns."""
+    x, y = np.asarray(points, dtype=np.float64).T.copy()
+    return x, y
+
+
+def map_input(bounds: Bounds = BOUNDS, **changes: Any) -> MapInput:
+    """Instances on an ellipse. Positions are points (N, 2); fields of the floor are changed, too.
+
+    The images of both sides have the true positions of the instances.
+    """
     random = np.random.default_rng(7)
     along = np.linspace(0, 2 * np.pi, N, endpoint=False)
     truth = np.stack([10 + 7 * np.cos(along), 5 + 3 * np.sin(along)], axis=1)
-    floor = np.zeros((50, 100, 3), dtype=np.uint8)
-    floor[:, 50:] = 220
+    plan = np.zeros((50, 100, 3), dtype=np.uint8)
+    plan[:, 50:] = 220
     heat = np.full((25, 50), np.nan)
     heat[5:10, 5:15] = np.linspace(0.1, 2, 50).reshape(5, 10)
-    return replace(
-        MapInput(
-            truth=truth,
-            sim=truth + random.normal(0, 0.3, truth.shape),
-            real=truth + random.normal(0, 1.5, truth.shape),
-            values=np.linspace(0, 5, N),
-            selected=np.arange(N) >= 45,
-            valid=np.arange(N) != 3,
-            bounds=BOUNDS,
-            headings=along,
-            sim_headings=along,
-            real_headings=along,
-            cursor=50,
-            floor_plan=floor,
-            heat=heat,
-            heat_unit="m",
-            rooms=(Room("hall", 0, 0, 0, 10, 10), Room("größer", 1, 10, 0, 20, 10)),
-        ),
-        **changes,
+    positions = {
+        "truth": truth, "sim": truth + random.normal(0, 0.3, truth.shape),
+        "real": truth + random.normal(0, 1.5, truth.shape),
+    }  # fmt: skip
+    placed = {name: changes.pop(name, points) for name, points in positions.items()}
+    own = {f"{side}_truth": placed["truth"] for side in ("sim", "real")}
+    placed |= {name: changes.pop(name, points) for name, points in own.items()}
+    floor = {"plan": plan, "heat": heat, "heat_is_signed": False, "seen": None}
+    floor = {name: changes.pop(name, value) for name, value in floor.items()}
+    view = MapInput(
+        **{name: columns(points) for name, points in placed.items()},
+        values=np.linspace(0, 5, N),
+        selected=np.arange(N) >= 45,
+        valid=np.arange(N) != 3,
+        floor=Floor(bounds, **floor),
+        headings=along,
+        sim_headings=along,
+        real_headings=along,
+        cursor=50,
+        heat_unit="m",
+        rooms=(Room("hall", 0, 0, 0, 10, 10), Room("größer", 1, 10, 0, 20, 10)),
     )
+    return replace(view, **changes)
+
+
+def points_of(view: MapInput | CompareInput, name: str = "truth") -> Any:
+    """The positions (N, 2) of a view."""
+    return np.stack(getattr(view, name), axis=1)
+
+
+def draw_map(
+    view: MapInput, size: Any, options: RenderOptions = DEFAULT_OPTIONS,
+    viewport: Bounds | None = None, brush: BrushShape | None = None,
+) -> Canvas:  # fmt: skip
+    return draw_cells(map_drawing(view, viewport, brush), size, options)
+
+
+def draw_compare(
+    view: CompareInput, size: Any, options: RenderOptions = DEFAULT_OPTIONS,
+    brush: BrushShape | None = None,
+) -> Canvas:  # fmt: skip
+    return draw_cells(compare_drawing(view, brush=brush), size, options)
+
+
+@dataclass(frozen=True)
+class MapPlace:
+    """Where a map is drawn: its first column and row, and its frame."""
+
+    x: int
+    y: int
+    frame: MapFrame
+
+    def cells(self, points: Any) -> list[tuple[int, int]]:
+        """Rows and columns of points (N, 2)."""
+        found = np.floor(self.frame.to_cells(points)).astype(int)
+        return [(row + self.y, column + self.x) for column, row in found.tolist()]
+
+
+def map_place(drawing: Drawing, size: Any, options: RenderOptions = DEFAULT_OPTIONS) -> MapPlace:
+    """The place of the last map of a drawing."""
+    place = drawing_layout(drawing, size, options).plots[-1]
+    frame = plane_frame(place.plot.x, place.plot.y, place.width, place.rows)
+    return MapPlace(place.left, place.top, frame)
 
 
 def compare_input(**changes: Any) -> CompareInput:
-    view = map_input()
+    """Two runs on the instances of `map_input`."""
+    view = map_input(**{name: changes.pop(name) for name in ("truth", "plan") if name in changes})
     random = np.random.default_rng(9)
-    return replace(
-        CompareInput(
-            truth=view.truth,
-            first=random.gamma(2, 0.5, N),
-            second=random.gamma(2, 0.5, N),
-            selected=view.selected,
-            valid=view.valid,
-            bounds=BOUNDS,
-            names=("vanilla", "größer"),
-            cursor=50,
-            floor_plan=view.floor_plan,
-            rooms=view.rooms,
-        ),
-        **changes,
+    compared = CompareInput(
+        truth=view.truth,
+        first=random.gamma(2, 0.5, N),
+        second=random.gamma(2, 0.5, N),
+        selected=view.selected,
+        valid=view.valid,
+        floor=Floor(BOUNDS, view.floor.plan),
+        names=("vanilla", "größer"),
+        cursor=50,
+        rooms=view.rooms,
     )
+    return replace(compared, **changes)
 
 
 def side(seed: int, heat: bool = True, depth: bool = True) -> SideView:

@@ -9,7 +9,6 @@ from hypothesis.extra import numpy as arrays
 from s2rtui.analysis import joint_histogram
 from s2rtui.analysis import ranked_column as ranked
 from s2rtui.analysis.binning import bin_values, count_selected, selection_indices
-from s2rtui.charts.map.paper import _overlap
 
 SIZE = 40
 masks = arrays.arrays(np.bool_, SIZE)
@@ -26,18 +25,6 @@ def test_counts_per_bin_equal_masked_counts(column, selected, base):
             inside = (column >= index) & (column < index + 1)
             assert highlighted[index] == (inside & selected & base).sum()
             assert total[index] == (inside & base).sum()
-
-
-@pytest.mark.parametrize(
-    ("first", "second", "shared"),
-    [
-        ((0, 40), (30, 90), (30, 40)), ((0, 40), (50, 90), None),
-        ((170, 190), (-190, -175), (170, 185)), ((-10, 10), (355, 375), (-5, 10)),
-        ((0, 40), None, None),
-    ],
-)  # fmt: skip
-def test_angular_intervals_overlap_across_360_degrees(first, second, shared):
-    assert _overlap(first, second) == shared
 
 
 @pytest.mark.parametrize(

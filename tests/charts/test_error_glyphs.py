@@ -7,62 +7,82 @@ import pytest
 
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.canvas.render_options import UNICODE
-from s2rtui.charts.map.model import SINGLES, arc_degrees, arc_turns, error_glyphs, full_scale
-from s2rtui.charts.map.terminal import draw_map, map_layout
-from s2rtui.charts.shared.base_map_model import MapInput, map_model
-from tests.charts.examples import BOUNDS, map_input
+from s2rtui.charts.map import MapInput, map_drawing
+from s2rtui.drawing.arcs import (
+    SINGLES,
+    ErrorGlyphs,
+    arc_degrees,
+    arc_overlap,
+    arc_turns,
+    error_glyphs,
+)
+from s2rtui.drawing.drawing_layout import drawing_layout
+from s2rtui.drawing.plane_marks import Arcs
+from tests.charts.examples import draw_map, map_input, map_place, points_of
 
 SIZE = (80, 26)
+
+
+def shown(view: MapInput, footprint: tuple[int, int] = (7, 3)) -> tuple[Arcs, ErrorGlyphs]:
+    """The arcs of a map in `SIZE` and their glyphs."""
+    place = drawing_layout(map_drawing(view), SIZE, RenderOptions()).plots[0]
+    (arcs,) = (mark for mark in place.plot.marks if isinstance(mark, Arcs))
+    grid = place.plot.x, place.plot.y, place.width, place.rows
+    return arcs, error_glyphs(arcs, grid, footprint)
+
+
+def glyph_map(truth: np.ndarray, sim: np.ndarray, real: np.ndarray, **changes: object) -> MapInput:
+    """Instances at these points in mode "glyph", without a cursor and a floor."""
+    everyone = np.ones(len(truth), dtype=np.bool_)
+    fields = {"selected": everyone, "valid": everyone, **changes}
+    return map_input(
+        truth=truth, sim=sim, real=real, values=np.zeros(len(truth)), mode="glyph", headings=None,
+        cursor=None, plan=None, heat=None, rooms=(), **fields,
+    )  # fmt: skip
 
 
 def one_point(sim: tuple[float, float], real: tuple[float, float], y_down: bool = True) -> MapInput:
     """One instance in the middle of the map with these error vectors."""
     truth = np.array([[10.0, 5.0]])
-    all_true = np.ones(1, dtype=np.bool_)
-    columns = (truth, truth + sim, truth + real, np.zeros(1), all_true, all_true)
-    return MapInput(*columns, BOUNDS, mode="glyph", y_down=y_down)
+    return glyph_map(truth, truth + sim, truth + real, y_down=y_down)
 
 
-def many_points(count: int) -> MapInput:
+def many_points(count: int, **changes: object) -> MapInput:
     random = np.random.default_rng(3)
     truth = random.uniform((0, 0), (20, 10), (count, 2))
     errors = random.normal(0, 1, (2, count, 2))
     real = truth + errors[1]
     real[::7] = np.nan
     selected, valid = random.random(count) < 0.6, random.random(count) < 0.9
-    columns = (truth, truth + errors[0], real, np.zeros(count), selected, valid)
-    return MapInput(*columns, BOUNDS, mode="glyph")
+    return glyph_map(truth, truth + errors[0], real, selected=selected, valid=valid, **changes)
 
 
 def test_blocks_show_the_mean_errors_of_selected_instances():
     view = many_points(2000)
-    frame = map_layout(view, SIZE).frame
-    blocks = error_glyphs(view, map_model(view), frame, (7, 3))
-    cells = np.floor(frame.to_cells(view.truth))
-    known = np.isfinite(view.real).all(axis=1) & view.selected & view.valid
+    _, blocks = shown(view)
+    cells = np.floor(map_place(map_drawing(view), SIZE).frame.to_cells(points_of(view)))
+    known = np.isfinite(points_of(view, "real")).all(axis=1) & view.selected & view.valid
     assert blocks.counts.sum() == known.sum() > SINGLES
-    assert blocks.crowded
+    assert blocks.is_crowded
     for index, (column, row) in enumerate(blocks.centres):
         block = known & (cells[:, 0] // 7 == column // 7) & (cells[:, 1] // 3 == row // 3)
         assert blocks.counts[index] == block.sum()
-        for vectors, side in ((blocks.sim, view.sim), (blocks.real, view.real)):
-            mean = (side - view.truth)[block].mean(axis=0)
+        for vectors, side in ((blocks.sim, "sim"), (blocks.real, "real")):
+            mean = (points_of(view, side) - points_of(view))[block].mean(axis=0)
             assert vectors[index] == pytest.approx(mean)
 
 
 def test_few_instances_are_drawn_at_their_truth_and_merged_when_close():
     truth = np.array([[5.0, 5.0], [5.2, 5.0], [15.0, 2.0]])
     sim = truth + np.array([[1.0, 0.0], [3.0, 0.0], [0.0, 1.0]])
-    all_true = np.ones(3, dtype=np.bool_)
-    view = MapInput(truth, sim, sim, np.zeros(3), all_true, all_true, BOUNDS, mode="glyph")
-    frame = map_layout(view, SIZE).frame
-    blocks = error_glyphs(view, map_model(view), frame, (7, 3))
+    view = glyph_map(truth, sim, sim)
+    _, blocks = shown(view)
+    place = map_place(map_drawing(view), SIZE)
     assert blocks.counts.tolist() == [2, 1]
     assert blocks.sim[0] == pytest.approx([2.0, 0.0])
-    assert blocks.centres[1] == pytest.approx(frame.to_cells(truth[2:])[0])
-    canvas, layout = draw_map(view, SIZE), map_layout(view, SIZE)
+    assert blocks.centres[1] == pytest.approx(place.frame.to_cells(truth[2:])[0])
     column, row = np.floor(blocks.centres[0]).astype(int)
-    assert canvas.char[row, column + layout.x] == "2"
+    assert draw_map(view, SIZE).char[row, column + place.x] == "2"
 
 
 def test_arcs_grow_with_the_error_within_limits_and_point_as_the_map():
@@ -74,17 +94,25 @@ def test_arcs_grow_with_the_error_within_limits_and_point_as_the_map():
         assert arc_turns(np.array([[0.0, 2.0]]), y_down)[0] == pytest.approx(turn)
 
 
+def test_arcs_overlap_across_360_degrees():
+    first = np.array([[0, 40], [0, 40], [170, 190], [-10, 10], [0, 40]], dtype=float)
+    second = np.array([[30, 90], [50, 90], [-190, -175], [355, 375], [np.nan, np.nan]])
+    low, high = arc_overlap((first[:, 0], first[:, 1]), (second[:, 0], second[:, 1]))
+    held = high > low
+    assert held.tolist() == [True, False, True, True, False]
+    assert np.stack([low, high], axis=1)[held].tolist() == [[30, 40], [170, 185], [-5, 10]]
+
+
 def test_full_scale_is_the_99th_percentile_of_valid_errors():
     view = many_points(500)
-    errors = [np.hypot(*(side - view.truth)[view.valid].T) for side in (view.sim, view.real)]
-    both = np.concatenate(errors)
-    assert full_scale(view) == pytest.approx(np.percentile(both[np.isfinite(both)], 99))
+    sides = (points_of(view, side) for side in ("sim", "real"))
+    both = np.concatenate([np.hypot(*(side - points_of(view))[view.valid].T) for side in sides])
+    assert shown(view)[0].full == pytest.approx(np.percentile(both[np.isfinite(both)], 99))
 
 
 def centre_of(view: MapInput, options: RenderOptions) -> tuple[int, int]:
-    layout = map_layout(view, SIZE, None, options)
-    column, row = np.floor(layout.frame.to_cells(view.truth)[0]).astype(int)
-    return int(column) + layout.x, int(row)
+    row, column = map_place(map_drawing(view), SIZE, options).cells(points_of(view))[0]
+    return column, row
 
 
 @pytest.mark.parametrize("y_down", [True, False])

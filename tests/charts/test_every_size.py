@@ -10,8 +10,6 @@ from hypothesis import strategies as st
 
 from s2rtui.canvas import LIGHT, Canvas, ColourMode, RenderOptions
 from s2rtui.canvas.marks import BrushShape
-from s2rtui.charts.compare.terminal import draw_compare
-from s2rtui.charts.map.terminal import draw_map
 from s2rtui.charts.shared.image_pair_terminal import draw_instance
 from s2rtui.charts.suggestions import suggestions_drawing
 from s2rtui.drawing.cells import draw_cells
@@ -19,6 +17,8 @@ from s2rtui.terminal.strips import to_strips
 from tests.charts.examples import (
     compare_input,
     counts_drawing,
+    draw_compare,
+    draw_map,
     errors_drawing,
     findings_of,
     groups_drawing,
@@ -52,11 +52,11 @@ VIEWS: dict[str, Draw] = {
     "overview lines": drawing(draw_cells, overview_drawing(overview_lines(), brush=RANGE)),
     "map": drawing(draw_map, map_input()),
     "full map": drawing(draw_map, map_input(mode="full")),
-    "glyph map": drawing(draw_map, map_input(mode="glyph", clip=np.eye(5), mark=BOX)),
-    "bare map": drawing(
-        draw_map, map_input(floor_plan=None, heat=None, headings=None, cursor=None)
+    "glyph map": lambda size, options: draw_map(
+        map_input(mode="glyph", seen=np.eye(5)), size, options, brush=BOX
     ),
-    "compare": drawing(draw_compare, compare_input(mark=LASSO)),
+    "bare map": drawing(draw_map, map_input(plan=None, heat=None, headings=None, cursor=None)),
+    "compare": lambda size, options: draw_compare(compare_input(), size, options, LASSO),
     "instance": drawing(draw_instance, instance_input()),
     "plain instance": drawing(
         draw_instance,

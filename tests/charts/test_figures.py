@@ -10,9 +10,9 @@ from PIL import Image
 
 from s2rstore.errors import RequestError
 from s2rtui.canvas import DARK, LIGHT, Theme
-from s2rtui.charts.compare.paper import compare_figure
+from s2rtui.charts.compare.view import compare_drawing
 from s2rtui.charts.instance.paper import instance_figure
-from s2rtui.charts.map.paper import map_figure
+from s2rtui.charts.map import map_drawing
 from s2rtui.charts.suggestions import paper_drawing
 from s2rtui.drawing.page import colour_bar_ticks
 from s2rtui.drawing.paper import draw_paper
@@ -43,12 +43,10 @@ def drawing(figure: Callable[..., bytes], data: object, *texts: str) -> Draw:
 FIGURES: dict[str, Draw] = {
     "overview": drawing(draw_paper, overview_drawing()),
     "overview lines": drawing(draw_paper, overview_drawing(overview_lines())),
-    "map": drawing(map_figure, map_input(), "vanilla", "worst15"),
-    "full map": drawing(map_figure, map_input(mode="full")),
-    "glyph map": drawing(map_figure, map_input(mode="glyph", clip=np.eye(5))),
-    "compare": lambda size, theme: compare_figure(
-        (map_input(heat=None), map_input(heat=None)), compare_input(), size, theme
-    ),
+    "map": drawing(draw_paper, map_drawing(map_input()), "vanilla", "worst15"),
+    "full map": drawing(draw_paper, map_drawing(map_input(mode="full"))),
+    "glyph map": drawing(draw_paper, map_drawing(map_input(mode="glyph", seen=np.eye(5)))),
+    "compare": drawing(draw_paper, compare_drawing(compare_input())),
     "instance": drawing(instance_figure, instance_input(), "vanilla"),
     "umap": drawing(draw_paper, umap_drawing()),
     "orientation": drawing(draw_paper, orientation_drawing(cursor={"sim": 30.0})),
@@ -75,11 +73,11 @@ def decode(data: bytes) -> Image.Image:
 
 def test_empty_selections_and_missing_values_can_be_drawn():
     nobody, no_points = np.zeros(60, dtype=np.bool_), np.full((60, 2), np.nan)
-    bare_map = map_input(selected=nobody, cursor=None, heat=None, floor_plan=None, rooms=())
+    bare_map = map_input(selected=nobody, cursor=None, heat=None, plan=None, rooms=())
     bare = instance_input(sim=side(1, False, False), real=side(2, False, False), truth=None)
     size = (300, 200)
     for figure in (
-        map_figure(bare_map, size),
+        draw_paper(map_drawing(bare_map), size, LIGHT),
         instance_figure(bare, size),
         draw_paper(umap_drawing(selected=nobody), size, LIGHT),
         draw_paper(umap_drawing({"sim": no_points, "real": no_points}, 1), size, LIGHT),

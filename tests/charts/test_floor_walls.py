@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 
 from s2rtui.analysis.floor_walls import EMPTY, WALL, plan_parts, thin_lines
 from s2rtui.canvas import DIGITS, ColourMode, RenderOptions
-from s2rtui.charts.map.terminal import draw_map, map_layout
-from s2rtui.charts.shared.base_map_background import FLOOR_RAMPS, WALL_LINES, wall_lines
-from s2rtui.charts.shared.heat_colours import heat_glyphs
-from tests.charts.examples import BOUNDS, map_input
+from s2rtui.charts.map import map_drawing
+from s2rtui.drawing.floor_cells import FLOOR_RAMPS, WALL_LINES, wall_lines
+from s2rtui.drawing.heat_colours import heat_glyphs
+from tests.charts.examples import BOUNDS, draw_map, map_input, map_place
 
 METRE = 50
 """Pixels of the plans below."""
@@ -90,7 +90,7 @@ def test_a_line_thinner_than_a_pixel_is_drawn_one_pixel_wide(start, width, uprig
     assert covered[drawn[:, 0]].max() == covered.max()
 
 
-MAP_SIZE = (84, 30)
+MAP_SIZE = (83, 30)
 MODES = [
     RenderOptions(mode=ColourMode.NONE),
     RenderOptions(ascii=True),
@@ -112,14 +112,14 @@ def test_walls_have_characters_of_their_own(options, with_heat):
     heat = np.tile(np.linspace(0.0, 2.0, 100), (50, 1)) if with_heat else None
     nobody = np.zeros(60, dtype=np.bool_)
     view = map_input(
-        floor_plan=plain_walls(), heat=heat, rooms=(), cursor=None, selected=nobody, valid=nobody,
+        plan=plain_walls(), heat=heat, rooms=(), cursor=None, selected=nobody, valid=nobody,
         bounds=BOUNDS,
     )  # fmt: skip
-    canvas, layout = draw_map(view, MAP_SIZE, options), map_layout(view, MAP_SIZE, None, options)
+    canvas = draw_map(view, MAP_SIZE, options)
+    place = map_place(map_drawing(view), MAP_SIZE, options)
 
     def drawn(points: list[tuple[float, float]]) -> set[str]:
-        cells = np.floor(layout.frame.to_cells(points)).astype(int)
-        return {str(canvas.char[row, column + layout.x]) for column, row in cells}
+        return {str(canvas.char[cell]) for cell in place.cells(points)}
 
     heights = np.arange(0.5, 9.6, 0.25)
     upright = drawn([(10.12, y) for y in heights])

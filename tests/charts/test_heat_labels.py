@@ -17,17 +17,17 @@ from s2rstore.metrics.heatmap_scores import trust_line
 from s2rstore.reader import Store
 from s2rstore.records import ArrayRecord
 from s2rtools.heatmaps import HEATMAP_KINDS
+from s2rtui.canvas import LIGHT
 from s2rtui.charts.instance import paper as instance_paper
 from s2rtui.charts.instance.model import _harm_note, connected_regions, place_in_image
-from s2rtui.charts.map import paper as map_paper
-from s2rtui.charts.map.terminal import draw_map
-from s2rtui.charts.shared.base_map_model import map_input
+from s2rtui.charts.map import heat_facts, map_drawing
 from s2rtui.charts.shared.image_pair_model import heat_fields
 from s2rtui.charts.shared.image_pair_terminal import draw_instance
+from s2rtui.drawing import paper
 from s2rtui.session import Session
 from s2rtui.session.heatmaps import heatmap_choices
 from s2rtui.session.state import HeatChoice, State
-from tests.charts.examples import instance_input
+from tests.charts.examples import draw_map, instance_input, map_input
 from tests.support import networks
 
 RUN = "vanilla"
@@ -77,18 +77,18 @@ def test_every_label_names_kind_mode_and_unit(store, state, monkeypatch):
     kinds = {kind.replace("_", " ") for kind in HEATMAP_KINDS}
     choices = heatmap_choices(store, RUN)
     assert {kind for kind, _ in choices} == set(HEATMAP_KINDS)
-    on_map, on_images = (
-        drawn_labels(monkeypatch, module) for module in (map_paper, instance_paper)
-    )
+    on_map, on_images = (drawn_labels(monkeypatch, module) for module in (paper, instance_paper))
     for kind, mode in choices:
         heat = HeatChoice(kind, mode, "real")
         name = kind.replace("_", " ")
-        view = map_input(store, replace(state, heat=heat), heat=np.ones((4, 4)))
-        unit = view.heat_unit
+        label, unit, is_signed = heat_facts(store, replace(state, heat=heat))
         assert unit in UNITS
         assert unit not in kinds
-        assert view.heat_is_signed == heatmap_facts(kind).is_signed
-        map_paper.map_figure(view, (800, 600))
+        assert is_signed == heatmap_facts(kind).is_signed
+        view = map_input(
+            heat=np.ones((4, 4)), heat_is_signed=is_signed, heat_label=label, heat_unit=unit
+        )
+        paper.draw_paper(map_drawing(view), (800, 600), LIGHT)
         images = instance_input(**heat_fields(store, RUN, heat))
         instance_paper.instance_figure(images, (800, 600))
         on_map_terminal = " ".join(draw_map(view, (150, 40)).lines()[-3:])
@@ -110,7 +110,7 @@ def test_modes_of_a_kind_have_units_of_their_own(store):
 
 def test_numbers_of_pixels_have_no_sign(store, state):
     counted = replace(state, heat=HeatChoice("harm", "position"), overlay="run", aggregate="count")
-    assert not map_input(store, counted, heat=np.ones((4, 4))).heat_is_signed
+    assert heat_facts(store, counted)[1:] == ("pixels", False)
 
 
 @given(arrays(np.bool_, array_shapes(min_dims=2, max_dims=2, max_side=12), elements=st.booleans()))

@@ -12,18 +12,18 @@ from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.canvas.colour import NO_DEPTH
 from s2rtui.charts.instance import paper as instance_paper
 from s2rtui.charts.instance.model import instance_input as stored_instance_input
-from s2rtui.charts.map.model import error_glyphs, full_scale
-from s2rtui.charts.map.terminal import draw_map, map_layout
+from s2rtui.charts.map import VIEW as MAP
+from s2rtui.charts.map import MapInput
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.charts.shared import image_pair_terminal
-from s2rtui.charts.shared.base_map_model import MapInput, map_input, map_model
-from s2rtui.charts.shared.heat_colours import heat_colours
 from s2rtui.charts.shared.image_pair_model import instance_model, panel_pixels
 from s2rtui.charts.shared.image_pair_terminal import draw_instance, instance_layout
+from s2rtui.drawing.heat_colours import heat_colours
 from s2rtui.session import Session
-from tests.charts.examples import instance_input, side
+from tests.charts.examples import draw_map, instance_input, points_of, side
 from tests.charts.test_error_glyphs import many_points
+from tests.charts.test_error_glyphs import shown as shown_arcs
 from tests.support import tiny
 
 
@@ -150,25 +150,29 @@ def loose(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+def map_of(session: Session) -> MapInput:
+    return MAP.input(Scene(session.store, session.state, LoadedData()))
+
+
 def test_map_glyphs_measure_each_side_from_the_pose_of_its_image(loose):
     session = Session(loose)
     session.select("all")
-    view = replace(map_input(session.store, session.state), mode="glyph")
-    model, layout = map_model(view), map_layout(view, MAP_SIZE)
+    view = replace(map_of(session), mode="glyph")
     for footprint in ((7, 3), (1, 1)):
-        glyphs = error_glyphs(view, model, layout.frame, footprint)
+        arcs, glyphs = shown_arcs(view, footprint)
         np.testing.assert_allclose(glyphs.sim, 0, atol=1e-12)
         assert np.hypot(*glyphs.real.T).max() > 0.1
-    real = np.hypot(*(view.real - view.truth).T)
+    real = np.hypot(*(points_of(view, "real") - points_of(view)).T)
     errors = np.concatenate([np.zeros(len(real)), real])
-    assert full_scale(view) == pytest.approx(np.percentile(errors, 99))
+    assert arcs.full == pytest.approx(np.percentile(errors, 99))
 
 
 def test_blocks_of_many_instances_measure_each_side_from_the_pose_of_its_image():
     view = many_points(2000)
-    moved = replace(view, sim_truth=view.sim - [0.5, 0.0], real_truth=view.real - [0.0, 0.25])
-    blocks = error_glyphs(moved, map_model(moved), map_layout(moved, MAP_SIZE).frame, (7, 3))
-    assert blocks.crowded
+    (sim_x, sim_y), (real_x, real_y) = view.sim, view.real
+    moved = replace(view, sim_truth=(sim_x - 0.5, sim_y), real_truth=(real_x, real_y - 0.25))
+    _, blocks = shown_arcs(moved)
+    assert blocks.is_crowded
     np.testing.assert_allclose(blocks.sim, np.tile([0.5, 0.0], (len(blocks.sim), 1)), atol=1e-9)
     np.testing.assert_allclose(blocks.real, np.tile([0.0, 0.25], (len(blocks.real), 1)), atol=1e-9)
 
@@ -177,7 +181,7 @@ def test_map_lines_begin_at_the_pose_of_the_image(loose):
     """A sim prediction at the pose of its image has no line, so no cell has the colour of one."""
     session = Session(loose)
     session.select("ids(4)")
-    own = replace(map_input(session.store, session.state), mode="full", cursor=None)
+    own = replace(map_of(session), mode="full", cursor=None)
 
     def braille_cells(view: MapInput) -> int:
         canvas = draw_map(view, MAP_SIZE)
@@ -185,7 +189,8 @@ def test_map_lines_begin_at_the_pose_of_the_image(loose):
         glyphs = np.vectorize(lambda text: "\u2801" <= text <= "\u28ff")(canvas.char)
         return int(np.count_nonzero(is_line & glyphs))
 
-    far = replace(own, sim=own.sim + np.array([0.0, 3.0]), real=np.full_like(own.real, np.nan))
+    (x, y), nowhere = own.sim, np.full_like(own.real[0], np.nan)
+    far = replace(own, sim=(x, y + 3.0), real=(nowhere, nowhere))
     assert braille_cells(far) > 0
     assert braille_cells(replace(far, sim=own.sim)) <= 1
     at_truth = replace(far, sim_truth=far.sim)

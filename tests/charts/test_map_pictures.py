@@ -35,9 +35,7 @@ from s2rtui.canvas.colour import (
     to_256,
     with_luminance,
 )
-from s2rtui.canvas.pixel_marks import diamond, disc, draw_dots_by_level, highest_at, hollow, stamped
-from s2rtui.charts.map.terminal import draw_map
-from tests.charts.examples import map_input
+from tests.charts.examples import draw_map, map_input
 
 SIZE = (60, 24)
 CELL = (10, 20)
@@ -56,18 +54,17 @@ def has(pixels: Pixels, colour: tuple[int, int, int]) -> bool:
     return bool((pixels == np.array(colour)).all(axis=-1).any())
 
 
-def test_every_dot_of_the_cells_is_a_dot_of_its_colour_in_the_picture():
-    view = map_input(cursor=None)
-    canvas = draw_map(view, SIZE)
+def test_every_sign_of_the_cells_is_a_mark_of_its_colour_in_the_picture():
+    canvas = draw_map(map_input(cursor=None), SIZE)
     (image,) = canvas.images
-    pixels = picture(image)
+    pixels = picture(image).astype(int)
     box = canvas.char[image.y : image.y + image.height, image.x : image.x + image.width]
     found = np.argwhere(box == "●")
     assert len(found) > 3
     for row, column in found.tolist():
-        colour = canvas.fg[image.y + row, image.x + column].tolist()
+        colour = canvas.fg[image.y + row, image.x + column]
         cell = pixels[row * 20 : row * 20 + 20, column * 10 : column * 10 + 10]
-        assert has(cell, tuple(colour))
+        assert np.abs(cell - colour).sum(axis=-1).min() < 120
 
 
 @pytest.mark.parametrize(
@@ -87,53 +84,28 @@ def test_terminals_of_few_colours_get_no_picture(options):
     assert draw_map(map_input(), SIZE, options).images == []
 
 
-def map_input_like(data: Any, **changes: Any) -> Any:
-    return replace(data, mark=BrushShape("map", ((0.0, 0.0), (2.0, 2.0))), **changes)
-
-
 def test_a_brush_stays_text_on_the_picture_and_only_the_cursor_changes_the_key():
-    data = map_input()
-    (image,) = draw_map(map_input_like(data), SIZE).images
+    data, brush = map_input(), BrushShape("map", ((0.0, 0.0), (2.0, 2.0)))
+    (image,) = draw_map(data, SIZE, brush=brush).images
     assert image.text is not None
     assert image.text.any()
     assert not image.text.all()
+    moved = replace(data, cursor=5)
     keys = [
-        draw_map(view, SIZE).images[0].content_key
-        for view in (data, map_input_like(data), map_input_like(data, cursor=5))
+        draw_map(view, SIZE, brush=mark).images[0].content_key
+        for view, mark in ((data, None), (data, brush), (moved, brush))
     ]
     assert keys[0] == keys[1] != keys[2]
 
 
-# --- marks ---------------------------------------------------------------------------------------
-
-places = st.lists(
-    st.tuples(st.integers(-3, 33), st.integers(-3, 23), st.integers(0, 9)), max_size=30
-)
-
-
-@given(places, st.sampled_from([disc(3), diamond(2), hollow(disc(4)), disc(0.5)]))
-def test_stamps_show_the_highest_level(marks, shape):
-    points = np.array([mark[:2] for mark in marks], dtype=np.float64).reshape(-1, 2)
-    top = highest_at(points, [level for *_, level in marks], (20, 30))
-    drawn, size = stamped(top, shape), shape.shape[0] // 2
-    expected = np.full((20, 30), -1)
-    for x, y, level in marks:
-        if not (0 <= x < 30 and 0 <= y < 20):
-            continue
-        for down, across in np.argwhere(shape) - size:
-            row, column = y + down, x + across
-            if 0 <= row < 20 and 0 <= column < 30:
-                expected[row, column] = max(expected[row, column], level)
-    np.testing.assert_array_equal(drawn, expected)
-
-
-def test_an_outline_surrounds_a_dot():
-    image = np.full((15, 15, 3), 90, dtype=np.uint8)
-    top = highest_at(np.array([[7.0, 7.0]]), [0], (15, 15))
-    draw_dots_by_level(image, top, np.array([[255, 0, 0]], dtype=np.uint8), disc(3), (0, 0, 0))
-    row = image[7, :, 0].tolist()
-    assert row[3:12] == [0, 255, 255, 255, 255, 255, 255, 255, 0]
-    assert row[2] == row[12] == 90
+def test_names_and_numbers_stay_text_on_the_picture():
+    for changes in ({}, {"mode": "glyph", "selected": np.ones(60, dtype=np.bool_)}):
+        canvas = draw_map(map_input(**changes), SIZE)
+        (image,) = canvas.images
+        box = canvas.char[image.y : image.y + image.height, image.x : image.x + image.width]
+        text = "".join(box[image.text].tolist())
+        assert "hall" in text
+        assert any(letter in "23456789" for letter in text) == bool(changes)
 
 
 COLOURED = (ColourMode.TRUECOLOR, ColourMode.PALETTE, ColourMode.ANSI)
@@ -266,10 +238,10 @@ def test_each_pixel_is_the_mean_of_its_area(rows, columns, pitch, y_down, of_num
 def test_two_maps_of_one_size_show_the_same_ground():
     plan = np.random.default_rng(1).integers(0, 256, (300, 300, 3)).astype(np.uint8)
     nobody = np.zeros(len(map_input().selected), dtype=np.bool_)
-    view = map_input(floor_plan=plan, selected=nobody, cursor=None)
+    view = map_input(plan=plan, selected=nobody, cursor=None)
     first, second = (
         draw_map(replace(view, values=values), (50, 24))
         for values in (np.zeros(len(nobody)), np.linspace(0, 9, len(nobody)))
     )
-    np.testing.assert_array_equal(first.bg[:18], second.bg[:18])
+    np.testing.assert_array_equal(first.bg[:18, 5:], second.bg[:18, 5:])
     np.testing.assert_array_equal(first.fg[1:18, 5:], second.fg[1:18, 5:])

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from s2rstore.records import Bounds
 from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.marks import PlotArea
-from s2rtui.charts.compare.terminal import compare_panels
-from s2rtui.charts.map.terminal import map_panels
+from s2rtui.charts.compare.view import compare_drawing
+from s2rtui.charts.map import map_drawing
 from s2rtui.drawing.cells import drawing_panels
 from s2rtui.drawing.drawing import Drawing
 from tests.charts.examples import (
@@ -44,8 +44,8 @@ def drawn(drawing: Drawing) -> Surface:
 SIDES, DIALS = ("sim", "real"), ("sim", "truth", "real")
 RUNS = ("vanilla", "dataaug", "seen all")
 VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
-    "map": (surface(map_panels, map_input(y_down=False)), "plane", ("map",)),
-    "near comparison": (surface(compare_panels, compare_input(), NEAR), "plane", ("map",)),
+    "map": (drawn(map_drawing(map_input(y_down=False))), "plane", ("map",)),
+    "near comparison": (drawn(compare_drawing(compare_input(), NEAR)), "plane", ("map",)),
     "umap": (drawn(umap_drawing()), "plane", SIDES),
     "orientation": (drawn(orientation_drawing()), "turn", DIALS),
     "upwards": (drawn(orientation_drawing(y_down=False)), "turn", DIALS),

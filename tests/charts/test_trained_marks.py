@@ -1,14 +1,20 @@
 """Cells of several or of trained instances say so, and the cursor lies on top of them."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from s2rtui.canvas import Canvas, ColourMode, RenderOptions
-from s2rtui.charts.compare.terminal import compare_layout, draw_compare
-from s2rtui.charts.map.terminal import draw_map, map_layout
-from tests.charts.examples import N, compare_input, map_input
+from s2rtui.charts.compare.view import compare_drawing
+from s2rtui.charts.map import map_drawing
+from tests.charts.examples import (
+    N,
+    compare_input,
+    draw_compare,
+    draw_map,
+    map_input,
+    map_place,
+    points_of,
+)
 
 SIZE = (120, 40)
 PLAIN, ASCII = RenderOptions(mode=ColourMode.NONE), RenderOptions(ascii=True)
@@ -34,14 +40,14 @@ def map_cells(
     options: RenderOptions, mode: str, trained: np.ndarray | None, **changes: object
 ) -> tuple[Canvas, list[tuple[int, int]]]:
     """A map, and the rows and columns of the lone instance and of the twins."""
+    usual = map_input()
     view = map_input(
-        selected=SELECTED, floor_plan=None, heat=None, rooms=(), headings=None,
+        **{name: twins(points_of(usual, name)) for name in ("truth", "sim", "real")},
+        selected=SELECTED, plan=None, heat=None, rooms=(), headings=None,
         mode=mode, trained=trained, **({"cursor": None} | changes),
     )  # fmt: skip
-    view = replace(view, **{name: twins(getattr(view, name)) for name in ("truth", "sim", "real")})
-    layout = map_layout(view, SIZE, None, options)
-    cells = np.floor(layout.frame.to_cells(view.truth[[ONE, TWINS[0]]])).astype(int)
-    return draw_map(view, SIZE, options), [(row, x + layout.x) for x, row in cells.tolist()]
+    place = map_place(map_drawing(view), SIZE, options)
+    return draw_map(view, SIZE, options), place.cells(points_of(view)[[ONE, TWINS[0]]])
 
 
 @pytest.mark.parametrize(
@@ -97,15 +103,12 @@ def test_the_comparison_shows_direction_number_and_mark(options, several, glyphs
     apart = np.where(np.arange(N) < 30, 1.0, -1.0)
     for trained, expected in ((None, several), (TRAINED, glyphs)):
         view = compare_input(
-            truth=twins(compare_input().truth), first=2 + apart, second=np.full(N, 2.0),
-            selected=SELECTED, floor_plan=None, rooms=(), cursor=None, trained=trained,
+            truth=twins(points_of(compare_input())), first=2 + apart, second=np.full(N, 2.0),
+            selected=SELECTED, plan=None, rooms=(), cursor=None, trained=trained,
         )  # fmt: skip
-        canvas, layout = (
-            draw_compare(view, SIZE, options),
-            compare_layout(view, SIZE, None, options),
-        )
-        places = np.floor(layout.frame.to_cells(view.truth[[ONE, TWINS[0]]])).astype(int).tolist()
-        cells = [(row, column + layout.x) for column, row in places]
+        canvas = draw_compare(view, SIZE, options)
+        place = map_place(compare_drawing(view), SIZE, options)
+        cells = place.cells(points_of(view)[[ONE, TWINS[0]]])
         assert "".join(canvas.char[cell] for cell in cells) == expected
         assert [bool(canvas.bold[cell]) for cell in cells] == [False, True]
         assert ("several" if trained is None else legend) in text(canvas)

@@ -7,15 +7,20 @@ import pytest
 from rich.cells import cell_len
 
 from s2rtui.canvas import Canvas, ColourMode, RenderOptions
-from s2rtui.charts.compare.model import compare_model
-from s2rtui.charts.compare.terminal import draw_compare
-from s2rtui.charts.map.terminal import draw_map
-from s2rtui.charts.shared.base_map_model import map_model
+from s2rtui.charts.map import map_drawing
 from s2rtui.charts.shared.image_pair_model import instance_model
 from s2rtui.charts.shared.image_pair_terminal import draw_instance, instance_layout
 from s2rtui.drawing.cells import draw_cells
 from s2rtui.drawing.scale import Interval, short_number
-from tests.charts.examples import N, compare_input, instance_input, map_input, umap_drawing
+from tests.charts.examples import (
+    N,
+    compare_input,
+    draw_compare,
+    draw_map,
+    instance_input,
+    map_input,
+    umap_drawing,
+)
 from tests.charts.test_every_size import VIEWS
 
 Written = list[tuple[Canvas, int, int, str]]
@@ -78,19 +83,21 @@ def ends(scale: Interval | None) -> tuple[str, str]:
 @pytest.mark.parametrize("size", SIZES)
 def test_both_ends_are_labelled(size, options):
     on_map = map_input(values=np.linspace(0.31, 7.7, 60))
+    (legend,) = map_drawing(on_map).notes
+    values, heat = (ends(bar.scale) for bar in legend)
     compared, pair = compare_input(), instance_input()
     embedded = umap_drawing()
     drawn = (
-        (draw_map(on_map, size, options), ends(map_model(on_map).value_range)),
+        (draw_map(on_map, size, options), values),
         (draw_cells(embedded, size, options), ends(embedded.notes[0][0].scale)),
         (draw_instance(pair, size, options), ends(instance_model(pair).heat_range)),
     )  # fmt: skip
     if any(panel.what == "depth" for panel in instance_layout(pair, size, options).panels):
         drawn += ((draw_instance(pair, size, options), ends(instance_model(pair).depth_range)),)
     if size[1] >= 18:
-        scale = compare_model(compared).scale
+        scale = compared.scale
         drawn += ((draw_compare(compared, size, options), ends((-scale, scale))),)
-        drawn += ((draw_map(on_map, size, options), ends(map_model(on_map).heat_range)),)
+        drawn += ((draw_map(on_map, size, options), heat),)
     for canvas, (low, high) in drawn:
         rows = [line for line in canvas.lines() if low in line and high in line]
         assert any(line.index(low) < line.rindex(high) for line in rows), "\n".join(canvas.lines())

@@ -20,8 +20,8 @@ from s2rstore.language import evaluation
 from s2rstore.metrics import run_metrics
 from s2rtui.app.titled_view import TitledView
 from s2rtui.canvas import DARK, LIGHT, RenderOptions
+from s2rtui.charts.map import heat_facts
 from s2rtui.charts.registry import BY_NAME, VIEWS
-from s2rtui.charts.shared.base_map_model import map_input
 from s2rtui.cli import main
 from s2rtui.export.load_scene import SceneOptions, open_scene
 from s2rtui.export.report.build_report import render_report
@@ -157,15 +157,14 @@ def test_the_instance_view_ranks_among_new_instances_and_names_the_split(stores)
 
 
 def test_the_stored_heat_of_a_run_names_its_trained_instances(stores):
-    grid = np.ones((4, 4), dtype=np.float32)
     with open_scene(stores.absurd, options(heat="activation:loss", overlay="instance")) as scene:
         whole = replace(scene.state, overlay="run")
-        shown = map_input(scene.store, whole, heat=grid)
-        of_one = map_input(scene.store, scene.state, heat=grid)
+        shown, _, _ = heat_facts(scene.store, whole)
+        of_one, _, _ = heat_facts(scene.store, scene.state)
         elsewhere = replace(whole, trained=np.zeros_like(whole.trained))  # none in view
-        assert map_input(scene.store, elsewhere, heat=grid).heat_label == shown.heat_label
-    assert shown.heat_label.endswith("all instances, 20 trained on")
-    assert "trained" not in of_one.heat_label
+        assert heat_facts(scene.store, elsewhere)[0] == shown
+    assert shown.endswith("all instances, 20 trained on")
+    assert "trained" not in of_one
 
 
 def test_runs_and_the_headline_population_agree_with_the_screen(stores, s2r):

@@ -97,7 +97,7 @@ def test_terminals_with_graphics_get_plots_in_true_pixels_while_nothing_is_brush
     assert (pixels.shape, pixels.dtype) == ((200, 640, 3), np.uint8)
     for colour in (DARK.sim, DARK.real):
         assert (np.abs(pixels.astype(int) - colour).max(axis=2) <= 8).any()
-    assert draw_cells(drawing, (80, 24)).images[0].content_key != image.content_key
+    assert draw_cells(drawing, (80, 24)).images[0].content_key == image.content_key
     brushed = replace(drawing, brush=BrushShape("", ((1.0, 0.0), (2.0, 0.0))))
     assert not draw_cells(brushed, (80, 24)).images
 

@@ -15,7 +15,7 @@ from PIL import Image
 
 from s2rstore.files.image_header import jpeg_segments, read_header
 from s2rtools.common.image_files import whole_image
-from s2rtui.charts.shared.base_map_background import floor_plan_pixels
+from s2rtui.loaders.store_data import floor_plan_pixels
 from tests.hostile.inputs import jpeg, png
 from tests.hostile.inputs import s2r as run_process
 from tests.support import pairs

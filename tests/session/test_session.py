@@ -10,8 +10,9 @@ import pytest
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rtui.charts.instance.model import instance_input
+from s2rtui.charts.map import VIEW as MAP
 from s2rtui.charts.overview.model import overview_rows
-from s2rtui.charts.shared.base_map_model import map_input
+from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.session import Session, navigation, view_settings
 from s2rtui.session.heatmaps import heatmap_choices, instance_grid, run_grid
 from tests.support import tiny
@@ -118,10 +119,10 @@ def test_view_inputs_equal_the_store(session):
     rows, baseline = overview_rows(session.store)
     assert [row.run for row in rows] == ["vanilla", "dataaug"]
     assert 0 < baseline < 1
-    view = map_input(session.store, session.select("worst15"))
+    view = MAP.input(Scene(session.store, session.select("worst15"), LoadedData()))
     assert (view.selected == session.state.selected).all()
     columns = session.store.run_columns("vanilla")
-    assert np.array_equal(view.real[:, 0], columns.real.x)
+    assert view.real[0] is columns.real.x
     instance = instance_input(session.store, "vanilla", 5, session.state.heat)
     assert instance.real.pose.error == columns.real.error[5]
     assert np.isnan(instance.sim.depth).any()

@@ -6,41 +6,219 @@ position.
 
 from __future__ import annotations
 
-import textwrap
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.records import Bounds, Room, Side
 from s2rtui.analysis.binning import Bools
-from s2rtui.analysis.identity_cache import identity_key
-from s2rtui.canvas import Canvas, PlotArea, RenderOptions, Size, Theme
-from s2rtui.charts.compare.change import ALL, Change, evidence, interval_text
-from s2rtui.charts.compare.model import CompareInput, constant_errors
-from s2rtui.charts.compare.terminal import (
-    compare_panels,
-    comparison_text,
-    draw_compare,
-    layout_text,
+from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
+from s2rtui.canvas import BrushShape
+from s2rtui.canvas.fit_text import fit_text
+from s2rtui.charts.compare.change import (
+    ALL,
+    EQUAL,
+    HEADINGS,
+    NOT_EVIDENT,
+    UNKNOWN,
+    Change,
+    Codes,
+    RoomChanges,
+    evidence,
+    interval_text,
+    room_changes,
+    sentences,
+    table_rows,
 )
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.base_map_model import MapInput, map_input, value_range
-from s2rtui.charts.shared.base_map_terminal import draw_value_map
-from s2rtui.charts.shared.point_bins import own_positions, true_positions
-from s2rtui.charts.view import Pane, Pixels, PointsView, Table, TableWindow
-from s2rtui.drawing.scale import Floats
+from s2rtui.charts.shared.map_layers import (
+    PANEL,
+    ground_marks,
+    map_plot,
+    place_of,
+    shown_area,
+    shown_rooms,
+    true_columns,
+    value_range,
+)
+from s2rtui.charts.shared.point_bins import valid_cursor
+from s2rtui.charts.view import DrawingView, Pane, PointsView, Table
+from s2rtui.drawing.drawing import ColourBar, Drawing
+from s2rtui.drawing.legend import NO_BREAK
+from s2rtui.drawing.plane_marks import Changes, Columns, Floor, Poses, Signs
+from s2rtui.drawing.plot import Mark, Phrase, Plot
+from s2rtui.drawing.scale import Floats, short_number
+from s2rtui.drawing.table import Cell, Column, Row, TableSpec
 from s2rtui.session import run_comparison, targets
 from s2rtui.session.view_settings import ZoomPlane, map_plane
 
-_WIDE, _TALL = 56, 40
-"""Columns and rows from which the maps of both runs are drawn, too."""
-_MAP_ROWS = 8
-"""Fewest rows of a map; lower views show sentences and table alone."""
 BASELINE = "baseline"
 """The name of the constant prediction where it takes the place of the other run."""
-_MAP_SHARE = 0.6
-"""Share of the rows of a high view that sentences and table leave to the maps; 0.4 of a low one."""
+_WIDEST = 16
+"""Most letters of a run's name in the legend."""
 
 
-class CompareView(PointsView):
+@dataclass(frozen=True, slots=True, eq=False)
+class CompareInput:
+    """Errors of two runs on one map.
+
+    truth: x and y (N,), metres. first, second: (N,) errors of the runs `names` on `side` in `unit`,
+    NaN for none. Differences are second - first: below 0 the second run is better, within `equal`
+    both are equal. trajectory, room: (N,) codes, -1 for none, of rooms as indices of `room_list`;
+    None without them, as in `room_changes`. trained: (N,) marks instances that the model of either
+    run was trained on, None where none is shown. first_row: of the table of rooms, None for the
+    first.
+    """
+
+    truth: Columns
+    first: Floats
+    second: Floats
+    selected: Bools
+    valid: Bools
+    floor: Floor
+    names: tuple[str, str] = ("first", "second")
+    side: Side = "real"
+    unit: str = "m"
+    equal: float = EQUAL
+    cursor: int | None = None
+    headings: Floats | None = None
+    y_down: bool = True
+    rooms: tuple[Room, ...] = ()
+    trajectory: Codes | None = None
+    room: Codes | None = None
+    room_list: tuple[str, ...] = ()
+    trained: Bools | None = None
+    first_row: int | None = None
+
+    @property
+    def changes(self) -> RoomChanges:
+        """The change of the selected instances, in total and by room."""
+        return room_changes(
+            self.first, self.second, _members(self.selected, self.valid), self.trajectory,
+            self.room, self.room_list, self.equal,
+        )  # fmt: skip
+
+    @property
+    def differences(self) -> NDArray[np.float64]:
+        """second - first of every instance, (N,); NaN where one is unknown."""
+        return _differences(self.first, self.second)
+
+    @property
+    def scale(self) -> float:
+        """The difference of full colour."""
+        return _full_scale(self.differences, self.valid, self.equal)
+
+    @property
+    def sentences(self) -> str:
+        """The comparison in sentences."""
+        return sentences(self.changes.whole, self.names, self.side, self.unit, self.equal)
+
+
+def compare_drawing(
+    data: CompareInput, viewport: Bounds | None = None, brush: BrushShape | None = None,
+    notes: tuple[str, ...] = (),
+) -> Drawing:  # fmt: skip
+    """A map of the errors of each run, one of their difference, and a table of rooms."""
+    first, second = (fit_text(name, _WIDEST, "…") for name in data.names)
+    area = shown_area(viewport, data.floor.bounds, data.truth, data.valid)
+    upper = max(value_range(errors, data.valid)[1] for errors in (data.first, data.second))
+    chosen, ground = (data.selected, data.valid), _ground(data)
+    plots: list[Plot] = []
+    for name, errors in ((first, data.first), (second, data.second)):
+        signs = Signs(*data.truth, *chosen, values=errors, scale=(0.0, upper), trained=data.trained)
+        title = Phrase(name, "text"), *_median(errors, data)
+        plots.append(map_plot((*ground, signs, *_cursor(data)), area, data.y_down, "", title))
+    whole = data.changes.whole
+    texts = (
+        f"{whole.better} better in {second}",
+        f"{whole.equal} within {short_number(data.equal)}{NO_BREAK}{data.unit}",
+        f"{whole.worse} better in {first}",
+    )
+    changes = Changes(*data.truth, *chosen, data.differences, data.equal, data.scale, texts,
+                      data.trained)  # fmt: skip
+    title = (Phrase(f"{second} - {first}", "text"),)
+    marks = (*ground, changes, *_cursor(data))
+    plots.append(map_plot(marks, area, data.y_down, PANEL, title, weight=1.0))
+    legend = (
+        ColourBar(f"{data.side} error", data.unit, (0.0, upper)),
+        ColourBar(f"{second} - {first}", data.unit, (-data.scale, data.scale), ramp="changes"),
+    )
+    return Drawing(tuple(plots), _table(data), (*notes, legend), brush, beside=True)
+
+
+def _ground(data: CompareInput) -> tuple[Mark, ...]:
+    return ground_marks(data.floor, data.rooms, data.truth, data.selected, data.valid)
+
+
+def _cursor(data: CompareInput) -> Iterator[Mark]:
+    cursor = valid_cursor(data.cursor, data.valid)
+    yield Poses(place_of(data.truth, data.headings, cursor), "cursor", "cursor")
+
+
+def _median(errors: Floats, data: CompareInput) -> Iterator[Phrase]:
+    """The median error of the selected, as `median 3.1 m`."""
+    known = errors[_members(data.selected, data.valid)]
+    known = known[np.isfinite(known)]
+    if known.size:
+        yield Phrase(f"median {short_number(float(np.median(known)))} {data.unit}")
+
+
+def _table(data: CompareInput) -> TableSpec | None:
+    """All instances, then the rooms; None where there is one room alone."""
+    changes = data.changes
+    if len(changes.rooms) < 2:
+        return None
+    (*rooms, whole) = table_rows(changes.by_size, changes.whole)
+    columns = [Column(HEADINGS[0], least=12)]
+    columns += [
+        Column(name, right=True, rank=int(name == "95 % interval")) for name in HEADINGS[1:]
+    ]
+    rows = tuple(
+        Row(tuple(map(Cell, texts)), bold=texts[0] == ALL,
+            inks={len(texts) - 1: "muted" if texts[-1] in (NOT_EVIDENT, UNKNOWN) else "truth"})
+        for texts in (whole, *rooms)
+    )  # fmt: skip
+    return TableSpec(tuple(columns), rows, first=data.first_row)
+
+
+@cached_by_identity(4)
+def _members(selected: Bools, valid: Bools) -> Bools:
+    return np.asarray(selected & valid)
+
+
+@cached_by_identity(4)
+def _differences(first: Floats, second: Floats) -> NDArray[np.float64]:
+    return np.asarray(second, dtype=np.float64) - first
+
+
+@cached_by_identity(8)
+def _full_scale(differences: Floats, valid: Bools, equal: float) -> float:
+    """The 99th percentile of the absolute differences, at least twice the margin."""
+    apart = np.abs(differences[valid])
+    apart = apart[np.isfinite(apart)]
+    largest = float(np.percentile(apart, 99)) if apart.size else 1.0
+    return max(largest, 2 * equal, 1e-9)
+
+
+@cached_by_identity(4)
+def constant_errors(x: Floats, y: Floats, valid: Bools, trained: Bools) -> NDArray[np.float64]:
+    """Errors (N,) of a constant prediction: the mean of the positions x and y (N,) that are new.
+
+    valid: (N,) instances that the run predicted; trained: (N,) those it was trained on. All of them
+    are taken where none is new.
+    """
+    places = np.stack([x, y], axis=1).astype(np.float64)
+    new = valid & ~trained
+    members = places[new if new.any() else valid]
+    members = members[np.isfinite(members).all(axis=1)]
+    if not members.size:
+        return np.full(len(places), np.nan)
+    return np.asarray(np.hypot(*(places - members.mean(axis=0)).T))
+
+
+class CompareView(PointsView, DrawingView):
     name = "compare"
     key = "9"
     pane: Pane = "centre"
@@ -60,166 +238,63 @@ class CompareView(PointsView):
             return text
         return "; ".join(part for part in (text, scene.other_trained_note(other)) if part)
 
-    def pair_input(self, scene: Scene, other: str | None) -> CompareInput:
-        """The errors of the current run, and of another one or (None) of its baseline."""
+    def input(self, scene: Scene) -> CompareInput:
+        """The errors of the current run, and of another one or of its baseline."""
         store, state = scene.store, scene.state
-        first, second = self._errors(scene, other)
+        other = run_comparison.other_run(state)
+        first, second = _errors(scene, other)
+        base = state.base if other is None else scene.common_base(other)
+        marked = state.marked if other is None else scene.common_marked(other)
         return CompareInput(
-            true_positions(store), first, second, state.selected, _base(scene, other),
-            store.dataset.bounds, (state.run, other or BASELINE), state.side,
-            cursor=state.cursor, y_down=store.dataset.y_down,
-            floor_plan=scene.loaded.floor_plan, rooms=store.rooms,
-            room_names=state.room_names, mark=scene.mark(self.name),
+            true_columns(store), first, second, state.selected, base,
+            Floor(store.dataset.bounds, scene.loaded.floor_plan), (state.run, other or BASELINE),
+            state.side, cursor=state.cursor, headings=store.instances.heading,
+            y_down=store.dataset.y_down, rooms=shown_rooms(scene),
             trajectory=store.instances.trajectory, room=store.instances.room,
-            room_list=store.instances.room_names, trained=_marked(scene, other),
-            first_room=state.first_row(self.name) or 0,
+            room_list=store.instances.room_names, trained=marked,
+            first_row=state.first_row(self.name),
         )  # fmt: skip
 
-    def _errors(self, scene: Scene, other: str | None) -> tuple[Floats, Floats]:
-        """The errors (N,) of both runs on the side that is shown, metres."""
-        store, state = scene.store, scene.state
-        columns = store.run_columns(state.run)
-        first = columns.side(state.side).error
-        if other is not None:
-            return first, store.run_columns(other).side(state.side).error
-        own = own_positions(store, store.run(state.run).domain(state.side))
-        points = true_positions(store) if own is None else own
-        return first, constant_errors(points, columns.valid, columns.trained)
+    def missing(self, scene: Scene) -> tuple[str, ...]:
+        other = run_comparison.other_run(scene.state)
+        return () if _is_loaded(scene, other) else (f"loading run {other}",)
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        state, other = scene.state, run_comparison.other_run(scene.state)
-        if not _is_loaded(scene, other):
-            return other, "loading"
-        return state.generation, identity_key(self.pair_input(scene, other)), state.viewport
+        state = scene.state
+        if missing := self.missing(scene):
+            return missing
+        data = identity_key(self.input(scene))
+        return state.generation, data, state.viewport, scene.mark(self.name)
 
-    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
-        canvas = Canvas(*size, options)
-        other = run_comparison.other_run(scene.state)
-        if not _is_loaded(scene, other):
-            canvas.text(0, 0, f"loading run {other}", options.theme.muted)
-            return canvas
-        view = self.pair_input(scene, other)
-        text = self._text(scene, other, view, size, options)
-        canvas.paste(text, 0, 0)
-        if not self._has_map(size):
-            return canvas
-        top = text.height
-        height = canvas.height - top
-        maps = height // 2 if self._both(size) else 0
-        if maps:
-            half = (canvas.width - 2) // 2
-            for x, errors in zip((0, half + 2), self.maps(scene, other), strict=True):
-                canvas.paste(
-                    draw_value_map(errors, (half, maps), options, scene.state.viewport), x, top
-                )
-        shown = draw_compare(view, (canvas.width, height - maps), options, scene.state.viewport)
-        canvas.paste(shown, 0, top + maps)
-        return canvas
+    def drawing(self, scene: Scene, columns: int) -> Drawing:
+        data, other = self.input(scene), run_comparison.other_run(scene.state)
+        notes = (*_camera_notes(scene, other), data.sentences)
+        return compare_drawing(data, scene.state.viewport, scene.mark(self.name), notes)
 
-    def _text(
-        self,
-        scene: Scene,
-        other: str | None,
-        view: CompareInput,
-        size: Size,
-        options: RenderOptions,
-    ) -> Canvas:
-        """What differs between the runs' cameras, the comparison in words, and its table."""
-        notes, room = self._text_rows(scene, other, size)
-        words = comparison_text(view, (max(1, size[0]), room), options)
-        canvas = Canvas(words.width, len(notes) + words.height, options)
-        for row, note in enumerate(notes):
-            canvas.text(0, row, note, options.theme.truth)
-        canvas.paste(words, 0, len(notes))
-        return canvas
+    def paper_drawing(self, scene: Scene) -> Drawing:
+        return compare_drawing(self.input(scene), scene.state.viewport)
 
-    def _text_rows(self, scene: Scene, other: str | None, size: Size) -> tuple[list[str], int]:
-        """The notes on the cameras, and the most rows of sentences and table below them."""
-        height = max(1, size[1])
-        lines = [
-            line
-            for note in _camera_notes(scene, other)
-            for line in textwrap.wrap(note, max(10, size[0]))
-        ]
-        notes = lines[: max(0, height - 3)]
-        share = _MAP_SHARE if self._both(size) else 1 - _MAP_SHARE
-        map_rows = int(share * height) if self._has_map(size) else 0
-        return notes, max(1, height - len(notes) - map_rows)
-
-    def table_window(self, scene: Scene, size: Size, options: RenderOptions) -> TableWindow | None:
-        other = run_comparison.other_run(scene.state)
-        if not _is_loaded(scene, other):
-            return None
-        view, (_, room) = self.pair_input(scene, other), self._text_rows(scene, other, size)
-        layout = layout_text(view, (max(1, size[0]), room), options)
-        return TableWindow(layout.first, layout.shown, len(view.changes.rooms))
-
-    def _has_map(self, size: Size) -> bool:
-        """Whether there is room for a map below sentences and table."""
-        return int((1 - _MAP_SHARE) * size[1]) >= _MAP_ROWS
-
-    def _both(self, size: Size) -> bool:
-        return size[0] >= _WIDE and size[1] >= _TALL
-
-    def maps(self, scene: Scene, other: str | None) -> tuple[MapInput, MapInput]:
-        """The maps of both runs, coloured by their errors on a common scale."""
-        store, state = scene.store, scene.state
-        errors = self._errors(scene, other)
-        base, trained = _base(scene, other), _marked(scene, other)
-        upper = max(value_range(column, base)[1] for column in errors)
-        first, second = (
-            replace(
-                map_input(
-                    store,
-                    replace(state, run=run or state.run, map_mode="colour"),
-                    scene.loaded.floor_plan,
-                ),
-                values=column,
-                valid=base,
-                trained=trained,
-                value_label=f"{run or BASELINE}, error",
-                value_range=(0.0, upper),
-            )
-            for run, column in zip((state.run, other), errors, strict=True)
-        )
-        return first, second
+    def heading(self, scene: Scene) -> tuple[str, str]:
+        data, other = self.input(scene), run_comparison.other_run(scene.state)
+        first, second = data.names
+        left_out = "" if other is None else scene.other_trained_note(other)
+        texts = (data.sentences, scene.caption, left_out, *_camera_notes(scene, other))
+        title = f"{data.side.capitalize()} error: {first} against {second}"
+        return title, "  ·  ".join(text for text in texts if text)
 
     def summary(self, scene: Scene) -> str:
         other = run_comparison.other_run(scene.state)
         left_out = "" if other is None else scene.other_trained_note(other)
-        return self.pair_input(scene, other).sentences + (f" {left_out}." if left_out else "")
-
-    def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
-        from s2rtui.charts.compare import paper
-
-        other = run_comparison.other_run(scene.state)
-        left_out = "" if other is None else scene.other_trained_note(other)
-        notes = (left_out, *_camera_notes(scene, other))
-        return paper.compare_figure(
-            self.maps(scene, other), self.pair_input(scene, other), size, theme,
-            subtitle=scene.caption, notes=notes, viewport=scene.state.viewport,
-        )  # fmt: skip
+        return self.input(scene).sentences + (f" {left_out}." if left_out else "")
 
     def zoom_plane(self, scene: Scene) -> ZoomPlane:
         return map_plane(scene.store, scene.state)
-
-    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[PlotArea]:
-        other = run_comparison.other_run(scene.state)
-        if not _is_loaded(scene, other) or not self._has_map(size):
-            return ()
-        view = self.pair_input(scene, other)
-        top = self._text(scene, other, view, size, options).height
-        maps = (size[1] - top) // 2 if self._both(size) else 0
-        inner = (size[0], size[1] - top - maps)
-        panels = compare_panels(view, inner, options, scene.state.viewport)
-        return [panel.moved_down(top + maps) for panel in panels]
 
     def numbers(self, scene: Scene) -> Table:
         names = ("room", "n", "first_median_m", "second_median_m", "median_change_m", "low_m",
                  "high_m", "evident", "improved", "worse", "equal", "large_share", "first_mean_m",
                  "second_mean_m", "bounds")  # fmt: skip
-        other = run_comparison.other_run(scene.state)
-        changes = self.pair_input(scene, other).changes
+        changes = self.input(scene).changes
         rows = [(name, *_numbers(part)) for name, part in (*changes.rooms, (ALL, changes.whole))]
         return names, rows
 
@@ -227,14 +302,15 @@ class CompareView(PointsView):
 VIEW = CompareView()
 
 
-def _marked(scene: Scene, other: str | None) -> Bools | None:
-    """The shown instances that the model of either run was trained on; None without any."""
-    return scene.state.marked if other is None else scene.common_marked(other)
-
-
-def _base(scene: Scene, other: str | None) -> Bools:
-    """(N,) the instances that are compared: those of the base population in both runs."""
-    return scene.state.base if other is None else scene.common_base(other)
+def _errors(scene: Scene, other: str | None) -> tuple[Floats, Floats]:
+    """The errors (N,) of both runs on the side that is shown, metres."""
+    store, state = scene.store, scene.state
+    columns = store.run_columns(state.run)
+    first = columns.side(state.side).error
+    if other is not None:
+        return first, store.run_columns(other).side(state.side).error
+    truth = true_columns(store, store.run(state.run).domain(state.side))
+    return first, constant_errors(*truth, columns.valid, columns.trained)
 
 
 def _is_loaded(scene: Scene, other: str | None) -> bool:

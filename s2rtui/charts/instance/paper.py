@@ -8,7 +8,6 @@ import numpy as np
 
 from s2rtui.canvas import LIGHT, Theme
 from s2rtui.canvas.colour import NO_DEPTH, depth_tint
-from s2rtui.charts.shared.heat_colours import heat_ramp
 from s2rtui.charts.shared.image_pair_model import (
     InstanceInput,
     InstanceModel,
@@ -16,6 +15,7 @@ from s2rtui.charts.shared.image_pair_model import (
     instance_model,
     panel_pixels,
 )
+from s2rtui.drawing.heat_colours import heat_ramp
 from s2rtui.drawing.page import (
     LETTER,
     SMALLEST,

@@ -14,7 +14,7 @@ from s2rstore.records import SIDES
 from s2rtui.canvas import Pixels, mix, turbo
 from s2rtui.canvas.colour import NO_DEPTH, depth_tint
 from s2rtui.canvas.raster import resample
-from s2rtui.charts.shared.heat_colours import Ramp, heat_colours
+from s2rtui.drawing.heat_colours import Ramp, heat_colours
 from s2rtui.drawing.scale import Floats, Interval, non_empty, percentile_range
 from s2rtui.session.heatmaps import SIGNED, ray_of, run_range, unit
 from s2rtui.session.state import HeatChoice

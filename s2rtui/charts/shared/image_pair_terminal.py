@@ -15,7 +15,6 @@ from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, InlineImage, Pixels, RenderOp
 from s2rtui.canvas.colour import DEPTH_SHADES, depth_tint
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.raster import draw_image, draw_shades, resample
-from s2rtui.charts.shared.heat_colours import heat_colours, heat_ramp
 from s2rtui.charts.shared.image_pair_model import (
     HEADINGS,
     InstanceInput,
@@ -24,6 +23,7 @@ from s2rtui.charts.shared.image_pair_model import (
     instance_model,
     panel_pixels,
 )
+from s2rtui.drawing.heat_colours import heat_colours, heat_ramp
 from s2rtui.drawing.legend import LegendPart, colour_bar, draw_rows, fit_rows
 
 SIGNED_RAMP = "ihgfedcba.123456789"

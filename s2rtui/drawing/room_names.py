@@ -1,4 +1,4 @@
-"""Names of rooms on a map, placed where they cover the fewest marks."""
+"""Names of rooms in cells, placed where they cover the fewest marks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from s2rstore.records import Room
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import Canvas
 
-UNSELECTED, SELECTED, CURSOR = 1, 20, 1000
+_UNSELECTED, _SELECTED, _CURSOR = 1, 20, 1000
 """Costs of a name in a cell with unselected points, with a selected mark, with the cursor."""
 
 
@@ -20,10 +20,10 @@ def mark_costs(before: Canvas, canvas: Canvas) -> NDArray[np.intp]:
     """What a name costs in each cell (h, w); `before` is the canvas without selected marks."""
     braille = (before.char >= "\u2801") & (before.char <= "\u28ff")
     dots = braille | (before.char == canvas.glyphs.unselected)
-    costs = np.where(dots, UNSELECTED, 0)
+    costs = np.where(dots, _UNSELECTED, 0)
     marked = (canvas.char != before.char) | (canvas.fg != before.fg).any(axis=-1)
-    costs[marked] = SELECTED
-    costs[canvas.char == canvas.glyphs.cursor] = CURSOR
+    costs[marked] = _SELECTED
+    costs[canvas.char == canvas.glyphs.cursor] = _CURSOR
     return costs.astype(np.intp)
 
 
@@ -45,7 +45,7 @@ def draw_room_names(
         if place is not None:
             column, row = place
             canvas.text(column, row, name, canvas.theme.muted, canvas.theme.background)
-            costs[row, column : column + cell_len(name)] = CURSOR
+            costs[row, column : column + cell_len(name)] = _CURSOR
 
 
 def _place(

@@ -23,11 +23,16 @@ _SIGNED_RAMPS = {True: "MWwmn-=+#%", False: "█▓▒▒▓█"}
 
 def heat_ramp(signed: bool, unsigned_colours: Ramp = turbo) -> Ramp:
     """The colours of a heat's scale, from fractions 0 .. 1 of it."""
-    return (
-        (lambda shares: diverging(2 * np.asarray(shares) - 1, _ZERO))
-        if signed
-        else unsigned_colours
-    )
+    return _signed_colours if signed else unsigned_colours
+
+
+def _signed_colours(shares: ArrayLike) -> Pixels:
+    return diverging(2 * np.asarray(shares) - 1, _ZERO)
+
+
+def change_ramp(shares: ArrayLike) -> Pixels:
+    """The colours of a scale of changes, from fractions 0 .. 1 of it."""
+    return change_colours(2 * np.asarray(shares) - 1)
 
 
 def heat_strength(shares: ArrayLike, signed: bool) -> Floats:
@@ -60,3 +65,12 @@ def heat_glyphs(options: RenderOptions, signed: bool) -> str:
     """
     ramps = _SIGNED_RAMPS if signed else _RAMPS
     return ramps[options.ascii or (signed and options.mode is ColourMode.NONE)]
+
+
+def change_colours(shares: ArrayLike) -> Pixels:
+    """Colours of changes as fractions -1 .. 1 of their scale: blue below 0, orange above.
+
+    Small changes have more colour than their share.
+    """
+    fractions = np.asarray(shares, dtype=np.float64)
+    return diverging(np.sign(fractions) * np.sqrt(np.abs(fractions)))

@@ -1,45 +1,50 @@
-"""The map: frame, points, heat of both signs, floor plan, clipping, rooms, marks and legend."""
+"""The map: points, heat of both signs, floor plan, unseen floor, rooms, brushes and legend."""
 
 from dataclasses import replace
 from io import BytesIO
+from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from s2rstore.records import Bounds, Room
-from s2rtui.analysis.map_frame import fit_frame, panned, sample, zoomed
+from s2rtui.analysis.map_frame import MapFrame, panned, sample, zoomed
 from s2rtui.canvas import DARK, DEFAULT_OPTIONS, LIGHT, ColourMode, RenderOptions, heading_arrow
 from s2rtui.canvas.colour import legible, mix, turbo
 from s2rtui.canvas.marks import BrushShape
 from s2rtui.canvas.render_options import UNICODE
-from s2rtui.charts.map.model import LINES_UP_TO, iids_with_error_lines
-from s2rtui.charts.map.paper import map_figure
-from s2rtui.charts.map.terminal import draw_map, map_layout, map_panels
-from s2rtui.charts.shared.base_map_background import DIMMED
-from s2rtui.charts.shared.base_map_model import MapInput, map_model, sorted_by_value
-from s2rtui.charts.shared.heat_colours import map_opacity
-from tests.charts.examples import BOUNDS, map_input
+from s2rtui.charts.map import MapInput, map_drawing
+from s2rtui.drawing.cells import drawing_panels
+from s2rtui.drawing.drawing_layout import drawing_layout
+from s2rtui.drawing.floor import DIMMED, heat_scale
+from s2rtui.drawing.heat_colours import map_opacity
+from s2rtui.drawing.paper import draw_paper
+from s2rtui.drawing.plane_cells import SEGMENTS_UP_TO
+from s2rtui.drawing.plane_marks import Segments
+from s2rtui.drawing.signs import drawn_segments
+from tests.charts.examples import BOUNDS, draw_map, map_input, map_place, points_of
 
 SIZE = (80, 26)
 LEFT_HALF = np.array([[1, 1, 0, 0]] * 2)
 """Mask in which only the left half of the map is visible."""
 
 
-def cell_at(x: float, y: float, options: RenderOptions = DEFAULT_OPTIONS) -> tuple[int, int]:
-    """Row and column of a point on the example map."""
-    layout = map_layout(map_input(), SIZE, None, options)
-    column, row = layout.frame.to_cells([[x, y]])[0].astype(int)
-    return int(row), int(column) + layout.x
+def cell_at(
+    view: MapInput, x: float, y: float, options: RenderOptions = DEFAULT_OPTIONS
+) -> tuple[int, int]:
+    """Row and column of a point on a map."""
+    return map_place(map_drawing(view), SIZE, options).cells([[x, y]])[0]
 
 
 @pytest.mark.parametrize(
-    "clip", [LEFT_HALF, LEFT_HALF.astype(bool), np.where(LEFT_HALF, 3.5, np.nan)]
+    "seen", [LEFT_HALF, LEFT_HALF.astype(bool), np.where(LEFT_HALF, 3.5, np.nan)]
 )
-def test_clipping_dims_only_the_hidden_area_and_keeps_the_points(clip):
+def test_unseen_floor_alone_is_dimmed_and_the_points_stay(seen):
     view = map_input(cursor=None, rooms=())
-    before, after = draw_map(view, SIZE), draw_map(replace(view, clip=clip), SIZE)
-    visible, hidden = cell_at(5.0, 3.0), cell_at(15.0, 5.0)
+    dimmed = map_input(cursor=None, rooms=(), seen=seen)
+    before, after = draw_map(view, SIZE), draw_map(dimmed, SIZE)
+    visible, hidden = (cell_at(dimmed, *at) for at in ((5.0, 3.0), (15.0, 5.0)))
     assert (after.bg[visible] == before.bg[visible]).all()
     expected = mix(before.bg[hidden], np.array(DARK.background), DIMMED)
     assert (np.abs(after.bg[hidden].astype(int) - expected) <= 1).all()
@@ -49,11 +54,11 @@ def test_clipping_dims_only_the_hidden_area_and_keeps_the_points(clip):
 @pytest.mark.parametrize(
     "options", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.ANSI)]
 )
-def test_clipping_removes_background_glyphs_of_the_hidden_area(options):
-    view = map_input(cursor=None, rooms=(), clip=1 - LEFT_HALF)
-    unclipped = draw_map(replace(view, clip=None), SIZE, options)
+def test_unseen_floor_has_no_glyphs(options):
+    view = map_input(cursor=None, rooms=(), seen=1 - LEFT_HALF)
+    unclipped = draw_map(map_input(cursor=None, rooms=()), SIZE, options)
     clipped = draw_map(view, SIZE, options)
-    heat_cell, bright_cell = cell_at(5.0, 3.0, options), cell_at(18.5, 5.0, options)
+    heat_cell, bright_cell = (cell_at(view, *at, options) for at in ((5.0, 3.0), (18.5, 5.0)))
     assert unclipped.char[heat_cell] != " "
     assert clipped.char[heat_cell] == " "
     assert clipped.char[bright_cell] == unclipped.char[bright_cell] != " "
@@ -61,15 +66,15 @@ def test_clipping_removes_background_glyphs_of_the_hidden_area(options):
 
 
 def test_room_names_and_outlines_are_optional():
-    view = map_input(cursor=None, floor_plan=None, heat=None)
+    view = map_input(cursor=None, plan=None, heat=None)
     with_names = draw_map(view, SIZE)
     text = "\n".join(with_names.lines())
     assert "hall" in text
     assert "größer" in text
-    wall = cell_at(10.0, 3.6)
+    wall = cell_at(view, 10.0, 3.6)
     column = with_names.char[:, wall[1]]
     assert sum(0x2800 < ord(glyph) <= 0x28FF for glyph in column.tolist()) > 8
-    without_names = "\n".join(draw_map(replace(view, room_names=False), SIZE).lines())
+    without_names = "\n".join(draw_map(replace(view, rooms=()), SIZE).lines())
     assert "hall" not in without_names
 
 
@@ -77,7 +82,7 @@ def test_room_names_are_whole_and_avoid_the_points():
     along = np.linspace(1.0, 9.0, 60)
     truth = np.stack([along, np.full(60, 5.0)], axis=1)
     room = (Room("corridor", 0, 0, 0, 10, 10),)
-    view = map_input(truth=truth, rooms=room, cursor=None, heat=None, floor_plan=None)
+    view = map_input(truth=truth, rooms=room, cursor=None, heat=None, plan=None)
     all_selected = replace(view, selected=np.ones(60, dtype=np.bool_))
     bare = draw_map(replace(all_selected, rooms=()), SIZE)
     named = draw_map(all_selected, SIZE)
@@ -105,29 +110,13 @@ def test_a_room_name_in_a_full_room_is_drawn_in_front_of_the_points():
     "options", [RenderOptions(), RenderOptions(mode=ColourMode.NONE, ascii=True)]
 )
 def test_a_mark_is_drawn_at_its_coordinates(mode, options):
-    view = map_input(mode=mode, cursor=None, mark=BrushShape("map", ((2.0, 1.0), (12.0, 9.0))))
-    canvas = draw_map(view, SIZE, options)
-    (panel,) = map_panels(view, SIZE, options)
+    view, brush = map_input(mode=mode, cursor=None), BrushShape("map", ((2.0, 1.0), (12.0, 9.0)))
+    canvas = draw_map(view, SIZE, options, brush=brush)
+    (panel,) = drawing_panels(map_drawing(view), SIZE, options)
     for corner in ((2.0, 1.0), (12.0, 9.0), (2.0, 9.0)):
         column, row = (int(part) for part in panel.to_cells(*corner))
         assert canvas.char[row, column] == "+"
         assert tuple(canvas.fg[row, column]) == DARK.truth
-
-
-def test_the_frame_keeps_the_aspect_ratio_and_centres_the_area():
-    frame = fit_frame(BOUNDS, 100, 100, True)
-    assert frame.pitch == pytest.approx(0.2)
-    assert frame.extent.y0 == pytest.approx(-5)
-    assert frame.to_cells([[0.0, 5.0]]).tolist() == [[0.0, 25.0]]
-
-
-@pytest.mark.parametrize("y_down", [True, False])
-def test_the_frame_converts_coordinates_in_both_directions(y_down):
-    frame = fit_frame(BOUNDS, 40, 20, y_down)
-    upper, lower = frame.to_cells([[5, 2], [5, 8]])[:, 1]
-    assert (upper < lower) == y_down
-    x, y = frame.to_world(7, 3)
-    assert frame.to_cells([[x, y]])[0] == pytest.approx([7.5, 3.5])
 
 
 def test_bounds_can_be_zoomed_and_panned():
@@ -137,22 +126,23 @@ def test_bounds_can_be_zoomed_and_panned():
     assert (moved.x0, moved.y0) == (5, -5)
 
 
-def test_the_model_sorts_by_value_and_excludes_invalid_instances():
-    view = map_input(cursor=3)
-    model = map_model(view)
-    assert sorted_by_value(view, model)[0].tolist() == list(range(45, 60))
-    assert (model.highlighted, model.others) == (15, 44)
-    assert model.cursor is None
-
-
 def test_selected_points_are_coloured_and_others_grey():
-    view = map_input(floor_plan=None, heat=None, rooms=(), cursor=None)
+    view = map_input(plan=None, heat=None, rooms=(), cursor=None)
     canvas = draw_map(view, SIZE)
-    selected, other = (cell_at(*view.truth[iid]) for iid in (59, 20))
+    selected, other = (cell_at(view, *points_of(view)[iid]) for iid in (59, 20))
     assert canvas.char[selected] == "●"
     assert tuple(canvas.fg[selected]) == tuple(legible(turbo([1.0]), DARK)[0])
     assert 0x2800 < ord(canvas.char[other]) <= 0x28FF
     assert tuple(canvas.fg[other]) == DARK.unselected
+
+
+def lines_of(view: MapInput, viewport: Bounds | None = None) -> Any:
+    """The iids whose error lines a map in `SIZE` draws."""
+    drawing = map_drawing(view, viewport)
+    place = drawing_layout(drawing, SIZE, DEFAULT_OPTIONS).plots[0]
+    (mark, _) = (mark for mark in place.plot.marks if isinstance(mark, Segments))
+    grid = place.plot.x, place.plot.y, place.width, place.rows
+    return drawn_segments(mark, grid, SEGMENTS_UP_TO)
 
 
 def test_full_mode_shows_predictions_truth_cursor_and_error_lines():
@@ -162,28 +152,24 @@ def test_full_mode_shows_predictions_truth_cursor_and_error_lines():
     text = "\n".join(draw_map(view, SIZE).lines()[:20])
     for glyph in (UNICODE.sim, UNICODE.real, UNICODE.truth, UNICODE.cursor):
         assert glyph in text
-    assert iids_with_error_lines(view, map_model(view)).tolist() == [10, 30]
+    assert lines_of(view).tolist() == [10, 30]
     assert any(arrow in text for arrow in UNICODE.arrows)
 
 
 def test_large_selections_draw_only_the_cursor_s_error_lines():
     view = map_input(mode="full", selected=np.ones(60, dtype=np.bool_), cursor=8)
-    model = map_model(view)
-    assert iids_with_error_lines(view, model).tolist() == [8]
-    assert f"error lines for up to {LINES_UP_TO}" in "\n".join(draw_map(view, (100, 30)).lines())
+    assert lines_of(view).tolist() == [8]
+    assert f"error lines for up to {SEGMENTS_UP_TO}" in "\n".join(draw_map(view, (100, 30)).lines())
 
 
 def test_zooming_in_draws_the_error_lines_of_visible_instances():
     view = map_input(mode="full", selected=np.ones(60, dtype=np.bool_), cursor=None)
     near = Bounds(16.0, 3.5, 18.0, 6.5)
-    frame = map_layout(view, SIZE, near).frame
-    cells = frame.to_cells(view.truth)
+    frame = map_place(map_drawing(view, near), SIZE).frame
+    cells = frame.to_cells(points_of(view))
     visible = ((cells >= 0) & (cells < (frame.width, frame.height // 2))).all(axis=1) & view.valid
-    assert 0 < visible.sum() <= LINES_UP_TO
-    assert (
-        iids_with_error_lines(view, map_model(view), frame).tolist()
-        == np.flatnonzero(visible).tolist()
-    )
+    assert 0 < visible.sum() <= SEGMENTS_UP_TO
+    assert lines_of(view, near).tolist() == np.flatnonzero(visible).tolist()
 
 
 @pytest.mark.parametrize(
@@ -198,13 +184,13 @@ def test_heading_arrows_follow_the_y_direction(degrees, y_down, arrow, step):
 def signed_map(**changes: object) -> MapInput:
     """A map whose left, middle and right thirds have heat -1, 0 and 1 without other marks."""
     heat = np.repeat([-1.0, 0.0, 1.0], 10)[None].repeat(15, axis=0)
-    plain = {"floor_plan": None, "rooms": (), "cursor": None, "heat_is_signed": True}
+    plain = {"plan": None, "rooms": (), "cursor": None, "heat_is_signed": True}
     return map_input(**{"heat": heat, **plain, **changes})
 
 
 def thirds(view: MapInput, pixels: np.ndarray) -> list[list[int]]:
     """The colours of the thirds of an image (h, w, 3) that the map fills."""
-    frame = map_layout(view, SIZE).frame
+    frame = map_place(map_drawing(view), SIZE).frame
     places = frame.to_cells([[x, 9.0] for x in (3.0, 10.0, 17.0)])
     scale = pixels.shape[1] / frame.width
     return [pixels[int(y * scale / 2), int(x * scale)].tolist() for x, y in places]
@@ -221,15 +207,15 @@ NO_POINTS = {"valid": np.zeros(60, np.bool_), "selected": np.zeros(60, np.bool_)
 
 def test_signed_heat_on_the_map_is_blue_and_orange_and_transparent_at_0():
     view = signed_map(**NO_POINTS)
-    canvas, layout = draw_map(view, SIZE), map_layout(view, SIZE)
-    rows = np.repeat(canvas.bg[:, layout.x : layout.x + layout.frame.width], 2, axis=0)
-    low, zero, high = thirds(view, np.asarray(rows[layout.y :]))
+    canvas, place = draw_map(view, SIZE), map_place(map_drawing(view), SIZE)
+    rows = np.repeat(canvas.bg[:, place.x : place.x + place.frame.width], 2, axis=0)
+    low, zero, high = thirds(view, np.asarray(rows[place.y :]))
     assert low[2] > low[0] + 80
     assert tuple(zero) == DARK.background
     assert high[0] > high[2] + 80
     assert not is_green(canvas.fg).any()
     assert not is_green(canvas.bg).any()
-    assert map_model(signed_map(heat=np.full((15, 30), -0.5))).heat_range == (-0.5, 0.5)
+    assert heat_scale(np.full((15, 30), -0.5), True) == (-0.5, 0.5)
 
 
 def test_signed_heat_without_colours_differs_by_its_glyphs():
@@ -245,7 +231,7 @@ def test_signed_heat_on_paper_is_blue_and_orange_and_transparent_at_0():
     shares = np.array([0.0, 0.5, 1.0, np.nan])
     assert map_opacity(shares, True).tolist() == [0.86, 0.0, 0.86, 0.0]
     assert map_opacity(shares, False)[0] > 0
-    page = map_figure(signed_map(**NO_POINTS), (600, 400))
+    page = draw_paper(map_drawing(signed_map(**NO_POINTS)), (600, 400), LIGHT)
     pixels = np.asarray(Image.open(BytesIO(page)).convert("RGB")).astype(int)
     assert not is_green(pixels).any()
     excess = pixels[..., 2] - pixels[..., 0]
@@ -258,7 +244,7 @@ def test_signed_heat_on_paper_is_blue_and_orange_and_transparent_at_0():
 def test_sampled_image_rows_follow_the_y_direction():
     image = np.array([[1.0, 2.0], [3.0, np.nan]])
     square = Bounds(0, 0, 2, 2)
-    frame = fit_frame(square, 4, 4, True)
+    frame = MapFrame(0.0, 0.0, 0.5, 4, 4, True)
     assert sample(image, square, frame, True)[[0, 0, 3], [0, 3, 0]].tolist() == [1, 2, 3]
     assert np.isnan(sample(image, square, frame, True)[3, 3])
     assert sample(image, square, frame, False)[0, 0] == 3

@@ -1,0 +1,198 @@
+"""The colours of a floor: plan, heat on it, walls, and the part that no instance has seen.
+
+Dark themes show dark floor with light walls, light themes light floor with dark walls. The range
+of the floor leaves every mark its contrast (see `Theme`). Results are kept for the last few frames.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.records import Bounds
+from s2rtui.analysis.binning import Bools
+from s2rtui.analysis.floor_walls import EMPTY, WALL, plan_parts, thin_lines
+from s2rtui.analysis.identity_cache import cached_by_identity
+from s2rtui.analysis.map_frame import MapFrame, sample
+from s2rtui.canvas import Pixels, Theme, luma, mix
+from s2rtui.canvas.colour import contrast, with_luminance
+from s2rtui.drawing.heat_colours import heat_ramp, map_opacity
+from s2rtui.drawing.plane_marks import Floor
+from s2rtui.drawing.scale import Floats, Interval, Scale, percentile_range, scale_fraction
+
+Layer = NDArray[np.floating]
+PAIR = (2, 1)
+"""Rows and columns of pixels in a cell of square pixels."""
+DIMMED = 0.78
+"""Opacity of the page colour over floor that was not seen."""
+_SATURATION = {True: 0.65, False: 0.4}
+"""Share of the plan's saturation that the floor keeps, on dark and on light themes."""
+_SAMPLES = 256
+"""Rows and columns of a plan of which its range of brightness is found."""
+
+
+def plane_frame(x: Scale, y: Scale, width: int, height: int) -> MapFrame:
+    """The frame of `width` x `height` cells, each twice as high as wide, of equal scales."""
+    return MapFrame(x.low, y.high, (x.high - x.low) / width, width, 2 * height, y.low > y.high)
+
+
+@cached_by_identity(8)
+def heat_scale(heat: Floats, is_signed: bool) -> Interval | None:
+    """The scale of heat, up to its 99th percentile; None where there is no heat.
+
+    It starts at 0; with signed or negative heat it is symmetric about 0.
+    """
+    if not np.isfinite(heat).any():
+        return None
+    low, high = percentile_range(heat)
+    if is_signed or low < 0:
+        bound = max(-low, high)
+        return -bound, bound
+    return (0.0, high) if high > 0 else (low, high)
+
+
+@cached_by_identity(4)
+def plan_tones(plan: Pixels, width: float) -> Interval:
+    """The 5th and 95th percentile of the brightness of a plan's floor, 0 .. 1.
+
+    `width` is that of the plan in metres.
+    """
+    bright, solid = luma(_thinned(plan)), _thinned(plan_parts(plan, width)).any(axis=-1)
+    if solid.all():
+        return 0.0, 1.0
+    low, high = np.percentile(bright[~solid], (5, 95))
+    return float(low), max(float(high), float(low) + 0.05)
+
+
+def _thinned(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Evenly spaced pixels (_SAMPLES, _SAMPLES, C) of an image."""
+    rows, columns = (np.linspace(0, size - 1, _SAMPLES, dtype=int) for size in image.shape[:2])
+    return image[rows[:, None], columns]
+
+
+def floor_pixels(
+    floor: Floor, frame: MapFrame, theme: Theme, pixels: tuple[int, int] = PAIR
+) -> Pixels:
+    """(rows, columns, 3): floor, heat on it and walls, for `pixels` (rows, columns) of each cell.
+
+    Unseen floor is dimmed. Read-only.
+    """
+    parts = tuple(getattr(floor, field.name) for field in fields(floor))
+    return _floor_pixels(parts, frame, theme, pixels)
+
+
+@cached_by_identity(8)
+def _floor_pixels(
+    parts: tuple[Any, ...], frame: MapFrame, theme: Theme, pixels: tuple[int, int]
+) -> Pixels:
+    floor = Floor(*parts)
+    colours = plan_layer(floor, frame, pixels)
+    if colours is not None and floor.plan is not None:
+        layer = _floor_colours(colours, plan_tones(floor.plan, floor.bounds.width), theme)
+    else:
+        size = frame.height * pixels[0] // 2, frame.width * pixels[1]
+        layer = np.full((*size, 3), theme.background, dtype=np.uint8)
+    solid = wall_layer(floor, frame, pixels)
+    if solid is not None:
+        layer[solid[1]] = theme.background
+    heated = np.zeros(layer.shape[:2], dtype=np.bool_)
+    shares = heat_layer(floor, frame, pixels)
+    if shares is not None:
+        heated = np.isfinite(shares)
+        opacity = map_opacity(shares, floor.heat_is_signed)
+        layer = mix(layer, heat_ramp(floor.heat_is_signed)(shares), opacity)
+    if solid is not None:
+        _draw_walls(layer, solid[0], heated, theme)
+    seen = seen_layer(floor, frame, pixels)
+    if seen is not None:
+        layer = mix(layer, np.array(theme.background), DIMMED * (1 - seen))
+    layer.setflags(write=False)
+    return layer
+
+
+def _floor_colours(colours: Layer, tones: Interval, theme: Theme) -> Pixels:
+    """Colours of floor (..., 3), 0 .. 255 with NaN outside the plan, which gets the page colour.
+
+    Brightness between `tones` is spread over the luminances of the theme's floor in equal ratios.
+    """
+    outside = ~np.isfinite(colours).all(axis=-1)
+    colours = np.nan_to_num(colours)
+    bright = luma(colours)
+    share = np.clip((bright - tones[0]) / (tones[1] - tones[0]), 0, 1)
+    low, high = theme.floor
+    wanted = low * (high / low) ** share
+    grey = 255 * bright[..., None]
+    pale = np.clip(grey + _SATURATION[theme.dark] * (colours - grey), 0, 255)
+    drawn = with_luminance(np.rint(pale).astype(np.uint8), wanted, wanted)
+    drawn[outside] = theme.background
+    return drawn
+
+
+def _draw_walls(layer: Pixels, walls: Bools, heated: Bools, theme: Theme) -> None:
+    """Colour the walls of a layer (h, w, 3) in place.
+
+    On heat they have the one of text and page colour that contrasts more with it.
+    """
+    layer[walls & ~heated] = theme.wall
+    hot = walls & heated
+    below = layer[hot]
+    inverse = contrast(below, theme.background) > contrast(below, theme.text)
+    layer[hot] = np.where(inverse[:, None], theme.background, theme.text)
+
+
+def wall_layer(
+    floor: Floor, frame: MapFrame, pixels: tuple[int, int] = PAIR
+) -> tuple[Bools, Bools] | None:
+    """Whether each pixel is drawn as wall, and as empty; None without a floor plan."""
+    if floor.plan is None or _is_empty(floor.bounds):
+        return None
+    return _wall_pixels(floor.plan, floor.bounds, frame, pixels)
+
+
+@cached_by_identity(8)
+def _wall_pixels(
+    plan: Pixels, bounds: Bounds, frame: MapFrame, pixels: tuple[int, int]
+) -> tuple[Bools, Bools]:
+    parts = plan_parts(plan, bounds.width)
+    coverage = np.nan_to_num(sample(parts, bounds, frame, frame.y_down, pixels))
+    return thin_lines(coverage[..., WALL]), coverage[..., EMPTY] >= 0.5
+
+
+def plan_layer(floor: Floor, frame: MapFrame, pixels: tuple[int, int] = PAIR) -> Layer | None:
+    """The floor plan's colours (rows, columns, 3), NaN outside its bounds."""
+    if floor.plan is None or _is_empty(floor.bounds):
+        return None
+    return _sampled(floor.plan, floor.bounds, frame, frame.y_down, pixels)
+
+
+def heat_layer(floor: Floor, frame: MapFrame, pixels: tuple[int, int] = PAIR) -> Layer | None:
+    """The heat as fractions of its scale (rows, columns), NaN where there is none."""
+    if floor.heat is None or _is_empty(floor.bounds):
+        return None
+    scale = floor.heat_scale or heat_scale(floor.heat, floor.heat_is_signed)
+    if scale is None:
+        return None
+    return scale_fraction(_sampled(floor.heat, floor.bounds, frame, True, pixels), scale)
+
+
+def seen_layer(floor: Floor, frame: MapFrame, pixels: tuple[int, int] = PAIR) -> Layer | None:
+    """The share of each pixel (rows, columns) that was seen, 0 .. 1; None where all was."""
+    if floor.seen is None or _is_empty(floor.bounds):
+        return None
+    return _seen(floor.seen, floor.bounds, frame, pixels)
+
+
+@cached_by_identity(8)
+def _seen(seen: Floats | Bools, bounds: Bounds, frame: MapFrame, pixels: tuple[int, int]) -> Layer:
+    cells = (np.nan_to_num(np.asarray(seen, dtype=np.float32)) != 0).astype(np.float32)
+    return np.nan_to_num(sample(cells, bounds, frame, True, pixels))
+
+
+_sampled = cached_by_identity(8)(sample)
+
+
+def _is_empty(bounds: Bounds) -> bool:
+    return bounds.width <= 0 or bounds.height <= 0

@@ -1,0 +1,256 @@
+"""Draw the marks of a plane in character cells, and what a legend says of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from s2rtui.analysis.binning import Bools, count_selected, selection_indices
+from s2rtui.canvas import Canvas, RenderOptions, Rgb, heading_arrow, legible
+from s2rtui.canvas.raster import braille_bits, draw_braille, line_dots, put_glyphs
+from s2rtui.drawing.arcs_cells import arcs_legend, cell_grid, draw_arcs
+from s2rtui.drawing.floor import plane_frame
+from s2rtui.drawing.floor_cells import draw_floor, draw_outlines
+from s2rtui.drawing.heat_colours import change_colours
+from s2rtui.drawing.legend import (
+    LegendPart,
+    point_colours,
+    ramp_for_values,
+    scale_bar,
+    text_part,
+)
+from s2rtui.drawing.plane_marks import (
+    Arcs,
+    Changes,
+    Floor,
+    Outlines,
+    PlaneMark,
+    Poses,
+    ScaleBar,
+    Segments,
+    Signs,
+    Unselected,
+)
+from s2rtui.drawing.plot import Plot
+from s2rtui.drawing.points import dot_bins
+from s2rtui.drawing.room_names import draw_room_names, mark_costs
+from s2rtui.drawing.signs import (
+    change_cells,
+    change_signs,
+    drawn_segments,
+    selected_count,
+    sign_cells,
+)
+from s2rtui.drawing.trained_marks import SEVERAL as SEVERAL_TRAINED
+from s2rtui.drawing.trained_marks import (
+    TrainedForms,
+    digit_forms,
+    glyph_forms,
+    mark_trained,
+    trained_legend,
+)
+
+SEGMENTS_UP_TO = 24
+"""Up to this number of selected instances, in view or in all, segments are drawn."""
+_SEVERAL = {"sim": "■", "real": "□", "truth": "●", "selected": "■"}
+"""The glyph of each sign where a cell has several instances."""
+_CHANGES, _ONE = "▼●▲", "▾•▴"
+"""Changes below 0, within the margin and above 0 of several instances, and of one."""
+_OUTLINED = "▽○△", "▿◦▵"
+"""The same for cells with trained instances."""
+_RINGED, _LETTERS = "⊖⊜⊕", "bea"
+"""The same without colours, and in ASCII."""
+
+
+def draw_plane_mark(canvas: Canvas, plot: Plot, mark: PlaneMark) -> None:
+    """Draw a mark of a plane on the whole canvas."""
+    if (draw := _DRAWINGS.get(type(mark))) is not None:
+        draw(canvas, plot, mark)
+
+
+def draw_names(canvas: Canvas, plot: Plot, before: Canvas) -> Bools:
+    """Write the names of rooms over the marks; `before` is the canvas with its ground alone.
+
+    Returns the cells (h, w) that they take.
+    """
+    bare = canvas.char.copy()
+    frame = plane_frame(plot.x, plot.y, canvas.width, canvas.height)
+    for mark in plot.marks:
+        if isinstance(mark, Outlines):
+            draw_room_names(canvas, mark.rooms, frame, mark_costs(before, canvas))
+    return np.asarray(canvas.char != bare)
+
+
+def plane_legend(
+    mark: PlaneMark, plot: Plot, options: RenderOptions, room: int, pitch: float
+) -> list[LegendPart]:
+    """What a mark shows, in parts of about `room` cells, which are `pitch` units of x wide."""
+    explain = _LEGENDS.get(type(mark))
+    if isinstance(mark, ScaleBar):
+        return [scale_bar(pitch, max(4, room // 6), options)]
+    return explain(mark, options) if explain is not None else []
+
+
+def _draw_dots(canvas: Canvas, grid: Bools, colour: Rgb, glyph: str) -> None:
+    """Braille dots (4 rows, 2 columns per cell); in ASCII a glyph per cell."""
+    if not canvas.options.ascii:
+        draw_braille(canvas, grid, colour)
+        return
+    rows, columns = np.nonzero(braille_bits(grid))
+    put_glyphs(canvas, columns, rows, glyph, colour, bold=False)
+
+
+def _draw_unselected(canvas: Canvas, plot: Plot, mark: Unselected) -> None:
+    dots = dot_bins(mark.x, mark.y, *cell_grid(canvas, plot))
+    part, total = count_selected(dots, selection_indices(mark.selected, mark.valid))
+    grid = (total > part).reshape(4 * canvas.height, 2 * canvas.width)
+    _draw_dots(canvas, grid, canvas.theme.unselected, canvas.glyphs.unselected)
+
+
+def _draw_signs(canvas: Canvas, plot: Plot, signs: Signs) -> None:
+    """A sign per cell; without colours digits show values, and cells of several are bold."""
+    cells, options = sign_cells(signs, cell_grid(canvas, plot)), canvas.options
+    columns, rows, many = cells.columns, cells.rows, cells.counts > 1
+    digits = ramp_for_values(options)
+    one = getattr(options.glyphs, signs.sign)
+    colours = np.tile(np.array(getattr(canvas.theme, signs.ink), dtype=np.uint8), (len(rows), 1))
+    known = np.isfinite(cells.shares)
+    glyphs = np.full(len(rows), one)
+    if digits is None:
+        glyphs[many] = _SEVERAL.get(signs.sign, one)
+    elif signs.values is not None:
+        steps = np.clip(np.nan_to_num(cells.shares) * len(digits), 0, len(digits) - 1)
+        glyphs = np.where(known, np.array(list(digits))[steps.astype(np.intp)], "?")
+    if signs.values is not None:
+        colours[known] = point_colours(canvas.theme)(cells.shares[known])
+    put_glyphs(canvas, columns, rows, glyphs, colours, many if digits is not None else True)
+    mark_trained(canvas, (rows[cells.trained], columns[cells.trained]), _sign_forms(signs, options))
+
+
+def _sign_forms(signs: Signs, options: RenderOptions) -> TrainedForms:
+    """The forms of the glyphs of cells with trained instances."""
+    one, mark = getattr(options.glyphs, signs.sign), options.glyphs.trained
+    if ramp_for_values(options) is not None:
+        return glyph_forms(one, mark) if signs.values is None else digit_forms(options)
+    several = _SEVERAL.get(signs.sign, one)
+    return glyph_forms(one + several, mark + SEVERAL_TRAINED, f"{mark} {SEVERAL_TRAINED}")
+
+
+def _several_part(options: RenderOptions, glyphs: str) -> LegendPart:
+    """The part that explains cells with several instances, which have `glyphs`."""
+    theme = options.theme
+    if ramp_for_values(options) is not None:
+        return text_part((("bold: several", theme.muted),))
+    return text_part(((f"{glyphs} ", theme.text), ("several", theme.muted)))
+
+
+def _signs_legend(signs: Signs, options: RenderOptions) -> list[LegendPart]:
+    parts = []
+    if signs.sign in ("selected", "truth") and selected_count(signs.selected, signs.valid) > 1:
+        glyphs = "■ □ ●" if signs.sign == "truth" else options.glyphs.several
+        parts.append(_several_part(options, glyphs))
+    if signs.trained is not None:
+        parts.append(trained_legend(options, _sign_forms(signs, options)))
+    return parts
+
+
+def change_glyphs(options: RenderOptions) -> str:
+    """Three glyphs: a change below 0, one within the margin, one above 0."""
+    return "-=+" if ramp_for_values(options) is not None else _CHANGES
+
+
+def _draw_changes(canvas: Canvas, plot: Plot, changes: Changes) -> None:
+    """A glyph per cell in the colour of its mean, larger or bold for several instances."""
+    cells, glyphs = change_cells(changes, cell_grid(canvas, plot)), change_glyphs(canvas.options)
+    one = _ONE if glyphs == _CHANGES else glyphs
+    sign, many = change_signs(cells.means, changes.margin) + 1, cells.counts > 1
+    shown = np.where(many, np.array(list(glyphs))[sign], np.array(list(one))[sign])
+    colours = legible(change_colours(cells.means / changes.scale), canvas.theme)
+    put_glyphs(canvas, cells.columns, cells.rows, shown, colours, many)
+    held = cells.trained
+    mark_trained(canvas, (cells.rows[held], cells.columns[held]), _change_forms(canvas.options))
+
+
+def _change_forms(options: RenderOptions) -> TrainedForms:
+    glyphs = change_glyphs(options)
+    if glyphs == _CHANGES:
+        return glyph_forms(_CHANGES + _ONE, "".join(_OUTLINED), _OUTLINED[0])
+    if options.ascii:
+        return glyph_forms(glyphs, _LETTERS, f"{_LETTERS} (for {glyphs})")
+    return glyph_forms(glyphs, _RINGED)
+
+
+def _changes_legend(changes: Changes, options: RenderOptions) -> list[LegendPart]:
+    theme, pieces = options.theme, list[tuple[str, Rgb]]()
+    ends = legible(change_colours([-1.0, 0.0, 1.0]), theme).tolist()
+    for glyph, (red, green, blue), text in zip(
+        change_glyphs(options), ends, changes.texts, strict=True
+    ):
+        pieces += [(f"{glyph} ", (red, green, blue)), (f"{options.printable(text)}  ", theme.text)]
+    parts = [text_part(pieces)]
+    if selected_count(changes.selected, changes.valid) > 1:
+        parts.append(_several_part(options, _CHANGES))
+    if changes.trained is not None:
+        parts.append(trained_legend(options, _change_forms(options)))
+    return parts
+
+
+def _draw_segments(canvas: Canvas, plot: Plot, segments: Segments) -> None:
+    """Lines in braille or in full stops."""
+    ids = drawn_segments(segments, cell_grid(canvas, plot), SEGMENTS_UP_TO)
+    x, y, width, height = cell_grid(canvas, plot)
+    lines = np.stack([
+        np.stack([x.fraction(end[0][ids]) * width, (1 - y.fraction(end[1][ids])) * height], axis=1)
+        for end in (segments.start, segments.end)
+    ], axis=1)  # fmt: skip
+    known = lines[np.isfinite(lines).all(axis=(1, 2))].tolist()
+    _draw_dots(canvas, line_dots(known, width, height), getattr(canvas.theme, segments.ink), ".")
+
+
+def _segments_legend(segments: Segments, options: RenderOptions) -> list[LegendPart]:
+    if selected_count(segments.selected, segments.valid) <= SEGMENTS_UP_TO:
+        return []
+    return [text_part(((f"error lines for up to {SEGMENTS_UP_TO}", options.theme.muted),))]
+
+
+def _draw_poses(canvas: Canvas, plot: Plot, poses: Poses) -> None:
+    """The sign and, beside it, the arrow of each pose, or the arrows alone; the first on top."""
+    x, y, width, height = cell_grid(canvas, plot)
+    colour = getattr(canvas.theme, poses.ink)
+    for across, up, heading in reversed(poses.places):
+        place = np.array([float(x.fraction(across)), 1 - float(y.fraction(up))])
+        if not ((place >= 0) & (place < 1)).all():
+            continue
+        column, row = (place * (width, height)).astype(int).tolist()
+        if poses.sign is not None:
+            canvas.put(column, row, getattr(canvas.glyphs, poses.sign), colour, bold=True)
+        if heading is not None:
+            arrow, right, down = heading_arrow(heading, plot.y_down, canvas.glyphs)
+            beside = (right, down) if poses.sign is not None else (0, 0)
+            canvas.put(column + beside[0], row + beside[1], arrow, colour, bold=True)
+
+
+def _floor_legend(floor: Floor, options: RenderOptions) -> list[LegendPart]:
+    if floor.seen is None:
+        return []
+    how = "dim" if options.supports_shading else "blank"
+    return [text_part(((f"{how}: not seen", options.theme.muted),))]
+
+
+def _unselected_legend(mark: Unselected, options: RenderOptions) -> list[LegendPart]:
+    if selected_count(mark.selected, mark.valid) == selected_count(mark.valid, mark.valid):
+        return []
+    grey, theme = options.glyphs.unselected if options.ascii else "⠿", options.theme
+    return [text_part(((f"{grey} ", theme.unselected), ("not selected", theme.muted)))]
+
+
+_DRAWINGS: dict[type, Callable[[Canvas, Plot, Any], None]] = {
+    Floor: draw_floor, Outlines: draw_outlines, Unselected: _draw_unselected, Signs: _draw_signs,
+    Changes: _draw_changes, Segments: _draw_segments, Arcs: draw_arcs, Poses: _draw_poses,
+}  # fmt: skip
+_LEGENDS: dict[type, Callable[[Any, RenderOptions], list[LegendPart]]] = {
+    Floor: _floor_legend, Unselected: _unselected_legend, Signs: _signs_legend,
+    Changes: _changes_legend, Segments: _segments_legend, Arcs: arcs_legend,
+}  # fmt: skip
