@@ -116,10 +116,11 @@ RESOURCE_CHANGES: dict[str, Callable[[LoadedData], object]] = {
     "progress": lambda resources: {"live": 0.5},
     "failed": lambda resources: {"live": "no model"},
     "saving": lambda resources: "1 of 3",
+    "computing": lambda resources: "computing vanilla: harm 1/2",
 }
 NEVER_DRAWN = {
     "newest", "node", "operator", "lasso", "message", "is_error", "past",
-    "future", "centre", "progress", "saving", "pending", "keeps_message", "suggested",
+    "future", "centre", "progress", "saving", "computing", "pending", "keeps_message", "suggested",
     "first_rows",  # no table of these scenes is longer than its view
 }  # fmt: skip
 
