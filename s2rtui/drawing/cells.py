@@ -17,6 +17,7 @@ from s2rtui.canvas import (
     Size,
     Theme,
 )
+from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.marks import draw_mark
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.drawing_layout import (
@@ -46,6 +47,7 @@ def draw_cells(drawing: Drawing, size: Size, options: RenderOptions = DEFAULT_OP
         last = layout.table[0] - 1
         canvas.vline(column, 0, last, canvas.glyphs.vertical, canvas.theme.faint)
     end = layout.table[0]
+    draw_rows(canvas, 0, end - len(layout.bars), layout.bars, GAP)
     if drawing.table is not None:
         end = draw_table(canvas, drawing.table, *layout.table)
     draw_rows(canvas, 0, min(end, canvas.height - len(layout.notes)), layout.notes, GAP)
@@ -117,7 +119,7 @@ def _draw_plot(canvas: Canvas, place: PlotPlace, drawing: Drawing) -> None:
     part = Canvas(place.width, place.rows, canvas.options)
     draw_marks(part, plot, drawing.brush)
     canvas.paste(part, place.left, place.top)
-    if drawing.brush is None:
+    if drawing.brush is None and plot.image is None:
         canvas.images.append(_image(place, canvas.theme))
     if plot.name and plot.shape == "plane":
         draw_mark(canvas, _panel(place), drawing.brush)
@@ -146,6 +148,7 @@ def _draw_head(canvas: Canvas, place: PlotPlace) -> None:
         if number and column + cell_len(text) > stop:
             break
         colour = getattr(canvas.theme, phrase.ink)
+        text = fit_text(text, stop - column)
         column = canvas.text(column, place.head or 0, text, colour, bold=not number) + GAP
     for mark in plot.legend:
         glyph, colour = style_of(canvas, mark)
@@ -154,5 +157,5 @@ def _draw_head(canvas: Canvas, place: PlotPlace) -> None:
         if column + cell_len(glyph) + 1 + cell_len(mark.name) <= stop:
             text = f"{glyph} {mark.name}"
             column = canvas.text(column, place.head or 0, text, colour) + GAP
-    name = plot.y.name(stop - column, cell_len)
+    name = "" if plot.image is not None else plot.y.name(stop - column, cell_len)
     canvas.text(stop, place.head or 0, name, canvas.theme.muted, align="right")

@@ -6,20 +6,28 @@ A view makes it from its numbers; the renderers `cells` and `paper` draw it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from s2rtui.canvas import BrushShape
+from s2rtui.drawing.image import ImageRamp
 from s2rtui.drawing.plot import Phrase, Plot
 from s2rtui.drawing.table import TableSpec
+
+Ramp = Literal["values"] | ImageRamp
 
 
 @dataclass(frozen=True, slots=True)
 class ColourBar:
-    """The scale of the colours of points. clipped: whether values lie beyond its ends."""
+    """The scale of the colours of points or of images.
+
+    clipped: whether values lie beyond its ends. ramp: the colours.
+    """
 
     label: str
     unit: str
     scale: tuple[float, float]
     clipped: bool = False
+    ramp: Ramp = "values"
 
 
 Note = str | tuple[Phrase | ColourBar, ...]
@@ -31,7 +39,7 @@ class Drawing:
     """What a view shows: plots above each other, a table and notes; each part may be absent.
 
     Neighbouring plots with the same scale of x share its axis. beside: whether plots stand beside
-    each other where the drawing is wide.
+    each other where the drawing is wide. Plots of images with the same name of y are a row.
     """
 
     plots: tuple[Plot, ...] = ()

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from s2rstore.intervals import Interval
 from s2rtui.canvas.marks import Shape
 from s2rtui.canvas.render_options import Glyphs
+from s2rtui.drawing.image import Image
 from s2rtui.drawing.scale import Scale
 
 Floats = NDArray[np.float64]
@@ -120,7 +121,7 @@ class Points:
 
 LEVELS = 20
 """Steps of the scale of colours of points."""
-Mark = Bars | Line | Dots | Rule | Points
+Mark = Bars | Line | Dots | Rule | Points | Image
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,6 +141,11 @@ class Plot:
     weight: float = 0.0
     shape: Shape = "range"
     equal: bool = False
+
+    @property
+    def image(self) -> Image | None:
+        """The image that fills the plot, which has no axes; it has the shape of the scales."""
+        return next((mark for mark in self.marks if isinstance(mark, Image)), None)
 
     @property
     def legend(self) -> tuple[Line | Dots, ...]:

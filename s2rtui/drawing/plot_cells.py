@@ -9,6 +9,8 @@ from s2rtui.canvas import BrushShape, Canvas, Rgb
 from s2rtui.canvas.marks import mark_on_panel, mark_range
 from s2rtui.canvas.raster import dot_grid, draw_braille
 from s2rtui.drawing.bars import draw_vertical_bars, put_over_bar
+from s2rtui.drawing.image import Image
+from s2rtui.drawing.image_cells import draw_image
 from s2rtui.drawing.plot import ROLES, Bars, Dots, Ink, Line, Plot, Points, Rule
 from s2rtui.drawing.points_cells import draw_points
 from s2rtui.drawing.scale import Scale, short_number
@@ -41,6 +43,8 @@ def draw_marks(canvas: Canvas, plot: Plot, brush: BrushShape | None) -> None:
         elif isinstance(each, Points):
             draw_points(canvas, plot, each)
             _draw_cursor(canvas, plot, each)
+        elif isinstance(each, Image):
+            draw_image(canvas, each)
         else:
             _draw_rule(canvas, plot, each)
     glyphs = canvas.glyphs

@@ -8,7 +8,8 @@ import numpy as np
 
 from s2rtui.canvas import Pixels, Theme
 from s2rtui.canvas.render_options import UNICODE
-from s2rtui.drawing.page import LETTER, NARROW, Inks, Page, style_axes
+from s2rtui.drawing.image import Image
+from s2rtui.drawing.page import LETTER, NARROW, Inks, Page, style_axes, value_colours
 from s2rtui.drawing.plot import Bars, Dots, Line, Plot, Points, Rule, Sign
 from s2rtui.drawing.points_paper import draw_points
 from s2rtui.drawing.scale import Scale, short_number
@@ -42,7 +43,7 @@ def draw_plot(
     font = 8 if page.inches[0] <= NARROW else 9
     width, height = inches
     style_axes(axes, page)
-    _draw_marks(axes, page, plot, inches)
+    draw_marks(axes, page, plot, inches)
     for axis, scale in ((axes.xaxis, plot.x), (axes.yaxis, plot.y)):
         is_x = axis.axis_name == "x"
         axis.set_ticks(*axis_ticks(scale, width if is_x else height, is_x))
@@ -81,7 +82,7 @@ def plot_pixels(plot: Plot, theme: Theme, size: tuple[int, int]) -> Pixels:
     page = Page(figure, width, height, theme, inks)
     axes = page.axes(0.0, 0.0, *inches)
     axes.set_axis_off()
-    _draw_marks(axes, page, plot, inches)
+    draw_marks(axes, page, plot, inches)
     canvas.draw()
     return np.array(np.asarray(canvas.buffer_rgba())[:height, :width, :3])
 
@@ -95,7 +96,7 @@ def _keep_on_page(axis: Axis, scale: Scale, inches: float) -> None:
             label.set_horizontalalignment("right")
 
 
-def _draw_marks(axes: Axes, page: Page, plot: Plot, inches: tuple[float, float]) -> None:
+def draw_marks(axes: Axes, page: Page, plot: Plot, inches: tuple[float, float]) -> None:
     """The ends of both scales, and the marks."""
     for name, scale in (("x", plot.x), ("y", plot.y)):
         if scale.log:
@@ -104,8 +105,21 @@ def _draw_marks(axes: Axes, page: Page, plot: Plot, inches: tuple[float, float])
     for mark in plot.marks:
         if isinstance(mark, Points):
             draw_points(axes, page, plot, mark, inches)
+        elif isinstance(mark, Image):
+            _draw_image(axes, page, plot, mark)
         else:
             _draw_mark(axes, page, plot, mark)
+
+
+def _draw_image(axes: Axes, page: Page, plot: Plot, image: Image) -> None:
+    """The pixels of an image, or in its middle why there are none."""
+    if image.shape is None:
+        axes.text(0.5, 0.5, image.missing, transform=axes.transAxes, ha="center", va="center",
+                  color=page.inks.muted)  # fmt: skip
+        return
+    pixels = image.pixels(image.shape, unsigned_colours=value_colours)
+    extent = plot.x.low, plot.x.high, plot.y.low, plot.y.high
+    axes.imshow(pixels, interpolation="antialiased", aspect="auto", extent=extent)
 
 
 def axis_name(scale: Scale, width: float) -> str:

@@ -18,7 +18,7 @@ from s2rtui.charts.map.paper import map_figure
 from s2rtui.charts.map.terminal import draw_map, map_layout, map_panels
 from s2rtui.charts.shared.base_map_background import DIMMED
 from s2rtui.charts.shared.base_map_model import MapInput, map_model, sorted_by_value
-from s2rtui.charts.shared.heat_colours import map_opacity
+from s2rtui.drawing.heat_colours import map_opacity
 from tests.charts.examples import BOUNDS, map_input
 
 SIZE = (80, 26)

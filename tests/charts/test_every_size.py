@@ -14,7 +14,7 @@ from s2rtui.charts.compare.terminal import draw_compare
 from s2rtui.charts.map.terminal import draw_map
 from s2rtui.charts.orientation.terminal import draw_orientation
 from s2rtui.charts.overview.terminal import draw_overview
-from s2rtui.charts.shared.image_pair_terminal import draw_instance
+from s2rtui.charts.shared.instance import instance_drawing
 from s2rtui.charts.suggestions import suggestions_drawing
 from s2rtui.drawing.cells import draw_cells
 from s2rtui.terminal.strips import to_strips
@@ -61,10 +61,12 @@ VIEWS: dict[str, Draw] = {
         draw_map, map_input(floor_plan=None, heat=None, headings=None, cursor=None)
     ),
     "compare": drawing(draw_compare, compare_input(mark=LASSO)),
-    "instance": drawing(draw_instance, instance_input()),
+    "instance": drawing(draw_cells, instance_drawing(instance_input())),
     "plain instance": drawing(
-        draw_instance,
-        instance_input(sim=side(1, False, False), real=side(2, False, False), truth=None),
+        draw_cells,
+        instance_drawing(
+            instance_input(sim=side(1, False, False), real=side(2, False, False), truth=None)
+        ),
     ),
     "marked histogram": drawing(
         draw_cells, errors_drawing(5, brush=BrushShape("real", ((0.2, 3.0), (99.0, -1.0))))

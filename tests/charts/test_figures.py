@@ -11,10 +11,10 @@ from PIL import Image
 from s2rstore.errors import RequestError
 from s2rtui.canvas import DARK, LIGHT, Theme
 from s2rtui.charts.compare.paper import compare_figure
-from s2rtui.charts.instance.paper import instance_figure
 from s2rtui.charts.map.paper import map_figure
 from s2rtui.charts.orientation.paper import orientation_figure
 from s2rtui.charts.overview.paper import overview_figure
+from s2rtui.charts.shared.instance import instance_drawing
 from s2rtui.charts.suggestions import paper_drawing
 from s2rtui.drawing.page import colour_bar_ticks
 from s2rtui.drawing.paper import draw_paper
@@ -53,7 +53,7 @@ FIGURES: dict[str, Draw] = {
     "compare": lambda size, theme: compare_figure(
         (map_input(heat=None), map_input(heat=None)), compare_input(), size, theme
     ),
-    "instance": drawing(instance_figure, instance_input(), "vanilla"),
+    "instance": drawing(draw_paper, instance_drawing(instance_input()), "vanilla"),
     "umap": drawing(draw_paper, umap_drawing()),
     "orientation": drawing(orientation_figure, orientation_input()),
     "rooms": drawing(draw_paper, counts_drawing()),
@@ -84,7 +84,7 @@ def test_empty_selections_and_missing_values_can_be_drawn():
     size = (300, 200)
     for figure in (
         map_figure(bare_map, size),
-        instance_figure(bare, size),
+        draw_paper(instance_drawing(bare), size, LIGHT),
         overview_figure([], None, size),
         draw_paper(umap_drawing(selected=nobody), size, LIGHT),
         draw_paper(umap_drawing({"sim": no_points, "real": no_points}, 1), size, LIGHT),

@@ -9,7 +9,7 @@ from s2rtui.analysis.floor_walls import EMPTY, WALL, plan_parts, thin_lines
 from s2rtui.canvas import DIGITS, ColourMode, RenderOptions
 from s2rtui.charts.map.terminal import draw_map, map_layout
 from s2rtui.charts.shared.base_map_background import FLOOR_RAMPS, WALL_LINES, wall_lines
-from s2rtui.charts.shared.heat_colours import heat_glyphs
+from s2rtui.drawing.heat_colours import heat_glyphs
 from tests.charts.examples import BOUNDS, map_input
 
 METRE = 50

@@ -11,9 +11,9 @@ from s2rtui.charts.compare.model import compare_model
 from s2rtui.charts.compare.terminal import draw_compare
 from s2rtui.charts.map.terminal import draw_map
 from s2rtui.charts.shared.base_map_model import map_model
-from s2rtui.charts.shared.image_pair_model import instance_model
-from s2rtui.charts.shared.image_pair_terminal import draw_instance, instance_layout
+from s2rtui.charts.shared.instance import depth_scale, heat_scale, instance_drawing
 from s2rtui.drawing.cells import draw_cells
+from s2rtui.drawing.drawing_layout import drawing_layout
 from s2rtui.drawing.scale import Interval, short_number
 from tests.charts.examples import N, compare_input, instance_input, map_input, umap_drawing
 from tests.charts.test_every_size import VIEWS
@@ -79,14 +79,15 @@ def ends(scale: Interval | None) -> tuple[str, str]:
 def test_both_ends_are_labelled(size, options):
     on_map = map_input(values=np.linspace(0.31, 7.7, 60))
     compared, pair = compare_input(), instance_input()
-    embedded = umap_drawing()
+    embedded, of_pair = umap_drawing(), draw_cells(instance_drawing(pair), size, options)
     drawn = (
         (draw_map(on_map, size, options), ends(map_model(on_map).value_range)),
         (draw_cells(embedded, size, options), ends(embedded.notes[0][0].scale)),
-        (draw_instance(pair, size, options), ends(instance_model(pair).heat_range)),
+        (of_pair, ends(heat_scale(pair))),
     )  # fmt: skip
-    if any(panel.what == "depth" for panel in instance_layout(pair, size, options).panels):
-        drawn += ((draw_instance(pair, size, options), ends(instance_model(pair).depth_range)),)
+    if any(place.plot.y.names == ("depth",) for place in
+           drawing_layout(instance_drawing(pair), size, options).plots):  # fmt: skip
+        drawn += ((of_pair, ends(depth_scale(pair))),)
     if size[1] >= 18:
         scale = compare_model(compared).scale
         drawn += ((draw_compare(compared, size, options), ends((-scale, scale))),)

@@ -30,7 +30,7 @@ from s2rtui.charts.shared.base_map_paper import (
     map_sheet,
     marker_legend,
 )
-from s2rtui.charts.shared.heat_colours import heat_ramp
+from s2rtui.drawing.heat_colours import heat_ramp
 from s2rtui.drawing.page import (
     NARROW,
     Inks,

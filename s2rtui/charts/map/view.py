@@ -16,7 +16,7 @@ from s2rtui.canvas import Canvas, PlotArea, RenderOptions, Size, Theme
 from s2rtui.charts.map import terminal
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.base_map_model import LivePose, MapInput, map_input
-from s2rtui.charts.shared.image_pair_model import InstanceInput, SideView
+from s2rtui.charts.shared.instance import InstanceInput, SideView
 from s2rtui.charts.view import Pane, Pixels, PointsView, Table
 from s2rtui.session import map_values
 from s2rtui.session.heatmaps import sample_note, trust_text

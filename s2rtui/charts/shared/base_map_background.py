@@ -28,7 +28,7 @@ from s2rtui.charts.shared.base_map_floor import (
     plan_tones,
     wall_pixels,
 )
-from s2rtui.charts.shared.heat_colours import heat_glyphs, heat_ramp, heat_strength, map_opacity
+from s2rtui.drawing.heat_colours import heat_glyphs, heat_ramp, heat_strength, map_opacity
 from s2rtui.drawing.scale import Floats, Interval, percentile_range, scale_fraction
 
 FLOOR_RAMPS = {True: "  ..::", False: "   ░░"}

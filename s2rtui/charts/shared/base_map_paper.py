@@ -15,8 +15,8 @@ from s2rtui.canvas import luma, mix
 from s2rtui.canvas.raster import resample
 from s2rtui.charts.shared.base_map_background import DIMMED, MapBackground, heat_scale, seen_cells
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel, sorted_by_value
-from s2rtui.charts.shared.heat_colours import heat_ramp, map_opacity
 from s2rtui.charts.shared.point_bins import point_dots
+from s2rtui.drawing.heat_colours import heat_ramp, map_opacity
 from s2rtui.drawing.page import (
     NARROW,
     Box,

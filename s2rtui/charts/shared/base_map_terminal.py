@@ -39,13 +39,13 @@ from s2rtui.charts.shared.base_map_pixels import (
     paint_values,
 )
 from s2rtui.charts.shared.base_map_room_names import draw_room_names, mark_costs
-from s2rtui.charts.shared.heat_colours import heat_glyphs, heat_ramp
 from s2rtui.charts.shared.point_bins import (
     highest_levels,
     level_shares,
     marked_cells,
     unselected_dots,
 )
+from s2rtui.drawing.heat_colours import heat_glyphs, heat_ramp
 from s2rtui.drawing.legend import (
     LegendPart,
     colour_bar,
