@@ -39,7 +39,8 @@ class Drawing:
     """What a view shows: plots above each other, a table and notes; each part may be absent.
 
     Neighbouring plots with the same scale of x share its axis. beside: whether plots stand beside
-    each other where the drawing is wide. Plots of images with the same name of y are a row.
+    each other where the drawing is wide. Plots of images are arranged by the room that they have;
+    those with the same name of y are a row.
     """
 
     plots: tuple[Plot, ...] = ()

@@ -89,7 +89,7 @@ def draw_image(canvas: Canvas, image: Image) -> None:
     """Draw an image on the whole canvas."""
     if image.ground is not None:
         _draw_ground(canvas, image)
-    elif image.overlay is not None:
+    elif image.overlay is not None and not canvas.options.supports_images:
         _draw_digits(canvas, image.overlay)
     else:
         text = fit_text(image.missing, canvas.width)

@@ -34,6 +34,7 @@ _BAR_HEIGHT, _BAR_WIDTH, _BAR_LABEL, _BAR_FOOT = 1.4, 1.3, 0.55, 0.55
 _LEAST = 0.4
 """Height of images in inches below which they are drawn alone."""
 _SMALLEST_FONT = 6.5
+"""Points of the smallest table."""
 _LETTERS = 16
 """Letters of a line above a colour bar."""
 

@@ -73,8 +73,12 @@ def test_without_room_for_all_rows_the_first_is_left():
     assert {place.plot.y.names[0] for place in shown} == {"image"}
 
 
-def test_an_absent_image_has_its_reason_in_its_place():
-    assert "no depth" in "\n".join(draw_cells(drawing(), (60, 40)).lines())
+@pytest.mark.parametrize("options", [DEFAULT_OPTIONS, *NO_COLOURS])
+@pytest.mark.parametrize("overlay", [None, HEAT])
+def test_an_absent_image_has_its_reason_in_its_place(options, overlay):
+    absent = plot(Image(None, overlay, "no image"), "image", "first")
+    text = "\n".join(draw_cells(Drawing((absent,)), (60, 40), options).lines())
+    assert text.count("no image") == 1
 
 
 def test_a_label_stays_a_text_over_true_pixels():

@@ -215,7 +215,7 @@ def instance_drawing(data: InstanceInput) -> Drawing:
     rows = tuple(pose_rows(data))
     table = TableSpec((replace(_COLUMNS[0], name=f"#{data.iid}"), *_COLUMNS[1:]), rows)
     notes = [f"{name} {value}" for name, value in data.notes]
-    return Drawing(tuple(plots), table if rows else None, (tuple(bars), *notes), beside=True)
+    return Drawing(tuple(plots), table if rows else None, (tuple(bars), *notes))
 
 
 def pose_rows(data: InstanceInput) -> Iterator[Row]:
