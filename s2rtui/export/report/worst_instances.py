@@ -76,7 +76,7 @@ def _images(instance: InstanceInput) -> list[ReportImage]:
             if shown.overlay is not None:
                 caption += scale
             error = f", position error {side.pose.error:.2f} m" if side.pose is not None else ""
-            alt = f"Instance {instance.iid}: {role} {'rgb' if kind == 'image' else kind}{error}"
+            alt = f"Instance {instance.iid}: {role} {kind}{error}"
             pixels = shown.pixels(side.rgb.shape[:2])
             found.append(image(pixels, alt, caption))
     return found
