@@ -199,7 +199,7 @@ def _history(root: Path) -> list[Any]:
     found = reader.read(path)
     measured = sorted({night.measured for night in found.nights})
     reports = [reader.report_text(path, number) for number in measured]
-    return [found.nights, found.recorded, reports]
+    return [found.nights, reports]
 
 
 if __name__ == "__main__":

@@ -41,8 +41,8 @@ import s2rstore
 from bench.measured_stores import QUIET
 from bench.tour_stores import MODEL, Severities, tours_store
 from s2rstore.reader import Store
-from s2rtools.gap.axis_result import Evidence
-from s2rtools.gap.defaults import THRESHOLD
+from s2rtools.gap.axes import THRESHOLD
+from s2rtools.gap.axis import Evidence
 from s2rtools.gap.gate import gate
 from s2rtools.gap.instance_selection import poses_sha256
 from s2rtools.motion_logs import Drive

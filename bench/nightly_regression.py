@@ -129,7 +129,7 @@ def night(folder: Path, day: int, red: bool) -> NightFiles:
     date = str(FIRST + datetime.timedelta(days=day - 1))
     words = ("nightly", folder / "nightly.toml", "--night", date, "--json")
     code, text = _command(*words)
-    before, rows = files(folder), reader.read(folder / "lab.s2r/history/gap.duckdb").nights
+    before, rows = files(folder), reader.read(folder / "lab.s2r/history/gap.jsonl").nights
     again, _ = _command(*words)
     found = json.loads(text)
     wanted = ("FAIL", 1) if red else ("PASS", 0)
@@ -207,7 +207,7 @@ def look(folder: Path) -> None:
 
 def _kept(folder: Path) -> bool:
     """Whether the history has one row per day in order, failing on the regression days only."""
-    found = reader.read(folder / "lab.s2r/history/gap.duckdb").of_configuration("week")
+    found = reader.read(folder / "lab.s2r/history/gap.jsonl").of_configuration("week")
     wanted = [1 if BROKEN <= day < MENDED else 0 for day in range(1, DAYS + 1)]
     nights = [FIRST + datetime.timedelta(days=day) for day in range(DAYS)]
     good = [each.exit_code for each in found] == wanted and [each.night for each in found] == nights

@@ -9,16 +9,14 @@ from bench.index_store import ROOMS
 from s2rtui.canvas.marks import BrushShape
 from s2rtui.charts.compare.model import compare_model
 from s2rtui.charts.map.terminal import map_layout
-from s2rtui.charts.orientation.model import orientation_model
-from s2rtui.charts.overview.layout import overview_layout
-from s2rtui.charts.overview.lines import line_density
-from s2rtui.charts.overview.model import overview_model
+from s2rtui.charts.orientation import orientation_model
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.base_map_model import map_model
 from s2rtui.charts.shared.point_bins import highest_levels, unselected_dots
 from s2rtui.drawing.plot import Points
 from s2rtui.drawing.points import point_cells
+from s2rtui.drawing.row_lines import line_dots
 from s2rtui.session import (
     Brush,
     Session,
@@ -83,7 +81,7 @@ def _room(index: int) -> str:
 def numbers(scene: Scene) -> None:
     """The numbers that every view computes before it draws."""
     _overview(scene)
-    orientation_model(BY_NAME["orientation"].input(scene))
+    orientation_model(*BY_NAME["orientation"].input(scene))
     for name in ("rooms", "errors", "umap"):
         tab = BY_NAME[name]
         if not tab.missing(scene):
@@ -100,12 +98,10 @@ def numbers(scene: Scene) -> None:
 
 
 def _overview(scene: Scene) -> None:
-    view = BY_NAME["overview"]
-    lines, rows = view.lines(scene), scene.loaded.rows
-    if lines is not None:
-        model = overview_model(rows, scene.loaded.baseline, lines)
-        layout = overview_layout(model.rows, 0, _TAB, lines)
-        line_density(lines, model.axis, layout)
+    table = BY_NAME["overview"].drawing(scene, _TAB[0]).table
+    if table is not None and table.lines is not None:
+        for layer in table.lines.layers:
+            line_dots(layer, table.columns[1].scale, _TAB[0] // 2, 1)
 
 
 def moves(session: Session, turn: int) -> list[tuple[str, Step]]:

@@ -21,8 +21,7 @@ import numpy as np
 
 from bench.budget import seconds
 from s2rtools.motion_logs import Commands
-from s2rtools.sysid.identify import Identification, identify
-from s2rtools.sysid.settings import SysidSettings
+from s2rtools.sysid.identify import Identification, SysidSettings, identify
 from s2rtools.sysid.simulators import Planar
 from s2rtools.sysid.synthetic_drives import Recording, make_drives
 

@@ -244,7 +244,7 @@ def names_page() -> str:
 
 def schema_page() -> str:
     """Tables and columns of the index and of the gap history."""
-    from s2rstore.gap_history import schema as history_schema
+    from s2rstore.gap_history import reader as gap_history
     from s2rstore.index import pair_view, schema
 
     parts = [
@@ -261,10 +261,21 @@ def schema_page() -> str:
         "One row per run and instance: ground truth and both sides.\n",
         table(("column", "meaning"), ((code(name), cell(text)) for name, text in comments.items())),
         "# Gap history\n",
-        "`history/gap.duckdb` in the store (or where `output.history` of the nightly "
-        "configuration says). `s2r nightly` writes it.\n",
+        "`history/gap.jsonl` in the store (or where `output.history` of the nightly "
+        "configuration says): JSON lines, one record per measured night. `s2r nightly` writes "
+        "it. A new measurement also holds its `report`, the JSON text of `s2r gap --json`; "
+        "`crc32` is the checksum of what stands before it in the line.\n",
     ]
-    parts += [_schema_table(described) for described in history_schema.TABLES]
+    for title, kind in (
+        ("Record of a night", gap_history.Night),
+        ("Element of `axes`", gap_history.AxisFigures),
+        ("Element of `estimates`", gap_history.NightlyEstimate),
+    ):
+        rows = (
+            (code(name), code(sql_type), cell(meaning))
+            for name, sql_type, meaning in gap_history.record_fields(kind)
+        )
+        parts.append(f"## {title}\n\n{table(('field', 'type', 'meaning'), rows)}")
     return "\n".join(parts)
 
 
@@ -281,7 +292,7 @@ def registries_page() -> str:
     from s2rstore.heatmap_kinds import heatmap_facts
     from s2rtools.adjustments import ADJUSTMENTS
     from s2rtools.datasets.importers import IMPORTERS
-    from s2rtools.datasets.layouts import LAYOUTS
+    from s2rtools.datasets.layouts import LAYOUTS, find_layout
     from s2rtools.heatmaps import HEATMAP_KINDS
     from s2rtools.models import ARCHITECTURES
     from s2rtools.motion_logs.drives import READERS
@@ -289,6 +300,7 @@ def registries_page() -> str:
     from s2rtools.sysid.simulators import SIMULATORS
     from s2rtools.training.recipes import RECIPES
     from s2rtools.translation import METHODS
+    from s2rtools.translator_evaluation.measures import MEASURES
     from s2rtui.charts.registry import VIEWS
 
     views = (
@@ -320,7 +332,11 @@ def registries_page() -> str:
     ]
     others: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
         ("Importers", "`s2r ingest NAME ...`", IMPORTERS),
-        ("Layouts of recordings", "`s2r ingest pairs --sim NAME:PATH ...`", LAYOUTS),
+        (
+            "Layouts of recordings",
+            "`s2r ingest pairs --sim NAME:PATH ...`",
+            {name: find_layout(name) for name in LAYOUTS},
+        ),
         ("Architectures", "`s2r model add ... --arch NAME`", ARCHITECTURES),
         ("Training recipes", "`s2r train --recipe NAME`", RECIPES),
         ("Translation methods", "`s2r translate fit NAME ...`", METHODS),
@@ -335,6 +351,15 @@ def registries_page() -> str:
                 ((code(name), cell(_meaning(entry))) for name, entry in entries.items()),
             )
         )
+    measures = (
+        (code(name), cell(each.meaning), code(each.unit) if each.unit else "", each.better)
+        for name, each in MEASURES.items()
+    )
+    parts += [
+        "## Measures of translators\n",
+        "Rows of `s2r translate report --json` and of table `translator_metric`.\n",
+        table(("name", "what it is", "unit", "better"), measures),
+    ]
     suffixes = ", ".join(code(suffix or "a folder (ROS 2 bag)") for suffix in READERS)
     parts += [
         "## Motion logs\n",

@@ -42,10 +42,11 @@ PYPROJECT = Path(__file__).parents[1] / "pyproject.toml"
 _wait.SLEEP_GRANULARITY, _wait.SLEEP_IDLE = 0.002, 0.0002
 """Seconds; Textual's defaults wait 20 ms of idle time after each key and slow the tests down."""
 
-FOLDERS_WITH_SHARED_FIXTURES = (
-    "lane_detection", "nightly", "prediction_import", "scoring", "sysid",
+FOLDERS_OF_ONE_PROCESS = (
+    "cluster", "examples", "nightly", "prediction_import", "ros", "scoring", "serve", "ssh",
+    "sysid",
 )  # fmt: skip
-"""Folders with expensive fixtures in their own conftest.py."""
+"""Folders that share expensive fixtures, or start programs of which few run at once."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -73,7 +74,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """Let the garbage collector pass over the modules, and run it less often."""
+    """Restore ctrl+c, which dask_jobqueue replaces when a test module imports it.
+
+    The garbage collector passes over the modules, and runs less often.
+    """
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     gc.collect()
     gc.freeze()
     atexit.register(gc.unfreeze)
@@ -89,13 +94,13 @@ def _is_in_suite(item: pytest.Item) -> bool:
 
 
 def _group(items: list[pytest.Item]) -> None:
-    """One process runs all tests of a file, or of a folder with expensive fixtures of its own."""
+    """One process runs all tests of a file, or of a folder named above."""
     tests_folder = Path(__file__).parent
     for item in items:
         if item.get_closest_marker("xdist_group") is None:
             path = item.path.relative_to(tests_folder)
             folder = path.parts[0]
-            name = folder if folder in FOLDERS_WITH_SHARED_FIXTURES else str(path)
+            name = folder if folder in FOLDERS_OF_ONE_PROCESS else str(path)
             item.add_marker(pytest.mark.xdist_group(name))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -61,14 +62,20 @@ def is_alive(pid: int) -> bool:
     return bool(state) and state[0] != "Z"
 
 
-def wait_until(holds: Callable[[], bool], patience: float = 30.0) -> bool:
-    """Whether something that other processes bring about came true in time."""
+def wait_until(holds: Callable[[], bool], patience: float = 30.0, interval: float = 0.05) -> bool:
+    """Whether something came true within `patience` seconds; asks every `interval` seconds."""
     limit = time.monotonic() + patience
     while time.monotonic() < limit:
         if holds():
             return True
-        time.sleep(0.05)
+        time.sleep(interval)
     return False
+
+
+def program_environment(**variables: str) -> dict[str, str]:
+    """The variables of this process and others; a program finds the modules of this process."""
+    path = os.pathsep.join(filter(None, sys.path))
+    return {**os.environ, "PYTHONPATH": path, **variables}
 
 
 def _parents() -> dict[int, int]:

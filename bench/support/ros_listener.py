@@ -13,7 +13,7 @@ import sys
 import threading
 from typing import Any
 
-from s2rtools.ros.image_topics import camera_info_topic, frame_of
+from s2rtools.ros.proxy_node import camera_info_topic, frame_of
 from s2rtools.ros.ros_environment import ros_module
 from s2rtools.translation.image_codec import UndecodableImageError, decode_compressed, decode_raw
 

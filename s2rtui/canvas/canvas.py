@@ -109,12 +109,16 @@ class Canvas:
         Control characters become spaces. Numbers that the canvas would show in part are left out.
         Returns the column after the text.
         """
-        text = "".join(letter if letter.isprintable() else " " for letter in text)
+        if not text.isprintable():
+            text = "".join(letter if letter.isprintable() else " " for letter in text)
         length = cell_len(text)
         if align != "left":
             x -= length if align == "right" else length // 2
         if x < 0 or x + length > self.width:
             text = without_cut_numbers(text, -x, self.width)
+        elif length and text.isascii() and 0 <= y < self.height:
+            self._put_row(x, y, text, fg, bg, bold)
+            return x + length
         for letter in text:
             size = get_character_cell_size(letter)
             if size == 0:
@@ -125,6 +129,23 @@ class Canvas:
                     self.put(x + 1, y, "" if x >= 0 else " ", fg, bg, bold)
             x += size
         return x
+
+    def _put_row(
+        self, x: int, y: int, text: str, fg: Rgb | None, bg: Rgb | None, bold: bool
+    ) -> None:
+        """Put letters of width one that lie within a row."""
+        stop = x + len(text)
+        if not self.char.item(y, x):  # the second half of a wide character
+            self.char[y, x - 1] = " "
+        if stop < self.width and not self.char.item(y, stop):
+            self.char[y, stop] = " "
+        cells = y, slice(x, stop)
+        self.char[cells] = list(text)
+        self.bold[cells] = bold
+        if fg is not None:
+            self.fg[cells] = fg
+        if bg is not None:
+            self.bg[cells] = bg
 
     def hline(self, x0: int, x1: int, y: int, glyph: str = "─", fg: Rgb | None = None) -> None:
         """Draw a horizontal line from column `x0` to `x1`, both included."""

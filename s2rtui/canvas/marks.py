@@ -67,8 +67,12 @@ def panel_at(panels: Sequence[PlotArea], column: int, row: int) -> PlotArea | No
 
 
 def draw_mark(canvas: Canvas, panel: PlotArea, mark: BrushShape | None) -> None:
-    """Draw the outline of a mark on a plane, clipped to its panel."""
-    if mark is None or mark.panel != panel.name or panel.shape != "plane" or not mark.points:
+    """Draw the outline of a mark on a plane, clipped to its panel, or the ground of a range."""
+    if mark is None or mark.panel != panel.name or not mark.points:
+        return
+    if panel.shape == "range":
+        _ground(canvas, panel, mark)
+    if panel.shape != "plane":
         return
     corners = [panel.to_cells(*point) for point in mark.points]
     if mark.lasso:
@@ -91,6 +95,17 @@ def _frame(canvas: Canvas, panel: PlotArea, corners: list[Point]) -> None:
         corner = edge and column in (left, right)
         glyph = "+" if corner else glyphs.horizontal if edge else glyphs.vertical
         canvas.put(column, row, glyph, canvas.theme.truth, bold=True)
+
+
+def _ground(canvas: Canvas, panel: PlotArea, mark: BrushShape) -> None:
+    """A highlighted ground between bold ends, as high as the panel."""
+    last = panel.x + panel.width - 1
+    ends = [int(panel.to_cells(end, 0.0)[0]) for end in mark_range(mark)]
+    low, high = (min(max(end, panel.x), last) for end in ends)
+    canvas.fill(low, panel.y, high - low + 1, panel.height, canvas.theme.highlight)
+    for x, glyph in ((low, canvas.glyphs.scale_left), (high, canvas.glyphs.scale_right)):
+        for y in range(panel.y, panel.y + panel.height):
+            canvas.put(x, y, glyph, canvas.theme.truth, bold=True)
 
 
 def _outline(canvas: Canvas, panel: PlotArea, corners: list[Point]) -> None:

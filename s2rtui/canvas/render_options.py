@@ -133,6 +133,7 @@ class RenderOptions:
 
     def printable(self, text: str) -> str:
         """The text, with `?` for other characters where only ASCII can be drawn."""
+        text = text.replace(UNICODE.degree, self.glyphs.degree)
         return text.encode("ascii", "replace").decode() if self.ascii else text
 
     @property

@@ -5,8 +5,7 @@ is drawn, and `s2rtui.drawing` draws it. Maps, images and views with brushes are
 holds a subclass of `s2rtui.charts.view.View` and its only instance, `VIEW`: name, key, texts,
 brushes and clicks. `model.py` turns columns of a store into the numbers that are drawn and defines
 the view's input, plain arrays. `terminal.py` draws them in cells, `paper.py` with matplotlib
-(imported inside functions, so that the application starts without it). Larger views have further
-modules (`overview/lines.py`, `orientation/dial.py`).
+(imported inside functions, so that the application starts without it).
 
 To add a view, write such a module or folder and add its name to `s2rtui/charts/registry.py`. Keys,
 help, `s2r show` and `s2r export` follow from the registry. A view that needs data which takes time

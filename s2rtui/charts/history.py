@@ -204,8 +204,7 @@ class HistoryView(DrawingView):
             return ("no night of this data set", "name another history: --history FILE")
         return (
             "no nights yet",
-            "s2r nightly CONFIG.toml measures the gap and keeps it in the store: "
-            "history/gap.duckdb",
+            "s2r nightly CONFIG.toml measures the gap and keeps it in the store: history/gap.jsonl",
         )
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from s2rstore.findings import FindingReport
 from s2rstore.findings.groups import GroupErrors, Groups
 from s2rstore.gap_history.reader import History
+from s2rstore.intervals import Interval
 from s2rstore.language import base_population, evaluation
 from s2rstore.metrics.recall import Headline
 from s2rstore.reader import Store
@@ -20,7 +21,6 @@ from s2rstore.records import SPLITS, Direction, Side
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.canvas import BrushShape
 from s2rtui.charts.shared.instance import InstanceInput
-from s2rtui.drawing.scale import Interval
 from s2rtui.session import State
 from s2rtui.session.provenance import (
     HeatProvenance,
@@ -33,26 +33,23 @@ from s2rtui.session.provenance import (
 from s2rtui.user_data.notebook import Notes
 
 FloorGrid = NDArray[np.float32]
+_UNKNOWN = Headline(0, 0, math.nan, math.nan, math.nan, "")
 
 
 @dataclass(frozen=True, slots=True)
 class OverviewRow:
-    """The mean accuracies of one run, 0 .. 1, with 95 % intervals; None or NaN where unknown.
+    """The mean accuracies of one run, 0 .. 1.
 
-    `n` counts the instances behind the numbers, `independent` how many independent ones would tell
-    as much of the real accuracy. `note` is shown in the place of the numbers, and says why they
-    have no interval. `headlines` are the median errors and the recall of both sides.
+    `n` counts the instances behind the numbers. `note` is shown in the place of the numbers, and
+    says why they have no interval. `headlines` are the median errors and the recall of both sides.
     """
 
     run: str
-    sim_accuracy: float | None
-    real_accuracy: float | None
-    sim_interval: Interval | None = None
-    real_interval: Interval | None = None
+    sim: Interval
+    real: Interval
     n: int = 0
     note: str = ""
-    independent: float | None = None
-    headlines: tuple[Headline, Headline] | None = None
+    headlines: tuple[Headline, Headline] = (_UNKNOWN, _UNKNOWN)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +62,7 @@ class TranslatorGain:
 
     run: str
     value: float
-    interval: Interval | None = None
+    interval: tuple[float, float] | None = None
     trained: bool = False
 
     @property
@@ -74,14 +71,18 @@ class TranslatorGain:
         return self.interval is not None and self.interval[1] < 0
 
     @property
-    def text(self) -> str:
-        """`gain +1.20 m (0.84 to 1.57) on vanilla`; no number where the interval holds zero."""
+    def short(self) -> str:
+        """`gain +1.20 m (0.84 to 1.57)`; no number where the interval holds zero."""
         name = "training gain" if self.trained else "gain"
-        where = f"{'of' if self.trained else 'on'} {self.run}"
         if self.interval is None or self.interval[0] <= 0 <= self.interval[1]:
-            return f"no clear {name} {where}"
+            return f"no clear {name}"
         low, high = self.interval
-        return f"{name} {self.value:+.2f} m ({low:.2f} to {high:.2f}) {where}"
+        return f"{name} {self.value:+.2f} m ({low:.2f} to {high:.2f})"
+
+    @property
+    def text(self) -> str:
+        """`gain +1.20 m (0.84 to 1.57) on vanilla`."""
+        return f"{self.short} {'of' if self.trained else 'on'} {self.run}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +100,7 @@ class TranslatorRow:
 
     def gain_text(self, run: str) -> str:
         """The gain on a run, and the other runs that the translator harms; empty if unknown."""
-        parts = [gain.text for gain in self.gains if gain.run == run]
+        parts = [gain.short for gain in self.gains if gain.run == run]
         harmed = [
             gain.run for gain in self.gains if gain.is_harm and not gain.trained and gain.run != run
         ]
@@ -154,7 +155,8 @@ class LoadedData:
     has seen, (rows, cols) each; `live` is the instance that is being adjusted. `groups` and
     `findings` belong to the rooms and the findings view. `models` are the numbers of statistical
     views by name; None: they are computed when they are drawn. `progress` (0 .. 1) and `failed`
-    (messages) are by the name of the loader.
+    (messages) are by the name of the loader. `saving` is the progress of the run that is being
+    saved, `computing` that of a process which computes in the store.
     """
 
     rows: tuple[OverviewRow, ...] = ()
@@ -178,6 +180,7 @@ class LoadedData:
     progress: Mapping[str, float] = field(default_factory=dict)
     failed: Mapping[str, str] = field(default_factory=dict)
     saving: str = ""
+    computing: str = ""
 
     def accuracies(self, state: State) -> RunAccuracies | None:
         """The accuracies of every run; None if instances were added since they were loaded."""
@@ -229,9 +232,10 @@ class LoadedData:
         return replace(loaded, failed={**loaded.failed, loader: error}) if error else loaded
 
     def with_progress(self, message: str) -> str:
-        """A message followed by the progress of every loader."""
+        """A message followed by the progress of every loader and of the computing process."""
         shares = ", ".join(f"{loader} {share:.0%}" for loader, share in self.progress.items())
-        return f"{message}  {shares}".strip()
+        computing = "" if self.saving else self.computing  # a saved run has its own progress
+        return "  ".join(part for part in (message, shares, computing) if part)
 
 
 @cached_by_identity(8)

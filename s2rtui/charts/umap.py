@@ -110,11 +110,16 @@ class UmapView(PointsView, DrawingView):
         embeddings = self.input(scene)
         return (*embeddings["sim"], *embeddings["real"])
 
+    def missing(self, scene: Scene) -> tuple[str, ...]:
+        if any(np.isfinite(column).any() for column in self._all(scene)):
+            return ()
+        return (f"run {scene.state.run} has no projection; `s2r precompute` computes it",)
+
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         state = scene.state
         arrays = (*self._all(scene), state.selected, state.base, state.marked)
         return (identity_key(arrays), state.cursor, scene.mark(self.name),
-                state.viewport_of(self.name))  # fmt: skip
+                state.viewport_of(self.name), scene.loaded.computing)  # fmt: skip
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         state, embeddings = scene.state, self.input(scene)

@@ -185,7 +185,7 @@ class DrawingView(View):
 
     title: str = ""
     paper_columns = 60
-    """The columns of a plot on paper, where its marks depend on them, as bars do."""
+    """The columns of a plot on paper, where its marks depend on them, as bars do; and of a dial."""
 
     def missing(self, scene: Scene) -> tuple[str, ...]:
         """Lines that say why there is nothing to draw; empty if there is."""
@@ -196,13 +196,15 @@ class DrawingView(View):
         raise NotImplementedError
 
     def _sized(self, scene: Scene, size: Size, options: RenderOptions) -> Drawing:
-        """The drawing for cells, where the labels of y take some of the columns of its plots."""
+        """The drawing for cells, whose layout says how many columns the plots have."""
         if reasons := self.missing(scene):
-            return Drawing(notes=reasons)
-        drawing = self.drawing(scene, size[0])
+            waits = (f"{scene.loaded.computing}; the view fills in by itself",)
+            return Drawing(notes=(*reasons, *(waits if scene.loaded.computing else ())))
+        drawing = self.drawing(scene, self.paper_columns)
         places = drawing_layout(drawing, size, options).plots
-        width = places[0].width if places else size[0]
-        return drawing if width == size[0] else self.drawing(scene, width)
+        if not places or places[0].plot.turns or places[0].width == self.paper_columns:
+            return drawing
+        return self.drawing(scene, places[0].width)
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         return draw_cells(self._sized(scene, size, options), size, options)
@@ -300,7 +302,9 @@ class StatisticsView(DrawingView):
         return "figures of the selection" if is_older else ""
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        return identity_key(self.input(scene)), scene.loaded.failed.get(self.name)
+        model, loaded = self.input(scene), scene.loaded
+        waits = loaded.computing if isinstance(model, str) else ""
+        return identity_key(model), loaded.failed.get(self.name), waits
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,7 +30,6 @@ COMMANDS: dict[str, str] = {
     "sysid": "identify the parameters of a simulator from recorded drives",
     "score": "score heatmaps and causes against ground truth",
     "suggest": "search the smallest change of images or simulator that closes the gap",
-    "thresholds": "tune a line detector's colours, and find out whether translation replaces it",
     "ros": "translate camera images between ROS topics, or those of a bag",
     "nightly": "measure and judge the gap of one night; update history and reports",
     "show": "print the numbers of a view as a table",
@@ -52,7 +51,6 @@ _TOOLS = {
     "gap": "gap",
     "sysid": "sysid",
     "score": "scoring",
-    "thresholds": "lane_detection",
     "ros": "ros",
     "nightly": "nightly",
 }

@@ -18,18 +18,20 @@ from s2rtui.canvas import (
     Theme,
 )
 from s2rtui.canvas.fit_text import fit_text
-from s2rtui.canvas.marks import draw_mark
+from s2rtui.canvas.marks import draw_mark, wrap_degrees
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.drawing_layout import (
     PlotPlace,
     dividers,
     drawing_layout,
     note_rows,
+    title_width,
     y_labels,
 )
 from s2rtui.drawing.legend import draw_rows
 from s2rtui.drawing.plot import ROLES, Line
 from s2rtui.drawing.plot_cells import draw_marks, style_of
+from s2rtui.drawing.polar_cells import dial_of, dial_panel, draw_dial
 from s2rtui.drawing.table_cells import draw_axis, draw_table, table_panels
 from s2rtui.drawing.table_layout import GAP, TableLayout, table_layout
 
@@ -50,6 +52,9 @@ def draw_cells(drawing: Drawing, size: Size, options: RenderOptions = DEFAULT_OP
     draw_rows(canvas, 0, end - len(layout.bars), layout.bars, GAP)
     if drawing.table is not None:
         end = draw_table(canvas, drawing.table, *layout.table)
+        if drawing.brush is not None:
+            for panel in table_panels(drawing.table, layout.table[0], size[0], layout.table[1]):
+                draw_mark(canvas, panel, drawing.brush)
     draw_rows(canvas, 0, min(end, canvas.height - len(layout.notes)), layout.notes, GAP)
     return canvas
 
@@ -89,16 +94,18 @@ def text_lines(drawing: Drawing, width: int) -> list[str]:
 
 def _panel(place: PlotPlace) -> PlotArea:
     """The area of a plot; the last column of a range includes what is beyond the axis."""
+    if place.plot.turns:
+        return dial_panel(place.plot, place.left, place.top, place.width, place.rows)
     x, y, bottom = place.plot.x, place.plot.y, place.top + place.rows
+    is_turn = place.plot.shape == "turn"
 
     def to_data(column: float, row: float) -> Point:
-        return (
-            float(x.value((column - place.left) / place.width)),
-            float(y.value((bottom - row) / place.rows)),
-        )
+        at = float(x.value((column - place.left) / place.width))
+        return wrap_degrees(at) if is_turn else at, float(y.value((bottom - row) / place.rows))
 
     def to_cells(at: float, height: float) -> Point:
-        column = place.left + float(x.fraction(at)) * place.width
+        across = float(x.fraction(wrap_degrees(at) if is_turn else at))
+        column = place.left + across * place.width
         return column, bottom - float(y.fraction(height)) * place.rows
 
     return PlotArea(
@@ -108,34 +115,60 @@ def _panel(place: PlotPlace) -> PlotArea:
 
 
 def _draw_plot(canvas: Canvas, place: PlotPlace, drawing: Drawing) -> None:
-    """The title and the legend, the marks with the labels of y at the left, and the axis of x."""
+    """The title and the legend, the marks with what is at their left, and the axis of x.
+
+    Below a dial the texts of its title that follow its name stand in place of the axis.
+    """
     plot, theme = place.plot, canvas.theme
     if place.head is not None:
         _draw_head(canvas, place)
     if place.left > place.start:
-        for row, text in y_labels(plot, place.rows).items():
-            if cell_len(text) < place.left - place.start:
-                canvas.text(place.left - 1, place.top + row, text, theme.muted, align="right")
+        _draw_left(canvas, place)
     part = Canvas(place.width, place.rows, canvas.options)
-    draw_marks(part, plot, drawing.brush)
+    (draw_dial if plot.turns else draw_marks)(part, plot, drawing.brush)
     canvas.paste(part, place.left, place.top)
     if drawing.brush is None and plot.image is None:
         canvas.images.append(_image(place, canvas.theme))
     if plot.name and plot.shape == "plane":
         draw_mark(canvas, _panel(place), drawing.brush)
-    if place.axis is not None:
+    if place.axis is not None and plot.turns:
+        texts = [phrase.whole(canvas.glyphs, place.width) for phrase in plot.title[1:]]
+        text = canvas.options.printable((" " * GAP).join(texts))
+        start = place.left + (place.width - cell_len(text)) // 2
+        canvas.text(start, place.axis, text, theme.muted)
+    elif place.axis is not None:
         draw_axis(canvas, plot.x, place.left, place.axis, place.width, place.width // _TICKS)
+
+
+def _draw_left(canvas: Canvas, place: PlotPlace) -> None:
+    """The labels of y; where no row shows the title, its first text and the name of y, if any."""
+    plot, theme, room = place.plot, canvas.theme, place.left - place.start - 1
+    if place.head is None and 0 < title_width(plot) <= room:
+        name = plot.title[0]
+        text = canvas.options.printable(name.whole(canvas.glyphs))
+        canvas.text(place.start, place.top, text, getattr(theme, name.ink), bold=True)
+        if place.axis is not None:
+            canvas.text(place.start, place.axis, plot.y.name(room, cell_len), theme.muted)
+        return
+    for row, text in y_labels(plot, place.rows).items():
+        if cell_len(text) <= room:
+            canvas.text(place.left - 1, place.top + row, text, theme.muted, align="right")
 
 
 def _image(place: PlotPlace, theme: Theme) -> InlineImage:
     """The marks in true pixels, for terminals with graphics."""
+    plot = place.plot
+    x, y, width, height = 0, 0, place.width, place.rows
+    if plot.turns:
+        x, y, width, height = dial_of(plot, width, height).box
 
     def pixels(size: Size) -> Pixels:
         from s2rtui.drawing.plot_paper import plot_pixels
+        from s2rtui.drawing.polar_paper import dial_pixels
 
-        return plot_pixels(place.plot, theme, size)
+        return (dial_pixels if plot.turns else plot_pixels)(plot, theme, size)
 
-    box = place.left, place.top, place.width, place.rows
+    box = place.left + x, place.top + y, width, height
     return InlineImage(*box, None, pixels, (theme.name, place))
 
 
@@ -143,8 +176,10 @@ def _draw_head(canvas: Canvas, place: PlotPlace) -> None:
     """Title and legend, and the name of y at the right, where there is room."""
     plot, stop = place.plot, place.left + place.width
     column = place.start if plot.title else place.left
-    for number, phrase in enumerate(plot.title):
-        text = canvas.options.printable(phrase.whole(canvas.glyphs))
+    title = plot.title[:1] if plot.turns and place.axis is not None else plot.title
+    for number, phrase in enumerate(title):
+        room = stop - column if number else place.width
+        text = canvas.options.printable(phrase.whole(canvas.glyphs, room))
         if number and column + cell_len(text) > stop:
             break
         colour = getattr(canvas.theme, phrase.ink)

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from rich.cells import cell_len
 
 from s2rtui.canvas import RenderOptions, Size
+from s2rtui.canvas.render_options import UNICODE
 from s2rtui.drawing.drawing import ColourBar, Drawing, Note
 from s2rtui.drawing.image import ramp_colours, ramp_glyphs
 from s2rtui.drawing.image_cells import Box, arrange_images, visible_rows
 from s2rtui.drawing.legend import (
     LegendPart,
     colour_bar,
+    cut_rows,
     fit_rows,
     point_colours,
     ramp_for_values,
@@ -24,6 +26,7 @@ from s2rtui.drawing.legend import (
 from s2rtui.drawing.plot import Phrase, Plot, Points
 from s2rtui.drawing.plot_cells import row_of
 from s2rtui.drawing.points_cells import points_legend
+from s2rtui.drawing.polar_cells import dial_rows
 from s2rtui.drawing.table_layout import wanted_lines
 
 _FEWEST_ROWS = 5
@@ -31,7 +34,9 @@ _FEWEST_ROWS = 5
 _FEWEST_STACKED = 3
 """Rows of each of several plots; those of smaller weight are left out where it has fewer."""
 _FEWEST_COLUMNS, _FEWEST_WITH_AXES = 16, 8
-"""Columns of a plot beside which labels of y have room; rows of plots on a plane with axes."""
+"""Columns of a plot beside which labels of y have room; rows of planes and dials with axes."""
+_FEWEST_WITH_NOTES = 6
+"""Rows of a drawing from which on it has notes beside plots, or before rows of a table."""
 _KEPT_AREA = 0.6
 """Share of the area of images that notes below them leave."""
 _FEWEST_OF_IMAGE, _WITH_TITLE = 4, 4
@@ -45,7 +50,8 @@ Rows = tuple[tuple[LegendPart, ...], ...]
 class PlotPlace:
     """Where a plot is: first column and row of its marks, their number, and its title and axis.
 
-    start: the first column, labels of y included. head: row of the title. axis: row of the axis.
+    start: the first column, labels of y included. head: row of the title. axis: row of the axis,
+    below a dial of the texts of the title that follow its name.
     """
 
     plot: Plot
@@ -77,7 +83,8 @@ def drawing_layout(drawing: Drawing, size: Size, options: RenderOptions) -> Draw
 
     Plots have the rows that the table and the notes leave, but at least `_FEWEST_ROWS` where the
     canvas is twice as high; then the last rows of the table are left out, and its head says so.
-    Where there is no room for all plots, a note names those that are left out.
+    Where there is no room for all plots, a note names those that are left out. Dials become plots
+    with a straight axis of x above each other where there is no room for discs.
     """
     width, height = max(1, size[0]), max(1, size[1])
     if any(plot.image is not None for plot in drawing.plots):
@@ -103,10 +110,26 @@ def drawing_layout(drawing: Drawing, size: Size, options: RenderOptions) -> Draw
     places: tuple[PlotPlace, ...] = ()
     top = 0
     if plots and area >= (least if drawing.table is not None else 1):
-        place = _beside if is_beside else _stacked
-        places = tuple(place(plots, width, area))
+        places = tuple((_beside if is_beside else _stacked)(plots, width, area))
+        if any(plot.turns for plot in plots):
+            dials = [_around_dial(place, options) for place in places]
+            known = [place for place in dials if place is not None]
+            straight = [replace(plot, turns=None) for plot in plots]
+            is_round = len(known) == len(dials)
+            places = tuple(known if is_round else _stacked(straight, width, area))
         top = area
     return DrawingLayout(places, (top, max(0, height - len(notes) - top)), notes)
+
+
+def _around_dial(place: PlotPlace, options: RenderOptions) -> PlotPlace | None:
+    """The place without rows that its disc leaves; None where the disc would be too small."""
+    rows = dial_rows(place.plot, place.width, place.rows, options)
+    if rows is None:
+        return None
+    above = (place.rows - rows) // 2
+    axis = None if place.axis is None else place.axis - (place.rows - rows - above)
+    head = None if place.head is None else place.head + above
+    return replace(place, top=place.top + above, rows=rows, head=head, axis=axis)
 
 
 def no_room_notes(left_out: Sequence[Plot]) -> tuple[str, ...]:
@@ -121,9 +144,13 @@ def note_rows(notes: Sequence[Note], width: int, options: RenderOptions) -> Rows
 
 
 def _most_notes(drawing: Drawing, height: int) -> int:
+    """Rows of notes; those of a table without plots come before all notes but one row."""
     if drawing.table is None and not drawing.plots:
         return height
-    return 0 if height < 6 and drawing.plots else height // 2
+    least = int(height >= _FEWEST_WITH_NOTES)
+    if drawing.plots or drawing.table is None:
+        return least * (height // 2)
+    return max(least, min(height // 2, height - wanted_lines(drawing.table)))
 
 
 def _note_rows(
@@ -142,9 +169,8 @@ def _note_rows(
         parts = [part for item in note for part in _note_parts(item, width, options)]
         if points and place == 0:
             parts += points_legend(points[0], options)
-        room = None if most is None else max(0, most - len(rows))
-        rows += fit_rows(parts, width, most=room)
-    return tuple(map(tuple, rows[:most]))
+        rows += fit_rows(parts, width)
+    return tuple(map(tuple, cut_rows(rows, width, most)))
 
 
 def _note_parts(
@@ -171,7 +197,8 @@ def _has_head(plot: Plot) -> bool:
 
 
 def _has_axis(plots: Sequence[Plot], place: int) -> bool:
-    return place == len(plots) - 1 or plots[place].x != plots[place + 1].x
+    is_last = place == len(plots) - 1 or plots[place].x != plots[place + 1].x
+    return is_last or plots[place].turns is not None
 
 
 def _needed(plots: Sequence[Plot]) -> int:
@@ -183,7 +210,10 @@ def _needed(plots: Sequence[Plot]) -> int:
 
 
 def _stacked(plots: list[Plot], width: int, area: int) -> list[PlotPlace]:
-    """Plots of equal height in `area` rows; in low areas titles and axes are left out."""
+    """Plots of equal height in `area` rows; in low areas titles and axes are left out.
+
+    Those with the same scales have exactly the same number of rows.
+    """
     plots = plots[:area]
     heads = sum(map(_has_head, plots))
     axes = sum(_has_axis(plots, place) for place in range(len(plots)))
@@ -191,7 +221,11 @@ def _stacked(plots: list[Plot], width: int, area: int) -> list[PlotPlace]:
     with_heads = area >= len(plots) * 2 + axes * with_axes + heads
     free = area - axes * with_axes - heads * with_heads
     left = max(_label_width(plot, max(1, free // len(plots)), width) for plot in plots) * with_axes
+    if not with_heads and heads and (names := max(map(title_width, plots)) + 1) <= width // 4:
+        left = max(left, names)
     left = left if width - left >= _FEWEST_COLUMNS else 0
+    if all((plot.x, plot.y) == (plots[0].x, plots[0].y) for plot in plots):
+        free -= free % len(plots)
     places, top = [], 0
     for place, plot in enumerate(plots):
         head = top if with_heads and _has_head(plot) else None
@@ -228,7 +262,14 @@ def _beside(plots: list[Plot], width: int, area: int) -> list[PlotPlace]:
 
 def _least_rows(plots: Sequence[Plot]) -> int:
     """Rows of a plot from which on it has an axis."""
-    return _FEWEST_WITH_AXES if any(plot.shape == "plane" for plot in plots) else 2
+    if any(plot.shape == "plane" or plot.turns for plot in plots):
+        return _FEWEST_WITH_AXES
+    return 1 if any(plot.shape == "turn" for plot in plots) else 2
+
+
+def title_width(plot: Plot) -> int:
+    """Columns of the first text of a title, with its sign."""
+    return cell_len(plot.title[0].whole(UNICODE)) if plot.title else 0
 
 
 def y_labels(plot: Plot, rows: int) -> dict[int, str]:
@@ -239,14 +280,16 @@ def y_labels(plot: Plot, rows: int) -> dict[int, str]:
 
 def _label_width(plot: Plot, rows: int, width: int) -> int:
     """Columns of the labels of y and the blank beside them; those of a neighbour may be shorter."""
+    if plot.turns:
+        return 0
     shown = plot.fitted(width, 2 * rows)
     widths = [cell_len(text) for text in y_labels(shown, rows).values() if text]
     return max(widths) + 1 if widths else 0
 
 
 def dividers(layout: DrawingLayout) -> list[int]:
-    """The columns between plots that stand beside each other."""
-    plots = [place for place in layout.plots if place.plot.image is None]
+    """The columns between plots that stand beside each other, but not between dials and images."""
+    plots = [place for place in layout.plots if not place.plot.turns and place.plot.image is None]
     return [second.start - 1 for first, second in pairwise(plots) if first.top == second.top]
 
 

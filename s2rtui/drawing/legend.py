@@ -197,10 +197,15 @@ def fit_rows(
             free = width + gap
         rows[-1].append(part)
         free -= part.width + gap
-    if most is None or len(rows) <= most:
-        return rows
+    return cut_rows(rows, width, most, gap)
+
+
+def cut_rows(
+    rows: list[list[LegendPart]], width: int, most: int | None, gap: int = 2
+) -> list[list[LegendPart]]:
+    """The first `most` rows; an ellipsis ends the last one where others are left out."""
     kept = rows[:most]
-    if kept:
+    if kept and len(kept) < len(rows):
         kept[-1] = _with_ellipsis(kept[-1], width, gap)
     return kept
 
@@ -219,10 +224,12 @@ def _wrapped_parts(parts: Sequence[LegendPart], width: int) -> Iterator[LegendPa
 
 
 def _with_ellipsis(row: Sequence[LegendPart], width: int, gap: int) -> list[LegendPart]:
-    """A row that ends with an ellipsis, for which its last parts make room."""
+    """A row that ends with an ellipsis, for which its last parts, or last words, make room."""
     kept = list(row)
-    while kept and sum(part.width + gap for part in kept) + 1 > width:
+    while len(kept) > 1 and sum(part.width + gap for part in kept) + 1 > width:
         kept.pop()
+    if kept and kept[0].width + gap + 1 > width:
+        kept = kept[0].wrap(max(1, width - gap - 1))[:1] if kept[0].wrap else []
 
     def draw(canvas: Canvas, x: int, y: int) -> None:
         canvas.text(x, y, canvas.glyphs.ellipsis, canvas.theme.muted)

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from s2rtui.canvas import Theme
-from s2rtui.canvas.render_options import UNICODE
 from s2rtui.drawing.drawing import ColourBar, Drawing, Note
 from s2rtui.drawing.drawing_layout import no_room_notes
 from s2rtui.drawing.image_paper import draw_images
@@ -26,8 +25,9 @@ from s2rtui.drawing.page import (
     wrapped_label,
 )
 from s2rtui.drawing.plot import Phrase, Plot, Points
-from s2rtui.drawing.plot_paper import LEGEND_COLUMNS, draw_plot
+from s2rtui.drawing.plot_paper import LEGEND_COLUMNS, draw_plot, draw_sign
 from s2rtui.drawing.points_paper import points_note
+from s2rtui.drawing.polar_paper import draw_dials
 from s2rtui.drawing.table import TableSpec
 from s2rtui.drawing.table_paper import (
     LINE,
@@ -103,9 +103,12 @@ def draw_paper(
     for row, phrases in enumerate(reversed(notes)):
         x = MARGIN
         for phrase in phrases:
-            text = phrase.whole(UNICODE)
-            page.text(x, 0.1 + row * LINE, text, getattr(page.inks, phrase.ink), font)
-            x += (len(text) + _GAP) * LETTER * font
+            ink, indent = getattr(page.inks, phrase.ink), 0.0
+            if phrase.sign is not None:
+                indent = 2 * LETTER * font
+                draw_sign(page, x + indent / 3, 0.13 + row * LINE, phrase.sign, ink)
+            page.text(x + indent, 0.1 + row * LINE, phrase.text, ink, font)
+            x += indent + (len(phrase.text) + _GAP) * LETTER * font
     return page.encoded()
 
 
@@ -176,7 +179,9 @@ def _draw_plots(page: Page, drawing: Drawing, below: float, bar: ColourBar | Non
         left = wide - side + 0.25
         draw_colour_bar(page, left, page.top - high - 0.5, high, bar.scale, label, value_colours,
                         bar.clipped)  # fmt: skip
-    if _is_beside(page, drawing):
+    if plots[0].turns:
+        draw_dials(page, plots, below, _is_beside(page, drawing))
+    elif _is_beside(page, drawing):
         _draw_beside(page, plots, below, side)
     else:
         _draw_stacked(page, plots, below, side)
@@ -197,7 +202,7 @@ def _without_lightest(page: Page, drawing: Drawing) -> Drawing:
 
 
 def _is_beside(page: Page, drawing: Drawing) -> bool:
-    return drawing.beside and page.inches[0] > NARROW
+    return drawing.beside and page.top <= page.inches[0]
 
 
 def _least_inches(page: Page, drawing: Drawing) -> float:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.cells import cell_len
 
 from s2rstore.intervals import Interval
 from s2rtui.canvas.marks import Shape
@@ -20,7 +22,7 @@ Ink = Literal["sim", "real", "truth", "both", "text", "muted", "faint", "unselec
 """A colour of the theme."""
 Sign = Literal[
     "sim", "real", "truth", "both", "cursor", "selected", "trained", "baseline", "vertical",
-    "pointer", "passed", "failed", "inconclusive", "skipped",
+    "pointer", "passed", "failed", "inconclusive", "skipped", "interval",
 ]  # fmt: skip
 """What a dot means; each has its glyph and its marker on paper."""
 ROLES: tuple[Ink, ...] = ("sim", "real", "truth", "both", "cursor")
@@ -29,14 +31,20 @@ ROLES: tuple[Ink, ...] = ("sim", "real", "truth", "both", "cursor")
 
 @dataclass(frozen=True, slots=True)
 class Phrase:
-    """A text of a title or a note; the glyph of a sign stands before it."""
+    """A text of a title or a note; the glyph of a sign stands before it.
+
+    short: the text where there is no room for the whole one.
+    """
 
     text: str
     ink: Ink = "muted"
     sign: Sign | None = None
+    short: str = ""
 
-    def whole(self, glyphs: Glyphs) -> str:
-        return f"{getattr(glyphs, self.sign)} {self.text}" if self.sign else self.text
+    def whole(self, glyphs: Glyphs, room: float = math.inf) -> str:
+        """The text with its glyph; the short text if the other is wider than `room` cells."""
+        text = f"{getattr(glyphs, self.sign)} {self.text}" if self.sign else self.text
+        return self.short if self.short and cell_len(text) > room else text
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,8 +52,8 @@ class Bars:
     """A bar between every two of `edges` (n + 1,): `part` (n,) before a grey `whole` (n,)."""
 
     edges: Floats
-    part: NDArray[np.integer]
-    whole: NDArray[np.integer]
+    part: NDArray[np.number]
+    whole: NDArray[np.number]
     ink: Ink
 
 
@@ -66,7 +74,7 @@ class Dots:
 
     sign: by default that of the ink. name: in the legend. shift: factor that sets the marks apart
     from those of another side on a page; in cells such marks have no error bars. Points beyond the
-    scale of y are arrows at its end.
+    scale of y are arrows at its end. On a dial they have lines from the centre to its ring.
     """
 
     x: Floats
@@ -130,7 +138,8 @@ class Plot:
 
     name: of its panel, in which ranges of x or, on a plane, areas can be brushed. title: texts
     above it. weight: plots with the smallest are left out first where there is no room for all.
-    equal: whether the scales are widened so that a unit is as long on both.
+    equal: whether the scales are widened so that a unit is as long on both. turns: how the degrees
+    of x, from -180 to 180, turn on a dial; where there is no room for dials, x is a straight axis.
     """
 
     x: Scale
@@ -141,6 +150,7 @@ class Plot:
     weight: float = 0.0
     shape: Shape = "range"
     equal: bool = False
+    turns: Literal["clockwise", "anticlockwise"] | None = None
 
     @property
     def image(self) -> Image | None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.geometry import angles
 from s2rtui.canvas import BrushShape, Canvas, Rgb
-from s2rtui.canvas.marks import mark_on_panel, mark_range
+from s2rtui.canvas.marks import mark_arc, mark_on_panel, mark_range, wrap_degrees
 from s2rtui.canvas.raster import dot_grid, draw_braille
 from s2rtui.drawing.bars import draw_vertical_bars, put_over_bar
 from s2rtui.drawing.image import Image
@@ -24,15 +25,10 @@ _DASH = 4
 def draw_marks(canvas: Canvas, plot: Plot, brush: BrushShape | None) -> None:
     """Draw the marks of a plot, and a range of x that is being brushed, on the whole canvas."""
     ends: tuple[int, ...] = ()
-    is_range = plot.name and plot.shape == "range"
+    is_range = plot.name and plot.shape in ("range", "turn")
     mark = mark_on_panel(brush, plot.name) if is_range else None
     if mark is not None:
-        ends = tuple(
-            int(np.clip(column_of(plot.x, x, canvas.width), 0, canvas.width - 1))
-            for x in mark_range(mark)
-        )
-        wide = ends[1] - ends[0] + 1
-        canvas.fill(ends[0], 0, wide, canvas.height, canvas.theme.highlight)
+        ends = _draw_range(canvas, plot, mark)
     for each in plot.marks:
         if isinstance(each, Bars):
             _draw_bars(canvas, plot, each)
@@ -51,6 +47,22 @@ def draw_marks(canvas: Canvas, plot: Plot, brush: BrushShape | None) -> None:
     for at, glyph in zip(ends, (glyphs.scale_left, glyphs.scale_right), strict=False):
         for row in range(canvas.height):
             canvas.put(at, row, glyph, canvas.theme.truth, bold=True)
+
+
+def _draw_range(canvas: Canvas, plot: Plot, mark: BrushShape) -> tuple[int, ...]:
+    """The ground of a range of x, which on a turn may pass its ends; returns the end columns."""
+    width, theme = canvas.width, canvas.theme
+    if plot.shape == "turn":
+        middle, half = mark_arc(mark)
+        degrees = plot.x.value((np.arange(width) + 0.5) / width)
+        canvas.bg[:, np.abs(angles.wrap_degrees(degrees - middle)) <= half] = theme.highlight
+        bounds = wrap_degrees(middle - half), wrap_degrees(middle + half)
+    else:
+        bounds = mark_range(mark)
+    ends = tuple(int(np.clip(column_of(plot.x, x, width), 0, width - 1)) for x in bounds)
+    if plot.shape != "turn":
+        canvas.fill(ends[0], 0, ends[1] - ends[0] + 1, canvas.height, theme.highlight)
+    return ends
 
 
 def _draw_cursor(canvas: Canvas, plot: Plot, points: Points) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from s2rtui.canvas import Pixels, Theme
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.drawing.image import Image
-from s2rtui.drawing.page import LETTER, NARROW, Inks, Page, style_axes, value_colours
+from s2rtui.drawing.page import LETTER, NARROW, Ink, Inks, Page, style_axes, value_colours
 from s2rtui.drawing.plot import Bars, Dots, Line, Plot, Points, Rule, Sign
 from s2rtui.drawing.points_paper import draw_points
 from s2rtui.drawing.scale import Scale, short_number
@@ -31,7 +32,7 @@ MARKERS: dict[Sign, tuple[str, bool]] = {
     "sim": ("D", True), "real": ("o", False), "truth": ("D", True), "both": ("s", True),
     "cursor": ("^", True), "pointer": (">", True), "selected": ("o", True), "trained": ("o", False),
     "baseline": ("|", True), "vertical": ("|", True), "passed": ("o", True), "failed": ("^", True),
-    "inconclusive": ("o", False), "skipped": (".", True),
+    "inconclusive": ("o", False), "skipped": (".", True), "interval": ("_", True),
 }  # fmt: skip
 """The marker of each sign, and whether it is filled."""
 
@@ -71,6 +72,17 @@ def draw_plot(
 
 def plot_pixels(plot: Plot, theme: Theme, size: tuple[int, int]) -> Pixels:
     """The marks of a plot, without axes and texts beside them, in `size` (height, width) pixels."""
+
+    def draw(page: Page) -> None:
+        axes = page.axes(0.0, 0.0, *page.inches)
+        axes.set_axis_off()
+        draw_marks(axes, page, plot, page.inches)
+
+    return drawn_pixels(theme, size, draw)
+
+
+def drawn_pixels(theme: Theme, size: tuple[int, int], draw: Callable[[Page], None]) -> Pixels:
+    """What `draw` draws on a page without heading, in `size` (height, width) pixels."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -79,12 +91,19 @@ def plot_pixels(plot: Plot, theme: Theme, size: tuple[int, int]) -> Pixels:
     inks = Inks(theme)
     figure = Figure(figsize=inches, dpi=_SCREEN_DPI, facecolor=inks.background)
     canvas = FigureCanvasAgg(figure)
-    page = Page(figure, width, height, theme, inks)
-    axes = page.axes(0.0, 0.0, *inches)
-    axes.set_axis_off()
-    draw_marks(axes, page, plot, inches)
+    draw(Page(figure, width, height, theme, inks))
     canvas.draw()
     return np.array(np.asarray(canvas.buffer_rgba())[:height, :width, :3])
+
+
+def draw_sign(page: Page, x: float, y: float, sign: Sign, ink: Ink) -> None:
+    """Draw the marker of a sign at a place of the page in inches."""
+    from matplotlib.lines import Line2D
+
+    (wide, high), (marker, is_filled) = page.inches, MARKERS[sign]
+    face = ink if is_filled else page.inks.background
+    page.figure.add_artist(Line2D([x / wide], [y / high], color=ink, marker=marker, markersize=5.5,
+                                  markerfacecolor=face, linestyle="none"))  # fmt: skip
 
 
 def _keep_on_page(axis: Axis, scale: Scale, inches: float) -> None:

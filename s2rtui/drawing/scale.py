@@ -20,7 +20,8 @@ class Scale:
     """An axis from the value `low` to `high`, linear or logarithmic.
 
     names: what it shows with its unit, the longest first; an axis has the first one that fits.
-    fixed: its ticks, where they are not round numbers.
+    fixed: its ticks, where they are not round numbers. percent: whether labels of round numbers
+    are percentages of values that are shares.
     """
 
     low: float
@@ -28,6 +29,7 @@ class Scale:
     names: tuple[str, ...] = ()
     log: bool = False
     fixed: tuple[Tick, ...] | None = None
+    percent: bool = False
 
     def fraction(self, values: ArrayLike) -> NDArray[np.float64]:
         """The places of values along the axis: 0 at `low`, 1 at `high`."""
@@ -63,10 +65,12 @@ class Scale:
                     break
             if len(shown) > 1:
                 return tuple((value, f"{value:g}") for value in shown)
+        unit = 100.0 if self.percent else 1.0
+        low, high = unit * low, unit * high
         if len(tick_values(low, high, most)) < 2:
             most *= 2
-        width = tick_step(high - low, most)
-        return tuple((value, tick_text(value, width)) for value in tick_values(low, high, most))
+        width, values = tick_step(high - low, most), tick_values(low, high, most)
+        return tuple((value / unit, tick_text(value, width)) for value in values)
 
     def name(self, room: float, extent: Callable[[str], float]) -> str:
         """The longest name that fits into `room`; empty where none does."""
@@ -84,7 +88,7 @@ class Scale:
         for value, text in self.ticks(most):
             tick, size = float(self.fraction(value)) * length, extent(text)
             start = min(max(tick - size / 2, 0.0), length - size)
-            if 0 <= tick <= length and start >= free:
+            if 0 <= tick <= length and start >= free - 1e-9:
                 yield start, tick, text
                 free = start + size + gap
 

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import overload
 
-from s2rtui.drawing.plot import Ink, Sign
+from s2rtui.drawing.plot import Ink, Rule, Sign
+from s2rtui.drawing.row_lines import RowLines
 from s2rtui.drawing.scale import Scale
 
 
@@ -21,11 +22,12 @@ class Bar:
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """A line between two values, such as an interval."""
+    """A line between two values, such as an interval; a thick one is a difference."""
 
     low: float
     high: float
     ink: Ink
+    is_thick: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +39,15 @@ class Dot:
     sign: Sign
 
 
-StripMark = Bar | Span | Dot
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A text in place of marks."""
+
+    text: str
+    ink: Ink = "muted"
+
+
+StripMark = Bar | Span | Dot | Text
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,16 +71,18 @@ class Column:
     """A column of a table; with an ink of `ROLES` its glyph stands before the name.
 
     right: whether texts end at the right. scale: of the strips of its cells; an axis is drawn
-    where the scale has a name. sorts: whether the rows are sorted by it. rank: columns of the
-    largest are left out first where there is no room. least: its least width in cells. wraps:
-    whether its texts are wrapped into the room that the other columns leave. panel: name of the
-    panel in which its cells can be brushed.
+    where the scale has a name. rules: lines across all its strips. sorts: whether the rows are
+    sorted by it. rank: columns of the largest are left out first where there is no room. least:
+    its least width in cells; a strip has it as long as columns of more than one rank can be left
+    out. wraps: whether its texts are wrapped into the room that the other columns leave. panel:
+    name of the panel in which its cells can be brushed.
     """
 
     name: str
     ink: Ink = "muted"
     right: bool = False
     scale: Scale | None = None
+    rules: tuple[Rule, ...] = ()
     sorts: bool = False
     rank: int = 0
     least: int = 0
@@ -121,7 +133,8 @@ class TableSpec:
 
     panel: name of the panel in which rows can be chosen. chosen: the highlighted row. brushed:
     first and last row of a brush. first: the first visible row; by default the chosen, brushed or
-    marked row is visible. descending: the order of the column that sorts.
+    marked row is visible. descending: the order of the column that sorts. lines: instances as
+    lines from strip to strip, for which rows are set apart where all of them are visible.
     """
 
     columns: tuple[Column, ...]
@@ -131,6 +144,7 @@ class TableSpec:
     brushed: tuple[int, int] | None = None
     first: int | None = None
     descending: bool = True
+    lines: RowLines | None = None
 
     @property
     def has_head(self) -> bool:

@@ -11,8 +11,9 @@ from s2rtui.canvas import Canvas, PlotArea
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.drawing.bars import draw_horizontal_bars, put_over_bar
 from s2rtui.drawing.plot import ROLES
+from s2rtui.drawing.row_lines_cells import draw_row_lines
 from s2rtui.drawing.scale import Scale
-from s2rtui.drawing.table import Bar, Cell, Column, Row, Span, StripMark, TableSpec
+from s2rtui.drawing.table import Bar, Cell, Column, Dot, Row, Span, StripMark, TableSpec, Text
 from s2rtui.drawing.table_layout import TableLayout, TableLine, table_layout
 
 _TICKS = 10
@@ -27,14 +28,30 @@ def draw_table(canvas: Canvas, table: TableSpec, top: int, room: int) -> int:
     part = Canvas(canvas.width, layout.end, canvas.options)
     if layout.top:
         _draw_head(part, table, layout)
-    low, high = table.brushed or (-1, -2)
     for y, line in enumerate(layout.lines, start=layout.top):
-        is_held = line.row == table.chosen or low <= line.row <= high
-        _draw_line(part, table, layout, line, y, is_held)
+        if _is_held(table, line):
+            part.fill(0, y, canvas.width, 1, canvas.theme.highlight)
+        for place, scale, start, length in layout.strips(table) if line.part else ():
+            for rule in table.columns[place].rules:
+                x = _column(scale, rule.at, start, length)
+                part.put(x, y, part.glyphs.baseline, getattr(part.theme, rule.ink))
+    if table.lines is not None:
+        draw_row_lines(part, table, table.lines, layout)
+    for y, line in enumerate(layout.lines, start=layout.top):
+        _draw_line(part, table, layout, line, y)
     if layout.axis is not None:
-        _draw_axes(part, table, layout, layout.axis)
+        for _, scale, start, length in layout.strips(table):
+            if scale.names:
+                draw_axis(part, scale, start, layout.axis, length, length // _TICKS)
     canvas.paste(part, 0, top)
     return top + layout.end
+
+
+def _is_held(table: TableSpec, line: TableLine) -> bool:
+    """Whether a line is highlighted; only the first one of a row from which lines go on."""
+    low, high = table.brushed or (-1, -2)
+    is_chosen = line.row == table.chosen or low <= line.row <= high
+    return is_chosen and not (table.lines and line.part)
 
 
 def table_panels(table: TableSpec, top: int, width: int, room: int) -> tuple[PlotArea, ...]:
@@ -59,7 +76,8 @@ def table_panels(table: TableSpec, top: int, width: int, room: int) -> tuple[Plo
     if table.panel:
         return (panel(table.panel, 0, max(1, width)),)
     if table.rows[0].name:
-        return tuple(_ranges(table, layout, first))
+        ranges = _ranges(table, layout, first)
+        return tuple(part for part in ranges if part.x + part.width <= max(1, width))
     shown = zip(layout.columns, layout.starts, layout.widths, strict=True)
     return tuple(
         panel(table.columns[place].panel, start, min(wide, width - start))
@@ -69,26 +87,30 @@ def table_panels(table: TableSpec, top: int, width: int, room: int) -> tuple[Plo
 
 
 def _ranges(table: TableSpec, layout: TableLayout, top: int) -> Iterator[PlotArea]:
-    """Yield a range of the scale for each visible strip of a row that has a name."""
-    shown = list(zip(layout.columns, layout.starts, layout.widths, layout.text_widths, strict=True))
-    for y, line in enumerate(layout.lines, start=top):
-        for place, start, width, texts in shown if line.part == 0 else ():
-            if (scale := table.columns[place].scale) is not None:
-                length = width - (texts + 1 if texts else 0)
-                yield _range(table.rows[line.row].name, scale, (start, y, length))
+    """Yield a range of the scale for each visible strip of a row that has a name.
+
+    With lines between them, rows reach half-way to their neighbours.
+    """
+    nearest = [line.row + (2 * line.part > layout.each) for line in layout.lines]
+    for row in dict.fromkeys(nearest):
+        first, own = nearest.index(row), layout.lines.index(TableLine(row))
+        lines = nearest.count(row) if table.lines else 1
+        for _, scale, start, length in layout.strips(table):
+            at = start, top + (first if table.lines else own), length, lines
+            yield _range(table.rows[row].name, scale, at, top + own)
 
 
-def _range(name: str, scale: Scale, at: tuple[int, int, int]) -> PlotArea:
-    """The strip of `width` cells from (x, y); the middles of its outer cells are the ends."""
-    left, top, width = at
+def _range(name: str, scale: Scale, at: tuple[int, int, int, int], own: int) -> PlotArea:
+    """A rectangle (x, y, width, height) of cells; y is 0 to 1 in line `own`, that of the row."""
+    left, top, width, height = at
 
     def to_data(column: float, row: float) -> tuple[float, float]:
-        return float(scale.value((column - 0.5 - left) / max(1, width - 1))), row - top
+        return float(scale.value((column - left) / max(1, width))), row - own
 
     def to_cells(x: float, y: float) -> tuple[float, float]:
-        return left + 0.5 + float(scale.fraction(x)) * max(1, width - 1), y + top
+        return left + float(scale.fraction(x)) * max(1, width), y + own
 
-    return PlotArea(name, "range", left, top, width, 1, to_data, to_cells)
+    return PlotArea(name, "range", left, top, width, height, to_data, to_cells)
 
 
 def _draw_head(canvas: Canvas, table: TableSpec, layout: TableLayout) -> None:
@@ -113,35 +135,39 @@ def _draw_head(canvas: Canvas, table: TableSpec, layout: TableLayout) -> None:
 
 
 def _draw_line(
-    canvas: Canvas, table: TableSpec, layout: TableLayout, line: TableLine, y: int, held: bool
+    canvas: Canvas, table: TableSpec, layout: TableLayout, line: TableLine, y: int
 ) -> None:
     theme, glyphs, row = canvas.theme, canvas.glyphs, table.rows[line.row]
-    if held:
-        canvas.fill(0, y, canvas.width, 1, theme.highlight)
+    held = _is_held(table, line)
     if line.part == 0 and layout.gutter:
         if held:
             canvas.put(0, y, glyphs.pointer, theme.truth, bold=True)
         if row.marked:
             canvas.put(1, y, glyphs.cursor, theme.cursor, bold=True)
     is_last = layout.each > 1 and line.part == layout.each - 1
-    shown = zip(layout.columns, layout.starts, layout.widths, layout.text_widths, strict=True)
-    for place, start, width, texts in shown:
+    for place, scale, start, length in layout.strips(table) if not is_last else ():
+        marks = _marks(table.columns[place], row.cells[place], line)
+        _draw_strip(canvas, scale, marks, (start, y, length))
+    for place, start, width in zip(layout.columns, layout.starts, layout.widths, strict=True):
         column, cell = table.columns[place], row.cells[place]
-        if cell.strip and column.scale is not None and not is_last:
-            length = width - (texts + 1 if texts else 0)
-            marks = cell.strip if line.part == 0 else tuple(
-                mark for mark in cell.strip if isinstance(mark, Bar)
-            )  # fmt: skip
-            _draw_strip(canvas, column.scale, marks, (start, y, length))
         if column.wraps:
             ink = theme.muted if line.is_note else getattr(theme, row.ink)
             canvas.text(start, y, canvas.options.printable(line.text), ink)
-        elif line.part == 0:
+        elif line.part == 0 and (cell.text or cell.detail):
             _draw_text(canvas, row, column, cell, place, (start, y, width), layout, held)
         elif (
             line.is_note and place == 0 and not any(table.columns[p].wraps for p in layout.columns)
         ):
             canvas.text(start, y, canvas.options.printable(line.text), theme.muted)
+
+
+def _marks(column: Column, cell: Cell, line: TableLine) -> tuple[StripMark, ...]:
+    """The marks of a strip in a line, the rules below its dots; further lines have bars alone."""
+    if line.part:
+        return tuple(mark for mark in cell.strip if isinstance(mark, Bar))
+    lower = (mark for mark in cell.strip if isinstance(mark, Bar | Span))
+    rules = (Dot(rule.at, rule.ink, "baseline") for rule in column.rules)
+    return *lower, *rules, *(mark for mark in cell.strip if isinstance(mark, Dot | Text))
 
 
 def _draw_text(
@@ -168,11 +194,12 @@ def _draw_strip(
     canvas: Canvas, scale: Scale, marks: tuple[StripMark, ...], at: tuple[int, int, int]
 ) -> None:
     """The marks of a cell in `width` cells from (x, y); what is beyond the scale is at its end."""
-    (left, y, width), theme = at, canvas.theme
+    (left, y, width), theme, glyphs = at, canvas.theme, canvas.glyphs
     low, high = scale.low, scale.high
+    has_bars = any(isinstance(mark, Bar) for mark in marks)
 
     def column(value: float) -> int:
-        return left + min(max(int(float(scale.fraction(value)) * width), 0), width - 1)
+        return _column(scale, value, left, width)
 
     for mark in marks:
         ink = getattr(theme, mark.ink)
@@ -188,32 +215,36 @@ def _draw_strip(
             if not (math.isfinite(mark.low) and math.isfinite(mark.high)):
                 continue
             ends = column(mark.low), column(mark.high)
-            for x in range(ends[0], min(ends[1] + 1, canvas.width)):
+            line = glyphs.bar if mark.is_thick else glyphs.interval
+            if not has_bars:
+                canvas.hline(*ends, y, line, ink)
+            for x in range(ends[0], min(ends[1] + 1, canvas.width)) if has_bars else ():
                 if canvas.char[y, x] not in "█#":
-                    canvas.put(x, y, canvas.glyphs.interval, ink)
+                    canvas.put(x, y, line, ink)
             for x, is_beyond, glyph in zip(ends, (mark.low < low, mark.high > high), "<>",
                                            strict=True):  # fmt: skip
                 if is_beyond:
                     canvas.put(x, y, glyph, theme.text, bold=True)
+        elif isinstance(mark, Text):
+            text = canvas.options.printable(fit_text(f"{mark.text} ", width))
+            canvas.text(left, y, text, ink)
         elif math.isfinite(mark.at):
-            put_over_bar(canvas, column(mark.at), y, getattr(canvas.glyphs, mark.sign), ink)
+            x, glyph = min(column(mark.at), canvas.width - 1), getattr(glyphs, mark.sign)
+            if {str(canvas.char[y, x]), glyph} == {glyphs.sim, glyphs.real}:
+                glyph, ink = glyphs.both, theme.text
+            put_over_bar(canvas, x, y, glyph, ink)
 
 
-def _draw_axes(canvas: Canvas, table: TableSpec, layout: TableLayout, y: int) -> None:
-    """Ticks and the name of the scale of each column of strips."""
-    shown = zip(layout.columns, layout.starts, layout.widths, layout.text_widths, strict=True)
-    for place, start, width, texts in shown:
-        scale = table.columns[place].scale
-        if scale is not None and scale.names:
-            length = width - (texts + 1 if texts else 0)
-            draw_axis(canvas, scale, start, y, length, length // _TICKS)
+def _column(scale: Scale, value: float, left: int, width: int) -> int:
+    """The column of a value on a strip of `width` cells from column `left` on."""
+    return left + min(max(int(float(scale.fraction(value)) * width), 0), width - 1)
 
 
 def draw_axis(canvas: Canvas, scale: Scale, left: int, y: int, width: int, most: int) -> None:
     """Labels and name: fixed labels come first, round numbers leave room for it but for one."""
     muted = canvas.theme.muted
     name = scale.name(width / 2, cell_len)
-    stop = width if scale.fixed is not None else width - cell_len(name) - 1
+    stop = width if scale.fixed is not None or not name else width - cell_len(name) - 1
     end = 0
     for start, _, text in scale.labels(width, max(2, most), cell_len, 1.0):
         if int(start) + cell_len(text) <= stop or not end:

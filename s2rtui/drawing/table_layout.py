@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from rich.cells import cell_len
 
 from s2rtui.drawing.plot import ROLES
+from s2rtui.drawing.scale import Scale
 from s2rtui.drawing.table import Bar, Column, Row, TableSpec
 
 ALL_LINES = 10_000
@@ -26,6 +27,8 @@ _MEASURED = 500
 """Rows of a longer table are measured where they are visible."""
 _THICKEST = 3
 """Most lines of a row with strips, the blank one below it included."""
+_FARTHEST = 12
+"""Most lines from a row to the next one where instances are lines between them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,9 +46,9 @@ class TableLayout:
     """The visible columns and lines of a table, all in cells from its upper left corner.
 
     columns: places of the visible columns; starts, widths: of each. text_widths: of the texts
-    behind strips. top: line of the first row; each: lines of a row with strips. first, shown: the
-    visible rows. axis: line of the axis of strips, if any. is_detailed: whether details are shown.
-    is_tight: whether names are cut, or strips shorter than they should be.
+    behind strips. top: line of the first row; each: lines from a row with strips to the next one.
+    first, shown: the visible rows. axis: line of the axis of strips, if any. is_detailed: whether
+    details are shown. is_tight: whether names are cut, or strips shorter than they should be.
     """
 
     columns: tuple[int, ...]
@@ -67,6 +70,13 @@ class TableLayout:
         """The line after the last one."""
         return self.top + len(self.lines) + (self.axis is not None)
 
+    def strips(self, table: TableSpec) -> Iterator[tuple[int, Scale, int, int]]:
+        """Yield place, scale, start and length of each visible column of strips."""
+        widths = zip(self.columns, self.starts, self.widths, self.text_widths, strict=True)
+        for place, start, width, texts in widths:
+            if (scale := table.columns[place].scale) is not None:
+                yield place, scale, start, width - (texts + 1 if texts else 0)
+
 
 def wanted_lines(table: TableSpec) -> int:
     """Lines of a table whose rows have one line each, with its head and axis."""
@@ -80,14 +90,16 @@ def table_layout(
     """Lay out a table in `width` x `height` cells; columns that do not fit are left out.
 
     Details, then columns of the largest rank, are left out first. Rows are spread where they have
-    bars and there is room. has_window: whether the head counts the visible rows where not all are.
+    bars or lines between them, and there is room. has_window: whether the head counts the visible
+    rows where not all are.
     """
     gutter = _GUTTER if table.panel or table.chosen is not None else 0
     top = int(table.has_head and height > 1)
     has_axis = any(column.scale is not None and column.scale.names for column in table.columns)
     free = max(1, height - top)
-    axis = int(has_axis and free >= _FEWEST_WITH_AXIS)
-    count, room = len(table.rows), max(1, free - axis)
+    count = len(table.rows)
+    axis = int(has_axis and free >= min(_FEWEST_WITH_AXIS, count + 1))
+    room = max(1, free - axis)
     first = _first_row(table, min(count, room))
     measured = table.rows[first : first + room] if count > _MEASURED else list(table.rows)
     room_across = max(1, width - gutter)
@@ -111,10 +123,12 @@ def table_layout(
             for mark in row.cells[place].strip
         )  # fmt: skip
         each = min(_THICKEST, max(1, room // max(1, count))) if has_bars else 1
-        shown = range(first, min(count, first + room // each))
+        if table.lines is not None:
+            each = min(_FARTHEST, max(1, (room - 1) // (count - 1))) if count > 1 else 1
+        shown = range(first, min(count, first + -(-room // each)))
         lines = [TableLine(row, part) for row in shown for part in range(each)]
         if each > 1:
-            lines = lines[:-1]
+            lines = lines[: 1 - each if table.lines else -1]
     rows = sorted({line.row for line in lines})
     starts, x = [], gutter
     for taken in widths:
@@ -166,8 +180,11 @@ def _columns(
     """
     ranks = sorted({column.rank for column in table.columns}, reverse=True)
     tight = max(4, width // 4)
+    strips = [column.least for column in table.columns if column.scale is not None]
+    wide = max([_SHORTEST_STRIP, *strips])
     choices = [
-        _Choice(ranks[0], True), *map(_Choice, ranks), _Choice(ranks[-1], name=tight, strip=5),
+        _Choice(ranks[0], True, strip=wide), *(_Choice(rank, strip=wide) for rank in ranks[:-1]),
+        *map(_Choice, ranks), _Choice(ranks[-1], name=tight, strip=5),
         _Choice(ranks[-1], strip_texts=False, name=tight, strip=4),
     ]  # fmt: skip
     for choice in choices:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import counted
@@ -13,7 +14,8 @@ from s2rtui.canvas.render_options import UNICODE
 from s2rtui.drawing.page import LETTER, Page, style_axes
 from s2rtui.drawing.plot import ROLES
 from s2rtui.drawing.plot_paper import MARKERS, axis_name, axis_ticks
-from s2rtui.drawing.table import Bar, Row, Span, StripMark, TableSpec
+from s2rtui.drawing.row_lines_paper import draw_row_lines
+from s2rtui.drawing.table import Bar, Row, Span, StripMark, TableSpec, Text
 from s2rtui.drawing.table_layout import ALL_LINES, TableLayout, table_layout
 
 if TYPE_CHECKING:
@@ -69,7 +71,9 @@ def draw_table(
     layout = page_layout(table, letters, lines + has_axis)
     used = layout.top + len(layout.lines)
     is_spread = _has_strips(table, layout) and not _has_notes(table)
-    step = min(room / max(1, used), 2.2 * height) if is_spread else height
+    step = room / max(1, used) if is_spread else height
+    if table.lines is None:
+        step = min(step, 2.2 * height)
     heights = [top - (at + 0.5) * step for at in range(used)]
     shown = list(zip(layout.columns, layout.starts, layout.widths, layout.text_widths, strict=True))
     for place, start, wide, texts in shown:
@@ -184,6 +188,13 @@ def _draw_strips(
         axes.set_xticks([])
         for spine in axes.spines.values():
             spine.set_visible(False)
+    if table.lines is not None:
+        first = layout.first
+        shown = replace(table.lines, values=table.lines.values[first : first + layout.shown])
+        draw_row_lines(axes, page, shown, scale)
+    for rule in table.columns[place].rules:
+        axes.axvline(rule.at, color=getattr(page.inks, rule.ink), linewidth=1.4,
+                     linestyle=(0, (2, 2)) if rule.dashed else "-", zorder=2)  # fmt: skip
     for y, line in enumerate(layout.lines):
         for mark in table.rows[line.row].cells[place].strip if line.part == 0 else ():
             _draw_strip_mark(axes, page, mark, y)
@@ -196,7 +207,12 @@ def _draw_strip_mark(axes: Axes, page: Page, mark: StripMark, y: float) -> None:
         axes.barh(y, mark.value, height=_BAR, color=ink, linewidth=0, zorder=3)
     elif isinstance(mark, Span):
         if math.isfinite(mark.low) and math.isfinite(mark.high):
-            axes.plot([mark.low, mark.high], [y, y], color=ink, linewidth=1.6, zorder=4)
+            width, order, opacity = (5.0, 3, 0.35) if mark.is_thick else (1.6, 4, 1.0)
+            axes.plot([mark.low, mark.high], [y, y], color=ink, linewidth=width, alpha=opacity,
+                      zorder=order, solid_capstyle="butt")  # fmt: skip
+    elif isinstance(mark, Text):
+        axes.annotate(mark.text, (0, y), xycoords=("axes fraction", "data"), va="center",
+                      fontsize=8, color=ink, path_effects=page.halo(2), zorder=5)  # fmt: skip
     else:
         marker, is_filled = MARKERS[mark.sign]
         axes.plot([mark.at], [y], marker=marker, markersize=5.5, color=ink, linestyle="none",

@@ -17,8 +17,7 @@ from s2rstore.index.population import Population
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN
 from s2rtui.charts.instance.model import instance_input
-from s2rtui.charts.overview.model import overview_rows
-from s2rtui.charts.overview.translators import translator_rows
+from s2rtui.charts.overview.model import overview_rows, translator_rows
 from s2rtui.charts.scene import LoadedGroups, LoadedModel, RunAccuracies, model_source
 from s2rtui.charts.shared.base_map_background import floor_plan_pixels
 from s2rtui.charts.shared.base_map_floor import plan_tones

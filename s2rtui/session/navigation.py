@@ -13,7 +13,7 @@ from s2rstore.language.syntax_tree import Everything
 from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN
-from s2rtui.session import adjusting, saved_selection_diff, targets
+from s2rtui.session import adjusting, saved_selection_diff, targets, view_settings
 from s2rtui.session.context import SessionContext
 from s2rtui.session.evaluation import evaluate
 from s2rtui.session.heatmaps import with_heat
@@ -66,8 +66,12 @@ def change_run(context: SessionContext, state: State, steps: int) -> State:
 
 
 def set_run(context: SessionContext, state: State, run: str) -> State:
-    """Show a run with the selected or pending expression, or all if that cannot be evaluated."""
-    return go_to(context, state, replace(targets.final(state), run=run))
+    """Show a run with the selected or pending expression, or all if that cannot be evaluated.
+
+    The table of runs shows its row again where it was scrolled.
+    """
+    target = replace(targets.final(state), run=run)
+    return go_to(context, view_settings.unscrolled(state, "overview"), target)
 
 
 def set_trajectories(context: SessionContext, state: State, names: tuple[str, ...] | None) -> State:

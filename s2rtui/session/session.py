@@ -12,6 +12,7 @@ import numpy as np
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rstore.files import compute_progress
 from s2rstore.files.planned_poses import read_planned_poses
 from s2rstore.findings import largest_room
 from s2rstore.gap_history import reader
@@ -19,6 +20,7 @@ from s2rstore.language import Node
 from s2rstore.language.syntax_tree import Everything, Extreme, Field
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN
+from s2rstore.security.printable_text import printable
 from s2rtui.session import navigation, selection, targets
 from s2rtui.session.context import BasePopulations, Reducer, SessionContext
 from s2rtui.session.heatmaps import with_heat
@@ -33,10 +35,16 @@ NotebookFactory = Callable[[str], Notebook]
 
 @dataclass(frozen=True, slots=True)
 class StoreUpdates:
-    """What is published now: the number of the generation, and the gap history."""
+    """What is published now: the number of the generation, and the gap history.
+
+    `has_same_parts`: whether its data set has the same parts as that of the session. `computing`:
+    the progress of a process that computes in the store, empty without one.
+    """
 
     generation: int
     history: HistoryFile | None
+    has_same_parts: bool = True
+    computing: str = ""
 
 
 class Session:
@@ -74,6 +82,7 @@ class Session:
         self.defers_loading = False
         self._retired: list[Store] = []
         self._is_branch = False
+        self._is_pinned = generation is not None
         self._base_populations = BasePopulations()
         self._gap_history = gap_history.resolve() if gap_history else None
         initial = _initial_state(self.store, run, self._history_file())
@@ -206,7 +215,36 @@ class Session:
 
     def read_updates(self) -> StoreUpdates:
         """What is published now; for any thread, because a server may take long to answer."""
-        return StoreUpdates(self.store.latest_generation(), self._history_file())
+        generation, store = self.store.latest_generation(), self.store
+        has_same_parts = True
+        if generation != store.generation:
+            with s2rstore.open(store.path, INDEX_MEMORY) as fresh:
+                has_same_parts = (fresh.identity, fresh.parts) == (store.identity, store.parts)
+        progress = compute_progress.read(store.files)
+        computing = "" if progress is None else printable(progress.text)
+        return StoreUpdates(generation, self._history_file(), has_same_parts, computing)
+
+    def follow(self, updates: StoreUpdates) -> bool:
+        """Continue in a newer generation of the same data set; whether there is one.
+
+        The message stays. Not while something is pending, and not in a session that was opened on
+        a certain generation.
+        """
+        state = self.state
+        is_newer = updates.generation != self.store.generation
+        if not is_newer or not updates.has_same_parts or self._is_pinned or state.pending:
+            return False
+        self.open_newest_generation()
+        if self.state.pending is None and not self.state.is_error:
+            self.dispatch(
+                lambda context, present: replace(
+                    present,
+                    message=state.message,
+                    is_error=state.is_error,
+                    keeps_message=state.keeps_message,
+                )
+            )
+        return True
 
     def apply_updates(self, updates: StoreUpdates) -> bool:
         """Put what is published now into the state; whether any of it is new."""

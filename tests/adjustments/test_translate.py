@@ -156,7 +156,6 @@ def test_the_panel_has_a_slider_per_translator(fitted):
     session = Session(fitted)
     session.dispatch(adjusting.open_sliders, *adjusting.available_sliders(session.store))
     adjust = session.state.adjust
-    assert adjust is not None
     index = [slider.name for slider in adjust.sliders].index("translate:to_sim")
     state = session.dispatch(adjusting.set_slider, index, 0.5)
     chains = adjusting.adjustment_chains(session.store, state.adjust)

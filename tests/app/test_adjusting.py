@@ -34,8 +34,6 @@ async def test_moving_a_slider_shows_the_live_prediction(few_pairs_store):
     async with running(few_pairs_store, with_trained=True) as (app, pilot):
         await press(app, pilot, "a", *["right"] * 3)
         adjust, shown = app.session.state.adjust, app.loaded.live
-        assert adjust is not None
-        assert shown is not None
         names = [slider.name for slider in adjust.sliders]
         assert names == [a.name for a in ADJUSTMENTS.values() if isinstance(a, ImageAdjustment)]
         assert "cameras cannot be moved" in adjust.reason
@@ -47,8 +45,6 @@ async def test_moving_a_slider_shows_the_live_prediction(few_pairs_store):
             chains = {"real": make_chain("real", {"brightness": brightness})}
             expected = model.compute(shown.iid, chains)
             model.close()
-        assert expected is not None
-        assert shown.real.pose is not None
         assert shown.real.pose.x == pytest.approx(expected.real.x, abs=1e-5)
         assert (shown.real.rgb == expected.real.rgb).all()
         poses = {pose.side: pose for pose in _map_input(app).live}
@@ -70,11 +66,8 @@ async def test_a_synthetic_world_renders_moved_sim_cameras(moved_camera_store):
         before = app.loaded.live
         await press(app, pilot, "up", "right", "right")
         adjust, after = app.session.state.adjust, app.loaded.live
-        assert adjust is not None
         assert adjust.reason == ""
         assert adjust.value(("sim", "camera_fov")) > 0
-        assert before is not None
-        assert after is not None
         assert (before.sim.rgb != after.sim.rgb).mean() > 0.2
         assert (before.real.rgb == after.real.rgb).all()
 
@@ -263,21 +256,18 @@ async def test_a_hidden_panel_releases_the_model(tiny_store, monkeypatch):
     app.load_scheduler.debounce_seconds, app.load_scheduler.release_seconds = 0.001, 0.05
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
-        await pilot.press("a")
-        await settle(app, pilot)
+        await press(app, pilot, "a")
         assert predictor.calls == ["read"]
         await asyncio.sleep(0.2)
         assert predictor.calls == ["read"]
         app.session.dispatch(view_settings.show_view, "instance", "tab")
         app.updater.refresh()
-        await pilot.press("n")
-        await settle(app, pilot)
+        await press(app, pilot, "n")
         async with asyncio.timeout(10):
             while predictor.calls == ["read"]:
                 await pilot.pause()
         assert predictor.calls == ["read", "leave"]
-        await pilot.press("a")
-        await settle(app, pilot)
+        await press(app, pilot, "a")
         assert predictor.calls == ["read", "leave", "read"]
 
 

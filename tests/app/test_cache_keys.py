@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from s2rstore.files.planned_poses import PlannedPose
+from s2rstore.intervals import Interval
 from s2rstore.language.syntax_tree import Everything, Nothing
 from s2rstore.records import Bounds
 from s2rtui.app.titled_view import TitledView
@@ -80,7 +81,7 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "group_descending": lambda _, state: not state.group_descending,
     "finding": lambda _, state: state.finding + 1,
     "suggestion": lambda _, state: state.suggestion + 1,
-    "history": lambda _, state: HistoryFile(Path("gap.duckdb"), (1, 2, 3)),
+    "history": lambda _, state: HistoryFile(Path("gap.jsonl"), (1, 2, 3)),
     "message": lambda _, state: "something",
     "is_error": lambda _, state: True,
     "keeps_message": lambda _, state: not state.keeps_message,
@@ -90,7 +91,10 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
 }
 RESOURCE_CHANGES: dict[str, Callable[[LoadedData], object]] = {
     "translators": lambda resources: (TranslatorRow("mkl", "real2sim", True),),
-    "rows": lambda resources: (replace(resources.rows[0], real_accuracy=0.3), *resources.rows[1:]),
+    "rows": lambda resources: (
+        replace(resources.rows[0], real=Interval.unknown(0.3)),
+        *resources.rows[1:],
+    ),
     "lines": lambda resources: RunAccuracies(
         "sim", {r: v / 2 for r, v in resources.lines.values.items()}
     ),

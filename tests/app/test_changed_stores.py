@@ -3,7 +3,9 @@
 import asyncio
 from pathlib import Path
 
-from s2rtui.app.pilot import settle
+from s2rstore.files import compute_progress
+from s2rstore.index.transaction import edit
+from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.charts.registry import VIEWS
 from s2rtui.cli import main
 from tests.support.appended import append_trajectory
@@ -48,12 +50,12 @@ async def test_a_session_moves_on_to_predictions_that_were_imported_again(store_
     import_predictions(store_copy, tmp_path, make(store_copy))
     async with running(store_copy, run="theirs", size=(80, 24)) as (app, pilot):
         before = app.session.store.run_columns("theirs").real.x.copy()
+        message = app.session.state.message
         again = make(store_copy, seed=1)
         await asyncio.to_thread(import_predictions, store_copy, tmp_path, again)
         app.store_updates.check_store()
         await settle(app, pilot)
-        assert (app.session.store.run_columns("theirs").real.x == before).all()
-        await press(app, pilot, "g")
+        assert app.session.state.message == message
         assert app.session.state.run == "theirs"
         assert (app.session.store.run_columns("theirs").real.x != before).any()
         assert "imported" in app.updater.status_text()
@@ -69,14 +71,12 @@ def test_every_view_draws_after_an_append(store_copy):
             app.store_updates.check_store()
             await settle(app, pilot)
             assert app.session.state.newest > app.session.state.generation
-            await pilot.press("g")
-            await settle(app, pilot)
+            await press(app, pilot, "g")
             assert "5 instances added" in app.session.state.message
             for view in VIEWS:
                 if view.name == "adjust":  # the store has no weights
                     continue
-                await pilot.press(view.key)
-                await settle(app, pilot)
+                await press(app, pilot, view.key)
                 assert not app.session.state.is_error, (view.name, app.session.state.message)
             assert app.session.state.selected.size == N + ADDED
             assert "computed for 40 of 45 instances" in app.updater.status_text()
@@ -92,3 +92,35 @@ def test_every_view_draws_after_an_append(store_copy):
             assert app.loaded.pictures.sim.rgb.size
 
     asyncio.run(run())
+
+
+async def test_what_precompute_publishes_appears_by_itself(store_copy):
+    """Kinds of a run, its projection, and the progress of the process that computes."""
+    with edit(store_copy) as draft:
+        rows = draft.rows("SELECT * FROM zarr_array WHERE run = 'vanilla'")
+        names = [column for column, *_ in draft.rows("DESCRIBE zarr_array")]
+        draft.delete("projection", run="vanilla")
+        draft.delete("zarr_array", run="vanilla")
+        kept = [dict(zip(names, row, strict=True)) for row in rows]
+        predictions = [row for row in kept if row["kind"] in ("prediction", "embedding")]
+        draft.insert_rows("zarr_array", predictions)
+    async with running(store_copy, run="vanilla", size=(120, 40)) as (app, pilot):
+        await press(app, pilot, "4")
+        compute_progress.write(store_copy, "vanilla: forward", 1, 2, 30.0)
+        app.store_updates.check_store()
+        await settle(app, pilot)
+        text = take_screenshot(app).text
+        assert "run vanilla has no projection" in text
+        assert "computing vanilla: forward 1/2, about 30 s left" in " ".join(text.split())
+        assert app.session.state.heat is None
+        generation, selected = app.session.state.generation, app.session.state.selected
+        with edit(store_copy) as draft:
+            draft.delete("zarr_array", run="vanilla")
+            draft.insert_rows("zarr_array", kept)
+        compute_progress.remove(store_copy)
+        app.store_updates.check_store()
+        await settle(app, pilot)
+        assert app.session.state.generation == generation + 1
+        assert (app.session.state.selected == selected).all()
+        assert app.session.state.heat is not None
+        assert "computing" not in take_screenshot(app).text

@@ -23,7 +23,6 @@ from tests.support.application import make_app, press, running
 async def test_each_finding_is_one_key_away_from_its_instances(tiny_store):
     async with running(tiny_store, size=(80, 24)) as (app, pilot):
         report = app.loaded.findings
-        assert report is not None
         for number, finding in enumerate(report.findings):
             await press(app, pilot, "I", *["down"] * (number > 0), "enter")
             state = app.session.state
@@ -43,7 +42,6 @@ async def test_the_first_wide_screen_shows_the_findings(tiny_store):
     async with running(tiny_store, size=(200, 60)) as (app, pilot):
         text = " ".join(take_screenshot(app).text.split())
         report = app.loaded.findings
-        assert report is not None
         assert all(finding.kind in text for finding in report.findings)
         assert "I findings" in text
         await press(app, pilot, "f1", "enter")
@@ -54,7 +52,6 @@ async def test_the_chosen_finding_wraps_around_and_is_about_all_trajectories(tin
     async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "t", "I", "up")
         assert app.session.state.trajectories is not None
-        assert app.loaded.findings is not None
         last = app.loaded.findings.findings[-1]
         await press(app, pilot, "enter")
         assert last.text in app.session.state.message
@@ -108,7 +105,6 @@ async def test_trained_instances_are_ranked_only_if_they_are_included(trained_sp
         await press(app, pilot, "6")
         for count, is_included in ((8, False), (40, True)):
             loaded = app.loaded.current_groups(app.session.state)
-            assert loaded is not None
             assert sum(row.n for row in loaded.rows) == count
             assert ("32 trained on included" in take_screenshot(app).text) == is_included
             await press(app, pilot, "M")

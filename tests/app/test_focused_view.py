@@ -37,12 +37,10 @@ async def test_zoom_and_pan_keys_move_the_focused_view_alone(tiny_store):
         assert inside[1] < inside[0]
         state = app.session.state
         closer = state.viewport_of("umap")
-        assert closer is not None
         assert state.viewport is None
         assert "umap enlarged 1.67 times" in message(app)
         await press(app, pilot, "shift+right")
         moved = app.session.state.viewport_of("umap")
-        assert moved is not None
         assert moved.x0 > closer.x0
         await press(app, pilot, "2", "z")
         assert app.session.state.viewport is not None
@@ -131,17 +129,14 @@ async def test_a_drawn_brush_becomes_a_lasso_and_a_box_again(tiny_store):
     async with running(tiny_store, size=SIZE) as (app, pilot):
         await press(app, pilot, "c", "x", "Z", "Z")
         box = app.session.state.brush
-        assert box is not None
         await press(app, pilot, "L")
         lasso = app.session.state.brush
-        assert lasso is not None
         assert lasso.mark.lasso
         corners = {(x, y) for x in (p[0] for p in box.mark.points) for y in
                    (p[1] for p in box.mark.points)}  # fmt: skip
         assert set(lasso.mark.points) == corners
         await press(app, pilot, "L")
         again = app.session.state.brush
-        assert again is not None
         assert not again.mark.lasso
         assert {p[0] for p in again.mark.points} == {p[0] for p in box.mark.points}
         await press(app, pilot, "L", "enter")

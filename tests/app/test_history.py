@@ -1,7 +1,6 @@
 """The gap history in the application: view, outputs and updates after new nights."""
 
 import asyncio
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -73,7 +72,7 @@ def test_a_damaged_history_is_reported_and_other_views_work(tmp_path, tiny_store
     path.parent.mkdir()
     path.write_bytes(b"no database")
     text = snapshot(tmp_path / "s.s2r", (200, 24)).text
-    assert "gap.duckdb: no history that this version reads" in text
+    assert "gap.jsonl: no history that this version reads" in text
     shown = snapshot(tmp_path / "s.s2r", (80, 24), ["G"]).text.splitlines()[2:8]
     assert shown[0].strip() == "the history cannot be read"
     assert str(path) in "".join(line.strip() for line in shown)
@@ -81,9 +80,8 @@ def test_a_damaged_history_is_reported_and_other_views_work(tmp_path, tiny_store
     assert main(["show", str(tmp_path / "s.s2r"), "errors"]) == 0
 
 
-def test_exported_numbers_equal_the_history(store, capsys):
-    assert main(["show", str(store), "history", "--json"]) == 0
-    rows = json.loads(capsys.readouterr().out)
+def test_exported_numbers_equal_the_history(store, s2r):
+    rows = s2r("show", store, "history", "--json").json
     nights_read = reader.read(reader.history_path(store)).of_configuration("lab")
     assert [row["outcome"] for row in rows if row["axis"] == "headline"] == (
         ["PASS"] * 4 + ["FAIL"] * 3
@@ -93,34 +91,31 @@ def test_exported_numbers_equal_the_history(store, capsys):
         assert shown["headline"]["G"] == night.gap.value
         assert all(shown[axis.axis]["low"] == axis.gap.low for axis in night.axes[:3])
         assert (shown["delay"]["result"], shown["delay"]["G"]) == ("absent", None)
-    assert main(["show", str(store), "history", "--words"]) == 0
-    summary = capsys.readouterr().out
+    summary = s2r("show", store, "history", "--words").printed
     assert "Night 2026-11-22: FAIL" in summary
     assert "worst axis task; 4 of 7 nights passed; evidence is 0 days old." in summary
 
 
-def test_a_history_is_exported_and_an_empty_one_is_rejected(store, tiny_store, tmp_path, capsys):
+def test_a_history_is_exported_and_an_empty_one_is_rejected(store, tiny_store, tmp_path, s2r):
     out = tmp_path / "history.png"
     arguments = ["--view", "history", "--out", str(out)]
     assert main(["export", str(store), *arguments]) == 0
     assert out.read_bytes().startswith(b"\x89PNG")
-    assert main(["export", str(tiny_store), *arguments]) == 2
-    assert "no nights yet; s2r nightly CONFIG.toml" in capsys.readouterr().err
+    s2r("export", tiny_store, *arguments).assert_refused("no nights yet; s2r nightly CONFIG.toml")
 
 
-def test_the_history_option_reads_another_file(store, tiny_store, capsys):
+def test_the_history_option_reads_another_file(store, tiny_store, s2r):
     arguments = ["show", str(tiny_store), "history", "--words", "--history"]
-    assert main([*arguments, str(reader.history_path(store))]) == 0
-    assert "Night 2026-11-22" in capsys.readouterr().out
-    assert main([*arguments, "none.duckdb"]) == 2
-    assert "--history none.duckdb: no such file" in capsys.readouterr().err
+    assert "Night 2026-11-22" in s2r(*arguments, reader.history_path(store)).printed
+    s2r(*arguments, "none.duckdb").assert_refused("--history none.duckdb: no such file")
 
 
-def test_a_restricted_session_reads_only_its_own_history(store, tiny_store, capsys, monkeypatch):
+def test_a_restricted_session_reads_only_its_own_history(store, tiny_store, s2r, monkeypatch):
     monkeypatch.setattr("s2rtui.terminal.capabilities.refuse_unusable", lambda **options: None)
     other = str(reader.history_path(store))
-    assert main(["tui", str(tiny_store), "--restricted", "--history", other]) == 2
-    assert "a restricted session shows only the history of the store" in capsys.readouterr().err
+    s2r("tui", tiny_store, "--restricted", "--history", other).assert_refused(
+        "a restricted session shows only the history of the store"
+    )
 
 
 @pytest.mark.parametrize(

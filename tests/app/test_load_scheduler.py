@@ -24,8 +24,8 @@ from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.marks import BrushShape
 from s2rtui.jobs.precompute_job import JobProgress
 from s2rtui.loaders import store_data
-from s2rtui.session import Brush, Session, State, navigation, shared_selection, targets
-from s2rtui.session.state import Step, Target
+from s2rtui.session import Brush, Session, State, targets
+from s2rtui.session.state import Target
 from tests.support import tiny
 from tests.support.application import make_app, running
 
@@ -95,27 +95,6 @@ async def test_keys_are_handled_while_a_run_loads(store, gate):
         assert "loading" not in take_screenshot(app).text.splitlines()[0]
 
 
-async def test_a_shared_selection_waits_until_its_run_is_loaded(store, gate):
-    async with running(store, size=(80, 24)) as (app, pilot):
-        gate.clear()
-        await press(app, pilot, "c")
-        before, dataset_hash = app.session.state, app.session.store.dataset.hash
-        comment = f"data set {dataset_hash}, generation {before.generation}, run b, 3 instances"
-        text = f"worst(3, real.error)  # {comment}"
-        app.session.dispatch(shared_selection.select_text, text)
-        app.updater.refresh()
-        await pilot.pause()
-        state = app.session.state
-        assert (state.run, state.expression, state.message) == ("vanilla", "all", "loading run b")
-        gate.set()
-        await settle(app, pilot)
-        state = app.session.state
-        assert (state.run, state.expression, state.pending) == ("b", "worst(3, real.error)", None)
-        assert state.past[-1] == Step(Everything(), "vanilla")
-        errors = app.session.store.run_columns("b").real.error
-        assert set(np.flatnonzero(state.selected)) == set(np.argsort(-errors, kind="stable")[:3])
-
-
 async def test_columns_of_an_expression_are_read_in_the_background(store, monkeypatch):
     monkeypatch.setattr(targets, "SMALL_STORE", 0)
     predicted, ui_thread, reads = column_loader._predicted, threading.current_thread(), []
@@ -160,21 +139,6 @@ async def delayed_losses(
         released.set()
 
 
-async def test_an_undone_expression_waits_for_its_columns(delayed_losses):
-    app, pilot, release = delayed_losses
-    past = app.session.state.past
-    await press(app, pilot, "u")
-    assert app.session.state.expression == "all"
-    assert "run vanilla (selecting)" in take_screenshot(app).text
-    release.set()
-    await settle(app, pilot)
-    state = app.session.state
-    assert (state.expression, state.past, state.pending) == ("real.loss > 0", past[:-1], None)
-    assert state.future == (Step(Everything(), "vanilla"),)
-    await press(app, pilot, "U")
-    assert (app.session.state.expression, app.session.state.past) == ("all", past)
-
-
 async def test_a_pending_selection_consumes_its_operator_and_keeps_a_later_brush(delayed_losses):
     app, pilot, release = delayed_losses
     app.session.select("straight")
@@ -196,7 +160,6 @@ def test_a_selection_made_during_a_run_change_is_kept(store, monkeypatch):
     session.set_state(replace(session.state, pending=Target("b", 1, parse("gap > 0"))))
     session.select("straight")
     pending = session.state.pending
-    assert pending is not None
     assert (pending.run, pending.node) == ("b", None)
     assert (session.complete_pending().run, session.state.expression) == ("b", "straight")
 
@@ -364,13 +327,6 @@ def test_a_failed_change_of_generation_changes_nothing(store_copy, monkeypatch):
     assert store.execute("SELECT 1") == [(1,)]
     with pytest.raises(s2rstore.errors.RequestError, match="is closed"):
         newer.execute("SELECT 1")
-    session.close()
-
-
-def test_a_session_without_application_reads_synchronously(store, monkeypatch):
-    monkeypatch.setattr(targets, "SMALL_STORE", 0)
-    session = Session(store)
-    assert session.dispatch(navigation.change_run, 1).run == "b"
     session.close()
 
 

@@ -125,8 +125,7 @@ async def test_typing_filters_and_enter_goes_to_the_first_match(tiny_store):
         shown = [line for line in str(text.render()).splitlines() if line.startswith("  ")]
         assert shown
         assert all("lasso" in line for line in shown)
-        await pilot.press("enter")
-        await settle(app, pilot)
+        await press(app, pilot, "enter")
         assert str(text.render()) == help_text()
         row = help_text().splitlines().index(shown[0])
         area = app.screen.query_one("#help", VerticalScroll)
@@ -134,7 +133,6 @@ async def test_typing_filters_and_enter_goes_to_the_first_match(tiny_store):
         await pilot.press("slash", "q", "escape")
         await settle(app, pilot)
         assert app.screen is not app.default_screen  # escape left the search alone
-        await pilot.press("escape")
-        await settle(app, pilot)
+        await press(app, pilot, "escape")
         assert app.screen is app.default_screen
     assert app.fault is None

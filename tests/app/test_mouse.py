@@ -9,7 +9,7 @@ from s2rtui.app.pilot import settle
 from s2rtui.app.widgets.plot import Drag, PlotView, Stroke, Wheel
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.session import view_settings
-from tests.support.application import running
+from tests.support.application import press, running
 
 MOVES = 300
 
@@ -47,8 +47,7 @@ async def test_a_mark_applied_by_a_key_is_not_applied_again(tiny_store):
         await pilot.press("w")
         await pilot.mouse_down("#map", offset=(4, 4))
         await pilot.hover("#map", offset=(40, 30))
-        await pilot.press("ampersand")
-        await settle(app, pilot)
+        await press(app, pilot, "ampersand")
         combined = app.session.state.expression
         assert combined.startswith("worst15 & box(")
         await pilot.hover("#map", offset=(50, 30))
@@ -60,8 +59,7 @@ async def test_a_mark_applied_by_a_key_is_not_applied_again(tiny_store):
 
 async def test_a_drag_moves_one_slider_while_the_sliders_scroll(tiny_store):
     async with running(tiny_store, size=(80, 24)) as (app, pilot):
-        await pilot.press("a")
-        await settle(app, pilot)
+        await press(app, pilot, "a")
         count = len(app.session.state.adjust.sliders)
         await pilot.resize_terminal(80, 15)
         await pilot.press(*["down"] * (count - 1))
@@ -83,14 +81,12 @@ async def test_a_drag_moves_one_slider_while_the_sliders_scroll(tiny_store):
 
 async def test_sliders_and_findings_cannot_be_brushed(tiny_store):
     async with running(tiny_store) as (app, pilot):
-        await pilot.press("a")
-        await settle(app, pilot)
+        await press(app, pilot, "a")
         await pilot.press("x")
         assert app.session.state.message.startswith("nothing to brush in adjust")
         await pilot.press("enter")
         assert app.session.state.brush is None
-        await pilot.press("I")
-        await settle(app, pilot)
+        await press(app, pilot, "I")
         await pilot.mouse_down("#findings", offset=(5, 2))
         await pilot.hover("#findings", offset=(30, 9))
         await pilot.mouse_up("#findings", offset=(40, 12))
@@ -118,7 +114,6 @@ async def test_wheel_events_are_coalesced(tiny_store, monkeypatch):
         assert len(turns) < MOVES / 10
         assert sum(turns) == MOVES
         view, bounds = app.session.state.viewport, app.session.store.dataset.bounds
-        assert view is not None
         assert max(view.width / bounds.width, view.height / bounds.height) == pytest.approx(
             view_settings.CLOSEST
         )

@@ -23,7 +23,7 @@ from s2rtui.charts.map.view import VIEW as MAP
 from s2rtui.cli import main
 from s2rtui.loaders import LOADERS
 from s2rtui.session import Session
-from tests.support.application import running
+from tests.support.application import press, running
 from tests.support.copies import copy_store
 
 MAX_QUIT_SECONDS = 5.0
@@ -186,8 +186,7 @@ async def test_a_state_that_cannot_be_drawn_is_left(tiny_store, monkeypatch):
             return draw(self, scene, *arguments) if scene.state.map_mode == "colour" else fail()
 
         monkeypatch.setattr(type(MAP), "draw", draw_one_mode)
-        await pilot.press("m")
-        await settle(app, pilot)
+        await press(app, pilot, "m")
         assert app.fault is None
         assert app.session.state.map_mode == before.map_mode
         assert "internal error" in app.session.state.message

@@ -58,7 +58,6 @@ class StoredPredictor:
         sides = {}
         for name, side in (("sim", shown.sim), ("real", shown.real)):
             pose = side.pose
-            assert pose is not None
             sides[name] = SimpleNamespace(
                 rgb=side.rgb, depth=side.depth, x=pose.x, y=pose.y, heading=pose.heading,
                 error=pose.error, heading_error=pose.heading_error, original=None,

@@ -72,8 +72,7 @@ async def test_long_errors_are_shown_completely(tiny_store, size):
         text = " ".join(take_screenshot(app).text.split())
         assert message in text
         assert "quit" in text
-        await pilot.press("escape")
-        await settle(app, pilot)
+        await press(app, pilot, "escape")
         assert "story" not in take_screenshot(app).text
         assert app.query_one("#message").size.height == 1
 
@@ -83,12 +82,10 @@ async def test_the_diagnostics_can_be_scrolled_to_the_end(tiny_store, size):
     app = S2RApp(Session(tiny_store), RenderOptions(mode=ColourMode.NONE))
     app.terminal = detect("auto", False, {"TERM": "vt100", "LANG": "C.UTF-8"})
     async with app.run_test(size=size) as pilot:
-        await pilot.press("D")
-        await settle(app, pilot)
+        await press(app, pilot, "D")
         pages = [take_screenshot(app).text]
         while len(pages) < 2 or pages[-1] != pages[-2]:
-            await pilot.press("pagedown")
-            await settle(app, pilot)
+            await press(app, pilot, "pagedown")
             pages.append(take_screenshot(app).text)
         text = " ".join("".join(pages).split())
         assert "no colours" in text

@@ -16,8 +16,8 @@ from s2rtui.charts.compare.model import CompareInput
 from s2rtui.charts.errors import errors_model, errors_plots
 from s2rtui.charts.findings import findings_drawing
 from s2rtui.charts.history import history_model, history_plots
-from s2rtui.charts.orientation.model import OrientationInput
-from s2rtui.charts.overview.model import OverviewLines
+from s2rtui.charts.orientation import BINS, Name, orientation_model, orientation_plots
+from s2rtui.charts.overview.view import overview_table
 from s2rtui.charts.rooms import counts_table, groups_table, ordered, room_counts
 from s2rtui.charts.scatter.view import scatter_drawing
 from s2rtui.charts.scene import OverviewRow
@@ -31,32 +31,41 @@ from s2rtui.charts.umap import (
     umap_plots,
 )
 from s2rtui.drawing.drawing import ColourBar, Drawing
+from s2rtui.drawing.row_lines import RowLines
 from s2rtui.drawing.table import Cell, Column, LazyRows, Row, TableSpec
 
 N = 60
 BOUNDS = Bounds(0.0, 0.0, 20.0, 10.0)
 
 ROWS = (
-    OverviewRow("vanilla", 0.95, 0.78, (0.94, 0.96), (0.75, 0.81), 542),
-    OverviewRow("dataaug", 0.93, 0.86, (0.92, 0.94), (0.84, 0.88), 542),
-    OverviewRow("seen everything", None, float("nan"), None, None, 0, "no unseen instance"),
+    OverviewRow("vanilla", Interval(0.94, 0.95, 0.96), Interval(0.75, 0.78, 0.81), 542),
+    OverviewRow("dataaug", Interval(0.92, 0.93, 0.94), Interval(0.84, 0.86, 0.88), 542),
+    OverviewRow("seen all", Interval.unknown(), Interval.unknown(), 0, "no unseen instance"),
 )
 
 
-def overview_lines(**changes: Any) -> OverviewLines:
+def overview_lines(**changes: Any) -> RowLines:
     """Lines of the three runs in `ROWS`; the last run has no accuracies."""
     random = np.random.default_rng(11)
     first = np.clip(random.normal(0.8, 0.1, N), 0, 1)
     second = np.clip(first + random.normal(0.05, 0.05, N), 0, 1)
     return replace(
-        OverviewLines(
+        RowLines(
             values=(first, second, np.full(N, np.nan)),
             selected=np.arange(N) >= 45,
             valid=np.arange(N) != 3,
+            ink="real",
             cursor=50,
         ),
         **changes,
     )
+
+
+def overview_drawing(
+    lines: RowLines | None = None, run: str = "vanilla", brush: BrushShape | None = None
+) -> Drawing:
+    """The rows in `ROWS`, a baseline of 0.72, and perhaps lines."""
+    return Drawing(table=overview_table(ROWS, 0.72, run, lines), brush=brush)
 
 
 def map_input(**changes: Any) -> MapInput:
@@ -186,23 +195,26 @@ def umap_drawing(
     return Drawing(plots, notes=((bar,),), brush=brush, beside=True)
 
 
-def orientation_input(**changes: Any) -> OrientationInput:
+def headings() -> tuple[Any, Any, Any]:
     """All headings; sim is close to the truth, real far from it; instance 4 has no real heading."""
     random = np.random.default_rng(12)
     truth = np.linspace(-np.pi, np.pi, N, endpoint=False)
     real = truth + random.normal(0, 0.8, N)
     real[4] = np.nan
-    return replace(
-        OrientationInput(
-            sim=truth + random.normal(0, 0.1, N),
-            truth=truth,
-            real=real,
-            selected=np.arange(N) < 20,
-            valid=np.arange(N) != 3,
-            cursor=50,
-        ),
-        **changes,
-    )
+    return truth + random.normal(0, 0.1, N), truth, real
+
+
+def orientation_drawing(
+    sides: tuple[Any, Any, Any] | None = None, cursor: dict[Name, float] | None = None,
+    brush: BrushShape | None = None, selected: Any = None, valid: Any = None, y_down: bool = True,
+    bins: int = BINS,
+) -> Drawing:  # fmt: skip
+    """Dials of headings, by default those of `headings`, of which 20 of 59 are selected."""
+    model = orientation_model(
+        headings() if sides is None else sides, np.arange(N) < 20 if selected is None else selected,
+        np.arange(N) != 3 if valid is None else valid, bins,
+    )  # fmt: skip
+    return Drawing(orientation_plots(model, cursor or {}, y_down), brush=brush, beside=True)
 
 
 ROOM_NAMES = ("hall", "größer", "a very long name of a room", "kitchen", "5")

@@ -12,14 +12,11 @@ from s2rtui.canvas import LIGHT, Canvas, ColourMode, RenderOptions
 from s2rtui.canvas.marks import BrushShape
 from s2rtui.charts.compare.terminal import draw_compare
 from s2rtui.charts.map.terminal import draw_map
-from s2rtui.charts.orientation.terminal import draw_orientation
-from s2rtui.charts.overview.terminal import draw_overview
 from s2rtui.charts.shared.instance import instance_drawing
 from s2rtui.charts.suggestions import suggestions_drawing
 from s2rtui.drawing.cells import draw_cells
 from s2rtui.terminal.strips import to_strips
 from tests.charts.examples import (
-    ROWS,
     compare_input,
     counts_drawing,
     errors_drawing,
@@ -29,7 +26,8 @@ from tests.charts.examples import (
     instance_input,
     list_drawing,
     map_input,
-    orientation_input,
+    orientation_drawing,
+    overview_drawing,
     overview_lines,
     scatter_of,
     side,
@@ -50,10 +48,8 @@ def drawing(draw: Callable[..., Canvas], *data: Any) -> Draw:
 
 
 VIEWS: dict[str, Draw] = {
-    "overview": drawing(draw_overview, ROWS, 0.72, 1),
-    "overview lines": lambda size, options: draw_overview(
-        ROWS, 0.72, 1, size, options, overview_lines(), RANGE
-    ),
+    "overview": drawing(draw_cells, overview_drawing()),
+    "overview lines": drawing(draw_cells, overview_drawing(overview_lines(), brush=RANGE)),
     "map": drawing(draw_map, map_input()),
     "full map": drawing(draw_map, map_input(mode="full")),
     "glyph map": drawing(draw_map, map_input(mode="glyph", clip=np.eye(5), mark=BOX)),
@@ -77,7 +73,10 @@ VIEWS: dict[str, Draw] = {
         umap_drawing(brush=BrushShape("real", ((-9.0, -9.0), (3.0, 3.0), (4.0, 9.0)), lasso=True)),
     ),
     "marked orientation": drawing(
-        draw_orientation, orientation_input(mark=BrushShape("sim", ((170.0, 1.0), (-120.0, 9.0))))
+        draw_cells,
+        orientation_drawing(
+            cursor={"sim": 30.0}, brush=BrushShape("sim", ((170.0, 1.0), (-120.0, 9.0)))
+        ),
     ),
     "marked scatter": drawing(
         draw_cells,

@@ -12,14 +12,11 @@ from s2rstore.errors import RequestError
 from s2rtui.canvas import DARK, LIGHT, Theme
 from s2rtui.charts.compare.paper import compare_figure
 from s2rtui.charts.map.paper import map_figure
-from s2rtui.charts.orientation.paper import orientation_figure
-from s2rtui.charts.overview.paper import overview_figure
 from s2rtui.charts.shared.instance import instance_drawing
 from s2rtui.charts.suggestions import paper_drawing
 from s2rtui.drawing.page import colour_bar_ticks
 from s2rtui.drawing.paper import draw_paper
 from tests.charts.examples import (
-    ROWS,
     compare_input,
     counts_drawing,
     errors_drawing,
@@ -27,7 +24,8 @@ from tests.charts.examples import (
     groups_drawing,
     instance_input,
     map_input,
-    orientation_input,
+    orientation_drawing,
+    overview_drawing,
     overview_lines,
     scatter_of,
     side,
@@ -43,10 +41,8 @@ def drawing(figure: Callable[..., bytes], data: object, *texts: str) -> Draw:
 
 
 FIGURES: dict[str, Draw] = {
-    "overview": lambda size, theme: overview_figure(ROWS, 0.72, size, theme, selected=1),
-    "overview lines": lambda size, theme: overview_figure(
-        ROWS, 0.72, size, theme, lines=overview_lines()
-    ),
+    "overview": drawing(draw_paper, overview_drawing()),
+    "overview lines": drawing(draw_paper, overview_drawing(overview_lines())),
     "map": drawing(map_figure, map_input(), "vanilla", "worst15"),
     "full map": drawing(map_figure, map_input(mode="full")),
     "glyph map": drawing(map_figure, map_input(mode="glyph", clip=np.eye(5))),
@@ -55,7 +51,7 @@ FIGURES: dict[str, Draw] = {
     ),
     "instance": drawing(draw_paper, instance_drawing(instance_input()), "vanilla"),
     "umap": drawing(draw_paper, umap_drawing()),
-    "orientation": drawing(orientation_figure, orientation_input()),
+    "orientation": drawing(draw_paper, orientation_drawing(cursor={"sim": 30.0})),
     "rooms": drawing(draw_paper, counts_drawing()),
     "scatter": drawing(draw_paper, scatter_of(cursor=5)),
     "groups": drawing(draw_paper, groups_drawing(), "vanilla"),
@@ -85,10 +81,9 @@ def test_empty_selections_and_missing_values_can_be_drawn():
     for figure in (
         map_figure(bare_map, size),
         draw_paper(instance_drawing(bare), size, LIGHT),
-        overview_figure([], None, size),
         draw_paper(umap_drawing(selected=nobody), size, LIGHT),
         draw_paper(umap_drawing({"sim": no_points, "real": no_points}, 1), size, LIGHT),
-        orientation_figure(orientation_input(selected=nobody, valid=nobody), size),
+        draw_paper(orientation_drawing(selected=nobody, valid=nobody), size, LIGHT),
         draw_paper(errors_drawing(selected=nobody, valid=nobody), size, LIGHT),
     ):
         assert decode(figure).size == size
@@ -120,7 +115,7 @@ def test_the_background_and_the_colours_of_the_sides_appear(name, theme):
 
 def test_an_invalid_size_is_rejected():
     with pytest.raises(RequestError, match="--size"):
-        overview_figure(ROWS, None, (0, 100))
+        draw_paper(overview_drawing(), (0, 100), LIGHT)
 
 
 def test_many_points_are_drawn_as_cells(monkeypatch):

@@ -12,7 +12,6 @@ from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.marks import PlotArea
 from s2rtui.charts.compare.terminal import compare_panels
 from s2rtui.charts.map.terminal import map_panels
-from s2rtui.charts.orientation.terminal import orientation_panels
 from s2rtui.drawing.cells import drawing_panels
 from s2rtui.drawing.drawing import Drawing
 from tests.charts.examples import (
@@ -23,7 +22,9 @@ from tests.charts.examples import (
     groups_drawing,
     list_drawing,
     map_input,
-    orientation_input,
+    orientation_drawing,
+    overview_drawing,
+    overview_lines,
     scatter_of,
     umap_drawing,
 )
@@ -37,22 +38,25 @@ def surface(panels: Callable[..., tuple[PlotArea, ...]], data: object, *area: Bo
 
 
 def drawn(drawing: Drawing) -> Surface:
-    return lambda size, options: drawing_panels(drawing, size)
+    return lambda size, options: drawing_panels(drawing, size, options)
 
 
 SIDES, DIALS = ("sim", "real"), ("sim", "truth", "real")
+RUNS = ("vanilla", "dataaug", "seen all")
 VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
     "map": (surface(map_panels, map_input(y_down=False)), "plane", ("map",)),
     "near comparison": (surface(compare_panels, compare_input(), NEAR), "plane", ("map",)),
     "umap": (drawn(umap_drawing()), "plane", SIDES),
-    "orientation": (surface(orientation_panels, orientation_input()), "turn", DIALS),
-    "upwards": (surface(orientation_panels, orientation_input(y_down=False)), "turn", DIALS),
+    "orientation": (drawn(orientation_drawing()), "turn", DIALS),
+    "upwards": (drawn(orientation_drawing(y_down=False)), "turn", DIALS),
     "scatter": (drawn(scatter_of()), "plane", ("errors",)),
     "rooms": (drawn(counts_drawing()), "steps", DIALS),
     "groups": (drawn(groups_drawing()), "steps", ("groups",)),
     "list": (drawn(list_drawing(7)), "steps", ("rows",)),
     "findings": (drawn(findings_of()), "steps", ("findings",)),
     "errors": (drawn(errors_drawing()), "range", SIDES),
+    "overview": (drawn(overview_drawing()), "range", RUNS),
+    "overview lines": (drawn(overview_drawing(overview_lines())), "range", RUNS),
 }
 
 

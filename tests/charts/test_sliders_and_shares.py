@@ -13,13 +13,14 @@ from s2rstore.metrics.gap_shares import FactorShare, GapShares, mean_shares
 from s2rstore.records import GAP_FACTORS
 from s2rtools.adjustments import ADJUSTMENTS
 from s2rtui.canvas import RenderOptions
+from s2rtui.charts.adjust.view import VIEW as ADJUST
 from s2rtui.charts.adjust.view import sliders_drawing
 from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.charts.shares import VIEW, SharesModel, shares_scale
 from s2rtui.drawing.cells import draw_cells, drawing_panels
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.session import Session
-from s2rtui.session.state import Slider
+from s2rtui.session.state import Adjust, Slider
 
 SLIDERS = tuple(
     Slider("real", one.name, one.lowest, one.highest, one.neutral, one.step, one.unit)
@@ -44,14 +45,16 @@ def test_narrow_sliders_keep_their_track(width):
     assert "2" in {panel.name for panel in panels}
 
 
-def test_a_strip_takes_the_range_of_its_slider():
-    panel = drawing_panels(SLIDING, (80, len(SLIDERS)))[0]
-    ends = [
-        panel.to_data(column, panel.y + 0.5)[0]
-        for column in (panel.x + 0.5, panel.x + panel.width - 0.5)
-    ]
-    assert ends == [0.0, 1.0]
-    assert panel.to_cells(0.25, 0.5)[0] == pytest.approx(panel.x + 0.5 + 0.25 * (panel.width - 1))
+def test_clicks_on_the_outer_cells_of_a_strip_set_the_ends_of_its_slider(tiny_store):
+    panel, slider = drawing_panels(SLIDING, (80, len(SLIDERS)))[0], SLIDERS[0]
+    session = Session(tiny_store)
+    state = replace(session.state, adjust=Adjust("vanilla", sliders=SLIDERS))
+    scene, values = Scene(session.store, state, LoadedData()), []
+    session.dispatch = lambda _, number, value: values.append(value)
+    for column in (panel.x, panel.x + panel.width - 1):
+        ADJUST.click(session, scene, panel, panel.to_data(column + 0.5, panel.y + 0.5))
+    session.close()
+    assert values == pytest.approx([slider.lowest, slider.highest])
 
 
 def shares(*means: float, n: int = 30) -> SharesModel:

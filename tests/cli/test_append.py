@@ -20,46 +20,41 @@ def source(tmp_path: Path) -> tuple[str, ...]:
     return "sim2realviz", str(tmp_path / "data"), "--calibration", str(header)
 
 
-def test_a_trajectory_is_added_in_the_frame_size_of_the_store(source, tmp_path, capsys):
+def test_a_trajectory_is_added_in_the_frame_size_of_the_store(source, tmp_path, s2r):
     store = str(tmp_path / "s.s2r")
     assert main(["ingest", *source, "--store", store, *SIZE, "--trajectory", "b"]) == 0
-    capsys.readouterr()
-    assert main(["ingest", *source, "--store", store, "--append"]) == 0
-    output = capsys.readouterr()
+    output = s2r("ingest", *source, "--store", store, "--append").checked()
     assert output.out == f"{store}: 4 instances added, now 8; trajectories a (4)\n"
     assert "trajectory b: already in the store\n" in output.err
     with s2rstore.open(store) as opened:
         assert '"trajectories":{"a":4}' in opened.provenance("dataset")["append:1"]
-    assert main(["ingest", *source, "--store", store, "--append"]) == 0
-    output = capsys.readouterr()
+    output = s2r("ingest", *source, "--store", store, "--append").checked()
     assert output.out == ""
     assert output.err.count("already in the store") == 2
     assert output.err.count("no new instances or domains; nothing to append") == 1
     assert main(["verify", store]) == 0
 
 
-def test_refusals_are_one_line(source, tmp_path, capsys):
+def test_refusals_are_one_line(source, tmp_path, s2r):
     store = str(tmp_path / "s.s2r")
-    assert main(["ingest", *source, "--store", store, "--append"]) == 2
-    assert "leave out --append" in capsys.readouterr().err.splitlines()[-1]
+    assert (
+        "leave out --append"
+        in s2r("ingest", *source, "--store", store, "--append").checked(2).err.splitlines()[-1]
+    )
     assert not Path(store).exists()
     assert main(["ingest", *source, "--store", store, *SIZE]) == 0
-    capsys.readouterr()
-    assert main(["ingest", *source, "--store", store, *SIZE]) == 2
-    assert "--append" in capsys.readouterr().err
-    assert main(["ingest", *source, "--store", store, "--append", "--size", "48"]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "another frame size (--size): 48x48, the store 32x32" in line
+    s2r("ingest", *source, "--store", store, *SIZE).assert_refused("--append")
+    s2r("ingest", *source, "--store", store, "--append", "--size", "48").assert_refused(
+        "another frame size (--size): 48x48, the store 32x32"
+    )
 
 
-def test_runs_of_imported_predictions_are_to_be_imported_again(source, tmp_path, capsys):
+def test_runs_of_imported_predictions_are_to_be_imported_again(source, tmp_path, s2r):
     store = str(tmp_path / "s.s2r")
     assert main(["ingest", *source, "--store", store, *SIZE, "--trajectory", "b"]) == 0
     file = write_csv(tmp_path / "p.csv", make(Path(store)))
     assert main(["run", "import", "theirs", "--predictions", str(file), "--store", store]) == 0
-    capsys.readouterr()
-    assert main(["ingest", *source, "--store", store, "--append"]) == 0
-    output = capsys.readouterr().out
+    output = s2r("ingest", *source, "--store", store, "--append").printed
     assert "import the predictions of theirs again (`s2r run import`)" in output
     assert "s2r precompute" not in output
 
@@ -91,21 +86,20 @@ def test_one_line_on_standard_error(appended, tmp_path, capsys):
         assert capsys.readouterr().err.splitlines().count(NOTE) == 1, words
 
 
-def test_json_objects_and_reports_hold_the_note(appended, tmp_path, capsys):
-    assert main(["query", str(appended), "all", "--json", "--with-expression"]) == 0
-    assert json.loads(capsys.readouterr().out)["note"] == NOTE
+def test_json_objects_and_reports_hold_the_note(appended, tmp_path, capsys, s2r):
+    assert s2r("query", appended, "all", "--json", "--with-expression").json["note"] == NOTE
     assert main(["gap", str(appended), "--axis", "task", "--json"]) in (0, 3)
     assert json.loads(capsys.readouterr().out)["note"] == NOTE
-    assert main(["runs", str(appended), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)[0]["note"] in NOTE
+    assert s2r("runs", appended, "--json").json[0]["note"] in NOTE
     page = tmp_path / "report.html"
     assert main(["report", str(appended), "--select", "none", "--out", str(page)]) == 0
     assert page.read_text().count("computed for 40 of 45 instances") == 2  # once for either run
 
 
-def test_heat_of_an_instance_that_is_not_computed(appended, capsys):
-    assert main(["show", str(appended), "instance", "--iid", "42", "--words"]) == 0
-    assert capsys.readouterr().out.endswith("not predicted.\n")
+def test_heat_of_an_instance_that_is_not_computed(appended, capsys, s2r):
+    assert s2r("show", appended, "instance", "--iid", "42", "--words").printed.endswith(
+        "not predicted.\n"
+    )
     assert main(["show", str(appended), "instance", "--iid", "42"]) == 0
     text = "instance 42: feature_distance of run 'vanilla' is not computed; run `s2r precompute`"
     assert text in capsys.readouterr().out

@@ -1,6 +1,5 @@
 """Stores without frames, and paths that are not stores."""
 
-import json
 import shutil
 from pathlib import Path
 
@@ -10,7 +9,6 @@ import s2rstore
 from s2rtui.app.pilot import snapshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.instance.model import instance_input
-from s2rtui.cli import main
 from s2rtui.export.report import worst_instances
 
 
@@ -21,20 +19,25 @@ def store_without_frames(store_copy: Path) -> Path:
     return store_copy
 
 
-def test_an_instance_without_frames_shows_its_numbers_alone(store_without_frames, capsys, tmp_path):
-    assert main(["show", str(store_without_frames), "instance", "--iid", "5", "--json"]) == 0
-    rows = {row["what"]: row for row in json.loads(capsys.readouterr().out)}
+def test_an_instance_without_frames_shows_its_numbers_alone(store_without_frames, s2r, tmp_path):
+    rows = {
+        row["what"]: row
+        for row in s2r("show", store_without_frames, "instance", "--iid", "5", "--json").json
+    }
     with s2rstore.open(store_without_frames) as store:
         assert rows["truth"]["x_m"] == pytest.approx(float(store.instances.x[5]))
         assert rows["real"]["error_m"] == pytest.approx(
             float(store.run_columns("vanilla").real.error[5])
         )
     assert rows["real frames"]["note"] == "none of real in this store"
-    assert main(["show", str(store_without_frames), "instance", "--iid", "5", "--words"]) == 0
-    assert "Instance 5" in capsys.readouterr().out
+    assert (
+        "Instance 5"
+        in s2r("show", store_without_frames, "instance", "--iid", "5", "--words").printed
+    )
     out = tmp_path / "x.png"
-    assert main(["export", str(store_without_frames), "--view", "instance", "--out", str(out)]) == 2
-    assert "no frames" in capsys.readouterr().err
+    s2r("export", store_without_frames, "--view", "instance", "--out", out).assert_refused(
+        "no frames"
+    )
     assert not out.exists()
     with s2rstore.open(store_without_frames) as store:
         images = worst_instances._images(instance_input(store, "vanilla", 5, None))
@@ -54,11 +57,10 @@ def test_the_application_starts_without_frames(store_copy, size, missing):
 
 
 @pytest.mark.parametrize("command", [["tui"], [], ["show"], ["runs"]])
-def test_a_plain_file_is_rejected_as_a_store(tmp_path, command, capsys, monkeypatch):
+def test_a_plain_file_is_rejected_as_a_store(tmp_path, command, s2r, monkeypatch):
     monkeypatch.setattr("s2rtui.terminal.capabilities.refuse_unusable", lambda: None)
     path = tmp_path / "notes.txt"
     path.write_text("nothing")
-    assert main([*command, str(path), *(["map"] if command == ["show"] else [])]) == 2
-    error = capsys.readouterr().err
-    assert f"{path}: not a store (a file, no folder)" in error
-    assert len(error.splitlines()) == 1
+    s2r(*command, path, *(["map"] if command == ["show"] else [])).assert_refused(
+        f"{path}: not a store (a file, no folder)"
+    )

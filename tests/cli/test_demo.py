@@ -45,7 +45,7 @@ def test_stages_are_run_until_the_store_is_complete(demo_folder, capsys, monkeyp
 
     monkeypatch.setattr("s2rtui.cli.main", record)
     assert main([*DEMO_ARGUMENTS, str(demo_folder)]) == 0
-    assert commands == ["ingest", "precompute", "score"]
+    assert commands == ["ingest", "precompute", "score", "suggest"]
     output = capsys.readouterr()
     assert "2 runs" in output.out
     assert f"open it with: s2r {path}" in output.out
@@ -58,29 +58,26 @@ def test_stages_are_run_until_the_store_is_complete(demo_folder, capsys, monkeyp
         draft.delete("run", run="vanilla")
     del commands[:]
     assert main([*DEMO_ARGUMENTS, str(demo_folder)]) == 0
-    assert commands == ["model"]
+    assert commands == ["model", "suggest"]
 
 
 @pytest.mark.deep
-def test_an_interrupted_demo_is_resumed_and_prints_findings(tmp_path, capsys, monkeypatch):
+def test_an_interrupted_demo_is_resumed_and_prints_findings(tmp_path, s2r, monkeypatch):
     arguments = ["ingest", "world", "--instances", "4", "--store", str(tmp_path / "world.s2r")]
     assert main(arguments) == 0
     pretrained.add_pretrained_models(tmp_path / "world.s2r")
     monkeypatch.setattr(factor_effects, "MAX_VIEWS", factor_effects.MIN_VIEWS)
     assert main([*DEMO_ARGUMENTS, str(tmp_path)]) == 0
-    capsys.readouterr()
-    assert main([*DEMO_ARGUMENTS, str(tmp_path)]) == 0
-    output = capsys.readouterr()
+    output = s2r(*DEMO_ARGUMENTS, tmp_path).checked()
     for expected in ("4 runs", "best run: ", "costliest factor of vanilla",
                  "best heatmap of vanilla: harmonised"):  # fmt: skip
         assert expected in output.out
     assert "s2r precompute" not in output.err
 
 
-def test_different_world_options_need_another_folder(demo_folder, capsys):
+def test_different_world_options_need_another_folder(demo_folder, s2r):
     for option, value in (("--seed", "2"), ("--factors", "none"), ("--instances", "5")):
-        assert main(["demo", "--no-open", option, value, "--out", str(demo_folder)]) == 2
-        assert option in capsys.readouterr().err
+        s2r("demo", "--no-open", option, value, "--out", demo_folder).assert_refused(option)
 
 
 def test_the_demo_lists_every_factor():

@@ -1,6 +1,5 @@
 """The export command: views, sizes, options and deterministic output."""
 
-import os
 import subprocess
 import sys
 from io import BytesIO
@@ -10,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from bench.support.processes import program_environment
 from s2rtui.canvas import DARK, LIGHT
 from s2rtui.charts.registry import BY_NAME, STORED, VIEWS
 from s2rtui.cli import main
@@ -53,9 +53,8 @@ def test_two_processes_write_the_same_bytes(tiny_store, tmp_path):
         "             '320x240', '--out', f'{sys.argv[2]}-{view}.{suffix}']\n"
         "    assert main(words) == 0"
     )
-    paths = os.pathsep.join(filter(None, sys.path))
     for seed in ("1", "2"):
-        environment = {**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": paths}
+        environment = program_environment(PYTHONHASHSEED=seed)
         command = [sys.executable, "-c", code, str(tiny_store), str(tmp_path / seed)]
         subprocess.run(command, check=True, env=environment)
     for name in ("map.png", "rooms.svg", "umap.pdf"):

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from bench.support.processes import program_environment
 from s2rtui.cli import main
 from s2rtui.cli.command_parser import COMMANDS, build_parser
 from s2rtui.cli.commands import completion
@@ -48,9 +49,8 @@ def _output_on_a_terminal(*arguments: str, **environment: str) -> str:
     primary, secondary = os.openpty()
     process = subprocess.Popen(
         [sys.executable, "-P", "-m", "s2rtui", *arguments], stdin=secondary, stdout=secondary,
-        env={**{k: v for k, v in os.environ.items() if k != "NO_COLOR"},
-             "PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "TERM": "xterm-256color",
-             **environment},
+        env={k: v for k, v in program_environment(TERM="xterm-256color").items()
+             if k != "NO_COLOR"} | environment,
     )  # fmt: skip
     os.close(secondary)
     chunks = []
@@ -85,8 +85,8 @@ def test_help_imports_no_heavy_library():
         "except SystemExit: pass\n"
         "assert not {'rich', 'numpy', 'duckdb', 'torch', 'shtab', 'jinja2'} & set(sys.modules)\n"
     )
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    subprocess.run([sys.executable, "-c", code], env=environment, check=True, timeout=60)
+    command = [sys.executable, "-c", code]
+    subprocess.run(command, env=program_environment(), check=True, timeout=60)
 
 
 _BASH = """

@@ -33,22 +33,17 @@ def notebook() -> Notebook:
     return saved
 
 
-def query(store: Path, capsys, *arguments: str) -> str:
-    assert main(["query", str(store), *arguments]) == 0
-    return capsys.readouterr().out
-
-
-def test_plain_output_contains_only_rows(tiny_store, capsys):
+def test_plain_output_contains_only_rows(tiny_store, s2r):
     arguments = ("ids(2..4)", "--format", "csv")
-    lines = query(tiny_store, capsys, *arguments).splitlines()
+    lines = s2r("query", tiny_store, *arguments).lines
     assert lines[0] == DEFAULT_HEADER
     assert [line.split(",")[0] for line in lines[1:]] == ["2", "3", "4"]
-    assert len(json.loads(query(tiny_store, capsys, "ids(2..4)", "--json"))) == 3
+    assert len(s2r("query", tiny_store, "ids(2..4)", "--json").json) == 3
 
 
-def test_csv_starts_with_the_evaluation_metadata(tiny_store, capsys):
+def test_csv_starts_with_the_evaluation_metadata(tiny_store, s2r):
     arguments = ("worst15 & room:right", "--run", "dataaug", "--with-expression", "--format", "csv")
-    lines = query(tiny_store, capsys, *arguments).splitlines()
+    lines = s2r("query", tiny_store, *arguments).lines
     metadata = dict(line[2:].split(": ", 1) for line in lines if line.startswith("# "))
     rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
     with s2rstore.open(tiny_store) as store:
@@ -61,16 +56,16 @@ def test_csv_starts_with_the_evaluation_metadata(tiny_store, capsys):
     assert [int(row["iid"]) for row in rows] == selected.tolist()
 
 
-def test_json_and_parquet_contain_the_same_rows(tiny_store, tmp_path, capsys, notebook):
+def test_json_and_parquet_contain_the_same_rows(tiny_store, tmp_path, s2r, notebook):
     arguments = ("@bad | @door", "--trajectory", "a", "--with-expression")
-    metadata = json.loads(query(tiny_store, capsys, *arguments, "--json"))
+    metadata = s2r("query", tiny_store, *arguments, "--json").json
     instances = metadata.pop("instances")
     assert metadata["expression"] == "@bad | @door"
     assert metadata["expanded"] == "worst15 | ids(3, 8)"
     assert metadata["trajectories"] == ["a"]
     assert metadata["count"] == len(instances) > 2
     out = tmp_path / "o'ut.parquet"
-    query(tiny_store, capsys, *arguments, "--format", "parquet", "--out", str(out))
+    s2r("query", tiny_store, *arguments, "--format", "parquet", "--out", out).checked()
     with duckdb.connect() as connection:
         name = str(out).replace("'", "''")
         facts = "SELECT decode(key), decode(value) FROM parquet_kv_metadata"
@@ -82,18 +77,18 @@ def test_json_and_parquet_contain_the_same_rows(tiny_store, tmp_path, capsys, no
     assert stored == {k: v if isinstance(v, str) else json.dumps(v) for k, v in metadata.items()}
 
 
-def test_the_expanded_expression_selects_the_same(tiny_store, capsys, notebook):
-    metadata = json.loads(query(tiny_store, capsys, "@bad - @door", "--with-expression", "--json"))
-    repeated = json.loads(query(tiny_store, capsys, metadata["expanded"], "--json"))
+def test_the_expanded_expression_selects_the_same(tiny_store, s2r, notebook):
+    metadata = s2r("query", tiny_store, "@bad - @door", "--with-expression", "--json").json
+    repeated = s2r("query", tiny_store, metadata["expanded"], "--json").json
     assert repeated == metadata["instances"]
-    count = query(tiny_store, capsys, "@bad - @door", "--count")
+    count = s2r("query", tiny_store, "@bad - @door", "--count").printed
     assert int(count) == metadata["count"]
 
 
-def test_columns_are_the_fields_of_the_selection_language(tiny_store, capsys, notebook):
+def test_columns_are_the_fields_of_the_selection_language(tiny_store, s2r, notebook):
     names = "iid,traj,real.room,real.heading,real.outlier,sim.rank,sim.split,gap,tags,note"
     arguments = ("ids(7..8)", "--columns", names, "--json", "--run", "dataaug")
-    rows = json.loads(query(tiny_store, capsys, *arguments))
+    rows = s2r("query", tiny_store, *arguments).json
     assert list(rows[0]) == names.split(",")
     assert [row["tags"] for row in rows] == [None, "door"]
     assert rows[1]["note"] == 'a "quoted", note'
@@ -103,14 +98,14 @@ def test_columns_are_the_fields_of_the_selection_language(tiny_store, capsys, no
         assert rows[0]["sim.rank"] == columns.sim.rank[7]
         assert rows[0]["real.heading"] == pytest.approx(np.degrees(columns.real.heading[7]))
         assert rows[0]["sim.split"] == "test"
-    outliers = json.loads(query(tiny_store, capsys, "real.outlier > 1.5", "--columns",
-                                "real.outlier", "--json"))  # fmt: skip
+    columns = ("--columns", "real.outlier", "--json")
+    outliers = s2r("query", tiny_store, "real.outlier > 1.5", *columns).json
     assert outliers
     assert all(row["real.outlier"] > 1.5 for row in outliers)
 
 
-def test_a_prediction_outside_all_rooms_has_no_room(tiny_store, capsys):
-    rows = json.loads(query(tiny_store, capsys, "all", "--columns", "real.room,real.x", "--json"))
+def test_a_prediction_outside_all_rooms_has_no_room(tiny_store, s2r):
+    rows = s2r("query", tiny_store, "all", "--columns", "real.room,real.x", "--json").json
     outside = [row for row in rows if not 0 <= row["real.x"] <= 10]
     assert outside
     assert {row["real.room"] for row in outside} == {None}
@@ -133,31 +128,30 @@ def test_many_rows_are_written_to_parquet(tmp_path):
     assert stored == rows
 
 
-def test_an_empty_result_suggests_expressions_that_select_something(tiny_store, capsys):
+def test_an_empty_result_suggests_expressions_that_select_something(tiny_store, s2r):
     empty = "worst(1, sim.error) & best(1, sim.error)"
     for options in (["--count"], ["--format", "csv"]):
-        assert main(["query", str(tiny_store), empty, *options]) == 0
-        lines = capsys.readouterr().err.splitlines()
+        lines = s2r("query", tiny_store, empty, *options).checked().err.splitlines()
         suggestions = [line for line in lines if line.startswith("nothing is selected; ")]
         assert 1 <= len(suggestions) <= 2
         for line in suggestions:
             expression, count = line.removeprefix("nothing is selected; ").split(" would give ")
-            assert query(tiny_store, capsys, expression, "--count").strip() == count != "0"
-    assert main(["query", str(tiny_store), "ids(3)"]) == 0
-    assert "nothing is selected" not in capsys.readouterr().err
+            assert s2r("query", tiny_store, expression, "--count").printed.strip() == count != "0"
+    assert "nothing is selected" not in s2r("query", tiny_store, "ids(3)").checked().err
 
 
-def test_runs_without_shares_of_the_gap_are_named(tiny_store, tmp_path, capsys):
+def test_runs_without_shares_of_the_gap_are_named(tiny_store, tmp_path, s2r):
     path = copy_store(tiny_store, tmp_path / "own.s2r")
-    assert main(["query", str(path), "share.lighting > -99", "--run", "vanilla", "--count"]) == 0
-    captured = capsys.readouterr()
+    captured = s2r("query", path, "share.lighting > -99", "--run", "vanilla", "--count").checked()
     assert int(captured.out) > 0
     assert "shares" not in captured.err
     with edit(path) as draft:
         draft.delete("zarr_array", kind="gap_shares", run="dataaug")
     words = ["query", str(path), 'all & run("dataaug").share.lighting > 1', "--run", "vanilla"]
-    assert main([*words, "--count"]) == 0
-    assert "run dataaug has no shares of the gap; `s2r precompute" in capsys.readouterr().err
+    assert (
+        "run dataaug has no shares of the gap; `s2r precompute"
+        in s2r(*words, "--count").checked().err
+    )
 
 
 @pytest.fixture(scope="module")
@@ -169,20 +163,16 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_expressions_of_the_ground_truth_work(store, capsys):
-    capsys.readouterr()
-    assert main(["query", str(store), "all", "--format", "csv"]) == 0
-    rows = list(csv.DictReader(capsys.readouterr().out.splitlines()))
+def test_expressions_of_the_ground_truth_work(store, s2r):
+    rows = s2r("query", store, "all", "--format", "csv").rows
     assert len(rows) == 12
     assert list(rows[0]) == ["iid", "trajectory", "seq", "x_m", "y_m", "heading_deg", "room"]
     expected = [row["iid"] for row in rows if row["room"] == "west" and row["trajectory"] == "a"]
     command = ["query", str(store), "room:west & traj:a & x < 100 & (straight | curved)"]
-    assert main([*command, "--columns", "iid,x,tags", "--format", "csv"]) == 0
-    found = list(csv.DictReader(capsys.readouterr().out.splitlines()))
+    found = s2r(*command, "--columns", "iid,x,tags", "--format", "csv").rows
     assert expected
     assert [row["iid"] for row in found] == expected
-    assert main([*command, "--count"]) == 0
-    assert capsys.readouterr().out.strip() == str(len(expected))
+    assert s2r(*command, "--count").printed.strip() == str(len(expected))
 
 
 @pytest.mark.parametrize(
@@ -196,19 +186,15 @@ def test_expressions_of_the_ground_truth_work(store, capsys):
         (["all", "--columns", "iid,real.room"], "--columns real.room"),
     ],
 )
-def test_fields_of_predictions_need_a_run(store, capsys, arguments, field):
-    assert main(["query", str(store), *arguments]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert f"{field}" in line
-    assert "needs predictions: no run; train a model (`s2r train`)" in line
-    assert "`s2r run import`" in line
+def test_fields_of_predictions_need_a_run(store, s2r, arguments, field):
+    s2r("query", store, *arguments).assert_refused(
+        f"{field}", "needs predictions: no run; train a model (`s2r train`)", "`s2r run import`"
+    )
 
 
-def test_precompute_and_unknown_runs_name_both_ways(store, capsys):
-    assert main(["precompute", str(store)]) == 2
-    assert "`s2r run import`" in capsys.readouterr().err
-    assert main(["query", str(store), "all", "--run", "mine"]) == 2
-    assert "run 'mine': not in" in capsys.readouterr().err
+def test_precompute_and_unknown_runs_name_both_ways(store, s2r):
+    s2r("precompute", store).assert_refused("`s2r run import`")
+    s2r("query", store, "all", "--run", "mine").assert_refused("run 'mine': not in")
 
 
 def test_an_empty_result_is_a_valid_parquet_file(tmp_path):

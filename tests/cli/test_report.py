@@ -176,17 +176,8 @@ def test_a_report_contains_saved_selections_tags_and_notes(tiny_store, tmp_path)
     notebook.toggle_tag([iid], "door")
     notebook.note(iid, "<script>alert(1)</script> & more")
     out = tmp_path / "r.html"
-    arguments = [
-        "report",
-        str(tiny_store),
-        "--out",
-        str(out),
-        "--theme",
-        "light",
-        "--date",
-        "1 March",
-    ]
-    assert main([*arguments, "--title", "A & B <i>"]) == 0
+    words = ("--theme", "light", "--date", "1 March", "--title", "A & B <i>")
+    assert main(["report", str(tiny_store), "--out", str(out), *words]) == 0
     page = Page(out.read_text(encoding="utf-8"))
     assert page.texts_in("h1") == ["A & B <i>"]
     assert "1 March" in page.texts_in("p")
@@ -208,16 +199,8 @@ def test_a_report_contains_saved_selections_tags_and_notes(tiny_store, tmp_path)
 def test_expressions_runs_and_saved_selections_can_be_requested(tiny_store, tmp_path):
     Notebook("0" * 64).save("mine", SavedSelection("ids(1)", 1, "vanilla", 1))
     out = tmp_path / "r.html"
-    arguments = [
-        "report",
-        str(tiny_store),
-        "--theme",
-        "light",
-        "--out",
-        str(out),
-        "--select",
-        "ids(2)",
-    ]
+    words = ("--theme", "light", "--select", "ids(2)")
+    arguments = ["report", str(tiny_store), "--out", str(out), *words]
     assert main([*arguments, "--run", "dataaug", "--run", "vanilla"]) == 0
     page = Page(out.read_text(encoding="utf-8"))
     assert page.texts_in("h3") == ["Run dataaug", "Run vanilla"]
@@ -247,7 +230,7 @@ def test_a_requested_heatmap_is_drawn_on_the_images(tiny_store):
     assert sources[0] != sources[1]
 
 
-def test_an_invalid_request_prints_one_line(tiny_store, tmp_path, capsys, monkeypatch):
+def test_an_invalid_request_prints_one_line(tiny_store, tmp_path, s2r, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for words, expected in (
         ("--out a.html", "--select"),
@@ -259,8 +242,7 @@ def test_an_invalid_request_prints_one_line(tiny_store, tmp_path, capsys, monkey
         ("--out a.html --select all --with nobody", "--with"),
         ("--out no/a.html --select none", "cannot be written"),
     ):
-        assert main(["report", str(tiny_store), *words.split()]) == 2, words
-        lines = capsys.readouterr().err.splitlines()
+        lines = s2r("report", tiny_store, *words.split()).checked(2).err.splitlines()
         (error,) = (line for line in lines if line.startswith("s2r:"))
         assert expected in error
         assert not list(tmp_path.glob("a.*")), words

@@ -1,9 +1,6 @@
 """`s2r rooms` lists and renames rooms; `s2r snapshot` takes keys by name and character."""
 
-import csv
 from pathlib import Path
-
-import pytest
 
 import s2rstore
 from s2rstore.maintenance.verify import verify
@@ -12,37 +9,38 @@ from s2rtui.app.pilot import is_key
 from s2rtui.cli import main
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support.copies import copy_store
+from tests.support.refusals import RunCommand
 from tests.support.silent_reporter import SilentReporter
 
 
-def names(path: Path, capsys: pytest.CaptureFixture[str]) -> dict[str, int]:
-    assert main(["rooms", str(path), "--format", "csv"]) == 0
-    rows = csv.DictReader(capsys.readouterr().out.splitlines())
+def names(path: Path, s2r: RunCommand) -> dict[str, int]:
+    rows = s2r("rooms", path, "--format", "csv").rows
     return {row["room"]: int(row["instances"]) for row in rows}
 
 
-def test_renaming_a_room_computes_nothing_again(few_pairs_store, tmp_path, capsys):
+def test_renaming_a_room_computes_nothing_again(few_pairs_store, tmp_path, s2r):
     path = copy_store(few_pairs_store, tmp_path / "s.s2r")
-    before = names(path, capsys)
+    before = names(path, s2r)
     old = max(before, key=lambda name: before[name])
     assert before[old] > 0
     with s2rstore.open(path) as store:
         generation = store.generation
-    assert main(["rooms", str(path), "--rename", old, "tea kitchen"]) == 0
-    assert f"room {old} is now tea kitchen ({before[old]} instances)" in capsys.readouterr().out
-    after = names(path, capsys)
+    assert (
+        f"room {old} is now tea kitchen ({before[old]} instances)"
+        in s2r("rooms", path, "--rename", old, "tea kitchen").printed
+    )
+    after = names(path, s2r)
     assert after == {("tea kitchen" if name == old else name): n for name, n in before.items()}
     with s2rstore.open(path) as store:
         assert store.generation == generation + 1
     assert precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(())) == []
     expression = ['room:"tea kitchen"', "--with-trained"]
-    assert main(["query", str(path), *expression, "--format", "csv"]) == 0
-    assert len(capsys.readouterr().out.splitlines()) > 1
+    assert len(s2r("query", path, *expression, "--format", "csv").lines) > 1
     assert verify(path) == []
 
 
-def test_names_that_cannot_be_given_are_refused(few_pairs_store, capsys):
-    known = list(names(few_pairs_store, capsys))
+def test_names_that_cannot_be_given_are_refused(few_pairs_store, s2r):
+    known = list(names(few_pairs_store, s2r))
     for old, new, message in (
         ("nowhere", "x", "room 'nowhere': not in"),
         (known[0], known[-1], "exists already"),
@@ -52,9 +50,8 @@ def test_names_that_cannot_be_given_are_refused(few_pairs_store, capsys):
         (known[0], "a\x1b[2J", "printable"),
         (known[0], "n" * 1001, "1 to 1000"),
     ):
-        assert main(["rooms", str(few_pairs_store), "--rename", old, new]) == 2, new
-        assert message in capsys.readouterr().err
-    assert list(names(few_pairs_store, capsys)) == known
+        s2r("rooms", few_pairs_store, "--rename", old, new).assert_refused(message)
+    assert list(names(few_pairs_store, s2r)) == known
 
 
 def screen(store: Path, folder: Path, keys: str, size: str = "80x24") -> str:

@@ -1,9 +1,7 @@
 """The show command: every number of a view equals the result of an SQL query."""
 
-import csv
-import io
-import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,30 +11,24 @@ from s2rstore.index.transaction import edit
 from s2rtui.cli import main
 from s2rtui.user_data.notebook import Notebook
 from tests.support import tiny
+from tests.support.refusals import RunCommand
 from tests.support.small_figures import draw_small_figures
 
 TRAINING_SPLITS = "'train', 'validation'"
 
 
 @pytest.fixture
-def query(tiny_store: Path, capsys):
+def query(tiny_store: Path, s2r: RunCommand) -> Callable[..., list[dict[str, Any]]]:
     """A function that returns the rows of a command on the tiny store."""
-
-    def rows(*arguments: str) -> list[dict[str, Any]]:
-        assert main([arguments[0], str(tiny_store), *arguments[1:], "--json"]) == 0
-        return json.loads(capsys.readouterr().out)
-
-    return rows
+    return lambda command, *words: s2r(command, tiny_store, *words, "--json").json
 
 
-def test_the_overview_uses_only_held_out_instances(tmp_path, capsys):
+def test_the_overview_uses_only_held_out_instances(tmp_path, s2r):
     path = str(tiny.build(tmp_path / "s.s2r", trained=tiny.RUNS))
     new = f"sim_split NOT IN ({TRAINING_SPLITS}) AND real_split NOT IN ({TRAINING_SPLITS})"
     text = "SELECT run, avg(sim_accuracy) s, avg(real_accuracy) r, count(*) n FROM pair"
-    assert main(["sql", path, f"{text} WHERE {new} GROUP BY run", "--json"]) == 0
-    expected = json.loads(capsys.readouterr().out)
-    assert main(["show", path, "overview", "--json"]) == 0
-    shown = {row["run"]: row for row in json.loads(capsys.readouterr().out)}
+    expected = s2r("sql", path, f"{text} WHERE {new} GROUP BY run", "--json").json
+    shown = {row["run"]: row for row in s2r("show", path, "overview", "--json").json}
     assert len(shown) == len(expected) == 2
     for row in expected:
         computed = shown[row["run"]]
@@ -163,12 +155,10 @@ def test_the_scatter_view_counts_quadrants(query):
         assert row["selected"] == len(query("query", f"({row['expression']}) & gap > 0"))
 
 
-def test_tables_are_rounded_and_csv_is_not(tiny_store, capsys):
+def test_tables_are_rounded_and_csv_is_not(tiny_store, s2r):
     arguments = ["show", str(tiny_store), "map", "--select", "ids(3)"]
-    assert main(arguments) == 0
-    printed = capsys.readouterr().out
-    assert main([*arguments, "--format", "csv"]) == 0
-    rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    printed = s2r(*arguments).printed
+    rows = s2r(*arguments, "--format", "csv").rows
     value = rows[0]["real_x_m"]
     assert len(value) > 12
     assert value not in printed
@@ -184,13 +174,11 @@ def test_tables_are_rounded_and_csv_is_not(tiny_store, capsys):
         ("scatter", "worst 15 % in sim"),
     ],
 )  # fmt: skip
-def test_every_view_has_a_summary(tiny_store, view, expected, capsys):
-    assert main(["show", str(tiny_store), view, "--select", "worst15", "--words"]) == 0
-    summary = capsys.readouterr().out
+def test_every_view_has_a_summary(tiny_store, view, expected, s2r):
+    summary = s2r("show", tiny_store, view, "--select", "worst15", "--words").printed
     assert expected in summary
     assert summary.count("\n") == 1
-    assert main(["show", str(tiny_store), view, "--select", "none", "--words"]) == 0
-    assert "nan" not in capsys.readouterr().out
+    assert "nan" not in s2r("show", tiny_store, view, "--select", "none", "--words").printed
 
 
 def _values(rows: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
@@ -206,7 +194,7 @@ def _approximately(rows: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
     ]
 
 
-def test_open_bounds_are_marked(tmp_path, capsys, monkeypatch):
+def test_open_bounds_are_marked(tmp_path, s2r, monkeypatch):
     """All changes lie below 0, but three stretches of them say little: this is not evident."""
     path = tiny.build(tmp_path / "few.s2r", 30)
     with edit(path) as draft:
@@ -214,13 +202,11 @@ def test_open_bounds_are_marked(tmp_path, capsys, monkeypatch):
             where = f"WHERE run = '{run}' AND side = 'real'"
             draft.rows(f"UPDATE prediction SET error = {error} {where}")
     command = ["show", str(path), "compare", "--run", "vanilla", "--with", "dataaug"]
-    assert main(command) == 0
-    *_, total = capsys.readouterr().out.splitlines()
+    *_, total = s2r(*command).lines
     assert " no " in total
     assert "  <-0.9  " in total
     assert "  >-0.1  " in total
-    assert main([*command, "--json"]) == 0
-    row = json.loads(capsys.readouterr().out)[-1]
+    row = s2r(*command, "--json").json[-1]
     assert (row["low_m"], row["high_m"]) == (pytest.approx(-0.9), pytest.approx(-0.1))
     assert row["bounds"] == "<-0.90 to >-0.10"
     draw_small_figures(monkeypatch)

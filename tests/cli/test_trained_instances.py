@@ -138,7 +138,6 @@ def test_reports_say_whether_they_hold_trained_instances(stores, monkeypatch):
     assert "40 of 40 (20 trained on, included) instances" in page
     assert "The model was trained on 20 of them" in page
     sides = re.search(r"Run vanilla on the selection.*?</table>", page, re.DOTALL)
-    assert sides is not None
     assert sides[0].count("<td>20</td>") == 2
 
 
@@ -169,11 +168,8 @@ def test_the_stored_heat_of_a_run_names_its_trained_instances(stores):
     assert "trained" not in of_one.heat_label
 
 
-def test_runs_and_the_headline_population_agree_with_the_screen(stores, capsys):
-    outputs = []
-    for path in stores:
-        assert main(["runs", str(path), "--format", "csv"]) == 0
-        outputs.append(capsys.readouterr().out)
+def test_runs_and_the_headline_population_agree_with_the_screen(stores, s2r):
+    outputs = [s2r("runs", path, "--format", "csv").printed for path in stores]
     assert outputs[0] == outputs[1]
     with s2rstore.open(stores.absurd) as store:
         for run, trained in (("vanilla", 20), ("dataaug", 10)):
@@ -186,13 +182,12 @@ def test_runs_and_the_headline_population_agree_with_the_screen(stores, capsys):
         )
 
 
-def test_runs_say_where_the_training_set_is_unknown(tmp_path, capsys):
+def test_runs_say_where_the_training_set_is_unknown(tmp_path, s2r):
     path = tiny.build(tmp_path / "s.s2r", N)
     with edit(path) as draft:
         draft._connection.execute("UPDATE prediction SET split = 'unseen'")
         draft.set_provenance("model:dataaug", {"split:sim": "[[3, 40]]"})
-    assert main(["runs", str(path), "--json"]) == 0
-    notes = {row["run"]: row["note"] for row in json.loads(capsys.readouterr().out)}
+    notes = {row["run"]: row["note"] for row in s2r("runs", path, "--json").json}
     assert notes == {"vanilla": "training set unknown", "dataaug": ""}
 
 

@@ -1,6 +1,5 @@
 """`s2r translate`: fit, list and wrong requests."""
 
-import json
 from pathlib import Path
 
 import cv2
@@ -24,12 +23,10 @@ def folders(tmp_path: Path) -> tuple[Path, Path]:
     return paths
 
 
-def test_a_translator_of_a_store_is_fitted_and_listed(store_copy, capsys):
+def test_a_translator_of_a_store_is_fitted_and_listed(store_copy, s2r):
     fit = ["translate", "fit", "reinhard", "--direction", "real2sim", "--store", str(store_copy)]
-    assert main(fit) == 0
-    assert "translator reinhard-real2sim registered" in capsys.readouterr().out
-    assert main(["translate", "list", "--store", str(store_copy), "--json"]) == 0
-    (row,) = json.loads(capsys.readouterr().out)
+    assert "translator reinhard-real2sim registered" in s2r(*fit).printed
+    (row,) = s2r("translate", "list", "--store", store_copy, "--json").json
     assert (row["translator"], row["from"], row["to"]) == ("reinhard-real2sim", "real", "sim")
 
 
@@ -62,12 +59,9 @@ WRONG_REQUESTS = (
 )
 
 
-def test_wrong_requests_end_in_one_line(tiny_store, tmp_path, monkeypatch, capsys):
+def test_wrong_requests_end_in_one_line(tiny_store, tmp_path, monkeypatch, s2r):
     monkeypatch.chdir(tmp_path)
     for request_text, message in WRONG_REQUESTS:
         words = request_text.replace("STORE", str(tiny_store)).split()
-        assert main(["translate", *words]) == 2, request_text
-        captured = capsys.readouterr().err
-        assert message in captured, request_text
-        assert captured.count("\n") == 1, request_text
+        s2r("translate", *words).assert_refused(message)
     assert not list(tmp_path.glob("*.safetensors"))

@@ -11,7 +11,6 @@ import pytest
 from tests.support.refusals import CommandResult, RunCommand
 
 pytest.importorskip("dask_jobqueue")
-pytestmark = pytest.mark.xdist_group("cluster")
 
 
 Script = Callable[[str], CommandResult]

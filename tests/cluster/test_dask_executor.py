@@ -29,8 +29,6 @@ from s2rtools.precompute.executors.dask_executor import DaskExecutor  # noqa: E4
 from s2rtools.precompute.executors.dask_worker import StoreIdentity  # noqa: E402
 from s2rtools.precompute.executors.local_executors import default_threads  # noqa: E402
 
-pytestmark = pytest.mark.xdist_group("cluster")
-
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,6 @@ from s2rtools.precompute.executors.executor import Task
 from tests.cluster.counted_units import CountedComputation, plan_of, stage_of
 
 pytest.importorskip("dask_jobqueue")
-pytestmark = pytest.mark.xdist_group("cluster")
 
 _REFUSED = "sbatch: error: Batch job submission failed: Invalid account"
 _SETTINGS = """

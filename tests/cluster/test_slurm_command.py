@@ -17,8 +17,6 @@ from s2rtools.precompute.executors.slurm_command import run_command
 from s2rtools.precompute.executors.slurm_settings import read_settings
 from s2rtools.training.command import command_arguments as train_arguments
 
-pytestmark = pytest.mark.xdist_group("cluster")
-
 _SBATCH = """
 for word in "$@"; do
     case $word in
@@ -195,10 +193,9 @@ def test_a_job_measures_the_named_night_with_all_options(tmp_path):
     assert parsed(nightly_arguments(parsed(["nightly", "n.toml"]))).night is not None
 
 
-def test_train_submits_a_job(slurm, store_copy, capsys):
+def test_train_submits_a_job(slurm, store_copy, capsys, s2r):
     command = ["train", "--recipe", "vanilla", "--name", "new", "--store", str(store_copy)]
-    assert main([*command, "--cluster", str(slurm.file), "--show-job-script"]) == 0
-    script = capsys.readouterr().out
+    script = s2r(*command, "--cluster", slurm.file, "--show-job-script").printed
     assert not (slurm.folder / "script").exists()
     assert main([*command, "--cluster", str(slurm.file)]) == 0
     assert (slurm.folder / "script").read_text() == script
@@ -218,11 +215,8 @@ def test_train_submits_a_job(slurm, store_copy, capsys):
         (["--show-job-script"], "--show-job-script: needs --cluster FILE"),
     ],
 )
-def test_wrong_requests_submit_nothing(slurm, store_copy, capsys, given, message):
+def test_wrong_requests_submit_nothing(slurm, store_copy, s2r, given, message):
     words = [word.replace("FILE", str(slurm.file)) for word in given]
     command = ["train", "--recipe", "vanilla", "--name", "new", "--store", str(store_copy)]
-    assert main([*command, *words]) == 2
-    error = capsys.readouterr().err
-    assert message in error
-    assert error.count("\n") == 1
+    s2r(*command, *words).assert_refused(message)
     assert not (slurm.folder / "script").exists()

@@ -44,24 +44,22 @@ def test_wrong_files_are_refused(tmp_path, text, message):
         read_planned_poses(path)
 
 
-def test_the_command_writes_prints_and_saves(tiny_store, tmp_path, capsys):
+def test_the_command_writes_prints_and_saves(tiny_store, tmp_path, s2r):
     out = tmp_path / "poses.csv"
     arguments = ["collect", str(tiny_store), "--run", "vanilla", "--budget", "12"]
-    assert main([*arguments, "--out", str(out), "--save", "todo"]) == 0
-    printed = capsys.readouterr().out
+    printed = s2r(*arguments, "--out", out, "--save", "todo").printed
     assert "12 poses (combined)" in printed
     assert "nearest instances: ids(" in printed
     assert len(read_planned_poses(out)) == 12
-    assert main([*arguments, "--json"]) == 0
-    captured = capsys.readouterr()
+    captured = s2r(*arguments, "--json").checked()
     assert "choosing 12 of" in captured.err
     content = json.loads(captured.out)
     assert [pose["x_m"] for pose in content["poses"]] == [p.x_m for p in read_planned_poses(out)]
-    assert main(["query", str(tiny_store), "@todo", "--run", "vanilla", "--count"]) == 0
-    by_name = capsys.readouterr().out
-    assert main(["query", str(tiny_store), content["expression"], "--run", "vanilla",
-                 "--count"]) == 0  # fmt: skip
-    assert capsys.readouterr().out == by_name
+    by_name = s2r("query", tiny_store, "@todo", "--run", "vanilla", "--count").printed
+    assert (
+        s2r("query", tiny_store, content["expression"], "--run", "vanilla", "--count").printed
+        == by_name
+    )
 
 
 def test_methods_of_the_command_are_those_of_the_tools():
@@ -79,11 +77,8 @@ def test_methods_of_the_command_are_those_of_the_tools():
         (["--out", "nowhere/poses.csv"], "--out nowhere/poses.csv: there is no folder"),
     ],
 )
-def test_messages(tiny_store, capsys, options, message):
-    assert main(["collect", str(tiny_store), *options]) == 2
-    error = capsys.readouterr().err
-    assert message in error
-    assert len(error.splitlines()) == 1
+def test_messages(tiny_store, s2r, options, message):
+    s2r("collect", tiny_store, *options).assert_refused(message)
 
 
 def test_the_map_shows_planned_poses(tiny_store, tmp_path):
@@ -103,12 +98,13 @@ def test_the_map_shows_planned_poses(tiny_store, tmp_path):
     assert second.read_text().count("planned poses") >= 1
 
 
-def test_poses_are_refused_where_no_map_is_drawn(tiny_store, tmp_path, capsys):
+def test_poses_are_refused_where_no_map_is_drawn(tiny_store, tmp_path, s2r):
     poses, figure = tmp_path / "poses.csv", tmp_path / "f.png"
     poses.write_text("x_m,y_m,heading_deg\n1,2,90\n")
     words = ["export", str(tiny_store), "--poses", str(poses), "--out", str(figure)]
-    assert main([*words, "--view", "rooms"]) == 2
-    assert "--poses: drawn on the map; use --view map in place of rooms" in capsys.readouterr().err
+    s2r(*words, "--view", "rooms").assert_refused(
+        "--poses: drawn on the map; use --view map in place of rooms"
+    )
     assert main([*words, "--view", "map"]) == 0
 
 

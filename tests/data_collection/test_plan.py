@@ -57,7 +57,6 @@ def test_candidates_of_a_world_lie_on_free_floor(moved_camera_store):
         from s2rtools.synthetic_world.dataset import WorldData
 
         data = WorldData.of_store(store)
-        assert data is not None
         poses = found.poses(np.flatnonzero(found.usable))
         assert is_free(data.world, poses[:, :2]).all()
         sample = poses[:: len(poses) // 40]

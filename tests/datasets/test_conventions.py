@@ -98,6 +98,8 @@ def test_conventions_are_distinct_and_have_their_own_names():
     places = [np.stack(each.on_floor(points))[:, :50].round(6).tobytes() for each in CONVENTIONS]
     assert len(set(places)) == len(CONVENTIONS)
     assert len({str(convention) for convention in CONVENTIONS}) == len(CONVENTIONS)
+    assert Convention(scale=5.0).finding == "depth looks 5 times too small"
+    assert Convention(scale=0.5).finding == "depth looks 2 times too large"
 
 
 def test_few_frames_decide_nothing():
@@ -120,7 +122,8 @@ def test_doubts_name_the_sharper_convention():
     wrong = wrongly_declared(frames("real"), Convention(sign=-1))
     (issue,) = doubts([checks[0], check_conventions(wrong)])
     assert (issue.kind, issue.file) == ("convention doubtful", "real")
-    assert "is sharper on the floor with heading negated" in issue.detail
+    assert issue.detail.startswith("headings look counted in the other direction; images and poses")
+    assert "agree best with heading negated (" in issue.detail
 
 
 @pytest.fixture(scope="module")
@@ -177,7 +180,9 @@ def test_an_append_checks_its_instances_before_it_publishes_them(tmp_path):
     scan.issues.clear()
     lines: list[str] = []
     append(scan, path, "test", False, lambda count: None, lines.append)
-    assert lines[-1].startswith("headings, handedness and depth scale: real doubtful (")
+    assert lines[-1].startswith(
+        "headings, handedness and depth scale: real doubtful: headings look "
+    )
     assert {issue.kind for issue in scan.issues} == {"convention doubtful"}
     notes = [note for note in verified(path).notes if "sharper" in note]
     assert len(notes) == len(scan.issues)

@@ -239,7 +239,7 @@ def test_a_fisheye_lens_without_coefficients_is_undistorted():
         def read(self) -> SourceImage:
             return SourceImage(image, "", 8)
 
-    found = CameraImages(camera, "camera").read(Image(), cv2.INTER_LINEAR)  # type: ignore[arg-type]
+    found = CameraImages(camera).read(Image(), cv2.INTER_LINEAR)  # type: ignore[arg-type]
     assert isinstance(found, SourceImage)
     radius = int(found.pixels[48, 48:, 0].argmax())
     assert radius == pytest.approx(focal * math.tan(angle), abs=2)

@@ -19,11 +19,9 @@ from s2rtools.datasets.files.image_decoding import ImageFiles
 from s2rtools.datasets.scan import Scan
 from s2rtools.datasets.writing import (
     build,
-    frame_group,
     frame_writing,
-    growing_array,
     ingest_journal,
-    source_arrays,
+    trajectory_arrays,
 )
 from tests.datasets.conftest import N
 from tests.datasets.helpers import Killed, add, files, kill, kill_after, rows_by_trajectory, scan_of
@@ -142,7 +140,7 @@ def test_an_append_to_a_busy_store_keeps_its_frames(scan, store, monkeypatch, er
 
 def test_an_interrupted_append_is_resumed(source, tmp_path, monkeypatch):
     """It equals an append that was not interrupted, and decodes what was not written alone."""
-    for module in (frame_group, frame_writing, growing_array, ingest_journal, source_arrays):
+    for module in (trajectory_arrays, frame_writing, ingest_journal):
         monkeypatch.setattr(module, "SHARD_ROWS", 4)
     monkeypatch.setattr("s2rstore.files.process_identity.has_ended", lambda identity: True)
     decode = ImageFiles.decode

@@ -9,17 +9,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
-from s2rtools.datasets.files.numeric_rows import (
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.common.tables.numeric_rows import (
     NumericRows,
     in_time_order,
     read_matrix,
     read_numbers,
     read_stamped_names,
 )
+from s2rtools.datasets.recording import trajectory_name
 from s2rtools.datasets.recordings.recorded_files import NumberedFiles
-from s2rtools.datasets.recordings.recorded_folders import trajectory_name
 from s2rtools.datasets.recordings.recorded_poses import poses_at, poses_near
-from s2rtools.datasets.scan import InputIssue
 from tests.datasets.layouts.recordings import drive
 
 
@@ -63,7 +63,7 @@ def test_names_may_contain_spaces_and_lines_may_end_as_on_windows(tmp_path):
     path = tmp_path / "list.txt"
     path.write_bytes(b"\xef\xbb\xbf1.5 a b.png\r\n2.5   c.png  \r\n")
     found = read_stamped_names(path, "list.txt", [])
-    assert [found.file_name(row) for row in range(2)] == ["a b.png", "c.png"]
+    assert [found.text(row) for row in range(2)] == ["a b.png", "c.png"]
 
 
 def test_a_pipe_is_refused_without_waiting(tmp_path):

@@ -14,7 +14,7 @@ import pytest
 
 from s2rstore.arrays import array_writer
 from s2rstore.errors import RequestError
-from s2rstore.files import atomic_writes, layout
+from s2rstore.files import layout
 from s2rstore.files.ingest_folder import staging_folders
 from s2rstore.files.ledger import Ledger
 from s2rstore.maintenance.verify import verify
@@ -22,11 +22,9 @@ from s2rtools.datasets.files.image_decoding import ImageFiles
 from s2rtools.datasets.scan import Scan
 from s2rtools.datasets.writing import build as build_module
 from s2rtools.datasets.writing import (
-    frame_group,
     frame_writing,
-    growing_array,
     ingest_journal,
-    source_arrays,
+    trajectory_arrays,
 )
 from s2rtools.datasets.writing.build import build
 from tests.datasets.helpers import Killed, kill_after, rows_by_trajectory, scan_of
@@ -43,7 +41,7 @@ OTHER_SIZE = (5, 30)
 
 @pytest.fixture(autouse=True)
 def small_shards(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (frame_group, frame_writing, growing_array, ingest_journal, source_arrays):
+    for module in (trajectory_arrays, frame_writing, ingest_journal):
         monkeypatch.setattr(module, "SHARD_ROWS", SHARD)
 
 
@@ -96,7 +94,11 @@ def undisturbed(
     manifest: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[tuple[dict[str, object], Scan, int]]:
     with pytest.MonkeyPatch.context() as patch:
-        for module in (frame_group, frame_writing, growing_array, ingest_journal, source_arrays):
+        for module in (
+            trajectory_arrays,
+            frame_writing,
+            ingest_journal,
+        ):
             patch.setattr(module, "SHARD_ROWS", SHARD)
         store = tmp_path_factory.mktemp("undisturbed") / "s.s2r"
         scan, steps = ingest(manifest, store)
@@ -152,8 +154,7 @@ def all_processes_have_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     [
         (array_writer, "write_chunks", 0),
         (array_writer, "write_chunks", 17),
-        (atomic_writes, "move", 1),
-        (atomic_writes, "remove", 3),
+        (array_writer, "create", 1),
         (Ledger, "add_entries", 1),
         (Path, "rename", 0),
         *(

@@ -19,8 +19,6 @@ _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e-?\d+)?")
 def test_shown_outputs_are_those_of_the_demo(tmp_path):
     """Words are equal, and numbers but for the last digits, in which processors differ."""
     spec = importlib.util.spec_from_file_location("outputs", ROOT / "docs" / "update_outputs.py")
-    assert spec is not None
-    assert spec.loader is not None
     outputs = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(outputs)
     assert main(["demo", "--out", str(tmp_path / "demo"), "--no-open"]) == 0

@@ -91,9 +91,7 @@ def test_the_best_run_is_evident_only_against_every_other_run(plain):
         )
         alone = run_differences.best_run(store, [best, near])
         finding = run_differences.best_run(store, [best, near, far])
-    assert alone is not None
     assert alone.evident
-    assert finding is not None
     assert (finding.run, finding.other, finding.comparisons) == ("best", "near", 2)
     assert not finding.evident
     assert "not evident against far" in finding.evidence
@@ -245,7 +243,6 @@ def test_drift_compares_the_first_and_the_last_measured_night(plain, monkeypatch
         monkeypatch.setattr(DRIFT.reader, "file_stamp", lambda path: (1, 1, 1))
         monkeypatch.setattr(DRIFT.reader, "read", lambda path: gaps.history(*week))
         found = DRIFT.gap_drift(store, "vanilla", Path("week.duckdb"))
-        assert found is not None
         assert found.values["axis"] == "task"
         assert found.values["change_percent"] == pytest.approx(27.0 - 7.0)
         assert not found.evident
@@ -268,7 +265,6 @@ def test_only_the_alarm_of_the_nightly_makes_a_drift_evident(plain, monkeypatch,
     monkeypatch.setattr(DRIFT.reader, "read", lambda path: gaps.history(*nights))
     with s2rstore.open(plain) as store:
         found = DRIFT.gap_drift(store, "vanilla", Path("nights.duckdb"))
-    assert found is not None
     assert found.evident == (rise > 0)
     assert found.values["axis"] == ("task" if rise else "visual")
 
@@ -298,11 +294,8 @@ def test_the_bounds_of_a_factor_are_those_for_all_factors_at_once():
         costliest_factor.of_score([{**row, "factor": "lights"}, *rest], "vanilla")
         for rest in ([], others)
     )
-    assert alone is not None
-    assert among is not None
     assert (alone.evident, alone.comparisons) == (True, 1)
     assert (among.evident, among.comparisons) == (True, 20)
-    assert among.interval is not None
     assert among.interval.level == pytest.approx(0.9975)
     assert "corrected for their number" in among.evidence
 
@@ -314,7 +307,6 @@ def test_drift_dates_a_measurement_by_the_night_that_made_it(plain, monkeypatch)
     monkeypatch.setattr(DRIFT.reader, "read", lambda path: gaps.history(*week))
     with s2rstore.open(plain) as store:
         found = DRIFT.gap_drift(store, "vanilla", Path("week.duckdb"))
-    assert found is not None
     assert (found.values["first_night"], found.values["last_night"]) == ("2026-11-16", "2026-11-20")
     assert "from 2026-11-16 to 2026-11-20, n 2 nights" in found.text
 

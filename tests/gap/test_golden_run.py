@@ -13,7 +13,7 @@ from msgspec import structs
 import s2rstore
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.metrics.run_metrics import held_out
-from s2rtools.gap.axis_result import Evidence, GapSettings
+from s2rtools.gap.axis import Evidence, GapSettings
 from s2rtools.gap.gate import golden_run
 
 SETTINGS = GapSettings()

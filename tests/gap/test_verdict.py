@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from statistics import NormalDist
 
@@ -15,29 +14,28 @@ from hypothesis import strategies as st
 from s2rstore.errors import RequestError
 from s2rstore.gap_history.gate_status import outcome_of
 from s2rstore.intervals import Interval
-from s2rtools.gap.axis_result import Anchor, AxisResult, GapSettings
+from s2rtools.gap.axis import Anchor, AxisResult, GapSettings, Measurement
 from s2rtools.gap.gate import reference
 from s2rtools.gap.gate.verdict import judge
-from s2rtools.gap.measure import Measurement
 
 SETTINGS = GapSettings()
 
 
-def axis_result(axis: str, value: float, spread: float = 0.01, floor: float = 0.1) -> AxisResult:
+def axis_result(value: float, spread: float = 0.01, floor: float = 0.1) -> AxisResult:
     """An axis with a normal interval of standard error `spread`."""
 
     def bounds(level: float) -> Interval:
         half = NormalDist().inv_cdf(0.5 + level / 2) * spread
         return Interval(value - half, value, value + half, level)
 
-    return AxisResult(axis, value, floor, 50, bounds, {"features": "f", "n": 50})
+    return AxisResult(value, floor, 50, bounds, {"features": "f", "n": 50})
 
 
 BAD = Anchor(Interval(1.0, 1.1, 1.2), "bad")
 
 
-def measurement_of(*axes: AxisResult) -> Measurement:
-    return Measurement({result.axis: result for result in axes}, {}, {})
+def measurement_of(**axes: AxisResult) -> Measurement:
+    return Measurement(axes, {}, {})
 
 
 def scale(*axes: str, anchor: float = 1.1, floor: float = 0.1) -> reference.Reference:
@@ -46,12 +44,12 @@ def scale(*axes: str, anchor: float = 1.1, floor: float = 0.1) -> reference.Refe
                                {"features": "f", "n": 50})
         for axis in axes
     }  # fmt: skip
-    return reference.Reference(frozen, {}, "ref.json", "0" * 64)
+    return reference.Reference(axes=frozen, made_from={}, source="ref.json", sha256="0" * 64)
 
 
 def test_the_floor_is_0_and_the_anchor_100() -> None:
-    at_floor = judge(measurement_of(axis_result("task", 0.1)), scale("task"), SETTINGS)
-    at_anchor = judge(measurement_of(axis_result("task", 1.1)), scale("task"), SETTINGS)
+    at_floor = judge(measurement_of(task=axis_result(0.1)), scale("task"), SETTINGS)
+    at_anchor = judge(measurement_of(task=axis_result(1.1)), scale("task"), SETTINGS)
     assert at_floor.gap.value == pytest.approx(0)
     assert at_anchor.gap.value == pytest.approx(100)
     assert (at_floor.outcome, at_anchor.outcome) == ("PASS", "FAIL")
@@ -59,34 +57,36 @@ def test_the_floor_is_0_and_the_anchor_100() -> None:
 
 def test_the_worst_axis_is_the_headline() -> None:
     verdict = judge(
-        measurement_of(axis_result("task", 0.12), axis_result("visual", 0.6)),
+        measurement_of(task=axis_result(0.12), visual=axis_result(0.6)),
         scale("task", "visual"),
         SETTINGS,
     )
     assert verdict.worst == "visual"
     assert verdict.gap.value == pytest.approx(50)
-    assert [result.axis for result in verdict.axes] == ["task", "visual"]
+    assert list(verdict.gaps) == ["task", "visual"]
 
 
 def test_one_axis_above_the_threshold_fails_and_is_named() -> None:
     """The axis with the largest G has a wide interval and does not decide."""
-    axes = (axis_result("task", 0.9, spread=0.6), axis_result("visual", 0.6), axis_result("c", 0.1))
-    verdict = judge(measurement_of(*axes), scale("task", "visual", "c"), SETTINGS)
+    axes = {
+        "task": axis_result(0.9, spread=0.6), "visual": axis_result(0.6), "c": axis_result(0.1)
+    }  # fmt: skip
+    verdict = judge(measurement_of(**axes), scale("task", "visual", "c"), SETTINGS)
     assert (verdict.outcome, verdict.worst) == ("FAIL", "task")
     assert verdict.reason.startswith("visual known to be above the threshold of 15")
 
 
 def test_an_interval_across_the_threshold_is_inconclusive() -> None:
-    verdict = judge(measurement_of(axis_result("task", 0.25, spread=0.2)), scale("task"), SETTINGS)
+    verdict = judge(measurement_of(task=axis_result(0.25, spread=0.2)), scale("task"), SETTINGS)
     assert verdict.outcome == "INCONCLUSIVE"
     assert verdict.reason == "task not known to be below the threshold of 15"
 
 
 def test_an_axis_above_the_threshold_at_another_level_is_said_to_be() -> None:
     """Its printed interval lies above the threshold, that of two axes at once does not."""
-    near = axis_result("task", 0.25 + 2.1 * 0.01, spread=0.01)
+    near = axis_result(0.25 + 2.1 * 0.01, spread=0.01)
     verdict = judge(
-        measurement_of(near, axis_result("visual", 0.1)), scale("task", "visual"), SETTINGS
+        measurement_of(task=near, visual=axis_result(0.1)), scale("task", "visual"), SETTINGS
     )
     assert verdict.outcome == "INCONCLUSIVE"
     assert verdict.gap.low > 15
@@ -98,7 +98,7 @@ def test_an_axis_above_the_threshold_at_another_level_is_said_to_be() -> None:
 
 def test_an_unjudged_axis_is_not_in_the_headline() -> None:
     verdict = judge(
-        measurement_of(axis_result("task", 0.1), axis_result("visual", 9.0)),
+        measurement_of(task=axis_result(0.1), visual=axis_result(9.0)),
         scale("task"),
         SETTINGS,
     )
@@ -107,16 +107,14 @@ def test_an_unjudged_axis_is_not_in_the_headline() -> None:
 
 
 def test_a_referenced_axis_without_evidence_is_rejected() -> None:
-    measurement = Measurement({"task": axis_result("task", 0.1)}, {"dynamics": "no drives"}, {})
+    measurement = Measurement({"task": axis_result(0.1)}, {"dynamics": "no drives"}, {})
     with pytest.raises(RequestError, match=r"ref\.json: judges dynamics.*no drives"):
         judge(measurement, scale("task", "dynamics"), SETTINGS)
 
 
 @pytest.mark.parametrize(("value", "outcome"), [(0.1, "INCONCLUSIVE"), (1.1, "FAIL")])
 def test_an_axis_with_too_little_evidence_cannot_pass(value: float, outcome: str) -> None:
-    measurement = Measurement(
-        {"task": axis_result("task", value)}, {}, {"visual": "3 images, 50 needed"}
-    )
+    measurement = Measurement({"task": axis_result(value)}, {}, {"visual": "3 images, 50 needed"})
     verdict = judge(measurement, scale("task", "visual"), SETTINGS)
     assert verdict.outcome == outcome
     if outcome == "INCONCLUSIVE":
@@ -133,28 +131,28 @@ def test_a_reference_with_another_fingerprint_is_rejected(change: dict, expected
     frozen = msgspec.structs.replace(base_scale.axes["task"], fingerprint=fingerprint)
     with pytest.raises(RequestError, match=expected):
         judge(
-            measurement_of(axis_result("task", 0.1)),
-            replace(base_scale, axes={"task": frozen}),
+            measurement_of(task=axis_result(0.1)),
+            msgspec.structs.replace(base_scale, axes={"task": frozen}),
             SETTINGS,
         )
 
 
 def test_an_anchor_within_the_noise_of_the_floor_cannot_be_frozen() -> None:
-    noisy = axis_result("task", 0.1, spread=0.5)
+    noisy = axis_result(0.1, spread=0.5)
     anchor = Anchor(Interval(-0.7, 0.3, 1.3), "the constant prediction")
     with pytest.raises(RequestError, match=r"constant prediction.*within noise"):
-        reference.freeze(noisy, anchor, "m")
+        reference.freeze("task", noisy, anchor)
 
 
 def test_a_reference_can_be_written_and_read(tmp_path: Path) -> None:
-    low_noise = axis_result("task", 0.1)
-    frozen = reference.freeze(low_noise, BAD, "m")
+    low_noise = axis_result(0.1)
+    frozen = reference.freeze("task", low_noise, BAD)
     path = tmp_path / "ref.json"
     path.write_text(reference.text({"task": frozen}, {"run": "vanilla"}))
     read = reference.read(path)
     assert read.axes == {"task": frozen}
     assert read.made_from == {"run": "vanilla"}
-    assert judge(measurement_of(low_noise), read, SETTINGS).outcome == "PASS"
+    assert judge(measurement_of(task=low_noise), read, SETTINGS).outcome == "PASS"
 
 
 @pytest.mark.parametrize(
@@ -181,8 +179,8 @@ def test_a_scale_without_span_or_state_is_rejected(tmp_path: Path, change: dict)
 
 
 def test_non_numeric_scales_are_rejected(tmp_path: Path) -> None:
-    low_noise = axis_result("task", 0.1)
-    frozen = reference.freeze(low_noise, BAD, "m")
+    low_noise = axis_result(0.1)
+    frozen = reference.freeze("task", low_noise, BAD)
     path = tmp_path / "ref.json"
     text = reference.text({"task": frozen}, {})
     for key in ("anchor", "anchor_low", "anchor_high", "floor"):

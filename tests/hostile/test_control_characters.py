@@ -1,8 +1,6 @@
 """Control characters in external texts are escaped, except in CSV and JSON written to a pipe."""
 
-import csv
 import io
-import json
 import os
 import sys
 from pathlib import Path
@@ -25,13 +23,10 @@ from s2rstore.security.printable_text import (
 )
 from s2rtui.app.app import S2RApp
 from s2rtui.app.key_bindings import ACTIONS
-from s2rtui.app.pilot import settle
-from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import STORED, VIEWS
 from s2rtui.cli import main
-from s2rtui.session import Session
-from s2rtui.user_data.notebook import Notebook
 from tests.support import hostile
+from tests.support.application import press, running
 from tests.support.copies import copy_store
 from tests.support.hostile import CLIPBOARD, HOSTILE, control_characters
 
@@ -126,17 +121,16 @@ async def test_views_and_screens_show_no_control_characters_and_parse_no_markup(
     names = ("mine", "[ @click=app.quit]CLICK", "[b")
     hostile.notebook(user_data_folder, selections=dict.fromkeys(names, entry), history=[HOSTILE],
                      remarks={"3": {"tags": ["[/", "CLICK"], "note": HOSTILE}})  # fmt: skip
-    app = S2RApp(Session(hostile_store, "vanilla", Notebook), RenderOptions(), tmp_path)
-    app.load_scheduler.debounce_seconds = 0.001
     screen_text = ""
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(app, pilot)
+    async with running(hostile_store, folder=tmp_path, run="vanilla", size=(80, 24)) as (
+        app,
+        pilot,
+    ):
         keys = [action.keys[0] for action in ACTIONS
                 if action.name not in ("quit", "report", "adjust", "save_run")]  # fmt: skip
         views = [view.key for view in VIEWS if view.from_store]
         for key in [*keys, "N", *views, "ctrl+p", "slash"]:
-            await pilot.press(key)
-            await settle(app, pilot)
+            await press(app, pilot, key)
             screen_text += screen_text_of(app)
             assert app.fault is None, key
             assert app.is_running, key
@@ -167,10 +161,7 @@ async def test_views_and_screens_show_no_control_characters_and_parse_no_markup(
 async def test_pasted_text_is_escaped(hostile_store):
     from textual import events
 
-    app = S2RApp(Session(hostile_store), RenderOptions())
-    app.load_scheduler.debounce_seconds = 0.001
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
+    async with running(hostile_store, size=(120, 40)) as (app, pilot):
         await pilot.press("slash")
         app.post_message(events.Paste(f"worst15{CLIPBOARD}\u202e"))
         await pilot.pause()
@@ -239,15 +230,13 @@ def test_every_format_is_escaped_on_a_terminal(hostile_store, monkeypatch, form,
     assert control_characters(out.getvalue()) <= {"\t"}
 
 
-def test_csv_and_json_in_a_pipe_contain_the_original_text(hostile_store, capsys):
+def test_csv_and_json_in_a_pipe_contain_the_original_text(hostile_store, s2r):
     expression = f"room:{string(HOSTILE + 'right')}"
     for arguments in (("query", expression), ("query", "all", "--columns", "room")):
         command_line = [arguments[0], str(hostile_store), *arguments[1:]]
-        assert main([*command_line, "--format", "csv"]) == 0
-        rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out, newline="")))
+        rows = s2r(*command_line, "--format", "csv").rows
         assert f"{HOSTILE}right" in {row["room"] for row in rows}
-        assert main([*command_line, "--json"]) == 0
-        listed = json.loads(capsys.readouterr().out)
+        listed = s2r(*command_line, "--json").json
         assert f"{HOSTILE}right" in {row["room"] for row in listed}
 
 
@@ -303,13 +292,10 @@ def test_displayed_room_names_can_be_used_in_expressions(hostile_store):
                 assert [row[0] for row in store.execute(sql, parameters)] == selected.tolist()
 
 
-def test_names_with_equal_display_texts_are_rejected(store_copy, capsys):
+def test_names_with_equal_display_texts_are_rejected(store_copy, s2r):
     hostile.edit(store_copy, ("UPDATE room SET room = ? WHERE room = 'right'", ["a\x1b"]),
                  ("UPDATE room SET room = ? WHERE room <> ?", ["a\\x1b", "a\x1b"]))  # fmt: skip
-    assert main(["query", str(store_copy), "all"]) == 2
-    output = capsys.readouterr().err
-    assert "two rooms are both displayed as" in output
-    assert output.count("\n") == 1
+    s2r("query", store_copy, "all").assert_refused("two rooms are both displayed as")
     with pytest.raises(RequestError, match="displayed as"):
         s2rstore.open(store_copy)
 

@@ -1,10 +1,10 @@
 """Nights with a wrong clock date, and their withdrawal."""
 
 import datetime
+import json
 import shutil
 from pathlib import Path
 
-import duckdb
 import pytest
 
 from s2rstore.errors import RequestError
@@ -33,17 +33,15 @@ def measure_reset_night(week: nights.Week) -> None:
     nightly(week.config, RESET, week.measure, week.estimate, nights.clock(), far=True)
 
 
-def test_far_dates_and_withdrawals_of_missing_nights_are_rejected(week, capsys):
+def test_far_dates_and_withdrawals_of_missing_nights_are_rejected(week, s2r):
     week.night(1)
     before = week.config.history.read_bytes()
     for date in ("1970-01-01", "2026-09-01"):
-        assert main(["nightly", str(week.config.source), "--night", date]) == 2
-        error = capsys.readouterr().err
+        error = s2r("nightly", week.config.source, "--night", date).checked(2).err
         assert f"night {date} is far from the newest, {nights.day(1)}" in error
         assert "--far-night" in error
     for date in ("2026-11-30", "yesterday"):
-        assert main(["nightly", str(week.config.source), "--withdraw", date]) == 2
-        assert len(capsys.readouterr().err.splitlines()) == 1
+        s2r("nightly", week.config.source, "--withdraw", date).assert_refused()
     assert week.config.history.read_bytes() == before
 
 
@@ -53,19 +51,17 @@ def test_a_night_after_a_wrongly_dated_one_is_rejected_with_advice(week):
         week.night(1)
 
 
-def test_a_withdrawn_night_stays_recorded_and_no_longer_dates_evidence(week, capsys):
+def test_a_withdrawn_night_stays_recorded_and_no_longer_dates_evidence(week, s2r):
     week.night(1)
     measure_reset_night(week)
     undated = week.night(2, new_log=False)
     assert (undated.night.outcome, undated.night.evidence_since) == ("INCONCLUSIVE", RESET)
-    assert main(["nightly", str(week.config.source), "--withdraw", "1970-01-01"]) == 0
-    assert "1970-01-01: withdrawn from lab" in capsys.readouterr().out
-    with duckdb.connect(str(week.config.history), read_only=True) as connection:
-        withdrawn = connection.execute("SELECT name, night, withdrawn_at FROM withdrawn").fetchall()
-        visible = connection.execute("SELECT DISTINCT night FROM gap ORDER BY night").fetchall()
-    assert [(row[0], row[1]) for row in withdrawn] == [("lab", RESET)]
-    assert withdrawn[0][2].endswith("Z")
-    assert RESET not in {night for (night,) in visible}
+    printed = s2r("nightly", week.config.source, "--withdraw", "1970-01-01").printed
+    assert "1970-01-01: withdrawn from lab" in printed
+    rows = map(json.loads, week.config.history.read_text().splitlines())
+    withdrawn = [row for row in rows if row["withdrawn_at"]]
+    assert [(row["name"], row["night"]) for row in withdrawn] == [("lab", str(RESET))]
+    assert withdrawn[0]["withdrawn_at"].endswith("Z")
     repeated = week.night(2, new_log=False)
     assert repeated.new
     assert (repeated.night.outcome, repeated.night.evidence_since) == ("PASS", nights.day(1))

@@ -51,7 +51,7 @@ CODE_STATEMENTS = {
 
 
 @pytest.mark.parametrize("statements", CODE_STATEMENTS.values(), ids=CODE_STATEMENTS.keys())
-def test_an_index_with_code_is_rejected_and_never_copied(store_copy, statements, capsys):
+def test_an_index_with_code_is_rejected_and_never_copied(store_copy, statements, s2r):
     index = edited(store_copy, statements)
     with pytest.raises(RequestError, match=layout.INDEX):
         s2rstore.open(store_copy)
@@ -59,8 +59,7 @@ def test_an_index_with_code_is_rejected_and_never_copied(store_copy, statements,
         pytest.fail("a generation was begun from a hostile index")
     add_command = ["run", "add", "more", "--model", "vanilla", "--store", str(store_copy)]
     for command in (add_command, ["sql", str(store_copy), "SELECT 1"]):
-        assert main(command) == 2
-        output = capsys.readouterr()
+        output = s2r(*command).checked(2)
         assert output.out == ""
         assert output.err.count("\n") == 1
         assert "root:" not in output.err
@@ -116,12 +115,9 @@ INVALID_ROWS = {
 
 
 @pytest.mark.parametrize("statements", INVALID_ROWS.values(), ids=INVALID_ROWS.keys())
-def test_invalid_rows_are_rejected_in_one_line(store_copy, statements, capsys):
+def test_invalid_rows_are_rejected_in_one_line(store_copy, statements, s2r):
     edited(store_copy, statements.split("; "))
-    assert main(["sql", str(store_copy), "SELECT 1"]) == 2
-    output = capsys.readouterr()
-    assert output.out == ""
-    assert output.err.count("\n") == 1
+    s2r("sql", store_copy, "SELECT 1").assert_refused()
     assert main(["verify", str(store_copy)]) == 1
 
 
@@ -132,10 +128,9 @@ EXCESSIVE_ROWS = {
 
 
 @pytest.mark.parametrize("statement", EXCESSIVE_ROWS.values(), ids=EXCESSIVE_ROWS.keys())
-def test_excessive_row_counts_are_rejected_in_one_line(store_copy, statement, capsys):
+def test_excessive_row_counts_are_rejected_in_one_line(store_copy, statement, s2r):
     edited(store_copy, [statement])
-    assert main(["runs", str(store_copy)]) == 2
-    assert "rows, at most" in capsys.readouterr().err
+    s2r("runs", store_copy).assert_refused("rows, at most")
 
 
 INCONSISTENT_TRAJECTORIES = {
@@ -156,13 +151,12 @@ def test_frames_of_inconsistent_trajectories_are_rejected(store_copy, statement)
         store.frame(30, "sim")
 
 
-def test_verify_detects_dangling_names_and_parts_of_poses(store_copy, capsys):
+def test_verify_detects_dangling_names_and_parts_of_poses(store_copy, s2r):
     edited(store_copy, ["UPDATE instance SET room = 'nowhere' WHERE iid = 3",
                         "UPDATE run SET sim_domain = 'nowhere' WHERE run = 'vanilla'",
                         "UPDATE prediction SET heading = NULL WHERE iid = 3",
                         "UPDATE prediction SET split = NULL WHERE iid = 4"])  # fmt: skip
-    assert main(["verify", str(store_copy)]) == 1
-    found = capsys.readouterr()
+    found = s2r("verify", store_copy).checked(1)
     for word in ("room", "domain", "without the others", "without a split"):
         assert word in found.out + found.err
 
@@ -179,23 +173,23 @@ INVALID_ARRAYS = {
 
 
 @pytest.mark.parametrize("statement", INVALID_ARRAYS.values(), ids=INVALID_ARRAYS.keys())
-def test_invalid_array_records_are_rejected_in_one_line(store_copy, statement, tmp_path, capsys):
+def test_invalid_array_records_are_rejected_in_one_line(store_copy, statement, tmp_path, s2r):
     edited(store_copy, [statement])
     out = tmp_path / "out.png"
     arguments = ["export", str(store_copy), "--view", "instance", "--heat", "activation"]
-    assert main([*arguments, "--out", str(out)]) == 2
-    output = capsys.readouterr()
+    output = s2r(*arguments, "--out", out).checked(2)
     assert output.err.count("\n") == 1
     assert "\x1b" not in output.err
     assert not out.exists()
 
 
 @pytest.mark.parametrize("name", ["md:x", "~", "a'b", "[*]"])
-def test_a_store_may_have_an_unusual_name(tiny_store, tmp_path, name, monkeypatch, capsys):
+def test_a_store_may_have_an_unusual_name(tiny_store, tmp_path, name, monkeypatch, s2r):
     copy_store(tiny_store, tmp_path / name)
     monkeypatch.chdir(tmp_path)
     assert main(["verify", name]) == 0
     assert main(["run", "add", "more", "--model", "vanilla", "--store", name]) == 0
-    capsys.readouterr()
-    assert main(["sql", name, "SELECT run FROM run ORDER BY run", "--format", "csv"]) == 0
-    assert capsys.readouterr().out == "run\ndataaug\nmore\nvanilla\n"
+    assert (
+        s2r("sql", name, "SELECT run FROM run ORDER BY run", "--format", "csv").printed
+        == "run\ndataaug\nmore\nvanilla\n"
+    )

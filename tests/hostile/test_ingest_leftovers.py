@@ -13,6 +13,7 @@ import pytest
 from msgspec import structs
 
 import s2rstore
+from bench.support.processes import wait_until
 from s2rstore.files import process_identity
 from s2rstore.files.ingest_folder import staging_folder, staging_folders
 from s2rstore.files.process_identity import ProcessIdentity
@@ -108,14 +109,12 @@ def start_ingest(manifest: Path, store: Path) -> tuple[subprocess.Popen[bytes], 
     process = subprocess.Popen(
         [sys.executable, "-m", "s2rtui", *arguments(manifest, store)], stderr=subprocess.PIPE
     )
-    deadline = time.monotonic() + 300
-    while time.monotonic() < deadline:
-        folders = list(store.parent.glob(f".{store.name}.building-*"))
-        if folders:
-            return process, folders[0]
-        assert process.poll() is None
-        time.sleep(0.002)
-    raise AssertionError("does not begin")
+
+    def folders() -> list[Path]:
+        return list(store.parent.glob(f".{store.name}.building-*"))
+
+    assert wait_until(lambda: bool(folders()) or process.poll() is not None, 300, interval=0.002)
+    return process, folders()[0]
 
 
 def test_an_interrupted_ingest_says_how_to_resume_it(tmp_path, s2r):
@@ -132,7 +131,6 @@ def test_an_interrupted_ingest_says_how_to_resume_it(tmp_path, s2r):
     resumed = s2r(*arguments(manifest, store))
     (line,) = (each for each in resumed.err.splitlines() if "is resumed" in each)
     taken = re.search(r"(\d+) of 300 instances are not decoded again", line)
-    assert taken is not None
     assert int(taken[1]) >= 64
     assert verify(store) == []
     assert not staging_folders(store)
@@ -142,10 +140,10 @@ def test_an_interrupted_ingest_says_how_to_resume_it(tmp_path, s2r):
 
 def wait_for_shards(process: subprocess.Popen[bytes], folder: Path) -> None:
     """Wait until some instances lie in complete shards."""
-    journal, deadline = folder / ingest_journal.NAME, time.monotonic() + 300
-    while time.monotonic() < deadline:
-        if journal.exists() and journal.read_bytes().count(b"\n") > 1:
-            return
+    journal = folder / ingest_journal.NAME
+
+    def has_shards() -> bool:
         assert process.poll() is None
-        time.sleep(0.002)
-    raise AssertionError("writes no shards")
+        return journal.exists() and journal.read_bytes().count(b"\n") > 1
+
+    assert wait_until(has_shards, 300, interval=0.002)

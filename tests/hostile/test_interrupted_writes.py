@@ -59,9 +59,9 @@ def test_prune_removes_an_unfinished_ingest_without_a_store(tmp_path):
 
 
 def test_unfinished_histories_are_removed_unless_one_is_being_written(store_copy):
-    history = store_copy / "history" / "gap.duckdb"
+    history = store_copy / "history" / "gap.jsonl"
     history.parent.mkdir(exist_ok=True)
-    leftover = history.with_name(".gap.duckdb.0123456789abcdef.new")
+    leftover = history.with_name(".gap.jsonl.0123456789abcdef.partial")
     leftover.write_bytes(b"half")
     with file_lock(history):
         assert prune(store_copy).paths == ()

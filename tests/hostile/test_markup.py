@@ -8,13 +8,11 @@ from textual.content import Content
 from textual.widgets import Static
 
 import s2rtui
-from s2rtui.app.app import S2RApp
-from s2rtui.app.pilot import settle, take_screenshot
+from s2rtui.app.pilot import take_screenshot
 from s2rtui.app.status_line import Bar
-from s2rtui.canvas import RenderOptions
-from s2rtui.session import Session
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import hostile
+from tests.support.application import running
 from tests.support.copies import copy_store
 
 SOURCES = Path(s2rtui.__file__).parent
@@ -95,10 +93,7 @@ async def test_a_room_name_is_not_an_action(store_copy):
     name = "[ @click=app.quit]CLICK"
     hostile.edit(store_copy, ("UPDATE room SET room = ? || room", [name]),
                  ("UPDATE instance SET room = ? || room", [name]))  # fmt: skip
-    app = S2RApp(Session(store_copy), RenderOptions())
-    app.load_scheduler.debounce_seconds = 0.001
-    async with app.run_test(size=(160, 44)) as pilot:
-        await settle(app, pilot)
+    async with running(store_copy, size=(160, 44)) as (app, pilot):
         app.session.select(f'room:"{name}right"')
         app.updater.refresh()
         await pilot.pause()
@@ -118,10 +113,7 @@ async def test_names_of_folders_tags_and_selections_are_not_markup(tiny_store, t
     for name in BAD_NAMES:
         notebook.save(name, SavedSelection("worst15", 1, "vanilla", 6))
     notebook.toggle_tag([3], "[ tag")
-    app = S2RApp(Session(store, notebooks=Notebook), RenderOptions())
-    app.load_scheduler.debounce_seconds = 0.001
-    async with app.run_test(size=(160, 44)) as pilot:
-        await settle(app, pilot)
+    async with running(store, size=(160, 44)) as (app, pilot):
         assert "[ [@click=app.quit].s2r" in app.updater.status_text()
         app.session.select('@"[b"')
         app.updater.refresh()

@@ -55,10 +55,9 @@ def test_without_the_option_text_is_unchanged():
     ],
     ids=lambda arguments: arguments[0],
 )
-def test_commands_write_safe_csv(formula_store, capsys, arguments):
+def test_commands_write_safe_csv(formula_store, s2r, arguments):
     command = [arguments[0], str(formula_store), *arguments[1:], "--format", "csv", "--safe-csv"]
-    assert main(command) == 0
-    text = capsys.readouterr().out
+    text = s2r(*command).printed
     cells = [cell for row in csv.reader(io.StringIO(text)) for cell in row]
     assert (FORMULA in text.replace('""', '"')) == (arguments[0] != "runs")
     for cell in cells:

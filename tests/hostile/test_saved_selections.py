@@ -13,13 +13,11 @@ from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.language import ExpressionError, Node, evaluation, parse, to_text
 from s2rstore.language.name_resolution import MAX_TERMS, expand
-from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
-from s2rtui.canvas import RenderOptions
 from s2rtui.cli import main
-from s2rtui.session import Session
 from s2rtui.user_data.notebook import Notebook
 from tests.support import hostile
+from tests.support.application import running
 
 DEPTH = 3000
 CHAINS = {
@@ -45,23 +43,17 @@ def chain(kind: str, depth: int = DEPTH) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("kind", CHAINS)
-def test_a_query_of_chained_selections_is_rejected(tiny_store, user_data_folder, capsys, kind):
+def test_a_query_of_chained_selections_is_rejected(tiny_store, user_data_folder, s2r, kind):
     entries = {name: hostile.saved_entry(text) for name, text in chain(kind).items()}
     hostile.notebook(user_data_folder, selections=entries)
     for arguments in (["@s0"], ["worst15 & !@s0"]) if kind == "and" else (["@s0"],):
-        assert main(["query", str(tiny_store), *arguments]) == 2
-        error = capsys.readouterr().err
-        assert "@s0" in error
-        assert error.count("\n") == 1
+        s2r("query", tiny_store, *arguments).assert_refused("@s0")
 
 
 async def test_the_application_rejects_chained_selections(tiny_store, user_data_folder):
     entries = {name: hostile.saved_entry(text) for name, text in chain("doubling").items()}
     hostile.notebook(user_data_folder, selections=entries)
-    app = S2RApp(Session(tiny_store, notebooks=Notebook), RenderOptions())
-    app.load_scheduler.debounce_seconds = 0.001
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(app, pilot)
+    async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await pilot.press("slash", "ctrl+u", *"@s0", "enter")
         await settle(app, pilot)
         assert app.session.state.is_error

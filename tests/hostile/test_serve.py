@@ -15,7 +15,13 @@ from typing import Any
 
 import pytest
 
-from bench.support.processes import applications_below, is_alive, peak_bytes, wait_until
+from bench.support.processes import (
+    applications_below,
+    is_alive,
+    peak_bytes,
+    program_environment,
+    wait_until,
+)
 from tests.support.serving import ServerProcess, StartServer, servers
 
 aiohttp = pytest.importorskip("aiohttp")
@@ -250,12 +256,11 @@ async def test_busy_sessions_end_with_the_server(serve, number):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the kernel must tell of a parent's end")
 def test_a_session_does_not_start_after_its_server_has_ended(tiny_store):
-    path = os.pathsep.join(part for part in sys.path if part)
     driver = "textual.drivers.web_driver:WebDriver"
-    variables = {"TEXTUAL_DRIVER": driver, "S2R_SERVER": "1", "PYTHONPATH": path}
+    variables = {"TEXTUAL_DRIVER": driver, "S2R_SERVER": "1"}
     command = [sys.executable, "-P", "-m", "s2rtui", "tui", "--restricted", str(tiny_store)]
     session = subprocess.Popen(
-        command, env={**os.environ, **variables}, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        command, env=program_environment(**variables), stdin=subprocess.PIPE, stdout=subprocess.PIPE
     )
     try:
         received, _ = session.communicate(timeout=30) if _ends(session) else (b"still running", b"")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.support.processes import processor_seconds, wait_until
+from bench.support.processes import processor_seconds, program_environment, wait_until
 from s2rtui.cli import main
 
 _LONG_QUERY = "SELECT count(*) FROM range(100000000000)"
@@ -47,15 +47,13 @@ def _command(*arguments: str) -> list[str]:
     return [sys.executable, "-P", "-m", "s2rtui", *arguments]
 
 
-def _environment() -> dict[str, str]:
-    path = os.pathsep.join(part for part in sys.path if part)
-    return {**os.environ, "PYTHONPATH": path, "TERM": "xterm-256color"}
+_ENVIRONMENT = program_environment(TERM="xterm-256color")
 
 
 def _run_redirected(arguments: Sequence[str], streams: str) -> subprocess.CompletedProcess[str]:
     script = f'"$@" {streams}'
     return subprocess.run(
-        ["sh", "-c", script, "sh", *_command(*arguments)], env=_environment(), text=True,
+        ["sh", "-c", script, "sh", *_command(*arguments)], env=_ENVIRONMENT, text=True,
         capture_output=True, timeout=300,
     )  # fmt: skip
 
@@ -66,7 +64,7 @@ def test_the_application_requires_a_terminal(tiny_store, piped):
     primary, secondary = os.openpty()
     streams = [subprocess.PIPE if pipe else secondary for pipe in piped]
     process = subprocess.Popen(
-        _command("tui", str(tiny_store)), env=_environment(),
+        _command("tui", str(tiny_store)), env=_ENVIRONMENT,
         stdin=streams[0], stdout=streams[1], stderr=streams[2],
     )  # fmt: skip
     try:
@@ -105,7 +103,7 @@ def test_the_application_rejects_closed_streams(tiny_store, streams):
 
 def _start(*arguments: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        _command(*arguments), env=_environment(), text=True, start_new_session=True,
+        _command(*arguments), env=_ENVIRONMENT, text=True, start_new_session=True,
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip
 
@@ -165,7 +163,7 @@ def _started(folder: Path, content: str) -> subprocess.Popen[str]:
     script = folder / "units.py"
     script.write_text(content)
     return subprocess.Popen(
-        [sys.executable, str(script)], env=_environment(), text=True, start_new_session=True,
+        [sys.executable, str(script)], env=_ENVIRONMENT, text=True, start_new_session=True,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip
 

@@ -32,7 +32,7 @@ def test_unchanged_images_are_no_damage(folder):
 
 
 @pytest.mark.parametrize("image", ["rgb", "depth"])
-def test_every_changed_byte_of_a_jpeg_is_found(folder, image, capsys):
+def test_every_changed_byte_of_a_jpeg_is_found(folder, image, s2r):
     path = sorted((folder / "s-data" / "traj1" / "real").glob(f"*_{image}.jpeg"))[1]
     content = bytearray(path.read_bytes())
     decoded = False
@@ -41,38 +41,37 @@ def test_every_changed_byte_of_a_jpeg_is_found(folder, image, capsys):
         changed[place] ^= 1
         path.write_bytes(changed)
         decoded |= cv2.imread(str(path)) is not None
-        assert main(["verify", str(folder / "s.s2r"), "--source", str(folder / "s-data")]) == 1
-        (line,) = [each for each in capsys.readouterr().out.splitlines() if path.name in each]
+        result = s2r("verify", folder / "s.s2r", "--source", folder / "s-data").checked(1)
+        (line,) = [each for each in result.out.splitlines() if path.name in each]
         assert "source file is not the ingested one" in line
     assert decoded
 
 
-def test_a_missing_image_and_another_folder_are_told(folder, tmp_path, capsys):
+def test_a_missing_image_and_another_folder_are_told(folder, tmp_path, s2r):
     store, data = str(folder / "s.s2r"), folder / "s-data"
     path = min((data / "traj1" / "sim").glob("*_depth.jpeg"))
     path.unlink()
     assert main(["verify", store, "--source", f"real={data}"]) == 0
-    assert main(["verify", store, "--source", f"sim={data}"]) == 1
-    assert f"source file missing: {path}" in capsys.readouterr().out
+    missing = s2r("verify", store, "--source", f"sim={data}").checked(1).out
+    assert f"source file missing: {path}" in missing
     for source, reason in (
         (str(tmp_path), "has no image of domain"),
         (str(tmp_path / "none"), "no such folder"),
         (f"other={data}", "other"),
     ):
-        assert main(["verify", store, "--source", source]) == 2
-        assert reason in capsys.readouterr().err
+        s2r("verify", store, "--source", source).assert_refused(reason)
 
 
-def test_no_file_outside_the_folder_is_read(folder, capsys):
+def test_no_file_outside_the_folder_is_read(folder, s2r):
     store = copy_store(folder / "s.s2r", folder / "other.s2r")
     with edit(store) as draft:
         draft.update("frame", {"iid": 0, "domain": "sim"}, {"rgb_path": "../secret.jpeg"})
         draft.update("frame", {"iid": 1, "domain": "sim"}, {"rgb_path": "/dev/zero"})
-    assert main(["verify", str(store), "--source", str(folder / "s-data")]) == 1
-    assert capsys.readouterr().out.count("; it is not read") == 2
+    printed = s2r("verify", store, "--source", folder / "s-data").checked(1).out
+    assert printed.count("; it is not read") == 2
 
 
-def test_images_of_recordings_are_compared(tmp_path, monkeypatch, capsys):
+def test_images_of_recordings_are_compared(tmp_path, monkeypatch, s2r):
     monkeypatch.setitem(LAYOUTS, "test", recordings.LAYOUT)
     side = recordings.side(recordings.walk(4))
     sim, real = (recordings.write(tmp_path / n, side, seed=i) for i, n in enumerate("sr"))
@@ -86,7 +85,5 @@ def test_images_of_recordings_are_compared(tmp_path, monkeypatch, capsys):
     assert main(words) == 0
     path = real / "walk" / "depth" / "image-0002.png"
     path.write_bytes(path.read_bytes() + b"x")
-    capsys.readouterr()
-    assert main(words) == 1
-    (line,) = (each for each in capsys.readouterr().out.splitlines() if "walk" in each)
+    (line,) = (each for each in s2r(*words).checked(1).out.splitlines() if "walk" in each)
     assert "real: walk/image-0002.png" in line

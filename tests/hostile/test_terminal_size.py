@@ -14,9 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from bench.support.processes import peak_bytes, wait_until
+from bench.support.processes import peak_bytes, program_environment, wait_until
 from bench.support.screen import Screen
-from s2rtui.cli import main
 
 MAX_BYTES = 600 << 20
 PROMPT_SECONDS = 10.0
@@ -36,8 +35,7 @@ def open_screen(command: list[str], tmp_path: Path) -> Iterator[OpenScreen]:
     opened: list[Screen] = []
     (tmp_path / "data" / "s2rtui").mkdir(parents=True)
     (tmp_path / "data" / "s2rtui" / "toured").touch()
-    path = os.pathsep.join(part for part in sys.path if part)
-    environment = {"PYTHONPATH": path, "XDG_DATA_HOME": str(tmp_path / "data")}
+    environment = program_environment(XDG_DATA_HOME=str(tmp_path / "data"))
 
     def start_screen(columns: int, rows: int) -> Screen:
         opened.append(Screen(command, (80, 24), environment, draws=False))
@@ -89,12 +87,11 @@ def test_an_endless_paste_uses_bounded_memory(open_screen):
 def test_a_terminal_that_reads_no_output(command, tmp_path):
     """The output buffer is full and blocks the event loop."""
     primary, secondary = os.openpty()
-    path = os.pathsep.join(part for part in sys.path if part)
-    variables = {"PYTHONPATH": path, "XDG_DATA_HOME": str(tmp_path), "TERM": "xterm-256color"}
+    variables = {"XDG_DATA_HOME": str(tmp_path), "TERM": "xterm-256color"}
     size = {"COLUMNS": "400", "LINES": "200"}
     process = subprocess.Popen(
         command, stdin=secondary, stdout=secondary, stderr=secondary,
-        env={**os.environ, **variables, **size},
+        env=program_environment(**variables, **size),
     )  # fmt: skip
     try:
         assert wait_until(lambda: _buffered_bytes(primary) >= 2048, 60)
@@ -114,21 +111,18 @@ def _buffered_bytes(primary: int) -> int:
     return int(struct.unpack("i", fcntl.ioctl(primary, termios.FIONREAD, bytes(4)))[0])
 
 
-def test_image_sizes_are_limited(tiny_store, tmp_path, capsys):
+def test_image_sizes_are_limited(tiny_store, tmp_path, s2r):
     out = tmp_path / "out.png"
     for size in ("100000x100000", "1001x500", "1000x501", "9x9", "0x0", "٣٠x٣٠"):
-        assert main(["snapshot", str(tiny_store), "--size", size, "--out", str(out)]) == 2
-        assert "20x5 to 1000x500" in capsys.readouterr().err, size
+        s2r("snapshot", tiny_store, "--size", size, "--out", out).assert_refused("20x5 to 1000x500")
     for size in ("100000x100000", "9x9", "0x0"):
         arguments = ["export", str(tiny_store), "--view", "map", "--size", size, "--out", str(out)]
-        assert main(arguments) == 2
-        assert "8000x8000" in capsys.readouterr().err, size
+        s2r(*arguments).assert_refused("8000x8000")
     assert not out.exists()
 
 
 def test_the_largest_image_uses_bounded_memory(tiny_store, tmp_path):
     arguments = ["snapshot", str(tiny_store), "--size", "1000x500"]
-    path = os.pathsep.join(part for part in sys.path if part)
     program = [sys.executable, "-P", "-m", "s2rtui", *arguments]
     out = tmp_path / "out.png"
     # An intermediate process, because the peak size of a child includes that of its parent.
@@ -138,7 +132,7 @@ def test_the_largest_image_uses_bounded_memory(tiny_store, tmp_path):
     )
     process = subprocess.run(
         [sys.executable, "-c", measuring_script, *program, "--out", str(out)],
-        env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, check=True,
+        env=program_environment(), capture_output=True, text=True, check=True,
     )  # fmt: skip
     code, largest = map(int, process.stdout.split()[-2:])
     assert code == 0

@@ -56,14 +56,14 @@ def test_files_that_are_cut_off_are_refused(name):
         b"\xff" * 8 + b"{}",
         struct.pack("<Q", 2) + b"[]",
         struct.pack("<Q", 200_000) + b"[" * 200_000,
-        save({"mean": np.zeros(3)}),
-        save({"mean": np.zeros(3)}, {"translator": "{"}),
-        save({"mean": np.zeros(3)}, {"translator": '{"format": 1}'}),
-        file("grayworld", {"mean": np.zeros(3)}, more=1),
-        file("grayworld", {"mean": np.zeros(3)}, format=2),
-        file("grayworld", {"mean": np.zeros(3)}, version=99),
-        file("grayworld", {"mean": np.zeros(3)}, size=[8, 10**15]),
-        file("vangogh", {"mean": np.zeros(3)}),
+        save({"target": np.zeros(3)}),
+        save({"target": np.zeros(3)}, {"translator": "{"}),
+        save({"target": np.zeros(3)}, {"translator": '{"format": 1}'}),
+        file("grayworld", {"target": np.zeros(3)}, more=1),
+        file("grayworld", {"target": np.zeros(3)}, format=2),
+        file("grayworld", {"target": np.zeros(3)}, version=99),
+        file("grayworld", {"target": np.zeros(3)}, size=[8, 10**15]),
+        file("vangogh", {"target": np.zeros(3)}),
     ],
     ids=range(11),
 )
@@ -73,10 +73,10 @@ def test_wrong_headers_are_refused(content):
 
 def declaring(kind: str, shape: list[int]) -> bytes:
     """A file with 24 bytes of tensors that declares another type or shape of them."""
-    content = file("grayworld", {"mean": np.zeros(3)})
+    content = file("grayworld", {"target": np.zeros(3)})
     length = struct.unpack_from("<Q", content)[0]
     header = json.loads(content[8 : 8 + length])
-    header["mean"] |= {"dtype": kind, "shape": shape}
+    header["target"] |= {"dtype": kind, "shape": shape}
     encoded = json.dumps(header).encode()
     return struct.pack("<Q", len(encoded)) + encoded + content[8 + length :]
 
@@ -91,7 +91,7 @@ def test_declared_tensors_that_do_not_fit_the_file_are_refused(kind, shape):
 
 
 PERCENTILES = {"low": 40.0, "high": 97.0, "rows": 0.7}
-MOMENTS = {"target/mean": np.zeros(3), "target/covariance": np.eye(3)}
+MOMENTS = np.vstack([np.zeros(3), np.eye(3)])
 
 
 @pytest.mark.parametrize(
@@ -99,8 +99,8 @@ MOMENTS = {"target/mean": np.zeros(3), "target/covariance": np.eye(3)}
     [
         ("fda", {"amplitude": np.array(1.0)}, {}),
         ("fda", {"amplitude": np.ones((3, 3, 3), dtype=np.complex64)}, {}),
-        ("grayworld", {"mean": np.zeros(4)}, {}),
-        ("grayworld", {"mean": np.array([1, np.nan, 1])}, {}),
+        ("grayworld", {"target": np.zeros(4)}, {}),
+        ("grayworld", {"target": np.array([1, np.nan, 1])}, {}),
         ("grayworld", {"median": np.zeros(3)}, {}),
         ("levels", {"target": np.ones(6)}, PERCENTILES | {"low": "nan"}),
         ("levels", {"target": np.ones(6)}, PERCENTILES | {"low": 98.0}),
@@ -108,9 +108,9 @@ MOMENTS = {"target/mean": np.zeros(3), "target/covariance": np.eye(3)}
         ("levels", {"target": np.ones(5)}, PERCENTILES),
         ("reinhard", {"target": np.full((2, 3), np.inf)}, {}),
         ("histogram", {"target": np.ones((3, 255))}, {}),
-        ("mkl", MOMENTS | {"target/covariance": np.full((3, 3), 1e308)}, {}),
-        ("mkl", MOMENTS | {"target/covariance": np.triu(np.ones((3, 3)))}, {}),
-        ("mkl", {"source/mean": np.zeros(3), "source/covariance": np.eye(3)}, {}),
+        ("mkl", {"target": np.full((4, 3), 1e308)}, {}),
+        ("mkl", {"target": np.vstack([np.zeros(3), np.triu(np.ones((3, 3)))])}, {}),
+        ("mkl", {"source": MOMENTS}, {}),
     ],
     ids=range(14),
 )
@@ -133,7 +133,7 @@ def test_tensors_and_settings_that_define_no_translator_are_refused(method, tens
 def test_depth_noise_out_of_range_is_refused(figures, spread, edges):
     noise = {"figures": np.array(figures), "spread": spread, "edges": edges}
     tensors = {f"depth_noise/{name}": array for name, array in noise.items()}
-    assert_refused(file("grayworld", {"mean": np.zeros(3)} | tensors))
+    assert_refused(file("grayworld", {"target": np.zeros(3)} | tensors))
 
 
 def test_a_network_whose_images_are_not_finite_is_refused():

@@ -1,6 +1,5 @@
 """A command started in a folder with malicious modules runs none of them."""
 
-import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -9,7 +8,7 @@ from typing import NamedTuple
 
 import pytest
 
-from bench.support.processes import wait_until
+from bench.support.processes import program_environment, wait_until
 from tests.support.serving import servers
 
 _LIBRARIES = ("numpy", "duckdb", "textual", "lark", "zarr")
@@ -47,9 +46,7 @@ class HostileFolder(NamedTuple):
         return self.python(str(program), *arguments)
 
     def python(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        path = os.pathsep.join(part for part in sys.path if part)
-        names = {"PYTHONPATH": path, "XDG_DATA_HOME": str(self.ran.parent / "share")}
-        environment = {**os.environ, **names}
+        environment = program_environment(XDG_DATA_HOME=str(self.ran.parent / "share"))
         for name in ("PYTHONSAFEPATH", "LD_LIBRARY_PATH"):
             environment.pop(name, None)
         return subprocess.run(

@@ -12,7 +12,6 @@ from s2rstore.language import (
     base_population,
     complete,
     evaluation,
-    expand,
     parse,
     to_text,
 )
@@ -117,18 +116,6 @@ def test_saved_selections_are_expanded_and_recursion_is_rejected(store):
 def test_fields_of_another_run_can_be_used(store):
     other = store.run_columns("dataaug").real.error > 1
     assert (evaluation.select(store, 'run("dataaug").real.error > 1', "vanilla") == other).all()
-
-
-def test_completion_offers_only_matching_terms():
-    vocabulary = Vocabulary(("vanilla",), ("left hall", "right"), ("a",), {"bad": parse("all")})
-    assert [line for line, _ in complete("worst15 & room:", vocabulary)] == [
-        'worst15 & room:"left hall"',
-        "worst15 & room:right",
-    ]
-    assert ("@bad", "saved") in complete("@", vocabulary)
-    for line, _ in complete("real.", vocabulary):
-        assert line.startswith("real.")
-    assert to_text(expand(parse("@bad"), vocabulary)) == "all"
 
 
 @pytest.mark.parametrize(

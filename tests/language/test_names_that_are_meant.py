@@ -6,7 +6,6 @@ import s2rstore
 from s2rstore.errors import ExpressionError, RequestError
 from s2rstore.language import fields
 from s2rstore.language.parser import parse
-from s2rtui.cli import main
 
 
 @pytest.mark.parametrize(
@@ -41,9 +40,10 @@ def test_every_field_is_meant_by_its_own_name():
         assert fields.without_unit(field) == name or name.startswith("pair_offset")
 
 
-def test_columns_of_rows_and_of_scripts_name_it(tiny_store, capsys):
-    assert main(["query", str(tiny_store), "all", "--columns", "iid,real_error"]) == 2
-    assert "--columns real_error: no such field; real.error_m is meant" in capsys.readouterr().err
+def test_columns_of_rows_and_of_scripts_name_it(tiny_store, s2r):
+    s2r("query", tiny_store, "all", "--columns", "iid,real_error").assert_refused(
+        "--columns real_error: no such field; real.error_m is meant"
+    )
     with s2rstore.open(tiny_store) as store:
         with pytest.raises(AttributeError, match="no column heading_deg; heading is meant"):
             _ = store.instances.heading_deg  # type: ignore[attr-defined]

@@ -15,7 +15,6 @@ from s2rtools.models import build_network
 from s2rtools.models.input_contract import InputContract, read_override
 from s2rtools.models.load_model import load_model
 from s2rtools.models.model_registration import add_model, read_weights
-from s2rtui.cli.main import main
 from tests.support.refusals import refused
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
@@ -111,7 +110,7 @@ def test_a_built_in_network_is_checked_too(tmp_path):
         read_weights(tmp_path / "w.pth", "resposenet", override=override)
 
 
-def test_a_registered_contract_is_stored_listed_and_loaded(store_copy, tmp_path, capsys):
+def test_a_registered_contract_is_stored_listed_and_loaded(store_copy, tmp_path, s2r):
     file = script(tmp_path, rgb_network(), (3, 24, 24))
     given = toml(tmp_path, "channels = 'rgb'\nsize = [24, 24]\nconvention = 'degrees,habitat'\n")
     add_model(store_copy, "rgb", file, "torchscript", None, True, given)
@@ -121,11 +120,9 @@ def test_a_registered_contract_is_stored_listed_and_loaded(store_copy, tmp_path,
         model = load_model(store, "rgb", trust=True)
         assert model.contract == model.network.contract == expected
         assert (model.convention.heading, model.convention.frame) == ("degrees", "habitat")
-    assert main(["models", str(store_copy), "--json"]) == 0
-    listed = {row["model"]: row for row in json.loads(capsys.readouterr().out)}
+    listed = {row["model"]: row for row in s2r("models", store_copy, "--json").json}
     assert listed["rgb"]["input"] == json.loads(expected.to_json())
-    assert main(["models", str(store_copy)]) == 0
-    assert "rgb mean 0.5,0.5,0.5 std 0.5,0.5,0.5" in capsys.readouterr().out
+    assert "rgb mean 0.5,0.5,0.5 std 0.5,0.5,0.5" in s2r("models", store_copy).printed
 
 
 def test_a_convention_is_given_once(store_copy, tmp_path):

@@ -156,7 +156,6 @@ def test_every_convention_decodes_to_map_radians(heading, frame):
 def test_decoding_is_differentiable():
     raw = torch.tensor([[1.0, 2.0, 0.6, 0.8]], requires_grad=True)
     OutputConvention("cos_sin", "habitat").decode(raw)[0, 2].backward()
-    assert raw.grad is not None
     assert raw.grad[0, 2:].abs().min() > 0.1
 
 

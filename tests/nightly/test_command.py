@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import datetime
 import json
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-import s2rtools.gap.gate
 from s2rstore.gap_history import reader as stored
+from s2rstore.gap_history.change_check import YEAR_LEVEL
+from s2rtools.gap.axis import GapSettings
+from s2rtools.gap.gate import gate
+from s2rtools.gap.gate.gate import GapRequest
 from s2rtools.nightly.config import NightlyConfig
 from s2rtools.sysid.synthetic_drives import Recording, make_drives
 from s2rtui.cli import main
@@ -30,17 +32,12 @@ def fake_gate(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
         recorded.count += 1
         return nights.report(evidence, recorded.gaps)
 
-    def request(**arguments: Any) -> dict[str, Any]:
-        recorded.requests.append(arguments)
-        return arguments
+    def collect_evidence(store: Any, request: GapRequest) -> Any:
+        recorded.requests.append(request)
+        return store
 
-    gate = SimpleNamespace(
-        GapRequest=request,
-        collect_evidence=lambda store, request: store,
-        measured_report=measured_report,
-    )
-    monkeypatch.setitem(sys.modules, "s2rtools.gap.gate.gate", gate)
-    monkeypatch.setattr(s2rtools.gap.gate, "gate", gate, raising=False)
+    monkeypatch.setattr(gate, "collect_evidence", collect_evidence)
+    monkeypatch.setattr(gate, "measured_report", measured_report)
     return recorded
 
 
@@ -91,14 +88,11 @@ def test_the_configuration_is_passed_to_the_gate(config, fake_gate):
     config.source.write_text(text)
     command(config)
     (request,) = fake_gate.requests
-    settings = request.pop("settings")
-    assert settings.seed == 4
-    assert request == {
-        "run": "vanilla", "expression": "worst15", "axes": ("task",), "rate": None,
-        "drives": str(config.source.parent / "drives"), "features": None, "reference": None,
-        "topic": "/odom", "golden": None, "threshold": 20.0, "margin": 0.1,
-        "dynamics": ("reach=2",),
-    }  # fmt: skip
+    assert request == GapRequest(
+        run="vanilla", expression="worst15", axes=("task",), topic="/odom", threshold=20.0,
+        drives=str(config.source.parent / "drives"), margin=0.1, options={"reach": "2"},
+        settings=GapSettings(fail_level=YEAR_LEVEL, seed=4),
+    )  # fmt: skip
 
 
 def test_the_default_night_is_today(config, fake_gate, capsys):

@@ -25,12 +25,13 @@ def write_config(tmp_path: Path, text: str) -> Path:
 def test_missing_keys_have_defaults_and_paths_are_relative_to_the_file(tmp_path):
     parsed = config.read(write_config(tmp_path, 'store = "s.s2r"'))
     assert parsed.name == "gate"
-    assert parsed.history == (tmp_path / "s.s2r/history/gap.duckdb").resolve()
+    assert parsed.history == (tmp_path / "s.s2r/history/gap.jsonl").resolve()
     assert parsed.reports == (tmp_path / "reports/gate").resolve()
-    unset = (parsed.run, parsed.drives, parsed.sysid, parsed.metrics, parsed.axes)
+    request = parsed.request
+    unset = (request.run, request.drives, parsed.sysid, parsed.metrics, request.axes)
     assert unset == (None, None, None, None, ())
-    assert (parsed.threshold, parsed.margin) == (15.0, 0.05)
-    assert parsed.seed == 1
+    assert (request.threshold, request.margin) == (15.0, 0.05)
+    assert request.settings.seed == 1
 
 
 def test_drives_of_the_store_are_the_default(tmp_path):
@@ -38,7 +39,7 @@ def test_drives_of_the_store_are_the_default(tmp_path):
     store_drives = tmp_path / "s.s2r" / "drives"
     store_drives.mkdir()
     parsed = config.read(path)
-    assert parsed.drives == str(store_drives.resolve())
+    assert parsed.request.drives == str(store_drives.resolve())
     assert parsed.sysid == config.SysidConfig(str(store_drives.resolve()), seed=2)
 
 
@@ -65,7 +66,7 @@ def test_all_keys_are_read(tmp_path):
         range = { latency = "0..0.5", mass = "5..30:log" }
         seeds = 2
         [output]
-        history = "h.duckdb"
+        history = "h.jsonl"
         reports = "r"
         metrics = "m.prom"
         [stale]
@@ -73,18 +74,19 @@ def test_all_keys_are_read(tmp_path):
     """
     parsed = config.read(write_config(tmp_path, text))
     folder = tmp_path.resolve()
-    assert (parsed.run, parsed.select, parsed.axes) == ("r", "worst15", ("task", "delay"))
-    assert {parsed.reference, parsed.golden, parsed.features} == {folder / "there.json"}
-    assert (parsed.threshold, parsed.margin, parsed.stale_after) == (20.0, 0.1, 1.5)
-    assert parsed.drives == str(folder / "drives")
+    request = parsed.request
+    assert (request.run, request.expression, request.axes) == ("r", "worst15", ("task", "delay"))
+    assert {request.reference, request.golden, request.features} == {folder / "there.json"}
+    assert (request.threshold, request.margin, parsed.stale_after) == (20.0, 0.1, 1.5)
+    assert request.drives == str(folder / "drives")
     assert parsed.sysid == config.SysidConfig(
         str(folder / "drives"), "mujoco", ("mass", "damping"), {"track": 0.4}, 1, 2, None,
         {"latency": "0..0.5", "mass": "5..30:log"}, "/odom",
     )  # fmt: skip
-    assert parsed.topic == "/odom"
-    assert parsed.dynamics == ("horizons=1,2", "align=rigid")
+    assert request.topic == "/odom"
+    assert request.options == {"horizons": "1,2", "align": "rigid"}
     assert (parsed.history, parsed.reports, parsed.metrics) == (
-        folder / "h.duckdb", folder / "r", folder / "m.prom",
+        folder / "h.jsonl", folder / "r", folder / "m.prom",
     )  # fmt: skip
 
 

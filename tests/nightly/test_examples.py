@@ -35,13 +35,13 @@ def test_the_example_configuration_is_valid(tmp_path):
     path.write_text(text)
     parsed = config.read(path)
     assert parsed.name == "lab"
-    assert parsed.axes == tuple(AXES)
+    assert parsed.request.axes == tuple(AXES)
     assert parsed.metrics == (tmp_path / "metrics/s2r_gap.prom").resolve()
     path.write_text(re.sub(r"^# (?=[\[a-z])", "", text.partition("\n")[2], flags=re.M))
     with_all_keys = config.read(path)
     assert with_all_keys.sysid is not None
     assert with_all_keys.sysid.parameters == ("mass", "friction", "damping")
-    assert with_all_keys.features == (tmp_path / "inception.toml").resolve()
+    assert with_all_keys.request.features == (tmp_path / "inception.toml").resolve()
 
 
 def dashboard() -> dict[str, Any]:

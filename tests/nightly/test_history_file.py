@@ -13,11 +13,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import duckdb
+import numpy as np
 import pytest
 
 from s2rstore.errors import RequestError, StoreBusyError
 from s2rstore.gap_history import reader as history
-from s2rstore.gap_history import schema, writer
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import verify
 from s2rtools.nightly.run import nightly
@@ -28,24 +28,35 @@ from tests.support.nights import day
 pytestmark = pytest.mark.usefixtures("constant_plot")
 
 
-def test_missing_values_are_null_and_every_column_is_commented(recorded_week):
-    with duckdb.connect(str(recorded_week.config.history), read_only=True) as connection:
-        for table in schema.TABLES:
-            for column in table.columns:
-                if column.type == "DOUBLE":
-                    query = f'SELECT count(*) FROM "{table.name}" WHERE isnan("{column.name}")'
-                    assert connection.execute(query).fetchone() == (0,)
-        uncommented = connection.execute(
-            "SELECT count(*) FROM duckdb_columns() WHERE NOT internal AND comment IS NULL "
-            "AND table_name <> 'gap'"
-        ).fetchone()
-        assert uncommented == (0,)
-        mass = connection.execute("SELECT value_low FROM estimate WHERE parameter = 'mass'")
-        assert mass.fetchone() == (None,)
-        red = connection.execute(
-            "SELECT night, gap FROM gap WHERE axis = 'task' AND gap_low > threshold ORDER BY night"
-        ).fetchall()
-        assert [row[0] for row in red] == [day(5), day(6), day(7)]
+def test_duckdb_reads_the_history_with_nulls_for_missing_values(recorded_week):
+    history_file = f"read_json('{recorded_week.config.history}')"
+    mass = duckdb.sql(
+        f"SELECT DISTINCT e.value, e.value_low FROM (SELECT unnest(estimates) AS e FROM "
+        f"{history_file}) WHERE e.parameter = 'mass'"
+    )
+    assert mass.fetchall() == [(12.0, None)]
+    red = duckdb.sql(
+        "SELECT night, a.gap FROM (SELECT night, threshold, unnest(axes) AS a FROM "
+        f"{history_file}) WHERE a.axis = 'task' AND a.gap_low > threshold ORDER BY night"
+    )
+    assert [night for night, _ in red.fetchall()] == [day(5), day(6), day(7)]
+
+
+def test_every_field_of_a_record_is_described(recorded_week):
+    line = json.loads(recorded_week.config.history.read_text().splitlines()[0])
+    described = {name: kind for name, kind, _ in history.record_fields(history.Night)}
+    assert set(line) == {*described, "report", "crc32"}
+    assert described["gap_low"] == "DOUBLE"
+    assert described["axes"] == "STRUCT[]"
+
+
+def test_every_damaged_byte_is_noticed(recorded_week, tmp_path):
+    content = recorded_week.config.history.read_bytes()
+    path = tmp_path / "gap.jsonl"
+    for at in np.random.default_rng(0).integers(0, len(content), 60).tolist():
+        path.write_bytes(content[:at] + bytes([content[at] ^ 4]) + content[at + 1 :])
+        with pytest.raises(RequestError, match=r"line \d is damaged"):
+            history.read(path)
 
 
 def test_the_history_contains_the_complete_report(recorded_week):
@@ -73,7 +84,7 @@ def test_a_repeated_night_restores_missing_files(week):
     assert week.config.metrics is not None
     week.config.metrics.unlink()
     (week.config.reports / "latest").unlink()
-    leftover = week.config.history.with_name(".gap.duckdb.1.new")
+    leftover = week.config.history.with_name(".gap.jsonl.0123456789abcdef.partial")
     leftover.write_bytes(b"half")
     night_run = week.night(1, new_log=False)
     assert not night_run.new
@@ -103,10 +114,10 @@ _DIE = "os.kill(os.getpid(), signal.SIGKILL)"
 @pytest.mark.parametrize(
     ("patch", "expected_nights"),
     [
-        pytest.param(f"writer._add = lambda *a: {_DIE}", 1, id="while adding"),
-        pytest.param(f"writer.atomic_writes.sync_path = lambda *a: {_DIE}", 1,
+        pytest.param(f"writer.reader.line_of = lambda *a: {_DIE}", 1, id="while adding"),
+        pytest.param(f"Path.replace = lambda *a: {_DIE}", 1,
                      id="before the rename", marks=pytest.mark.deep),
-        pytest.param(f"writer.atomic_writes.sync_path = lambda path: path.is_dir() and {_DIE}", 2,
+        pytest.param(f"writer.atomic_writes.sync_path = lambda path: {_DIE}", 2,
                      id="after the rename", marks=pytest.mark.deep),
         pytest.param(f"import s2rtools.nightly.publish as p; p.junit = lambda *a: {_DIE}", 2,
                      id="while telling", marks=pytest.mark.deep),
@@ -123,21 +134,21 @@ def test_a_killed_writer_loses_at_most_the_current_night(week, patch, expected_n
     assert len(history.read(week.config.history).of_configuration("lab")) == expected_nights
     assert week.night(2, new_log=False).night.night == day(2)
     assert len(history.read(week.config.history).of_configuration("lab")) == 2
-    assert {path.name for path in week.config.history.parent.iterdir()} == {"gap.duckdb"}
+    assert {path.name for path in week.config.history.parent.iterdir()} == {"gap.jsonl"}
 
 
 def test_a_night_whose_lock_was_taken_over_is_not_recorded(week, monkeypatch):
     week.night(1)
     before = files(week.config)
-    add = writer._add
+    line_of = history.line_of
 
-    def add_and_lose_the_lock(added: writer.Rows, connection: duckdb.DuckDBPyConnection) -> None:
-        add(added, connection)
-        lock = week.config.history.with_name(".gap.duckdb.lock")
+    def add_and_lose_the_lock(*arguments) -> bytes:
+        lock = week.config.history.with_name(".gap.jsonl.lock")
         lock.unlink()
         lock.write_text("another holder")
+        return line_of(*arguments)
 
-    monkeypatch.setattr(writer, "_add", add_and_lose_the_lock)
+    monkeypatch.setattr(history, "line_of", add_and_lose_the_lock)
     with pytest.raises(StoreBusyError, match="run the command again"):
         week.night(2)
     assert files(week.config) == before
@@ -193,12 +204,31 @@ def test_two_simultaneous_runs_add_one_night(week):
     assert len(history.read(week.config.history).nights) == 1
 
 
-@pytest.mark.parametrize("content", [b"", b"no database", None])
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"", b"no history", b"{}\n", b'{"id": 1, "crc32": 3}\n',
+        *map(history.checked_line, [b"[1]", b'{"id": "\xff"}', b'{"id": ' + 10_000 * b"["]),
+    ],
+    ids=range(7),
+)  # fmt: skip
 def test_an_invalid_history_file_is_rejected(tmp_path, content):
-    path = tmp_path / "h.duckdb"
-    if content is None:
-        duckdb.connect(str(path)).close()
-    else:
-        path.write_bytes(content)
-    with pytest.raises(RequestError, match=r"h\.duckdb"):
+    path = tmp_path / "h.jsonl"
+    path.write_bytes(content)
+    with pytest.raises(RequestError, match=r"h\.jsonl: .*no history that this version reads"):
+        history.read(path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "field"),
+    [({"id": "1"}, "id"), ({"axes": 3}, "axes"), ({"night": "today"}, "night"),
+     ({"axes": [{"axis": "task"}]}, "state"), ({"gap_low": "x"}, "gap"),
+     ({"exit_code": 10**400}, "exit_code")],
+)  # fmt: skip
+def test_a_record_of_other_types_is_rejected(recorded_week, tmp_path, changes, field):
+    line = json.loads(recorded_week.config.history.read_text().splitlines()[0])
+    line.pop("crc32")
+    path = tmp_path / "gap.jsonl"
+    path.write_bytes(history.checked_line(json.dumps(line | changes).encode()))
+    with pytest.raises(RequestError, match=rf"{field}: no history that this version reads"):
         history.read(path)

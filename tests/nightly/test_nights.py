@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 from dataclasses import replace
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import pytest
@@ -12,6 +13,7 @@ import pytest
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.gap_history import reader
 from s2rstore.index.transaction import edit
+from s2rtools.gap.axis import GapSettings
 from s2rtools.nightly.config import NightlyConfig
 from s2rtools.nightly.run import NightRun, nightly
 from tests.nightly.conftest import files
@@ -19,6 +21,11 @@ from tests.support import nights
 from tests.support.nights import day
 
 pytestmark = pytest.mark.usefixtures("constant_plot")
+
+
+def with_request(config: NightlyConfig, **changes: Any) -> NightlyConfig:
+    """The configuration with changes of its request to the gate."""
+    return replace(config, request=replace(config.request, **changes))
 
 
 def test_a_regression_on_day_five_fails_the_gate(recorded_week):
@@ -86,11 +93,14 @@ def test_a_changed_configuration_is_measured_again(week):
     config = week.config
     week.night(1)
     for change in (
-        {"threshold": 20.0}, {"margin": 0.1}, {"seed": 2},
-        {"select": "worst15"}, {"axes": ("task",)}, {"stale_after": 9.0}, {"run": "dataaug"},
+        {"threshold": 20.0}, {"margin": 0.1}, {"settings": GapSettings(seed=2)},
+        {"expression": "worst15"}, {"axes": ("task",)}, {"run": "dataaug"},
+        {"options": {"reach": "2"}},
     ):  # fmt: skip
-        week.config = replace(config, **change)
+        week.config = with_request(config, **change)
         assert week.night(1, new_log=False).computed, change
+    week.config = replace(config, stale_after=9.0)
+    assert week.night(1, new_log=False).computed
 
 
 def test_other_files_are_identified_by_content(week):
@@ -98,7 +108,7 @@ def test_other_files_are_identified_by_content(week):
     for name in ("reference", "golden", "features"):
         path = config.source.parent / f"{name}.json"
         path.write_text("1")
-        week.config = replace(config, **{name: path})
+        week.config = with_request(config, **{name: path})
         week.night(1)
         path.touch()
         assert not week.night(1, new_log=False).new, name
@@ -113,7 +123,7 @@ def test_other_files_are_identified_by_content(week):
 def test_a_network_is_identified_by_its_weights(week, name, text):
     path = week.config.source.parent / name
     path.write_text(text)
-    week.config = replace(week.config, features=path)
+    week.config = with_request(week.config, features=path)
     with pytest.raises(RequestError, match=r"net\.bin: cannot be read"):
         week.night(1)
     (path.parent / "net.bin").write_bytes(b"1")
@@ -137,7 +147,7 @@ def test_other_options_on_the_same_logs_are_no_new_evidence(week):
     first = week.night(1).night
     week.config = replace(week.config, sysid=sysid)
     second = week.night(2, new_log=False).night
-    week.config = replace(week.config, drives="odometry", sysid=None)
+    week.config = with_request(replace(week.config, sysid=None), drives="odometry")
     third = week.night(3, new_log=False).night
     assert len({first.key, second.key, third.key}) == 3
     assert first.evidence == second.evidence != third.evidence
@@ -207,7 +217,7 @@ def test_a_failed_identification_request_never_passes(week):
 def test_an_invalid_run_writes_nothing(week):
     folder = week.config.source.parent
     before = sorted(folder.rglob("*"))
-    week.config = replace(week.config, run="unknown")
+    week.config = with_request(week.config, run="unknown")
     with pytest.raises(RequestError, match="unknown"):
         nightly(week.config, day(1), week.measure, week.estimate)
     assert sorted(folder.rglob("*")) == before
@@ -272,6 +282,6 @@ def test_without_a_reference_only_the_golden_run_is_judged(week):
         return golden_passes(store, config) | {"golden": None}
 
     assert nightly(week.config, day(1), golden_passes, week.estimate).night.exit_code == 0
-    week.config = replace(week.config, seed=9)
+    week.config = with_request(week.config, settings=GapSettings(seed=9))
     night_run = nightly(week.config, day(2), without_golden, week.estimate)
     assert (night_run.night.exit_code, night_run.night.worst) == (3, None)

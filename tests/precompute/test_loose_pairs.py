@@ -98,7 +98,7 @@ def test_the_error_of_a_side_is_the_distance_to_the_pose_of_its_own_image(loose)
     assert verify(loose[0]) == []
 
 
-def test_the_language_the_tables_and_the_views_know_the_offset(loose, capsys):
+def test_the_language_the_tables_and_the_views_know_the_offset(loose, s2r):
     path = str(loose[0])
     with s2rstore.open(path) as store:
         for text, count in (
@@ -110,12 +110,15 @@ def test_the_language_the_tables_and_the_views_know_the_offset(loose, capsys):
             query, parameters = evaluation.sql(store, text)
             assert np.count_nonzero(evaluation.select(store, text)) == count
             assert len(store.execute(query, parameters)) == count
-    assert main(["query", path, "ids(4)", "--format", "csv"]) == 0
-    header, row = (line.split(",") for line in capsys.readouterr().out.splitlines())
+    header, row = (
+        line.split(",") for line in s2r("query", path, "ids(4)", "--format", "csv").lines
+    )
     assert float(row[header.index("pair_offset_m")]) == pytest.approx(0.3)
     assert float(row[header.index("pair_offset_deg")]) == pytest.approx(6)
-    assert main(["show", path, "instance", "--iid", "4", "--format", "csv"]) == 0
-    assert "sim pose 0.30 m, 6.0 degrees from the real one" in capsys.readouterr().out
+    assert (
+        "sim pose 0.30 m, 6.0 degrees from the real one"
+        in s2r("show", path, "instance", "--iid", "4", "--format", "csv").printed
+    )
 
 
 def test_heat_lies_on_the_map_where_the_side_was(loose):
@@ -226,9 +229,7 @@ class RgbNetwork(nn.Module):
         return self.out(x.mean(dim=(2, 3)))
 
 
-def test_without_depth_an_rgb_model_runs_and_what_needs_depth_says_so(
-    without_depth, tmp_path, capsys
-):
+def test_without_depth_an_rgb_model_runs_and_what_needs_depth_says_so(without_depth, tmp_path, s2r):
     path = without_depth
     torch.manual_seed(0)
     with edit(path) as draft:
@@ -258,8 +259,7 @@ def test_without_depth_an_rgb_model_runs_and_what_needs_depth_says_so(
             selection_grid(store, "r", heat, np.arange(3), "mean")
     assert verify(path) == []
     export = ["export", str(path), "--view", "map", "--out", str(tmp_path / "m.png")]
-    assert main([*export, "--heat", "pixel_difference:rgb"]) == 2
-    assert "has no depth; heat on the map" in capsys.readouterr().err
+    s2r(*export, "--heat", "pixel_difference:rgb").assert_refused("has no depth; heat on the map")
     out = str(tmp_path / "w.png")
     assert main(["show", str(path), "instance", "--iid", "2"]) == 0
     assert main(["export", str(path), "--view", "workbench", "--out", out]) == 0

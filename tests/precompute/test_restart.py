@@ -59,8 +59,7 @@ def versions_of(path: Path, run: str, kind: str) -> set[str]:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_damaged_array_is_begun_again_with_other_libraries(computed, tmp_path, monkeypatch, kind):
-    path, options = tmp_path / "s.s2r", PrecomputeOptions(KINDS, workers=1)
-    copy_store(computed, path)
+    path, options = copy_store(computed, tmp_path / "s.s2r"), PrecomputeOptions(KINDS, workers=1)
     (shard,) = (path / "runs.zarr" / arrays_of(path, "vanilla", kind)[0]).glob("c*")
     shard.unlink()
     monkeypatch.setattr(unit_computer, "this_machine", other_machine)
@@ -79,8 +78,7 @@ def test_a_damaged_array_is_begun_again_with_other_libraries(computed, tmp_path,
 
 
 def test_complete_arrays_are_kept(computed, tmp_path):
-    path = tmp_path / "s.s2r"
-    copy_store(computed, path)
+    path = copy_store(computed, tmp_path / "s.s2r")
     options = PrecomputeOptions(KINDS, workers=1, restart=True)
     files = {file: file.stat().st_ino for file in path.glob("runs.zarr/*/*/*/c*")}
     assert precompute(path, SilentReporter(), [], options) == []
@@ -90,8 +88,7 @@ def test_complete_arrays_are_kept(computed, tmp_path):
 def test_a_key_that_has_lost_all_files_is_not_computed_elsewhere_in_silence(
     computed, tmp_path, monkeypatch
 ):
-    path, options = tmp_path / "s.s2r", PrecomputeOptions(KINDS, workers=1)
-    copy_store(computed, path)
+    path, options = copy_store(computed, tmp_path / "s.s2r"), PrecomputeOptions(KINDS, workers=1)
     for array in arrays_of(path, "vanilla", "activation"):
         for shard in (path / "runs.zarr" / array).glob("c*"):
             shard.unlink()
@@ -105,8 +102,7 @@ def test_a_key_that_has_lost_all_files_is_not_computed_elsewhere_in_silence(
 
 def test_a_restart_that_was_killed_is_repeated(computed, tmp_path, monkeypatch):
     """It has removed the files of an array, and not yet their entries in the ledger."""
-    path, options = tmp_path / "s.s2r", PrecomputeOptions(KINDS, workers=1)
-    copy_store(computed, path)
+    path, options = copy_store(computed, tmp_path / "s.s2r"), PrecomputeOptions(KINDS, workers=1)
     (shard,) = (path / "runs.zarr" / arrays_of(path, "vanilla", "activation")[0]).glob("c*")
     shard.unlink()
 
@@ -127,8 +123,10 @@ def test_a_restart_that_was_killed_is_repeated(computed, tmp_path, monkeypatch):
 
 
 def test_nothing_is_removed_where_a_file_cannot_be_examined(computed, tmp_path, monkeypatch):
-    path, options = tmp_path / "s.s2r", PrecomputeOptions(KINDS, workers=1, restart=True)
-    copy_store(computed, path)
+    path, options = (
+        copy_store(computed, tmp_path / "s.s2r"),
+        PrecomputeOptions(KINDS, workers=1, restart=True),
+    )
     size = safe_files.size
 
     def failing(root: Path, relative: str) -> int:

@@ -33,9 +33,8 @@ def store(tiny_store: Path, tmp_path: Path) -> Path:
     return path
 
 
-def test_other_runs_are_computed_and_the_untrusted_one_is_told(store, tmp_path, capsys):
-    assert main(["run", "add", "strange", "--model", "archive", "--store", str(store)]) == 0
-    added = capsys.readouterr().out
+def test_other_runs_are_computed_and_the_untrusted_one_is_told(store, tmp_path, s2r):
+    added = s2r("run", "add", "strange", "--model", "archive", "--store", store).printed
     assert f"next: `s2r precompute {store} --trust`, which executes the code" in added
     predictions = write_csv(tmp_path / "p.csv", make(store))
     command = ["run", "import", "theirs", "--predictions", str(predictions), "--store", str(store)]
@@ -46,7 +45,5 @@ def test_other_runs_are_computed_and_the_untrusted_one_is_told(store, tmp_path, 
     with s2rstore.open(store) as opened:
         assert opened.runs["strange"].key is None
         assert "pixel_difference" in {record.kind for record in opened.array_kinds("theirs")}
-    capsys.readouterr()
-    assert main(["runs", str(store), "--format", "csv"]) == 0
-    rows = {row.split(",")[0]: row for row in capsys.readouterr().out.splitlines()}
+    rows = {row.split(",")[0]: row for row in s2r("runs", store, "--format", "csv").lines}
     assert "s2r precompute --trust (its model executes code)" in rows["strange"]

@@ -122,11 +122,9 @@ def test_views_print_the_same(imported, view, capsys):
      "--out", "{out}.png"),
     ("train", "--recipe", "finetune", "--from", "exported", "--store", "{store}"),
 ])  # fmt: skip
-def test_commands_that_need_a_network_name_the_run(imported, tmp_path, words, capsys):
-    assert main([word.format(store=imported, out=tmp_path / "f") for word in words]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "run 'exported': its predictions were imported" in line
-    assert line.endswith("needs a network")
+def test_commands_that_need_a_network_name_the_run(imported, tmp_path, words, s2r):
+    result = s2r(*[word.format(store=imported, out=tmp_path / "f") for word in words])
+    result.assert_refused("run 'exported': its predictions were imported", "needs a network")
 
 
 def test_lost_predictions_have_to_be_imported_again(imported, tmp_path):

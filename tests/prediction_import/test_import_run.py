@@ -23,6 +23,8 @@ from tests.support.predictions import Made, make, write_csv, write_rows
 from tests.support.refusals import refused
 
 N = 24
+POSES = ("iid", "side", "x", "y", "heading")
+"""Columns of rows of one side each."""
 
 
 def run_import(
@@ -175,7 +177,7 @@ def test_units_are_recognised_and_conventions_applied(store, tmp_path):
         for side in SIDES
         for iid, (x, y, heading) in enumerate(made.of(side))
     ]
-    file = write_rows(tmp_path / "p.csv", ("iid", "side", "x", "y", "heading"), rows)
+    file = write_rows(tmp_path / "p.csv", POSES, rows)
     report = run_import(store, file, heading="90-h")
     assert "positions in mm (recognised), headings in deg (recognised)" in report.lines[0]
     assert "map heading 90-h" in report.lines[0]
@@ -200,9 +202,7 @@ def test_rows_that_cannot_be_used_are_reported_with_their_lines(store, tmp_path)
     rows[8] = (8, "left", 1, 2, 1)
     rows += [(0, "sim", 8, 8, 1), (1, "real", 8, 8, 1)]
     rows += [(1000 + k, "real", 1, 2, 1) for k in range(7)]
-    report = run_import(
-        store, write_rows(tmp_path / "p.csv", ("iid", "side", "x", "y", "heading"), rows)
-    )
+    report = run_import(store, write_rows(tmp_path / "p.csv", POSES, rows))
     lines = report.issues.lines()
     assert report.issues.counts == {
         "row of another side": 1, "unmatched row": 8, "out of range": 1, "duplicate row": 2,
@@ -239,7 +239,7 @@ def test_rows_of_a_tum_file_that_cannot_be_used(store, tmp_path):
     (tmp_path / "r.tum").write_text("0 1 2 0 0 0 0 1\n")
     report = run_import(store, f"sim:{tmp_path}/s.tum", f"real:{tmp_path}/r.tum")
     text = "\n".join(report.issues.lines())
-    assert "s.tum:2 7 values; TUM has 8" in text
+    assert "s.tum:2 7 values, expected 8" in text
     assert "s.tum:3 length 2" in text
     assert "s.tum:4 (sim) no number in " in text
     assert "s.tum:5 the nearest instance is 67.7 s away" in text
@@ -274,7 +274,7 @@ def test_the_split_of_a_file_is_that_of_its_predictions(store, tmp_path):
         for side in SIDES
         for iid in range(N)
     ]
-    names = ("iid", "side", "x", "y", "heading", "split")
+    names = (*POSES, "split")
     run_import(store, write_rows(tmp_path / "p.csv", names, rows))
     with s2rstore.open(store) as opened:
         found = opened.execute(
@@ -305,7 +305,7 @@ def test_files_that_are_no_predictions(store, tmp_path):
         ("p.csv", b"iid;side;x;y\n0;sim;1;1\n", "p.csv:1: columns are separated by semicolons"),
         ("p.csv", b"iid,side\n\x00", "NUL bytes"),
         ("p.parquet", b"PAR1 cut", "cannot be read as a Parquet file"),
-        ("p.tum", b"# nothing\n", "no rows"),
+        ("p.tum", b"# nothing\n", "no row of 8 numbers"),
         ("p.xls", b"1", "unknown suffix"),
     ):
         (tmp_path / name).write_bytes(content)
@@ -319,13 +319,16 @@ def test_files_that_are_no_predictions(store, tmp_path):
 
 def test_nothing_is_published_of_predictions_that_match_nothing(store, tmp_path):
     rows = [(iid + 100, "sim", 1, 2, 3) for iid in range(3)]
-    file = write_rows(tmp_path / "p.csv", ("iid", "side", "x", "y", "heading"), rows)
+    file = write_rows(tmp_path / "p.csv", POSES, rows)
     with pytest.raises(RequestError, match=r"no row can be used \(unmatched row: 3; p\.csv:2 iid"):
         run_import(store, file)
     rows = [(iid, "sim", 5e6, 2, 3) for iid in range(3)]
-    file = write_rows(tmp_path / "p.csv", ("iid", "side", "x", "y", "heading"), rows)
+    file = write_rows(tmp_path / "p.csv", POSES, rows)
     with pytest.raises(RequestError, match=r"no row can be used \(out of range: 3; p\.csv:2"):
         run_import(store, file, units="m")
+    file = write_rows(tmp_path / "p.csv", POSES, [(0, "sim", 1, 1, 0), (1, "real", 1, 1, 0)])
+    with pytest.raises(RequestError, match="the instances of both sides differ"):
+        run_import(store, file)
 
 
 def test_a_run_of_a_model_is_not_replaced(store_copy, tmp_path):
@@ -365,7 +368,7 @@ def test_embeddings_of_unmatched_rows_are_skipped(store, tmp_path):
     values = embedding(2 * N + 1)
     values[5] = np.nan
     np.save(tmp_path / "e.npy", values)
-    file = write_rows(tmp_path / "p.csv", ("iid", "side", "x", "y", "heading"), rows)
+    file = write_rows(tmp_path / "p.csv", POSES, rows)
     run_import(store, file, embeddings=(tmp_path / "e.npy",))
     used = np.delete(values, 5, axis=0)[::-1]
     np.testing.assert_array_equal(stored_embedding(store, "sim"), used[:N])
@@ -406,18 +409,14 @@ def test_what_needs_a_network_says_so(store, tmp_path):
             opened.array("theirs", "pixel_difference", None, "rgb")
 
 
-def _in_unit(store: Path, path: Path, per_metre: float) -> Path:
-    made = make(store)
-    scale = [per_metre, per_metre, 1]
-    return write_csv(path, Made(made.sim * scale, made.real * scale))
-
-
 def test_a_wrong_unit_of_lengths_is_told_with_the_one_that_fits(store, tmp_path):
     """The predictions lie off the map, or all fall on one point of it."""
-    (warning,) = run_import(store, _in_unit(store, tmp_path / "p.csv", 1000), units="m").warnings
+    made, scale = make(store), [1000, 1000, 1]
+    millimetres = write_csv(tmp_path / "p.csv", Made(made.sim * scale, made.real * scale))
+    (warning,) = run_import(store, millimetres, units="m").warnings
     assert f"positions in m: {2 * N} of {2 * N} predictions lie more than 10 m" in warning
     assert "with --units mm it would be 0.2" in warning
-    (warning,) = run_import(store, _in_unit(store, tmp_path / "p.csv", 1), units="mm").warnings
+    (warning,) = run_import(store, write_csv(tmp_path / "p.csv", made), units="mm").warnings
     assert "positions in mm: the median position error is" in warning
     assert "off the map" not in warning
     assert "with --units m it would be 0.2" in warning
@@ -448,10 +447,3 @@ def test_a_side_without_numbers_is_told_with_columns_and_first_line(store, tmp_p
         f"(sim {N}, real 0); real: {N} of its {N} rows in p.csv have no number "
         f"(columns {column}; the first is p.csv:{line})"
     )
-
-
-def test_sides_of_different_instances_are_told(store, tmp_path):
-    names = ("iid", "side", "x", "y", "heading")
-    path = write_rows(tmp_path / "p.csv", names, [(0, "sim", 1, 1, 0), (1, "real", 1, 1, 0)])
-    with pytest.raises(RequestError, match="the instances of both sides differ"):
-        run_import(store, path)

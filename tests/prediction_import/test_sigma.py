@@ -218,15 +218,15 @@ def test_radii_equal_a_slow_computation(table, side):
     assert (True in kinds) == (side == "real")
 
 
-def test_without_sigmas_there_are_radii_alone(tiny_store, capsys):
-    assert main(["show", str(tiny_store), "risk", "--select", "real.error < 9", "--json"]) == 0
-    rows = json.loads(capsys.readouterr().out)
+def test_without_sigmas_there_are_radii_alone(tiny_store, s2r):
+    rows = s2r("show", tiny_store, "risk", "--select", "real.error < 9", "--json").json
     assert {row["figure"] for row in rows} == {"factor of sigma", "radius"}
     reasons = {row["reason"] for row in rows}
     assert "no sigma: the predictions carry none" in reasons
     assert any(text.startswith("no radius: ") and text.endswith("9 are needed") for text in reasons)
-    assert main(["show", str(tiny_store), "risk", "--words"]) == 0
-    assert "no sigma: the predictions carry none" in capsys.readouterr().out
+    assert (
+        "no sigma: the predictions carry none" in s2r("show", tiny_store, "risk", "--words").printed
+    )
 
 
 VALUES = st.lists(

@@ -16,8 +16,9 @@ from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import RenderOptions
-from s2rtui.cli import main
 from s2rtui.session import Session
+from tests.support import gaps
+from tests.support.application import press
 
 HEAT = "runs.zarr/vanilla/key0/"
 
@@ -51,8 +52,7 @@ async def test_a_cut_connection_is_a_message_and_no_end(served):
         assert served.url in state.message
         assert "the connection was cut" in take_screenshot(app).text
         served.server.heal()
-        await pilot.press("n")
-        await settle(app, pilot)
+        await press(app, pilot, "n")
         assert not app.session.state.is_error
         assert app.query_one("#instance", PlotView)
     assert app.fault is None
@@ -94,7 +94,7 @@ async def test_a_slow_server_does_not_stop_the_keys(served, monkeypatch):
         served.server.released.set()
 
 
-async def test_a_new_generation_and_history_are_noticed_and_opened(served, tmp_path):
+async def test_a_new_generation_and_history_are_noticed_and_followed(served, tmp_path):
     app = make_app(served.url)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -102,16 +102,14 @@ async def test_a_new_generation_and_history_are_noticed_and_opened(served, tmp_p
         assert app.session.state.history is None
         with edit(served.path) as draft:
             draft.set_provenance("test", {"key": "value"})
-        history = tmp_path / "gap.duckdb"
-        writer.append(history, {})
+        history = tmp_path / "gap.jsonl"
+        writer.append(history, gaps.night(1, {"task": 5.0}))
         target = reader.history_path(served.path)
         target.parent.mkdir()
         shutil.copy(history, target)
         app.store_updates.check_store()
         await until(lambda: app.session.state.newest == before + 1, pilot)
         assert app.session.state.history is not None
-        assert app.session.state.generation == before
-        await pilot.press("g")
         await until(lambda: app.session.state.generation == before + 1, pilot)
         await settle(app, pilot)
         assert app.session.store.provenance("test") == {"key": "value"}
@@ -126,7 +124,6 @@ async def test_no_run_is_saved_on_a_server(served):
             app.adjust.save("brighter", lambda: pytest.fail("nothing may start"))
 
 
-def test_a_restricted_session_opens_no_url(served, capsys):
-    assert main(["tui", served.url, "--restricted"]) == 2
-    assert "reads only a store in a folder" in capsys.readouterr().err
+def test_a_restricted_session_opens_no_url(served, s2r):
+    s2r("tui", served.url, "--restricted").assert_refused("reads only a store in a folder")
     assert not served.server.requests

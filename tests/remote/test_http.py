@@ -101,15 +101,14 @@ def test_a_server_without_byte_ranges_works(served):
 # --- faults ---------------------------------------------------------------------------------------
 
 
-def test_a_missing_shard_is_an_error_that_names_it(served, capsys):
+def test_a_missing_shard_is_an_error_that_names_it(served, s2r):
     served.server.fail(SHARD, "missing")
     with (
         s2rstore.open(served.url) as store,
         pytest.raises(DamagedStoreError, match=f"{served.url}/{SHARD}: missing"),
     ):
         store.heatmap("vanilla", "feature_distance", "sim", 0)
-    assert main(["verify", served.url]) == 1
-    line = capsys.readouterr().out.splitlines()[-1]
+    line = s2r("verify", served.url).checked(1).out.splitlines()[-1]
     assert line.split(maxsplit=1) == [SHARD, "missing; push the store again"]
 
 
@@ -125,7 +124,7 @@ def test_a_missing_shard_is_an_error_that_names_it(served, capsys):
         ("slow", "no answer within 0.2 s"),
     ],
 )
-def test_a_shard_that_cannot_be_had_is_no_damage(fault, reason, served, monkeypatch, capsys):
+def test_a_shard_that_cannot_be_had_is_no_damage(fault, reason, served, monkeypatch, s2r):
     monkeypatch.setenv("S2R_REMOTE_TIMEOUT", "0.2" if fault == "slow" else "20")
     served.server.fail(SHARD, fault)
     with s2rstore.open(served.url) as store:
@@ -135,11 +134,7 @@ def test_a_shard_that_cannot_be_had_is_no_damage(fault, reason, served, monkeypa
     assert f"{served.url}/{SHARD}" in str(error.value)
     attempts = [path for _, path in served.server.requests if path.endswith(SHARD)]
     assert 1 <= len(attempts) <= MAX_RETRIES + 1
-    assert main(["verify", served.url]) == 2
-    printed = capsys.readouterr()
-    assert not printed.out
-    assert printed.err.count("\n") == 1
-    assert reason in printed.err
+    s2r("verify", served.url).assert_refused(reason)
 
 
 @pytest.mark.parametrize("fault", ["failing", "cut"])
@@ -152,13 +147,12 @@ def test_a_passing_fault_is_survived(fault, served):
 
 
 @pytest.mark.parametrize("command", ["query", "verify", "tui"])
-def test_a_cut_connection_is_one_line(command, served, monkeypatch, capsys):
+def test_a_cut_connection_is_one_line(command, served, monkeypatch, s2r):
     monkeypatch.setenv("TERM", "xterm-256color")
     monkeypatch.setattr("s2rtui.terminal.capabilities.refuse_unusable", lambda: None)
     served.server.fail("index-", "cut")
     words = [command, served.url, *(["all"] if command == "query" else [])]
-    assert main(words) == 2
-    printed = capsys.readouterr()
+    printed = s2r(*words).checked(2)
     assert not printed.out
     assert printed.err.splitlines() == [
         f"s2r: {served.url}/index/index-000002.duckdb: cannot be read (the connection was cut; "
@@ -198,14 +192,15 @@ def test_the_index_is_copied_once_and_compared(served, cache_folder):
     assert hashlib.sha256(copy.read_bytes()).hexdigest() == sha256
 
 
-def test_an_index_that_is_not_as_published_is_refused(served, cache_folder, capsys):
+def test_an_index_that_is_not_as_published_is_refused(served, cache_folder, s2r):
     index = served.path / layout.read_current(served.path).index
     index.write_bytes(index.read_bytes()[:-1] + b"x")
     with pytest.raises(DamagedStoreError, match="its checksum is not the published one"):
         s2rstore.open(served.url)
     assert not [path for path in cache_folder.rglob("*") if path.is_file()]
-    assert main(["verify", served.url]) == 1
-    assert "its size or checksum is not the published one" in capsys.readouterr().out
+    assert (
+        "its size or checksum is not the published one" in s2r("verify", served.url).checked(1).out
+    )
 
 
 def test_an_index_of_another_size_or_beyond_the_disk_is_refused(served):

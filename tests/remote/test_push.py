@@ -18,6 +18,7 @@ import obstore
 import pytest
 
 import s2rstore
+from bench.support.processes import program_environment
 from bench.support.s3_server import BUCKET, S3Server, program, s3_server
 from bench.support.store_server import store_server
 from s2rstore.errors import StoreBusyError, UnreachableStoreError
@@ -73,17 +74,9 @@ def objects(s3: S3Server, url: str) -> dict[str, str]:
     return {path: etag for path, etag in found.items() if path != push_lease.NAME}
 
 
-def pushed(store: Path, url: str, capsys, *options: str) -> str:
-    """The last line of a push that succeeds."""
-    assert main(["push", str(store), url, *options]) == 0
-    return capsys.readouterr().out.splitlines()[-1]
-
-
-def test_a_pushed_store_is_read_without_the_right_to_write(
-    s3, store_copy, url, monkeypatch, capsys
-):
+def test_a_pushed_store_is_read_without_the_right_to_write(s3, store_copy, url, monkeypatch, s2r):
     use(s3, "writer", monkeypatch)
-    line = pushed(store_copy, url, capsys)
+    line = s2r("push", store_copy, url).lines[-1]
     there = objects(s3, url)
     assert f"{len(there)} objects sent" in line
     assert "0 were there" in line
@@ -96,10 +89,9 @@ def test_a_pushed_store_is_read_without_the_right_to_write(
     assert not [note for note in check(url).notes if "lists no files" in note]
     for words in (["query", "{}", "worst15", "--json"], ["runs", "{}", "--json"],
                   ["sql", "{}", "SELECT sum(x) FROM prediction"]):  # fmt: skip
-        results = []
-        for store in (str(store_copy), url):
-            assert main([word.format(store) for word in words]) == 0
-            results.append(capsys.readouterr().out)
+        results = [
+            s2r(*[word.format(store) for word in words]).printed for store in (store_copy, url)
+        ]
         assert results[0] == results[1]
     with s2rstore.open(store_copy) as local, s2rstore.open(url) as remote:
         a = local.heatmaps("dataaug", "occlusion", "sim", 0, 40, "rgbd")
@@ -109,26 +101,27 @@ def test_a_pushed_store_is_read_without_the_right_to_write(
     assert screens[0] == screens[1]
     with pytest.raises(UnreachableStoreError, match="access denied, 403"):
         s2rstore.open(url).files.client.put("x", b"", {})
-    assert main(["push", str(store_copy), f"{url}/elsewhere"]) == 2
-    assert "cannot be written (access denied, 403)" in capsys.readouterr().err
+    s2r("push", store_copy, f"{url}/elsewhere").assert_refused(
+        "cannot be written (access denied, 403)"
+    )
     assert objects(s3, url) == there
 
 
-def test_only_the_new_files_of_a_generation_are_sent(s3, store_copy, url, writer, capsys):
-    pushed(store_copy, url, capsys)
+def test_only_the_new_files_of_a_generation_are_sent(s3, store_copy, url, writer, s2r):
+    s2r("push", store_copy, url).checked()
     obstore.put(s3.client(), f"{url.removeprefix(f's3://{BUCKET}/')}/mine.txt", b"mine")
     before = objects(s3, url)
     with edit(store_copy) as draft:
         draft.set_provenance("test", {"key": "value"})
     with s2rstore.open(url) as reader:
-        assert "3 objects sent" in pushed(store_copy, url, capsys)
+        assert "3 objects sent" in s2r("push", store_copy, url).lines[-1]
         assert reader.latest_generation() == reader.generation + 1
         assert reader.heatmap("vanilla", "feature_distance", "sim", 0).size
     after = objects(s3, url)
     assert before.keys() <= after.keys()
     new = {"CURRENT.json", "index/index-000003.duckdb", generation_file(3)}
     assert {path for path in after if after[path] != before.get(path)} == new
-    assert "0 objects sent" in pushed(store_copy, url, capsys)
+    assert "0 objects sent" in s2r("push", store_copy, url).lines[-1]
     with s2rstore.open(url) as reader:
         assert reader.provenance("test") == {"key": "value"}
 
@@ -149,17 +142,15 @@ main(["push", *sys.argv[2:]])
 """
 
 
-def test_a_killed_push_is_resumed(s3, store_copy, url, writer, capsys):
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+def test_a_killed_push_is_resumed(s3, store_copy, url, writer, s2r):
     command = [sys.executable, "-c", KILLED, "30", str(store_copy), url]
-    process = subprocess.run(command, env=environment, capture_output=True, timeout=120)
+    process = subprocess.run(command, env=program_environment(), capture_output=True, timeout=120)
     assert process.returncode == -signal.SIGKILL, process.stderr
     there = objects(s3, url)
     assert 15 < len(there) <= 30
     assert "CURRENT.json" not in there
-    assert main(["runs", url]) == 2
-    assert "not a store" in capsys.readouterr().err
-    line = pushed(store_copy, url, capsys)
+    s2r("runs", url).assert_refused("not a store")
+    line = s2r("push", store_copy, url).lines[-1]
     skipped = int(re.search(r"(\d+) were there", line)[1])
     assert len(there) <= skipped <= 30  # the server may have ended a request after the kill
     after = objects(s3, url)
@@ -167,51 +158,45 @@ def test_a_killed_push_is_resumed(s3, store_copy, url, writer, capsys):
     assert not check(url).damages
 
 
-def test_a_damaged_object_is_found_and_sent_again(s3, store_copy, url, writer, capsys):
-    pushed(store_copy, url, capsys)
+def test_a_damaged_object_is_found_and_sent_again(s3, store_copy, url, writer, s2r):
+    s2r("push", store_copy, url).checked()
     shard = "runs.zarr/vanilla/key0/feature_distance/c.0.0.0"
     content = bytearray((store_copy / shard).read_bytes())
     content[3] ^= 1
     obstore.put(s3.client(), f"{url.removeprefix(f's3://{BUCKET}/')}/{shard}", bytes(content))
-    assert main(["verify", url]) == 1
-    assert shard in capsys.readouterr().out
-    assert "1 objects sent" in pushed(store_copy, url, capsys)
+    assert shard in s2r("verify", url).checked(1).out
+    assert "1 objects sent" in s2r("push", store_copy, url).lines[-1]
     assert not check(url).damages
 
 
-def test_a_damaged_store_is_not_pushed(s3, store_copy, url, writer, capsys):
+def test_a_damaged_store_is_not_pushed(s3, store_copy, url, writer, s2r):
     shard = store_copy / "runs.zarr/vanilla/key0/feature_distance/c.0.0.0"
     content = shard.read_bytes()
     shard.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
-    assert main(["push", str(store_copy), url]) == 1
-    assert f"{shard}: not as published" in capsys.readouterr().err
+    assert f"{shard}: not as published" in s2r("push", store_copy, url).checked(1).err
     assert "CURRENT.json" not in objects(s3, url)
     shard.unlink()
-    assert main(["push", str(store_copy), url]) == 2
-    assert f"{shard}: missing" in capsys.readouterr().err
+    s2r("push", store_copy, url).assert_refused(f"{shard}: missing")
 
 
 def test_newer_and_other_targets_are_refused_unless_told(
-    s3, store_copy, url, tmp_path, writer, capsys
+    s3, store_copy, url, tmp_path, writer, s2r
 ):
     older = copy_store(store_copy, tmp_path / "older.s2r")
     with edit(store_copy) as draft:
         draft.set_provenance("test", {"key": "value"})
-    pushed(store_copy, url, capsys)
+    s2r("push", store_copy, url).checked()
     there = objects(s3, url)
-    assert main(["push", str(older), url]) == 2
-    assert "generation 3 is newer than that of" in capsys.readouterr().err
+    s2r("push", older, url).assert_refused("generation 3 is newer than that of")
     with edit(older) as draft:
         draft.set_provenance("test", {"key": "other"})
-    assert main(["push", str(older), url]) == 2
-    assert "both were changed independently" in capsys.readouterr().err
+    s2r("push", older, url).assert_refused("both were changed independently")
     other = tiny.build(tmp_path / "other.s2r", n=16, runs=("vanilla",), seed=3)
     with edit(other) as draft:
         draft.update("dataset", {"name": "tiny"}, {"hash": "1" * 64})
-    assert main(["push", str(other), url]) == 2
-    assert "holds another data set (tiny)" in capsys.readouterr().err
+    s2r("push", other, url).assert_refused("holds another data set (tiny)")
     assert objects(s3, url) == there
-    pushed(other, url, capsys, "--force")
+    s2r("push", other, url, "--force").checked()
     assert there.keys() <= objects(s3, url).keys()
     with s2rstore.open(url) as reader:
         assert len(reader.instances) == 16
@@ -220,22 +205,21 @@ def test_newer_and_other_targets_are_refused_unless_told(
 
 @pytest.mark.parametrize("is_new", [True, False], ids=["new", "old"])
 def test_a_push_that_another_one_overtakes_publishes_nothing(
-    s3, store_copy, tmp_path, writer, monkeypatch, capsys, is_new
+    s3, store_copy, tmp_path, writer, monkeypatch, s2r, is_new
 ):
     url = f"s3://{BUCKET}/overtaken-{is_new}/own.s2r"
     if not is_new:
-        pushed(store_copy, url, capsys)
+        s2r("push", store_copy, url).checked()
     other = copy_store(store_copy, tmp_path / "other.s2r")
     for store in (store_copy, other):
         with edit(store) as draft:
             draft.set_provenance("test", {"key": store.name})
     monkeypatch.setattr(push, "_refuse_replacing", check := Overtaken(s3, url, other))
-    assert main(["push", str(store_copy), url]) == 2
-    assert "another push published meanwhile; run it again" in capsys.readouterr().err
+    s2r("push", store_copy, url).assert_refused("another push published meanwhile; run it again")
     etag = hashlib.md5((other / layout.CURRENT).read_bytes()).hexdigest()
     assert objects(s3, url)[layout.CURRENT].strip('"') == etag
     assert check.calls == Overtaken.LAST
-    pushed(store_copy, url, capsys, "--force")
+    s2r("push", store_copy, url, "--force").checked()
     with s2rstore.open(url) as reader:
         assert reader.provenance("test") == {"key": store_copy.name}
 
@@ -285,7 +269,7 @@ class Paused:
 
 
 def test_of_two_pushes_at_once_the_second_is_refused(
-    s3, store_copy, url, tmp_path, writer, monkeypatch, capsys
+    s3, store_copy, url, tmp_path, writer, monkeypatch, s2r
 ):
     first, second = changed_copies(store_copy, tmp_path)
     paused = Paused(monkeypatch)
@@ -293,15 +277,13 @@ def test_of_two_pushes_at_once_the_second_is_refused(
         running = pool.submit(push.push, first, parse_url(url), SilentReporter())
         assert paused.is_reached.wait(60)
         for options in ([], ["--force"]):
-            assert main(["push", str(second), url, *options]) == 2
-            (line,) = capsys.readouterr().err.splitlines()
+            (line,) = s2r("push", second, url, *options).checked(2).err.splitlines()
             assert f"{url}: process {os.getpid()} on " in line
             assert line.endswith("pushes there; wait for it, or stop it")
         paused.may_go_on.set()
         assert running.result(60).generation == 3
     assert not check(url).damages
-    assert main(["push", str(second), url]) == 2
-    assert "both were changed independently" in capsys.readouterr().err
+    s2r("push", second, url).assert_refused("both were changed independently")
 
 
 def test_a_push_that_is_taken_for_dead_and_goes_on_changes_nothing(
@@ -350,7 +332,7 @@ def test_the_lease_of_a_living_process_on_another_machine_is_not_taken(
     assert not objects(s3, url)
 
 
-def test_wrong_keys_are_one_line_without_them(s3, url, monkeypatch, capsys):
+def test_wrong_keys_are_one_line_without_them(s3, url, monkeypatch, capsys, s2r):
     use(s3, "reader", monkeypatch)
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "wrong-secret-key")
     assert main(["runs", url]) == 2
@@ -362,14 +344,13 @@ def test_wrong_keys_are_one_line_without_them(s3, url, monkeypatch, capsys):
     assert "wrong-secret-key" not in printed.out + printed.err
     for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
         monkeypatch.delenv(name)
-    assert main(["runs", url]) == 2
-    assert "set AWS_ACCESS_KEY_ID" in capsys.readouterr().err
+    s2r("runs", url).assert_refused("set AWS_ACCESS_KEY_ID")
 
 
 def test_a_pushed_store_is_verified_over_a_server_that_lists_nothing(
-    s3, store_copy, url, tmp_path, writer, capsys
+    s3, store_copy, url, tmp_path, writer, s2r
 ):
-    pushed(store_copy, url, capsys)
+    s2r("push", store_copy, url).checked()
     copy = tmp_path / "www" / "own.s2r"
     for path in objects(s3, url):
         (copy / path).parent.mkdir(parents=True, exist_ok=True)
@@ -388,23 +369,22 @@ def test_a_pushed_store_is_verified_over_a_server_that_lists_nothing(
         assert damage.where == shard.relative_to(copy).as_posix()
 
 
-def test_push_needs_an_s3_url(store_copy, capsys):
-    assert main(["push", str(store_copy), "https://127.0.0.1:9/lab.s2r"]) == 2
-    assert "begins with s3://" in capsys.readouterr().err
+def test_push_needs_an_s3_url(store_copy, s2r):
+    s2r("push", store_copy, "https://127.0.0.1:9/lab.s2r").assert_refused("begins with s3://")
 
 
 def test_a_cache_never_keeps_what_another_store_replaces(
-    s3, store_copy, url, writer, tmp_path, capsys, monkeypatch
+    s3, store_copy, url, writer, tmp_path, s2r, monkeypatch
 ):
     monkeypatch.setattr(row_files, "MAX_ROWS", 10)
     other = tiny.build(tmp_path / "other.s2r", n=32, seed=1)
     for store in (store_copy, other):
         with edit(store) as draft:
             draft.set_provenance("note", {"of": store.name})
-    pushed(store_copy, url, capsys)
+    s2r("push", store_copy, url).checked()
     first, client = objects(s3, url), ObjectClient(parse_url(url))
     caching = {name: client.attributes(name)[1]["Cache-Control"] for name in first}
-    pushed(other, url, capsys, "--force")
+    s2r("push", other, url, "--force").checked()
     replaced = {name for name, etag in objects(s3, url).items() if first.get(name, etag) != etag}
     assert {"frames.zarr", "index", "ledger", "runs.zarr"} <= {n.split("/")[0] for n in replaced}
     assert {caching[name] for name in replaced} == {"no-cache"}

@@ -19,19 +19,16 @@ def other_server(tmp_path: Path) -> Iterator[StoreServer]:
         yield server
 
 
-def test_another_host_is_refused_unless_it_is_allowed(served, other_server, monkeypatch, capsys):
+def test_another_host_is_refused_unless_it_is_allowed(served, other_server, monkeypatch, s2r):
     other_server.moved["lab.s2r"] = served.url
     url = f"{other_server.url}/lab.s2r"
-    assert main(["runs", url]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert f"redirects to another one, {served.server.url}; " in line
+    s2r("runs", url).assert_refused(f"redirects to another one, {served.server.url}; ")
     assert served.server.requests == []
     monkeypatch.setenv("S2R_REMOTE_REDIRECTS", "1")
     assert main(["runs", url]) == 0
     assert served.server.requests
     monkeypatch.setenv("S2R_REMOTE_REDIRECTS", "yes")
-    assert main(["runs", url]) == 2
-    assert "S2R_REMOTE_REDIRECTS=yes: must be 0 or 1" in capsys.readouterr().err
+    s2r("runs", url).assert_refused("S2R_REMOTE_REDIRECTS=yes: must be 0 or 1")
 
 
 def test_a_shard_on_another_host_is_refused(served, other_server):
@@ -57,20 +54,18 @@ def test_a_shard_on_another_host_is_refused(served, other_server):
     ],
     ids=["file", "bracket", "port", "control character", "long"],
 )
-def test_a_redirect_to_nowhere_is_one_line(location, reason, other_server, capsys):
+def test_a_redirect_to_nowhere_is_one_line(location, reason, other_server, s2r):
     other_server.moved[""] = location
-    assert main(["runs", f"{other_server.url}/lab.s2r"]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+    (line,) = s2r("runs", f"{other_server.url}/lab.s2r").checked(2).err.splitlines()
     assert reason in line
     assert len(line) < 500
     assert "\x1b" not in line
 
 
-def test_the_same_host_may_redirect(served, capsys):
+def test_the_same_host_may_redirect(served, s2r):
     folder = served.url.removeprefix(f"{served.server.url}/")
     served.server.moved["old"] = f"/{folder}"
     assert main(["runs", f"{served.server.url}/old"]) == 0
     served.server.moved["old"] = "/old"
-    assert main(["runs", f"{served.server.url}/old"]) == 2
-    assert "more than 5 redirects" in capsys.readouterr().err
+    s2r("runs", f"{served.server.url}/old").assert_refused("more than 5 redirects")
     served.server.moved.clear()

@@ -87,18 +87,17 @@ def test_commands_that_write_take_no_url(words, capsys):
     assert "https://127.0.0.1:9/lab.s2r: a store on a server is only read" in line
 
 
-def test_a_missing_package_is_named(monkeypatch, capsys):
+def test_a_missing_package_is_named(monkeypatch, s2r):
     monkeypatch.setitem(sys.modules, "obstore.store", None)
-    assert main(["runs", "s3://bucket/lab.s2r"]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "pip install 's2rtui[remote]'" in line
+    s2r("runs", "s3://bucket/lab.s2r").assert_refused("pip install 's2rtui[remote]'")
 
 
 @pytest.mark.parametrize("seconds", ["soon", "0", "-1", "nan"])
-def test_the_time_limit_must_be_seconds(seconds, monkeypatch, capsys):
+def test_the_time_limit_must_be_seconds(seconds, monkeypatch, s2r):
     monkeypatch.setenv("S2R_REMOTE_TIMEOUT", seconds)
-    assert main(["runs", "http://127.0.0.1:9/lab.s2r"]) == 2
-    assert f"S2R_REMOTE_TIMEOUT={seconds}: must be seconds" in capsys.readouterr().err
+    s2r("runs", "http://127.0.0.1:9/lab.s2r").assert_refused(
+        f"S2R_REMOTE_TIMEOUT={seconds}: must be seconds"
+    )
 
 
 @pytest.mark.parametrize(
@@ -113,21 +112,20 @@ def test_the_time_limit_must_be_seconds(seconds, monkeypatch, capsys):
         ("AWS_SECRET_ACCESS_KEY", f"{SECRET}\n", "AWS_SECRET_ACCESS_KEY: has a blank"),
     ],
 )
-def test_variables_that_no_request_can_have_are_named(name, value, shown, monkeypatch, capsys):
+def test_variables_that_no_request_can_have_are_named(name, value, shown, monkeypatch, s2r):
     monkeypatch.setenv(name, value)
-    assert main(["runs", "s3://bucket/lab.s2r"]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+    (line,) = s2r("runs", "s3://bucket/lab.s2r").checked(2).err.splitlines()
     assert line.startswith(f"s2r: {shown}")
     assert SECRET not in line
 
 
-def test_a_panic_of_obstore_is_one_line(monkeypatch, capsys):
+def test_a_panic_of_obstore_is_one_line(monkeypatch, s2r):
     panic = type("PanicException", (BaseException,), {"__module__": "pyo3_runtime"})
 
     def get(*words: object, **options: object) -> None:
         raise panic("called `Result::unwrap()` on an `Err` value")
 
     monkeypatch.setattr("obstore.get", get)
-    assert main(["runs", "s3://bucket/lab.s2r"]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "lab.s2r/CURRENT.json: cannot be read (obstore failed; check" in line
+    s2r("runs", "s3://bucket/lab.s2r").assert_refused(
+        "lab.s2r/CURRENT.json: cannot be read (obstore failed; check"
+    )

@@ -8,19 +8,11 @@ import numpy as np
 import pytest
 
 from bench.support.ros_programs import RosNetwork, missing_ros
-from s2rtools.translation.colour_statistics import Moments
-from s2rtools.translation.mkl import MklTranslator
+from s2rtools.translation.colour_maps import MklTranslator
 from s2rtools.translation.translator_file import StoredTranslator, encode
 
 WAIT = 120.0
 """Seconds after which a condition counts as not reached; far more than any test needs."""
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    folder = Path(__file__).parent
-    for item in items:
-        if folder in item.path.parents:
-            item.add_marker(pytest.mark.xdist_group("ros"))
 
 
 def wait_until(condition: Callable[[], object], what: str) -> None:
@@ -33,8 +25,8 @@ def wait_until(condition: Callable[[], object], what: str) -> None:
 
 def shifted(offset: float) -> StoredTranslator:
     """A translator that adds `offset` to red and removes it from blue."""
-    source = Moments(np.full(3, 120.0), np.eye(3) * 900)
-    target = Moments(source.mean + np.array([offset, 0, -offset]), source.covariance)
+    source = np.vstack([np.full(3, 120.0), np.eye(3) * 900])
+    target = source + np.pad([[offset, 0.0, -offset]], ((0, 3), (0, 0)))
     return StoredTranslator(MklTranslator(target, source), "real", "sim", (48, 64))
 
 

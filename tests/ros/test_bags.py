@@ -1,6 +1,5 @@
 """`s2r ros replay`, and its bags in ROS's own tools."""
 
-import csv
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -12,10 +11,8 @@ import s2rstore
 from bench.support.ros_programs import missing_ros
 from s2rstore.maintenance.verify import verify
 from s2rtools.datasets.writing.frame_cache import FrameCache
-from s2rtools.lane_detection.conditions import CONDITIONS
-from s2rtools.lane_detection.rendered_folder import lit_frames
 from s2rtools.ros.ros_environment import SYSTEM_PACKAGES
-from s2rtools.translation.mkl import MklTranslator
+from s2rtools.translation.colour_maps import MklTranslator
 from s2rtui.cli import main
 from tests.support.image_bags import COMPRESSED, IMAGES, RAW, START, grey_images, write_image_bag
 
@@ -57,15 +54,12 @@ def test_ros_reads_a_replayed_bag(tmp_path, translator_file, kind):
     assert f"{IMAGES} " in told.stdout.decode()
 
 
-def test_replay_names_the_topic_and_refuses_others(tmp_path, translator_file, capsys):
+def test_replay_names_the_topic_and_refuses_others(tmp_path, translator_file, s2r):
     source = write_image_bag(tmp_path / "a-mcap", grey_images(2))
     arguments = ["ros", "replay", str(source), "--translator", str(translator_file)]
-    assert main([*arguments, "--in", IMAGES, "--out", str(tmp_path / "b")]) == 0
-    assert "2 images translated" in capsys.readouterr().out
-    assert main([*arguments, "--in", "/none", "--out", str(tmp_path / "c")]) == 2
-    assert "no topic /none" in capsys.readouterr().err
-    assert main([*arguments, "--out", str(tmp_path / "b")]) == 2
-    assert "exists" in capsys.readouterr().err
+    assert "2 images translated" in s2r(*arguments, "--in", IMAGES, "--out", tmp_path / "b").printed
+    s2r(*arguments, "--in", "/none", "--out", tmp_path / "c").assert_refused("no topic /none")
+    s2r(*arguments, "--out", tmp_path / "b").assert_refused("exists")
 
 
 @pytest.mark.parametrize(
@@ -80,11 +74,10 @@ def test_replay_names_the_topic_and_refuses_others(tmp_path, translator_file, ca
         (["rubbish"], "rubbish"),
     ],
 )
-def test_wrong_options_of_the_proxy_end_in_one_line(translator_file, capsys, options, problem):
+def test_wrong_options_of_the_proxy_end_in_one_line(translator_file, s2r, options, problem):
     arguments = ["ros", "proxy", "--translator", str(translator_file), "--in", "/image/compressed",
                  "--out", "/translated/compressed", *options]  # fmt: skip
-    assert main(arguments) == 2
-    assert problem in capsys.readouterr().err
+    s2r(*arguments).assert_refused(problem)
 
 
 def test_a_translator_that_loads_torch_later_computes_in_one_thread(translator_file, monkeypatch):
@@ -100,28 +93,11 @@ def test_a_translator_that_loads_torch_later_computes_in_one_thread(translator_f
     assert threads == [1]
 
 
-def test_missing_ros_names_the_packages_to_install(translator_file, capsys, monkeypatch):
+def test_missing_ros_names_the_packages_to_install(translator_file, s2r, monkeypatch):
     monkeypatch.setattr("s2rtools.ros.ros_environment._is_installed", lambda name: False)
     arguments = ["ros", "proxy", "--translator", str(translator_file), "--in", "/a", "--out", "/b"]
-    assert main(arguments) == 2
-    assert "apt install python3-rospy" in capsys.readouterr().err
-    assert main([*arguments, "--ros", "2"]) == 2
-    assert "rclpy" in capsys.readouterr().err
-
-
-def test_replay_writes_the_line_segments_of_every_image(tmp_path, translator_file, capsys):
-    lit = next(iter(lit_frames([CONDITIONS["day"]], 1, seed=3))).rgb
-    source = write_image_bag(tmp_path / "a.bag", [lit, np.full_like(lit, 60)])
-    table = tmp_path / "segments.csv"
-    arguments = ["ros", "replay", str(source), "--translator", str(translator_file)]
-    arguments += ["--strength", "0", "--segments", str(table), "--out", str(tmp_path / "b.bag")]
-    assert main(arguments) == 0
-    with table.open() as file:
-        rows = list(csv.DictReader(file))
-    assert {int(row["stamp_ns"]) for row in rows} == {START}
-    assert {"white", "yellow"} <= {row["colour"] for row in rows}
-    assert all(0 <= float(row["x1"]) < 160 and 0 <= float(row["y2"]) < 80 for row in rows)
-    assert f"{len(rows)} segments in 2 images" in capsys.readouterr().out
+    s2r(*arguments).assert_refused("apt install python3-rospy")
+    s2r(*arguments, "--ros", "2").assert_refused("rclpy")
 
 
 def test_replay_makes_a_store_of_images_and_translations(tmp_path, translator_file):
@@ -170,11 +146,10 @@ def test_replay_to_a_store_holds_few_images_at_once(tmp_path, translator_file, m
     assert max(waiting) < 10
 
 
-def test_no_store_is_made_of_a_bag_without_usable_images(tmp_path, translator_file, capsys):
+def test_no_store_is_made_of_a_bag_without_usable_images(tmp_path, translator_file, s2r):
     source = write_image_bag(tmp_path / "a.bag", [])
     result = tmp_path / "result.s2r"
     arguments = ["ros", "replay", str(source), "--translator", str(translator_file)]
     arguments += ["--out", str(tmp_path / "b.bag"), "--result", str(result)]
-    assert main(arguments) == 2
-    assert "no image could be decoded" in capsys.readouterr().err
+    assert "no image could be decoded" in s2r(*arguments).checked(2).err
     assert not result.exists()

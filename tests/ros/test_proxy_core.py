@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from s2rstore.errors import RequestError
-from s2rtools.ros.image_topics import camera_info_topic, check_topics, is_compressed
 from s2rtools.ros.latest_frame import LatestFrame, SlidingWindow
 from s2rtools.ros.proxy_core import Frame, ProxyCore
+from s2rtools.ros.proxy_node import camera_info_topic, check_topics, is_compressed
 from s2rtools.ros.proxy_settings import ProxySettings, parse_age
-from s2rtools.translation.identity import IdentityTranslator
+from s2rtools.translation.colour_maps import IdentityTranslator
 from s2rtools.translation.image_codec import RawLayout, decode_compressed
 from tests.ros.conftest import shifted
 

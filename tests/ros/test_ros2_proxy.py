@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from s2rstore.errors import RequestError
+from s2rtools.ros import ros2_node
+from s2rtools.ros.proxy_node import ProxyNode
 from s2rtools.ros.proxy_settings import ProxyRequest, ProxySettings
-from s2rtools.ros.ros2_node import Ros2Proxy
 from tests.ros.conftest import shifted, wait_until
 from tests.support import fake_rclpy as ros2
 
@@ -25,12 +26,12 @@ def load(name: str):
 def start(monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
     """A function that starts a proxy and returns its node."""
     ros2.install(monkeypatch)
-    started: list[Ros2Proxy] = []
+    started: list[ProxyNode] = []
 
     def begin(topic: str, output: str, known: dict[str, str] | None = None, **settings: object):
         node = ros2.Node(known or {}, NOW)
         request = ProxyRequest(topic, output, ProxySettings("T", shifted(40), **settings), load)
-        started.append(Ros2Proxy(request, node))
+        started.append(ros2_node.start(request, node))
         return node
 
     yield begin

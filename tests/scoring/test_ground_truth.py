@@ -220,19 +220,3 @@ def test_a_store_without_ground_truth_is_rejected(tiny_store):
         pytest.raises(RequestError, match="ground truth is unknown"),
     ):
         GroundTruth(store)
-
-
-def test_the_application_projects_heatmaps_like_precompute(objects_only):
-    """The heatmap of one instance is projected on the nearer surface, too."""
-    from s2rtui.session.heatmaps import instance_grid
-    from s2rtui.session.state import HeatChoice
-
-    with s2rstore.open(objects_only) as store:
-        for side in ("sim", "real"):
-            choice = HeatChoice("harmonised_distance", None, side)
-            stored_grid = store.map_grid("vanilla", "harmonised_distance", side, None, "count")
-            total = np.zeros_like(stored_grid)
-            for iid in range(len(store.instances)):
-                grid = instance_grid(store, "vanilla", choice, iid)
-                total += np.isfinite(grid)
-            assert ((total > 0) == (stored_grid > 0)).all()

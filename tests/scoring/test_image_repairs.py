@@ -1,6 +1,5 @@
 """Repairing images in the order of a heatmap."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 import s2rstore
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.scoring.image_repairs import SHARES, score_image_repairs
-from s2rtui.cli import main
 from tests.support.copies import copy_store
 from tests.support.silent_reporter import SilentReporter
 
@@ -44,22 +42,20 @@ def test_the_published_shares_sum_to_the_gap(with_harm):
         assert np.abs(total - columns.gap).max() < 1e-3
 
 
-def test_repairs_are_printed(with_harm, capsys):
+def test_repairs_are_printed(with_harm, s2r):
     command = ["score", str(with_harm), "--image-repairs", "--run", "vanilla", "--views", "4"]
-    assert main(command) == 0
-    assert "harm_fine" in capsys.readouterr().out
-    assert main([*command, "--json"]) == 0
-    rows = json.loads(capsys.readouterr().out)
+    assert "harm_fine" in s2r(*command).printed
+    rows = s2r(*command, "--json").json
     assert {row["n"] for row in rows} == {4}
 
 
-def test_without_calibrated_rigs_the_reason_is_told(world_with_all_factors, capsys):
-    assert main(["score", str(world_with_all_factors), "--image-repairs", "--views", "3"]) == 2
-    assert "not calibrated" in capsys.readouterr().err
+def test_without_calibrated_rigs_the_reason_is_told(world_with_all_factors, s2r):
+    s2r("score", world_with_all_factors, "--image-repairs", "--views", "3").assert_refused(
+        "not calibrated"
+    )
 
 
 @pytest.mark.parametrize("views", ["1", "-3", "100001"])
-def test_numbers_of_views_out_of_range_are_refused(world_with_all_factors, capsys, views):
+def test_numbers_of_views_out_of_range_are_refused(world_with_all_factors, s2r, views):
     words = ["score", str(world_with_all_factors), "--image-repairs", "--views", views]
-    assert main(words) == 2
-    assert f"--views {views}: 2 .. 100000" in capsys.readouterr().err
+    s2r(*words).assert_refused(f"--views {views}: 2 .. 100000")

@@ -45,7 +45,6 @@ def assert_scored_without_objects(path: Path) -> None:
     assert means["objects"] == 0 != means["lighting"]
 
 
-def test_unknown_constants_are_refused(tmp_path, capsys):
+def test_unknown_constants_are_refused(tmp_path, s2r):
     arguments = ["ingest", "world", "--constants", "depth.range=3"]
-    assert main([*arguments, "--store", str(tmp_path / "no.s2r")]) == 2
-    assert "depth.farthest" in capsys.readouterr().err
+    s2r(*arguments, "--store", tmp_path / "no.s2r").assert_refused("depth.farthest")

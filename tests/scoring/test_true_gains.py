@@ -1,6 +1,5 @@
 """True gains and shares: equal to direct renderings, complete, and scored end to end."""
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -21,7 +20,6 @@ from s2rtools.scoring.repair_curves import RepairErrors, measure_repairs, repair
 from s2rtools.scoring.report import save_report
 from s2rtools.synthetic_world.factors import FACTOR_GROUPS
 from s2rtools.synthetic_world.renderer import RayCaster
-from s2rtui.cli import main
 from tests.support.copies import copy_store
 
 RUNS = ("vanilla", "finetune")
@@ -180,11 +178,10 @@ def test_estimates_read_the_stored_maps(store, gains):
     assert not made.of_other_run, "the kind has the same map for all runs"
 
 
-def test_the_command_reports_and_the_store_keeps_it(world_with_all_factors, tmp_path, capsys):
+def test_the_command_reports_and_the_store_keeps_it(world_with_all_factors, tmp_path, s2r):
     arguments = ["score", str(world_with_all_factors), "--run", "vanilla", "--run", "finetune",
                  "--harm", "--instances", "2", "--views", "4", "--json"]  # fmt: skip
-    assert main(arguments) == 0
-    report = json.loads(capsys.readouterr().out)
+    report = s2r(*arguments).json
     harm = report["harm"]
     kinds = {(row["run"], row["kind"]) for row in harm["kinds"]}
     assert {("vanilla", "area"), ("all runs", "pixel_difference")} <= kinds

@@ -17,6 +17,7 @@ from s2rtui.app.screens.help_content import help_text
 from s2rtui.canvas import RenderOptions
 from s2rtui.security import Permissions
 from s2rtui.session import Session, view_settings
+from tests.support.application import press
 
 MODEL_ACTION = Action(
     "side", "d", "heat", "mist in the images", view_settings.change_side, "mist", needs="models"
@@ -99,8 +100,7 @@ async def test_a_forbidden_action_shows_a_message(tiny_store, tmp_path):
             await app.run_action(call)
             assert "restricted" in app.session.state.message
         app.session.show_message("")
-        await pilot.press("d")
-        await settle(app, pilot)
+        await press(app, pilot, "d")
         assert app.session.state.heat == before
         assert "not in a restricted session: mist in the images" in take_screenshot(app).text
         titles = [command.title for command in app.get_system_commands(app.screen)]
@@ -123,6 +123,5 @@ async def test_actions_of_textual_are_disabled(tiny_store, tmp_path, monkeypatch
             await settle(app, pilot)
             assert "not in a restricted session" in app.session.state.message, call
         for key in ("w", "question_mark", "escape", "tab", "ctrl+z", "ctrl+p", "escape"):
-            await pilot.press(key)
-        await settle(app, pilot)
+            await press(app, pilot, key)
     assert list(tmp_path.iterdir()) == []

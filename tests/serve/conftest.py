@@ -8,13 +8,6 @@ import pytest
 from tests.support.serving import StartServer, servers
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    folder = Path(__file__).parent
-    for item in items:
-        if folder in item.path.parents:
-            item.add_marker(pytest.mark.xdist_group("serve"))
-
-
 @pytest.fixture
 def serve(tiny_store: Path, tmp_path: Path) -> Iterator[StartServer]:
     """A function that starts servers of the tiny store; they end with the test."""

@@ -70,21 +70,16 @@ async def test_a_closed_page_ends_its_application(serve):
         (["--users", "0"], "--users"),
     ],
 )  # fmt: skip
-def test_invalid_options_are_rejected(tiny_store, capsys, options, expected):
-    assert main(["serve", str(tiny_store), *options]) == 2
-    err = capsys.readouterr().err
-    assert expected in err
-    assert err.count("\n") == 1
+def test_invalid_options_are_rejected(tiny_store, s2r, options, expected):
+    s2r("serve", tiny_store, *options).assert_refused(expected)
 
 
-def test_missing_packages_and_stores_are_named(tiny_store, capsys, monkeypatch):
+def test_missing_packages_and_stores_are_named(tiny_store, s2r, monkeypatch):
     monkeypatch.delitem(sys.modules, "s2rtui.web.server", raising=False)
     monkeypatch.setitem(sys.modules, "textual_serve", None)
     monkeypatch.setitem(sys.modules, "textual_serve.server", None)
-    assert main(["serve", str(tiny_store)]) == 2
-    assert "pip install 's2rtui[serve]'" in capsys.readouterr().err
-    assert main(["serve", "/nowhere/x.s2r"]) == 2
-    assert "no such folder" in capsys.readouterr().err
+    s2r("serve", tiny_store).assert_refused("pip install 's2rtui[serve]'")
+    s2r("serve", "/nowhere/x.s2r").assert_refused("no such folder")
 
 
 def test_a_port_in_use_is_reported_in_one_line(serve, tiny_store, capsys):

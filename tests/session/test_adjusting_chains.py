@@ -42,13 +42,11 @@ def test_sliders_of_images_that_the_model_does_not_take_are_left_out(
     assert told.startswith(f"the model {reason}")
     session.dispatch(adjusting.open_sliders, *adjusting.available_sliders(store, run))
     state = session.dispatch(adjusting.follow_run)
-    assert state.adjust is not None
     assert {slider.name for slider in state.adjust.sliders} == every - missing
 
 
 def names_after_move(session: Session, name: str, value: float) -> list[object]:
     adjust = session.state.adjust
-    assert adjust is not None
     index = [slider.name for slider in adjust.sliders].index(name)
     state = session.dispatch(adjusting.set_slider, index, value)
     assert state.adjust is not None
@@ -92,7 +90,6 @@ def test_a_missing_package_is_reported_for_every_run(tiny_store):
     session.dispatch(adjusting.report_missing_package, "torch")
     session.dispatch(navigation.change_run, 1)
     adjust = session.dispatch(adjusting.follow_run).adjust
-    assert adjust is not None
     assert adjust.run == session.state.run != "vanilla"
     assert "need torch" in adjust.missing
     session.close()

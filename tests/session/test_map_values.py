@@ -1,13 +1,10 @@
 """What colours the instances on the map."""
 
-import csv
-import io
-
 import numpy as np
 
 import s2rstore
 from s2rstore.index.transaction import edit
-from s2rtui.cli import main, scene_arguments
+from s2rtui.cli import scene_arguments
 from s2rtui.session import Session, map_values, view_settings
 from tests.support.copies import copy_store
 
@@ -16,11 +13,10 @@ def test_the_command_line_and_the_session_know_the_same_values():
     assert tuple(map_values.MAP_VALUES) == scene_arguments.MAP_VALUES
 
 
-def test_columns_are_those_of_the_language(tiny_store, capsys):
+def test_columns_are_those_of_the_language(tiny_store, s2r):
     names = [name for name in map_values.MAP_VALUES if name != "shift"]
     command = ["query", str(tiny_store), "all", "--run", "vanilla", "--format", "csv"]
-    assert main([*command, "--columns", ",".join(["iid", "shift", *names])]) == 0
-    rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    rows = s2r(*command, "--columns", ",".join(["iid", "shift", *names])).rows
     with s2rstore.open(tiny_store) as store:
         columns = store.run_columns("vanilla")
         for name in ("shift", *names):
@@ -40,7 +36,7 @@ def test_the_key_shows_every_value_and_begins_again(tiny_store):
     assert seen[-1] == "shift"
 
 
-def test_without_shares_they_are_left_out_and_refused(tiny_store, tmp_path, capsys):
+def test_without_shares_they_are_left_out_and_refused(tiny_store, tmp_path, s2r):
     path = copy_store(tiny_store, tmp_path / "s.s2r")
     with edit(path) as draft:
         draft.delete("zarr_array", kind="gap_shares")
@@ -50,5 +46,4 @@ def test_without_shares_they_are_left_out_and_refused(tiny_store, tmp_path, caps
         assert map_values.shown(store, "vanilla", "share.depth").name == "shift"
     figure = str(tmp_path / "m.png")
     command = ["export", str(path), "--view", "map", "--value", "share.depth", "--out", figure]
-    assert main(command) == 2
-    assert "--value share.depth" in capsys.readouterr().err
+    s2r(*command).assert_refused("--value share.depth")

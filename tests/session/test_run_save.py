@@ -80,7 +80,6 @@ def test_a_job_ends_when_the_application_is_killed(few_pairs_store, tmp_path):
     )
     command = [sys.executable, "-c", code, str(path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE) as application:
-        assert application.stdout is not None
         child = int(application.stdout.readline())
         os.kill(child, signal.SIGSTOP)  # the job must not finish earlier
         application.kill()
@@ -143,14 +142,12 @@ def test_json_progress_survives_a_closed_reader(moved_camera_store, tmp_path):
     command = [sys.executable, "-m", "s2rtui", "precompute", str(path), "--run", "later",
                "--kinds", "feature_distance", "--progress", "json"]  # fmt: skip
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        assert process.stdout is not None
         assert json.loads(process.stdout.readline()).keys() == {"said"}
         assert json.loads(process.stdout.readline()) == {
             "stage": "later: forward", "done": 0, "total": 8,
         }  # fmt: skip
         process.stdout.close()
         assert process.wait(timeout=120) == 0
-        assert process.stderr is not None
         assert process.stderr.read() == b""
     with s2rstore.open(path) as store:
         assert store.run("later").key is not None

@@ -142,13 +142,11 @@ def test_zoom_and_pan_are_limited(session):
     for _ in range(40):
         session.dispatch(view_settings.zoom, 1 / 0.6)
     closest = session.state.viewport
-    assert closest is not None
     assert closest.width == pytest.approx(bounds.width * view_settings.CLOSEST)
     for _ in range(60):
         session.dispatch(view_settings.pan, 0.2, -0.2)
     session.dispatch(view_settings.pan, 500.0, -500.0)
     panned = session.state.viewport
-    assert panned is not None
     middle = (panned.x0 + panned.x1) / 2, (panned.y0 + panned.y1) / 2
     assert middle == pytest.approx((bounds.x1, bounds.y0))
     for _ in range(40):
@@ -165,7 +163,6 @@ def test_a_map_is_zoomed_at_its_middle_where_the_instance_has_no_pose(store_copy
     session.set_cursor(3)
     session.dispatch(view_settings.zoom, 1 / 0.6)
     viewport = session.state.viewport
-    assert viewport is not None
     assert np.isfinite([viewport.width, viewport.height, viewport.x0, viewport.y0]).all()
 
 

@@ -11,13 +11,6 @@ from bench.support.screen import Screen
 OpenScreen = Callable[..., Screen]
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    folder = Path(__file__).parent
-    for item in items:
-        if folder in item.path.parents:
-            item.add_marker(pytest.mark.xdist_group("ssh"))
-
-
 @pytest.fixture(scope="session")
 def server(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[sshd.Sshd]:
     """An SSH server whose restricted account opens the tiny store."""

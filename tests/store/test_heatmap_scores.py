@@ -38,7 +38,6 @@ def first(path: Path) -> tuple[str, str | None]:
     session = Session(path, RUN)
     try:
         heat = session.state.heat
-        assert heat is not None
         return heat.kind, heat.mode
     finally:
         session.close()
@@ -99,7 +98,6 @@ def test_a_kind_says_where_its_figure_comes_from(store_copy):
 def test_the_kind_none_stays_when_the_run_changes(tiny_store):
     session = Session(tiny_store)
     state = session.dispatch(view_settings.change_heat, -1)
-    assert state.heat is not None
     assert (state.heat.kind, state.shown_heat, state.message) == (NO_HEAT, None, "no heatmap")
     assert session.set_run("dataaug").shown_heat is None
     assert session.dispatch(view_settings.change_side).side == "sim"
@@ -117,5 +115,4 @@ def test_a_score_without_bounds_is_shown_without_an_interval(store_copy):
     with s2rstore.open(path) as store:
         assert heatmap_scores.own_scores(store, RUN)[0].text == "AUROC 0.70"
         found = best_heatmap.best_heatmap(store, RUN)
-    assert found is not None
     assert not found.evident

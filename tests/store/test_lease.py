@@ -12,6 +12,7 @@ from typing import Any
 import msgspec
 import pytest
 
+from bench.support.processes import wait_until
 from s2rstore.errors import RequestError, StoreBusyError
 from s2rstore.files import process_identity
 from s2rstore.files.lease import TIMING, Lease, acquire
@@ -45,6 +46,15 @@ def write_lease(lock: Path, **holder: Any) -> bytes:
 
 def compute_file(root: Path) -> Path:
     return root / "ledger" / "compute.lock"
+
+
+def assert_held(root: Path, clock: LockClock, timeout: float = 0.0, match: str = "") -> None:
+    """Check that the compute lock cannot be taken within some seconds."""
+    with (
+        pytest.raises(StoreBusyError, match=match),
+        compute_lock(root, timeout, timing=clock.timing),
+    ):
+        pass
 
 
 def names(root: Path) -> set[str]:
@@ -84,11 +94,7 @@ def test_the_message_names_the_holder_and_what_to_do(tmp_path):
 
 def test_a_silent_lease_of_another_host_is_taken_over_after_the_limit(tmp_path, clock):
     write_lease(compute_file(tmp_path), host="elsewhere")
-    with (
-        pytest.raises(StoreBusyError, match="elsewhere"),
-        compute_lock(tmp_path, TIMING.limit - 2, timing=clock.timing),
-    ):
-        pass
+    assert_held(tmp_path, clock, TIMING.limit - 2, "elsewhere")
     clock.now = 0.0
     with compute_lock(tmp_path, 2 * TIMING.limit, timing=clock.timing) as lease:
         assert TIMING.limit <= clock.now <= TIMING.limit + 1
@@ -123,14 +129,9 @@ def test_a_live_holder_is_never_taken_over_whatever_its_clock(tmp_path, clock, o
             os.utime(compute_file(tmp_path), (time.time() + offset + clock.now,) * 2)
 
         clock.during_pause = beat
-        with (
-            pytest.raises(StoreBusyError),
-            compute_lock(tmp_path, 10 * TIMING.limit, timing=clock.timing),
-        ):
-            pass
+        assert_held(tmp_path, clock, 10 * TIMING.limit)
         assert clock.now >= 10 * TIMING.limit
-        with pytest.raises(StoreBusyError), compute_lock(tmp_path, 0.0, timing=clock.timing):
-            pass
+        assert_held(tmp_path, clock)
         lease.check()
 
 
@@ -150,8 +151,7 @@ def test_the_lease_of_a_killed_process_is_taken_over_at_once(tmp_path, clock, is
     process = subprocess.Popen(["sleep", "600"])
     start, _ = process_identity._start_and_state(process.pid) or (0, "")
     write_lease(compute_file(tmp_path), process=process.pid, start=start)
-    with pytest.raises(StoreBusyError), compute_lock(tmp_path, 0.0, timing=clock.timing):
-        pass
+    assert_held(tmp_path, clock)
     process.kill()
     os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
     if is_reaped:
@@ -165,8 +165,7 @@ def test_the_lease_of_a_killed_process_is_taken_over_at_once(tmp_path, clock, is
 @pytest.mark.parametrize("other", [{"boot": "other"}, {"namespace": "pid:[1]"}, {"host": "other"}])
 def test_a_process_of_another_boot_container_or_host_may_still_run(tmp_path, clock, other):
     write_lease(compute_file(tmp_path), process=ended_process_id(), **other)
-    with pytest.raises(StoreBusyError), compute_lock(tmp_path, 0.0, timing=clock.timing):
-        pass
+    assert_held(tmp_path, clock)
     reused = {"start": process_identity.this_process().start - 1}
     for ended in ({"process": ended_process_id()}, reused):
         write_lease(compute_file(tmp_path), **ended)
@@ -207,10 +206,7 @@ def test_the_heartbeat_is_renewed_by_a_thread(tmp_path):
     file = LockFile(tmp_path / "lock")
     lease = acquire(file, f"{tmp_path}: the lock", 0.0, replace(TIMING, interval=0.01))
     before = file.read()
-    deadline = time.monotonic() + 30
-    while file.read() == before and time.monotonic() < deadline:
-        time.sleep(0.01)
-    assert file.read() != before
+    assert wait_until(lambda: file.read() != before, interval=0.01)
     lease.release()
     assert file.read() is None
 
@@ -235,11 +231,7 @@ def test_a_holder_that_wakes_before_the_claim_keeps_its_lease(tmp_path, clock, m
             return create(file, content)
 
         monkeypatch.setattr(LockFile, "create", wake_before)
-        with (
-            pytest.raises(StoreBusyError),
-            compute_lock(tmp_path, TIMING.limit, timing=clock.timing),
-        ):
-            pass
+        assert_held(tmp_path, clock, TIMING.limit)
         assert LockFile.create is create
         lease.check()
         assert names(tmp_path) == {"compute.lock"}
@@ -275,11 +267,7 @@ def test_a_holder_that_wakes_during_a_takeover_waits_for_its_end(tmp_path, clock
 
         monkeypatch.setattr(LockFile, "read", watched_read)
         monkeypatch.setattr(LockFile, "remove_content", wake_within)
-        with (
-            pytest.raises(StoreBusyError),
-            compute_lock(tmp_path, TIMING.limit, timing=clock.timing),
-        ):
-            pass
+        assert_held(tmp_path, clock, TIMING.limit)
         threads[0].join(30)
         assert errors == []
         lease.check()

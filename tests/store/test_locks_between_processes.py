@@ -25,7 +25,6 @@ def start(script: str, *arguments: object) -> subprocess.Popen[str]:
 
 
 def wait_for_line(process: subprocess.Popen[str]) -> None:
-    assert process.stdout is not None
     line = process.stdout.readline()
     assert line == "inside\n", process.communicate()
 
@@ -62,7 +61,6 @@ def test_of_several_takers_of_a_stale_lock_one_gets_it(tmp_path):
     for process in processes:
         wait_for_line(process)
     for process in processes:
-        assert process.stdin is not None
         process.stdin.write("\n")
         process.stdin.flush()
     for process in processes:

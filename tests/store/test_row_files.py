@@ -18,68 +18,23 @@ import s2rstore
 from bench.edited_index import edited
 from s2rstore.errors import DamagedStoreError, RequestError
 from s2rstore.files import layout
-from s2rstore.index import row_files, schema, user_query
+from s2rstore.index import row_files, schema
 from s2rstore.index.table_definition import Column
 from s2rstore.index.transaction import edit
 from s2rstore.language import evaluation
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import verify
-from tests.conftest import BuildOnce
+from tests.store.conftest import row_file, row_files_of
 from tests.support.copies import copy_store
 from tests.support.refusals import refused
 
 _TABLES = ("instance", "frame", "prediction", "projection", "run", "part", "pair", "provenance")
 
 
-@pytest.fixture(scope="module")
-def twin(tiny_store: Path, build_once: BuildOnce) -> Path:
-    """The synthetic store with rows of table `frame`, without files of rows."""
-    return build_once("rows-twin.s2r", lambda path: _add_frames(copy_store(tiny_store, path)))
-
-
-def _add_frames(root: Path) -> None:
-    with edit(root) as draft:
-        iids = np.tile(np.arange(40, dtype=np.int32), 2)
-        domains, names = ["sim"] * 40 + ["real"] * 40, [f"{iid:04d}.png" for iid in iids]
-        draft.insert("frame", {"iid": iids, "domain": domains, "rgb_path": names})
-
-
-@pytest.fixture(scope="module")
-def source(twin: Path, build_once: BuildOnce) -> Path:
-    """The same store with its rows in files."""
-    return build_once("rows-source.s2r", lambda path: _file_rows(copy_store(twin, path)))
-
-
-def _file_rows(root: Path) -> None:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(row_files, "MAX_ROWS", 0)
-        with edit(root):
-            pass
-    assert _files(root)
-
-
-@pytest.fixture
-def filed(source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A private copy of the store with its rows in files, where they stay."""
-    monkeypatch.setattr(row_files, "MAX_ROWS", 0)
-    return copy_store(source, tmp_path / "own.s2r")
-
-
-def _files(root: Path) -> dict[str, int]:
-    """The files of rows of a store with their modification times, by paths beside the index."""
-    folder = root / "index"
-    found = (path for path in (folder / "rows").rglob("*") if path.is_file())
-    return {path.relative_to(folder).as_posix(): path.stat().st_mtime_ns for path in found}
-
-
-def _file(root: Path, run: str = "vanilla", table: str = "prediction") -> Path:
-    (path,) = (root / "index" / "rows" / table / run).iterdir()
-    return path
-
-
-def _rows(root: Path, table: str) -> list[tuple[object, ...]]:
+def _rows(root: Path, source: str) -> list[tuple[object, ...]]:
+    """The rows of a table or of a query in parentheses, sorted."""
     with s2rstore.open(root) as store:
-        return sorted(store.execute(f'SELECT * FROM "{table}"'), key=repr)
+        return sorted(store.execute(f"FROM {source}"), key=repr)
 
 
 def test_tables_columns_and_selections_are_the_same(source, twin):
@@ -107,56 +62,20 @@ def test_verify_finds_nothing_and_the_store_can_be_moved(filed, tmp_path):
         assert store.execute("SELECT count(*) FROM pair") == [(80,)]
     with edit(moved) as draft:
         draft.delete("prediction", run="dataaug")
-    assert {run for (run,) in _rows_of(moved, "SELECT DISTINCT run FROM prediction")} == {"vanilla"}
-
-
-def _rows_of(root: Path, query: str) -> list[tuple[object, ...]]:
-    with s2rstore.open(root) as store:
-        return store.execute(query)
-
-
-def test_plain_duckdb_reads_the_index_with_a_search_path(filed):
-    index = filed / layout.read_current(filed).index
-    script = (
-        "import duckdb, sys\n"
-        "connection = duckdb.connect(sys.argv[1], read_only=True)\n"
-        "connection.execute(f\"SET file_search_path = '{sys.argv[2]}'\")\n"
-        "print(connection.execute('SELECT count(*), count(gap_m) FROM pair').fetchall())\n"
-        "undescribed = '''SELECT table_name, column_name FROM duckdb_columns() WHERE NOT internal\n"
-        "    AND coalesce(comment, '') = '' '''\n"
-        "print(connection.execute(undescribed).fetchall())\n"
-    )
-    command = [sys.executable, "-c", script, str(index), str(index.parent)]
-    printed = subprocess.run(command, capture_output=True, text=True, check=True, cwd="/").stdout
-    assert printed.splitlines() == ["[(80, 80)]", "[]"]
+    assert {run for (run,) in _rows(moved, "(SELECT DISTINCT run FROM prediction)")} == {"vanilla"}
 
 
 def test_a_change_of_one_run_writes_the_files_of_that_run_alone(filed):
-    before = _files(filed)
+    before = row_files_of(filed)
     with edit(filed) as draft:
         draft.update("prediction", {"run": "vanilla", "side": "sim"}, {"split": "train"})
         query = "SELECT run, sim_split, count(*) FROM pair GROUP BY ALL ORDER BY 1, 2"
         rows = draft.rows(query)
         assert rows[-1] == ("vanilla", "train", 40)
-    added = _files(filed).keys() - before.keys()
+    added = row_files_of(filed).keys() - before.keys()
     assert [path.rpartition("/")[0] for path in added] == ["rows/prediction/vanilla"]
-    assert {path: _files(filed)[path] for path in before} == before
-    assert _rows_of(filed, query) == rows
-
-
-def test_rows_that_are_published_again_add_no_file(filed):
-    before = _files(filed)
-    with s2rstore.open(filed) as store:
-        names = schema.BY_NAME["prediction"].column_names
-        columns = ", ".join(f'"{name}"' for name in names)
-        query = f"SELECT {columns} FROM prediction WHERE run = 'vanilla'"
-        rows = store.connection().execute(query).fetchnumpy()
-    with edit(filed) as draft:
-        draft.delete("prediction", run="vanilla")
-        kept = {name: np.ma.filled(values, np.nan) if values.dtype.kind == "f" else values
-                for name, values in rows.items()}  # fmt: skip
-        draft.insert("prediction", kept)
-    assert _files(filed) == before
+    assert {path: row_files_of(filed)[path] for path in before} == before
+    assert _rows(filed, f"({query})") == sorted(rows, key=repr)
 
 
 def test_rows_are_added_to_those_of_a_file(filed):
@@ -247,7 +166,7 @@ def test_any_changes_give_the_rows_of_a_store_without_files(
     ],
 )  # fmt: skip
 def test_a_damaged_file_is_refused_and_named(filed, damage, hint):
-    path = _file(filed)
+    path = row_file(filed)
     damage(path)
     with refused(path.name, match=hint):
         s2rstore.open(filed)
@@ -268,7 +187,7 @@ def _fifo(path: Path) -> None:
 
 
 def test_verify_finds_changed_content_of_the_same_size(filed):
-    path = _file(filed)
+    path = row_file(filed)
     content = bytearray(path.read_bytes())
     content[200] ^= 1
     path.write_bytes(content)
@@ -277,7 +196,7 @@ def test_verify_finds_changed_content_of_the_same_size(filed):
 
 
 def test_verify_finds_other_damage_beside_a_missing_file(filed):
-    _file(filed).unlink()
+    row_file(filed).unlink()
     shard = next((filed / "runs.zarr").rglob("c.0.*"))
     shard.unlink()
     places = [damage.where for damage in verify(filed)]
@@ -286,8 +205,8 @@ def test_verify_finds_other_damage_beside_a_missing_file(filed):
 
 
 def test_an_unlisted_file_is_ignored_and_pruned(filed):
-    extra = _file(filed).with_name("0123456789abcdef.parquet")
-    shutil.copy(_file(filed, "dataaug"), extra)
+    extra = row_file(filed).with_name("0123456789abcdef.parquet")
+    shutil.copy(row_file(filed, "dataaug"), extra)
     partial = extra.with_name(".0123.partial")
     partial.write_bytes(b"")
     before = _rows(filed, "prediction")
@@ -305,26 +224,26 @@ def test_prune_keeps_the_files_of_kept_generations(filed):
         draft.delete("prediction", run="vanilla")
         draft.delete("projection", run="vanilla")
     old = layout.read_current(filed).generation - 1
-    before = _files(filed)
+    before = row_files_of(filed)
     assert not any("rows" in path for path in prune(filed, keep=2).paths)
-    assert _files(filed) == before
+    assert row_files_of(filed) == before
     with s2rstore.reader.Store(filed, generation=old) as store:
         assert store.execute("SELECT count(*) FROM pair") == [(80,)]
     removed = prune(filed, keep=1).paths
     assert sum("rows/prediction/vanilla" in path for path in removed) == 1
     assert not (filed / "index" / "rows" / "prediction" / "vanilla").exists()
-    assert _rows_of(filed, "SELECT run, count(*) FROM prediction GROUP BY run") == [("dataaug", 80)]
+    assert _rows(filed, "(SELECT run, count(*) FROM prediction GROUP BY run)") == [("dataaug", 80)]
 
 
 def test_a_failed_edit_leaves_neither_generation_nor_files(filed):
-    current, before = layout.read_current(filed), _files(filed)
+    current, before = layout.read_current(filed), row_files_of(filed)
     with contextlib.suppress(ZeroDivisionError), edit(filed) as draft:
         draft.update("prediction", {"run": "vanilla"}, {"x": 3.0})
         raise ZeroDivisionError
     with pytest.raises(RequestError, match="run"), edit(filed) as draft:
         draft.insert("prediction", {"run": ["a", "../x"], "iid": [1, 1], "side": ["sim", "sim"]})
     assert layout.read_current(filed) == current
-    assert _files(filed) == before
+    assert row_files_of(filed) == before
     assert not list((filed / "index").glob(".building*"))
     assert verify(filed) == []
 
@@ -350,15 +269,15 @@ with transaction.edit(Path(sys.argv[1])) as draft:
 @pytest.mark.parametrize("where", ["files written", "index in place"])
 def test_a_kill_during_publishing_leaves_the_old_generation(filed, where):
     current, before = layout.read_current(filed), _rows(filed, "pair")
-    files = _files(filed)
+    files = row_files_of(filed)
     command = [sys.executable, "-c", _KILLED, str(filed), where]
     assert subprocess.run(command, check=False).returncode == 9
     assert layout.read_current(filed) == current
     assert _rows(filed, "pair") == before
     assert verify(filed) == []
-    assert len(_files(filed)) == len(files) + 1
+    assert len(row_files_of(filed)) == len(files) + 1
     prune(filed, keep=1)
-    assert _files(filed) == files
+    assert row_files_of(filed) == files
 
 
 @pytest.mark.parametrize(
@@ -401,57 +320,6 @@ def test_another_number_of_rows_than_listed_is_refused(filed):
         s2rstore.open(filed)
 
 
-@pytest.mark.parametrize(
-    "statement",
-    [
-        "COPY (SELECT 1) TO '{file}' (FORMAT parquet)",
-        "COPY (SELECT 1) TO '{index}' (FORMAT csv)",
-        "PREPARE p AS COPY (SELECT 1) TO '{file}' (FORMAT parquet)",
-        "EXPLAIN ANALYZE COPY (SELECT 1) TO '{file}' (FORMAT parquet)",
-        "COPY (PIVOT room ON room USING count(*)) TO '{file}' (FORMAT parquet)",
-        "EXPORT DATABASE '{index}.wal'",
-        "ATTACH '{index}.wal' AS other",
-        "CREATE TABLE t (a INTEGER)",
-        "DELETE FROM run",
-        "SET threads = 1",
-        "SELECT * FROM read_csv('/etc/hostname')",
-        "SELECT * FROM glob('{folder}/*')",
-        "SELECT * FROM read_parquet('{folder}/*.parquet')",
-    ],
-)
-def test_queries_of_the_user_reach_nothing_but_the_rows(filed, statement):
-    file, index = _file(filed), filed / layout.read_current(filed).index
-    before = {path: path.read_bytes() for path in (file, index)}
-    entries = {path.name for path in (filed / "index").iterdir()}
-    text = statement.format(file=file, index=index, folder=file.parent)
-    with s2rstore.open(filed) as store:
-        with pytest.raises(duckdb.Error):
-            store.execute(text)
-        with pytest.raises(RequestError):
-            user_query.run(store.connection(), text, 20.0, 10**9)
-    assert {path: path.read_bytes() for path in (file, index)} == before
-    assert {path.name for path in (filed / "index").iterdir()} == entries
-
-
-@pytest.mark.parametrize(
-    "statement",
-    ["FROM room", "SHOW TABLES", "DESCRIBE pair", "EXPLAIN SELECT * FROM pair", "SUMMARIZE frame",
-     "PIVOT room ON room USING count(*)", "SELECT 1; SELECT avg(gap_m) FROM pair"],
-)  # fmt: skip
-def test_queries_that_read_are_possible(filed, statement):
-    with s2rstore.open(filed) as store:
-        names, rows = user_query.run(store.connection(), statement, 20.0, 10**9)
-    assert names
-    assert rows
-
-
-def test_a_query_for_one_run_reads_its_files_alone(filed):
-    with s2rstore.open(filed) as store:
-        text = store.execute("EXPLAIN ANALYZE SELECT avg(gap_m) FROM pair WHERE run = 'vanilla'")
-        assert "Scanning Files: 1/2" in str(text)
-        assert f"dataaug/{_file(filed, 'dataaug').name}" not in str(text)
-
-
 def test_files_of_the_working_folder_are_not_read(filed, twin, tmp_path, monkeypatch):
     folder = tmp_path / "working"
     shutil.copytree(filed / "index" / "rows", folder / "rows")
@@ -487,15 +355,18 @@ def test_rows_in_files_without_a_needed_column_are_refused(filed, monkeypatch):
         s2rstore.open(filed)
 
 
-def test_publishing_again_repairs_a_damaged_file_of_an_earlier_generation(filed):
-    path = _file(filed)
+def test_rows_that_are_published_again_take_their_file_which_is_repaired(filed):
+    path, before = row_file(filed), row_files_of(filed)
     content = path.read_bytes()
-    with edit(filed) as draft:
-        draft.delete("prediction", run="vanilla")
-    path.write_bytes(b"damaged")
-    with s2rstore.open(filed) as store:
-        assert "vanilla" not in {file.run for file in store.row_files["prediction"]}
-    _insert_parquet(filed, content)
+    for is_damaged in (False, True):
+        with edit(filed) as draft:
+            draft.delete("prediction", run="vanilla")
+        if is_damaged:
+            path.write_bytes(b"damaged")
+        with s2rstore.open(filed) as store:
+            assert "vanilla" not in {file.run for file in store.row_files["prediction"]}
+        _insert_parquet(filed, content)
+        assert is_damaged or row_files_of(filed) == before
     assert path.read_bytes() == content
     assert verify(filed) == []
 

@@ -1,14 +1,13 @@
 """Stores, notebooks and histories whose texts contain terminal escapes, markup and controls."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
-import duckdb
-
 from bench.edited_index import Statement, edited
-from s2rstore.gap_history import reader
-from s2rstore.gap_history import schema as history_schema
+from s2rstore.gap_history import reader, writer
 from s2rstore.index import schema
+from tests.support import gaps
 from tests.support.copies import copy_store
 
 CLIPBOARD = "\x1b]52;c;aGFja2Vk\x07"
@@ -67,36 +66,15 @@ def with_nights(store: Path, text: str = HOSTILE) -> Path:
     """Add a history of two nights whose texts are `text` to a store."""
     path = reader.history_path(store)
     path.parent.mkdir(exist_ok=True)
-    text_columns = {"worst", "reason", "headline", "golden", "expression", "model", "name",
-                    "evidence", "run_key", "written_at", "outcome"}  # fmt: skip
-    with duckdb.connect(str(path)) as connection:
-        for statement in history_schema.statements():
-            connection.execute(statement)
-        for number in (1, 2):
-            row: dict[str, object] = {}
-            for column in history_schema.TABLES[0].columns:
-                fixed = {
-                    "id": number, "night": f"2026-01-0{number}", "measured": number,
-                    "dataset": text, "run": "vanilla", "evidence_since": "2026-01-01",
-                }  # fmt: skip
-                defaults = {"VARCHAR": "x", "INTEGER": 0, "DOUBLE": 9.0, "DATE": "2026-01-01"}
-                value = fixed.get(column.name, defaults[column.type])
-                row[column.name] = text if column.name in text_columns else value
-            _insert(connection, "night", row)
-            axis = {c.name: 9.0 for c in history_schema.TABLES[1].columns} | {
-                "measured": number, "position": 0, "axis": text, "state": text, "measure": text,
-                "unit": text, "n": 5, "note": text,
-            }  # fmt: skip
-            _insert(connection, "axis", axis)
+    names = ("worst", "reason", "headline", "golden", "expression", "model", "name", "evidence",
+             "run_key", "written_at", "outcome", "dataset")  # fmt: skip
+    for number in (1, 2):
+        night = gaps.night(number, {text: 9.0}, **dict.fromkeys(names, text))
+        axes = [
+            replace(each, state=text, measure=text, unit=text, note=text) for each in night.axes
+        ]
+        writer.append(path, replace(night, axes=tuple(axes)))
     return store
-
-
-def _insert(connection: duckdb.DuckDBPyConnection, table: str, row: dict[str, object]) -> None:
-    names = ", ".join(f'"{name}"' for name in row)
-    placeholders = ", ".join("?" * len(row))
-    connection.execute(
-        f'INSERT INTO "{table}" ({names}) VALUES ({placeholders})', list(row.values())
-    )
 
 
 def notebook(folder: Path, store_identity: str = "0" * 64, **sections: object) -> Path:

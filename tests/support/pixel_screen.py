@@ -39,7 +39,6 @@ def decode_sixels(data: str) -> NDArray[np.int16]:
     parameters, body = data.split("q", 1)
     assert parameters.split(";")[1] == "1"  # unset pixels stay
     raster = re.match(r'"1;1;(\d+);(\d+)', body)
-    assert raster is not None
     width, height = int(raster[1]), int(raster[2])
     pixels = np.full((-(-height // 6) * 6, width, 3), -1, dtype=np.int16)
     registers: dict[int, list[int]] = {}

@@ -1,9 +1,13 @@
-"""Refusals: errors of one line, from a function or from the command `s2r`."""
+"""Results of the command `s2r`, and refusals: errors of one line."""
 
+import csv
+import io
+import json
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import pytest
 
@@ -29,6 +33,31 @@ class CommandResult:
     code: int
     out: str
     err: str
+
+    def checked(self, code: int = 0) -> "CommandResult":
+        """Check the exit code."""
+        assert self.code == code, self
+        return self
+
+    @property
+    def printed(self) -> str:
+        """The standard output of a successful command."""
+        return self.checked().out
+
+    @property
+    def lines(self) -> list[str]:
+        """The lines that a successful command printed."""
+        return self.printed.splitlines()
+
+    @property
+    def rows(self) -> list[dict[str, str]]:
+        """The rows that a successful command printed as CSV."""
+        return list(csv.DictReader(io.StringIO(self.printed, newline="")))
+
+    @property
+    def json(self) -> Any:
+        """The object that a successful command printed as JSON."""
+        return json.loads(self.printed)
 
     def assert_refused(self, *texts: str) -> None:
         """Check for exit code 2 and one line of error beside progress, which contains the texts."""

@@ -1,6 +1,5 @@
 """Run `s2r serve` as a separate process."""
 
-import os
 import re
 import socket
 import subprocess
@@ -10,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from bench.support.processes import applications_below, wait_until
+from bench.support.processes import applications_below, program_environment, wait_until
 
 StartServer = Callable[..., "ServerProcess"]
 
@@ -54,13 +53,11 @@ def servers(store: Path, data_home: Path) -> Iterator[StartServer]:
     def start(*options: str, cwd: Path | None = None) -> ServerProcess:
         port = _free_port()
         command = [sys.executable, "-P", "-m", "s2rtui", "serve", str(store), "--port", str(port)]
-        path = os.pathsep.join(part for part in sys.path if part)
-        environment = {**os.environ, "PYTHONPATH": path, "XDG_DATA_HOME": str(data_home)}
+        environment = program_environment(XDG_DATA_HOME=str(data_home))
         environment.pop("PYTHONSAFEPATH", None)
         process = subprocess.Popen(
             [*command, *options], stdout=subprocess.PIPE, text=True, env=environment, cwd=cwd
         )
-        assert process.stdout is not None
         line = process.stdout.readline()
         token = re.search(r"token=([\w-]+)", line)
         started.append(ServerProcess(port, process, data_home, token[1] if token else ""))

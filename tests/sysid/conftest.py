@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 from s2rtools.motion_logs import Drive
-from s2rtools.sysid.identify import Identification, identify
-from s2rtools.sysid.settings import SysidSettings
+from s2rtools.sysid.identify import Identification, SysidSettings, identify
 from s2rtools.sysid.synthetic_drives import Recording, make_drives
 
 QUICK = SysidSettings(seeds=1, evaluations=160)

@@ -69,16 +69,6 @@ def test_latency_is_resolved_below_the_time_step():
     assert steps[0] == pytest.approx(steps[2] / 3, rel=0.2)
 
 
-def test_its_least_squares_solver_finds_the_minimum():
-    target, slope = np.array([0.3, 0.7]), np.random.default_rng(1).normal(size=(20, 2))
-    solution = SIMULATORS["mujoco"]().polish(
-        lambda columns: slope @ (columns - target[:, None]),
-        np.array([0.5, 0.5]),
-        np.array([True, True]),
-    )
-    np.testing.assert_allclose(solution, target, atol=1e-4)
-
-
 def test_a_missing_mujoco_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(RequestError, match=r"s2rtui\[mujoco\]"):

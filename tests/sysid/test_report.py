@@ -7,7 +7,7 @@ import pytest
 
 from s2rstore.errors import RequestError
 from s2rtools.sysid import report
-from s2rtools.sysid.convergence_plot import convergence_figure
+from s2rtools.sysid.report import convergence_figure
 from s2rtui.cli import main
 
 FAST = ["--seeds", "1", "--evaluations", "40"]
@@ -136,9 +136,9 @@ def test_the_topic_is_passed_to_the_bag_reader(tmp_path, monkeypatch):
 
 
 def test_coarse_logs_skip_only_the_residual_network(drive_folder, tmp_path, capsys, monkeypatch):
-    from s2rtools.sysid import stretches
+    from s2rtools.sysid import residual_network
 
-    monkeypatch.setattr(stretches, "STEP", 0.001)
+    monkeypatch.setattr(residual_network, "STEP", 0.001)
     drives, out = drive_folder(latency=0.8, mass=1.0)[0], tmp_path / "out"
     assert main(["sysid", str(drives), "--out", str(out), "--residual", *FAST]) == 3
     assert "--residual: needs at least 4 poses" in capsys.readouterr().err

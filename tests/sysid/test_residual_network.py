@@ -7,10 +7,11 @@ import numpy as np
 import torch
 
 from s2rstore.intervals import Interval
-from s2rtools.sysid.residual_network import ResidualNetwork
+from s2rtools.sysid.identify import identify
+from s2rtools.sysid.residual_network import ResidualNetwork, stretches_of
 from s2rtools.sysid.residual_training import learn
-from s2rtools.sysid.stretches import stretches_of
-from tests.sysid.conftest import StepCounter
+from s2rtools.sysid.synthetic_drives import Recording, make_drives
+from tests.sysid.conftest import QUICK, StepCounter
 
 
 def test_an_untrained_network_equals_the_simulator(identified):
@@ -27,8 +28,10 @@ def test_the_network_is_rejected_if_only_noise_remains(identified):
     assert "does not help" in residual.sentence
 
 
-def test_the_network_is_accepted_for_a_structural_mismatch(identified_unequal_wheels):
-    residual = learn(identified_unequal_wheels, StepCounter(), epochs=120)
+def test_the_network_is_accepted_for_a_structural_mismatch(tmp_path):
+    drives = make_drives(tmp_path, 11, {"latency": 0.8, "wheels": 1.0}, Recording(16, 9.5))
+    result = identify(drives, dataclasses.replace(QUICK, held_out=6), StepCounter())
+    residual = learn(result, StepCounter(), epochs=120)
     assert residual.accepted
     assert residual.error.ratio.high < 1
     assert residual.error.fitted[0] < 0.8 * residual.error.untuned[0]

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from rich.console import Console
 
+from bench.support.processes import wait_until
 from bench.support.screen import RIGHT, Screen
 from s2rtui.canvas import Canvas, ColourMode, InlineImage, Pixels, RenderOptions, Size
 from s2rtui.charts.registry import BY_NAME
@@ -102,10 +103,7 @@ class FakeTerminal:
         """Draw all rows once the images are encoded."""
         strips = to_strips(canvas, ColourMode.TRUECOLOR)
         self.manager.attach("map", canvas, strips)
-        limit = time.monotonic() + 20
-        while not self.manager.idle:
-            assert time.monotonic() < limit
-            time.sleep(0.0005)
+        assert wait_until(lambda: self.manager.idle, 20, interval=0.0005)
         painted = self.manager.attach("map", canvas, strips).strips
         for row, strip in enumerate(painted):
             written = f"\x1b[{row + 1};1H{strip.render(Console())}"

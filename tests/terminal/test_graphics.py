@@ -2,7 +2,6 @@
 
 import re
 import threading
-import time
 from dataclasses import replace
 from functools import partial
 
@@ -13,6 +12,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 from textual.strip import Strip
 
+from bench.support.processes import wait_until
 from s2rstore.errors import RequestError
 from s2rtui.canvas import Canvas, ColourMode, InlineImage, Size
 from s2rtui.canvas.colour import Pixels
@@ -90,10 +90,7 @@ class FakeTerminal:
         return self.begin(canvas_with_image, view) if self.ready_count else strips
 
     def wait(self) -> None:
-        limit = time.monotonic() + 20
-        while not self.manager.idle:
-            assert time.monotonic() < limit
-            time.sleep(0.0005)
+        assert wait_until(lambda: self.manager.idle, 20, interval=0.0005)
 
 
 # --- the query -----------------------------------------------------------------------------------
@@ -179,14 +176,12 @@ def test_tmux_is_queried_for_its_terminal(monkeypatch, answer, protocol, expecte
 def test_auto_decides_by_the_environment_and_never_over_ssh(monkeypatch, environment, protocol):
     monkeypatch.setattr(probe, "_ask_terminal", lambda: pytest.fail("asked"))
     chosen = choose_graphics("auto", TRUECOLOR_TERMINAL, None, environment)
-    assert chosen is not None
     assert chosen.protocol == protocol
 
 
 def test_a_given_cell_size_is_used():
     environment = {"TERM": "foot"}
     chosen = choose_graphics("auto", TRUECOLOR_TERMINAL, parse_cell_size("9x18"), environment)
-    assert chosen is not None
     assert chosen.cell_now() == (9, 18)
 
 
@@ -205,7 +200,6 @@ def test_unsuitable_terminals_are_not_queried(terminal, monkeypatch):
     monkeypatch.setattr(probe, "_has_terminal", lambda: True)
     assert "256 colours" in probe.probe_terminal(terminal, None, {}).reason
     chosen = choose_graphics("auto", terminal, None, {"TERM": "foot"})
-    assert chosen is not None
     assert "256 colours" in chosen.reason
 
 

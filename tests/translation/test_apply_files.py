@@ -12,16 +12,15 @@ from s2rstore.errors import RequestError
 from s2rtools.translation import apply_files
 from s2rtools.translation.apply_bag import BagRequest, apply_to_bag
 from s2rtools.translation.apply_files import apply_to_files
-from s2rtools.translation.colour_statistics import Moments
+from s2rtools.translation.colour_maps import MklTranslator
 from s2rtools.translation.image_codec import decode_compressed
 from s2rtools.translation.image_set import read_image
-from s2rtools.translation.mkl import MklTranslator
 from tests.support.image_bags import COMPRESSED, RAW, STRINGS, grey_images, write_image_bag
 from tests.support.silent_reporter import SilentReporter
 from tests.translation.test_image_folders import huge_png
 
-SOURCE = Moments(np.full(3, 120.0), np.eye(3) * 900)
-REDDER = MklTranslator(Moments(np.array([160.0, 120, 80]), SOURCE.covariance), SOURCE)
+SOURCE = np.vstack([np.full(3, 120.0), np.eye(3) * 900])
+REDDER = MklTranslator(np.vstack([[160.0, 120, 80], SOURCE[1:]]), SOURCE)
 
 
 def run(source: Path, target: Path, strength: float = 1.0):

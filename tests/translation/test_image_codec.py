@@ -12,8 +12,8 @@ from s2rtools.translation.image_codec import (
     UndecodableImageError,
     decode_compressed,
     decode_raw,
+    jpeg_quality,
 )
-from s2rtools.translation.jpeg_quality import jpeg_quality
 
 COLOURED = [name for name, channels in ENCODINGS.items() if channels.number > 1]
 GREY = [name for name, channels in ENCODINGS.items() if channels.number == 1]

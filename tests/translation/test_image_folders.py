@@ -65,4 +65,4 @@ def test_images_are_chosen_before_they_are_decoded(tmp_path, monkeypatch):
     ("count", "most", "rows"), [(5, 9, [0, 1, 2, 3, 4]), (9, 3, [0, 4, 8]), (4, 1, [0]), (0, 3, [])]
 )
 def test_evenly_spaced_rows(count, most, rows):
-    assert evenly_spaced(count, most).tolist() == rows
+    assert evenly_spaced(np.arange(count), most).tolist() == rows

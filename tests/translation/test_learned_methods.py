@@ -86,17 +86,17 @@ def test_a_fit_continues_after_an_interrupt_inside_a_step(
 ):
     updates = []
 
-    def interrupted(learner, name, loss):
+    def interrupted(learner, loss, name="all"):
         updates.append(name)
         if updates.count("discriminators") == 2:
             raise KeyboardInterrupt
-        update(learner, name, loss)
+        update(learner, loss, name)
 
-    update = AdversarialLearner._update
+    update = AdversarialLearner.update
     settings = replace(tiny_settings("cut"), checkpoint=tmp_path / "fit.safetensors")
     monkeypatch.setattr(fit_loop, "CHECKPOINT_SECONDS", saved_every_seconds)
     with monkeypatch.context() as patch:
-        patch.setattr(AdversarialLearner, "_update", interrupted)
+        patch.setattr(AdversarialLearner, "update", interrupted)
         with pytest.raises(KeyboardInterrupt):
             find_method("cut").fit(*unpaired(), settings)
     assert updates == ["generators", "discriminators"] * 2

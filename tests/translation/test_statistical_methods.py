@@ -7,12 +7,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rtools.translation import METHODS, find_method, reinhard
-from s2rtools.translation.colour_statistics import from_lab, moments, to_lab
-from s2rtools.translation.histogram import cumulative
+from s2rtools.translation import METHODS, colour_maps, find_method
+from s2rtools.translation.colour_maps import HistogramTranslator
+from s2rtools.translation.colour_statistics import from_lab, moments, to_lab, transport
 from s2rtools.translation.image_set import ImageSet
 from s2rtools.translation.method import FitSettings, blend
-from s2rtools.translation.mkl import transport
 
 STATISTICAL = [name for name, method in METHODS.items() if not method.learned]
 WITH_STATISTICS = [name for name in STATISTICAL if "statistics" in METHODS[name].options]
@@ -51,8 +50,8 @@ def test_mkl_on_images_reaches_the_moments_of_the_target():
     target = np.clip(np.rint(smooth_images(1, 40) @ MATRIX.T + OFFSET), 0, 255).astype(np.uint8)
     translated = moments(fit("mkl", source, target).translate(source))
     expected = moments(target)
-    assert np.abs(translated.mean - expected.mean).max() < 1.0
-    assert np.abs(translated.covariance / expected.covariance - 1).max() < 0.05
+    assert np.abs(translated[0] - expected[0]).max() < 1.0
+    assert np.abs(translated[1:] / expected[1:] - 1).max() < 0.05
 
 
 @pytest.mark.parametrize("name", STATISTICAL)
@@ -110,7 +109,8 @@ def test_gray_world_gives_every_image_the_mean_of_the_target():
 def test_histograms_agree_after_matching():
     source, target = smooth_images(10, 40), (smooth_images(11, 40) // 2 + 60).astype(np.uint8)
     translated = fit("histogram", source, target).translate(source)
-    assert np.abs(cumulative(translated) - cumulative(target)).max() < 0.02
+    shares = [HistogramTranslator.statistics(images, {}) for images in (translated, target)]
+    assert np.abs(shares[0] - shares[1]).max() < 0.02
 
 
 def test_fda_replaces_the_low_frequencies_only():
@@ -181,7 +181,7 @@ def test_reinhard_computes_statistics_of_many_images_in_blocks():
     largest = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            reinhard, "to_lab", lambda block: (largest.append(len(block)), to_lab(block))[1]
+            colour_maps, "to_lab", lambda block: (largest.append(len(block)), to_lab(block))[1]
         )
         fit("reinhard", images, images)
     assert max(largest) < len(images)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
 from s2rtools.translator_evaluation import content_metrics as metrics
-from s2rtools.translator_evaluation.content_summary import measure_content
+from s2rtools.translator_evaluation.measures import measure_content
 from tests.translator_evaluation.scenes import as_images, blurred, recoloured, rooms, with_object
 
 ROOMS = rooms(0)
@@ -15,22 +15,22 @@ ROOMS = rooms(0)
 
 def test_equal_images_keep_everything():
     content = measure_content(ROOMS, ROOMS)
-    assert content.edge_agreement == pytest.approx(1, abs=1e-6)
-    assert content.luminance_correlation > 0.99
-    assert content.region_correlation == pytest.approx(1)
-    assert content.sharpness == pytest.approx(1)
-    assert content.diversity == pytest.approx(1)
-    assert (content.matched, content.pairing_rank) == (1, 1)
-    assert (content.invented_area, content.lost_area, content.inverted_share) == (0, 0, 0)
+    assert content["edge_agreement"] == pytest.approx(1, abs=1e-6)
+    assert content["luminance_correlation"] > 0.99
+    assert content["region_correlation"] == pytest.approx(1)
+    assert content["sharpness"] == pytest.approx(1)
+    assert content["diversity"] == pytest.approx(1)
+    assert (content["matched"], content["pairing_rank"]) == (1, 1)
+    assert (content["invented_area"], content["lost_area"], content["inverted_share"]) == (0, 0, 0)
 
 
 def test_a_linear_map_of_colours_keeps_the_content():
     content = measure_content(ROOMS, recoloured(ROOMS))
-    assert content.edge_agreement > 0.95
-    assert content.luminance_correlation > 0.9
-    assert content.sharpness == pytest.approx(1, abs=0.05)
-    assert content.diversity == pytest.approx(1, abs=0.1)
-    assert (content.matched, content.invented_area, content.lost_area) == (1, 0, 0)
+    assert content["edge_agreement"] > 0.95
+    assert content["luminance_correlation"] > 0.9
+    assert content["sharpness"] == pytest.approx(1, abs=0.05)
+    assert content["diversity"] == pytest.approx(1, abs=0.1)
+    assert (content["matched"], content["invented_area"], content["lost_area"]) == (1, 0, 0)
 
 
 @settings(max_examples=12)
@@ -96,7 +96,7 @@ def test_the_region_of_a_pasted_object_grows_with_it(size):
 
 def test_a_removed_object_is_lost_and_a_blur_invents_nothing():
     assert np.median(metrics.invented_regions(with_object(ROOMS, 16), ROOMS)) > 0
-    lost = measure_content(with_object(ROOMS, 16), ROOMS).lost_area
+    lost = measure_content(with_object(ROOMS, 16), ROOMS)["lost_area"]
     assert lost > 0.015
     assert metrics.invented_regions(ROOMS, blurred(ROOMS, 2.0)).max() < 0.005
 
@@ -127,8 +127,8 @@ def test_lost_outlines_at_depth_edges_lower_their_contrast():
     marked = np.broadcast_to(metrics.depth_edges(depth, valid), ROOMS.shape[:3])
     shown = ROOMS.copy()
     shown[:, 30:70, 40:90] = 255 - shown[:, 30:70, 40:90] // 3
-    kept = measure_content(shown, recoloured(shown), edges=marked).depth_edges_kept
-    lost = measure_content(shown, blurred(shown, 12), edges=marked).depth_edges_kept
+    kept = measure_content(shown, recoloured(shown), edges=marked)["depth_edges_kept"]
+    lost = measure_content(shown, blurred(shown, 12), edges=marked)["depth_edges_kept"]
     assert kept == pytest.approx(1, abs=0.1)
     assert lost < kept
 

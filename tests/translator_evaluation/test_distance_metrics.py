@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from s2rtools.common.blocks import split_into_blocks
-from s2rtools.gap.visual.wasserstein import wasserstein_by_dimension
+from s2rtools.gap.visual.split_half_metrics import wasserstein_by_dimension
 from s2rtools.translator_evaluation.distance_metrics import (
-    CHANNELS,
     channel_histograms,
     colour_features,
     folder_distances,
     histogram_distance,
     paired_distances,
 )
+from s2rtools.translator_evaluation.measures import CHANNELS
 from tests.translator_evaluation.scenes import Images, as_images, recoloured, rooms
 
 SOURCE = rooms(0, 24)

@@ -10,13 +10,13 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rtools.translation import fit_split
+from s2rtools.translation.colour_maps import MKL
 from s2rtools.translation.image_set import ImageSet
-from s2rtools.translation.method import FitResult, FitSettings, TranslationMethod
-from s2rtools.translation.mkl import METHOD as MKL
+from s2rtools.translation.method import FitResult, FitSettings, Options, TranslationMethod
 from s2rtools.translation.translator_file import read_translator
 from s2rtools.translator_evaluation import fit_into_store as fitting
 from s2rtools.translator_evaluation.fit_into_store import FitRequest, fit_folders, fit_into_store
-from s2rtools.translator_evaluation.named_translator import named_translator
+from s2rtools.translator_evaluation.judged_frames import named_translator
 from s2rtools.translator_evaluation.report import evaluate_folders
 from s2rtools.translator_evaluation.tables import folder_text
 from s2rtui.cli import main
@@ -30,9 +30,11 @@ def used(monkeypatch: pytest.MonkeyPatch) -> list[ImageSet]:
     """The image sets of the fits by `mkl` in a test."""
     sets: list[ImageSet] = []
 
-    def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
+    def fit(
+        source: ImageSet, target: ImageSet, settings: FitSettings, options: Options
+    ) -> FitResult:
         sets.extend((source, target))
-        return MKL.fit(source, target, settings)
+        return MKL.compute(source, target, settings, {"statistics": "domain"})
 
     method = TranslationMethod("mkl", "", MKL.translator, fit)
     monkeypatch.setattr(fitting, "find_method", lambda name: method)

@@ -1,7 +1,6 @@
 """Gates: which damage of translated images is refused, and what is accepted."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -10,8 +9,8 @@ import pytest
 from s2rtools.translation import METHODS
 from s2rtools.translation.image_set import ImageSet
 from s2rtools.translation.method import FitSettings
-from s2rtools.translator_evaluation.content_summary import measure_content
 from s2rtools.translator_evaluation.gates import judge
+from s2rtools.translator_evaluation.measures import measure_content
 from tests.translator_evaluation.scenes import (
     Images,
     as_images,
@@ -106,7 +105,7 @@ def test_a_blur_is_only_named_a_blur():
 
 def test_a_translator_may_blur_as_much_as_the_target_does():
     content = measure_content(SOURCE, blurred(MAPPED, 1.0), blurred(TARGET, 1.0))
-    sharp = replace(content, target_sharpness=1.0)
+    sharp = content | {"target_sharpness": 1.0}
     assert judge(content).passed
     assert not judge(sharp).passed
 
@@ -118,7 +117,7 @@ def test_an_excuse_by_the_target_is_limited():
 
 def test_unknown_metrics_are_not_judged():
     content = measure_content(SOURCE[:1], MAPPED[:1])
-    assert np.isnan(content.diversity)
+    assert np.isnan(content["diversity"])
     verdict = judge(content)
     assert verdict.passed
     assert "diversity" not in {check.metric for check in verdict.checks}

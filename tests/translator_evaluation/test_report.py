@@ -13,12 +13,12 @@ from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.intervals import Interval
 from s2rtools.precompute.run_registration import add_run
-from s2rtools.translation.identity import IdentityTranslator
+from s2rtools.translation.colour_maps import IdentityTranslator
 from s2rtools.translation.translator_file import StoredTranslator
 from s2rtools.translator_evaluation import report, task_metrics
 from s2rtools.translator_evaluation.contact_sheet import draw_sheet
 from s2rtools.translator_evaluation.fit_into_store import FitRequest, fit_into_store
-from s2rtools.translator_evaluation.named_translator import named_translator
+from s2rtools.translator_evaluation.judged_frames import named_translator
 from s2rtui.cli import main
 from tests.support.copies import copy_store
 from tests.translator_evaluation.scenes import recoloured, rooms

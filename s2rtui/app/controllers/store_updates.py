@@ -1,8 +1,9 @@
-"""Notice a newer generation of the store or a newer gap history, and a store that is unreadable."""
+"""Follow newer generations of the store; show what is computed in it, or why it is unreadable."""
 
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import S2RError
@@ -54,12 +55,20 @@ class StoreUpdateController:
         if message.updates is not None:
             try:
                 has_updates = session.apply_updates(message.updates)
+                has_updates |= session.follow(message.updates)
             except (S2RError, OSError) as reason:
                 error = str(reason)
+            has_updates |= self._show_computing(message.updates.computing)
         if error != self._error:
             self._show_error(error)
         if has_updates:
             self._app.updater.refresh()
+
+    def _show_computing(self, text: str) -> bool:
+        """Show what another process computes in the store; whether that has changed."""
+        loaded = self._app.loaded
+        self._app.loaded = replace(loaded, computing=text)
+        return text != loaded.computing
 
     def _show_error(self, error: str) -> None:
         """Show once that the store cannot be read, and clear the message once it can."""

@@ -86,7 +86,9 @@ class AdjustView(View):
         adjust, number = scene.state.adjust, int(panel.name)
         if adjust is not None:
             low, high = adjust.sliders[number].lowest, adjust.sliders[number].highest
-            session.dispatch(adjusting.set_slider, number, low + point[0] * (high - low))
+            # the middles of the outer cells are the lowest and the highest value
+            share = (point[0] * panel.width - 0.5) / max(1, panel.width - 1)
+            session.dispatch(adjusting.set_slider, number, low + share * (high - low))
 
     def drag(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> bool:
         self.click(session, scene, panel, point)

@@ -7,26 +7,103 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from s2rstore.intervals import LEVEL_TEXT, Interval
 from s2rstore.language.canonical_text import string
-from s2rstore.metrics.recall import Headline
 from s2rstore.records import SIDES
 from s2rtui.analysis.identity_cache import identity_key
-from s2rtui.canvas import BrushShape, Canvas, PlotArea, Point, RenderOptions, Size, Theme
+from s2rtui.canvas import BrushShape, PlotArea, Point
+from s2rtui.canvas.marks import mark_range
 from s2rtui.charts.mark_expressions import range_expression
-from s2rtui.charts.overview import layout, terminal, translators
-from s2rtui.charts.overview.bands import BAND_TEXT
-from s2rtui.charts.overview.model import OverviewLines
-from s2rtui.charts.scene import OverviewRow, Scene
-from s2rtui.charts.view import Pane, Pixels, Table, View
+from s2rtui.charts.overview.model import accuracy_scale, ordered
+from s2rtui.charts.scene import OverviewRow, Scene, TranslatorRow
+from s2rtui.charts.view import DrawingView, Pane, Table
+from s2rtui.drawing.drawing import Drawing, Note
+from s2rtui.drawing.plot import Ink, Phrase, Rule
+from s2rtui.drawing.row_lines import BAND_TEXT, RowLines
+from s2rtui.drawing.table import Cell, Column, Dot, Row, Span, StripMark, TableSpec, Text
 from s2rtui.session import Session
 
 ROWS_PER_RUN = 3
 """Preferred number of rows per run, the lines to the next run included."""
 FRAME_ROWS = 3
-"""Rows of the header and the axis."""
+"""Rows of the header, the axis and the legend."""
+MOST_TRANSLATORS = 5
+SHORTEST_STRIP = 17
+"""Cells of a strip that the numbers of the cursor's instance leave."""
+NUMBERS = (
+    "run", "sim median_m", "sim heading_deg", "sim recall", "real median_m", "real heading_deg",
+    "real recall", "not localised", "sim accuracy", "sim low", "sim high", "real accuracy",
+    "real low", "real high", "n", "independent", "baseline", "note",
+)  # fmt: skip
 
 
-class OverviewView(View):
+def overview_table(
+    rows: Sequence[OverviewRow], baseline: float, run: str, lines: RowLines | None = None,
+    on_paper: bool = False, first: int | None = None,
+) -> TableSpec:  # fmt: skip
+    """A row per run: both accuracies on a common scale with the baseline, and in percent.
+
+    On paper there are columns of the gap and of the number of instances, too.
+    """
+    rules = (Rule(baseline, ink="truth", dashed=True),) if math.isfinite(baseline) else ()
+    scale = accuracy_scale(rows, baseline, lines, ("accuracy (%)", "%") if on_paper else ("",))
+    name = "" if on_paper else "accuracy %"
+    strip = Column(name, scale=scale, rules=rules, least=SHORTEST_STRIP)
+    columns = [Column("run"), strip, Column("sim", "sim", True, rank=1),
+               Column("real", "real", True)]  # fmt: skip
+    if on_paper:
+        columns += [Column("gap", right=True, rank=3), Column("n", right=True, rank=4)]
+    if lines is not None and lines.cursor is not None:
+        columns.append(Column(str(lines.cursor), "cursor", True, rank=2))
+    made = tuple(
+        _row(row, math.nan if lines is None else lines.at_cursor(place), columns, row.run == run)
+        for place, row in enumerate(rows)
+    )
+    chosen = next((place for place, row in enumerate(rows) if row.run == run), None)
+    return TableSpec(tuple(columns), made, chosen=chosen, first=first, lines=lines)
+
+
+def _row(row: OverviewRow, cursor: float, columns: Sequence[Column], bold: bool) -> Row:
+    gap = row.sim.value - row.real.value
+    texts = {"sim": _percent(row.sim.value), "real": _percent(row.real.value),
+             "gap": _percent(gap), "n": f"{row.n}"}  # fmt: skip
+    cells = [Cell(row.run), Cell(strip=_strip(row, cursor))]
+    cells += [Cell(texts.get(column.name, _percent(cursor))) for column in columns[2:]]
+    inks: dict[int, Ink] = {
+        place: "muted" if cells[place].text == "n/a" else column.ink
+        for place, column in enumerate(columns) if place > 1
+    }  # fmt: skip
+    return Row(tuple(cells), bold=bold, inks=inks, name=row.run)
+
+
+def _strip(row: OverviewRow, cursor: float) -> tuple[StripMark, ...]:
+    """Both accuracies with their intervals, the gap between them, and that of an instance."""
+    sim, real = row.sim, row.real
+    marks: list[StripMark] = [
+        Span(*side.bounds, ink)
+        for side, ink in ((sim, SIDES[0]), (real, SIDES[1])) if side.is_known
+    ]  # fmt: skip
+    if math.isnan(sim.value) and math.isnan(real.value):
+        return (*marks, Text(row.note or "n/a"))
+    low, high = sorted((sim.value, real.value))
+    marks.append(Span(low, high, "muted" if real.value < sim.value else "truth", is_thick=True))
+    return (*marks, Dot(cursor, "cursor", "cursor"), Dot(sim.value, "sim", "sim"),
+            Dot(real.value, "real", "real"))  # fmt: skip
+
+
+def translator_notes(rows: Sequence[TranslatorRow], run: str) -> tuple[Note, ...]:
+    """Translators of the store: their verdicts, and their gains on a run."""
+    shown = ordered(rows, run)[:MOST_TRANSLATORS]
+    more = f", {len(shown)} of {len(rows)}" if len(shown) < len(rows) else ""
+    notes: list[Note] = [(Phrase(f"translators, gains on {run}{more}"),)] if shown else []
+    for row in shown:
+        name = Phrase(row.translator, "sim" if row.direction == "sim2real" else "real")
+        verdict = Phrase(row.verdict, "text" if row.accepted else "muted")
+        notes.append((name, verdict, Phrase(row.gain_text(run), "text")))
+    return tuple(notes)
+
+
+class OverviewView(DrawingView):
     name = "overview"
     key = "1"
     pane: Pane = "overview"
@@ -41,113 +118,114 @@ class OverviewView(View):
         if lines is None:
             return "accuracy, sim and real"
         found = self.lines(scene)
-        drawn = f" bands: {BAND_TEXT}" if found and found.banded[0] else ""
+        drawn = f" bands: {BAND_TEXT}" if found and found.is_banded else ""
         pale = ", pale: trained on" if lines.trained is not None else ""
         row = next((row for row in self._rows(scene) if row.run == scene.state.run), None)
-        if row is None or row.headlines is None:
-            return f"{lines.side} accuracy{drawn}{pale}"
-        lead = row.headlines[SIDES.index(lines.side)].short
+        lead = row.headlines[SIDES.index(lines.side)].short if row else ""
         return f"{lines.side} {lead and f'{lead}; '}accuracy{drawn}{pale}"
 
-    def lines(self, scene: Scene) -> OverviewLines | None:
+    def lines(self, scene: Scene) -> RowLines | None:
         """The instances as lines across the runs, once they are loaded."""
         rows, state = self._rows(scene), scene.state
         lines = scene.loaded.accuracies(state)
         if lines is None or any(row.run not in lines.values for row in rows):
             return None
         values = tuple(lines.values[row.run] for row in rows)
-        return OverviewLines(
-            values, state.selected, state.base, lines.side, state.cursor, lines.trained
-        )
+        return RowLines(values, state.selected, state.base, lines.side, lines.trained, state.cursor)
 
     def _rows(self, scene: Scene) -> tuple[OverviewRow, ...]:
         """A row per run; only names until the accuracies are loaded."""
         note = "cannot be read" if "rows" in scene.loaded.failed else "loading"
-        empty = (OverviewRow(run, None, None, note=note) for run in scene.state.runs)
+        unknown = Interval.unknown()
+        empty = (OverviewRow(run, unknown, unknown, note=note) for run in scene.state.runs)
         return scene.loaded.rows or tuple(empty)
 
-    def _arguments(self, scene: Scene) -> tuple[tuple[OverviewRow, ...], float | None, int | None]:
-        rows = self._rows(scene)
-        selected = next((i for i, row in enumerate(rows) if row.run == scene.state.run), None)
-        return rows, scene.loaded.baseline, selected
-
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
+        loaded = scene.loaded
+        shown = scene.state.run, scene.state.first_row(self.name), scene.mark(self.name)
         lines = identity_key(self.lines(scene))
-        rows = scene.loaded.translators
-        return *self._arguments(scene), rows, lines, scene.mark(self.name)
+        return self._rows(scene), loaded.baseline, loaded.translators, lines, *shown
 
-    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
-        lines, mark = self.lines(scene), scene.mark(self.name)
-        arguments, chart = self._arguments(scene), self._chart_size(scene, size)
-        drawn = terminal.draw_overview(*arguments, chart, options, lines, mark)
-        if chart == size:
-            return drawn
-        canvas = Canvas(*size, options)
-        canvas.paste(drawn, 0, 0)
-        block = size[0], size[1] - chart[1]
-        rows = scene.loaded.translators
-        canvas.paste(
-            translators.draw_translators(rows, scene.state.run, block, options), 0, chart[1]
-        )
-        return canvas
+    def missing(self, scene: Scene) -> tuple[str, ...]:
+        return () if self._rows(scene) else ("no run has been computed",)
 
-    def _chart_size(self, scene: Scene, size: Size) -> Size:
-        """Columns and rows of the runs, above the rows of the translators."""
-        runs = len(self._rows(scene))
-        return size[0], size[1] - translators.block_height(scene.loaded.translators, runs, size[1])
+    def drawing(self, scene: Scene, columns: int) -> Drawing:
+        loaded, run, lines = scene.loaded, scene.state.run, self.lines(scene)
+        first = scene.state.first_row(self.name)
+        table = overview_table(self._rows(scene), loaded.baseline, run, lines, first=first)
+        legend = lines.legend if lines is not None else ()
+        if math.isfinite(loaded.baseline):
+            legend = (*legend, Phrase(f"baseline {_percent(loaded.baseline)}", "truth", "baseline"))
+        notes = (*([legend] if legend else ()), *translator_notes(loaded.translators, run))
+        return Drawing(table=table, notes=notes, brush=scene.mark(self.name))
+
+    def paper_drawing(self, scene: Scene) -> Drawing:
+        """Without translators; with the gap, numbers of instances and a longer legend."""
+        rows, baseline, lines = self._rows(scene), scene.loaded.baseline, self.lines(scene)
+        legend = [Phrase("sim", "sim", "sim"), Phrase("real", "real", "real"),
+                  Phrase(f"{LEVEL_TEXT} interval", sign="interval")]  # fmt: skip
+        if math.isfinite(baseline):
+            text = f"constant mean position ({_percent(baseline)} %)"
+            legend.append(Phrase(text, "truth", "baseline"))
+        if lines is not None and len(rows) > 1:
+            legend += lines.legend
+            if not np.array_equal(lines.selected & lines.valid, lines.valid):
+                legend.append(Phrase("not selected", "unselected"))
+            if lines.cursor is not None:
+                legend.append(Phrase(f"instance {lines.cursor}", "cursor", "cursor"))
+        table = overview_table(rows, baseline, scene.state.run, lines, on_paper=True)
+        return Drawing(table=table, notes=(tuple(legend),))
+
+    def heading(self, scene: Scene) -> tuple[str, str]:
+        """Which instances the numbers and the lines stand for."""
+        parts = [scene.store.dataset.name, "accuracies over the instances that are new to each run"]
+        lines = self.lines(scene) if len(self._rows(scene)) > 1 else None
+        if lines is not None:
+            count = f"{scene.state.expression} ({scene.state.count_text} instances)"
+            parts.append(f"bands: {BAND_TEXT} of {count}" if lines.is_banded else f"lines: {count}")
+            if lines.layers[0].is_banded:
+                of_others = "those" if lines.is_banded else BAND_TEXT
+                parts.append(f"grey bands: {of_others} of the others")
+        return "Accuracy in simulation and in reality", "  ·  ".join(parts)
 
     def numbers(self, scene: Scene) -> Table:
-        names = ("run", "sim median_m", "sim heading_deg", "sim recall", "real median_m",
-                 "real heading_deg", "real recall", "not localised", "sim accuracy", "sim low",
-                 "sim high", "real accuracy", "real low", "real high", "n", "independent",
-                 "baseline", "note")  # fmt: skip
-        rows = [
-            (row.run, *_leading(row.headlines), row.sim_accuracy,
-             *(row.sim_interval or (None, None)), row.real_accuracy,
-             *(row.real_interval or (None, None)), row.n, row.independent,
-             scene.loaded.baseline, row.note)
-            for row in scene.loaded.rows
-        ]  # fmt: skip
-        return names, rows
+        rows = []
+        for row in scene.loaded.rows:
+            errors = [
+                figure for side in row.headlines
+                for figure in (side.position, math.degrees(side.heading), side.recall)
+            ]  # fmt: skip
+            lost = max(side.not_localised for side in row.headlines)
+            accuracies = [end for side in (row.sim, row.real) for end in (side.value, *side.bounds)]
+            independent = row.real.sample.effective_n if row.real.sample else None
+            rows.append((row.run, *errors, lost, *accuracies, row.n, independent,
+                         scene.loaded.baseline, row.note))  # fmt: skip
+        return NUMBERS, rows
 
     def summary(self, scene: Scene) -> str:
-        runs = [
-            f"{row.run}: {_headlines(row.headlines)}accuracy sim "
-            f"{_percent(row.sim_accuracy, row.sim_interval)}, "
-            f"real {_percent(row.real_accuracy, row.real_interval)}, {row.n} instances"
-            f"{f' ({row.note})' if row.note else ''}"
-            for row in scene.loaded.rows
-        ]
-        mean = _percent(scene.loaded.baseline, None)
-        accuracies = "; ".join(runs) or "no run"
-        text = f"{accuracies}. Baseline (always the mean position): accuracy {mean}."
-        run = scene.state.run
+        run, parts = scene.state.run, []
+        for row in scene.loaded.rows:
+            errors = [
+                f"{side} {found.text}" for side, found in zip(SIDES, row.headlines, strict=True)
+            ]
+            note = f" ({row.note})" if row.note else ""
+            parts.append(f"{row.run}: {'; '.join(errors)}; accuracy sim {_with_bounds(row.sim)}, "
+                         f"real {_with_bounds(row.real)}, {row.n} instances{note}")  # fmt: skip
+        mean = _with_bounds(Interval.unknown(scene.loaded.baseline))
+        text = (f"{'; '.join(parts) or 'no run'}. "
+                f"Baseline (always the mean position): accuracy {mean}.")  # fmt: skip
         fitted = [
-            f"{row.translator}: "
-            f"{', '.join(part for part in (row.verdict, row.gain_text(run)) if part)}"
-            for row in translators.ordered(scene.loaded.translators, run)
+            f"{row.translator}: {', '.join(filter(None, (row.verdict, row.gain_text(run))))}"
+            for row in ordered(scene.loaded.translators, run)
         ]
-        return f"{text} Translators: {'; '.join(fitted)}." if fitted else text
-
-    def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
-        from s2rtui.charts.overview import paper
-
-        rows, baseline, selected = self._arguments(scene)
-        lines = self.lines(scene) if len(rows) > 1 else None
-        return paper.overview_figure(
-            rows, baseline, size, theme, selected, subtitle=_caption(scene, lines), lines=lines
-        )
+        return f"{text} Translators, gains on {run}: {'; '.join(fitted)}." if fitted else text
 
     def height(self, scene: Scene, width: int) -> int:
         if self.unavailable(scene.store):
             return FRAME_ROWS
-        rows = scene.loaded.translators
-        below = min(translators.MOST_ROWS, len(rows) + 1) if rows else 0
-        return ROWS_PER_RUN * (len(scene.state.runs) - 1) + 1 + FRAME_ROWS + below
-
-    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[PlotArea]:
-        chart = self._chart_size(scene, size)
-        return layout.overview_panels(*self._arguments(scene), chart, self.lines(scene))
+        below = min(MOST_TRANSLATORS, len(scene.loaded.translators))
+        runs = ROWS_PER_RUN * (len(scene.state.runs) - 1) + 1
+        return runs + FRAME_ROWS + (below + 1 if below else 0)
 
     def cursor_point(self, scene: Scene, panel: PlotArea) -> Point | None:
         lines, cursor = scene.loaded.accuracies(scene.state), scene.state.cursor
@@ -159,68 +237,38 @@ class OverviewView(View):
     def instance_at(self, scene: Scene, panel: PlotArea, cell: Point) -> int | None:
         """The selected instance whose line crosses the row of a run at a cell."""
         lines = scene.loaded.accuracies(scene.state)
-        names = [row.run for row in self._rows(scene)]
-        if lines is None or panel.name not in lines.values or panel.name not in names:
-            return None
-        if math.floor(cell[1]) != layout.row_in_panel(panel, names.index(panel.name), len(names)):
+        value, row = panel.to_data(*cell)
+        if lines is None or panel.name not in lines.values or math.floor(row):
             return None  # between the rows of runs, where lines run to the next one
-        values, value = lines.values[panel.name], panel.to_data(*cell)[0]
-        column = panel.to_cells(value, 0.0)[0]
-        distance = np.abs(values - value)
-        distance = np.where(scene.state.selected & np.isfinite(distance), distance, np.inf)
-        iid = int(np.argmin(distance)) if distance.size else 0
-        if not distance.size or not np.isfinite(distance[iid]):
-            return None
-        at = panel.to_cells(float(values[iid]), 0.0)[0]
-        return iid if abs(at - column) <= 1 else None
+        low, high = (panel.to_data(x, 0.0)[0] for x in (panel.x, panel.x + panel.width))
+        drawn = np.clip(lines.values[panel.name], low, high)
+        known = scene.state.selected & np.isfinite(drawn)
+        iid = int(np.argmin(np.where(known, np.abs(drawn - value), np.inf)))
+        column = panel.to_cells(float(drawn[iid]), 0.0)[0]
+        return iid if known[iid] and abs(column - cell[0]) <= 1 else None
 
     def click(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> None:
         if panel.name in session.state.runs:
             session.set_run(panel.name)
 
     def to_expression(self, scene: Scene, panel: PlotArea, mark: BrushShape) -> str:
+        """The first cell includes the accuracies below the scale, which are drawn in it."""
         side = scene.loaded.lines.side if scene.loaded.lines else scene.state.side
         run = "" if panel.name == scene.state.run else f"run({string(panel.name)})."
-        return range_expression(panel, mark, f"{run}{side}.accuracy", 0.0, 1.0)
+        low, high = mark_range(mark)
+        low = 0.0 if low < panel.to_data(panel.x + 1, 0.0)[0] else low
+        whole = BrushShape(panel.name, ((low, 0.0), (high, 0.0)))
+        return range_expression(panel, whole, f"{run}{side}.accuracy", 0.0, 1.0)
 
 
 VIEW = OverviewView()
 
 
-def _headlines(headlines: tuple[Headline, Headline] | None) -> str:
-    parts = zip(SIDES, headlines or (), strict=False)
-    return "".join(f"{side} {headline.text}; " for side, headline in parts)
+def _percent(share: float) -> str:
+    return "n/a" if math.isnan(share) else f"{100 * share:.1f}"
 
 
-def _leading(headlines: tuple[Headline, Headline] | None) -> list[object]:
-    """Median errors and recall of both sides, and the larger number that is not localised."""
-    if headlines is None:
-        return [None] * 7
-    figures = [
-        value if math.isfinite(value) else None
-        for each in headlines
-        for value in (each.position, math.degrees(each.heading), each.recall)
-    ]
-    return [*figures, max(each.not_localised for each in headlines)]
-
-
-def _caption(scene: Scene, lines: OverviewLines | None) -> str:
-    """The subtitle of the figure: which instances the numbers and the lines stand for."""
-    parts = [scene.store.dataset.name, "accuracies over the instances that are new to each run"]
-    if lines is not None:
-        count = f"{scene.state.expression} ({scene.state.count_text} instances)"
-        highlighted, others = lines.banded
-        parts.append(f"bands: {BAND_TEXT} of {count}" if highlighted else f"lines: {count}")
-        if others:
-            parts.append("grey bands: those of the others" if highlighted else
-                         f"grey bands: {BAND_TEXT} of the others")  # fmt: skip
-    return "  ·  ".join(parts)
-
-
-def _percent(share: float | None, interval: tuple[float, float] | None) -> str:
+def _with_bounds(share: Interval) -> str:
     """`98.0 % (97.6 to 98.3)`."""
-    if share is None or math.isnan(share):
-        return "n/a"
-    if interval is None or math.isnan(interval[0]):
-        return f"{100 * share:.1f} %"
-    return f"{100 * share:.1f} % ({100 * interval[0]:.1f} to {100 * interval[1]:.1f})"
+    bounds = f" ({share.bounds_text(_percent)})" if share.is_known else ""
+    return f"{_percent(share.value)} %{bounds}" if math.isfinite(share.value) else "n/a"

@@ -1,4 +1,4 @@
-"""`s2r demo`: build a demo store, print its findings, export figures, open the application."""
+"""`s2r demo`: build a demo store and open the application on it, while the rest is computed."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rtui.jobs.background_demo import LOG, BackgroundDemo, compile_ahead
 
 if TYPE_CHECKING:
     from s2rstore.reader import Store
@@ -26,15 +27,16 @@ _PRETRAINED_SEED = 1
 _QUICK_VIEWS = 1500
 _QUICK_MINUTES = 2.0
 _SCORED_INSTANCES = 60
+_SUGGESTED = ("--evaluations", "30", "--frames", "24")
 _LINE_WIDTH = 80
 
 
 @dataclass(frozen=True, slots=True)
 class _Stage:
-    """One command of the demo; it is skipped if `run` is in the store."""
+    """One command of the demo; the application can be open during one that `is_late`."""
 
     arguments: tuple[str, ...]
-    run: str | None = None
+    is_late: bool = False
 
 
 EXAMPLE = "s2r demo --out demo-out --workers 4"
@@ -46,7 +48,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--workers", type=int, help="worker processes (default: as many as pay off)"
     )
-    parser.add_argument("--no-open", action="store_true", help="do not open the application")
+    parser.add_argument(
+        "--no-open",
+        action="store_true",
+        help="do not open the application, and wait for everything",
+    )
     parser.add_argument("--minutes", type=float,
                         help="time per training (default 2; with --data 1.5)")  # fmt: skip
     add = parser.add_argument_group("synthetic world").add_argument
@@ -66,39 +72,99 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rstore.findings import store_summary
-    from s2rtui.cli import main
-
     _check(options)
     options.out.mkdir(parents=True, exist_ok=True)
     store = options.out / (STORE if options.data else WORLD)
-    timings = []
-    stages = _data_stages(options, store) if options.data else _world_stages(options, store)
-    for stage in stages:
-        if stage.run is not None and _has_run(store, stage.run):
-            continue
-        began = time.monotonic()
-        print(f"$ s2r {' '.join(stage.arguments)}", file=sys.stderr)
-        code = main(list(stage.arguments))
-        if code:
-            return code
-        timings.append((" ".join(stage.arguments[:3]), time.monotonic() - began))
-    with s2rstore.open(store) as opened:
-        for line in store_summary.summary_lines(opened):
-            print(textwrap.fill(line, _LINE_WIDTH, subsequent_indent="      "))
-        if QUICK in opened.runs:
-            print(_training_summary(opened))
     opens = not options.no_open and sys.stdin.isatty() and sys.stdout.isatty()
-    if timings or not opens:
+    stages = _data_stages(options, store) if options.data else _world_stages(options, store)
+    return _open_early(options, store, stages) if opens else _complete(options, store, stages)
+
+
+def _complete(options: argparse.Namespace, store: Path, stages: Iterator[_Stage]) -> int:
+    """Run all stages, print the findings, and export figures."""
+    from s2rstore.files import locks
+    from s2rstore.findings import store_summary
+
+    timings = []
+    with locks.file_lock(options.out / LOG, timeout=0.0):
+        for stage in stages:
+            began = time.monotonic()
+            if code := _run(stage):
+                return code
+            timings.append((" ".join(stage.arguments[:3]), time.monotonic() - began))
+        with s2rstore.open(store) as opened:
+            for line in store_summary.summary_lines(opened):
+                print(textwrap.fill(line, _LINE_WIDTH, subsequent_indent="      "))
+            if QUICK in opened.runs:
+                print(_training_summary(opened))
         began = time.monotonic()
         _export_pictures(options.out, store)
         timings.append(("images", time.monotonic() - began))
     for label, seconds in [*timings, ("total", sum(seconds for _, seconds in timings))]:
         print(f"{seconds:7.1f} s  {label}", file=sys.stderr)
-    if not opens:
-        print(f"open it with: s2r {store}")
-        return 0
-    return main(["tui", str(store)])
+    print(f"open it with: s2r {store}")
+    return 0
+
+
+def _run(stage: _Stage) -> int:
+    """Run a command of the demo; returns its exit code."""
+    from s2rtui.cli import main
+
+    print(f"$ s2r {' '.join(stage.arguments)}", file=sys.stderr)
+    return main(list(stage.arguments))
+
+
+def _open_early(options: argparse.Namespace, store: Path, stages: Iterator[_Stage]) -> int:
+    """Open the application once the predictions are published; another process goes on."""
+    from s2rtui.cli import main
+
+    for stage in stages:
+        if stage.is_late:
+            break
+        if code := _run(stage):
+            return code
+    else:
+        return main(["tui", str(store)])
+    rest = BackgroundDemo(options.out, _arguments(options))
+    try:
+        has_predictions = rest.wait_until(lambda: bool(_read(store, _is_predicted)))
+    except KeyboardInterrupt:
+        rest.stop()
+        raise
+    if not has_predictions:
+        print(rest.last_line, file=sys.stderr)
+        return 1
+    code = main(["tui", str(store)])
+    if rest.is_running:
+        print(f"The demo is not complete: heatmaps are still being computed (see {rest.log}).")
+        if not _is_confirmed("Go on in the background? [Y/n] "):
+            rest.stop()
+            print("stopped; the next `s2r demo` goes on")
+    return code
+
+
+def _is_confirmed(question: str) -> bool:
+    try:
+        return input(question).strip().lower() in ("", "y", "yes")
+    except (EOFError, KeyboardInterrupt):
+        return False
+
+
+def _arguments(options: argparse.Namespace) -> list[str]:
+    """The options of the demo for the process that completes it."""
+    named = {
+        "--out": options.out, "--workers": options.workers, "--minutes": options.minutes,
+        "--seed": options.seed, "--instances": options.instances, "--factors": options.factors,
+        "--retrain": options.retrain, "--data": options.data,
+    }  # fmt: skip
+    if options.data is not None:
+        del named["--seed"], named["--factors"]
+    given = {name: str(value) for name, value in named.items() if value is not None}
+    return [text for pair in given.items() for text in pair]
+
+
+def _is_predicted(store: Store) -> bool:
+    return bool(store.runs) and all(run.key is not None for run in store.runs.values())
 
 
 def _check(options: argparse.Namespace) -> None:
@@ -121,6 +187,7 @@ def _world_stages(options: argparse.Namespace, store: Path) -> Iterator[_Stage]:
     world = ["--seed", str(options.seed)]
     world += ["--factors", options.factors] if options.factors != "all" else []
     if not store.exists():
+        compile_ahead()
         count = str(options.instances or INSTANCES)
         yield _Stage(("ingest", "world", *world, "--instances", count, "--store", path))
     _check_same_options(options, store, count=options.instances)
@@ -129,8 +196,11 @@ def _world_stages(options: argparse.Namespace, store: Path) -> Iterator[_Stage]:
     if options.retrain or options.seed != _PRETRAINED_SEED:
         yield from _live_training(options, store, world)
     if not _read(store, _is_complete):
-        yield _Stage(("precompute", path, *_workers(options)))
-        yield _Stage(("score", path, "--instances", str(_SCORED_INSTANCES), "--quiet"))
+        yield _Stage(("precompute", path, *_workers(options)), is_late=True)
+        scored = "--instances", str(_SCORED_INSTANCES), "--quiet"
+        yield _Stage(("score", path, *scored), is_late=True)
+    if not _read(store, _has_suggestions):
+        yield _Stage(("suggest", path, *_SUGGESTED), is_late=True)
 
 
 def _live_training(options: argparse.Namespace, store: Path, world: list[str]) -> Iterator[_Stage]:
@@ -207,6 +277,13 @@ def _is_complete(store: Store) -> bool:
     )
 
 
+def _has_suggestions(store: Store) -> bool:
+    """Whether the store has suggestions for its first run."""
+    from s2rstore.suggestions import section
+
+    return bool(store.provenance(section(next(iter(store.runs)))))
+
+
 def _training_summary(store: Store) -> str:
     from s2rstore.metrics.run_metrics import side_metrics
 
@@ -225,18 +302,21 @@ def _data_stages(options: argparse.Namespace, store: Path) -> Iterator[_Stage]:
     path, data, minutes = str(store), str(options.data), f"{options.minutes or 1.5:g}"
     if not store.exists():
         yield _Stage(("ingest", "sim2realviz", data, "--store", path))
-    for recipe, start in (("vanilla", ()), ("dataaug", ()), ("perlin", ()),
-                          ("finetune", ("--from", "dataaug"))):  # fmt: skip
-        arguments = ("train", "--recipe", recipe, *start, "--minutes", minutes, "--store", path)
-        yield _Stage(arguments, recipe)
+    runs: dict[str, tuple[str, ...]] = {
+        recipe: ("train", "--recipe", recipe, *start, "--minutes", minutes)
+        for recipe, start in (("vanilla", ()), ("dataaug", ()), ("perlin", ()),
+                              ("finetune", ("--from", "dataaug")))
+    }  # fmt: skip
     if _read(store, lambda opened: "sim_edit" in opened.domains):
-        arguments = ("run", "add", "dataaug-edit", "--model", "dataaug", "--sim", "sim_edit")
-        yield _Stage((*arguments, "--store", path), "dataaug-edit")
+        added = "run", "add", "dataaug-edit", "--model", "dataaug", "--sim", "sim_edit"
+        runs["dataaug-edit"] = added
     adjustments = (("vanilla-bright", "real:brightness=1.15"), ("vanilla-black", "real:black"))
     for name, chain in adjustments:
-        arguments = ("run", "add", name, "--model", "vanilla", "--adjust", chain, "--store", path)
-        yield _Stage(arguments, name)
-    yield _Stage(("precompute", path, *_workers(options)))
+        runs[name] = ("run", "add", name, "--model", "vanilla", "--adjust", chain)
+    for name, arguments in runs.items():
+        if not _has_run(store, name):
+            yield _Stage((*arguments, "--store", path))
+    yield _Stage(("precompute", path, *_workers(options)), is_late=True)
 
 
 def _workers(options: argparse.Namespace) -> list[str]:

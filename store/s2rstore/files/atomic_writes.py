@@ -21,9 +21,7 @@ from s2rstore.files.safe_files import NO_FOLLOW, errors_of, parent_folder
 
 PARTIAL = ".partial"
 
-_PARTIAL_NAME = re.compile(
-    r".*\.partial|\.building-.*|\..*\.duckdb\.[0-9a-f]+\.new(\.wal)?", re.DOTALL
-)
+_PARTIAL_NAME = re.compile(r".*\.partial|\.building-.*", re.DOTALL)
 """The names of unfinished files."""
 
 Content = bytes | bytearray | memoryview | Iterator[bytes]

@@ -24,7 +24,7 @@ SHARED_ARRAYS = "_shared"
 MODELS = "models"
 ASSETS = "assets"
 HISTORY = "history"
-GAP_HISTORY = f"{HISTORY}/gap.duckdb"
+GAP_HISTORY = f"{HISTORY}/gap.jsonl"
 DRIVES = "drives"
 TRANSLATORS = "translators"
 

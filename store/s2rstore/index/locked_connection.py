@@ -163,17 +163,11 @@ def connect_to_file(path: Path, memory: str = DEFAULT_MEMORY) -> duckdb.DuckDBPy
     return connection
 
 
-def attach_read_only(
-    connection: duckdb.DuckDBPyConnection,
-    path: Path,
-    name: str,
-    tables: Sequence[Table] = schema.TABLES,
-    views: Sequence[str] = pair_view.VIEWS,
-) -> None:
-    """Attach a file of a folder that the connection may reach, and check its catalog."""
+def attach_read_only(connection: duckdb.DuckDBPyConnection, path: Path, name: str) -> None:
+    """Attach an index of a folder that the connection may reach, and check its catalog."""
     require_regular(path)
     connection.execute(f"ATTACH '{escaped(_link(path))}' AS {name} (READ_ONLY)")
-    _check(connection, tables, views, path, name)
+    _check(connection, schema.TABLES, pair_view.VIEWS, path, name)
 
 
 def attach_new(

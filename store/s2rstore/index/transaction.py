@@ -65,10 +65,12 @@ class IndexTransaction:
 
     def insert_row(self, table: str, row: Mapping[str, Any]) -> None:
         """Append one row; dicts, lists and tuples are stored as JSON text."""
-        values = {
-            k: _json_text(v) if isinstance(v, dict | list | tuple) else v for k, v in row.items()
-        }
-        self.insert(table, {name: [value] for name, value in values.items()})
+        self.insert_rows(table, [row])
+
+    def insert_rows(self, table: str, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Append rows with the same columns; dicts, lists and tuples are stored as JSON text."""
+        columns = {name: [_cell(row[name]) for row in rows] for name in (rows[0] if rows else ())}
+        self.insert(table, columns)
 
     def delete(self, table: str, **where: str) -> None:
         """Remove the rows whose columns equal the given values."""
@@ -279,6 +281,10 @@ def _column(values: NDArray[Any] | Sequence[Any]) -> NDArray[Any]:
 def _is_one_text(array: NDArray[Any]) -> bool:
     first = array[0]
     return array.dtype == object and isinstance(first, str) and bool((array == first).all())
+
+
+def _cell(value: Any) -> Any:
+    return _json_text(value) if isinstance(value, dict | list | tuple) else value
 
 
 def _json_text(value: Any) -> str:

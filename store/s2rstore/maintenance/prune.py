@@ -23,10 +23,7 @@ from s2rstore.files.safe_files import FolderEntry
 from s2rstore.index import locked_connection, row_files, schema
 from s2rstore.index.trajectory_parts import trajectory_parts
 
-_IN_HISTORY = re.compile(
-    rf"{layout.HISTORY}/\.(?P<name>[^/]*\.duckdb)"
-    r"(\.[0-9a-f]+\.new(\.wal)?|\.lock\.[^/]+\.partial)"
-)
+_IN_HISTORY = re.compile(rf"{layout.HISTORY}/\.(?P<name>[^/]*\.jsonl)(\.lock)?\.[^/]+\.partial")
 """An unfinished file of a gap history or its lock, with the name of the history's file."""
 _ROWS = f"{layout.INDEX}/{row_files.FOLDER}"
 

@@ -2,7 +2,7 @@
 
 Every file that can change a figure or an image is compared with a checksum: shards against the
 ledger; metadata of arrays, weights, floor plan, drives and files of rows against the index; the
-index against `CURRENT.json`; the gap history against the checksums of its blocks.
+index against `CURRENT.json`; the gap history against the checksums of its lines.
 """
 
 from __future__ import annotations
@@ -331,7 +331,7 @@ class _Verification:
     def _check_history(self) -> None:
         if self.files.kind(layout.GAP_HISTORY) is not None:
             try:
-                reader.check(self.files.local_file(layout.GAP_HISTORY))
+                reader.read(self.files.local_file(layout.GAP_HISTORY))
             except RequestError as error:
                 self._add(layout.GAP_HISTORY, first_line(error))
 

@@ -11,10 +11,10 @@ from ruamel.yaml import YAML
 from scipy.spatial.transform import Rotation
 
 from s2rstore.errors import RequestError
-from s2rtools.datasets.bags import messages
+from s2rtools.common import bag_messages
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.layouts import read
 from s2rtools.datasets.recording import ReadOptions, Recording
-from s2rtools.datasets.scan import InputIssue
 from tests.datasets.helpers import kinds
 from tests.datasets.layouts.bag_writer import (
     CAMERA,
@@ -589,8 +589,8 @@ def test_images_are_read_from_several_threads(tmp_path, scene):
 def test_images_are_found_in_any_order_with_little_memory(tmp_path, name, monkeypatch):
     """RGB and depth recorded at one time, and no more than two images kept."""
     scene = walk(24)
-    monkeypatch.setattr(messages, "_RECENT_BYTES", 2 * scene.rgb[0].nbytes)
-    monkeypatch.setattr(messages, "_AHEAD", 300_000_000)
+    monkeypatch.setattr(bag_messages, "_RECENT_BYTES", 2 * scene.rgb[0].nbytes)
+    monkeypatch.setattr(bag_messages, "_AHEAD", 300_000_000)
     bag = CameraBag(tmp_path / name)
     for row, time in enumerate(nanoseconds(scene)):
         bag.image(RGB, time, scene.rgb[row], "rgb8")
@@ -611,13 +611,13 @@ def test_in_the_order_of_the_bag_each_message_is_read_once(tmp_path, monkeypatch
     path = walk_bag(tmp_path / "folder-mcap", scene).write()
     (trajectory,) = read("bag", path).trajectories.values()
     starts: list[int] = []
-    begin = messages.BagMessages._start
+    begin = bag_messages.BagMessages._start
 
     def counted(self, topic: str, recorded: int) -> None:
         starts.append(recorded)
         begin(self, topic, recorded)
 
-    monkeypatch.setattr(messages.BagMessages, "_start", counted)
+    monkeypatch.setattr(bag_messages.BagMessages, "_start", counted)
     for frame in trajectory.frames:
         assert frame.depth is not None
         image(frame.rgb.read())

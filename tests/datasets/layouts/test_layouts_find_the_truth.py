@@ -134,3 +134,23 @@ def test_a_missing_image_is_reported_and_left_out(layout, tmp_path):
         (root / frame.rgb).unlink(missing_ok=True)
     with refused("no usable image"):
         read_with(layout, path)
+
+
+@pytest.mark.parametrize("layout", ["tum", "7scenes", "scannet"])
+def test_a_recording_that_lacks_depth_says_how_it_is_read_without(layout, tmp_path):
+    path, frames = write(layout, tmp_path / "recording", drive(0.1 * k for k in range(COUNT)))
+    for frame in frames:
+        (path / str(frame.depth)).unlink()
+    folder = (path / str(frames[0].depth)).parent
+    if not any(folder.iterdir()):
+        folder.rmdir()
+    (path / "depth.txt").unlink(missing_ok=True)
+    with refused("option depth=none reads the colour images alone"):
+        read_with(layout, path)
+    with refused("option depth=all"):
+        read_with(layout, path, depth="all")
+    for frame in frames:
+        frame.depth = frame.depth_sha256 = None
+    recording = read_with(layout, path, depth="none")
+    assert_found(only(recording), frames)
+    assert recording.depth_camera is None

@@ -9,9 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from s2rstore.errors import RequestError
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.layouts import read
 from s2rtools.datasets.recording import ReadOptions, Recording
-from s2rtools.datasets.scan import InputIssue
 from tests.datasets.helpers import kinds
 from tests.datasets.layouts.bag_writer import png
 from tests.datasets.layouts.rooms import assert_poses, image

@@ -8,9 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from s2rstore.errors import RequestError
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.layouts import read
 from s2rtools.datasets.recording import ReadOptions
-from s2rtools.datasets.scan import InputIssue
 from tests.datasets.helpers import kinds
 from tests.datasets.layouts.rooms import (
     HEIGHT,

@@ -82,7 +82,8 @@ def test_7_scenes_has_two_cameras_and_no_known_gravity(scene):
 
 BAD_POSES = {
     "1 0 0 0 0 1 0 0 0 0 1 nan 0 0 0 1": "not finite",
-    "2 0 0 0 0 2 0 0 0 0 2 0 0 0 0 1": "orthonormal",
+    "2 0 0 0 0 2 0 0 0 0 2 0 0 0 0 1": "axes is 2, expected 1",
+    "2 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1": "orthonormal",
     "-1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1": "mirrors",
     "1 0 0 0 0 1 0 0 0 0 1 0": "12 values",
     "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 one": "one",

@@ -14,9 +14,10 @@ import s2rstore
 from bench.support import robot
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.intervals import Interval
-from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
+from s2rtools.gap.axis import Anchor, Axis, AxisResult, Evidence, GapSettings
+from s2rtools.gap.delay import time_delay
 from s2rtools.gap.delay.delay_axis import DelayAxis
-from s2rtools.gap.dynamics import DynamicsAxis
+from s2rtools.gap.dynamics.dynamics_axis import DynamicsAxis
 from s2rtools.gap.dynamics.windows import WindowPlan
 from s2rtools.motion_logs import Drive
 from s2rtools.motion_logs.motion_log import RigidTransform
@@ -75,7 +76,7 @@ def test_the_delay_anchor_and_the_sign_of_a_delay_are_reported(evidence):
     assert early.value == pytest.approx(0.8, rel=0.05)
     assert early.floor == 0
     several = evidence(drives(1))
-    assert DelayAxis(bad_state="untuned").anchor(several, SETTINGS).interval.value > 3
+    assert DelayAxis(bad="untuned").anchor(several, SETTINGS).interval.value > 3
     default_anchor = DelayAxis().anchor(several, SETTINGS)
     assert default_anchor.interval == Interval(1.0, 1.0, 1.0)
 
@@ -98,13 +99,11 @@ def test_nrmse_of_a_known_error(evidence):
 
 def test_the_scale_is_part_of_the_fingerprint(evidence):
     same = evidence(drives(1, gain=0.9))
-    travel, extent = (DynamicsAxis(scale=s).measure(same, SETTINGS) for s in ("travel", "extent"))
+    travel, extent = (DynamicsAxis(nrmse=s).measure(same, SETTINGS) for s in ("travel", "extent"))
     assert travel.fingerprint["scale"] == "travel"
     assert extent.fingerprint["scale"] == "extent"
     assert extent.details["horizons"][0]["scale"] == extent.details["horizons"][1]["scale"]
     assert travel.value != pytest.approx(extent.value)
-    with pytest.raises(RequestError, match="scale metres"):
-        DynamicsAxis(scale="metres")
 
 
 def test_repeated_real_drives_define_the_floor(evidence):
@@ -146,7 +145,7 @@ def test_missing_evidence_is_explained(evidence):
     assert DelayAxis(period=0.1).missing(without_commands) is None
     measured = DelayAxis(period=0.1).measure(without_commands, SETTINGS)
     assert measured.value == pytest.approx(0.3, rel=0.1)
-    for axis in (DynamicsAxis(), DelayAxis(bad_state="untuned")):
+    for axis in (DynamicsAxis(), DelayAxis(bad="untuned")):
         with pytest.raises(RequestError, match=r"drive drive1 has no untuned\.\*"):
             axis.anchor(evidence([robot.pair(1)]), SETTINGS)
 
@@ -252,3 +251,19 @@ def test_a_mirrored_log_is_reported(evidence):
     assert result.value > 10 * result.floor
     unchanged = DynamicsAxis().measure(evidence([drive]), SETTINGS)
     assert not any("mirrored" in note for note in unchanged.notes)
+
+
+def test_the_delay_of_each_drive_is_estimated_once_for_both_axes(evidence, monkeypatch):
+    several, calls = evidence(drives(3)), []
+    estimate = time_delay.estimate_delay
+
+    def counted(*arguments):
+        calls.append(arguments)
+        return estimate(*arguments)
+
+    monkeypatch.setattr(time_delay, "estimate_delay", counted)
+    for axis in (DynamicsAxis(), DelayAxis()):
+        axis.measure(several, SETTINGS)
+    assert len(calls) == 3
+    DynamicsAxis(reach=0.5).measure(several, SETTINGS)
+    assert len(calls) == 6

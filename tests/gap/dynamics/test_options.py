@@ -11,10 +11,11 @@ import pytest
 import s2rstore
 from bench.support import robot
 from s2rstore.index.transaction import edit
-from s2rtools.gap.axis_result import Evidence, GapSettings
+from s2rtools.gap.axes import MOTION, configured, option_texts
+from s2rtools.gap.axis import Evidence, GapSettings
 from s2rtools.gap.delay.delay_axis import DelayAxis
-from s2rtools.gap.dynamics import DynamicsAxis, options
 from s2rtools.gap.dynamics.ape_rpe import LogAlignment, RpeStep
+from s2rtools.gap.dynamics.dynamics_axis import DynamicsAxis
 from s2rtools.gap.dynamics.noise_floor import Noise
 from s2rtools.motion_logs.motion_log import RigidTransform
 from s2rtui.cli import main
@@ -29,7 +30,7 @@ def evidence(tiny_store: Path):
 
 
 def parse_axes(*arguments: str) -> tuple[DynamicsAxis, DelayAxis]:
-    both = options.axes(arguments)
+    both = configured(option_texts(MOTION, arguments))
     dynamics, delay = both["dynamics"], both["delay"]
     assert isinstance(dynamics, DynamicsAxis)
     assert isinstance(delay, DelayAxis)
@@ -44,8 +45,8 @@ def test_every_option_is_passed_to_its_axis():
     assert dynamics.plan.horizons == (1.0, 2.0)
     assert dynamics.plan.stride == 0.5
     assert dynamics.scale == "deviation"
-    assert dynamics.drive_errors.alignment == LogAlignment(rigid=True, scale=True)
-    assert dynamics.drive_errors.step == RpeStep(poses=25)
+    assert dynamics.alignment == LogAlignment(rigid=True, scale=True)
+    assert dynamics.rpe_step == RpeStep(poses=25)
     assert dynamics.noise == Noise(0.002, 0.003)
     assert (dynamics.max_delay, delay.max_delay) == (0.5, 0.5)
     assert (delay.bad_state, delay.period) == ("period", 0.1)

@@ -10,9 +10,8 @@ import pytest
 from bench.support import robot
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
-from s2rtools.gap.dynamics import ape_rpe, noise_floor, repeatability
-from s2rtools.gap.dynamics.window_units import WindowUnits
-from s2rtools.gap.dynamics.windows import WindowPlan, windows
+from s2rtools.gap.dynamics import ape_rpe, noise_floor
+from s2rtools.gap.dynamics.windows import WindowPlan, WindowUnits, windows
 from s2rtools.motion_logs import Drive, Log
 from s2rtools.motion_logs.motion_log import RigidTransform
 
@@ -211,7 +210,7 @@ def test_repeatability_equals_the_variation_of_one_real_drive():
         real = robot.sampled(robot.drive(commands, slip=0.02, rng=rng), 50, 0.001, 0.001, rng)
         drives.append(Drive(f"d{seed}", real, robot.sampled(robot.drive(commands)), None, commands))
     plan = WindowPlan(horizons=(0.5, 1.0))
-    half = repeatability.repeatability_squares(drives[0], drives[1:], plan)
+    half = noise_floor.repeatability_squares(drives[0], drives[1:], plan, 1.0)
     variations = [np.nanmean(windows(d.real, d.sim, plan).end ** 2, axis=1) for d in drives]
     assert np.nanmean(half, axis=1) == pytest.approx(np.mean(variations, axis=0), rel=0.3)
 
@@ -219,6 +218,6 @@ def test_repeatability_equals_the_variation_of_one_real_drive():
 def test_drives_with_equal_commands_are_repetitions():
     a, b, c = (robot.pair(seed, seconds=5.0) for seed in (1, 1, 2))
     b = replace(b, real=replace(b.real, sha256="another"))
-    assert repeatability.repetitions([a, b, c]) == [[1], [0], []]
-    assert repeatability.repetitions([a, a]) == [[], []]
-    assert repeatability.repetitions([a, replace(b, commands=None)]) == [[], []]
+    assert noise_floor.repetitions([a, b, c]) == [[1], [0], []]
+    assert noise_floor.repetitions([a, a]) == [[], []]
+    assert noise_floor.repetitions([a, replace(b, commands=None)]) == [[], []]

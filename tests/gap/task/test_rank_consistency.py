@@ -12,7 +12,7 @@ from scipy.stats import kendalltau, pearsonr, spearmanr
 
 import s2rstore
 from s2rstore.errors import InconclusiveError
-from s2rtools.gap.axis_result import GapSettings
+from s2rtools.gap.axis import GapSettings
 from s2rtools.gap.task.rank_consistency import rank_consistency, rank_violation, regret
 from tests.support import tiny
 

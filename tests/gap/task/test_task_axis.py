@@ -15,8 +15,7 @@ import s2rstore
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
-from s2rtools.gap.axis_result import Evidence, GapSettings
-from s2rtools.gap.details import details as shown
+from s2rtools.gap.axis import Evidence, GapSettings
 from s2rtools.gap.gate import gate
 from s2rtools.gap.report import plain
 from s2rtools.gap.task.group_metrics import GroupErrors, group_metrics
@@ -92,7 +91,7 @@ def test_the_details_split_the_gap_into_groups(store: Store) -> None:
             in_group = codes == list(names).index("vanilla" if kind == "runs" else name)
             assert part["baseline"] == pytest.approx(distances[in_group].mean())
     assert "about these 2 trajectories alone" in result.notes[0]
-    printed = "\n".join(shown({"axis": "task", "details": plain(details)}))
+    printed = "\n".join(TaskAxis().describe(plain(details)))
     assert printed.count("constant m") == 4
 
 

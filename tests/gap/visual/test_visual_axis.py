@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 
@@ -17,8 +17,7 @@ from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.index import schema
 from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
-from s2rtools.gap.axis_result import AxisResult, Evidence, GapSettings
-from s2rtools.gap.details import details
+from s2rtools.gap.axis import AxisResult, Evidence, GapSettings
 from s2rtools.gap.gate import gate
 from s2rtools.gap.report import plain
 from s2rtools.gap.visual import visual_axis
@@ -122,7 +121,7 @@ def test_every_dimension_is_reported_and_the_largest_are_printed(far):
     mean = far.details["halves"]["wasserstein"]
     assert np.mean(columns["value"]) == pytest.approx(mean["value"])
     assert np.mean(columns["floor"]) == pytest.approx(mean["floor"])
-    printed = list(details({"axis": "visual", "details": plain(far.details)}))
+    printed = list(VisualAxis().describe(plain(far.details)))
     rows = printed[-1].strip().splitlines()[-3:]
     largest = np.argsort(columns["value"])[::-1][:3]
     assert [int(row.split()[0]) for row in rows] == largest.tolist()
@@ -130,7 +129,7 @@ def test_every_dimension_is_reported_and_the_largest_are_printed(far):
 
 def test_more_than_three_components_give_a_warning(store, far):
     assert not any("biased" in note for note in far.notes)
-    with_five_components = VisualAxis().measure(evidence(store, "far"), replace(SETTINGS, pca=5))
+    with_five_components = VisualAxis(pca=5).measure(evidence(store, "far"), SETTINGS)
     assert any("5 dimensions is strongly biased" in note for note in with_five_components.notes)
     kl = "kl_pca_sim_real"
     assert with_five_components.details["halves"][kl] != far.details["halves"][kl]

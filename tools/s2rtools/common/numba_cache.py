@@ -27,7 +27,6 @@ _FILES = (
     "incremental_inference/fused_update.py",
     "synthetic_world/raycaster.py",
     "synthetic_world/materials.py",
-    "sysid/variable_projection.py",
     "sysid/simulators/planar_kernel.py",
 )
 _LIBRARIES = ("numba", "umap-learn", "pynndescent")

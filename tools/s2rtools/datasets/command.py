@@ -94,14 +94,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rtools.datasets.importers import IMPORTERS
-    from s2rtools.datasets.scan import ScanOptions
-
     size = _frame_size(options)
     if not 16 <= size <= 2048:
         raise RequestError(f"--size {size}: must be 16 to 2048")
     if options.layout == "pairs":
         return _ingest_pairs(options, size)
+    from s2rtools.datasets.importers import IMPORTERS
+    from s2rtools.datasets.scan import ScanOptions
+
     world: dict[str, Any] = {}
     if options.layout == "world":
         from s2rtools.synthetic_world.factors import parse_constants, parse_factors

@@ -36,9 +36,10 @@ from s2rstore.index.row_check import THRESHOLDS_ARE, are_thresholds
 from s2rstore.records import Bounds, Domain, Intrinsics, Room
 from s2rtools.common.documents import convert
 from s2rtools.common.image_files import MAX_PIXELS
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.floor.floor_plans import PlacedPlan, PointsTable, placed_plan
-from s2rtools.datasets.scan import InputIssue, Scan
+from s2rtools.datasets.scan import Scan
 
 Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Positive = Annotated[float, Meta(gt=0, le=1e6)]

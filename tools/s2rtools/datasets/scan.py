@@ -4,39 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.errors import RequestError, shortened
+from s2rstore.arrays.zarr_metadata import ITEM_BYTES
+from s2rstore.errors import RequestError
 from s2rstore.files.layout import checked_name
 from s2rstore.geometry import angles
 from s2rstore.records import Bounds, Domain, RecallThresholds, Room, Side
-from s2rstore.security.printable_text import printable
+from s2rtools.common.input_issue import InputIssue
 
 FRAME_SIZE = (256, 256)
-_MAX_SHOWN = 300
-"""Characters of a file name, and of a reason, in a message."""
-
-
-@dataclass(frozen=True, slots=True)
-class InputIssue:
-    """A defect of the input: its kind, the file and the reason; its text is one line."""
-
-    kind: str
-    file: str
-    detail: str = ""
-
-    def __str__(self) -> str:
-        parts = shortened(self.file, _MAX_SHOWN), self.kind, shortened(self.detail, _MAX_SHOWN)
-        return printable(": ".join(part for part in parts if part))
-
-    def of_side(self, side: str) -> InputIssue:
-        """The same issue of one of two recordings, which may have files of equal names."""
-        return replace(self, file=f"{side}: {self.file}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +49,12 @@ class SourceImages:
 
     rgb: NDArray[np.uint8]
     depth: NDArray[Any] | None
+
+    @property
+    def is_storable(self) -> bool:
+        """Whether an array can hold such images."""
+        depth = 0 if self.depth is None else self.depth.nbytes
+        return max(self.rgb.nbytes, depth) <= ITEM_BYTES
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,7 +12,6 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rtools.common.command_line import store_argument
 from s2rtools.common.command_line.coverage_line import print_coverage
-from s2rtools.gap.tables import gap_text
 
 if TYPE_CHECKING:
     from s2rtools.gap.gate.gate import GapRequest
@@ -20,8 +19,7 @@ EXAMPLE = "s2r gap lab.s2r --reference reference.json --golden golden.json --det
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    from s2rtools.gap import defaults
-    from s2rtools.gap.axes import AXES
+    from s2rtools.gap.axes import AXES, MARGIN, ODOMETRY, SEED, THRESHOLD, flags, options_of
 
     parser.add_argument("store", type=store_argument.folder, help="store folder")
     parser.add_argument("--run", help="run to measure (default: the first)")
@@ -29,39 +27,38 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="measure only the selected instances (default all)")  # fmt: skip
     parser.add_argument("--axis", action="append", default=[], choices=AXES,
                         help="measure only this axis (repeatable)")  # fmt: skip
-    add = parser.add_argument_group("visual axis").add_argument
+    add = parser.add_argument_group("evidence").add_argument
     add("--features", type=Path, metavar="FILE",
         help="description of an image network whose features are compared "
         "(default: the embedding of the model)")  # fmt: skip
     add("--anchor-run", metavar="RUN", help="run whose sim images define a gap of 100")
-    add("--pca", type=int, default=3, metavar="N",
-        help="principal components of the features (default 3)")  # fmt: skip
-    add = parser.add_argument_group("dynamics and delay axes").add_argument
     add(
         "--drives", metavar="DIR",
         help="folder of drives (NAME/real.csv, sim.csv, untuned.csv, commands.csv), or "
-        f"`{defaults.ODOMETRY}` (default: the drives in the store)",
+        f"`{ODOMETRY}` (default: the drives in the store)",
     )  # fmt: skip
     add("--topic", help="ROS topic that carries the poses")
     add("--rate", type=float, metavar="HZ",
         help="rate of odometry that has no times; the time of an instance is seq / HZ")  # fmt: skip
-    add("--dynamics", action="append", default=[], metavar="NAME=VALUE",
-        help="setting (repeatable): horizons=0.5,1,2 (s); nrmse=travel|extent|deviation; "
-        "align=rigid+reflection+scale and rpe=1s or poses for APE and RPE; reach=1 (s), "
-        "bad=period|untuned and period=0.05 for the delay; noise=0.002,0.003 (m, rad) of the real "
-        "poses")  # fmt: skip
+    add = parser.add_argument_group("options of the axes").add_argument
+    for name, text in options_of(None).items():
+        add(f"--{name}", metavar="N", help=text)
+    for flag in flags():
+        texts = "; ".join(f"{name}={text}" for name, text in options_of(flag).items())
+        add(flag, action="append", default=[], metavar="NAME=VALUE",
+            help=f"setting (repeatable): {texts}")  # fmt: skip
     add = parser.add_argument_group("gate").add_argument
     add("--freeze", type=Path, metavar="FILE",
         help="write the reference scale that later runs are judged by")  # fmt: skip
     add("--reference", type=Path, metavar="FILE", help="judge the gap by this reference scale")
-    add("--threshold", type=float, default=defaults.THRESHOLD, metavar="G",
+    add("--threshold", type=float, default=THRESHOLD, metavar="G",
         help="largest gap that passes (default %(default)g)")  # fmt: skip
     add("--freeze-golden", type=Path, metavar="FILE", help="write the errors as the golden run")
     add("--golden", type=Path, metavar="FILE", help="fail if errors are worse than this golden run")
-    add("--margin", type=float, default=defaults.MARGIN, metavar="METRES",
+    add("--margin", type=float, default=MARGIN, metavar="METRES",
         help="tolerance of the golden run (default %(default)g)")  # fmt: skip
-    add("--seed", type=int, default=defaults.SEED,
-        help="seed of the random splits of the visual axis (default %(default)s)")  # fmt: skip
+    add("--seed", type=int, default=SEED,
+        help="seed of random splits (default %(default)s)")  # fmt: skip
     add = parser.add_argument_group("output").add_argument
     add("--details", action="store_true", help="print all figures of every axis")
     add("--json", action="store_true", help="print the report as JSON")
@@ -73,6 +70,7 @@ def execute(options: argparse.Namespace) -> int:
     from s2rtools.common import result_files
     from s2rtools.gap.gate import gate, golden_run
     from s2rtools.gap.report import report
+    from s2rtools.gap.tables import gap_text
 
     request = _request(options)
     written = {"--freeze": options.freeze, "--freeze-golden": options.freeze_golden,
@@ -105,21 +103,20 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _request(options: argparse.Namespace) -> GapRequest:
-    from s2rtools.gap import defaults
-    from s2rtools.gap.axis_result import GapSettings
+    from s2rtools.gap.axes import MAX_SEED, flags, option_texts, options_of
+    from s2rtools.gap.axis import GapSettings
     from s2rtools.gap.gate.gate import GapRequest
 
     if options.freeze and options.reference:
         raise RequestError("--freeze and --reference: one writes the scale, the other reads it")
     if options.freeze_golden and options.golden:
         raise RequestError("--freeze-golden and --golden: one writes the file, the other reads it")
-    for name, lowest, highest in (
-        ("seed", 0, defaults.MAX_SEED),
-        ("pca", 1, 50),
-    ):
-        value = getattr(options, name)
-        if not lowest <= value <= highest:
-            raise RequestError(f"--{name} {value}: must be {lowest} to {highest}")
+    if not 0 <= options.seed <= MAX_SEED:
+        raise RequestError(f"--seed {options.seed}: must be 0 to {MAX_SEED}")
+    given = {name: getattr(options, name) for name in options_of(None)}
+    texts = {name: text for name, text in given.items() if text is not None}
+    for flag in flags():
+        texts |= option_texts(flag, getattr(options, flag.removeprefix("--")))
     return GapRequest(
         run=options.run,
         expression=options.select,
@@ -133,6 +130,6 @@ def _request(options: argparse.Namespace) -> GapRequest:
         golden=options.golden,
         threshold=options.threshold,
         margin=options.margin,
-        dynamics=tuple(options.dynamics),
-        settings=GapSettings(seed=options.seed, pca=options.pca),
+        options=texts,
+        settings=GapSettings(seed=options.seed),
     )

@@ -12,7 +12,7 @@ from s2rstore.intervals import Interval
 from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store
 from s2rtools.common.blocks import Blocks
-from s2rtools.gap.axis_result import Evidence
+from s2rtools.gap.axis import Evidence
 
 Iids = NDArray[np.int64]
 

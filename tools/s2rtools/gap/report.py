@@ -10,26 +10,25 @@ from typing import Any
 import numpy as np
 
 from s2rstore.intervals import Interval
-from s2rtools.gap.axis_result import Axis, AxisResult, Evidence, GapSettings
+from s2rtools.gap.axes import AXES, configured
+from s2rtools.gap.axis import Evidence, GapSettings, Measurement
 from s2rtools.gap.gate.golden_run import GoldenComparison
 from s2rtools.gap.gate.reference import AxisScale, Reference
 from s2rtools.gap.gate.verdict import NOTHING, Verdict
-from s2rtools.gap.measure import Measurement
-from s2rtools.gap.task.rank_consistency import RankConsistency
 
 Report = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
 class GapResult:
-    """Measurement and verdict of the requested `axes`.
+    """Measurement and verdict of the requested axes with their `options`, texts by name.
 
     `scales` are those of the reference, or new ones to be frozen, which do not judge this result.
     """
 
     measurement: Measurement
     verdict: Verdict
-    axes: Mapping[str, Axis]
+    options: Mapping[str, str]
     scales: Mapping[str, AxisScale]
     reference: Reference | None = None
     golden: GoldenComparison | None = None
@@ -54,9 +53,9 @@ def report(evidence: Evidence, settings: GapSettings, result: GapResult) -> Repo
         "settings": {
             "seed": settings.seed,
             "level": settings.level,
-            "pca": settings.pca,
+            **_numbers(result.options),
         },
-        "axes": [_axis(each, settings, result) for each in result.measurement.measured.values()],
+        "axes": [_axis(name, settings, result) for name in result.measurement.measured],
         "absent": dict(result.measurement.absent),
         "inconclusive": dict(result.measurement.inconclusive),
         "across": result.across,
@@ -83,9 +82,16 @@ def report(evidence: Evidence, settings: GapSettings, result: GapResult) -> Repo
     return plain(content)
 
 
-def _axis(measured: AxisResult, settings: GapSettings, result: GapResult) -> dict[str, Any]:
-    axis, scale = result.axes[measured.axis], result.scales.get(measured.axis)
-    gaps = {each.axis: each.gap for each in result.verdict.axes}
+def _numbers(options: Mapping[str, str]) -> dict[str, Any]:
+    """The values of all options that are written as --NAME VALUE."""
+    axes = configured(options)
+    names = [(axis, name) for axis, of in AXES.items() if of.flag is None for name in of.options]
+    return {name: getattr(axes[axis], name) for axis, name in names}
+
+
+def _axis(name: str, settings: GapSettings, result: GapResult) -> dict[str, Any]:
+    record, scale = AXES[name], result.scales.get(name)
+    measured = result.measurement.measured[name]
     value = measured.bounds(settings.level)
     floor = Interval(measured.floor, measured.floor, measured.floor)
     anchor: dict[str, Any] = {}
@@ -93,36 +99,19 @@ def _axis(measured: AxisResult, settings: GapSettings, result: GapResult) -> dic
         interval = Interval(scale.anchor_low, scale.anchor, scale.anchor_high)
         anchor = {**interval.as_columns("anchor"), "anchor_state": scale.state}
     return {
-        "axis": measured.axis,
-        "measure": axis.measure_is,
-        "unit": axis.unit,
+        "axis": name,
+        "measure": record.measure,
+        "unit": record.unit,
         **value.as_columns("value"),
         "sample": value.text or None,
         **floor.as_columns("floor"),
-        "floor_is": axis.floor_is,
+        "floor_is": record.floor,
         "n": measured.n,
-        **gaps.get(measured.axis, NOTHING).as_columns("gap"),
+        **result.verdict.gaps.get(name, NOTHING).as_columns("gap"),
         **anchor,
         "fingerprint": dict(measured.fingerprint),
         "details": dict(measured.details),
         "notes": list(measured.notes),
-    }
-
-
-def across_report(ranks: RankConsistency) -> Report:
-    """Rank consistency as JSON data."""
-    runs = zip(ranks.runs, ranks.sim, ranks.real, strict=True)
-    return {
-        "runs": [{"run": run, "sim": sim, "real": real} for run, sim, real in runs],
-        "n": ranks.n,
-        "scope": ranks.scope,
-        "pearson": ranks.pearson,
-        "kendall": ranks.kendall,
-        **ranks.spearman.as_columns("spearman"),
-        "chosen_run": ranks.chosen,
-        "best_run": ranks.best,
-        **ranks.regret.as_columns("regret"),
-        "mmrv": ranks.rank_violation,
     }
 
 

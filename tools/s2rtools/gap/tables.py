@@ -8,7 +8,8 @@ from typing import Any
 from s2rstore.gap_history.gate_status import report_outcome
 from s2rstore.intervals import LEVEL_TEXT
 from s2rtools.common.command_line import output
-from s2rtools.gap.details import details, with_interval
+from s2rtools.gap.axes import AXES
+from s2rtools.gap.axis import with_interval
 
 
 def gap_text(report: dict[str, Any], with_details: bool = False, frozen: bool = False) -> str:
@@ -29,7 +30,7 @@ def _lines(report: dict[str, Any], with_details: bool) -> Iterator[str]:
         yield from _notes(axis)
     for axis in report["axes"] if with_details else ():
         yield f"\n{axis['axis'].upper()}\nfloor {axis['floor_is']}"
-        yield from details(axis)
+        yield from AXES[axis["axis"]].load()().describe(axis["details"])
     for name, reason in (report["absent"] | report["inconclusive"]).items():
         yield f"  {name}: not measured: {reason}"
     if report["across"]:

@@ -39,7 +39,7 @@ class _HarmKind(HeatmapKind):
 
     aligned = True
     compares_depth = True
-    cost = "many"
+    cost = "tens"
     stage = STAGE
     sums_to_metres = True
     version = 3

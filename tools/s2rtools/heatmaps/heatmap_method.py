@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 import torch
@@ -21,6 +21,9 @@ from s2rtools.inference import Backend
 from s2rtools.models.pose_network import LoadedModel
 
 Ray = Literal["rgb", "depth"]
+Cost = Literal["forward", "tens", "hundreds"]
+COSTS: tuple[Cost, ...] = get_args(Cost)
+"""Passes that kinds need per pair: that of the predictions, tens or hundreds more."""
 HeatArrays = dict[tuple[str | None, str | None], NDArray[Any]]
 """Arrays (B, *shape) of a heatmap kind by side and mode."""
 
@@ -145,7 +148,8 @@ class OutputSpec:
 class HeatmapKind(ABC):
     """A heatmap method; its docstring states the formula, the sign and the source.
 
-    `version` changes whenever the values change. `cost` is `forward` if one pass suffices.
+    `version` changes whenever the values change. `cost` is one of `COSTS`, in whose order kinds are
+    computed.
     `planes` names the maps along the first axis of an array with several maps per instance.
     Kinds that need many passes and name the same `stage` are computed together.
     `model_free` kinds need no network, see `ImageHeatmapKind`; `uses_features` tells whether
@@ -161,7 +165,7 @@ class HeatmapKind(ABC):
     name: ClassVar[str]
     version: ClassVar[int] = 1
     params: ClassVar[dict[str, Any]] = {}
-    cost: ClassVar[Literal["forward", "many"]] = "forward"
+    cost: ClassVar[Cost] = "forward"
     planes: ClassVar[tuple[str, ...]] = ()
     model_free: ClassVar[bool] = False
     uses_truth: ClassVar[bool] = True

@@ -78,7 +78,7 @@ class Occlusion(HeatmapKind):
 
     name = "occlusion"
     params = {"patches": 6}  # noqa: RUF012
-    cost = "many"
+    cost = "hundreds"
     sums_to_metres = True
 
     def outputs(self, model: LoadedModel) -> list[OutputSpec]:

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import csv
 import re
+from array import array
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,40 +19,49 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
+from s2rtools.common.tables.csv_rows import missing_column, read_rows
+from s2rtools.common.tables.text_lines import read_lines
 from s2rtools.motion_logs import row_checks
 from s2rtools.motion_logs.motion_log import Commands, Log
 
 _POSITION = ("time", "x", "y")
+_HEADINGS = ("heading", "heading_deg")
 _PERIOD = re.compile(r"#\s*period\s*[=:]\s*(?P<value>.*)", re.IGNORECASE)
 
 
 def read(path: Path) -> Log:
     """Read a log. Raises RequestError with the line number for an invalid file."""
-    names, rows, lines = _table(path)
-    degrees = "heading" not in names
-    columns = (*_POSITION, "heading_deg" if degrees else "heading")
-    for name in columns:
-        if name not in names:
-            expected = "heading (rad) or heading_deg" if name == "heading_deg" else name
-            raise RequestError(f"{path}: no column {expected} (has: {', '.join(names)})")
-    poses = _numbers(path, names, rows, lines, columns)
-    if degrees:
+
+    def chosen(names: list[str]) -> list[str]:
+        for name in _POSITION:
+            if name not in names:
+                raise missing_column(path, name, names, ", ".join((*_POSITION, _HEADINGS[0])))
+        headings = [name for name in _HEADINGS if name in names]
+        if not headings:
+            raise missing_column(path, "heading (rad) or heading_deg", names, ", ".join(_POSITION))
+        return [*_POSITION, headings[0]]
+
+    columns, poses, place = _table(path, chosen)
+    if columns[-1] == "heading_deg":
         poses[:, 3] = angles.wrap(np.radians(poses[:, 3]))
-    return row_checks.log(poses, path, lambda i: f"{path}:{lines[i]}")
+    return row_checks.log(poses, path, place)
 
 
 def read_commands(path: Path) -> Commands:
     """Read commands. Raises RequestError with the line number for an invalid file."""
-    names, rows, lines = _table(path)
-    if "time" not in names:
-        raise RequestError(f"{path}: no column time (has: {', '.join(names)})")
-    channels = [name for name in names if name != "time"]
-    if not channels:
-        raise RequestError(f"{path}: no channels, only the column time")
-    table = _numbers(path, names, rows, lines, ("time", *channels))
-    time = np.ascontiguousarray(table[:, 0])
-    row_checks.check_clock(time, lambda i: f"{path}:{lines[i]}")
-    values = {name: np.ascontiguousarray(table[:, 1 + i]) for i, name in enumerate(channels)}
+
+    def chosen(names: list[str]) -> list[str]:
+        if "time" not in names:
+            raise missing_column(path, "time", names, "time and channels")
+        channels = [name for name in names if name != "time"]
+        if not channels:
+            raise RequestError(f"{path}: no channels, only the column time")
+        return ["time", *channels]
+
+    columns, table, place = _table(path, chosen)
+    time, *channels = (np.ascontiguousarray(column) for column in table.T)
+    row_checks.check_clock(time, place)
+    values = dict(zip(columns[1:], channels, strict=True))
     return Commands(time, values, _period(path, time), str(path), row_checks.digest(path))
 
 
@@ -75,44 +86,25 @@ def _write(
         writer.writerows(zip(*(map(repr, column.tolist()) for column in columns), strict=True))
 
 
-def _table(path: Path) -> tuple[list[str], list[list[str]], list[int]]:
-    """Column names, rows of texts, and the line number of each row."""
-    rows: list[list[str]] = []
-    lines: list[int] = []
-    for number, line in enumerate(row_checks.text_of(path).splitlines(), start=1):
-        if not line.strip() or line.lstrip().startswith("#"):
-            continue
-        try:
-            rows.append(next(csv.reader([line])))
-        except csv.Error as error:
-            raise RequestError(f"{path}:{number}: cannot be read ({error})") from error
-        lines.append(number)
-    if not rows:
-        raise RequestError(f"{path}: no line of column names")
-    names = [name.strip() for name in rows[0]]
-    repeated = [name for name in names if names.count(name) > 1]
-    if repeated:
-        raise RequestError(f"{path}:{lines[0]}: column {repeated[0] or '(no name)'} is repeated")
-    if len(rows) == 1:
-        raise RequestError(f"{path}: no rows below the column names")
-    return names, rows[1:], lines[1:]
-
-
-def _numbers(
-    path: Path, names: list[str], rows: list[list[str]], lines: list[int], columns: tuple[str, ...]
-) -> NDArray[np.float64]:
-    """The named columns (n, k) as finite numbers."""
-    at = [names.index(name) for name in columns]
-    table = np.empty((len(rows), len(columns)))
-    for i, (row, line) in enumerate(zip(rows, lines, strict=True)):
-        if len(row) != len(names):
-            raise RequestError(f"{path}:{line}: {len(row)} values for {len(names)} columns")
-        table[i] = row_checks.numbers([row[j] for j in at], columns, f"{path}:{line}")
-    return table
+def _table(
+    path: Path, choose: Callable[[list[str]], list[str]]
+) -> tuple[list[str], NDArray[np.float64], row_checks.Place]:
+    """The columns that `choose` names, their finite numbers (n, k), and the place of each row."""
+    columns: list[str] = []
+    values, lines = array("d"), array("q")
+    rows = read_rows(path, None, lambda names: columns.extend(choose(names)), has_comments=True)
+    for line, row in rows:
+        values.extend(
+            row_checks.numbers([row[name] for name in columns], columns, f"{path}:{line}")
+        )
+        lines.append(line)
+    if not lines:
+        raise RequestError(f"{path}: no rows below a line of column names")
+    return columns, np.array(values).reshape(len(lines), -1), lambda i: f"{path}:{lines[i]}"
 
 
 def _period(path: Path, time: NDArray[np.float64]) -> float:
-    for number, line in enumerate(row_checks.text_of(path).splitlines(), start=1):
+    for number, line in read_lines(path, "CSV"):
         if match := _PERIOD.match(line.strip()):
             place = f"{path}:{number}"
             (period,) = row_checks.numbers([match["value"]], ["period"], place)

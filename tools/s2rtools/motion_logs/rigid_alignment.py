@@ -33,6 +33,15 @@ def fit(
     matrix: NDArray[np.float64] = (u * signs) @ vt
     size = float((s * signs).sum()) / spread if scale else 1.0
     reflected = bool(flip and reflection)
-    shift = (cb - size * matrix @ ca)[:, 0]
     angle = float(np.arctan2(matrix[1, 0], matrix[0, 0]))
-    return RigidTransform(angle, reflected, size, float(shift[0]), float(shift[1]))
+    return about(angle, ca[:, 0], cb[:, 0], reflected, size)
+
+
+def about(
+    angle: float, source: Floats, target: Floats, reflected: bool = False, scale: float = 1.0
+) -> RigidTransform:
+    """The transformation by an angle, rad, that moves the point `source` (2,) to `target` (2,)."""
+    cos, sin, sign = np.cos(angle), np.sin(angle), -1.0 if reflected else 1.0
+    x = target[0] - scale * (cos * source[0] - sin * sign * source[1])
+    y = target[1] - scale * (sin * source[0] + cos * sign * source[1])
+    return RigidTransform(angle, reflected, scale, float(x), float(y))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import open_regular, read_text
+from s2rstore.files.input_files import open_regular
 from s2rstore.geometry import angles
 from s2rtools.motion_logs.motion_log import Floats, Log
 
@@ -20,18 +20,8 @@ FARTHEST = 1e9
 """Largest coordinate in m, and heading in rad."""
 HIGHEST, STEEPEST = 0.2, 0.2
 """Metres that z may span, and its share of what x and y span, in poses on a floor."""
-MOST_TEXT = 64 << 20
-"""Maximum size of a text log in bytes; holds about half a million poses."""
 Place = Callable[[int], str]
 """Position of row i in the source, such as `drive.csv:12`."""
-
-
-def text_of(path: Path) -> str:
-    """The text of a file. Raises RequestError where it is missing, empty or not text."""
-    text = read_text(path, MOST_TEXT)
-    if not text.strip():
-        raise RequestError(f"{path}: empty")
-    return text
 
 
 def digest(path: Path) -> str:

@@ -11,33 +11,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.common.tables.numeric_rows import POSE_COLUMNS, read_numbers
 from s2rtools.motion_logs import row_checks
 from s2rtools.motion_logs.motion_log import Log
-
-_COLUMNS = ("time", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
 
 
 def read(path: Path) -> Log:
     """Read a log. Raises RequestError with the line number for an invalid file."""
-    lines: list[int] = []
-    rows: list[list[float]] = []
-    for number, line in enumerate(row_checks.text_of(path).splitlines(), start=1):
-        values = line.split()
-        if not values or values[0].startswith("#"):
-            continue
-        if len(values) != len(_COLUMNS):
-            raise RequestError(
-                f"{path}:{number}: {len(values)} values; TUM has 8: {' '.join(_COLUMNS)}"
-            )
-        rows.append(row_checks.numbers(values, _COLUMNS, f"{path}:{number}"))
-        lines.append(number)
-    if not rows:
-        raise RequestError(f"{path}: no poses, only comments")
-    table = np.array(rows)
-    heading = yaw(table[:, 4:8], lambda i: f"{path}:{lines[i]}")
-    poses = np.column_stack([table[:, :3], heading])
-    warnings = row_checks.check_floor(table[:, 1:4], path)
-    return row_checks.log(poses, path, lambda i: f"{path}:{lines[i]}", warnings)
+    issues: list[InputIssue] = []
+    rows = read_numbers(path, str(path), len(POSE_COLUMNS), issues)
+    if issues:
+        columns = " ".join(POSE_COLUMNS)
+        raise RequestError(f"{issues[0].file}: {issues[0].detail}; a line has {columns}")
+    for row, column in np.argwhere(~np.isfinite(rows.values))[:1].tolist():
+        value = rows.values[row, column]
+        raise RequestError(f"{rows.place(row)}: {POSE_COLUMNS[column]} is {value}; remove the row")
+    heading = yaw(rows.values[:, 4:8], rows.place)
+    poses = np.column_stack([rows.values[:, :3], heading])
+    warnings = row_checks.check_floor(rows.values[:, 1:4], path)
+    return row_checks.log(poses, path, rows.place, warnings)
 
 
 def yaw(quaternions: NDArray[np.float64], place: row_checks.Place) -> NDArray[np.float64]:

@@ -26,8 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--far-night", action="store_true",
         help="accept a date more than a month before or a year after the newest night")  # fmt: skip
     add("--withdraw", metavar="YYYY-MM-DD",
-        help="measure nothing; move this night to the table `withdrawn` of the "
-        "history")  # fmt: skip
+        help="measure nothing; withdraw this night from the history")  # fmt: skip
     slurm_job.add_arguments(parser)
 
 
@@ -86,7 +85,7 @@ def _date(option: str, text: str) -> datetime.date:
 
 
 def _withdraw(config: NightlyConfig, options: argparse.Namespace) -> int:
-    from s2rtools.nightly.withdraw import withdraw
+    from s2rtools.nightly.run import withdraw
 
     if options.night is not None:
         raise RequestError("--withdraw and --night: give one of them")
@@ -98,7 +97,7 @@ def _withdraw(config: NightlyConfig, options: argparse.Namespace) -> int:
         print(json.dumps({**fields, "history": str(config.history)}, indent=1, sort_keys=True))
     else:
         print(
-            f"{night}: withdrawn from {config.name} (moved to table `withdrawn` of "
+            f"{night}: withdrawn from {config.name} (its records remain, marked, in "
             f"{config.history}); its reports remain in {config.reports / str(night)}"
         )
     return 0

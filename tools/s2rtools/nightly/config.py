@@ -14,17 +14,28 @@ from s2rstore.errors import RequestError
 from s2rstore.files import layout, safe_files
 from s2rstore.files.input_files import read_toml
 from s2rstore.gap_history import reader as history
+from s2rstore.gap_history.change_check import YEAR_LEVEL
 from s2rtools.common.documents import convert
-from s2rtools.gap import defaults
-from s2rtools.gap.axes import AXES
-from s2rtools.gap.defaults import ODOMETRY
+from s2rtools.gap.axes import (
+    AXES,
+    MARGIN,
+    MAX_SEED,
+    MOTION,
+    ODOMETRY,
+    SEED,
+    THRESHOLD,
+    configured,
+    option_texts,
+)
+from s2rtools.gap.axis import GapSettings
+from s2rtools.gap.gate.gate import GapRequest
 
 if TYPE_CHECKING:
-    from s2rtools.sysid.settings import SysidSettings
+    from s2rtools.sysid.identify import SysidSettings
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,79}\Z")
 Positive = Annotated[float, Meta(gt=0)]
-Seed = Annotated[int, Meta(ge=0, le=defaults.MAX_SEED)]
+Seed = Annotated[int, Meta(ge=0, le=MAX_SEED)]
 
 
 class DrivesTable(Struct, frozen=True, forbid_unknown_fields=True):
@@ -60,8 +71,8 @@ class SysidConfig(SysidTable, frozen=True):
 
     def settings(self) -> SysidSettings:
         """The settings of the identification. Raises RequestError for invalid ranges."""
+        from s2rtools.sysid.identify import SysidSettings
         from s2rtools.sysid.parameter_space import parse_range
-        from s2rtools.sysid.settings import SysidSettings
 
         ranges = {}
         for name, text in self.ranges.items():
@@ -99,9 +110,9 @@ class ConfigFile(Struct, frozen=True, forbid_unknown_fields=True):
     axes: list[str] = []
     reference: str | None = None
     golden: str | None = None
-    threshold: Positive = defaults.THRESHOLD
-    margin: Positive = defaults.MARGIN
-    seed: Seed = defaults.SEED
+    threshold: Positive = THRESHOLD
+    margin: Positive = MARGIN
+    seed: Seed = SEED
     features: str | None = None
     drives: DrivesTable = DrivesTable()
     sysid: SysidTable | None = None
@@ -111,29 +122,12 @@ class ConfigFile(Struct, frozen=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True, slots=True)
 class NightlyConfig:
-    """One nightly gate with resolved paths.
-
-    `drives` is a folder (by default that of the store) or `odometry`, whose `rate` (Hz) is needed
-    where the store has no times; `topic` carries the poses in ROS bags; `dynamics` are options of
-    `s2r gap --dynamics`.
-    """
+    """One nightly gate with resolved paths; `stale_after` is in days."""
 
     source: Path
     name: str
     store: Path
-    run: str | None
-    select: str
-    axes: tuple[str, ...]
-    reference: Path | None
-    golden: Path | None
-    threshold: float
-    margin: float
-    seed: int
-    features: Path | None
-    drives: str | None
-    rate: float | None
-    topic: str | None
-    dynamics: tuple[str, ...]
+    request: GapRequest
     sysid: SysidConfig | None
     history: Path
     reports: Path
@@ -155,24 +149,27 @@ def read(path: Path) -> NightlyConfig:
     if drives is None:
         folder = safe_files.checked_folder(store, layout.DRIVES)
         drives = None if folder is None else str(folder)
+    request = GapRequest(
+        run=file.run,
+        expression=file.select,
+        axes=_axes(source, file.axes),
+        drives=drives,
+        rate=file.drives.rate,
+        features=_file(source, "features", file.features),
+        topic=file.drives.topic,
+        reference=_file(source, "reference", file.reference),
+        golden=_file(source, "golden", file.golden),
+        threshold=file.threshold,
+        margin=file.margin,
+        options=_options(source, file.drives.dynamics),
+        settings=GapSettings(fail_level=YEAR_LEVEL, seed=file.seed),
+    )
     output = file.output
     config = NightlyConfig(
         source=source,
         name=name,
         store=store,
-        run=file.run,
-        select=file.select,
-        axes=_axes(source, file.axes),
-        reference=_file(source, "reference", file.reference),
-        golden=_file(source, "golden", file.golden),
-        threshold=file.threshold,
-        margin=file.margin,
-        seed=file.seed,
-        features=_file(source, "features", file.features),
-        drives=drives,
-        rate=file.drives.rate,
-        topic=file.drives.topic,
-        dynamics=_dynamics(source, file.drives.dynamics),
+        request=request,
         sysid=_sysid(source, file, drives) if file.sysid else None,
         history=_resolve(source, output.history) if output.history else history.history_path(store),
         reports=_resolve(source, output.reports or f"reports/{name}"),
@@ -225,16 +222,15 @@ def _axes(source: Path, names: list[str]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _dynamics(source: Path, options: list[str]) -> tuple[str, ...]:
-    if options:
-        from s2rtools.gap.dynamics.options import axes
-
-        try:
-            axes(options)
-        except RequestError as error:
-            reason = str(error).removeprefix("--dynamics ")
-            raise _invalid(source, "drives.dynamics", reason) from error
-    return tuple(options)
+def _options(source: Path, written: list[str]) -> dict[str, str]:
+    try:
+        texts = option_texts(MOTION, written)
+        if texts:
+            configured(texts)
+    except RequestError as error:
+        reason = str(error).removeprefix(f"{MOTION} ")
+        raise _invalid(source, "drives.dynamics", reason) from error
+    return texts
 
 
 def _sysid(source: Path, file: ConfigFile, default_drives: str | None) -> SysidConfig:
@@ -256,7 +252,8 @@ def _sysid(source: Path, file: ConfigFile, default_drives: str | None) -> SysidC
 
 def _check_outputs(config: NightlyConfig) -> None:
     """Raises RequestError where an output is a folder, a device, or another file of the gate."""
-    taken = {config.source.resolve(), config.reference, config.golden, config.features}
+    request = config.request
+    taken = {config.source.resolve(), request.reference, request.golden, request.features}
     for name, path in {"history": config.history, "metrics": config.metrics}.items():
         if path is None:
             continue

@@ -17,7 +17,7 @@ from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.files.input_files import read_document, sha256
 from s2rstore.reader import Store
-from s2rtools.gap.defaults import ODOMETRY
+from s2rtools.gap.axes import ODOMETRY
 from s2rtools.nightly.config import NightlyConfig
 
 
@@ -54,15 +54,17 @@ def open_store(path: Path) -> tuple[Store, layout.Current]:
 
 def inputs(config: NightlyConfig, store: Store, current: layout.Current) -> Inputs:
     """Fingerprint the inputs. Raises RequestError for uncomputed runs and unreadable files."""
-    run = store.run(config.run)
+    request = config.request
+    run = store.run(request.run)
     if not run.key:
         raise RequestError(f"{store.path}: run {run.run} is not computed; run `s2r precompute`")
-    drives, sysid_drives = _drives(config.drives), []
+    drives, sysid_drives = _drives(request.drives), []
     sysid: dict[str, Any] | None = None
     if config.sysid is not None:
-        options = msgspec.structs.asdict(config.sysid)
-        sysid_drives = _drives(options.pop("drives"))
-        sysid = {"options": options, "drives": sysid_drives}
+        settings = msgspec.structs.asdict(config.sysid)
+        sysid_drives = _drives(settings.pop("drives"))
+        sysid = {"options": settings, "drives": sysid_drives}
+    options = sorted(f"{name}={text}" for name, text in request.options.items())
     logs = {digest for _, digest in (*drives, *sysid_drives)}
     recorded = [current.dataset_hash, run.key, *sorted(logs)]
     everything = {
@@ -70,16 +72,22 @@ def inputs(config: NightlyConfig, store: Store, current: layout.Current) -> Inpu
         "dataset": current.dataset_hash,
         "index": current.sha256,
         "run": [run.run, run.key],
-        "select": config.select,
-        "axes": sorted(config.axes),
-        "threshold": config.threshold,
-        "margin": config.margin,
-        "seed": config.seed,
+        "select": request.expression,
+        "axes": sorted(request.axes),
+        "threshold": request.threshold,
+        "margin": request.margin,
+        "seed": request.settings.seed,
         "stale_after": config.stale_after,
-        "drives": [config.drives == ODOMETRY, config.rate, config.topic, config.dynamics, drives],
+        "drives": [
+            request.drives == ODOMETRY,
+            request.rate,
+            request.topic,
+            options,
+            drives,
+        ],
         "sysid": sysid,
-        **{name: _hash(getattr(config, name)) for name in ("reference", "golden")},
-        "features": _network(config.features),
+        **{name: _hash(getattr(request, name)) for name in ("reference", "golden")},
+        "features": _network(request.features),
     }
     return Inputs(_digest(everything), _digest(recorded), tuple(recorded), run.run)
 

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from s2rstore.errors import InconclusiveError, S2RError
-from s2rstore.gap_history.change_check import YEAR_LEVEL
 from s2rstore.intervals import Interval
 from s2rstore.reader import Store
+from s2rtools.gap.gate import gate
 from s2rtools.nightly.config import NightlyConfig, SysidConfig
 from s2rtools.nightly.input_fingerprint import Inputs
 
@@ -25,25 +25,7 @@ Estimating = Callable[[SysidConfig], Estimates]
 
 def measure_gap(store: Store, config: NightlyConfig) -> Report:
     """The report of `s2r gap` for this configuration."""
-    from s2rtools.gap.axis_result import GapSettings
-    from s2rtools.gap.gate import gate
-
-    request = gate.GapRequest(
-        run=config.run,
-        expression=config.select,
-        axes=config.axes,
-        drives=config.drives,
-        rate=config.rate,
-        topic=config.topic,
-        dynamics=config.dynamics,
-        features=config.features,
-        reference=config.reference,
-        golden=config.golden,
-        threshold=config.threshold,
-        margin=config.margin,
-        settings=GapSettings(fail_level=YEAR_LEVEL, seed=config.seed),
-    )
-    return gate.measured_report(gate.collect_evidence(store, request), request)
+    return gate.measured_report(gate.collect_evidence(store, config.request), config.request)
 
 
 def estimate_parameters(sysid: SysidConfig) -> Estimates:
@@ -88,15 +70,16 @@ def failed_report(store: Store, config: NightlyConfig, inputs: Inputs, error: S2
 
     Too little evidence is INCONCLUSIVE; a request that does not fit the store is an ERROR.
     """
+    request = config.request
     run, reason = store.run(inputs.run), " ".join(str(error).split())
     outcome = "INCONCLUSIVE" if isinstance(error, InconclusiveError) else "ERROR"
     return {
         "refused": {"outcome": outcome, "reason": reason},
         "dataset": {"name": store.dataset.name, "hash": store.dataset.hash},
-        "run": run.run, "run_key": run.key, "model": run.model, "expression": config.select,
+        "run": run.run, "run_key": run.key, "model": run.model, "expression": request.expression,
         "axes": [], "absent": {}, "inconclusive": {}, "golden": None, "reference": None,
         "verdict": {
-            "outcome": "INCONCLUSIVE", "threshold": config.threshold, "worst": None,
+            "outcome": "INCONCLUSIVE", "threshold": request.threshold, "worst": None,
             **Interval.unknown().as_columns("gap"), "reason": reason,
         },
     }  # fmt: skip

@@ -17,8 +17,7 @@ from prometheus_client.openmetrics.exposition import generate_latest
 from prometheus_client.registry import Collector
 
 from s2rstore.gap_history.gate_status import EXIT_CODES, EXIT_CODES_TEXT
-from s2rstore.gap_history.reader import Night
-from s2rstore.gap_history.schema import BOUNDS
+from s2rstore.gap_history.reader import BOUNDS, Night
 from s2rstore.intervals import Interval
 from s2rtools.nightly.report_model import axis_check
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,10 +22,15 @@ from s2rstore.intervals import LEVEL_TEXT, Interval
 
 MAX_NIGHTS = 90
 """Number of nights in tables and plots."""
-CHECK_COLUMNS = ("check", "result", "details")
-NIGHT_COLUMNS = ("night", "result", f"G ({LEVEL_TEXT})", "worst axis", "age of evidence, days")
-ESTIMATE_COLUMNS = ("parameter", f"estimate ({LEVEL_TEXT})", "unit", "note")
-Rows = list[tuple[str, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table of texts with its title."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: Sequence[tuple[str, ...]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,21 +72,33 @@ class NightReport:
             ("key", night.key[:12]),
         ]
 
-    def check_rows(self) -> Rows:
-        return [(each.name, each.outcome, each.message) for each in self.checks]
-
-    def night_rows(self) -> Rows:
-        """One row per night, the newest first."""
-        return [
-            (str(n.night), n.outcome, format_interval(n.gap), n.worst or "-", str(n.evidence_age))
-            for n in reversed(self.past)
-        ]
-
-    def estimate_rows(self) -> Rows:
-        return [
+    def tables(self) -> list[Table]:
+        """The checks, the estimated parameters if there are any, and the nights, newest first."""
+        interval, night = f"({LEVEL_TEXT})", self.night
+        estimates = [
             (each.parameter, format_interval(each.value, 4), each.unit, each.note or "")
-            for each in self.night.estimates
+            for each in night.estimates
         ]
+        tables = [
+            Table(
+                "Checks", ("check", "result", "details"),
+                [(each.name, each.outcome, each.message) for each in self.checks],
+            ),
+            Table(
+                "Estimated parameters of the simulator",
+                ("parameter", f"estimate {interval}", "unit", "note"), estimates,
+            ),
+            Table(
+                "Nights",
+                ("night", "result", f"G {interval}", "worst axis", "age of evidence, days"),
+                [
+                    (str(n.night), n.outcome, format_interval(n.gap), n.worst or "-",
+                     str(n.evidence_age))
+                    for n in reversed(self.past)
+                ],
+            ),
+        ]  # fmt: skip
+        return [table for table in tables if table.rows]
 
 
 def night_report(history: History, night: Night) -> NightReport:

@@ -1,16 +1,16 @@
-"""Compute the missing arrays of runs and publish each run as soon as it is complete."""
+"""Compute the missing arrays of runs, and publish each round of a run when it is done."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, locks
 from s2rstore.files.lease import Lease
 from s2rstore.reader import Store
-from s2rstore.records import Run
+from s2rstore.records import Part, Run
 from s2rtools.common.command_line.progress import Reporter
 from s2rtools.common.processors import available_processors
 from s2rtools.heatmaps import HEATMAP_KINDS, IMAGE_KINDS
@@ -31,7 +31,15 @@ from s2rtools.precompute.merged_arrays import merge_arrays
 from s2rtools.precompute.publish_results import publish_run
 from s2rtools.precompute.restart import discard_incomplete
 from s2rtools.precompute.run_backends import RunBackends
-from s2rtools.precompute.run_stages import RunStages, imported_run_stages, model_run_stages
+from s2rtools.precompute.run_stages import (
+    PROJECTION,
+    ROUNDS,
+    Round,
+    RunStages,
+    imported_run_stages,
+    model_run_stages,
+)
+from s2rtools.precompute.shared_progress import SharedProgress
 from s2rtools.precompute.tasks.map_grids import merge_grids
 from s2rtools.precompute.unit_computer import Computation
 from s2rtools.precompute.unit_plan import UnitPlan
@@ -68,6 +76,9 @@ def precompute(
 ) -> list[str]:
     """Compute and publish the named runs (all by default); return those that were published.
 
+    All runs are computed in rounds (`run_stages.ROUNDS`): first the predictions of all, then their
+    heatmaps, those that take the longest last. Each round of a run is published when it is done.
+
     Arrays that are published or that the ledger records are not computed again. Raises
     StoreBusyError if another process computes, RequestError for unknown runs or kinds, and after
     the other runs for those whose model needs `options.trust`.
@@ -76,11 +87,11 @@ def precompute(
     for kind in options.kinds or ():
         if kind not in HEATMAP_KINDS:
             raise RequestError(f"heatmap kind {kind!r}: one of {', '.join(HEATMAP_KINDS)}")
-    kinds = tuple(HEATMAP_KINDS) if options.kinds is None else options.kinds
     with (
         locks.compute_lock(root, report_line=reporter.say) as lease,
         CurrentStore(root) as current,
         WorkerPool(reporter.say) as pool,
+        SharedProgress(root, reporter) as progress,
     ):
         store = current.get()
         store.require_poses("precompute")
@@ -88,17 +99,19 @@ def precompute(
         if not names:
             raise RequestError(f"{root}: {store.no_run}")
         untrusted = [name for name in names if not options.trust and _needs_trust(store, name)]
-        published = [
-            name for name in names
-            if name not in untrusted
-            and _compute_run(current, name, kinds, options, reporter, lease, pool)
-        ]  # fmt: skip
+        call = _Call(current, options, progress, lease, pool)
+        computed = [_Run(call, name) for name in names if name not in untrusted]
+        for number in range(len(ROUNDS)):
+            for place, run in enumerate(computed, 1):
+                count = len(current.get().instances)
+                progress.expect(number, count, len(computed) - place, len(computed))
+                run.compute(number)
         if untrusted:
             raise RequestError(
                 f"{root}: not computed: {', '.join(untrusted)}; loading the model executes code: "
                 "add --trust if you trust it"
             )
-        return published
+        return [run.name for run in computed if run.is_published]
 
 
 def _needs_trust(store: Store, name: str) -> bool:
@@ -106,66 +119,145 @@ def _needs_trust(store: Store, name: str) -> bool:
     return model is not None and model.needs_trust
 
 
-def _compute_run(
-    current: CurrentStore,
-    name: str,
-    kinds: Sequence[str],
-    options: PrecomputeOptions,
-    reporter: Reporter,
-    lease: Lease,
-    pool: WorkerPool,
-) -> bool:
-    """Bring one run up to date; True if a new generation was published.
+@dataclass(frozen=True, slots=True)
+class _Call:
+    """What the runs of one call of `precompute` share; `lease` is that of the compute lock."""
 
-    Raises StoreBusyError when the compute lock, held as `lease`, was taken over.
+    current: CurrentStore
+    options: PrecomputeOptions
+    reporter: Reporter
+    lease: Lease
+    pool: WorkerPool
+
+
+class _Run:
+    """A run while it is brought up to date, round by round.
+
+    `is_published` tells whether a new generation was published.
     """
-    lease.check()
-    root, run = current.root, current.get().run(name)
-    if run.is_imported:
-        kinds = _without_network(name, kinds, reporter)
-    kinds = usable_kinds(current.get(), run, kinds, reporter.say)
-    if run.model is None:
-        _calibrate(current, run, kinds, reporter, lease)
-        return _compute_imported(current, run, kinds, options, reporter, lease, pool)
-    model = model_outline(current.get(), run.model, options.trust)
-    if run.key is None:
-        _start_workers(pool, len(current.get().instances), options)
-    _calibrate(current, run, kinds, reporter, lease)
-    allowed = [kind for kind in kinds if HEATMAP_KINDS[kind].suits(model)]
-    if options.kinds is None:
-        allowed = _default_kinds(current.get(), name, model, allowed, reporter)
-    workers = options.workers or default_workers(len(current.get().instances))
-    backends = run_backends(
-        current.get(),
-        run,
-        options.trust,
-        allowed,
-        options.backend,
-        reporter.say,
-        lease.check,
-        options.threads or default_threads(workers),
-    )
-    store = current.get()
-    planned = store.parts
-    stages = model_run_stages(store, current.hashes, run, model, backends, allowed, options.refit)
-    _compute_groups(current, stages, backends, options, reporter, lease, pool)
-    if current.get().parts != planned:
-        reporter.say(f"{name}: instances were added meanwhile; computing them, too")
-        options = replace(options, restart=False)
-        return _compute_run(current, name, kinds, options, reporter, lease, pool)
-    _merge(root, stages, reporter, lease)
-    is_new = publish_run(
-        current.get(), run, stages.published, backends.record(), lease.check, stages.earlier
-    )
-    atomic_writes.remove(root, f"{layout.UNITS}/{name}")  # with the choice of backends
-    reporter.say(f"{name}: {'published' if is_new else 'up to date'}")
-    return is_new
+
+    def __init__(self, call: _Call, name: str) -> None:
+        self._call, self.name = call, name
+        self.is_published = False
+        self._run = call.current.get().run(name)
+        self._was_computed = self._run.key is not None
+        self._parts: Sequence[Part] = ()
+        self._stages: RunStages | None = None
+        self._backends: RunBackends | None = None
+
+    def compute(self, number: int) -> None:
+        """Compute and publish a round, and those before it of instances that were added meanwhile.
+
+        The predictions of instances that are added to a published run are published with their
+        projection. Raises StoreBusyError when the compute lock was taken over.
+        """
+        call = self._call
+        call.lease.check()
+        while (stages := self._stages) is None or self._parts != call.current.get().parts:
+            if stages is not None:
+                call.reporter.say(f"{self.name}: instances were added meanwhile; computing them")
+            self._stages = self._plan(is_new=stages is None)
+            for earlier in self._stages.rounds[:number]:
+                self._compute_round(earlier)
+        self._compute_round(stages.rounds[number])
+        if self._parts != call.current.get().parts:
+            return self.compute(number)
+        if number >= PROJECTION or not self._was_computed:
+            self._publish(stages, number)
+        if number == len(ROUNDS) - 1:
+            root = call.current.root
+            atomic_writes.remove(root, f"{layout.UNITS}/{self.name}")  # with the choice of backends
+            call.reporter.say(f"{self.name}: {'published' if self.is_published else 'up to date'}")
+        return None
+
+    def _plan(self, is_new: bool) -> RunStages:
+        """The stages of the run in the published generation; `is_new` for the first plan."""
+        call = self._call
+        store, options = call.current.get(), call.options
+        run = self._run = store.run(self.name)
+        kinds: Sequence[str] = tuple(HEATMAP_KINDS) if options.kinds is None else options.kinds
+        say = call.reporter.say if is_new else lambda line: None
+        if run.is_imported:
+            kinds = _without_network(self.name, kinds, say)
+        kinds = usable_kinds(store, run, kinds, say)
+        if run.model is None:
+            stages = self._imported_stages(run, kinds)
+        else:
+            stages = self._model_stages(run, kinds, say)
+        self._parts = call.current.get().parts
+        if options.restart and is_new:
+            discard_incomplete(call.current.get(), stages.stages, call.lease.check)
+        return stages
+
+    def _imported_stages(self, run: Run, kinds: Sequence[str]) -> RunStages:
+        """What needs no network: heatmaps and their map grids, with embeddings the projection.
+
+        Instances that were appended after the import stay without predictions.
+        """
+        call = self._call
+        _calibrate(call, run, kinds)
+        return imported_run_stages(
+            call.current.get(), call.current.hashes, run, kinds, call.options.refit
+        )
+
+    def _model_stages(
+        self, run: Run, kinds: Sequence[str], say: Callable[[str], None]
+    ) -> RunStages:
+        call, options = self._call, self._call.options
+        store = call.current.get()
+        model = model_outline(store, run.network("precompute"), options.trust)
+        if run.key is None:
+            _start_workers(call.pool, len(store.instances), options)
+        _calibrate(call, run, kinds)
+        allowed = [kind for kind in kinds if HEATMAP_KINDS[kind].suits(model)]
+        if options.kinds is None:
+            allowed = _default_kinds(call.current.get(), self.name, model, allowed, say)
+        workers = options.workers or default_workers(len(store.instances))
+        self._backends = run_backends(
+            call.current.get(),
+            run,
+            options.trust,
+            allowed,
+            options.backend,
+            say,
+            call.lease.check,
+            options.threads or default_threads(workers),
+        )
+        return model_run_stages(
+            call.current.get(), call.current.hashes, run, model, self._backends, allowed,
+            options.refit,
+        )  # fmt: skip
+
+    def _compute_round(self, planned: Round) -> None:
+        """Compute what is missing of a round, group by group, and merge the arrays of parts."""
+        call = self._call
+        for group in planned.groups:
+            call.lease.check()
+            _compute_stages(call, group, self._backends)
+        if planned.merges:
+            call.reporter.begin(f"{self.name}: merging parts", len(planned.merges))
+            merge_arrays(
+                call.current.root, self.name, planned.merges, call.lease.check,
+                call.reporter.advance,
+            )  # fmt: skip
+
+    def _publish(self, stages: RunStages, number: int) -> None:
+        """Publish a round with those before it, unless the index lists all of it already."""
+        call, published = self._call, stages.rounds[number].published
+        record = None if self._backends is None else self._backends.record()
+        store, check = call.current.get(), call.lease.check
+        if publish_run(store, self._run, published, record, check, stages.earlier):
+            self.is_published = True
 
 
 def _default_kinds(
-    store: Store, run: str, model: LoadedModel, kinds: Sequence[str], reporter: Reporter
+    store: Store,
+    run: str,
+    model: LoadedModel,
+    kinds: Sequence[str],
+    say: Callable[[str], None],
 ) -> list[str]:
-    """Those kinds that are computed where none are named; reports the others.
+    """Those kinds that are computed where none are named; `say` reports the others.
 
     A kind that the run has already is computed for new instances, too.
     """
@@ -173,7 +265,7 @@ def _default_kinds(
     usual = [k for k in kinds if k in published or HEATMAP_KINDS[k].is_default(model)]
     left_out = [kind for kind in kinds if kind not in usual]
     if left_out:
-        reporter.say(
+        say(
             f"{run}: {', '.join(left_out)} left out, which take long for inputs of "
             f"{model.contract.size[1]} x {model.contract.size[0]}; "
             f"--kinds {','.join(left_out)} adds them"
@@ -181,99 +273,40 @@ def _default_kinds(
     return usual
 
 
-def _calibrate(
-    current: CurrentStore,
-    run: Run,
-    kinds: Sequence[str],
-    reporter: Reporter,
-    lease: Lease,
-) -> None:
+def _calibrate(call: _Call, run: Run, kinds: Sequence[str]) -> None:
     """Calibrate the run's pair of domains as far as the heatmap kinds need it."""
+    current, check = call.current, call.lease.check
     pair = f"{run.sim_domain} | {run.real_domain}"
     if any(HEATMAP_KINDS[kind].aligned for kind in kinds) and rig_calibration.ensure_calibrated(
-        current.get(), run, lease.check
+        current.get(), run, check
     ):
-        reporter.say(f"{pair}: rigs calibrated")
+        call.reporter.say(f"{pair}: rigs calibrated")
     if any(HEATMAP_KINDS[kind].compares_depth for kind in kinds) and (
-        depth_calibration.ensure_depth_tolerance(current.get(), run, lease.check)
+        depth_calibration.ensure_depth_tolerance(current.get(), run, check)
     ):
-        reporter.say(f"{pair}: noise of the depth sensor estimated")
+        call.reporter.say(f"{pair}: noise of the depth sensor estimated")
 
 
-def _without_network(name: str, kinds: Sequence[str], reporter: Reporter) -> tuple[str, ...]:
+def _without_network(
+    name: str, kinds: Sequence[str], say: Callable[[str], None]
+) -> tuple[str, ...]:
     """Those of the heatmap kinds that need no network; reports the others."""
     others = [kind for kind in kinds if kind not in IMAGE_KINDS]
     if others:
-        reporter.say(f"{name}: imported predictions; {', '.join(others)} left out (no network)")
+        say(f"{name}: imported predictions; {', '.join(others)} left out (no network)")
     return tuple(kind for kind in kinds if kind in IMAGE_KINDS)
 
 
-def _compute_imported(
-    current: CurrentStore,
-    run: Run,
-    kinds: Sequence[str],
-    options: PrecomputeOptions,
-    reporter: Reporter,
-    lease: Lease,
-    pool: WorkerPool,
-) -> bool:
-    """Bring a run of imported predictions up to date; True if a new generation was published.
-
-    Computes what needs no network: the heatmaps of `kinds` and their map grids, and with embeddings
-    projection and outliers. Instances that were appended after the import stay without predictions.
-    """
-    stages = imported_run_stages(current.get(), current.hashes, run, kinds, options.refit)
-    _compute_groups(current, stages, None, options, reporter, lease, pool)
-    _merge(current.root, stages, reporter, lease)
-    is_new = publish_run(current.get(), run, stages.published, None, lease.check)
-    atomic_writes.remove(current.root, f"{layout.UNITS}/{run.run}")
-    reporter.say(f"{run.run}: {'published' if is_new else 'up to date'}")
-    return is_new
-
-
-def _compute_groups(
-    current: CurrentStore,
-    stages: RunStages,
-    backends: RunBackends | None,
-    options: PrecomputeOptions,
-    reporter: Reporter,
-    lease: Lease,
-    pool: WorkerPool,
-) -> None:
-    """Compute what is missing of the stages of a run, group by group."""
-    store = current.get()
-    if options.restart:
-        discard_incomplete(store, [*stages.computed, *stages.published], lease.check)
-        store = current.get()
-    for group in stages.groups:
-        lease.check()
-        _compute_stages(store, group, backends, options, reporter, lease, pool)
-
-
-def _merge(root: Path, stages: RunStages, reporter: Reporter, lease: Lease) -> None:
-    """Merge the arrays of parts to those of segments."""
-    if stages.merges:
-        reporter.begin(f"{stages.run}: merging parts", len(stages.merges))
-        merge_arrays(root, stages.run, stages.merges, lease.check, reporter.advance)
-
-
-def _compute_stages(
-    store: Store,
-    stages: Sequence[Stage],
-    backends: RunBackends | None,
-    options: PrecomputeOptions,
-    reporter: Reporter,
-    lease: Lease,
-    pool: WorkerPool,
-) -> None:
+def _compute_stages(call: _Call, stages: Sequence[Stage], backends: RunBackends | None) -> None:
     """Compute what is missing of some stages, each array in one environment."""
+    store, options, lease = call.current.get(), call.options, call.lease
     root = store.path
     plan = UnitPlan(root, stages, store.array_paths, merge_grids)
     if plan.units:
         names = list(dict.fromkeys(unit.stage.name for unit in plan.units))
         label = names[0] if len(names) == 1 else f"{names[0]} .. {names[-1]}"
         total = sum(len(unit.instances) for unit in plan.units)
-        reporter.begin(f"{plan.units[0].stage.run}: {label}", total)
+        call.reporter.begin(f"{plan.units[0].stage.run}: {label}", total)
         computation = Computation(
             root, store.generation, backends, options.trust, identity=store.identity
         )
@@ -282,11 +315,11 @@ def _compute_stages(
             Task(computation, unit, plan.environment(unit, precision(unit.stage)))
             for unit in largest_first(plan.units)
         ]
-        for executor, some in _assigned(tasks, _passes(plan.units), options, pool):
+        for executor, some in _assigned(tasks, _passes(plan.units), options, call.pool):
             for receipt in executor.run(some):
                 lease.raise_if_lost()
                 unit = plan.finish(receipt, is_checked=executor.is_remote)
-                reporter.advance(len(unit.instances))
+                call.reporter.advance(len(unit.instances))
         lease.check()
     plan.close()
 
@@ -300,7 +333,7 @@ def _passes(units: Iterable[WorkUnit]) -> int:
 
 
 def _needs_many_passes(kind: str) -> bool:
-    return kind in HEATMAP_KINDS and HEATMAP_KINDS[kind].cost == "many"
+    return kind in HEATMAP_KINDS and HEATMAP_KINDS[kind].cost != "forward"
 
 
 def _start_workers(pool: WorkerPool, instances: int, options: PrecomputeOptions) -> None:

@@ -72,7 +72,9 @@ def publish_run(
     root = store.path
     keeps_shares = any(record.kind == gap_shares.KIND for record in listed)
     columns = list(_instance_columns(store, planned, specs, keeps_shares))
-    ranges = _heat_ranges(store, run, specs)
+    known = {record.path for record in listed}
+    added = {spec.kind for spec in specs if spec.path(run) not in known}
+    ranges = _heat_ranges(store, run, [spec for spec in specs if spec.kind in added])
     previous = store.provenance(f"run:{run}") if same else {}
     computed = {(spec.kind, spec.side, spec.mode) for spec in specs}
     other_arrays = [r for r in listed if (r.kind, r.side, r.mode) not in computed]
@@ -84,10 +86,8 @@ def publish_run(
             draft.delete(table, run=run)
         for table, rows in columns:
             draft.insert(table, rows)
-        for record in other_arrays:
-            draft.insert_row("zarr_array", asdict(record))
-        for spec in specs:
-            draft.insert_row("zarr_array", array_row(root, run, spec))
+        draft.insert_rows("zarr_array", [asdict(record) for record in other_arrays])
+        draft.insert_rows("zarr_array", [array_row(root, run, spec) for spec in specs])
         if backend is not None:
             draft.update("run", {"run": run}, {"key": key, "precision": backend["precision"]})
         facts = _provenance(root, run, specs, backend, ranges, previous)

@@ -1,4 +1,4 @@
-"""All stages of a run: those that are computed, in groups, and those that are published."""
+"""All stages of a run, in the rounds in which they are computed and published."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from typing import Any
 from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rstore.records import Run
+from s2rtools.counterfactual import gap_shares
+from s2rtools.heatmaps import COSTS, HEATMAP_KINDS, harm
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.imported_arrays import imported_stages
@@ -33,25 +35,43 @@ from s2rtools.precompute.tasks.umap_projection import projection_stage
 from s2rtools.precompute.usable_kinds import domains_without_depth
 from s2rtools.precompute.work_units import ArraySpec, Stage
 
+ROUNDS = ("predictions", COSTS[0], "projection", *COSTS[1:])
+"""What is computed and published one after the other; heatmaps by their cost."""
+PROJECTION = ROUNDS.index("projection")
+"""The round of projections and outliers."""
+
 
 @dataclass(frozen=True, slots=True)
-class RunStages:
-    """The stages of a run in `groups`, each of which needs those before it, and the arrays merged
-    from them.
+class Round:
+    """What a run publishes together: stages in `groups`, each of which needs those before it, and
+    the arrays that are merged from theirs.
 
-    `published` are the stages with the arrays of all segments. `earlier` are the paths that these
-    arrays have for the ranges of instances that are published.
+    `published` are the stages with the arrays of all segments, those of earlier rounds included.
     """
 
-    run: str
+    name: str
     groups: Sequence[Sequence[Stage]]
     merges: Sequence[ArrayMerge]
     published: Sequence[Stage]
+
+
+@dataclass(frozen=True, slots=True)
+class RunStages:
+    """The stages of a run, in the rounds of `ROUNDS`.
+
+    `earlier` are the paths that the arrays of predictions have for the ranges of instances that are
+    published.
+    """
+
+    run: str
+    rounds: Sequence[Round]
     earlier: frozenset[str] = frozenset()
 
     @property
-    def computed(self) -> list[Stage]:
-        return [stage for group in self.groups for stage in group]
+    def stages(self) -> list[Stage]:
+        """All stages that are computed or published."""
+        computed = [stage for each in self.rounds for group in each.groups for stage in group]
+        return [*computed, *self.rounds[-1].published]
 
 
 def model_run_stages(
@@ -131,8 +151,7 @@ def imported_run_stages(
     if forwards[0].specs_of_kind("embedding"):
         parts = [part.iids for part in store.parts if part.first_iid < imports[-1].stop]
         projections = _projections(store, run, imported, parts, embedding_key, refit)
-    stages = _run_stages(run.run, network, projections)
-    return replace(stages, published=[*forwards, *stages.published])
+    return _run_stages(run.run, network, projections, imported=forwards)
 
 
 def _adjoining(parts: Sequence[range]) -> list[range]:
@@ -195,19 +214,64 @@ def _fitted(store: Store, run: Run, count: int, projected: Callable[[range, int]
 
 
 def _run_stages(
-    run: str, network: SegmentPlan, projections: SegmentPlan, earlier: frozenset[str] = frozenset()
+    run: str,
+    network: SegmentPlan,
+    projections: SegmentPlan,
+    earlier: frozenset[str] = frozenset(),
+    imported: Sequence[Stage] = (),
 ) -> RunStages:
-    def named(plan: SegmentPlan, *names: str) -> list[Stage]:
-        return [stage for stage in plan.computed if stage.name in names]
-
-    frames, maps = named(network, rendered_frames.NAME), named(network, map_grids.STAGE)
-    fits = named(projections, umap_projection.NAME)
-    groups = [
-        frames,
-        [stage for stage in network.computed if stage not in (*frames, *maps)],
-        [*maps, *fits[:1]],
-        fits[1:],
-        named(projections, outliers.NAME),
-    ]
+    """Distribute the arrays of stages over the rounds; `imported` are published with the first."""
+    computed = [*network.computed, *projections.computed]
     merges = [*network.merges, *projections.merges]
-    return RunStages(run, groups, merges, [*network.published, *projections.published], earlier)
+    published = [*imported, *network.published, *projections.published]
+    rounds = []
+    for number, name in enumerate(ROUNDS):
+
+        def is_now(spec: ArraySpec, number: int = number) -> bool:
+            return _round(spec) == number
+
+        def is_done(spec: ArraySpec, number: int = number) -> bool:
+            return _round(spec) <= number
+
+        rounds.append(
+            Round(
+                name,
+                _groups(_with_specs(computed, is_now)),
+                [merge for merge in merges if is_now(merge.spec)],
+                _with_specs(published, is_done),
+            )
+        )
+    return RunStages(run, rounds, earlier)
+
+
+def _round(spec: ArraySpec) -> int:
+    """The place in `ROUNDS` of an array."""
+    kind = spec.kind.removeprefix("map:")
+    if kind in HEATMAP_KINDS:
+        return ROUNDS.index(HEATMAP_KINDS[kind].cost)
+    if kind == gap_shares.KIND:
+        return ROUNDS.index(HEATMAP_KINDS[harm.Harm.name].cost)
+    return PROJECTION if kind in ("pca", "umap", outliers.KIND) else 0
+
+
+def _with_specs(stages: Sequence[Stage], is_wanted: Callable[[ArraySpec], bool]) -> list[Stage]:
+    """The stages with the wanted ones of their arrays, without those that have none."""
+    kept = (tuple(filter(is_wanted, stage.specs)) for stage in stages)
+    return [replace(stage, specs=specs) for stage, specs in zip(stages, kept, strict=True) if specs]
+
+
+def _groups(stages: Sequence[Stage]) -> list[list[Stage]]:
+    """The stages of a round in the order in which they need each other."""
+
+    def named(*names: str) -> list[Stage]:
+        return [stage for stage in stages if stage.name in names]
+
+    fits = named(umap_projection.NAME)
+    later = (rendered_frames.NAME, map_grids.STAGE, umap_projection.NAME, outliers.NAME)
+    groups = [
+        named(rendered_frames.NAME),
+        [*(stage for stage in stages if stage.name not in later), *fits[:1]],
+        [*named(map_grids.STAGE), *fits[1:]],
+        named(outliers.NAME),
+    ]
+    return [group for group in groups if group]

@@ -19,8 +19,9 @@ from s2rstore.errors import RequestError
 from s2rstore.index import parquet_table
 from s2rstore.records import SIDES
 from s2rstore.security.printable_text import printable
-from s2rtools.datasets.files.csv_rows import parse_float, read_rows
-from s2rtools.motion_logs import row_checks
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.common.tables.csv_rows import parse_float, read_rows
+from s2rtools.common.tables.numeric_rows import POSE_COLUMNS, read_numbers
 from s2rtools.prediction_import.row_issues import RowIssues
 
 NUMBERS: dict[str, str] = {
@@ -46,7 +47,8 @@ TEXTS: dict[str, str] = {
 COLUMNS = {**NUMBERS, **TEXTS}
 """All columns that are read; several names may mean the same."""
 _MAX_LISTED = 20
-_TUM = ("timestamp", "x", "y", "z", "qx", "qy", "qz", "qw")
+_TUM = {"time": "timestamp", "tx": "x", "ty": "y", **{f"q{axis}": f"q{axis}" for axis in "xyzw"}}
+"""The columns of a TUM file that are used, and what they mean."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +61,7 @@ class PredictionTable:
     """
 
     path: Path
-    lines: NDArray[np.int64]
+    lines: NDArray[np.integer[Any]]
     numbers: Mapping[str, NDArray[np.float64]]
     texts: Mapping[str, NDArray[Any]]
     columns: tuple[str, ...]
@@ -191,21 +193,13 @@ def _table(
 
 
 def _read_tum(path: Path) -> PredictionTable:
+    found: list[InputIssue] = []
+    rows = read_numbers(path, path.name, len(POSE_COLUMNS), found, keep_bad=True)
     issues = RowIssues()
-    lines, rows = array("q"), array("d")
-    for number, line in enumerate(row_checks.text_of(path).splitlines(), start=1):
-        values = line.split()
-        if not values or values[0].startswith("#"):
-            continue
-        if len(values) != len(_TUM):
-            place = f"{path.name}:{number}"
-            issues.add("malformed row", place, f"{len(values)} values; TUM has {len(_TUM)}")
-            values = ["nan"] * len(_TUM)
-        lines.append(number)
-        rows.extend(map(parse_float, values))
-    columns = np.array(rows).reshape(-1, len(_TUM)).T
-    numbers = {name: values for name, values in zip(_TUM, columns, strict=True) if name != "z"}
-    return PredictionTable(path, np.array(lines), numbers, {}, _TUM, "line", issues)
+    for issue in found:
+        issues.add(issue.kind, issue.file, issue.detail)
+    numbers = {_TUM[name]: rows.values[:, k] for k, name in enumerate(POSE_COLUMNS) if name in _TUM}
+    return PredictionTable(path, rows.lines, numbers, {}, tuple(_TUM.values()), issues=issues)
 
 
 READERS = {".csv": _read_csv, ".parquet": _read_parquet, ".tum": _read_tum, ".txt": _read_tum}

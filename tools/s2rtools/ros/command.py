@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import re
 import shlex
 import sys
@@ -57,25 +56,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="topic of the images (default: the only one with images)")  # fmt: skip
     add("--out", dest="output", type=Path, required=True, metavar="BAG",
         help="bag to write: .bag for ROS 1, else a ROS 2 folder")  # fmt: skip
-    add("--segments", type=Path, metavar="FILE",
-        help="write the line segments of the translated images to this CSV file")  # fmt: skip
     add("--result", type=Path, metavar="STORE",
         help="make a store of the images and their translations, without poses")  # fmt: skip
     replay.set_defaults(action=_replay)
-    simulate = actions.add_parser(
-        "simulate", help="follow a lane in simulation, with and without a translator"
-    )
-    _add_translator(simulate)
-    add = simulate.add_argument_group("simulation").add_argument
-    add("--condition", action="append", default=[], metavar="NAME",
-        help="light, such as dark, warm or coloured (repeatable; default coloured)")  # fmt: skip
-    add("--tuned-on", default="day", metavar="NAME",
-        help="light in which the detector's thresholds are tuned (default day)")  # fmt: skip
-    add("--seeds", type=int, default=5, help="drives per light (default 5)")
-    add("--seed", type=int, default=1, help="first random seed (default 1)")
-    add("--distance", type=float, default=6.0, help="metres of each drive (default 6)")
-    add("--json", action="store_true", help="print the result as JSON")
-    simulate.set_defaults(action=_simulate)
     package = actions.add_parser(
         "package", help="print the folder of the ROS package with the launch file"
     )
@@ -114,7 +97,7 @@ def _check(options: argparse.Namespace) -> None:
 
 def _proxy(options: argparse.Namespace) -> None:
     from s2rtools.ros import ros_environment
-    from s2rtools.ros.image_topics import check_topics
+    from s2rtools.ros.proxy_node import check_topics
     from s2rtools.ros.proxy_settings import ProxyRequest, ProxySettings, parse_age
     from s2rtools.translation.translator_file import load_translator
 
@@ -169,32 +152,18 @@ def _replay(options: argparse.Namespace) -> None:
 
 
 def _translate_bag(options: argparse.Namespace, keep: Callable[[BagImage], None] | None) -> None:
-    """Write the bag, and the table of segments if asked; `keep` gets every decoded image."""
-    from s2rtools.common.result_files import check_writable
-    from s2rtools.ros.segment_table import SegmentTable
+    """Write the bag; `keep` gets every decoded image."""
     from s2rtools.translation.apply_bag import BagRequest, apply_to_bag
     from s2rtools.translation.translator_file import load_translator
 
-    check_writable({"--segments": options.segments}, {"BAG": options.bag})
     translator = load_translator(options.translator, options.store).translator
-    table = None if options.segments is None else SegmentTable()
-
-    def see(stamp: int, original: Rgb, translated: Rgb) -> None:
-        if table is not None:
-            table.add(stamp, translated)
-        if keep is not None:
-            keep((stamp, original, translated))
-
-    is_seen = table is not None or keep is not None
-    request = BagRequest(options.input, options.jpeg_quality, see if is_seen else None)
+    see = None if keep is None else lambda *image: keep(image)
+    request = BagRequest(options.input, options.jpeg_quality, see)
     with reporter() as progress:
         result = apply_to_bag(
             translator, options.strength, options.bag, options.output, progress, request
         )
     print(f"{options.output}: {result.summary()}")
-    if table is not None:
-        table.write(options.segments)
-        print(f"{options.segments}: {table.segments} segments in {table.images} images")
 
 
 def _translate_to_store(options: argparse.Namespace) -> None:
@@ -223,45 +192,6 @@ def _translate_to_store(options: argparse.Namespace) -> None:
             shlex.join(["s2r", *sys.argv[1:]]),
         )  # fmt: skip
     print(f"{options.result}: {count} images and their translations")
-
-
-def _simulate(options: argparse.Namespace) -> None:
-    from s2rtools.lane_detection.conditions import find_condition
-    from s2rtools.ros import lane_following
-    from s2rtools.translation.translator_file import load_translator
-
-    if not 1 <= options.seeds <= 1000:
-        raise RequestError(f"--seeds {options.seeds}: must be 1 to 1000")
-    if not 0.1 <= options.distance <= 1000:
-        raise RequestError(f"--distance {options.distance}: must be 0.1 to 1000 metres")
-    if options.seed < 0:
-        raise RequestError(f"--seed {options.seed}: must be at least 0")
-    conditions = [find_condition(name) for name in options.condition or ["coloured"]]
-    tuned_on = find_condition(options.tuned_on)
-    translator = load_translator(options.translator, options.store).translator
-    settings = lane_following.DriveSettings(distance=options.distance)
-    seeds = range(options.seed, options.seed + options.seeds)
-    with reporter() as progress:
-        progress.begin("tune the thresholds", 1)
-        thresholds = lane_following.tuned_thresholds(tuned_on, options.seed)
-        progress.advance(1)
-        progress.begin("drive", 2 * len(conditions) * len(seeds))
-        arms = lane_following.compare(
-            conditions, seeds, translator, thresholds, options.strength, settings, progress.advance
-        )
-        rows = [arm.summary() for arm in arms]
-    if options.json:
-        print(json.dumps(rows, indent=1))
-        return
-    print(
-        f"{'light':<12}{'translator':<12}{'kept the lane':>14}{'route':>8}{'error':>9}{'poses':>8}"
-    )
-    for row in rows:
-        print(
-            f"{row['condition']:<12}{'yes' if row['translated'] else 'no':<12}"
-            f"{row['kept']:>9} / {row['drives']:<2}{row['progress']:>8.0%}"
-            f"{1e3 * row['mean_error_m']:>6.0f} mm{row['detected']:>8.0%}"
-        )
 
 
 def _package(options: argparse.Namespace) -> None:

@@ -8,23 +8,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from s2rtools.ros.image_topics import (
-    camera_info_topic,
-    check_topics,
-    fill_translated,
-    frame_of,
-    is_compressed,
-)
 from s2rtools.ros.master_link import MasterLink, MasterUnreachableError
-from s2rtools.ros.proxy_core import Frame, ProxyCore
-from s2rtools.ros.proxy_settings import LoadTranslator, ProxyRequest
+from s2rtools.ros.proxy_core import ProxyCore
+from s2rtools.ros.proxy_node import DIAGNOSTICS_SECONDS, ProxyNode, Publish
+from s2rtools.ros.proxy_settings import ProxyRequest
 from s2rtools.ros.ros_environment import ros_module
 
 BUFFER_BYTES = 1 << 24
 """Bytes read from a connection at once: several images, so that none waits in the socket."""
 _POLL_SECONDS = 0.5
 """Time between looks at the master and its parameters."""
-_DIAGNOSTICS_SECONDS = 1.0
 
 
 def run(request: ProxyRequest) -> None:
@@ -42,96 +35,99 @@ def run(request: ProxyRequest) -> None:
             return
         rospy.init_node(request.node_name, argv=arguments, disable_signals=True)
         try:
-            Ros1Proxy(request, link).run(stop)
+            _work(request, rospy, link, stop)
         finally:
             rospy.signal_shutdown("the proxy ends")
 
 
-class Ros1Proxy:
-    """Publishers, subscribers and the worker of an initialised node."""
+def _work(request: ProxyRequest, rospy: Any, link: MasterLink, stop: threading.Event) -> None:
+    """Work until `stop` is set or the master replaces this node by another of its name."""
+    proxy = ProxyNode(request, _Rospy(rospy, link))
+    registration = _Registration(request, proxy.core, link, rospy)
+    since_diagnostics = 0.0
+    rospy.loginfo("translate %s to %s", proxy.input, proxy.output)
+    try:
+        registration.begin()
+        while not stop.wait(_POLL_SECONDS) and not rospy.is_shutdown():
+            registration.check()
+            since_diagnostics += _POLL_SECONDS
+            if since_diagnostics >= DIAGNOSTICS_SECONDS:
+                since_diagnostics = 0.0
+                proxy.publish_diagnostics()
+    finally:
+        proxy.stop()
 
-    def __init__(self, request: ProxyRequest, link: MasterLink) -> None:
-        self._rospy = rospy = ros_module("rospy")
-        self._request, self._link = request, link
-        self._uri: str = rospy.get_node_uri()
-        self._core = ProxyCore(
-            request.settings, rospy.get_time, self._publish, self._publish_latency
-        )
-        topics = [rospy.resolve_name(t) for t in (request.input_topic, request.output_topic)]
-        self._input, self._output = topics
-        check_topics(*topics)
-        self._parameters = _Parameters(self._core, link, request.load, rospy)
-        self._registered = True
-        self._subscribe()
 
-    def run(self, stop: threading.Event) -> None:
-        """Work until `stop` is set or the master replaces this node by another of its name."""
-        worker = threading.Thread(target=self._core.work, args=(stop,), name="translate")
-        worker.start()
-        since_diagnostics = 0.0
-        self._rospy.loginfo("translate %s to %s", self._input, self._output)
+class _Rospy:
+    """`RosClient` of rospy, for an initialised node."""
+
+    private = "~"
+
+    def __init__(self, rospy: Any, link: MasterLink) -> None:
+        self._rospy, self._link = rospy, link
+        self.name: str = rospy.get_name()
+
+    def resolve(self, topic: str) -> str:
+        return str(self._rospy.resolve_name(topic))
+
+    def topic_type(self, topic: str) -> str | None:
         try:
-            self._begin()
-            while not stop.wait(_POLL_SECONDS) and not self._rospy.is_shutdown():
-                self._watch_master()
-                since_diagnostics += _POLL_SECONDS
-                if since_diagnostics >= _DIAGNOSTICS_SECONDS:
-                    since_diagnostics = 0.0
-                    self._publish_diagnostics()
-        finally:
-            stop.set()
-            self._core.close()
-            worker.join()
+            return self._link.topic_type(topic)
+        except MasterUnreachableError:
+            return None
 
-    def _begin(self) -> None:
+    def now(self) -> tuple[float, Any]:
+        time = self._rospy.Time.now()
+        return float(time.to_sec()), time
+
+    def seconds(self, stamp: Any) -> float:
+        return float(stamp.to_sec())
+
+    def data(self, content: bytes) -> bytes:
+        return content
+
+    def publisher(self, topic: str, kind: type, queue: int) -> Publish:
+        publish: Publish = self._rospy.Publisher(
+            topic, kind, queue_size=queue, tcp_nodelay=True
+        ).publish
+        return publish
+
+    def subscribe(self, topic: str, kind: type, callback: Publish) -> None:
+        """Without a queue, so that every frame is received and those replaced are counted."""
+        self._rospy.Subscriber(
+            topic, kind, callback, queue_size=None, buff_size=BUFFER_BYTES, tcp_nodelay=True
+        )
+
+    def forward(self, topic: str, target: str, kind: type) -> None:
+        publish = self.publisher(target, kind, 10)
+
+        def republish(message: Any) -> None:
+            with suppress(self._rospy.ROSException):  # publishers close before subscribers
+                publish(message)
+
+        self._rospy.Subscriber(topic, kind, republish, queue_size=10)
+
+
+class _Registration:
+    """Registration and parameters of the node at the master, renewed after its restart."""
+
+    def __init__(
+        self, request: ProxyRequest, core: ProxyCore, link: MasterLink, rospy: Any
+    ) -> None:
+        self._core, self._link, self._load, self._rospy = core, link, request.load, rospy
+        self._uri: str = rospy.get_node_uri()
+        self._registered = True
+        self._last: dict[str, Any] = {}
+
+    def begin(self) -> None:
         """Write the parameters; a master that is lost meanwhile gets them later."""
         try:
             self._link.remember_services()
-            self._parameters.write()
+            self._write_parameters()
         except MasterUnreachableError:
             self._registered = False
 
-    def _subscribe(self) -> None:
-        rospy, messages = self._rospy, ros_module("sensor_msgs.msg")
-        diagnostics, numbers = ros_module("diagnostic_msgs.msg"), ros_module("std_msgs.msg")
-        known = None
-        with suppress(MasterUnreachableError):
-            known = self._link.topic_type(self._input)
-        compressed = is_compressed(self._input, known)
-        self._type = messages.CompressedImage if compressed else messages.Image
-        self._images = rospy.Publisher(self._output, self._type, queue_size=1, tcp_nodelay=True)
-        self._latency = rospy.Publisher("~latency", numbers.Float32, queue_size=10)
-        self._diagnostics = rospy.Publisher(
-            "/diagnostics", diagnostics.DiagnosticArray, queue_size=10
-        )
-        info, new_info = camera_info_topic(self._input), camera_info_topic(self._output)
-        if info != new_info:
-            self._info = rospy.Publisher(new_info, messages.CameraInfo, queue_size=10)
-            rospy.Subscriber(info, messages.CameraInfo, self._forward_info, queue_size=10)
-        # Without a queue every frame reaches the core, which keeps the newest and counts the rest.
-        rospy.Subscriber(
-            self._input, self._type, self._receive,
-            queue_size=None, buff_size=BUFFER_BYTES, tcp_nodelay=True,
-        )  # fmt: skip
-
-    def _receive(self, message: Any) -> None:
-        self._core.offer(frame_of(message, message.header.stamp.to_sec()))
-
-    def _forward_info(self, message: Any) -> None:
-        # At shutdown rospy closes publishers before subscribers.
-        with suppress(self._rospy.ROSException):
-            self._info.publish(message)
-
-    def _publish(self, frame: Frame, content: bytes | None) -> None:
-        message = frame.message
-        if content is not None:
-            message = fill_translated(self._type(), message, content)
-        self._images.publish(message)
-
-    def _publish_latency(self, seconds: float) -> None:
-        self._latency.publish(1e3 * seconds)
-
-    def _watch_master(self) -> None:
+    def check(self) -> None:
         """Register the node again if the master has forgotten it, and follow the parameters.
 
         A master that knows another node by this name has replaced this one, which then ends.
@@ -140,42 +136,18 @@ class Ros1Proxy:
             if self._link.node_uri() is None or not self._registered:
                 self._registered = False
                 self._link.register_again(self._uri)
-                self._parameters.write()
+                self._write_parameters()
                 self._registered = True
                 self._rospy.logwarn("registered again at the restarted master %s", self._link.uri)
-            self._parameters.follow()
+            self._follow_parameters()
         except MasterUnreachableError as error:
             self._rospy.logwarn_throttle(30, "waiting for the master: %s", error)
 
-    def _publish_diagnostics(self) -> None:
-        diagnostics = ros_module("diagnostic_msgs.msg")
-        status, rows = self._core.status(), []
-        for name, value in status.rows:
-            rows.append(diagnostics.KeyValue(key=name, value=value))
-        level = diagnostics.DiagnosticStatus.WARN if status.problem \
-            else diagnostics.DiagnosticStatus.OK  # fmt: skip
-        entry = diagnostics.DiagnosticStatus(
-            level=level, name=f"{self._rospy.get_name()}: translation", hardware_id=self._input,
-            message=status.problem or "translating", values=rows,
-        )  # fmt: skip
-        array = diagnostics.DiagnosticArray(status=[entry])
-        array.header.stamp = self._rospy.Time.now()
-        self._diagnostics.publish(array)
-
-
-class _Parameters:
-    """The settings as private parameters of the node at the master."""
-
-    def __init__(self, core: ProxyCore, link: MasterLink, load: LoadTranslator, rospy: Any) -> None:
-        self._core, self._link, self._load, self._rospy = core, link, load, rospy
-        self._last: dict[str, Any] = {}
-
-    def write(self) -> None:
-        """Write the settings. Raises MasterUnreachableError."""
+    def _write_parameters(self) -> None:
         self._link.set_parameters(self._core.settings.parameters())
 
-    def follow(self) -> None:
-        """Apply parameters that differ from the settings. Raises MasterUnreachableError."""
+    def _follow_parameters(self) -> None:
+        """Apply private parameters of the node that differ from the settings."""
         known, present = self._core.settings.parameters(), self._link.parameters()
         changed = {
             name: value for name, value in present.items() if name in known and value != known[name]

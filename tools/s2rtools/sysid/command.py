@@ -50,9 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(options: argparse.Namespace) -> int:
     from s2rtools.motion_logs import read_drives
     from s2rtools.sysid import report
-    from s2rtools.sysid.identify import identify
+    from s2rtools.sysid.identify import SysidSettings, identify
     from s2rtools.sysid.residual_training import learn
-    from s2rtools.sysid.settings import SysidSettings
 
     names = None if options.parameters is None else _names(options.parameters)
     settings = SysidSettings(

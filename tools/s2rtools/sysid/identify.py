@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from s2rstore.errors import InconclusiveError, RequestError
+from s2rstore.intervals import LEVEL
 from s2rtools.motion_logs import Drive
 from s2rtools.sysid.heldout_error import HeldOut, held_out_error
 from s2rtools.sysid.identifiability import (
     Identifiability,
     at_range_limits,
     identifiability,
+    normal_equations,
+    parameter_bounds,
     range_warning,
 )
 from s2rtools.sysid.model_mismatch import Structure, structure
-from s2rtools.sysid.normal_equations import normal_equations, parameter_bounds
-from s2rtools.sysid.parameter_space import Space, check, space_of, with_ranges
+from s2rtools.sysid.parameter_space import Range, Space, check, space_of, with_ranges
 from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.search import SearchTrace, search
-from s2rtools.sysid.settings import SysidSettings
 from s2rtools.sysid.simulators import SIMULATORS
 from s2rtools.sysid.simulators.simulator import Floats, Simulator
 from s2rtools.sysid.windows import cut_windows
@@ -32,6 +33,39 @@ if TYPE_CHECKING:
 
 MIN_FITTED = 4
 """Fewest fitted drives, for the intervals over drives."""
+
+
+@dataclass(frozen=True, slots=True)
+class SysidSettings:
+    """Settings of an identification, with limits.
+
+    `parameters` None: those searched by default. `held_out` is a number of drives, None: a quarter,
+    at least one. `evaluations` per seed, None: the simulator's default. `window` in s. `ranges`
+    replace those that the simulator declares.
+    """
+
+    simulator: str = "planar"
+    parameters: tuple[str, ...] | None = None
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    seeds: int = 3
+    held_out: int | None = None
+    window: float = 3.0
+    evaluations: int | None = None
+    level: float = LEVEL
+    seed: int = 1
+    ranges: Mapping[str, Range] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        held_out, evaluations = self.held_out, self.evaluations
+        for valid, message in (
+            (1 <= self.seeds <= 100, "--seeds: 1 .. 100"),
+            (held_out is None or held_out >= 1, "--held-out: at least 1"),
+            (0.2 <= self.window <= 600, "--window: 0.2 .. 600 s"),
+            (evaluations is None or 10 <= evaluations <= 10**6, "--evaluations: 10 .. 1000000"),
+            (0 <= self.seed < 2**31, "--seed: 0 .. 2147483647"),
+        ):
+            if not valid:
+                raise RequestError(message)
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2rtools.sysid.normal_equations import normal_equations, parameter_bounds
+from s2rtools.sysid.identifiability import normal_equations, parameter_bounds
 from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.simulators.simulator import Floats
 

@@ -1,18 +1,20 @@
 """Windowed prediction error of a simulator, as least squares over its parameters.
 
-Each window restarts from the measured real state. Its five numbers are estimated along with the
-parameters: every evaluation eliminates them linearly (variable projection; Golub and Pereyra 1973),
-which takes two more replays and leaves residuals that depend on the parameters alone. A weak prior
-about the measured state keeps windows at rest determined.
+Each window restarts from the measured real state, whose five numbers are estimated along with the
+parameters; a weak prior about them keeps windows at rest determined. `refined` fits all of them
+together. Elsewhere the start states are eliminated linearly (variable projection; Golub and Pereyra
+1973), which takes two more replays and leaves residuals that depend on the parameters alone.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+from scipy import optimize, sparse
 
 from s2rtools.sysid.parameter_space import Space
 from s2rtools.sysid.simulators.simulator import Floats
-from s2rtools.sysid.variable_projection import eliminate
 from s2rtools.sysid.windows import SysidWindows
 
 _DOUBT = np.array([0.02, 0.02, 0.02, 0.15, 0.3])
@@ -21,6 +23,8 @@ _FD_STEP = np.array([1e-4, 1e-4])
 _STEP = 1e-3
 """Step of the numerical derivatives, in the unit cube."""
 _WORST = 1e12
+_MAX_EVALUATIONS = 60
+"""Evaluations of one fit, each with its derivatives."""
 
 
 class PredictionError:
@@ -61,27 +65,81 @@ class PredictionError:
         return PredictionError(self.space, self.windows, self.sigma, starts)
 
     def jacobian(self, cube: Floats) -> Floats:
-        """Derivatives of `residuals` by the coordinates, (n, 3, p); one-sided at a range limit."""
-        columns = []
-        for i in range(len(cube)):
-            low, high = cube.copy(), cube.copy()
-            low[i], high[i] = max(cube[i] - _STEP, 0.0), min(cube[i] + _STEP, 1.0)
-            change = self.residuals(high) - self.residuals(low)
-            columns.append(change / (high[i] - low[i]))
-        return np.stack(columns, axis=-1)
+        """Derivatives of `residuals` by the coordinates, (n, 3, p)."""
+        return self._differences(self.residuals, cube)
 
     def predicted(self, cube: Floats) -> Floats:
         """States (n, 5) simulated from the measured starts."""
         values = self.space.values(cube)
         return self.space.simulator.replay(values, self.windows.replays, self.windows.starts)
 
-    def _eliminated(self, cube: Floats) -> tuple[Floats, Floats, float]:
-        """Residuals, corrections of the starts (w, 5) and the sum of squares."""
+    def refined(self, cube: Floats) -> tuple[PredictionError, Floats]:
+        """The optimum of parameters and start states together near `cube` (p,).
+
+        Returns the problem with the best start states, and the parameters.
+        """
+        count = len(cube)
+
+        def at(point: Floats) -> tuple[PredictionError, Floats]:
+            starts = point[count:].reshape(self.starts.shape)
+            return PredictionError(self.space, self.windows, self.sigma, starts), point[:count]
+
+        def residuals(point: Floats) -> Floats:
+            problem, cube = at(point)
+            away = (problem.starts - self.windows.starts) / _DOUBT
+            return np.append(problem._deviations(cube), away)
+
+        def jacobian(point: Floats) -> sparse.csr_matrix:
+            problem, cube = at(point)
+            return problem._joint_jacobian(cube)
+
+        free = np.full(self.starts.size, np.inf)
+        bounds = np.append(np.zeros(count), -free), np.append(np.ones(count), free)
+        start = np.append(np.clip(cube, 1e-9, 1 - 1e-9), self.starts)
+        found = optimize.least_squares(
+            residuals, start, jacobian, bounds, x_scale="jac", xtol=1e-7, ftol=1e-7, gtol=1e-10,
+            tr_solver="lsmr", max_nfev=_MAX_EVALUATIONS,
+        )  # fmt: skip
+        return at(found.x)
+
+    def _joint_jacobian(self, cube: Floats) -> sparse.csr_matrix:
+        """Derivatives of deviations (n, 3) and prior (w, 5) by the parameters and start states."""
+        by_parameters = self._differences(self._deviations, cube)
+        by_starts = self._linearised(cube)[1]
+        window, states = np.repeat(self.windows.window_of_row, 3), self.starts.size
+        row = np.arange(len(window))
+        deviations = sparse.csr_matrix(
+            (by_starts.ravel(), (np.repeat(row, 5), (5 * window[:, None] + np.arange(5)).ravel())),
+            shape=(len(window), states),
+        )
+        prior = sparse.diags(np.tile(1 / _DOUBT, len(self.starts)))
+        return sparse.bmat(
+            [[by_parameters.reshape(len(window), -1), deviations], [None, prior]], format="csr"
+        )
+
+    def _deviations(self, cube: Floats) -> Floats:
+        """Deviations (n, 3) from `starts`, in units of `sigma`; always finite."""
+        values, replays = self.space.values(cube), self.windows.replays
+        states = self.space.simulator.replay(values, replays, self.starts)
+        off = (states[:, :3] - self.windows.poses) / self.sigma
+        return np.nan_to_num(off, nan=_WORST**0.5, posinf=_WORST**0.5, neginf=-(_WORST**0.5))
+
+    def _differences(self, of: Callable[[Floats], Floats], cube: Floats) -> Floats:
+        """Derivatives of a function by the coordinates (..., p); one-sided at a range limit."""
+        columns = []
+        for i in range(len(cube)):
+            low, high = cube.copy(), cube.copy()
+            low[i], high[i] = max(cube[i] - _STEP, 0.0), min(cube[i] + _STEP, 1.0)
+            columns.append((of(high) - of(low)) / (high[i] - low[i]))
+        return np.stack(columns, axis=-1)
+
+    def _linearised(self, cube: Floats) -> tuple[Floats, Floats]:
+        """Deviations (n, 3) and their derivatives (n, 3, 5) by the start state of the window."""
         values, replays = self.space.values(cube), self.windows.replays
         starts, replay = self.starts, self.space.simulator.replay
         states = replay(values, replays, starts)
-        residual = np.ascontiguousarray((states[:, :3] - self.windows.poses) / self.sigma)
-        sensitivity = np.zeros((*residual.shape, 5))
+        deviations = (states[:, :3] - self.windows.poses) / self.sigma
+        sensitivity = np.zeros((*deviations.shape, 5))
         begin = starts[self.windows.window_of_row]
         sensitivity[:, 0, 0] = sensitivity[:, 1, 1] = sensitivity[:, 2, 2] = 1.0
         sensitivity[:, 0, 2] = -(states[:, 1] - begin[:, 1])
@@ -91,10 +149,19 @@ class PredictionError:
             nudged[:, 3 + i] += nudge
             other = replay(values, replays, nudged)
             sensitivity[:, :, 3 + i] = (other[:, :3] - states[:, :3]) / nudge
-        sensitivity /= self.sigma[:, None]
-        corrections = np.empty_like(starts)
+        return deviations, sensitivity / self.sigma[:, None]
+
+    def _eliminated(self, cube: Floats) -> tuple[Floats, Floats, float]:
+        """Residuals, corrections of the starts (w, 5) and the sum of squares."""
+        residual, sensitivity = self._linearised(cube)
         if not np.isfinite(residual).all() or not np.isfinite(sensitivity).all():
-            return np.full_like(residual, np.sqrt(_WORST)), np.zeros_like(starts), np.inf
-        moved = starts - self.windows.starts
-        total = eliminate(residual, sensitivity, replays.first, _DOUBT**-2.0, moved, corrections)
-        return residual, corrections, float(total)
+            return np.full_like(residual, np.sqrt(_WORST)), np.zeros_like(self.starts), np.inf
+        first, moved = self.windows.replays.first[:-1], self.starts - self.windows.starts
+        sums = np.einsum("ncp,ncq->npq", sensitivity, sensitivity)
+        normal = np.add.reduceat(sums, first) + np.diag(_DOUBT**-2.0)
+        products = np.einsum("ncp,nc->np", sensitivity, residual)
+        right = np.add.reduceat(products, first) + moved * _DOUBT**-2.0
+        corrections = -np.linalg.solve(normal, right[:, :, None])[:, :, 0]
+        residual += np.einsum("ncp,np->nc", sensitivity, corrections[self.windows.window_of_row])
+        away = ((moved + corrections) / _DOUBT) ** 2
+        return residual, corrections, float((residual**2).sum() + away.sum())

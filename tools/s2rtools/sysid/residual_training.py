@@ -10,7 +10,6 @@ import numpy as np
 from s2rtools.sysid.heldout_error import HeldOut, compared
 from s2rtools.sysid.identify import Identification
 from s2rtools.sysid.simulators.simulator import Floats
-from s2rtools.sysid.stretches import stretches_of
 
 if TYPE_CHECKING:
     from s2rtools.common.command_line.progress import Reporter
@@ -61,7 +60,7 @@ def learn(result: Identification, reporter: Reporter, epochs: int = 200) -> Resi
 
     Raises InconclusiveError where the logs are too coarse for steps of `STEP`.
     """
-    from s2rtools.sysid.residual_network import ResidualNetwork, train
+    from s2rtools.sysid.residual_network import ResidualNetwork, stretches_of, train
 
     stretches = stretches_of(result.everything, result.cube)
     fitted = len(result.fitted)

@@ -1,17 +1,19 @@
-"""Search of the parameters: CMA-ES from several seeds, each refined by least squares."""
+"""Search of the parameters: CMA-ES from several seeds, each refined by least squares of SciPy."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from s2rtools.sysid.cma_es import Advance, minimize
-from s2rtools.sysid.least_squares import refine
 from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.simulators.simulator import Floats, Integers
 
+Advance = Callable[[int], None]
+"""Receives the number of new evaluations; the sum is the permitted number."""
 _SPREAD = 0.25
+"""Standard deviation of the first points of CMA-ES, in the unit cube."""
 _MAX_SECONDS = 40.0
 """Seconds of driving that the search of one seed uses; the refinement uses all."""
 _WEIGHT_ROUNDS = 2
@@ -21,14 +23,12 @@ _WEIGHT_ROUNDS = 2
 @dataclass(frozen=True, slots=True)
 class SearchTrace:
     """Search of one seed: best `costs` (k,) after `evaluations` (k,) on the windows of the search,
-    the `end` (p,) of the search, the `refined` end (p,), and its `cost` on all windows.
+    and the `cost` of its refined end on all windows.
     """
 
     seed: int
     evaluations: Floats
     costs: Floats
-    end: Floats
-    refined: Floats
     cost: float
 
 
@@ -38,27 +38,21 @@ def search(problem: PredictionError, seeds: int, first_seed: int, evaluations: i
 
     Returns the problem with the best start states and weights, the optimum (p,), and the traces.
     """
-    traces = []
+    ends, traces = [], []
     for number in range(seeds):
         rng = np.random.default_rng((first_seed, number))
         start = problem.space.start()
         if number:
             start = rng.uniform(0.2, 0.8, len(start))
-        traces.append(_search_seed(problem, start, rng, number, evaluations, advance))
-    best = min(traces, key=lambda trace: trace.cost)
-    cube = best.refined
-    problem = problem.restarted(cube)
+        part = problem.of(problem.windows.only(_random_windows(problem, rng)))
+        counts, costs, end = _minimize(part.cost, start, rng, evaluations, advance)
+        refined, cube = problem.refined(end)
+        ends.append((refined, cube))
+        traces.append(SearchTrace(number, counts, costs, refined.cost(cube)))
+    problem, cube = ends[int(np.argmin([trace.cost for trace in traces]))]
     for _ in range(_WEIGHT_ROUNDS):
-        problem, cube = refine(problem.weighted(_residual_noise(problem, cube)), cube)
+        problem, cube = problem.weighted(_residual_noise(problem, cube)).refined(cube)
     return problem, cube, traces
-
-
-def _search_seed(problem: PredictionError, start: Floats, rng: np.random.Generator, number: int,
-                 evaluations: int, advance: Advance) -> SearchTrace:  # fmt: skip
-    part = problem.of(problem.windows.only(_random_windows(problem, rng)))
-    counts, costs, end = minimize(part.cost, start, rng, evaluations, _SPREAD, advance)
-    whole, fine = refine(problem, end)
-    return SearchTrace(number, counts, costs, end, fine, whole.cost(fine))
 
 
 def _random_windows(problem: PredictionError, rng: np.random.Generator) -> Integers:
@@ -73,3 +67,32 @@ def _residual_noise(problem: PredictionError, cube: Floats) -> Floats:
     rms = np.sqrt((problem.residuals(cube) ** 2).mean(axis=0)) * problem.sigma
     place = float(np.hypot(rms[0], rms[1]) / np.sqrt(2.0))
     return np.maximum([place, place, rms[2]], 1e-6)
+
+
+def _minimize(
+    cost: Callable[[Floats], float], start: Floats, rng: np.random.Generator, evaluations: int,
+    advance: Advance,
+) -> tuple[Floats, Floats, Floats]:  # fmt: skip
+    """CMA-ES: evaluations and best costs after each generation, and the best point (p,)."""
+    import cma
+
+    options = {
+        "bounds": [0.0, 1.0], "maxfevals": evaluations, "verbose": -10, "verb_log": 0,
+        "tolx": 1e-4, "tolfun": 1e-4, "tolfunhist": 1e-4,
+        "seed": np.nan, "randn": lambda *shape: rng.standard_normal(shape),
+    }  # fmt: skip
+    strategy = cma.CMAEvolutionStrategy(start, _SPREAD, options)
+    counts, costs = [], []
+    done = 0
+    while not strategy.stop():
+        points = strategy.ask()
+        strategy.tell(points, [np.log(cost(np.asarray(point))) for point in points])
+        counts.append(float(strategy.result.evaluations))
+        costs.append(float(np.exp(strategy.result.fbest)))
+        step = min(len(points), evaluations - done)
+        if step > 0:
+            advance(step)
+        done += step
+    if done < evaluations:
+        advance(evaluations - done)
+    return np.array(counts), np.array(costs), np.clip(strategy.result.xbest, 0.0, 1.0)

@@ -8,23 +8,45 @@ Shrivastava et al., "Learning from simulated and unsupervised images through adv
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 
 from s2rtools.common.torch_device import device
 from s2rtools.translation.fit_checkpoint import FitState
-from s2rtools.translation.fit_loop import Batch, Learner
+from s2rtools.translation.fit_loop import (
+    Batch,
+    BatchSampler,
+    FitPlan,
+    Learner,
+    provenance,
+    run_fit,
+)
 from s2rtools.translation.image_set import ImageSet
-from s2rtools.translation.network_translator import placed
-from s2rtools.translation.networks import PatchDiscriminator, luminance_image
+from s2rtools.translation.method import (
+    FitResult,
+    FitSettings,
+    Option,
+    Options,
+    TranslationMethod,
+)
+from s2rtools.translation.network_translator import NetworkTranslator, placed
+from s2rtools.translation.networks import (
+    GeneratorSize,
+    PatchDiscriminator,
+    check_fit_size,
+    chosen_size,
+    initialised,
+    luminance_image,
+    size_options,
+)
 
 POOL = 50
 """Earlier translations that a discriminator sees again."""
 BETAS = (0.5, 0.999)
-MAX_GRADIENT = 1.0
-"""Norm to which the gradient of all generators, and that of all discriminators, is clipped."""
 DISCRIMINATOR_CHANNELS = 24
 CROP_PIXELS = 64 * 96
 
@@ -36,13 +58,13 @@ def crop_size(images: ImageSet) -> tuple[int, int]:
     return max(1, round(height * scale / 8)) * 8, max(1, round(width * scale / 8)) * 8
 
 
-def fooling_loss(discriminator: nn.Module, fake: Tensor) -> Tensor:
+def generator_loss(discriminator: nn.Module, fake: Tensor) -> Tensor:
     """Mean of (D(fake) - 1)^2."""
     loss: Tensor = (discriminator(fake) - 1).square().mean()
     return loss
 
 
-def telling_apart_loss(discriminator: nn.Module, real: Tensor, fake: Tensor) -> Tensor:
+def discriminator_loss(discriminator: nn.Module, real: Tensor, fake: Tensor) -> Tensor:
     """Half the mean of (D(real) - 1)^2 and D(fake)^2."""
     loss: Tensor = (discriminator(real) - 1).square().mean() + discriminator(fake).square().mean()
     return loss / 2
@@ -92,6 +114,8 @@ class AdversarialLearner(Learner):
     A subclass computes the losses of the generators.
     """
 
+    max_gradient = 1.0
+
     def __init__(
         self, generators: nn.ModuleDict, domains: tuple[str, ...], crop: tuple[int, int]
     ) -> None:
@@ -124,11 +148,11 @@ class AdversarialLearner(Learner):
         self.discriminators.requires_grad_(False)
         losses, fakes = self.generator_losses(batch)
         total = torch.stack(list(losses.values())).sum()
-        self._update("generators", total)
+        self.update(total, "generators")
         self.discriminators.requires_grad_(True)
         reals = {"source": batch.source, "target": batch.target}
         parts = [
-            telling_apart_loss(
+            discriminator_loss(
                 self.discriminators[domain],
                 reals[domain],
                 self.pools[domain].exchange(fake, batch.generator),
@@ -136,14 +160,48 @@ class AdversarialLearner(Learner):
             for domain, fake in fakes.items()
         ]
         told_apart = torch.stack(parts).sum()
-        self._update("discriminators", told_apart)
+        self.update(told_apart, "discriminators")
         named = {name: value.detach() for name, value in losses.items()}
         return {"loss": total.detach(), **named, "discriminator": told_apart.detach()}
 
-    def _update(self, name: str, loss: Tensor) -> None:
-        optimizer = self.state.optimizers[name]
-        optimizer.zero_grad()
-        loss.backward()
-        for group in optimizer.param_groups:
-            nn.utils.clip_grad_norm_(group["params"], MAX_GRADIENT)
-        optimizer.step()
+
+@dataclass(frozen=True, slots=True)
+class AdversarialFit:
+    """A fit of two networks against each other, from which `method` makes a method.
+
+    `learner` builds the networks from their size, the size of crops and the options named in
+    `weights`, which weigh the losses; `network` is what of it the translator applies.
+    """
+
+    translator: type[NetworkTranslator]
+    learner: Callable[[GeneratorSize, tuple[int, int], Options], AdversarialLearner]
+    network: Callable[[AdversarialLearner], nn.Module]
+    steps: int
+    learning_rate: float
+    weights: Mapping[str, Option]
+    size: GeneratorSize = field(default_factory=GeneratorSize)
+
+    def method(self, description: str) -> TranslationMethod:
+        """The method with its options."""
+        options = {
+            **size_options(self.size), "batch": Option(1, 1, 64),
+            "rate": Option(self.learning_rate, 1e-7, 1.0), **self.weights,
+        }  # fmt: skip
+        return TranslationMethod(
+            self.translator.method, description, self.translator, self._fit,
+            learned=True, options=options,
+        )  # fmt: skip
+
+    def _fit(
+        self, source: ImageSet, target: ImageSet, settings: FitSettings, options: Options
+    ) -> FitResult:
+        name, size = self.translator.method, chosen_size(options)
+        check_fit_size(name, source, size.channels)
+        weights: dict[str, Any] = {key: options[key] for key in self.weights}
+        crop = crop_size(source)
+        learner = initialised(settings.seed, lambda: self.learner(size, crop, weights))
+        sampler = BatchSampler(source, target, crop, options["batch"], settings.seed)
+        plan = FitPlan(name, self.steps, options["rate"], {**size.document(), **weights})
+        progress = run_fit(learner, sampler, plan, settings)
+        translator = self.translator(self.network(learner), source.size, size.document())
+        return FitResult(translator, progress.history, provenance(progress, sampler, plan))

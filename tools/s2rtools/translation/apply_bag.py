@@ -18,7 +18,8 @@ import numpy as np
 from s2rstore.errors import RequestError
 from s2rstore.security.memory_limit import bounded_memory
 from s2rtools.common.bag_files import check_bag, unreadable
-from s2rtools.translation.apply_report import ApplyReport, Translated, publish_at
+from s2rtools.common.command_line.progress import Reporter
+from s2rtools.translation.apply_report import Translated, publish_at
 from s2rtools.translation.image_codec import (
     RawLayout,
     UndecodableImageError,
@@ -54,7 +55,7 @@ def apply_to_bag(
     strength: float,
     source: Path,
     target: Path,
-    report: ApplyReport,
+    report: Reporter,
     request: BagRequest = BagRequest(),
 ) -> Translated:
     """Write a bag whose images are translated; undecodable ones stay as they are and are counted.
@@ -87,7 +88,7 @@ def _copy(
     reader: Any,
     topic: str,
     write: Callable[[Any, int, bytes], None],
-    report: ApplyReport,
+    report: Reporter,
     request: BagRequest,
 ) -> Translated:
     report.begin(f"translate {topic}", reader.message_count)

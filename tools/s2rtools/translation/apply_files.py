@@ -10,9 +10,10 @@ import numpy as np
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import check_regular, read_bytes
+from s2rtools.common.command_line.progress import Reporter
 from s2rtools.common.image_files import SUFFIXES
 from s2rtools.translation.apply_bag import apply_to_bag
-from s2rtools.translation.apply_report import ApplyReport, Translated, publish_at
+from s2rtools.translation.apply_report import Translated, publish_at
 from s2rtools.translation.image_codec import UndecodableImageError, decode_compressed
 from s2rtools.translation.image_set import (
     MAX_IMAGE_BYTES,
@@ -30,11 +31,11 @@ _KEPT_SUFFIXES = {".jpg": "jpeg", ".jpeg": "jpeg", ".png": "png"}
 _JPEG_QUALITY = 95
 _DEFAULT_RATE = 30.0
 
-Apply = Callable[[Translator, float, Path, Path, ApplyReport], Translated]
+Apply = Callable[[Translator, float, Path, Path, Reporter], Translated]
 
 
 def apply_to_files(
-    translator: Translator, strength: float, source: Path, target: Path, report: ApplyReport
+    translator: Translator, strength: float, source: Path, target: Path, report: Reporter
 ) -> Translated:
     """Translate an image, a folder of images, a video or a bag into a new file or folder.
 
@@ -44,7 +45,7 @@ def apply_to_files(
 
 
 def apply_to_image(
-    translator: Translator, strength: float, source: Path, target: Path, report: ApplyReport
+    translator: Translator, strength: float, source: Path, target: Path, report: Reporter
 ) -> Translated:
     """Translate one image file; the suffix of `target` is its format."""
     if target.suffix.lower() not in SUFFIXES:
@@ -60,7 +61,7 @@ def apply_to_image(
 
 
 def apply_to_folder(
-    translator: Translator, strength: float, source: Path, target: Path, report: ApplyReport
+    translator: Translator, strength: float, source: Path, target: Path, report: Reporter
 ) -> Translated:
     """Translate all images of a folder and its subfolders into the same names; undecodable ones
     are left out and counted. Raises RequestError if none can be decoded."""
@@ -84,7 +85,7 @@ def apply_to_folder(
 
 
 def apply_to_video(
-    translator: Translator, strength: float, source: Path, target: Path, report: ApplyReport
+    translator: Translator, strength: float, source: Path, target: Path, report: Reporter
 ) -> Translated:
     """Translate the frames of a video; size and frame rate stay, sound is left out.
 
@@ -116,7 +117,7 @@ def _translate_video(
     video: cv2.VideoCapture,
     part: Path,
     size: tuple[int, int],
-    report: ApplyReport,
+    report: Reporter,
 ) -> int:
     codec = cv2.VideoWriter.fourcc(*VIDEO_CODECS[part.suffix.lower()])
     rate = video.get(cv2.CAP_PROP_FPS)

@@ -9,16 +9,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 from s2rstore.errors import RequestError
-
-
-class ApplyReport(Protocol):
-    """Receiver of progress: `begin` a stage of `total` images, `advance` it."""
-
-    def begin(self, stage: str, total: int) -> None: ...
-    def advance(self, steps: int) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)

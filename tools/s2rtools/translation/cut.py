@@ -16,30 +16,20 @@ from torch import Tensor, nn
 from torch.nn.functional import cross_entropy, normalize
 
 from s2rtools.translation.adversarial_training import (
+    AdversarialFit,
     AdversarialLearner,
-    crop_size,
-    fooling_loss,
+    generator_loss,
     luminance_loss,
 )
-from s2rtools.translation.fit_loop import Batch, BatchSampler, FitPlan, provenance, run_fit
-from s2rtools.translation.image_set import ImageSet
-from s2rtools.translation.method import FitResult, FitSettings, TranslationMethod
-from s2rtools.translation.method_options import (
-    SIZE_OPTIONS,
-    check_request,
-    generator_size,
-    number,
-    whole_number,
-)
-from s2rtools.translation.network_size import GeneratorSize
+from s2rtools.translation.fit_loop import Batch
+from s2rtools.translation.method import Option, Options
 from s2rtools.translation.network_translator import GeneratorTranslator
-from s2rtools.translation.networks import Generator, initialised
+from s2rtools.translation.networks import Generator, GeneratorSize
 
 STEPS = 4000
 """About 5 minutes on one core for images of 80 x 160 (0.07 s a step)."""
-BATCH = 1
 LEARNING_RATE = 5e-4
-OPTIONS = (*SIZE_OPTIONS, "batch", "rate", "contrast", "luminance")
+WEIGHTS = {"contrast": Option(1.0, 0, 100), "luminance": Option(0.0, 0, 100)}
 TEMPERATURE = 0.07
 PATCHES = 64
 PROJECTION = 64
@@ -87,14 +77,12 @@ class PatchContrast(nn.Module):
 class CutLearner(AdversarialLearner):
     """The generator `target` and the projections of its features."""
 
-    def __init__(
-        self, size: GeneratorSize, crop: tuple[int, int], contrast: float, luminance: float
-    ) -> None:
+    def __init__(self, size: GeneratorSize, crop: tuple[int, int], weights: Options) -> None:
         self.generator = Generator(size)
         self.compare = PatchContrast(_feature_widths(size.channels, size.blocks))
         modules = nn.ModuleDict({"target": self.generator, "contrast": self.compare})
         super().__init__(modules, ("target",), crop)
-        self.contrast, self.luminance = contrast, luminance
+        self.weights = weights
 
     def generator_losses(self, batch: Batch) -> tuple[Mapping[str, Tensor], Mapping[str, Tensor]]:
         originals = torch.cat([batch.source, batch.target])
@@ -103,11 +91,12 @@ class CutLearner(AdversarialLearner):
         contrast = self.compare(after, before, batch.generator)
         fake = both[: len(batch.source)]
         losses = {
-            "adversarial": fooling_loss(self.discriminators["target"], fake),
-            "contrast": self.contrast * contrast,
+            "adversarial": generator_loss(self.discriminators["target"], fake),
+            "contrast": self.weights["contrast"] * contrast,
         }
-        if self.luminance:
-            losses["luminance"] = self.luminance * luminance_loss(fake, batch.source)
+        if self.weights["luminance"]:
+            bright = luminance_loss(fake, batch.source)
+            losses["luminance"] = self.weights["luminance"] * bright
         return losses, {"target": fake}
 
 
@@ -117,27 +106,7 @@ def _feature_widths(channels: int, blocks: int) -> tuple[int, ...]:
     return (channels, 2 * channels, deep) + (deep,) * len({0, blocks // 2})
 
 
-def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
-    """Train the generator against the discriminator of the target."""
-    check_request("cut", OPTIONS, source, target, settings)
-    options = settings.options
-    size = generator_size(options)
-    weights = {
-        "contrast": number(options, "contrast", 1.0, 0, 100),
-        "luminance": number(options, "luminance", 0.0, 0, 100),
-    }
-    batch = whole_number(options, "batch", BATCH, 1, 64)
-    rate = number(options, "rate", LEARNING_RATE, 1e-7, 1.0)
-    crop = crop_size(source)
-    learner = initialised(settings.seed, lambda: CutLearner(size, crop, **weights))
-    sampler = BatchSampler(source, target, crop, batch, settings.seed)
-    plan = FitPlan("cut", STEPS, rate, {**size.document(), **weights})
-    progress = run_fit(learner, sampler, plan, settings)
-    translator = CutTranslator(learner.generator, source.size, size.document())
-    return FitResult(translator, progress.history, provenance(progress, sampler, plan))
-
-
-METHOD = TranslationMethod(
-    "cut", "one generator, contrasting patches before and after", CutTranslator, fit,
-    learned=True, options=OPTIONS,
-)  # fmt: skip
+METHOD = AdversarialFit(
+    CutTranslator, CutLearner, lambda learner: learner.generators["target"], STEPS, LEARNING_RATE,
+    WEIGHTS,
+).method("one generator, contrasting patches before and after")  # fmt: skip

@@ -15,17 +15,13 @@ from s2rtools.translation.image_set import ImageSet, Rgb
 from s2rtools.translation.method import (
     FitResult,
     FitSettings,
+    Option,
+    Options,
     Settings,
     Tensors,
     TranslationMethod,
     Translator,
 )
-from s2rtools.translation.method_options import check_images, number
-
-OPTIONS = ("beta",)
-BETA = 0.02
-"""Half width of the replaced window as a share of the shorter edge, the paper's middle setting."""
-_BLOCK = 16
 
 
 def _window(height: int, width: int, reach: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -44,7 +40,7 @@ class FdaTranslator(Translator):
     def __init__(self, amplitude: Floats) -> None:
         self.amplitude = amplitude
 
-    def translate(self, rgb: Rgb) -> Rgb:
+    def apply(self, rgb: Rgb) -> Rgb:
         height, width = rgb.shape[1:3]
         reach = min(len(self.amplitude) // 2, (min(height, width) - 1) // 2)
         inner = len(self.amplitude) // 2 - reach
@@ -71,12 +67,11 @@ class FdaTranslator(Translator):
         return cls(amplitude)
 
 
-def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
-    """Mean amplitude of the target; the option `beta` is the half width of the window."""
-    check_images("fda", OPTIONS, source, target, settings)
-    beta = number(settings.options, "beta", BETA, 0.001, 0.5)
+def fit(source: ImageSet, target: ImageSet, settings: FitSettings, options: Options) -> FitResult:
+    """Mean amplitude of the target; the option `beta` is the half width of the replaced window as
+    a share of the shorter edge."""
     height, width = target.size
-    reach = min(max(1, int(beta * min(height, width))), (min(height, width) - 1) // 2)
+    reach = min(max(1, int(options["beta"] * min(height, width))), (min(height, width) - 1) // 2)
     window = _window(height, width, reach)
     total = np.zeros((2 * reach + 1, 2 * reach + 1, 3))
     for image in target.images:
@@ -85,5 +80,6 @@ def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
 
 
 METHOD = TranslationMethod(
-    "fda", "amplitude of the lowest spatial frequencies", FdaTranslator, fit, options=OPTIONS
-)
+    "fda", "amplitude of the lowest spatial frequencies", FdaTranslator, fit,
+    options={"beta": Option(0.02, 0.001, 0.5)},  # the paper's middle setting
+)  # fmt: skip

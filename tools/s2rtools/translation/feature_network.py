@@ -140,25 +140,21 @@ class _FeatureLearner(Learner):
             "domain": cross_entropy(scores[:, ROTATIONS:], domain),
         }
         loss = losses["rotation"] + losses["domain"]
-        optimizer = self.state.optimizers["all"]
-        optimizer.zero_grad()
-        loss.backward()
-        optimizer.step()
+        self.update(loss)
         right = (scores[:, :ROTATIONS].argmax(dim=1) == turns).float().mean()
         return {"loss": loss.detach(), "rotation_accuracy": right}
 
 
 def fitted_features(
-    source: ImageSet, target: ImageSet, settings: FitSettings
+    source: ImageSet, target: ImageSet, settings: FitSettings, file: str
 ) -> tuple[FeatureNetwork, dict[str, Any]]:
-    """The network of the option `features`, else a small one trained on both domains.
+    """VGG-19 of a weights file, or, where `file` is empty, a small network trained on both domains.
 
     The small one learns to tell by how many quarter turns a crop was rotated and which domain it
     is from. It is trained again when a fit continues from a checkpoint, with the same result.
     Returns facts that name the network.
     """
-    file = settings.options.get("features")
-    if file is not None:
+    if file:
         path = Path(file)
         network = read_vgg19(path)
         placed(network).eval().requires_grad_(False)

@@ -83,9 +83,21 @@ class BatchSampler:
 
 
 class Learner(ABC):
-    """Networks, optimizers and losses of one method."""
+    """Networks, optimizers and losses of one method; `max_gradient` is the norm to which the
+    gradient of each optimizer's parameters is clipped."""
 
     state: FitState
+    max_gradient: float | None = None
+
+    def update(self, loss: Tensor, optimizer: str = "all") -> None:
+        """One step of an optimizer of the state."""
+        chosen = self.state.optimizers[optimizer]
+        chosen.zero_grad()
+        loss.backward()
+        if self.max_gradient is not None:
+            for group in chosen.param_groups:
+                torch.nn.utils.clip_grad_norm_(group["params"], self.max_gradient)
+        chosen.step()
 
     @abstractmethod
     def step(self, batch: Batch) -> Mapping[str, Tensor]:

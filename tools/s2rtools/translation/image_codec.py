@@ -7,17 +7,18 @@ channels and the padding of rows are kept.
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image, JpegImagePlugin
 
 from s2rstore.files.image_header import check_integrity, read_header
 from s2rtools.common.image_files import MAX_PIXELS
 from s2rtools.translation.image_set import Rgb
-from s2rtools.translation.jpeg_quality import jpeg_quality
 
 _SUFFIXES = {"PNG": ".png", "JPEG": ".jpg"}
 _SWAPPED = {3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGB}
@@ -169,3 +170,41 @@ def _pixels(rows: NDArray[np.uint8], layout: RawLayout, count: int) -> NDArray[n
 def _check_size(height: int, width: int) -> None:
     if min(height, width) < 1 or height * width > MAX_PIXELS:
         raise UndecodableImageError(f"{width} x {height} pixels; 1 to {MAX_PIXELS:,} are decoded")
+
+
+_LUMINANCE = np.sort(
+    np.array(
+        [
+            16, 11, 10, 16, 24, 40, 51, 61, 12, 12, 14, 19, 26, 58, 60, 55,
+            14, 13, 16, 24, 40, 57, 69, 56, 14, 17, 22, 29, 51, 87, 80, 62,
+            18, 22, 37, 56, 68, 109, 103, 77, 24, 35, 55, 64, 81, 104, 113, 92,
+            49, 64, 78, 87, 103, 121, 120, 101, 72, 92, 95, 98, 112, 100, 103, 99,
+        ]
+    )
+)  # fmt: skip
+"""Quantization table of luminance in ITU-T T.81, annex K.1, sorted."""
+_DEFAULT_QUALITY = 90
+
+
+def jpeg_quality(content: bytes) -> int:
+    """Quality 1 .. 100 whose table of the Independent JPEG Group is nearest to that of the image.
+
+    90 for images that are no JPEG or have no table.
+    """
+    try:
+        with Image.open(io.BytesIO(content), formats=["JPEG"]) as image:
+            tables = image.quantization if isinstance(image, JpegImagePlugin.JpegImageFile) else {}
+    except (OSError, ValueError, SyntaxError):
+        return _DEFAULT_QUALITY
+    if len(tables.get(0, ())) != 64:
+        return _DEFAULT_QUALITY
+    distances = np.abs(_tables() - np.sort(np.array(tables[0]))).sum(axis=1)
+    return int(distances.argmin()) + 1
+
+
+def _tables() -> NDArray[np.int64]:
+    """Sorted tables (100, 64) of the qualities 1 .. 100, scaled as by the Independent JPEG Group:
+    5000 / q percent below 50, else 200 - 2 q percent."""
+    quality = np.arange(1, 101)
+    percent = np.where(quality < 50, 5000 // quality, 200 - 2 * quality)
+    return np.clip((_LUMINANCE * percent[:, None] + 50) // 100, 1, 255)

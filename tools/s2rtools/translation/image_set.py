@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -54,6 +54,10 @@ class ImageSet:
         iids = None if self.iids is None else self.iids[index]
         names = tuple(self.names[row] for row in index)
         return ImageSet(self.name, self.images[index], self.groups[index], names, iids)
+
+    def from_row(self, start: int) -> ImageSet:
+        """The images without the rows above `start`."""
+        return replace(self, images=self.images[:, start:]) if start else self
 
 
 def fit_size(height: int, width: int, long_edge: int = LONG_EDGE) -> tuple[int, int]:
@@ -117,9 +121,11 @@ def image_files(folder: Path) -> list[Path]:
     return files
 
 
-def evenly_spaced(count: int, most: int) -> NDArray[np.intp]:
-    """At most `most` of the rows 0 .. count - 1 in order, the first and the last among them."""
-    return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(np.intp))
+def evenly_spaced(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
+    """At most `most` of the rows in order, the first and the last among them."""
+    if len(rows) <= most:
+        return rows
+    return rows[np.linspace(0, len(rows) - 1, most).round().astype(np.intp)]
 
 
 def read_image(path: Path) -> Rgb:
@@ -151,7 +157,7 @@ def from_folder(
     `size` defaults to that of the first image, reduced to `long_edge`.
     """
     files = image_files(folder)
-    files = [files[row] for row in evenly_spaced(len(files), max_images)]
+    files = [files[row] for row in evenly_spaced(np.arange(len(files)), max_images)]
     first = read_image(files[0])
     size = size or fit_size(first.shape[0], first.shape[1], long_edge)
     images = np.empty((len(files), *size, 3), dtype=np.uint8)

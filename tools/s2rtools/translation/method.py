@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -11,6 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.errors import RequestError
 from s2rtools.translation.image_set import ImageSet, Rgb
 
 Tensors = dict[str, NDArray[Any]]
@@ -29,10 +31,19 @@ class Translator(ABC):
     method: ClassVar[str]
     quick: ClassVar[bool] = True
     """Whether a small image takes milliseconds, so that files are tested on one when read."""
+    lower: float = 1.0
+    """Share of the rows, from the bottom, that is translated; the others stay as they are."""
 
-    @abstractmethod
     def translate(self, rgb: Rgb) -> Rgb:
         """Translate images (B, H, W, 3) uint8 of any size; returns the same shape and type."""
+        start = first_lower_row(rgb.shape[1], self.lower)
+        if not start:
+            return self.apply(rgb)
+        return np.concatenate([rgb[:, :start], self.apply(rgb[:, start:])], axis=1)
+
+    @abstractmethod
+    def apply(self, rgb: Rgb) -> Rgb:
+        """The map itself, of images (B, H, W, 3) that are translated as a whole."""
 
     def use_faster_precision(self, rgb: Rgb) -> None:  # noqa: B027
         """Compute in a lower precision from now on where that is faster on images like `rgb`.
@@ -72,6 +83,39 @@ def blend(rgb: Rgb, translated: Rgb, strength: float) -> Rgb:
 
 
 @dataclass(frozen=True, slots=True)
+class Option:
+    """An option of a method. The type of `default` is that of its values.
+
+    A number lies in `low` .. `high`; a text is one of `choices`, or any text where there are none.
+    """
+
+    default: float | str
+    low: float = 0.0
+    high: float = math.inf
+    choices: tuple[str, ...] = ()
+
+    def parse(self, name: str, text: str) -> float | str:
+        """The value of a text. Raises RequestError where it is not one of the option's values."""
+        if isinstance(self.default, str):
+            if self.choices and text not in self.choices:
+                raise RequestError(f"{name}={text}: one of {', '.join(self.choices)}")
+            return text
+        whole = isinstance(self.default, int)
+        try:
+            value = int(text) if whole else float(text)
+        except ValueError:
+            value = math.nan
+        if not self.low <= value <= self.high:
+            kind = "whole number" if whole else "number"
+            raise RequestError(f"{name}={text}: a {kind} from {self.low:g} to {self.high:g}")
+        return value
+
+
+Options = Mapping[str, Any]
+"""Values of all options of a method by name."""
+
+
+@dataclass(frozen=True, slots=True)
 class FitSettings:
     """Settings of a fit.
 
@@ -79,7 +123,8 @@ class FitSettings:
     translator), else after `minutes` if given, else after the method's default number of steps.
     With `paired`, image i of the source shows the scene of image i of the target. With
     `checkpoint`, the state is saved there every few seconds and a later call continues from it.
-    `options` are the options of one method, such as `features` of `style`.
+    `options` are texts of the options of one method, such as `features` of `style`. `lower` is the
+    share of the rows, from the bottom, that is fitted and translated.
     """
 
     seed: int = 0
@@ -89,6 +134,7 @@ class FitSettings:
     options: Mapping[str, str] = field(default_factory=dict)
     checkpoint: Path | None = None
     report: ReportProgress = lambda fraction, loss, seconds: None
+    lower: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,17 +150,72 @@ class FitResult:
 class TranslationMethod:
     """A method of the registry `translation.METHODS`.
 
-    `fit(source, target, settings)` raises RequestError for unknown options and too few images.
+    `compute(source, target, settings, options)` fits a translator to images that were checked.
     `uses_pairs`: the fit can use that images of both domains show the same scenes.
-    `learned` methods train a network; the others compute statistics and ignore the budget.
-    `version` is increased when a change of the code changes the images of a stored translator.
+    `learned` methods train a network on images of one size; the others compute statistics and
+    ignore the budget. `version` is increased when a change of the code changes the images of a
+    stored translator.
     """
 
     name: str
     description: str
     translator: type[Translator]
-    fit: Callable[[ImageSet, ImageSet, FitSettings], FitResult]
+    compute: Callable[[ImageSet, ImageSet, FitSettings, Options], FitResult]
     learned: bool = False
-    options: tuple[str, ...] = ()
+    options: Mapping[str, Option] = field(default_factory=dict)
     version: int = 1
     uses_pairs: bool = False
+
+    def fit(self, source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
+        """Fit a translator from images of one domain to the look of another.
+
+        Raises RequestError for unknown options and values, for too few images, and for images and
+        pairs that do not match.
+        """
+        options = self._parse(settings.options)
+        for images in (source, target):
+            if not len(images):
+                raise RequestError(f"{self.name}: no images in {images.name}")
+        if self.learned and source.size != target.size:
+            raise RequestError(
+                f"{self.name}: {source.name} has images of {source.size}, {target.name} of "
+                f"{target.size}; read both with the same size"
+            )
+        if settings.paired and len(source) != len(target):
+            raise RequestError(
+                f"{self.name}: {len(source)} images in {source.name} and {len(target)} in "
+                f"{target.name} are not pairs"
+            )
+        lowest = [each.from_row(first_lower_row(each.size[0], settings.lower))
+                  for each in (source, target)]  # fmt: skip
+        result = self.compute(lowest[0], lowest[1], settings, options)
+        result.translator.lower = settings.lower
+        return result
+
+    def _parse(self, texts: Mapping[str, str]) -> Options:
+        """Values of all options. Raises RequestError for unknown options and wrong values."""
+        for name in texts:
+            if name not in self.options:
+                known = ", ".join(self.options)
+                names = f"one of {known}" if known else "this method has no options"
+                raise RequestError(f"{self.name}: option {name!r}: {names}")
+        return {
+            name: option.parse(name, texts[name]) if name in texts else option.default
+            for name, option in self.options.items()
+        }
+
+
+def lower_share(text: str, what: str) -> float:
+    """A share of the rows above 0, at most 1. Raises RequestError, beginning with `what`."""
+    try:
+        share = float(text)
+    except ValueError:
+        share = math.nan
+    if not 0 < share <= 1:
+        raise RequestError(f"{what}: lower={text}: a share of the rows above 0, at most 1")
+    return share
+
+
+def first_lower_row(height: int, share: float) -> int:
+    """The first of the lowest `share` of the rows of an image; at least one row is in it."""
+    return height - max(1, round(height * share))

@@ -17,8 +17,14 @@ from s2rtools.common.torch_device import device
 from s2rtools.translation.colour_statistics import to_uint8
 from s2rtools.translation.image_set import Rgb
 from s2rtools.translation.method import Settings, Tensors, Translator
-from s2rtools.translation.network_size import MAX_EDGE, GeneratorSize, check_working_size
-from s2rtools.translation.networks import MIN_EDGE, REDUCTION, Generator
+from s2rtools.translation.networks import (
+    MAX_EDGE,
+    MIN_EDGE,
+    REDUCTION,
+    Generator,
+    GeneratorSize,
+    check_working_size,
+)
 
 _GPU_BATCH = 16
 _TIMED_CALLS = 5
@@ -79,7 +85,7 @@ class NetworkTranslator(Translator):
     def build(cls, network_settings: Settings) -> nn.Module:
         """An untrained network. Raises KeyError, TypeError or ValueError for wrong settings."""
 
-    def translate(self, rgb: Rgb) -> Rgb:
+    def apply(self, rgb: Rgb) -> Rgb:
         height, width = rgb.shape[1:3]
         scale = max(self.size) / max(height, width)
         if scale >= 1:

@@ -8,18 +8,86 @@ trained on two processor cores.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeVar
+from dataclasses import asdict, dataclass
+from typing import Any, TypeVar
 
 import torch
 from torch import Tensor, nn
 
-from s2rtools.translation.network_size import GeneratorSize
+from s2rstore.errors import RequestError
+from s2rtools.translation.image_set import ImageSet
+from s2rtools.translation.method import Option, Options
 
 REDUCTION = 4
 """Factor by which `Encoder` reduces both edges."""
 MIN_EDGE = 16
 
 Kind = TypeVar("Kind")
+
+MAX_CHANNELS, MAX_BLOCKS = 128, 16
+MAX_EDGE = 1024
+"""Pixels of the longer edge of images at the working size."""
+MAX_VALUES = 32 << 20
+"""Values of one feature map at the working size (pixels times channels)."""
+
+
+@dataclass(frozen=True, slots=True)
+class GeneratorSize:
+    """Channels at full resolution, residual blocks, and the limit of the change.
+
+    `bound` is the largest change of an image in -1 .. 1; 2 reaches every colour from every colour.
+    Raises ValueError for values out of range.
+    """
+
+    channels: int = 16
+    blocks: int = 4
+    bound: float = 2.0
+
+    def __post_init__(self) -> None:
+        whole = type(self.channels) is int and type(self.blocks) is int
+        if not whole or not 1 <= self.channels <= MAX_CHANNELS:
+            raise ValueError(f"channels {self.channels}: a whole number up to {MAX_CHANNELS}")
+        if not 1 <= self.blocks <= MAX_BLOCKS:
+            raise ValueError(f"blocks {self.blocks}: a whole number up to {MAX_BLOCKS}")
+        if type(self.bound) not in (int, float) or not 0 < self.bound <= 2:
+            raise ValueError(f"bound {self.bound}: a number above 0, at most 2")
+
+    def document(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def check_working_size(size: tuple[int, int], channels: int) -> None:
+    """Raise ValueError where features at a working size (rows, columns) need too much memory.
+
+    The pixels are those of a square with the longer edge, because images may have any aspect.
+    """
+    edge = max(size)
+    if edge > MAX_EDGE:
+        raise ValueError(f"images of {edge} pixels; networks translate up to {MAX_EDGE}")
+    if edge**2 * channels > MAX_VALUES:
+        most = int((MAX_VALUES / channels) ** 0.5)
+        raise ValueError(f"images of {edge} pixels with {channels} channels; at most {most} pixels")
+
+
+def check_fit_size(name: str, images: ImageSet, channels: int) -> None:
+    """Raise RequestError for images too large for a network with `channels` at full size."""
+    try:
+        check_working_size(images.size, channels)
+    except ValueError as error:
+        raise RequestError(f"{name}: {error}; fit at a smaller size") from error
+
+
+def size_options(size: GeneratorSize) -> dict[str, Option]:
+    """The options `channels` and `blocks` of a method whose default size is `size`."""
+    return {
+        "channels": Option(size.channels, 1, MAX_CHANNELS),
+        "blocks": Option(size.blocks, 1, MAX_BLOCKS),
+    }
+
+
+def chosen_size(options: Options, bound: float = 2.0) -> GeneratorSize:
+    """The size that the options `channels` and `blocks` name."""
+    return GeneratorSize(options["channels"], options["blocks"], bound)
 
 
 def initialised(seed: int, build: Callable[[], Kind]) -> Kind:

@@ -12,7 +12,6 @@ both domains, by the mean absolute difference of pairs, or by the patch distance
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 import torch
@@ -23,9 +22,9 @@ from torch.nn.functional import l1_loss
 from s2rtools.translation.adversarial_training import (
     AdversarialLearner,
     crop_size,
-    fooling_loss,
+    generator_loss,
 )
-from s2rtools.translation.colour_statistics import Floats, linear_map, moments
+from s2rtools.translation.colour_statistics import Floats, linear_map, moments, transport
 from s2rtools.translation.fit_checkpoint import FitState
 from s2rtools.translation.fit_loop import (
     Batch,
@@ -36,33 +35,39 @@ from s2rtools.translation.fit_loop import (
     run_fit,
 )
 from s2rtools.translation.image_set import ImageSet, Rgb
-from s2rtools.translation.method import FitResult, FitSettings, Settings, TranslationMethod
-from s2rtools.translation.method_options import (
-    SIZE_OPTIONS,
-    check_request,
-    generator_size,
-    number,
-    whole_number,
+from s2rtools.translation.method import (
+    FitResult,
+    FitSettings,
+    Option,
+    Options,
+    Settings,
+    TranslationMethod,
 )
-from s2rtools.translation.mkl import transport
-from s2rtools.translation.network_size import GeneratorSize
 from s2rtools.translation.network_translator import NetworkTranslator, placed
-from s2rtools.translation.networks import Generator, clipped, initialised
+from s2rtools.translation.networks import (
+    Generator,
+    GeneratorSize,
+    check_fit_size,
+    chosen_size,
+    clipped,
+    initialised,
+    size_options,
+)
 from s2rtools.translation.patch_distance import patch_distance
 
 STEPS = 900
-BATCH = 2
 PAIRED_RATE, UNPAIRED_RATE = 1e-3, 3e-4
 """Learning rates; at 1e-3, the discriminator drove the change to its bound."""
-BOUND = 0.25
-"""Largest change as a share of the range of grey levels."""
 IDENTITY_WEIGHT, GRADIENT_WEIGHT = 0.5, 0.5
 SHARES = (0.25, 0.5, 0.75, 1.0)
 MIN_GAIN = 0.02
 HELD_OUT = 0.15
 _FEW_IMAGES = 8
-OPTIONS = (*SIZE_OPTIONS, "batch", "bound")
-DEFAULT_SIZE = GeneratorSize(channels=16, blocks=2)
+OPTIONS = {
+    **size_options(GeneratorSize(blocks=2)), "batch": Option(2, 1, 64),
+    "bound": Option(0.25, 0.001, 1.0),
+}  # fmt: skip
+"""`bound` is the largest change as a share of the range of grey levels."""
 
 
 class ResidualNetwork(nn.Module):
@@ -79,7 +84,7 @@ class ResidualNetwork(nn.Module):
         """The linear map of `mkl`, for images in -1 .. 1."""
         before, after = moments(source.images), moments(target.images)
         matrix = transport(before, after)
-        offset = (after.mean - 127.5 - matrix @ (before.mean - 127.5)) / 127.5
+        offset = (after[0] - 127.5 - matrix @ (before[0] - 127.5)) / 127.5
         self.get_buffer("matrix").copy_(torch.from_numpy(matrix))
         self.get_buffer("offset").copy_(torch.from_numpy(offset))
 
@@ -113,10 +118,10 @@ class ResidualTranslator(NetworkTranslator):
     method = "mkl+residual"
     network: ResidualNetwork
 
-    def translate(self, rgb: Rgb) -> Rgb:
+    def apply(self, rgb: Rgb) -> Rgb:
         matrix, offset = self.network.colour_map()
         mapped = linear_map(rgb, matrix, offset)
-        return super().translate(mapped) if float(self.network.get_buffer("share")) else mapped
+        return super().apply(mapped) if float(self.network.get_buffer("share")) else mapped
 
     def _forward(self, x: Tensor) -> Tensor:
         return self.network.changed(x)
@@ -135,10 +140,7 @@ class PairedLearner(Learner):
 
     def step(self, batch: Batch) -> Mapping[str, Tensor]:
         loss = l1_loss(self.network(batch.source), batch.target)
-        optimizer = self.state.optimizers["all"]
-        optimizer.zero_grad()
-        loss.backward()
-        optimizer.step()
+        self.update(loss)
         return {"loss": loss.detach()}
 
 
@@ -153,7 +155,7 @@ class UnpairedLearner(AdversarialLearner):
         mapped = self.network.mapped(batch.source)
         fake, same = self.network.generator(torch.cat([mapped, batch.target])).chunk(2)
         losses = {
-            "adversarial": fooling_loss(self.discriminators["target"], fake),
+            "adversarial": generator_loss(self.discriminators["target"], fake),
             "identity": IDENTITY_WEIGHT * l1_loss(same, batch.target),
             "gradients": GRADIENT_WEIGHT * _gradient_loss(fake, mapped),
         }
@@ -183,13 +185,10 @@ def held_out_rows(groups: NDArray[np.int32]) -> NDArray[np.bool_]:
     return chosen
 
 
-def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
+def fit(source: ImageSet, target: ImageSet, settings: FitSettings, options: Options) -> FitResult:
     """Fit the linear map, train the network, choose its share on held-out images."""
-    check_request("mkl+residual", OPTIONS, source, target, settings)
-    options = settings.options
-    bound = number(options, "bound", BOUND, 0.001, 1.0)
-    size = generator_size(options, replace(DEFAULT_SIZE, bound=2 * bound))
-    batch = whole_number(options, "batch", BATCH, 1, 64)
+    size = chosen_size(options, 2 * options["bound"])
+    check_fit_size("mkl+residual", source, size.channels)
     source_out = held_out_rows(source.groups)
     target_out = source_out if settings.paired else held_out_rows(target.groups)
     train = source.rows(np.flatnonzero(~source_out)), target.rows(np.flatnonzero(~target_out))
@@ -206,7 +205,7 @@ def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
         return PairedLearner(network) if settings.paired else UnpairedLearner(network, crop)
 
     learner = initialised(settings.seed, build)
-    sampler = BatchSampler(*train, crop, batch, settings.seed, settings.paired)
+    sampler = BatchSampler(*train, crop, options["batch"], settings.seed, settings.paired)
     rate = PAIRED_RATE if settings.paired else UNPAIRED_RATE
     plan = FitPlan("mkl+residual", STEPS, rate, size.document())
     progress = run_fit(learner, sampler, plan, settings)

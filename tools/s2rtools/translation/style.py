@@ -14,22 +14,29 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from s2rtools.common.torch_device import device
 from s2rtools.translation.feature_network import build_features, fitted_features
 from s2rtools.translation.image_set import ImageSet
-from s2rtools.translation.method import FitResult, FitSettings, Settings, TranslationMethod
-from s2rtools.translation.method_options import check_request, check_size, number, whole_number
+from s2rtools.translation.method import (
+    FitResult,
+    FitSettings,
+    Option,
+    Options,
+    Settings,
+    TranslationMethod,
+)
 from s2rtools.translation.network_translator import NetworkTranslator
-from s2rtools.translation.style_losses import StyleLosses, mean_gram_matrices, total_variation
+from s2rtools.translation.networks import check_fit_size
+from s2rtools.translation.style_losses import StyleLosses, total_variation
 
-ITERATIONS = 60
 MAX_ITERATIONS = 300
 STEP = 0.02
 """Learning rate of Adam on pixels in -1 .. 1."""
-STYLE_WEIGHT = 5.0
 SMOOTHNESS = 4.0
 """Weight of the total variation of the change, against coloured grain."""
-OPTIONS = ("features", "iterations", "weight")
+OPTIONS = {
+    "features": Option(""), "iterations": Option(60, 1, MAX_ITERATIONS),
+    "weight": Option(5.0, 0, 1e6),
+}  # fmt: skip
 
 
 class StyleOptimisation(nn.Module):
@@ -78,19 +85,17 @@ class StyleTranslator(NetworkTranslator):
         return StyleOptimisation(losses, iterations, weight)
 
 
-def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
+def fit(source: ImageSet, target: ImageSet, settings: FitSettings, options: Options) -> FitResult:
     """Feature network and mean Gram matrices of the target; the budget is not used."""
-    check_request("style", OPTIONS, source, target, settings)
-    iterations = whole_number(settings.options, "iterations", ITERATIONS, 1, MAX_ITERATIONS)
-    weight = number(settings.options, "weight", STYLE_WEIGHT, 0, 1e6)
-    features, facts = fitted_features(source, target, settings)
-    check_size("style", source, features.widths()["conv1_1"])
-    losses = StyleLosses(features).to(device())
-    losses.set_style(mean_gram_matrices(features, target))
-    network = StyleOptimisation(losses, iterations, weight)
+    check_fit_size("style", source, 1)
+    features, facts = fitted_features(source, target, settings, options["features"])
+    check_fit_size("style", source, features.widths()["conv1_1"])
+    losses = StyleLosses.of_images(features, target)
     document: dict[str, Any] = {
-        "layout": features.layout, "iterations": iterations, "weight": weight,
+        "layout": features.layout, "iterations": options["iterations"],
+        "weight": options["weight"],
     }  # fmt: skip
+    network = StyleOptimisation(losses, options["iterations"], options["weight"])
     translator = StyleTranslator(network, source.size, document)
     settings.report(1.0, 0.0, 0.0)
     return FitResult(translator, [], {**facts, **document})

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor, nn
 
+from s2rtools.common.torch_device import device
 from s2rtools.translation.feature_network import FeatureNetwork
 from s2rtools.translation.image_set import ImageSet
 from s2rtools.translation.network_translator import to_tensor
@@ -50,10 +51,13 @@ class StyleLosses(nn.Module):
             channels = widths[layer]
             self.register_buffer(f"gram_{layer}", torch.zeros(channels, channels))
 
-    def set_style(self, grams: Mapping[str, Tensor]) -> None:
-        """The Gram matrices to reach."""
-        for layer, gram in grams.items():
-            self.get_buffer(f"gram_{layer}").copy_(gram)
+    @classmethod
+    def of_images(cls, features: FeatureNetwork, images: ImageSet) -> StyleLosses:
+        """Losses against the mean style of some images."""
+        losses = cls(features).to(device())
+        for layer, gram in mean_gram_matrices(features, images).items():
+            losses.get_buffer(f"gram_{layer}").copy_(gram)
+        return losses
 
     def content(self, activations: Mapping[str, Tensor], wanted: Mapping[str, Tensor]) -> Tensor:
         """Relative squared difference of the content layer."""

@@ -13,9 +13,8 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
-from s2rtools.common.torch_device import device
 from s2rtools.translation.adversarial_training import crop_size
-from s2rtools.translation.feature_network import FeatureNetwork, fitted_features
+from s2rtools.translation.feature_network import fitted_features
 from s2rtools.translation.fit_checkpoint import FitState
 from s2rtools.translation.fit_loop import (
     Batch,
@@ -26,26 +25,26 @@ from s2rtools.translation.fit_loop import (
     run_fit,
 )
 from s2rtools.translation.image_set import ImageSet
-from s2rtools.translation.method import FitResult, FitSettings, TranslationMethod
-from s2rtools.translation.method_options import (
-    SIZE_OPTIONS,
-    check_request,
-    generator_size,
-    number,
-    whole_number,
-)
-from s2rtools.translation.network_size import GeneratorSize
+from s2rtools.translation.method import FitResult, FitSettings, Option, Options, TranslationMethod
 from s2rtools.translation.network_translator import GeneratorTranslator, placed
-from s2rtools.translation.networks import Generator, initialised
-from s2rtools.translation.style_losses import StyleLosses, mean_gram_matrices, total_variation
+from s2rtools.translation.networks import (
+    Generator,
+    GeneratorSize,
+    check_fit_size,
+    chosen_size,
+    initialised,
+    size_options,
+)
+from s2rtools.translation.style_losses import StyleLosses, total_variation
 
 STEPS = 800
-BATCH = 2
 LEARNING_RATE = 2e-4
-STYLE_WEIGHT = 5.0
 SMOOTHNESS = 4.0
-OPTIONS = (*SIZE_OPTIONS, "batch", "features", "weight")
-DEFAULT_SIZE = GeneratorSize(blocks=3, bound=0.5)
+BOUND = 0.5
+OPTIONS = {
+    **size_options(GeneratorSize(blocks=3)), "batch": Option(2, 1, 64), "features": Option(""),
+    "weight": Option(5.0, 0, 1e6),
+}  # fmt: skip
 
 
 class StyleNetworkTranslator(GeneratorTranslator):
@@ -70,31 +69,20 @@ class StyleNetworkLearner(Learner):
         style = self.losses.style(activations)
         rough = total_variation(translated - batch.source)
         loss = content + self.weight * style + SMOOTHNESS * rough
-        optimizer = self.state.optimizers["all"]
-        optimizer.zero_grad()
-        loss.backward()
-        optimizer.step()
+        self.update(loss)
         return {"loss": loss.detach(), "content": content.detach(), "style": style.detach()}
 
 
-def _losses(features: FeatureNetwork, target: ImageSet) -> StyleLosses:
-    losses = StyleLosses(features).to(device())
-    losses.set_style(mean_gram_matrices(features, target))
-    return losses.requires_grad_(False)
-
-
-def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
+def fit(source: ImageSet, target: ImageSet, settings: FitSettings, options: Options) -> FitResult:
     """Train the generator on images of the source; the budget counts without the features."""
-    check_request("style-network", OPTIONS, source, target, settings)
-    options = settings.options
-    size = generator_size(options, DEFAULT_SIZE)
-    weight = number(options, "weight", STYLE_WEIGHT, 0, 1e6)
-    batch = whole_number(options, "batch", BATCH, 1, 64)
-    features, facts = fitted_features(source, target, settings)
+    size, weight = chosen_size(options, BOUND), options["weight"]
+    check_fit_size("style-network", source, size.channels)
+    features, facts = fitted_features(source, target, settings, options["features"])
     generator = initialised(settings.seed, lambda: Generator(size))
     placed(generator)
-    learner = StyleNetworkLearner(generator, _losses(features, target), weight)
-    sampler = BatchSampler(source, target, crop_size(source), batch, settings.seed)
+    losses = StyleLosses.of_images(features, target).requires_grad_(False)
+    learner = StyleNetworkLearner(generator, losses, weight)
+    sampler = BatchSampler(source, target, crop_size(source), options["batch"], settings.seed)
     identity = {key: value for key, value in facts.items() if not key.endswith("seconds")}
     plan = FitPlan(
         "style-network", STEPS, LEARNING_RATE, {**size.document(), "weight": weight, **identity}

@@ -7,11 +7,11 @@ import json
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import cv2
 import numpy as np
-from msgspec import Struct, field
+from msgspec import Meta, Struct, field
 from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
@@ -52,7 +52,7 @@ class Header(Struct, frozen=True, forbid_unknown_fields=True):
 
     `source` and `target` are names of domains or folders; `size` is the size of the images of the
     fit, rows and columns. `folders` identifies the files of the folders of the fit, as
-    `names_digest`.
+    `names_digest`. `lower` is that of the translator.
     """
 
     format: int
@@ -63,6 +63,7 @@ class Header(Struct, frozen=True, forbid_unknown_fields=True):
     size: tuple[int, int]
     settings: dict[str, Any] = field(default_factory=dict)
     folders: tuple[str, str] | None = None
+    lower: Annotated[float, Meta(gt=0, le=1)] = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,6 +96,8 @@ def encode(stored: StoredTranslator) -> bytes:
     }  # fmt: skip
     if stored.folders is not None:
         header["folders"] = stored.folders
+    if translator.lower < 1:
+        header["lower"] = translator.lower
     tensors = {name: np.asarray(array, order="C") for name, array in translator.tensors().items()}
     if stored.depth_noise is not None:
         noise = stored.depth_noise.tensors()
@@ -151,6 +154,7 @@ def decode(content: bytes, where: str) -> StoredTranslator:
     plain.pop("empty", None)
     try:
         translator = method.translator.restore(plain, header.settings)
+        translator.lower = header.lower
         depth_noise = DepthNoise.restore(noise) if noise else None
         if translator.quick:
             with np.errstate(invalid="raise", over="raise"):

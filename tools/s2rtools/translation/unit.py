@@ -17,42 +17,30 @@ from torch import Tensor, nn
 from torch.nn.functional import l1_loss
 
 from s2rtools.translation.adversarial_training import (
+    AdversarialFit,
     AdversarialLearner,
-    crop_size,
-    fooling_loss,
+    generator_loss,
     luminance_loss,
 )
-from s2rtools.translation.fit_loop import Batch, BatchSampler, FitPlan, provenance, run_fit
-from s2rtools.translation.image_set import ImageSet
-from s2rtools.translation.method import (
-    FitResult,
-    FitSettings,
-    Settings,
-    TranslationMethod,
-)
-from s2rtools.translation.method_options import (
-    SIZE_OPTIONS,
-    check_request,
-    generator_size,
-    number,
-    whole_number,
-)
-from s2rtools.translation.network_size import GeneratorSize
+from s2rtools.translation.fit_loop import Batch
+from s2rtools.translation.method import Option, Options, Settings
 from s2rtools.translation.network_translator import NetworkTranslator
 from s2rtools.translation.networks import (
+    GeneratorSize,
     LatentDecoder,
     LatentEncoder,
     ResidualBlock,
     clipped,
-    initialised,
 )
 
 STEPS = 3000
 """About 4 minutes on one core for images of 80 x 160 (0.09 s a step)."""
-BATCH = 1
 LEARNING_RATE = 2e-4
 """At 1e-3, fits of rooms invented bright spots."""
-OPTIONS = (*SIZE_OPTIONS, "batch", "rate", "kl", "reconstruction", "cycle", "luminance")
+WEIGHTS = {
+    "kl": Option(0.01, 0, 1000), "reconstruction": Option(10.0, 0, 1000),
+    "cycle": Option(10.0, 0, 1000), "luminance": Option(0.5, 0, 1000),
+}  # fmt: skip
 DEFAULT_SIZE = GeneratorSize(blocks=2)
 """Blocks of each encoder and decoder, in addition to the shared ones."""
 
@@ -94,9 +82,7 @@ class UnitTranslator(NetworkTranslator):
 class UnitLearner(AdversarialLearner):
     """Encoders and decoders of both domains."""
 
-    def __init__(
-        self, size: GeneratorSize, crop: tuple[int, int], weights: Mapping[str, float]
-    ) -> None:
+    def __init__(self, size: GeneratorSize, crop: tuple[int, int], weights: Options) -> None:
         code, image = ResidualBlock(4 * size.channels), ResidualBlock(4 * size.channels)
         coders: dict[str, nn.Module] = {}
         for domain in ("source", "target"):
@@ -121,7 +107,7 @@ class UnitLearner(AdversarialLearner):
             cycle = cycle + l1_loss(returned, original)
             kl = kl + codes[name].square().mean() / 2 + again.square().mean() / 2
             bright = bright + luminance_loss(fake, original)
-            fooled = fooled + fooling_loss(self.discriminators[other[name]], fake)
+            fooled = fooled + generator_loss(self.discriminators[other[name]], fake)
             fakes[other[name]] = fake
         parts = {"kl": kl, "reconstruction": reconstruction, "cycle": cycle, "luminance": bright}
         weighted = {name: self.weights[name] * value for name, value in parts.items()}
@@ -138,27 +124,12 @@ def _sample(mean: Tensor, generator: torch.Generator) -> Tensor:
     return mean + noise
 
 
-def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
-    """Train both autoencoders; all but the encoder of the target becomes the translator."""
-    check_request("unit", OPTIONS, source, target, settings)
-    options = settings.options
-    size = generator_size(options, DEFAULT_SIZE)
-    defaults = {"kl": 0.01, "reconstruction": 10.0, "cycle": 10.0, "luminance": 0.5}
-    weights = {name: number(options, name, value, 0, 1000) for name, value in defaults.items()}
-    batch = whole_number(options, "batch", BATCH, 1, 64)
-    rate = number(options, "rate", LEARNING_RATE, 1e-7, 1.0)
-    crop = crop_size(source)
-    learner = initialised(settings.seed, lambda: UnitLearner(size, crop, weights))
-    sampler = BatchSampler(source, target, crop, batch, settings.seed)
-    plan = FitPlan("unit", STEPS, rate, {**size.document(), **weights})
-    progress = run_fit(learner, sampler, plan, settings)
+def _network(learner: AdversarialLearner) -> UnitNetwork:
+    """All but the encoder of the target."""
     names = ("source_encoder", "source_decoder", "target_decoder")
-    network = UnitNetwork(*(learner.generators[name] for name in names))
-    translator = UnitTranslator(network, source.size, size.document())
-    return FitResult(translator, progress.history, provenance(progress, sampler, plan))
+    return UnitNetwork(*(learner.generators[name] for name in names))
 
 
-METHOD = TranslationMethod(
-    "unit", "two autoencoders with a shared latent space", UnitTranslator, fit,
-    learned=True, options=OPTIONS,
-)  # fmt: skip
+METHOD = AdversarialFit(
+    UnitTranslator, UnitLearner, _network, STEPS, LEARNING_RATE, WEIGHTS, DEFAULT_SIZE
+).method("two autoencoders with a shared latent space")

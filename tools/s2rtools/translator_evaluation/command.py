@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 from s2rstore.errors import RequestError
 from s2rtools.common.command_line import output, store_argument
 from s2rtools.common.command_line.progress import percent_callback, reporter
-from s2rtools.translator_evaluation.tables import folder_text, reports_text
 
 if TYPE_CHECKING:
     from s2rtools.translator_evaluation.fit_into_store import FitRequest
@@ -61,6 +60,8 @@ def _add_fit_arguments(fit: argparse.ArgumentParser) -> None:
     add("--target", type=Path, metavar="DIR", help="folder of images with the look to give")
     add("--size", type=int, default=160, metavar="PX",
         help="longer edge of the images of the fit (default 160)")  # fmt: skip
+    add("--lower", default="1", metavar="SHARE",
+        help="translate the lowest SHARE of the rows alone, such as 0.5 (default 1)")  # fmt: skip
     add("--paired", action="store_true",
         help="use that both domains show the same scenes (mkl+residual)")  # fmt: skip
     add("--depth-noise", action="store_true",
@@ -78,7 +79,9 @@ def _add_fit_arguments(fit: argparse.ArgumentParser) -> None:
     add = fit.add_argument_group("judgement").add_argument
     add("--report", action="store_true", help="judge what was fitted, as `s2r translate report`")
     add("--run", help="run whose network judges the task (default: none)")
-    fit.set_defaults(images=_IMAGES, trust=False, no_keep=False, json=False)
+    fit.set_defaults(
+        images=_IMAGES, trust=False, no_keep=False, json=False, downstream=None, truth=None
+    )
 
 
 def _add_report_arguments(report: argparse.ArgumentParser) -> None:
@@ -95,6 +98,17 @@ def _add_report_arguments(report: argparse.ArgumentParser) -> None:
     add = report.add_argument_group("task").add_argument
     add("--run", help="run whose network judges the task (default: none)")
     add("--trust", action="store_true", help="allow model formats that execute code")
+    add(
+        "--downstream",
+        metavar="MODULE:NAME",
+        help="Python model that judges the images of --source before and after translation",
+    )
+    add(
+        "--truth",
+        type=Path,
+        metavar="DIR",
+        help="truth of each image of --source for --downstream: .png, .npy or .json",
+    )
     add = report.add_argument_group("output").add_argument
     add("--out", type=Path, metavar="DIR",
         help="write a contact sheet of each translator and report.json to this folder")  # fmt: skip
@@ -193,7 +207,7 @@ def _request(options: argparse.Namespace, method: str, name: str, report: object
         domains = sim, real
     settings = fitting.default_settings(
         method, options.seed, options.steps, options.minutes, options.paired, options.option,
-        report,  # type: ignore[arg-type]
+        options.lower, report,  # type: ignore[arg-type]
     )  # fmt: skip
     return fitting.FitRequest(
         method, name, options.direction, domains, options.depth_noise, options.size, settings
@@ -221,8 +235,12 @@ def _report(options: argparse.Namespace) -> None:
         raise RequestError(f"--images {options.images}: must be 8 to 100000")
     if not 0 <= options.seed < 2**31:
         raise RequestError("--seed: must be 0 to 2147483647")
+    if (options.downstream is None) != (options.truth is None):
+        raise RequestError("--downstream MODULE:NAME and --truth DIR belong together")
     if options.store is None:
         _report_folders(options)
+    elif options.downstream is not None:
+        raise RequestError("--downstream: needs --source DIR; a store is judged by --run")
     else:
         _report_store(options)
 
@@ -231,8 +249,8 @@ def _report_store(options: argparse.Namespace) -> None:
     import s2rstore
     from s2rstore.index.transaction import check_writable
     from s2rtools.translator_evaluation import contact_sheet, report
-    from s2rtools.translator_evaluation.judged_frames import judged_instances
-    from s2rtools.translator_evaluation.named_translator import named_translator
+    from s2rtools.translator_evaluation.judged_frames import judged_instances, named_translator
+    from s2rtools.translator_evaluation.tables import reports_text
 
     if not options.no_keep:
         check_writable(options.store)
@@ -262,16 +280,24 @@ def _report_store(options: argparse.Namespace) -> None:
 def _report_folders(options: argparse.Namespace) -> None:
     from s2rtools.translation.translator_file import load_translator
     from s2rtools.translator_evaluation import contact_sheet, report
+    from s2rtools.translator_evaluation.downstream import load_downstream
+    from s2rtools.translator_evaluation.tables import folder_text
 
     if options.target is None or not options.translators:
         raise RequestError("--source needs --target DIR and translator files")
     if options.run is not None:
         raise RequestError("--run: needs --store, because folders have no poses")
+    downstream = None
+    if options.downstream is not None:
+        model = load_downstream(options.downstream)
+        downstream = report.Downstream(model, options.truth)
     out = _sheet_folder(options)
     content, texts = {}, []
     for file in options.translators:
         stored = load_translator(file)
-        found = report.evaluate_folders(options.source, options.target, stored, options.images)
+        found = report.evaluate_folders(
+            options.source, options.target, stored, options.images, downstream
+        )
         content[Path(file).stem] = report.folder_json(found)
         texts.append(f"{file}\n{folder_text(found)}")
         if out:

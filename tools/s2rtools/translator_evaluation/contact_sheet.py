@@ -14,8 +14,11 @@ from s2rstore.reader import Store
 from s2rtools.translation.image_set import Rgb, from_folder, resize
 from s2rtools.translation.method import Translator
 from s2rtools.translator_evaluation import image_structure as structure
-from s2rtools.translator_evaluation.judged_frames import JudgedInstances, load_frames
-from s2rtools.translator_evaluation.named_translator import NamedTranslator
+from s2rtools.translator_evaluation.judged_frames import (
+    JudgedInstances,
+    NamedTranslator,
+    load_frames,
+)
 
 ROWS = 6
 MIN_WIDTH = 256

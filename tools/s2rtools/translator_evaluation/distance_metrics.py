@@ -9,7 +9,6 @@ blocks, because images of one place are alike.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -22,21 +21,11 @@ from s2rtools.gap.visual.kid import block_mmd, kernel_distance
 from s2rtools.gap.visual.prdc import NEIGHBOURS, prdc
 from s2rtools.translation.image_set import Rgb
 from s2rtools.translator_evaluation.image_structure import Floats
+from s2rtools.translator_evaluation.measures import CHANNELS, MetricRow, figure
 
-CHANNELS = ("red", "green", "blue")
 COLOUR_GRID = 4
 SPLITS = 8
 Features = Callable[[Rgb], Floats]
-
-
-@dataclass(frozen=True, slots=True)
-class Distance:
-    """One distance; `reference` is translator, identity, repeated_image or target."""
-
-    metric: str
-    reference: str
-    interval: Interval
-    unit: str
 
 
 def colour_features(images: Rgb) -> Floats:
@@ -74,7 +63,7 @@ def paired_distances(
     blocks: Blocks,
     features: Mapping[str, Features],
     seed: int = 1,
-) -> dict[str, list[Distance]]:
+) -> dict[str, list[MetricRow]]:
     """Distances by translator, and those of the controls under the empty name.
 
     All images (N, H, W, 3) show the poses of the same instances in recording order. `translators`
@@ -87,7 +76,7 @@ def paired_distances(
     halves = random_halves(blocks, SPLITS, seed)
     known = {name: compute(target) for name, compute in features.items()}
     shares = channel_histograms(target)
-    found: dict[str, list[Distance]] = {"": _target_against_target(known, shares, halves)}
+    found: dict[str, list[MetricRow]] = {"": _target_against_target(known, shares, halves)}
     for translator, reference, images in entries:
         rows = found.setdefault(translator, [])
         for name, compute in features.items():
@@ -96,16 +85,15 @@ def paired_distances(
             rows += _prdc(name, reference, values, known[name], halves)
         w1 = _channel_intervals(channel_histograms(images), shares, blocks)
         rows += [
-            Distance(f"w1_{channel}", reference, interval, "grey levels")
+            figure(f"w1_{channel}", interval, reference)
             for channel, interval in zip(CHANNELS, w1, strict=True)
         ]
     return found
 
 
-def _kid(name: str, reference: str, values: Floats, target: Floats, blocks: Blocks) -> Distance:
+def _kid(name: str, reference: str, values: Floats, target: Floats, blocks: Blocks) -> MetricRow:
     """KID of images of different blocks."""
-    interval = block_mmd(values, target, blocks).interval()
-    return Distance(f"kid_{name}", reference, interval, "")
+    return figure(f"kid_{name}", block_mmd(values, target, blocks).interval(), reference)
 
 
 def _prdc(
@@ -114,13 +102,13 @@ def _prdc(
     values: Floats,
     target: Floats,
     halves: list[tuple[NDArray[np.int64], NDArray[np.int64]]],
-) -> list[Distance]:
+) -> list[MetricRow]:
     """Precision and recall, means over halves that show different poses."""
     if halves[0][0].size <= NEIGHBOURS:
         return []
     found = [prdc(target[a], values[b]) for a, b in halves]
     return [
-        Distance(f"{metric}_{name}", reference, Interval.unknown(float(np.mean(each))), "")
+        figure(f"{metric}_{name}", np.mean(each), reference)
         for metric, each in (
             ("precision", [p.precision for p in found]),
             ("recall", [p.recall for p in found]),
@@ -145,23 +133,23 @@ def _target_against_target(
     known: Mapping[str, Floats],
     shares: Floats,
     halves: list[tuple[NDArray[np.int64], NDArray[np.int64]]],
-) -> list[Distance]:
+) -> list[MetricRow]:
     """Halves of the target: means over the splits, without intervals."""
     rows = []
     for name, values in known.items():
         kid = [kernel_distance(values[a], values[b]) for a, b in halves]
-        rows.append(Distance(f"kid_{name}", "target", Interval.unknown(float(np.mean(kid))), ""))
+        rows.append(figure(f"kid_{name}", np.mean(kid), "target"))
         rows += _prdc(name, "target", values, values, halves)
     w1 = np.array([
         histogram_distance(shares[a].mean(axis=0), shares[b].mean(axis=0)) for a, b in halves
     ])  # fmt: skip
     return rows + [
-        Distance(f"w1_{channel}", "target", Interval.unknown(float(value)), "grey levels")
+        figure(f"w1_{channel}", value, "target")
         for channel, value in zip(CHANNELS, w1.mean(axis=0), strict=True)
     ]
 
 
-def folder_distances(translated: Rgb, source: Rgb, target: Rgb, seed: int = 1) -> list[Distance]:
+def folder_distances(translated: Rgb, source: Rgb, target: Rgb, seed: int = 1) -> list[MetricRow]:
     """Distances of colours between sets without common poses, without intervals.
 
     `source` and `translated` are (N, h, w, 3), `target` is (M, h, w, 3).
@@ -173,10 +161,10 @@ def folder_distances(translated: Rgb, source: Rgb, target: Rgb, seed: int = 1) -
         ("translator", translated), ("identity", source), ("repeated_image", repeated),
     ):  # fmt: skip
         kid = kernel_distance(colour_features(images), known)
-        rows.append(Distance("kid_colour", reference, Interval.unknown(kid), ""))
+        rows.append(figure("kid_colour", kid, reference))
         w1 = histogram_distance(channel_histograms(images).mean(axis=0), shares)
         rows += [
-            Distance(f"w1_{channel}", reference, Interval.unknown(float(value)), "grey levels")
+            figure(f"w1_{channel}", value, reference)
             for channel, value in zip(CHANNELS, w1, strict=True)
         ]
     rng = np.random.default_rng(seed)

@@ -26,13 +26,20 @@ from s2rtools.precompute.prediction_rows import decode_split, encode_split
 from s2rtools.precompute.run_registration import find_domain
 from s2rtools.translation import METHODS, find_method, fit_split
 from s2rtools.translation.depth_noise import DepthNoise, measure
-from s2rtools.translation.image_set import ImageSet, fit_size, from_folder, from_store
+from s2rtools.translation.image_set import (
+    ImageSet,
+    evenly_spaced,
+    fit_size,
+    from_folder,
+    from_store,
+)
 from s2rtools.translation.method import (
     FitResult,
     FitSettings,
     ReportProgress,
     TranslationMethod,
     Translator,
+    lower_share,
 )
 from s2rtools.translation.translator_file import (
     StoredTranslator,
@@ -40,8 +47,8 @@ from s2rtools.translation.translator_file import (
     names_digest,
     stored_path,
 )
-from s2rtools.translator_evaluation.content_summary import measure_content
 from s2rtools.translator_evaluation.gates import Verdict, judge
+from s2rtools.translator_evaluation.measures import measure_content
 
 MAX_FITTED = 2000
 """Most images of a domain that a translator is fitted on; of more, evenly spaced ones."""
@@ -113,7 +120,7 @@ def _checked_images(
     iids = np.flatnonzero(store.imaged(domain) & (codes == fit_split.HELD_OUT))
     if len(iids) < _MIN_CHECKED:
         return None
-    return from_store(store, domain, _evenly_spaced(iids, _CHECKED_IMAGES), size)
+    return from_store(store, domain, evenly_spaced(iids, _CHECKED_IMAGES), size)
 
 
 def _check_content(
@@ -125,20 +132,13 @@ def _check_content(
     return judge(measure_content(before.images, translator.translate(before.images), look.images))
 
 
-def _evenly_spaced(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
-    """At most `most` of the rows."""
-    if len(rows) <= most:
-        return rows
-    return rows[np.linspace(0, len(rows) - 1, most).round().astype(np.intp)]
-
-
 def _split_codes(store: Store, source: str, target: str) -> NDArray[np.int8]:
     """Codes (N,) of `fit_split`, with at most `MAX_FITTED` images of each domain for the fit."""
     codes = fit_split.split_codes(store.instances.trajectory)
     used = np.zeros(len(codes), dtype=np.bool_)
     for domain in (source, target):
         iids = np.flatnonzero(store.imaged(domain) & (codes == fit_split.FITTED))
-        used[_evenly_spaced(iids, MAX_FITTED)] = True
+        used[evenly_spaced(iids, MAX_FITTED)] = True
     codes[(codes == fit_split.FITTED) & ~used] = fit_split.UNSEEN
     return codes
 
@@ -195,6 +195,7 @@ def publish(
             "seed": request.settings.seed,
             "paired": request.settings.paired,
             "options": json.dumps(dict(request.settings.options), sort_keys=True),
+            "lower": request.settings.lower,
             "size": list(stored.size),
             "split": encode_split(codes),
             "split_rule": fit_split.RULE,
@@ -244,7 +245,7 @@ def fit_folders(source: Path, target: Path, request: FitRequest, out: Path) -> V
 def _rows_of_fit(images: ImageSet, code: int, most: int) -> ImageSet:
     """At most `most` of the images with a code of `fit_split`, evenly spaced."""
     rows = np.flatnonzero(fit_split.split_codes(images.groups) == code)
-    return images.rows(_evenly_spaced(rows, most))
+    return images.rows(evenly_spaced(rows, most))
 
 
 def _domains(store: Store, request: FitRequest) -> tuple[str, str]:
@@ -266,7 +267,7 @@ def _checkpoint(store: Store, request: FitRequest) -> Path:
     facts = [
         store.dataset.hash, request.method, request.name, request.direction, request.domains,
         request.long_edge, settings.seed, settings.steps, settings.minutes, settings.paired,
-        sorted(settings.options.items()),
+        settings.lower, sorted(settings.options.items()),
     ]  # fmt: skip
     digest = hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
@@ -292,7 +293,7 @@ def _measure_depth_noise(
 
 def default_settings(
     method: str, seed: int, steps: int | None, minutes: float | None, paired: bool,
-    options: Sequence[str], report: ReportProgress,
+    options: Sequence[str], lower: str, report: ReportProgress,
 ) -> FitSettings:  # fmt: skip
     """Settings from the options of the command line. Raises RequestError for unknown options."""
     known = find_method(method).options
@@ -303,4 +304,5 @@ def default_settings(
             allowed = ", ".join(f"{name}=VALUE" for name in known) or "no options"
             raise RequestError(f"--option {text}: {method} takes {allowed}")
         parsed[key] = value
-    return FitSettings(seed, steps, minutes, paired, parsed, None, report)
+    share = lower_share(lower, "--lower")
+    return FitSettings(seed, steps, minutes, paired, parsed, None, report, share)

@@ -1,4 +1,4 @@
-"""The frames of a store on which a translator is judged."""
+"""Translators of a store, and the frames on which they are judged."""
 
 from __future__ import annotations
 
@@ -11,17 +11,55 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.reader import Store
+from s2rstore.records import Direction, Side
 from s2rtools.adjustments.translation import apply_translator
 from s2rtools.common.blocks import Blocks, split_into_blocks
 from s2rtools.gap.instance_selection import random_blocks
+from s2rtools.translation import fit_split
 from s2rtools.translation.image_set import Rgb
-from s2rtools.translator_evaluation.named_translator import NamedTranslator
+from s2rtools.translation.translator_file import StoredTranslator, open_stored
+from s2rtools.translator_evaluation.fit_into_store import stored_split
 
 Iids = NDArray[np.int64]
 
 MIN_IMAGES = 8
 """Fewest images on which a translator is judged."""
 _BATCH = 16
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NamedTranslator:
+    """A translator from images of domain `source` to the look of domain `target`.
+
+    `fitted` are the iids whose images were used for its fit, `held_out` those that judge it.
+    """
+
+    name: str
+    stored: StoredTranslator
+    direction: Direction
+    source: str
+    target: str
+    fitted: NDArray[np.int64]
+    held_out: NDArray[np.int64]
+
+    @property
+    def side(self) -> Side:
+        """The side whose images it translates."""
+        return "sim" if self.direction == "sim2real" else "real"
+
+
+def named_translator(store: Store, name: str) -> NamedTranslator:
+    """A translator of a store. Raises RequestError if it is unknown, missing or damaged."""
+    record, split = store.translator(name), stored_split(store, name)
+    return NamedTranslator(
+        name,
+        open_stored(store.path, record.sha256),
+        record.direction,
+        record.source_domain,
+        record.target_domain,
+        np.flatnonzero(split == fit_split.FITTED),
+        np.flatnonzero(split == fit_split.HELD_OUT),
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,7 +6,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,50 +18,38 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
-from s2rstore.intervals import Interval
 from s2rstore.reader import Store
 from s2rstore.records import Run
 from s2rtools.gap.report import plain
 from s2rtools.inference import Backend
 from s2rtools.models.load_model import load_model
 from s2rtools.translation import fit_split
-from s2rtools.translation.image_set import ImageSet, Rgb, from_folder, resize
+from s2rtools.translation.image_set import ImageSet, Rgb, from_folder, read_image, resize
 from s2rtools.translation.method import Translator
 from s2rtools.translation.translator_file import StoredTranslator, names_digest
 from s2rtools.translator_evaluation import content_metrics, distance_metrics, task_metrics
-from s2rtools.translator_evaluation.content_summary import ContentMetrics, measure_content
-from s2rtools.translator_evaluation.distance_metrics import Distance, Features
+from s2rtools.translator_evaluation.distance_metrics import Features
+from s2rtools.translator_evaluation.downstream import (
+    DownstreamModel,
+    judge_downstream,
+    read_truth,
+)
 from s2rtools.translator_evaluation.gates import Verdict, judge
 from s2rtools.translator_evaluation.image_structure import Floats
 from s2rtools.translator_evaluation.judged_frames import (
     MIN_IMAGES,
     JudgedFrames,
+    NamedTranslator,
     instance_blocks,
     judged_instances,
     load_frames,
     runs_of_neighbours,
 )
-from s2rtools.translator_evaluation.named_translator import NamedTranslator
-from s2rtools.translator_evaluation.task_metrics import TaskMetric
+from s2rtools.translator_evaluation.measures import Content, MetricRow, figure, measure_content
 
 MAX_IMAGES = 120
 """Most images on which translators are judged by default."""
 MIN_TIMED, TIMED_SECONDS = 5, 0.5
-
-
-@dataclass(frozen=True, slots=True)
-class MetricRow:
-    """One figure of a report with its interval, which may be unknown.
-
-    `reference` is translator, identity, repeated_image or target, `run` the run whose network was
-    used or None.
-    """
-
-    metric: str
-    reference: str
-    run: str | None
-    interval: Interval
-    unit: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +69,7 @@ class TranslatorReport:
     images: int
     held_out: bool
     verdict: Verdict
-    content: ContentMetrics
+    content: Content
     rows: tuple[MetricRow, ...]
     notes: tuple[str, ...]
 
@@ -144,47 +132,44 @@ class _Judge:
     seed: int
 
     def report(self, frames: JudgedFrames, held_out: bool) -> TranslatorReport:
-        content = self._content(frames)
+        translator, content = self.translator, self._content(frames)
         notes = [] if held_out else ["judged on images of the fit: none or too few are held out"]
-        task: list[TaskMetric] = []
         features: dict[str, Features] = {"colour": distance_metrics.colour_features}
+        task: list[MetricRow] = []
         if self.run is not None and self.backend is not None:
-            reason = task_metrics.unusable_reason(self.store, self.run, self.translator)
-            if reason is not None:
+            run, backend = self.run, self.backend
+            if reason := task_metrics.unusable_reason(self.store, run, translator):
                 notes.append(f"task not judged: {reason}")
             else:
-                _, note = task_metrics.untrained_rows(self.store, self.run, frames.iids)
+                _, note = task_metrics.untrained_rows(self.store, run, frames.iids)
                 notes += [note] if note else []
-                features["network"] = partial(self._embedding, self.run, self.backend, frames)
-                task = task_metrics.run_time_metrics(
-                    self.store, self.run, self.translator, self.backend, frames
-                )
+                features["network"] = partial(self._embedding, run, backend, frames)
+                task = task_metrics.run_time_metrics(self.store, run, translator, backend, frames)
             task += task_metrics.training_metrics(
-                self.store, self.run.run, self.translator.name, self.translator.held_out
+                self.store, run.run, translator.name, translator.held_out
             )
-        cost = milliseconds_per_image(self.translator.stored.translator, frames.source[0])
         rows = (
-            _content_rows(content)
-            + [_distance_row(each, self.run) for each in self._distances(frames, features)]
-            + [_task_row(each) for each in task]
-            + [MetricRow("cost", "translator", None, Interval.unknown(cost), "ms")]
+            *_content_rows(content),
+            *self._distances(frames, features),
+            *task,
+            _cost(translator.stored.translator, frames.source[0]),
         )
         return TranslatorReport(
-            name=self.translator.name,
-            method=self.translator.stored.method,
-            direction=self.translator.direction,
-            source=self.translator.source,
-            target=self.translator.target,
+            name=translator.name,
+            method=translator.stored.method,
+            direction=translator.direction,
+            source=translator.source,
+            target=translator.target,
             run=None if self.run is None else self.run.run,
             images=len(frames.iids),
             held_out=held_out,
             verdict=judge(content),
             content=content,
-            rows=tuple(rows),
+            rows=rows,
             notes=tuple(notes),
         )
 
-    def _content(self, frames: JudgedFrames) -> ContentMetrics:
+    def _content(self, frames: JudgedFrames) -> Content:
         edges = None
         if frames.valid.any():
             edges = np.stack([
@@ -194,7 +179,7 @@ class _Judge:
         groups = runs_of_neighbours(self.store, frames.iids)
         return measure_content(frames.source, frames.translated, frames.target, groups, edges)
 
-    def _distances(self, frames: JudgedFrames, features: Mapping[str, Features]) -> list[Distance]:
+    def _distances(self, frames: JudgedFrames, features: Mapping[str, Features]) -> list[MetricRow]:
         if not frames.paired:
             return distance_metrics.folder_distances(
                 frames.translated, frames.source, frames.target, self.seed
@@ -203,7 +188,11 @@ class _Judge:
             {self.translator.name: frames.translated}, frames.source, frames.target,
             instance_blocks(self.store, frames.iids), features, self.seed,
         )  # fmt: skip
-        return [*found[self.translator.name], *found[""]]
+        run = None if self.run is None else self.run.run
+        return [
+            replace(row, run=run) if row.metric.endswith("_network") else row
+            for row in (*found[self.translator.name], *found[""])
+        ]
 
     def _embedding(self, run: Run, backend: Backend, frames: JudgedFrames, rgb: Rgb) -> Floats:
         """Features of images with the depth of the source, so that only colours differ."""
@@ -212,21 +201,12 @@ class _Judge:
         ).embedding
 
 
-def _task_row(task: TaskMetric) -> MetricRow:
-    return MetricRow(task.metric, task.reference, task.run, task.interval, task.unit)
+def _content_rows(content: Content) -> list[MetricRow]:
+    return [figure(name, value) for name, value in content.items()]
 
 
-def _content_rows(content: ContentMetrics) -> list[MetricRow]:
-    return [
-        MetricRow(name, "translator", None, Interval.unknown(float(value)), "")
-        for name, value in asdict(content).items()
-        if name != "images"
-    ]
-
-
-def _distance_row(distance: Distance, run: Run | None) -> MetricRow:
-    name = run.run if run is not None and distance.metric.endswith("_network") else None
-    return MetricRow(distance.metric, distance.reference, name, distance.interval, distance.unit)
+def _cost(translator: Translator, image: Rgb) -> MetricRow:
+    return figure("cost", milliseconds_per_image(translator, image))
 
 
 def milliseconds_per_image(translator: Translator, image: Rgb) -> float:
@@ -250,7 +230,8 @@ def milliseconds_per_image(translator: Translator, image: Rgb) -> float:
 
 @dataclass(frozen=True, slots=True)
 class FolderReport:
-    """How a translator was judged on folders, which have no poses: content and colours.
+    """How a translator was judged on folders, which have no poses: by content, by colours and
+    perhaps by a model.
 
     `held_out` tells whether none of the images was used for the fit, None where it is not known.
     """
@@ -258,12 +239,24 @@ class FolderReport:
     images: int
     held_out: bool | None
     verdict: Verdict
-    content: ContentMetrics
+    content: Content
     rows: tuple[MetricRow, ...]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Downstream:
+    """A model behind the translator, and the folder of the truths of the source's images."""
+
+    model: DownstreamModel
+    truth: Path
+
+
 def evaluate_folders(
-    source: Path, target: Path, stored: StoredTranslator, max_images: int = MAX_IMAGES
+    source: Path,
+    target: Path,
+    stored: StoredTranslator,
+    max_images: int = MAX_IMAGES,
+    downstream: Downstream | None = None,
 ) -> FolderReport:
     """Judge a translator on evenly spaced images of two folders.
 
@@ -272,20 +265,23 @@ def evaluate_folders(
     """
     images = from_folder(source), from_folder(target)
     held_out, rows = _held_out_rows(images, stored)
-    before, look = (
-        each.images[chosen[np.unique(np.linspace(0, len(chosen) - 1, max_images).astype(int))]]
-        for each, chosen in zip(images, rows, strict=True)
-    )
+    chosen = [each[np.unique(np.linspace(0, len(each) - 1, max_images).astype(int))]
+              for each in rows]  # fmt: skip
+    before, look = (each.images[kept] for each, kept in zip(images, chosen, strict=True))
     if min(len(before), len(look)) < 4:
         raise RequestError(f"{source}, {target}: judging needs at least 4 images of each")
     translated = stored.translator.translate(before)
     content = measure_content(before, translated, look)
-    distances = distance_metrics.folder_distances(
+    figures = _content_rows(content) + distance_metrics.folder_distances(
         translated, before, resize(look, (before.shape[1], before.shape[2]))
     )
-    cost = milliseconds_per_image(stored.translator, before[0])
-    figures = _content_rows(content) + [_distance_row(distance, None) for distance in distances]
-    figures.append(MetricRow("cost", "translator", None, Interval.unknown(cost), "ms"))
+    if downstream is not None:
+        names = [images[0].names[row] for row in chosen[0]]
+        figures += judge_downstream(
+            downstream.model, stored.translator, (read_image(source / name) for name in names),
+            [read_truth(downstream.truth, name) for name in names], images[0].groups[chosen[0]],
+        )  # fmt: skip
+    figures.append(_cost(stored.translator, before[0]))
     return FolderReport(len(before), held_out, judge(content), content, tuple(figures))
 
 

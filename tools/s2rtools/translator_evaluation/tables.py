@@ -8,26 +8,18 @@ from typing import TYPE_CHECKING
 
 from s2rstore.intervals import LEVEL_TEXT
 from s2rtools.common.command_line import output
+from s2rtools.translator_evaluation.measures import (
+    CONTENT,
+    COVERAGE,
+    DISTANCES,
+    MEASURES,
+    MetricRow,
+)
 
 if TYPE_CHECKING:
-    from s2rtools.translator_evaluation.report import (
-        FolderReport,
-        MetricRow,
-        TranslatorReport,
-    )
+    from s2rtools.translator_evaluation.report import FolderReport, TranslatorReport
 
-_CONTENT = (
-    ("edges", "edge_agreement"), ("luminance", "luminance_correlation"),
-    ("inverted", "inverted_share"), ("regions", "region_correlation"),
-    ("sharpness", "sharpness"), ("diversity", "diversity"), ("own source", "matched"),
-    ("rank", "pairing_rank"), ("invented", "invented_share"), ("lost area", "lost_area"),
-    ("depth edges", "depth_edges_kept"), ("flicker", "flicker"),
-)  # fmt: skip
-_DISTANCES = (
-    ("KID features", "kid_network", 3), ("KID colour", "kid_colour", 3), ("W1 red", "w1_red", 1),
-    ("W1 green", "w1_green", 1), ("W1 blue", "w1_blue", 1),
-)  # fmt: skip
-_SHARES = (("precision", "precision"), ("recall", "recall"))
+_CONTENT = [measure for measure in CONTENT if measure.title]
 _CONTROLS = (
     ("identity", "no translation"), ("repeated_image", "one repeated target image"),
     ("target", "target against target"),
@@ -64,10 +56,11 @@ def _parts(reports: Sequence[TranslatorReport], run: str | None) -> Iterator[str
         if not r.verdict.passed
     )
     yield from (f"  {r.name}: {note}" for r in reports for note in r.notes)
-    yield "\nContent kept (1 = as the source; inverted, invented, lost area, flicker: 0)\n"
+    zero = ", ".join(each.title for each in _CONTENT if each.better == "lower")
+    yield f"\nContent kept (1 = as the source; {zero}: 0)\n"
     yield output.table(
-        ("translator", *(title for title, _ in _CONTENT)),
-        [(r.name, *(_figure(getattr(r.content, key)) for _, key in _CONTENT)) for r in reports],
+        ("translator", *(measure.title for measure in _CONTENT)),
+        [(r.name, *(_figure(r.content[each.name]) for each in _CONTENT)) for r in reports],
     )
     for target, group in groupby(sorted(reports, key=_target), key=_target):
         yield f"\nDistance to images of {target} (0 = equal); precision and recall of features\n"
@@ -83,20 +76,17 @@ def _target(report: TranslatorReport) -> str:
 
 def _distances(reports: list[TranslatorReport]) -> str:
     features = "network" if reports[0].row("kid_network") else "colour"
-    shown = [each for each in _DISTANCES if reports[0].row(each[1])]
-    names = (
-        "images", *(title for title, *_ in shown),
-        *(f"{title} ({features})" for title, _ in _SHARES),
-    )  # fmt: skip
+    shown = [each for each in DISTANCES if reports[0].row(each.name)]
+    shares = [each for each in COVERAGE if each.name.endswith(features)]
     entries = [(r.name, r, "translator") for r in reports]
     entries += [(title, reports[0], reference) for reference, title in _CONTROLS]
     return output.table(
-        names,
+        ("images", *(measure.title for measure in (*shown, *shares))),
         [
             (
                 label,
-                *(_bounded(report.row(metric, reference), digits) for _, metric, digits in shown),
-                *(_value(report.row(f"{key}_{features}", reference)) for _, key in _SHARES),
+                *(_bounded(report.row(each.name, reference)) for each in shown),
+                *(_value(report.row(each.name, reference)) for each in shares),
             )
             for label, report, reference in entries
         ],
@@ -112,15 +102,15 @@ def _task(reports: Sequence[TranslatorReport]) -> Iterator[str]:
         gain = report.row(f"{error}_gain")
         if gain is not None:
             rows.append((
-                report.name, side, _bounded(report.row(error, "identity"), 2),
-                _bounded(report.row(error), 2), _bounded(gain, 2),
+                report.name, side, _bounded(report.row(error, "identity")),
+                _bounded(report.row(error)), _bounded(gain),
                 claim(gain.interval),
                 _percent(report.row("features_gain")),
             ))  # fmt: skip
         found = [row for row in report.rows if row.metric.startswith("trained_error")]
         for mean, better in zip(found[::2], found[1::2], strict=True):
             text = claim(better.interval)
-            trained.append((report.name, mean.run, _bounded(mean, 2), _bounded(better, 2), text))
+            trained.append((report.name, mean.run, _bounded(mean), _bounded(better), text))
     if rows:
         yield "Mean position error, m, with the translator in front of the network\n"
         yield output.table(
@@ -137,17 +127,24 @@ def folder_text(report: FolderReport) -> str:
     found = {(row.metric, row.reference): row for row in report.rows}
     verdict = report.verdict
     outcome = "accepted" if verdict.passed else f"refused: {'; '.join(verdict.reasons)}"
-    content = [(title, _figure(getattr(report.content, key))) for title, key in _CONTENT]
+    content = [(each.title, _figure(report.content[each.name])) for each in _CONTENT]
     distances = [
-        (title, *(_value(found.get((metric, r))) for r in ("translator", *dict(_CONTROLS))))
-        for title, metric, _ in _DISTANCES
-        if (metric, "translator") in found
+        (each.title, *(_value(found.get((each.name, r))) for r in ("translator", *dict(_CONTROLS))))
+        for each in DISTANCES
+        if (each.name, "translator") in found
     ]
+    gain = found.get(("downstream_gain", "translator"))
+    scores = [found.get(("downstream_score", each)) for each in ("identity", "translator")]
+    downstream = output.table(
+        ("model behind it", "without", "with", "gain", "answer"),
+        [("score", *map(_bounded, scores), _bounded(gain), _answer(gain))],
+    )
     return "\n".join((
         f"{report.images} images: {outcome}",
         f"{_IMAGES_JUDGED[report.held_out]}\n",
         output.table(("content", "value"), content),
         output.table(("distance", "translated", *(title for _, title in _CONTROLS)), distances),
+        *([downstream] if gain else []),
     ))  # fmt: skip
 
 
@@ -159,11 +156,18 @@ def _value(row: MetricRow | None) -> float | None:
     return None if row is None else float(f"{row.interval.value:.3g}")
 
 
-def _bounded(row: MetricRow | None, digits: int) -> str:
+def _answer(gain: MetricRow | None) -> str:
+    """Whether the gain of a score is known to be one."""
+    if gain is None or not gain.interval.excludes_zero:
+        return "no claim"
+    return "helps" if gain.interval.value > 0 else "harms"
+
+
+def _bounded(row: MetricRow | None) -> str:
     """Value and interval; `-` where there is none."""
     if row is None:
         return "-"
-    number = f"{{:.{digits}f}}".format
+    number = f"{{:.{MEASURES[row.metric].digits}f}}".format
     plain = not row.interval.is_known and not row.interval.reason
     return number(row.interval.value) if plain else row.interval.with_bounds(number)
 

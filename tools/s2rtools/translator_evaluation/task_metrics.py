@@ -25,23 +25,17 @@ from s2rtools.inference import Backend
 from s2rtools.precompute.frame_reader import side_frames
 from s2rtools.translation.image_set import Rgb
 from s2rtools.translator_evaluation.image_structure import Floats
-from s2rtools.translator_evaluation.judged_frames import MIN_IMAGES, Iids, JudgedFrames
-from s2rtools.translator_evaluation.named_translator import NamedTranslator
+from s2rtools.translator_evaluation.judged_frames import (
+    MIN_IMAGES,
+    Iids,
+    JudgedFrames,
+    NamedTranslator,
+)
+from s2rtools.translator_evaluation.measures import MetricRow, figure
 
 RECIPE = "translated"
 """Name of the training recipe that trains on translated sim images."""
 _BATCH = 16
-
-
-@dataclass(frozen=True, slots=True)
-class TaskMetric:
-    """One figure of the task; `run` is the run whose network was used."""
-
-    metric: str
-    reference: str
-    run: str
-    interval: Interval
-    unit: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -143,7 +137,7 @@ def untrained_rows(store: Store, run: Run, iids: Iids) -> tuple[NDArray[np.intp]
 
 def run_time_metrics(
     store: Store, run: Run, translator: NamedTranslator, backend: Backend, frames: JudgedFrames
-) -> list[TaskMetric]:
+) -> list[MetricRow]:
     """Errors and features with and without the translator in front of the network.
 
     - `error`: mean position error on the translated images, on the source's (identity) and on the
@@ -173,31 +167,31 @@ def run_time_metrics(
     }
     error = "error" if translator.side == "real" else "sim_error"
     rows = [
-        TaskMetric(error, reference, run.run, mean(values, recording), "m")
+        figure(error, mean(values, recording), reference, run.run)
         for reference, values in errors.items()
     ]
     decrease = errors["identity"] - errors["translator"]
     for suffix, level in (("", LEVEL), ("_tested", simultaneous_level(TESTED_TRANSLATORS))):
         gain = paired_difference(decrease, recording, level=level)
-        rows.append(TaskMetric(f"{error}_gain{suffix}", "translator", run.run, gain, "m"))
+        rows.append(figure(f"{error}_gain{suffix}", gain, run=run.run))
     before, after = (
         np.linalg.norm(each.embedding - ideal.embedding, axis=1)[untrained]
         for each in (plain, moved)
     )
     if before.mean() > 0:
         closer = paired_difference((before - after) / before.mean(), recording)
-        rows.append(TaskMetric("features_gain", "translator", run.run, closer, "share"))
+        rows.append(figure("features_gain", closer, run=run.run))
     return rows
 
 
-def training_metrics(store: Store, run: str, name: str, held_out: Iids) -> list[TaskMetric]:
+def training_metrics(store: Store, run: str, name: str, held_out: Iids) -> list[MetricRow]:
     """Errors in reality of runs whose network was trained on images translated by `name`.
 
     `trained_error` is the mean real error of such a run, `trained_error_gain` the real error of
     `run` minus it, paired on the instances that both networks were not trained on, of those
     that the translator's fit held out (iids). Empty where no such run was computed.
     """
-    rows: list[TaskMetric] = []
+    rows: list[MetricRow] = []
     if store.run(run).key is None:
         return rows
     for record in store.runs.values():
@@ -217,5 +211,5 @@ def training_metrics(store: Store, run: str, name: str, held_out: Iids) -> list[
             ("trained_error", mean(trained, recording)),
             ("trained_error_gain", paired_difference(plain - trained, recording)),
         ):
-            rows.append(TaskMetric(metric, "translator", record.run, interval, "m"))
+            rows.append(figure(metric, interval, run=record.run))
     return rows

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import s2rstore
-from s2rstore.errors import RequestError, StoreBusyError
+from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.ingest_folder import append_staging_folder, append_staging_folders
 from s2rstore.files.ledger import Ledger, LedgerEntry
@@ -25,6 +25,7 @@ from s2rstore.index.transaction import IndexTransaction, check_writable, edit
 from s2rstore.maintenance.prune import frame_folders
 from s2rstore.reader import Store
 from s2rstore.records import Part, TrajectoryPart
+from s2rtools.common.lazy_sequence import LazySequence
 from s2rtools.datasets.appending.instance_agreement import Additions, additions, stored_depth_types
 from s2rtools.datasets.appending.new_domains import (
     DomainFrames,
@@ -35,7 +36,6 @@ from s2rtools.datasets.appending.new_domains import (
 from s2rtools.datasets.appending.store_agreement import in_store_terms
 from s2rtools.datasets.conventions import convention_report
 from s2rtools.datasets.conventions.convention_check import ConventionCheck
-from s2rtools.datasets.lazy_sequence import LazySequence
 from s2rtools.datasets.scan import InstanceRecord, Scan
 from s2rtools.datasets.stored_instances import StoredRecords
 from s2rtools.datasets.writing.build import (
@@ -43,6 +43,7 @@ from s2rtools.datasets.writing.build import (
     ReportProgress,
     open_folder,
     refuse_unusable,
+    removed_on_failure,
     report_outside_bounds,
     unlisted_checksums,
     write_frames,
@@ -140,21 +141,12 @@ def append(
         }
         find_folders = partial(append_staging_folders, target)
         journal = open_folder(added, target, folder, find_folders, places, progress, report_line)
-        try:
+        with removed_on_failure(folder, journal, target):
             written = _write(added, scan, store, found, folder, places, journal, progress)
             if written.checks:
                 report_line(convention_report.line(written.checks))
             refuse_unusable(scan if found.domains else added, strict)
             _publish(scan, written, folder, store, command)
-        except OSError as error:
-            shutil.rmtree(folder, ignore_errors=True)
-            where = error.filename or target
-            raise RequestError(f"{where}: cannot be written ({error.strerror})") from error
-        except BaseException as error:
-            is_refused = isinstance(error, RequestError) and not isinstance(error, StoreBusyError)
-            if journal is None or is_refused:
-                shutil.rmtree(folder, ignore_errors=True)
-            raise
         shutil.rmtree(folder, ignore_errors=True)
     counts = {name: len(written.stored[name]) for name in sorted(written.stored)}
     return Appended(counts, found.domains)

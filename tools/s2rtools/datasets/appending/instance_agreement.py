@@ -16,9 +16,10 @@ from functools import partial
 
 from s2rstore.errors import RequestError, counted
 from s2rstore.reader import Store
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.common.read_ahead import map_ahead
 from s2rtools.datasets.appending.store_agreement import is_close
-from s2rtools.datasets.scan import InputIssue, InstanceRecord, Scan
+from s2rtools.datasets.scan import InstanceRecord, Scan
 from s2rtools.datasets.writing.frame_writing import depth_type
 
 _THREADS = 2

@@ -13,8 +13,9 @@ from s2rstore.files import layout
 from s2rstore.index.transaction import IndexTransaction
 from s2rstore.reader import Store
 from s2rstore.records import Domain, TrajectoryPart
-from s2rtools.datasets.lazy_sequence import LazySequence
-from s2rtools.datasets.scan import InputIssue, InstanceRecord, Scan
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.common.lazy_sequence import LazySequence
+from s2rtools.datasets.scan import InstanceRecord, Scan
 from s2rtools.datasets.stored_instances import StoredTrajectory
 from s2rtools.datasets.writing.frame_writing import FramePlace, ReportProgress, write_trajectory
 from s2rtools.datasets.writing.index_rows import (

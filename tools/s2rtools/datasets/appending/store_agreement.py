@@ -20,8 +20,9 @@ from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rstore.records import Bounds, Domain
 from s2rstore.security.printable_text import printable_lines
-from s2rtools.datasets.floor.floor_plan_image import read_floor_plan
-from s2rtools.datasets.scan import InputIssue, Scan
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.datasets.floor.floor_plans import read_floor_plan
+from s2rtools.datasets.scan import Scan
 from s2rtools.datasets.writing.build import floor_plan_image
 
 _RELATIVE_TOLERANCE = 1e-9

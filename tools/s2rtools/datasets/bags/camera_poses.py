@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
+from s2rtools.common.bag_messages import ODOMETRY, BagMessages, pose_of, stamp_of
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.bags.frame_tree import FrameTree, PoseLog, plain
-from s2rtools.datasets.bags.messages import BagMessages, stamp_of
-from s2rtools.datasets.bags.topics import ODOMETRY, TF, Topics, is_static
+from s2rtools.datasets.bags.topics import TF, Topics, is_static
 from s2rtools.datasets.recording import ReadOptions
-from s2rtools.datasets.recordings.recorded_poses import FORWARD_TO_OPTICAL, poses_at
-from s2rtools.datasets.scan import InputIssue
+from s2rtools.datasets.recordings.recorded_poses import in_optical_axes, poses_at
 
 OPTICAL, FORWARD = "optical", "forward"
 """Values of the option `axes`."""
@@ -48,7 +48,7 @@ class CameraPoses:
         if topic != self._topics.pose:
             self._tree.add(message, is_static(topic))
             return
-        pose = getattr(message.pose, "pose", message.pose)
+        pose = pose_of(message)
         self._log.add(stamp_of(message) or recorded, pose.position, pose.orientation)
         self._worlds.add(plain(message.header.frame_id))
         if self._bag.types[topic] == ODOMETRY:
@@ -71,7 +71,7 @@ class CameraPoses:
             place = f"{self._bag.path.name}: frame {camera!r}"
             self.issues.append(InputIssue("axes assumed", place, detail))
         self.facts |= {"camera_frame": camera, "world_frame": self.world, "axes": self._axes}
-        return poses @ FORWARD_TO_OPTICAL if self._axes == FORWARD else poses
+        return in_optical_axes(poses) if self._axes == FORWARD else poses
 
     def _from_transforms(
         self, camera: str, seconds: NDArray[np.float64], origin: int

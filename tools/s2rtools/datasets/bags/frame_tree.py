@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.recordings.recorded_poses import (
     poses_at,
     poses_from_quaternions,
     usable_poses,
 )
-from s2rtools.datasets.scan import InputIssue
 
 _MOST_POSES = 4_000_000
 """Poses that are held at once, 80 bytes each; 50 Hz for six links and four hours."""

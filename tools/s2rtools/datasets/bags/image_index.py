@@ -12,15 +12,16 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError, counted
 from s2rtools.common.bag_files import refusing_damage
+from s2rtools.common.bag_messages import BagMessages, stamp_of
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.bags import image_messages
 from s2rtools.datasets.bags.frame_tree import plain
-from s2rtools.datasets.bags.messages import BagMessages, stamp_of
+from s2rtools.datasets.files.image_decoding import type_of_bits
 from s2rtools.datasets.recording import SourceImage
-from s2rtools.datasets.scan import InputIssue
 
 
 class ImageIndex:
-    """Recording time, stamp and size of each image of a topic; 32 bytes each.
+    """Recording time, stamp, size and bits of each image of a topic; 40 bytes each.
 
     Times are those of the headers, or those of the recording where all headers have 0.
     """
@@ -37,12 +38,12 @@ class ImageIndex:
     def add(self, recorded: int, message: Any) -> None:
         declared = image_messages.declared(message)
         self.in_metres |= declared.in_metres
-        self._rows.extend((recorded, stamp_of(message), *declared.size))
+        self._rows.extend((recorded, stamp_of(message), *declared.size, declared.bits))
         self.frames.add(plain(message.header.frame_id))
 
     def finish(self) -> None:
         """Sort by time; images with the time of another are left out and reported."""
-        table = np.frombuffer(self._rows, dtype=np.int64).reshape(-1, 4)
+        table = np.frombuffer(self._rows, dtype=np.int64).reshape(-1, 5)
         has_stamps = bool(table[:, 1].any())
         times = table[:, 1 if has_stamps else 0]
         late = int((np.diff(times) < 0).sum())
@@ -59,7 +60,7 @@ class ImageIndex:
 
     def common_size(self) -> tuple[int, int]:
         """The (height, width) of most images. Raises RequestError if all are unreadable."""
-        sizes, counts = np.unique(self._table[:, 2:], axis=0, return_counts=True)
+        sizes, counts = np.unique(self._table[:, 2:4], axis=0, return_counts=True)
         readable = sizes.all(axis=1)
         if not readable.any():
             raise RequestError(f"{self.bag.path}: topic {self.topic}: no image can be decoded")
@@ -68,8 +69,9 @@ class ImageIndex:
 
     def image(self, row: int, is_depth: bool, size: tuple[int, int]) -> BagImage:
         """The image of a row, whose (height, width) must be `size`."""
-        recorded, stamp, height, width = self._table[row].tolist()
-        return BagImage(self, recorded, stamp, self.name(row), height * width, is_depth, size)
+        recorded, stamp, height, width, bits = self._table[row].tolist()
+        name = self.name(row)
+        return BagImage(self, recorded, stamp, name, height * width, is_depth, size, bits)
 
     def name(self, row: int) -> str:
         return f"{self._place}:{self.times[row]}"
@@ -90,6 +92,11 @@ class BagImage:
     pixels: int
     is_depth: bool
     size: tuple[int, int]
+    bits: int
+
+    @property
+    def declared_type(self) -> str:
+        return type_of_bits(self.bits)
 
     @property
     def files(self) -> tuple[Path, ...]:

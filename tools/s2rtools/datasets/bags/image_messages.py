@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from s2rstore.files.image_header import read_header
 from s2rtools.common.image_files import MAX_PIXELS
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.files.image_decoding import decode_image, size_text
 from s2rtools.datasets.recording import SourceImage
-from s2rtools.datasets.scan import InputIssue
 from s2rtools.translation.image_codec import (
     ENCODINGS,
     RawLayout,
@@ -70,12 +70,13 @@ _DEPTHS = {
 class Declared:
     """What a message says of its image; `size` is (0, 0) for one that is unreadable.
 
-    Depth `in_metres` is converted to millimetres.
+    Depth `in_metres` is converted to millimetres. `bits` are those of a sample of depth.
     """
 
     size: tuple[int, int]
     is_depth: bool
     in_metres: bool = False
+    bits: int = 16
 
 
 def declared(message: Any) -> Declared:
@@ -84,7 +85,8 @@ def declared(message: Any) -> Declared:
         size = int(message.height), int(message.width)
         is_depth = message.encoding in DEPTH_ENCODINGS
         readable = size[0] * size[1] <= MAX_PIXELS
-        return Declared(size if readable else (0, 0), is_depth, message.encoding == "32FC1")
+        in_metres, bits = message.encoding == "32FC1", 8 if "8" in message.encoding else 16
+        return Declared(size if readable else (0, 0), is_depth, in_metres, bits)
     is_depth = "compressedDepth" in message.format
     try:
         header = read_header(_encoded(message))
@@ -92,7 +94,8 @@ def declared(message: Any) -> Declared:
         return Declared((0, 0), is_depth, _is_inverse(message))
     is_depth |= header.bits == 16 and header.channels == 1
     size = header.size if header.pixels <= MAX_PIXELS else (0, 0)
-    return Declared(size, is_depth, _is_inverse(message))
+    is_inverse = _is_inverse(message)
+    return Declared(size, is_depth, is_inverse, 16 if is_inverse else header.bits)
 
 
 def checksum(message: Any) -> str:

@@ -7,18 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from s2rstore.errors import RequestError
+from s2rtools.common.bag_messages import POSES, BagMessages
 from s2rtools.datasets.bags.image_messages import COMPRESSED, IMAGE, declared
-from s2rtools.datasets.bags.messages import BagMessages
 from s2rtools.datasets.recording import PinholeCamera, ReadOptions
-from s2rtools.datasets.recordings.stated_cameras import checked
 
 INFO = "sensor_msgs/msg/CameraInfo"
-ODOMETRY = "nav_msgs/msg/Odometry"
-POSES = (
-    ODOMETRY,
-    "geometry_msgs/msg/PoseStamped",
-    "geometry_msgs/msg/PoseWithCovarianceStamped",
-)
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _READ = frozenset((IMAGE, COMPRESSED, INFO, *POSES, *TRANSFORMS))
 TF = "tf"
@@ -112,7 +105,7 @@ def camera_of(message: Any, where: str, is_rectified: bool) -> PinholeCamera:
         distortion,
         is_fisheye,
     )
-    return checked(camera, where)
+    return camera.checked(where)
 
 
 def _one(

@@ -63,6 +63,20 @@ class Convention:
         headings = self.sign * points.source.poses[:, 2] + self.quarters * angles.TURN / 4
         return points.on_floor(headings, self.flipped, self.scale)
 
+    @property
+    def finding(self) -> str:
+        """How data looks for which this convention, and not the declared one, is right."""
+        if self.scale > 1.0:
+            return f"depth looks {self.scale:g} times too small"
+        if self.scale < 1.0:
+            return f"depth looks {1 / self.scale:g} times too large"
+        if self.flipped:
+            what = "positions look" if self.sign < 0 else "images look"
+            return f"{what} mirrored"
+        if self.sign < 0:
+            return "headings look counted in the other direction"
+        return f"headings look turned by {90 * self.quarters} degrees"
+
     def __str__(self) -> str:
         if self.scale != 1.0:
             return f"depth x {self.scale:g}"
@@ -137,12 +151,17 @@ class ConventionCheck:
         """The result in words."""
         if not self.sharpness:
             return f"{self.domain} not decided ({self.frames} frames, {self.points} points)"
+        finding = f": {self.best_other.finding}" if self.verdict == "doubtful" else ""
+        return f"{self.domain} {self.verdict}{finding} ({self.figures})"
+
+    @property
+    def figures(self) -> str:
+        """The measure of the declared convention and of the sharpest other one, nats."""
         declared, best = self.sharpness[DECLARED], self.sharpness[self.best_other]
-        figures = (
+        return (
             f"{declared.information:.2f} nats as declared, "
             f"{best.information:.2f} with {self.best_other}"
         )
-        return f"{self.domain} {self.verdict} ({figures})"
 
     def facts(self) -> dict[str, Any]:
         """The result as provenance."""

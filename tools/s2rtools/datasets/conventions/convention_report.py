@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from s2rstore.files import atomic_writes, layout
 from s2rstore.geometry import angles
 from s2rstore.records import Bounds
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.conventions.convention_check import (
     DECLARED,
     MAX_FRAMES,
@@ -28,7 +29,7 @@ from s2rtools.datasets.conventions.depth_frames import (
     read_depth,
     stored_rows,
 )
-from s2rtools.datasets.scan import InputIssue, Scan
+from s2rtools.datasets.scan import Scan
 from s2rtools.datasets.stored_instances import StoredRecords
 
 Floats = NDArray[np.float64]
@@ -103,9 +104,8 @@ def doubts(checks: Sequence[ConventionCheck]) -> list[InputIssue]:
         InputIssue(
             "convention doubtful",
             check.domain,
-            f"depth of {check.frames} frames is sharper on the floor with {check.best_other}: "
-            f"{check.sharpness[check.best_other].information:.2f} nats, "
-            f"{check.sharpness[DECLARED].information:.2f} as declared",
+            f"{check.best_other.finding}; images and poses of {check.frames} frames agree best "
+            f"with {check.best_other} ({check.figures})",
         )
         for check in checks
         if check.verdict == "doubtful"

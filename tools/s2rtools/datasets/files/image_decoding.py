@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.files.image_header import read_header
+from s2rstore.files.image_header import ImageHeader, read_header
 from s2rstore.files.input_files import open_regular, read_bytes
 from s2rstore.records import Domain
 from s2rtools.common import image_files
 from s2rtools.common.frame_resizing import resized_depth, resized_rgb
-from s2rtools.datasets.scan import DecodedFrame, InputIssue, Scan, SourceImages
-from s2rtools.datasets.writing.source_arrays import is_storable
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.datasets.scan import DecodedFrame, Scan, SourceImages
 
 _MAX_DEPTH_COLOUR_SPREAD = 8
 _PHOTO_DIFFERENCE = 6.0
@@ -27,7 +27,7 @@ _MAX_PIXEL_BYTES = 8
 """Four channels of 16 bits."""
 MAX_METADATA_BYTES = 4 << 20
 """Bytes of an image file besides its pixels."""
-_USUAL_HEADER_BYTES = 64 << 10
+_USUAL_HEADER_BYTES = 4 << 10
 _ASPECT_TOLERANCE = 0.02
 """Share by which an image may be stretched without a report; rounding of the size explains it."""
 
@@ -54,6 +54,9 @@ class ImageFiles:
 
     def origin(self) -> tuple[tuple[Path, ...], str]:
         return self.paths, f"{self.rgb_size} {self.depth_size}"
+
+    def declared_depth_type(self) -> str | None:
+        return declared_type(self.depth)
 
     def checksum(self, scan: Scan, domain: Domain) -> str | None:
         return _checksum((self.rgb, self.rgb_size), (self.depth, self.depth_size))
@@ -86,7 +89,7 @@ class ImageFiles:
         is_resized = (colours.shape[:2], pixels.shape) != (scan.frame, scan.frame)
         source = SourceImages(colours, pixels) if is_resized else None
         issues = _lost_bits(scan.relative(self.rgb), bits)
-        if source is not None and not is_storable(source):
+        if source is not None and not source.is_storable:
             source, detail = None, f"{size_text(colours.shape)}; networks see the stored frame"
             issues += (InputIssue("image too large to be kept", scan.relative(self.rgb), detail),)
         if _is_photo(raw, small):
@@ -240,14 +243,29 @@ def _is_photo(depth: NDArray[Any], rgb: NDArray[np.uint8]) -> bool:
 
 def declared_size(path: Path) -> tuple[int, int] | None:
     """(height, width) in an image file's header; None if it is not an image or too large."""
+    header = _header(path)
+    return None if header is None or header.pixels > image_files.MAX_PIXELS else header.size
+
+
+def declared_type(path: Path) -> str | None:
+    """The numpy type of the samples of an image file by its header; None if it is not an image."""
+    header = _header(path)
+    return None if header is None else type_of_bits(header.bits)
+
+
+def type_of_bits(bits: int) -> str:
+    """The numpy type of samples as they are decoded."""
+    return "uint8" if bits <= 8 else "uint16"
+
+
+def _header(path: Path) -> ImageHeader | None:
     try:
         with open_regular(path) as file:
             content = file.read(_USUAL_HEADER_BYTES)
             try:
-                return image_files.declared_size(content)
+                return read_header(content)
             except ValueError:  # perhaps the header is longer
-                content += file.read(MAX_METADATA_BYTES - len(content))
-                return image_files.declared_size(content)
+                return read_header(content + file.read(MAX_METADATA_BYTES - len(content)))
     except (RequestError, ValueError):
         return None
 

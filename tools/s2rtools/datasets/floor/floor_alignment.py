@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
+from s2rtools.motion_logs import rigid_alignment
 
 Floats = NDArray[np.float64]
 
@@ -65,36 +66,31 @@ def fit_alignment(moved: Floats, fixed: Floats, with_scale: bool = False) -> Flo
     """The rigid motion of the floor, or with `with_scale` the similarity, that fits best.
 
     `moved` and `fixed` (N, 3) are poses that belong together, x, y in metres and heading in
-    radians. Least squares of the distances: Umeyama, IEEE Transactions on Pattern Analysis and
-    Machine Intelligence 13 (1991), in the plane and without reflection. Where all positions lie
-    together, the headings determine the rotation. Raises RequestError for fewer than `MIN_PAIRS`.
+    radians. Least squares of the distances, without reflection. Where all positions lie together,
+    the headings determine the rotation. Raises RequestError for fewer than `MIN_PAIRS`.
     """
     if len(moved) < MIN_PAIRS:
         raise RequestError(f"--align: {len(moved)} pairs; a transform needs at least {MIN_PAIRS}")
-    centre, target = moved[:, :2].mean(axis=0), fixed[:, :2].mean(axis=0)
-    p, q = moved[:, :2] - centre, fixed[:, :2] - target
-    spread = float(np.sqrt((p**2).sum(axis=1).mean()))
-    cosine = float((p * q).sum())
-    sine = float((p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]).sum())
-    scale = 1.0
-    is_spread = min(spread, float(np.sqrt((q**2).sum(axis=1).mean()))) > _MIN_SPREAD
-    if is_spread and math.hypot(cosine, sine) > 0:
-        angle = math.atan2(sine, cosine)
-        if with_scale:
-            scale = math.hypot(cosine, sine) / float((p**2).sum())
+    extents = (points[:, :2].std(axis=0) for points in (moved, fixed))
+    if min(float(np.hypot(*extent)) for extent in extents) > _MIN_SPREAD:
+        motion = rigid_alignment.fit(
+            (moved[:, 0], moved[:, 1]), (fixed[:, 0], fixed[:, 1]), scale=with_scale
+        )
     elif with_scale:
         raise RequestError("--align: the positions lie together; they do not determine a scale")
     else:
         turns = fixed[:, 2] - moved[:, 2]
         angle = math.atan2(float(np.sin(turns).sum()), float(np.cos(turns).sum()))
-    cos, sin = scale * math.cos(angle), scale * math.sin(angle)
-    x = float(target[0] - (cos * centre[0] - sin * centre[1]))
-    y = float(target[1] - (sin * centre[0] + cos * centre[1]))
-    found = FloorAlignment(angle, scale, x, y, len(moved), math.nan, math.nan, math.nan)
+        motion = rigid_alignment.about(angle, moved[:, :2].mean(axis=0), fixed[:, :2].mean(axis=0))
+    found = FloorAlignment(
+        motion.angle, motion.scale, motion.x, motion.y, len(moved), math.nan, math.nan, math.nan
+    )
     after = found.apply(moved)
     distance = np.hypot(*(after - fixed)[:, :2].T)
     turned = angles.distance(after[:, 2], fixed[:, 2])
-    return FloorAlignment(
-        angle, scale, x, y, len(moved), float(np.sqrt((distance**2).mean())),
-        float(np.median(distance)), float(np.median(turned)),
-    )  # fmt: skip
+    return replace(
+        found,
+        residual=float(np.sqrt((distance**2).mean())),
+        residual_median=float(np.median(distance)),
+        residual_angle=float(np.median(turned)),
+    )

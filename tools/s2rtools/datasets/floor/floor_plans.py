@@ -20,7 +20,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import cv2
 import numpy as np
@@ -28,8 +28,11 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
+from s2rstore.files.image_header import read_header
+from s2rstore.files.input_files import read_bytes
 from s2rstore.records import Bounds
 from s2rtools.common.documents import convert
+from s2rtools.common.image_files import MAX_PIXELS, whole_image
 from s2rtools.common.yaml_files import read_yaml
 from s2rtools.datasets.conventions.depth_frames import (
     DepthPoints,
@@ -37,9 +40,9 @@ from s2rtools.datasets.conventions.depth_frames import (
     read_depth,
     spread_rows,
 )
-from s2rtools.datasets.floor.floor_plan_image import read_floor_plan
 from s2rtools.datasets.scan import Scan
 from s2rtools.datasets.stored_instances import StoredRecords
+from s2rtools.motion_logs import rigid_alignment
 
 Floats = NDArray[np.float64]
 Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]
@@ -53,6 +56,9 @@ _LONGER_SIDE = 1056
 _DRAWN_FRAMES, _DRAWN_TOGETHER = 400, 25
 _DRAWN_CELL = 0.05
 """Metres of a pixel of a plan that is drawn from depth, or more if it would be too large."""
+_MAX_BYTES = 256 << 20
+_MAX_ASPECT_RATIO = 50
+"""Longer side over shorter side."""
 _MAX_RESIDUAL = 0.02
 """Distance of known points from their fit, as a share of their extent, that is refused."""
 
@@ -167,27 +173,22 @@ def fit_similarity(pixels: Floats, metres: Floats, y_down: bool, where: str) -> 
     beginning with `where`, if the points coincide or do not fit: their distance in metres must be
     that in pixels times one scale, and their orientation that of `y_down`.
     """
-    p = pixels[:, 0] + 1j * pixels[:, 1] * (1 if y_down else -1)
-    q = metres[:, 0] + 1j * metres[:, 1]
-    away_p, away_q = p - p.mean(), q - q.mean()
-    extent = float(np.abs(away_q).max())
-    if np.abs(away_p).max() < 1.0 or extent < 0.01:
+    hand = 1.0 if y_down else -1.0
+    extent = float(np.hypot(*(metres - metres.mean(axis=0)).T).max())
+    if np.hypot(*(pixels - pixels.mean(axis=0)).T).max() < 1.0 or extent < 0.01:
         raise RequestError(f"{where}: the points coincide; give two that are far apart")
-    factor = np.vdot(away_p, away_q) / np.vdot(away_p, away_p).real
-    residual = float(np.abs(factor * away_p - away_q).max())
+    upright, known = (pixels[:, 0], hand * pixels[:, 1]), (metres[:, 0], metres[:, 1])
+    found = rigid_alignment.fit(upright, known, scale=True)
+    cos, sin = found.scale * math.cos(found.angle), found.scale * math.sin(found.angle)
+    matrix = np.array([[cos, -sin * hand, found.x], [sin, cos * hand, found.y]])
+    moved = pixels @ matrix[:, :2].T + matrix[:, 2]
+    residual = float(np.hypot(*(moved - metres).T).max())
     if residual > _MAX_RESIDUAL * extent:
         raise RequestError(
             f"{where}: the points miss their best fit by up to {residual:.2f} m; check them, and "
             "y_down"
         )
-    hand = 1.0 if y_down else -1.0
-    offset = q.mean() - factor * p.mean()
-    return np.array(
-        [
-            [factor.real, -factor.imag * hand, offset.real],
-            [factor.imag, factor.real * hand, offset.imag],
-        ]
-    )
+    return matrix
 
 
 def occupancy_grid(path: Path, resolve: Resolve) -> PlacedPlan:
@@ -212,6 +213,31 @@ def occupancy_grid(path: Path, resolve: Resolve) -> PlacedPlan:
     height = grey.shape[0]
     to_map = np.array([[cos, sin, x - height * sin], [sin, -cos, y + height * cos]])
     return PlacedPlan(cv2.cvtColor(image, cv2.COLOR_GRAY2RGB), to_map)
+
+
+def read_floor_plan(path: Path) -> NDArray[Any] | None:
+    """The image, (h, w, 3) uint8 BGR; None if it is not an image or is damaged.
+
+    Raises RequestError if the file is too large or declares an implausible size.
+    """
+    content = read_bytes(path, _MAX_BYTES)
+    try:
+        header = read_header(content)
+    except ValueError:
+        return None
+    size = f"{path}: {header.width}x{header.height} pixels"
+    if header.pixels > MAX_PIXELS:
+        raise RequestError(f"{size}; a floor plan has at most {MAX_PIXELS:,} in all; scale it")
+    if max(header.size) > _MAX_ASPECT_RATIO * min(header.size):
+        raise RequestError(
+            f"{size}; the longer side of a floor plan is at most {_MAX_ASPECT_RATIO} times "
+            "the shorter"
+        )
+    try:
+        whole = np.frombuffer(whole_image(content, header), np.uint8)
+        return cv2.imdecode(whole, cv2.IMREAD_COLOR)
+    except (ValueError, cv2.error):
+        return None
 
 
 def _read_rgb(path: Path) -> NDArray[np.uint8]:

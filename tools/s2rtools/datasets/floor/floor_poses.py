@@ -17,9 +17,9 @@ from scipy.spatial.transform import Rotation
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.floor import ground_plane
 from s2rtools.datasets.recording import Recording
-from s2rtools.datasets.scan import InputIssue
 
 Floats = NDArray[np.float64]
 
@@ -207,9 +207,9 @@ def _refuse_implausible(name: str, cameras: Iterable[Floats], camera_height: flo
     if is_large or camera_height > _IMPLAUSIBLE_HEIGHT:
         height = "" if math.isnan(camera_height) else f", {camera_height:.0f} m above the floor"
         raise RequestError(
-            f"{name}: the positions cover {edges[0]:,.0f} m x {edges[1]:,.0f} m{height}: hardly "
-            "metres; give metres_per_unit in --sim-floor or --real-floor (0.001 for millimetres, "
-            "1 if they are metres)"
+            f"{name}: poses look like millimetres: they would cover {edges[0]:,.0f} m x "
+            f"{edges[1]:,.0f} m{height}; give metres_per_unit=0.001 in --sim-floor or "
+            "--real-floor, or 1 if they are metres"
         )
 
 

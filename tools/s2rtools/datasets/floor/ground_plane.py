@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.geometry.camera import sample_pixels
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.recording import PinholeCamera, RecordedImage, Recording
-from s2rtools.datasets.scan import InputIssue
 
 Floats = NDArray[np.float64]
 

@@ -20,11 +20,12 @@ from pathlib import Path
 from s2rstore.errors import RequestError
 from s2rstore.records import Side
 from s2rtools.common.image_files import MAX_PIXELS, SUFFIXES
-from s2rtools.datasets.files.csv_rows import read_rows
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.common.lazy_sequence import LazySequence, RowFile
+from s2rtools.common.tables.csv_rows import read_rows
 from s2rtools.datasets.files.image_decoding import RgbFile, declared_size
 from s2rtools.datasets.files.path_containment import PathContainment
-from s2rtools.datasets.lazy_sequence import LazySequence, RowFile
-from s2rtools.datasets.scan import FrameSource, InputIssue, Scan, ScanOptions
+from s2rtools.datasets.scan import FrameSource, Scan, ScanOptions
 from s2rtools.datasets.writing import image_instances
 
 INDEX = "index.csv"

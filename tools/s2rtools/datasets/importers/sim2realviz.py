@@ -18,12 +18,13 @@ from pathlib import Path
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
 from s2rstore.records import Side
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.common.lazy_sequence import LazySequence, RowFile
+from s2rtools.common.tables.csv_rows import parse_float, read_rows
 from s2rtools.datasets.dataset_config import DatasetConfig, Size
-from s2rtools.datasets.files.csv_rows import parse_float, read_rows
 from s2rtools.datasets.files.image_decoding import ImageFiles, declared_size, size_text
 from s2rtools.datasets.files.path_containment import PathContainment
-from s2rtools.datasets.lazy_sequence import LazySequence, RowFile
-from s2rtools.datasets.scan import InputIssue, InstanceRecord, Scan, ScanOptions
+from s2rtools.datasets.scan import InstanceRecord, Scan, ScanOptions
 
 _NAME = re.compile(
     r"x(?P<x>[^_]+)_y(?P<y>[^_]+)_z(?P<z>[^_]+)_r(?P<r>[^_]+)_(?P<image>rgb|depth)"

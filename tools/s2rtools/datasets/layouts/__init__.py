@@ -7,37 +7,28 @@ layout and whose object is a `Layout`.
 
 from __future__ import annotations
 
+from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rtools.datasets.layouts import (
-    bag,
-    colmap,
-    csv_poses,
-    euroc,
-    kitti,
-    lerobot,
-    nerfstudio,
-    scannet,
-    seven_scenes,
-    tum,
-)
 from s2rtools.datasets.recording import Layout, ReadOptions, Recording
 
 ENTRY_POINTS = "s2r.importers"
-LAYOUTS: dict[str, Layout] = {
-    "7scenes": seven_scenes.LAYOUT,
-    "bag": bag.LAYOUT,
-    "colmap": colmap.LAYOUT,
-    "csv": csv_poses.LAYOUT,
-    "euroc": euroc.LAYOUT,
-    "kitti": kitti.LAYOUT,
-    "lerobot": lerobot.LAYOUT,
-    "nerfstudio": nerfstudio.LAYOUT,
-    "scannet": scannet.LAYOUT,
-    "tum": tum.LAYOUT,
+LAYOUTS: dict[str, Layout | str] = {
+    "7scenes": "seven_scenes",
+    "bag": "bag",
+    "colmap": "colmap",
+    "csv": "csv_poses",
+    "euroc": "euroc",
+    "kitti": "kitti",
+    "lerobot": "lerobot",
+    "nerfstudio": "nerfstudio",
+    "polycam": "polycam",
+    "scannet": "scannet",
+    "tum": "tum",
 }
+"""Layouts by name, or the modules of this package that define them, loaded when they are used."""
 
 
 def layout_names() -> list[str]:
@@ -47,19 +38,22 @@ def layout_names() -> list[str]:
 
 def find_layout(name: str) -> Layout:
     """The layout of a name. Raises RequestError if it is unknown or cannot be loaded."""
-    if name in LAYOUTS:
-        return LAYOUTS[name]
-    if name not in _added():
+    own, added = LAYOUTS.get(name), _added()
+    where = f"{name!r}"
+    if isinstance(own, str):
+        layout: object = import_module(f"{__name__}.{own}").LAYOUT
+    elif own is not None:
+        layout = own
+    elif name in added:
+        where = added[name].value
+        try:
+            layout = added[name].load()
+        except Exception as error:
+            raise RequestError(f"layout {name!r} of {where}: {error}") from error
+    else:
         raise RequestError(f"layout {name!r}: unknown; choose from {', '.join(layout_names())}")
-    entry = _added()[name]
-    try:
-        layout = entry.load()
-    except Exception as error:
-        raise RequestError(f"layout {name!r} of {entry.value}: {error}") from error
     if not isinstance(layout, Layout):
-        raise RequestError(
-            f"layout {name!r}: {entry.value} is no s2rtools.datasets.recording.Layout"
-        )
+        raise RequestError(f"layout {name!r}: {where} is no s2rtools.datasets.recording.Layout")
     return layout
 
 
@@ -73,7 +67,7 @@ def read(layout: str, path: Path | str, options: ReadOptions | None = None) -> R
     if unknown := [name for name in options.values if name not in known.options]:
         names = ", ".join(sorted(known.options)) or "none"
         raise RequestError(f"layout {layout}: no option {unknown[0]!r} (has: {names})")
-    return known.read(Path(path), options)
+    return known.read(Path(path), options).finish(options)
 
 
 def _added() -> dict[str, EntryPoint]:

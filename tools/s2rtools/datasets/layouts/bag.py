@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rtools.common.bag_files import refusing_damage
+from s2rtools.common.bag_messages import BagMessages, stamp_of
+from s2rtools.common.lazy_sequence import LazySequence
 from s2rtools.datasets.bags.camera_poses import FORWARD, MAX_GAP, OPTICAL, CameraPoses
 from s2rtools.datasets.bags.image_index import ImageIndex
-from s2rtools.datasets.bags.messages import BagMessages, stamp_of
 from s2rtools.datasets.bags.topics import camera_of, choose_topics
-from s2rtools.datasets.files.numeric_rows import report_unusable
-from s2rtools.datasets.lazy_sequence import LazySequence
 from s2rtools.datasets.recording import (
     Layout,
     PinholeCamera,
@@ -31,20 +30,16 @@ from s2rtools.datasets.recording import (
     RecordedFrame,
     RecordedTrajectory,
     Recording,
-)
-from s2rtools.datasets.recordings.recorded_folders import (
     existing_folder,
     folder_name,
-    report_none_near,
-    require_frames,
     trajectory_name,
 )
 from s2rtools.datasets.recordings.recorded_poses import (
     mutual_nearest,
-    orthonormal,
 )
+from s2rtools.datasets.recordings.stamped_lists import report_none_near
 from s2rtools.datasets.recordings.stated_cameras import CAMERA_OPTION, camera_option
-from s2rtools.datasets.scan import InputIssue, choose_trajectories
+from s2rtools.datasets.scan import choose_trajectories
 
 _SUFFIXES = (".bag", ".mcap", ".db3")
 _LEVEL_WORLDS = ("map", "odom", "world")
@@ -54,7 +49,7 @@ _SCALE = "depth_scale"
 _TOLERANCE = 0.02
 
 
-def read_bag(path: Path, options: ReadOptions) -> Recording:
+def read(path: Path, options: ReadOptions) -> Recording:
     """Read one bag, or a folder of bags, each a trajectory.
 
     Every bag is read once from its start to its end; images are decoded later. Raises RequestError
@@ -62,24 +57,21 @@ def read_bag(path: Path, options: ReadOptions) -> Recording:
     different cameras, or if no image has a pose.
     """
     bags = _bags(path)
+    recording = Recording("bag", folder_name(path), path)
     parts = []
     for name in choose_trajectories(options.trajectories, bags, path):
         with refusing_damage(bags[name]):
-            parts.append((name, _BagPart(bags[name], options)))
+            parts.append((name, _BagPart(bags[name], options, recording)))
     first = parts[0][1]
-    recording = Recording("bag", folder_name(path), path, first.camera, first.depth_camera)
+    recording.camera, recording.depth_camera = first.camera, first.depth_camera
     recording.depth_scale = options.positive(_SCALE, 0.001)
     for name, part in parts:
         if (part.camera, part.depth_camera) != (first.camera, first.depth_camera):
             raise RequestError(f"{part.bag.path}: another camera than in {first.bag.path.name}")
         with refusing_damage(part.bag.path):
-            trajectory = part.trajectory()
-        recording.issues += part.issues
+            recording.trajectories[name] = part.trajectory()
         recording.provenance[name] = part.facts
-        if len(trajectory.frames):
-            recording.trajectories[name] = trajectory
-    require_frames("bag", path, recording.trajectories, recording.issues)
-    worlds = {part.world for name, part in parts if name in recording.trajectories}
+    worlds = {part.world for name, part in parts if len(recording.trajectories[name].frames)}
     recording.has_own_worlds = len(worlds) != 1 or not worlds.issubset(_FIXED_WORLDS)
     if all(part.world in _LEVEL_WORLDS for _, part in parts):
         recording.up = (0.0, 0.0, 1.0)
@@ -89,15 +81,15 @@ def read_bag(path: Path, options: ReadOptions) -> Recording:
 class _BagPart:
     """One bag: its topics, cameras, index of images and poses."""
 
-    def __init__(self, path: Path, options: ReadOptions) -> None:
-        self._options = options
+    def __init__(self, path: Path, options: ReadOptions, recording: Recording) -> None:
+        self._options, self._recording = options, recording
         self.bag = BagMessages(path)
         self.topics = choose_topics(self.bag, options)
-        self.issues: list[InputIssue] = []
         self._rgb = ImageIndex(self.bag, self.topics.rgb)
         self._depth = None if self.topics.depth is None else ImageIndex(self.bag, self.topics.depth)
         self._poses = CameraPoses(self.bag, self.topics, options)
         self._infos: dict[str, Any] = {}
+        self._changed: set[str] = set()
         self._scan()
         self.camera, self.depth_camera = self._cameras()
 
@@ -121,7 +113,7 @@ class _BagPart:
                 )
         for index in filter(None, (self._rgb, self._depth)):
             index.finish()
-            self.issues += index.issues
+            self._recording.issues += index.issues
         if self._depth is not None and self._depth.in_metres and _SCALE in self._options.values:
             raise RequestError(
                 f"{self.bag.path}: depth of {self.topics.depth} is in metres; omit {_SCALE}"
@@ -132,10 +124,11 @@ class _BagPart:
             self._infos[topic] = message
             return
         first = self._camera_of(topic, self._infos[topic])
-        reported = any(issue.file == topic for issue in self.issues)
+        reported = topic in self._changed
         if not reported and self._camera_of(topic, message) != first:
+            self._changed.add(topic)
             detail = f"at {stamp_of(message)} ns; the first CameraInfo is used"
-            self.issues.append(InputIssue("changing camera", topic, detail))
+            self._recording.report("changing camera", topic, detail)
 
     def _camera_of(self, topic: str, message: Any) -> PinholeCamera:
         images = self.topics.depth if topic == self.topics.depth_info else self.topics.rgb
@@ -159,7 +152,7 @@ class _BagPart:
         if self._depth.frames != self._rgb.frames:
             frames = " and ".join(sorted(self._depth.frames | self._rgb.frames))
             detail = f"frames {frames}; the distance between both is not applied"
-            self.issues.append(InputIssue("depth of another frame", self._depth.topic, detail))
+            self._recording.report("depth of another frame", self._depth.topic, detail)
         return camera, None if depth_camera == camera else depth_camera
 
     def _check_size(self, index: ImageIndex, camera: PinholeCamera) -> None:
@@ -188,20 +181,17 @@ class _BagPart:
         origin = int(self._rgb.times[0])
         seconds = (self._rgb.times[rows] - origin).astype(np.float64) * 1e-9
         poses = self._poses.at(seconds, origin, self._rgb.frames)
-        self.issues += self._poses.issues
-        missing = np.isnan(poses).any(axis=(1, 2))
+        self._recording.issues += self._poses.issues
+        posed = np.isfinite(poses).all(axis=(1, 2))
         detail = f"none before and behind it that are at most {self._poses.max_gap} s apart"
-        self.issues += [
-            InputIssue("no pose", self._rgb.name(int(rows[row])), detail)
-            for row in np.flatnonzero(missing)
-        ]
-        rows, depth_rows, poses = rows[~missing], depth_rows[~missing], poses[~missing]
-        good = report_unusable(poses, lambda row: self._rgb.name(int(rows[row])), self.issues)
+        for row in rows[~posed].tolist():
+            self._recording.report("no pose", self._rgb.name(row), detail)
+        rows, depth_rows = rows[posed], depth_rows[posed]
         depth_camera = self.depth_camera or self.camera
         sizes = tuple((each.height, each.width) for each in (self.camera, depth_camera))
-        frames = _frames(self._rgb, self._depth, rows[good], depth_rows[good], sizes)
+        frames = _frames(self._rgb, self._depth, rows, depth_rows, sizes)
         return RecordedTrajectory(
-            frames, orthonormal(poses[good]), self._rgb.times[rows[good]].astype(np.float64) * 1e-9
+            frames, poses[posed], self._rgb.times[rows].astype(np.float64) * 1e-9
         )
 
     def _associated(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -215,11 +205,10 @@ class _BagPart:
             (index.times - origin).astype(np.float64) * 1e-9 for index in (self._rgb, self._depth)
         )
         partners = mutual_nearest(times, depth_times, tolerance)
-        lonely = np.flatnonzero(partners < 0)
-        names = [self._rgb.name(row) for row in lonely.tolist()]
-        report_none_near(
-            "no depth image", names, times[lonely], depth_times, tolerance, self.issues
-        )
+        lonely = np.flatnonzero(partners < 0).tolist()
+        images = [(self._rgb.name(row), float(times[row])) for row in lonely]
+        rule = f"none within {tolerance * 1000:g} ms"
+        report_none_near(self._recording, "no depth image", images, depth_times, rule)
         return np.flatnonzero(partners >= 0), partners[partners >= 0]
 
 
@@ -265,7 +254,7 @@ def _bags_in(folder: Path) -> Iterator[Path]:
 
 
 LAYOUT = Layout(
-    read_bag,
+    read,
     "ROS 1 and ROS 2 bags and MCAP files",
     {
         "rgb": "topic of the RGB images",

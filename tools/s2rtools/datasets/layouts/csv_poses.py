@@ -30,18 +30,18 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Collection
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from msgspec import Meta, Struct, field
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import read_document
 from s2rtools.common.documents import convert
+from s2rtools.common.lazy_sequence import chosen
+from s2rtools.common.tables.csv_rows import missing_column, parse_float, read_rows
 from s2rtools.datasets.dataset_config import (
     CameraTable,
     Coordinate,
@@ -49,33 +49,28 @@ from s2rtools.datasets.dataset_config import (
     IntrinsicsCamera,
     Positive,
 )
-from s2rtools.datasets.files.csv_rows import missing_column, parse_float, read_rows
-from s2rtools.datasets.files.numeric_rows import report_unusable
-from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recording import (
     Layout,
     PinholeCamera,
     ReadOptions,
     RecordedTrajectory,
     Recording,
+    trajectory_name,
 )
-from s2rtools.datasets.recordings.recorded_files import FrameFiles, find_file
-from s2rtools.datasets.recordings.recorded_folders import require_frames, trajectory_name
+from s2rtools.datasets.recordings.recorded_files import FrameFiles
 from s2rtools.datasets.recordings.recorded_poses import (
-    FORWARD_TO_OPTICAL,
-    orthonormal,
+    in_optical_axes,
+    level_poses,
     poses_from_quaternions,
 )
-from s2rtools.datasets.recordings.stated_cameras import checked
-from s2rtools.datasets.scan import InputIssue, choose_trajectories
+from s2rtools.datasets.scan import choose_trajectories
 
-_POSITION = ("x", "y", "z")
 _QUATERNION = ("qx", "qy", "qz", "qw")
-_COLUMNS = ("rgb", "depth", *_POSITION, *_QUATERNION, "heading", "timestamp", "trajectory")
+_FULL = ("rgb", "x", "y", "z", *_QUATERNION)
+_ON_FLOOR = ("rgb", "x", "y", "heading")
+_COLUMNS = (*_FULL, "depth", "heading", "timestamp", "trajectory")
 _OF_MANIFEST = "domain"
 """A column that only the manifest of `s2r ingest csv` has."""
-_FULL = ("rgb", *_POSITION, *_QUATERNION)
-_ON_FLOOR = ("rgb", "x", "y", "heading")
 
 
 class _Description(Struct, forbid_unknown_fields=True):
@@ -97,66 +92,17 @@ class _Description(Struct, forbid_unknown_fields=True):
             raise ValueError("up must be a direction of 3 numbers, or []")
 
 
-class _Rows:
-    """The rows of a CSV file whose images exist, in order of their lines."""
-
-    def __init__(self, path: Path, containment: PathContainment, issues: list[InputIssue]) -> None:
-        """Raises RequestError if there is no row, or a column is missing."""
-        self.path = path
-        self.files = FrameFiles(path.parent)
-        self.trajectories: dict[str, int] = {}
-        self.columns: tuple[str, ...] = ()
-        self._values, self._times = array("d"), array("d")
-        self._lines, self._numbers = array("i"), array("i")
-        has_depth = False
-        for line, row in read_rows(path, _COLUMNS, partial(_check_columns, path)):
-            if not self.columns:
-                self.columns = _pose_columns(row)
-                has_depth = bool(row.get("depth"))
-            if _has_images(row, has_depth, path, line, containment, issues):
-                self._add(line, row, has_depth)
-        if not self.columns:
-            raise RequestError(f"{path}: no rows; the first line names {', '.join(_FULL)}")
-
-    def _add(self, line: int, row: dict[str, str], has_depth: bool) -> None:
-        name = row.get("trajectory") or trajectory_name(self.path.stem)
-        self.files.append(row["rgb"], row["depth"] if has_depth else None)
-        self._numbers.append(self.trajectories.setdefault(name, len(self.trajectories)))
-        self._values.extend([parse_float(row[column]) for column in self.columns])
-        self._times.append(parse_float(row.get("timestamp")))
-        self._lines.append(line)
-
-    @property
-    def values(self) -> NDArray[np.float64]:
-        """(N, columns)"""
-        return np.asarray(self._values).reshape(-1, len(self.columns))
-
-    @property
-    def times(self) -> NDArray[np.float64]:
-        """(N,) seconds, NaN where a row states none."""
-        return np.asarray(self._times)
-
-    @property
-    def numbers(self) -> NDArray[np.int32]:
-        """(N,) the position of each row's trajectory in `trajectories`."""
-        return np.asarray(self._numbers, dtype=np.int32)
-
-    def place(self, row: int) -> str:
-        """`FILE:LINE` of a row."""
-        return f"{self.path.name}:{self._lines[row]}"
-
-
 def read(path: Path, options: ReadOptions) -> Recording:
     """Read a CSV file and the description of its camera.
 
     Raises RequestError if one of them is missing or malformed.
     """
-    if path.is_dir():
-        raise RequestError(f"{path}: a folder; name the CSV file in it")
     if not path.is_file():
-        raise RequestError(f"{path}: no such file")
-    containment = PathContainment(path.parent, options.allow_outside)
-    description = _description_path(path, options, containment)
+        reason = "a folder; name the CSV file in it" if path.is_dir() else "no such file"
+        raise RequestError(f"{path}: {reason}")
+    name = trajectory_name(path.stem)
+    recording = Recording("csv", name, path.parent, allow_outside=options.allow_outside)
+    description = _description_path(path, options, recording)
     document = read_document(description)
     if isinstance(document, dict) and {"bounds", "domains"} & document.keys():
         raise RequestError(
@@ -165,63 +111,62 @@ def read(path: Path, options: ReadOptions) -> Recording:
             "may name"
         )
     table = convert(document, _Description, str(description))
-    issues: list[InputIssue] = []
-    rows = _Rows(path, containment, issues)
-    poses = _poses(rows, table, issues)
-    names = choose_trajectories(options.trajectories, rows.trajectories, path)
-    usable = np.isfinite(poses).all(axis=(1, 2))
-    trajectories = {}
-    for name in names:
-        kept = np.flatnonzero((rows.numbers == rows.trajectories[name]) & usable)
-        if len(kept):
-            frames = rows.files.chosen(kept.tolist())
-            trajectories[name] = RecordedTrajectory(
-                frames, orthonormal(poses[kept]), rows.times[kept]
-            )
-        else:
-            issues.append(InputIssue("empty trajectory", name, "no usable row"))
-    require_frames("csv", path, trajectories, issues)
-    depth = table.depth_camera
-    return Recording(
-        layout="csv",
-        name=trajectory_name(path.stem),
-        root=path.parent,
-        camera=_camera(table, table.camera, "camera", description),
-        depth_camera=None if depth is None else _camera(table, depth, "depth_camera", description),
-        depth_scale=table.depth_scale,
-        depth_raw_max=table.depth_raw_max,
-        up=(table.up[0], table.up[1], table.up[2]) if table.up else None,
-        is_metric=table.metric,
-        trajectories=trajectories,
-        issues=issues,
-        provenance={"camera": description.name, "pose_axes": table.pose_axes},
-        outside_folders=containment.outside_folders,
-    )
+    _add_rows(recording, path, table, options)
+    recording.camera = _camera(table, table.camera, "camera", description)
+    if table.depth_camera is not None:
+        recording.depth_camera = _camera(table, table.depth_camera, "depth_camera", description)
+    recording.depth_scale, recording.depth_raw_max = table.depth_scale, table.depth_raw_max
+    recording.up = (table.up[0], table.up[1], table.up[2]) if table.up else None
+    recording.is_metric = table.metric
+    recording.provenance = {"camera": description.name, "pose_axes": table.pose_axes}
+    return recording
 
 
-def _has_images(
-    row: dict[str, str],
-    has_depth: bool,
-    path: Path,
-    line: int,
-    containment: PathContainment,
-    issues: list[InputIssue],
-) -> bool:
-    """Whether the images of a row exist; reports a row without them.
+def _add_rows(recording: Recording, path: Path, table: _Description, options: ReadOptions) -> None:
+    """Add the rows whose images exist, by trajectory, in order of their lines."""
+    files, trajectories = FrameFiles(recording.root), dict[str, int]()
+    values, times = array("d"), array("d")
+    lines, codes = array("q"), array("q")
+    columns: tuple[str, ...] = ()
+    has_depth = False
+    for line, row in read_rows(path, _COLUMNS, lambda names: _check_columns(path, names)):
+        if not columns:
+            columns, has_depth = _needed_columns(row)[1:], bool(row.get("depth"))
+        depth, place = row.get("depth", ""), f"{path.name}:{line}"
+        if depth and not has_depth:
+            advice = "give depth in all rows or in none"
+            raise RequestError(f"{path}:{line}: a depth image, but none in the first row; {advice}")
+        if not row["rgb"] or (has_depth and not depth):
+            recording.report("incomplete row", place, f"no {'depth' if row['rgb'] else 'rgb'}")
+            continue
+        images = [row["rgb"], depth] if has_depth else [row["rgb"]]
+        found = [recording.has_image(name, f"{path}:{line}") for name in images]
+        if not all(found):
+            continue
+        files.append(row["rgb"], depth if has_depth else None)
+        name = row.get("trajectory") or recording.name
+        codes.append(trajectories.setdefault(name, len(trajectories)))
+        values.extend([parse_float(row[column]) for column in columns])
+        times.append(parse_float(row.get("timestamp")))
+        lines.append(line)
+    if not columns:
+        raise RequestError(f"{path}: no rows; the first line names {', '.join(_FULL)}")
+    poses, frames = _poses(np.asarray(values).reshape(-1, len(columns)), table), files.frames()
+    for name in choose_trajectories(options.trajectories, trajectories, path):
+        kept = np.flatnonzero(np.asarray(codes) == trajectories[name])
+        recording.trajectories[name] = RecordedTrajectory(
+            chosen(frames, kept.tolist()), poses[kept], np.asarray(times)[kept],
+            lambda row, kept=kept: f"{path.name}:{lines[kept[row]]}",  # type: ignore[misc]
+        )  # fmt: skip
 
-    Raises RequestError if the row names a depth image and the first row does not.
-    """
-    depth = row.get("depth", "")
-    if depth and not has_depth:
-        advice = "give depth in all rows or in none"
-        raise RequestError(f"{path}:{line}: a depth image, but none in the first row; {advice}")
-    if not row["rgb"] or (has_depth and not depth):
-        missing = "depth" if row["rgb"] else "rgb"
-        issues.append(InputIssue("incomplete row", f"{path.name}:{line}", f"no {missing}"))
-        return False
-    names = [row["rgb"], depth] if has_depth else [row["rgb"]]
-    found = [find_file(containment, name, f"{path}:{line}", issues) for name in names]
-    return all(found)
+
+def _poses(values: NDArray[np.float64], table: _Description) -> NDArray[np.float64]:
+    """Camera poses (N, 4, 4) of rows x, y, heading or x, y, z, qx, qy, qz, qw."""
+    if values.shape[1] == 3:
+        headings = np.radians(values[:, 2])
+        return level_poses(np.column_stack([values[:, :2], headings]), table.camera_height)
+    poses = poses_from_quaternions(values[:, :3], values[:, 3:])
+    return in_optical_axes(poses) if table.pose_axes == "robot" else poses
 
 
 def _check_columns(path: Path, names: Collection[str]) -> None:
@@ -231,8 +176,7 @@ def _check_columns(path: Path, names: Collection[str]) -> None:
             f"{path}: a manifest of both sides (column {_OF_MANIFEST}), which `s2r ingest csv` "
             "reads; layout csv takes a file for each side"
         )
-    needed = _needed_columns(names)
-    if missing := [name for name in needed if name not in names]:
+    if missing := [name for name in _needed_columns(names) if name not in names]:
         other = f"{', '.join(_FULL)}; or {', '.join(_ON_FLOOR)}"
         raise missing_column(path, missing[0], names, other)
 
@@ -241,55 +185,28 @@ def _needed_columns(names: Collection[str]) -> tuple[str, ...]:
     return _FULL if any(name in names for name in _QUATERNION) else _ON_FLOOR
 
 
-def _pose_columns(names: Collection[str]) -> tuple[str, ...]:
-    """The columns of the pose."""
-    return _needed_columns(names)[1:]
-
-
-def _description_path(path: Path, options: ReadOptions, containment: PathContainment) -> Path:
+def _description_path(path: Path, options: ReadOptions, recording: Recording) -> Path:
     if stated := options.values.get("camera"):
         return Path(stated)
     for suffix in (".toml", ".json"):
         beside = path.with_suffix(suffix)
         if beside.is_file():
-            return containment.check(beside, str(path))
+            return recording.containment.check(beside, str(path))
     raise RequestError(
         f"{path.with_suffix('.toml')}: missing; it describes the camera, unless --sim-option or "
         "--real-option camera=FILE names another file"
     )
 
 
-def _poses(rows: _Rows, table: _Description, issues: list[InputIssue]) -> NDArray[np.float64]:
-    """(N, 4, 4), NaN where a row's pose is unusable."""
-    values = rows.values
-    if "heading" in rows.columns:
-        turns = np.zeros((len(values), 3))
-        turns[:, 2] = np.radians(values[:, 2])
-        quaternions = np.full((len(values), 4), np.nan)
-        finite = np.isfinite(turns).all(axis=1)
-        quaternions[finite] = Rotation.from_rotvec(turns[finite]).as_quat()
-        height = np.full((len(values), 1), table.camera_height)
-        poses = poses_from_quaternions(np.hstack([values[:, :2], height]), quaternions)
-        usable = report_unusable(poses, rows.place, issues)
-    else:
-        poses = poses_from_quaternions(values[:, :3], values[:, 3:])
-        usable = report_unusable(poses, rows.place, issues, values[:, 3:])
-    if "heading" in rows.columns or table.pose_axes == "robot":
-        poses = poses @ FORWARD_TO_OPTICAL
-    poses[~usable] = np.nan
-    return poses
-
-
 def _camera(table: _Description, stated: dict[str, Any], key: str, path: Path) -> PinholeCamera:
     kind: type[CameraTable] = FieldOfViewCamera if "hfov" in stated else IntrinsicsCamera
     camera = convert(stated, kind, str(path), key=key)
     height, width = camera.size
-    fx, fy, cx, cy = camera.intrinsics()
-    distortion = tuple(table.distortion) if key == "camera" else ()
-    is_fisheye = table.fisheye and key == "camera"
-    return checked(
-        PinholeCamera(width, height, fx, fy, cx, cy, distortion, is_fisheye), f"{path}: {key}"
-    )
+    is_rgb = key == "camera"
+    distortion = tuple(table.distortion) if is_rgb else ()
+    return PinholeCamera(
+        width, height, *camera.intrinsics(), distortion, table.fisheye and is_rgb
+    ).checked(f"{path}: {key}")
 
 
 LAYOUT = Layout(

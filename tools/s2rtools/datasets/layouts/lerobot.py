@@ -12,13 +12,12 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from s2rstore.errors import RequestError
 from s2rstore.index.parquet_table import read_columns, read_vectors
-from s2rtools.datasets.files.numeric_rows import report_unusable
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.common.lazy_sequence import LazySequence
 from s2rtools.datasets.files.path_containment import PathContainment
-from s2rtools.datasets.lazy_sequence import LazySequence
 from s2rtools.datasets.recording import (
     Layout,
     ReadOptions,
@@ -37,38 +36,32 @@ from s2rtools.datasets.recordings.lerobot_files import (
     episodes_of,
     read_info,
 )
-from s2rtools.datasets.recordings.recorded_folders import (
-    existing_folder,
-    folder_name,
-    require_frames,
-)
 from s2rtools.datasets.recordings.recorded_poses import (
-    FORWARD_TO_OPTICAL,
-    orthonormal,
+    level_poses,
     poses_from_quaternions,
 )
 from s2rtools.datasets.recordings.stated_cameras import CAMERA_OPTION, camera_option
-from s2rtools.datasets.scan import InputIssue, choose_trajectories
+from s2rtools.datasets.scan import choose_trajectories
 
 _STATE = "observation.state"
 _NUMBERS = ("episode_index", "frame_index", "timestamp")
 
 
-def read_lerobot(path: Path, options: ReadOptions) -> Recording:
+def read(path: Path, options: ReadOptions) -> Recording:
     """Read a data set's folder; each episode is a trajectory.
 
     Raises RequestError if a file is missing or damaged, if an option is missing, if the videos
     cannot be decoded, or if no frame has a pose.
     """
-    info = read_info(existing_folder(path))
+    recording = Recording.of_folder("lerobot", path, options)
+    info = read_info(path)
     key = _image_key(path, info, options)
     entries = _pose_entries(path, info, options)
-    containment = PathContainment(path, options.allow_outside)
     episodes = {f"episode_{each.number:06d}": each for each in episodes_of(path, info, key)}
     names = choose_trajectories(options.trajectories, episodes, path)
     if not names:
         raise RequestError(f"{path}: no episodes in it")
-    feature = info.features[key]
+    feature, containment = info.features[key], recording.containment
     images: ImageStore = (
         VideoImages(containment, feature.codec)
         if feature.dtype == "video"
@@ -83,19 +76,15 @@ def read_lerobot(path: Path, options: ReadOptions) -> Recording:
         raise RequestError(f"{path}: a LeRobot data set has no intrinsics; set camera=fx,fy,cx,cy")
     if (camera.height, camera.width) != size:
         raise RequestError(f"{path}: images are {size[1]}x{size[0]}, unlike the option camera")
-    recording = Recording("lerobot", folder_name(path), path, camera)
+    recording.camera = camera
     height = options.positive("height", 1.0) if "height" in options.values else 0.0
-    is_level = len(entries) == 3
-    if is_level:
+    if len(entries) == 3:
         recording.up = (0.0, 0.0, 1.0)
         if "height" not in options.values:
             detail = "the camera is put on the floor; set height=METRES"
-            recording.issues.append(InputIssue("height unknown", str(path), detail))
+            recording.report("height unknown", str(path), detail)
     for name in names:
-        trajectory = _trajectory(episodes[name], data, images, size, height, recording.issues)
-        if len(trajectory.frames):
-            recording.trajectories[name] = trajectory
-    require_frames("lerobot", path, recording.trajectories, recording.issues)
+        recording.trajectories[name] = _trajectory(episodes[name], data, images, size, height)
     recording.provenance = {
         "version": info.codebase_version,
         "images": key,
@@ -103,7 +92,6 @@ def read_lerobot(path: Path, options: ReadOptions) -> Recording:
         "pose": options.values["pose"],
         "height_m": height,
     }
-    recording.outside_folders = containment.outside_folders
     return recording
 
 
@@ -139,45 +127,28 @@ class _DataFiles:
 
 
 def _trajectory(
-    episode: Episode,
-    data: _DataFiles,
-    images: ImageStore,
-    size: tuple[int, int],
-    height: float,
-    issues: list[InputIssue],
+    episode: Episode, data: _DataFiles, images: ImageStore, size: tuple[int, int], height: float
 ) -> RecordedTrajectory:
+    """An episode; states are x, y, heading of the robot, or the pose of the camera."""
     rows = data.rows(episode)
-    if episode.video is None:
-        file, numbers = episode.data, rows
-    else:
+    file, numbers = episode.data, rows
+    if episode.video is not None:
         file = episode.video
         numbers = data.numbers("frame_index", rows).astype(np.intp) + episode.first_frame
-    poses = _poses(data.state(rows), height)
-    good = report_unusable(poses, lambda row: f"{file}:{numbers[row]}", issues)
-    kept = numbers[good]
 
     def frame(row: int) -> RecordedFrame:
-        return RecordedFrame(StoredImage(images, file, int(kept[row]), size))
+        return RecordedFrame(StoredImage(images, file, int(numbers[row]), size))
 
-    times = data.numbers("timestamp", rows)[good]
-    return RecordedTrajectory(LazySequence(len(kept), frame), orthonormal(poses[good]), times)
-
-
-def _poses(state: NDArray[np.float64], height: float) -> NDArray[np.float64]:
-    """Camera poses (N, 4, 4) of states x, y, heading (radians) or x, y, z, qx, qy, qz, qw.
-
-    A robot's camera looks along its heading, level, at `height` metres.
-    """
-    if state.shape[1] == 7:
-        return poses_from_quaternions(state[:, :3], state[:, 3:])
-    finite = np.isfinite(state).all(axis=1)
-    turns = Rotation.from_rotvec(np.outer(state[finite, 2], [0.0, 0.0, 1.0]))
-    poses = np.full((len(state), 4, 4), np.nan)
-    poses[finite] = np.eye(4)
-    poses[finite, :3, :3] = turns.as_matrix()
-    poses[finite, :2, 3] = state[finite, :2]
-    poses[finite, 2, 3] = height
-    return np.asarray(poses @ FORWARD_TO_OPTICAL)
+    states = data.state(rows)
+    is_level = states.shape[1] == 3
+    poses = (
+        level_poses(states, height)
+        if is_level
+        else poses_from_quaternions(states[:, :3], states[:, 3:])
+    )
+    return RecordedTrajectory(
+        LazySequence(len(rows), frame), poses, data.numbers("timestamp", rows)
+    )
 
 
 def _image_key(path: Path, info: Info, options: ReadOptions) -> str:
@@ -233,7 +204,7 @@ def _first_size(
 
 
 LAYOUT = Layout(
-    read_lerobot,
+    read,
     "LeRobot data set of version 2 or 3",
     {
         "pose": f"entries of {_STATE}: x,y,heading in radians, or x,y,z,qx,qy,qz,qw of the camera",

@@ -21,23 +21,23 @@ from pathlib import Path
 import numpy as np
 
 from s2rstore.errors import RequestError
-from s2rtools.datasets.files.numeric_rows import read_matrix
-from s2rtools.datasets.files.path_containment import PathContainment
-from s2rtools.datasets.recording import Layout, PinholeCamera, ReadOptions, Recording
-from s2rtools.datasets.recordings.pose_files import NumberedFrames, read_frames
-from s2rtools.datasets.recordings.recorded_files import NumberedFiles, commonest_size
-from s2rtools.datasets.recordings.recorded_folders import (
-    existing_folder,
-    folder_name,
-    require_frames,
-    trajectory_name,
+from s2rtools.common.tables.numeric_rows import read_matrix
+from s2rtools.datasets.recording import (
+    DEPTH_OPTION,
+    WITHOUT_DEPTH,
+    Layout,
+    PinholeCamera,
+    ReadOptions,
+    Recording,
 )
-from s2rtools.datasets.recordings.stated_cameras import checked, opencv_camera
-from s2rtools.datasets.scan import InputIssue, choose_trajectories
+from s2rtools.datasets.recordings.pose_files import read_frames
+from s2rtools.datasets.recordings.stated_cameras import image_size, opencv_camera
 
-_RGB = re.compile(r"([0-9]+)\.(?:jpg|jpeg|png)", re.IGNORECASE)
-_DEPTH = re.compile(r"([0-9]+)\.png", re.IGNORECASE)
-_POSE = re.compile(r"([0-9]+)\.txt")
+_FILES = {
+    "rgb": ("color/", re.compile(r"([0-9]+)\.(?:jpg|jpeg|png)", re.IGNORECASE)),
+    "depth": ("depth/", re.compile(r"([0-9]+)\.png", re.IGNORECASE)),
+    "pose": ("pose/", re.compile(r"([0-9]+)\.txt")),
+}
 _PLACES = ("intrinsic/intrinsic_{}.txt", "intrinsics_{}.txt", "intrinsic_{}.txt")
 _SKEW_LIMIT = 1e-3
 """Share of the focal length."""
@@ -45,67 +45,48 @@ _SKEW_LIMIT = 1e-3
 
 def read(path: Path, options: ReadOptions) -> Recording:
     """Read an exported scan. Raises RequestError if a folder or the intrinsics are missing."""
-    folder = existing_folder(path)
-    containment = PathContainment(folder, options.allow_outside)
-    issues: list[InputIssue] = []
-    files = NumberedFrames(
-        NumberedFiles(existing_folder(folder / "color"), _RGB),
-        NumberedFiles(existing_folder(folder / "depth"), _DEPTH),
-        NumberedFiles(existing_folder(folder / "pose"), _POSE),
-        "color/",
-        "depth/",
-        "pose/",
-    )
-    name = trajectory_name(folder_name(folder))
-    choose_trajectories(options.trajectories, [name], path)
-    trajectory = read_frames(folder, files, containment, issues)
-    require_frames("scannet", folder, {name: trajectory}, issues)
-    size = commonest_size(trajectory.frames, folder)
-    depth_size = commonest_size(trajectory.frames, folder, depth=True)
-    return Recording(
-        layout="scannet",
-        name=folder_name(folder),
-        root=folder,
-        camera=_camera(folder, "color", size, containment, issues),
-        depth_camera=_camera(folder, "depth", depth_size, containment, issues),
-        up=(0.0, 0.0, 1.0),
-        trajectories={name: trajectory},
-        issues=issues,
-        outside_folders=containment.outside_folders,
-    )
+    recording = Recording.of_folder("scannet", path, options)
+    files = {kind: each for kind, each in _FILES.items() if kind != "depth" or options.reads_depth}
+    if options.reads_depth and not (path / "depth").is_dir():
+        raise RequestError(f"{path / 'depth'}: no such folder; {WITHOUT_DEPTH}")
+    recording.trajectories[recording.only_name] = read_frames(recording, files)
+    recording.camera = _camera(recording, "color", image_size(recording))
+    if options.reads_depth:
+        recording.depth_camera = _camera(recording, "depth", image_size(recording, depth=True))
+    recording.up = (0.0, 0.0, 1.0)
+    return recording
 
 
-def _camera(
-    folder: Path,
-    kind: str,
-    size: tuple[int, int],
-    containment: PathContainment,
-    issues: list[InputIssue],
-) -> PinholeCamera:
+def _camera(recording: Recording, kind: str, size: tuple[int, int]) -> PinholeCamera:
     """The camera of the images `kind`, which are of (height, width)."""
     names = [place.format(kind) for place in _PLACES]
-    name = next((each for each in names if (folder / each).is_file()), None)
+    name = next((each for each in names if (recording.root / each).is_file()), None)
     if name is None:
-        raise RequestError(f"{folder / names[0]}: missing; export the intrinsics of the scan")
-    path = containment.resolve(name, str(folder))
+        missing = recording.root / names[0]
+        raise RequestError(f"{missing}: missing; export the intrinsics of the scan")
+    path = recording.resolve(name)
     matrix = read_matrix(path, 4, 4)
     if not np.isfinite(matrix).all():
         raise RequestError(f"{path}: the intrinsics are not finite")
     extrinsic = Path(name).with_name(path.name.replace("intrinsic", "extrinsic")).as_posix()
-    if (folder / extrinsic).is_file():
-        offset = read_matrix(containment.resolve(extrinsic, str(folder)), 4, 4)
+    if (recording.root / extrinsic).is_file():
+        offset = read_matrix(recording.resolve(extrinsic), 4, 4)
         if not np.abs(offset - np.eye(4)).max() <= 1e-6:
             detail = "not the identity; poses are taken as those of this camera nevertheless"
-            issues.append(InputIssue("extrinsics ignored", extrinsic, detail))
+            recording.report("extrinsics ignored", extrinsic, detail)
     if abs(matrix[0, 1]) > _SKEW_LIMIT * abs(matrix[0, 0]):
         raise RequestError(f"{path}: the camera has skew {matrix[0, 1]:g}, which is not supported")
     values = (matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2])
     fx, fy, cx, cy = (float(value) for value in values)
-    camera = checked(opencv_camera(size, (fx, fy, cx, cy)), str(path))
+    camera = opencv_camera(size, (fx, fy, cx, cy)).checked(str(path))
     if not (0 < camera.cx < camera.width and 0 < camera.cy < camera.height):
         detail = f"principal point {cx:g}, {cy:g} outside of images of {size[1]}x{size[0]}"
-        issues.append(InputIssue("intrinsics of another size", name, detail))
+        recording.report("intrinsics of another size", name, detail)
     return camera
 
 
-LAYOUT = Layout(read, "exported ScanNet scan: color/, depth/, pose/, intrinsic/")
+LAYOUT = Layout(
+    read,
+    "exported ScanNet scan: color/, depth/, pose/, intrinsic/",
+    {"depth": DEPTH_OPTION},
+)

@@ -20,33 +20,26 @@ import re
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rtools.datasets.files.path_containment import PathContainment
-from s2rtools.datasets.files.text_lines import read_lines
+from s2rtools.common.tables.text_lines import read_lines
 from s2rtools.datasets.recording import (
+    DEPTH_OPTION,
     Layout,
     PinholeCamera,
     ReadOptions,
-    RecordedTrajectory,
     Recording,
 )
-from s2rtools.datasets.recordings.pose_files import NumberedFrames, read_frames
-from s2rtools.datasets.recordings.recorded_files import NumberedFiles, commonest_size
-from s2rtools.datasets.recordings.recorded_folders import (
-    existing_folder,
-    folder_name,
-    require_frames,
-    trajectory_name,
-)
-from s2rtools.datasets.recordings.stated_cameras import CAMERA_OPTION, camera_option, fit_to_images
-from s2rtools.datasets.scan import InputIssue, choose_trajectories
+from s2rtools.datasets.recordings.pose_files import read_frames
+from s2rtools.datasets.recordings.stated_cameras import CAMERA_OPTION, fitted_camera
+from s2rtools.datasets.scan import choose_trajectories
 
 RAW_MAX = 65534
 _COLOUR = PinholeCamera(640, 480, 525.0, 525.0, 320.0, 240.0)
 _DEPTH = PinholeCamera(640, 480, 585.0, 585.0, 320.0, 240.0)
 _SEQUENCE = re.compile(r"seq-[0-9]{1,6}")
 _FILES = {
-    kind: re.compile(rf"frame-([0-9]+)\.{kind}\.{suffix}")
-    for kind, suffix in (("color", "(?:png|jpg)"), ("depth", "png"), ("pose", "txt"))
+    "rgb": re.compile(r"frame-([0-9]+)\.color\.(?:png|jpg)"),
+    "depth": re.compile(r"frame-([0-9]+)\.depth\.png"),
+    "pose": re.compile(r"frame-([0-9]+)\.pose\.txt"),
 }
 _SPLITS = {"train": "TrainSplit.txt", "test": "TestSplit.txt"}
 _SPLIT_LINE = re.compile(r"(?:sequence|seq-?)\s*([0-9]{1,6})", re.IGNORECASE)
@@ -54,62 +47,38 @@ _SPLIT_LINE = re.compile(r"(?:sequence|seq-?)\s*([0-9]{1,6})", re.IGNORECASE)
 
 def read(path: Path, options: ReadOptions) -> Recording:
     """Read a scene, or one of its sequences. Raises RequestError if `path` is none."""
-    folder = existing_folder(path)
-    containment = PathContainment(folder, options.allow_outside)
-    issues: list[InputIssue] = []
-    sequences = {p.name: f"{p.name}/" for p in sorted(folder.iterdir()) if _is_sequence(p)}
-    if not sequences:
-        sequences = {trajectory_name(folder_name(folder)): ""}
+    recording = Recording.of_folder("7scenes", path, options)
+    names = (p.name for p in sorted(path.iterdir()) if _SEQUENCE.fullmatch(p.name) and p.is_dir())
+    folders = {name: f"{name}/" for name in names} or {recording.only_name: ""}
     if split := options.values.get("split"):
-        names = _listed(folder, split, containment)
-        issues += [
-            InputIssue("missing sequence", missing, f"listed in {_SPLITS[split]}")
-            for missing in sorted(names - sequences.keys())
-        ]
-        sequences = {name: each for name, each in sequences.items() if name in names}
-    trajectories: dict[str, RecordedTrajectory] = {}
-    for name in choose_trajectories(options.trajectories, sequences, path):
-        sub = sequences[name]
-        rgb, depths, poses = (NumberedFiles(folder / sub, pattern) for pattern in _FILES.values())
-        files = NumberedFrames(rgb, depths, poses, sub, sub, sub)
-        trajectory = read_frames(folder, files, containment, issues)
-        if len(trajectory.frames):
-            trajectories[name] = trajectory
-        else:
-            issues.append(InputIssue("empty trajectory", name, "no usable frame"))
-    require_frames("7scenes", folder, trajectories, issues)
-    frames = max((each.frames for each in trajectories.values()), key=len)
-    size = commonest_size(frames, folder)
-    depth_size = commonest_size(frames, folder, depth=True)
-    colour = camera_option(options, "camera", size) or _COLOUR
-    depth = camera_option(options, "depth_camera", depth_size) or _DEPTH
-    return Recording(
-        layout="7scenes",
-        name=folder_name(folder),
-        root=folder,
-        camera=fit_to_images(colour, size, folder, issues),
-        depth_camera=fit_to_images(depth, depth_size, folder, issues, "depth_camera"),
-        depth_raw_max=RAW_MAX,
-        trajectories=trajectories,
-        issues=issues,
-        provenance={
-            "split": split or "all",
-            "camera": "option" if "camera" in options.values else "default of OpenNI",
-            "depth_camera": "option" if "depth_camera" in options.values else "published",
-        },
-        outside_folders=containment.outside_folders,
-    )
+        listed = _listed(recording, split)
+        for missing in sorted(listed - folders.keys()):
+            recording.report("missing sequence", missing, f"listed in {_SPLITS[split]}")
+        folders = {name: folder for name, folder in folders.items() if name in listed}
+    for name in choose_trajectories(options.trajectories, folders, path):
+        patterns = {
+            kind: (folders[name], pattern)
+            for kind, pattern in _FILES.items()
+            if kind != "depth" or options.reads_depth
+        }
+        recording.trajectories[name] = read_frames(recording, patterns)
+    recording.camera = fitted_camera(recording, options, "camera", _COLOUR)
+    if options.reads_depth:
+        recording.depth_camera = fitted_camera(recording, options, "depth_camera", _DEPTH, True)
+    recording.depth_raw_max = RAW_MAX
+    recording.provenance = {
+        "split": split or "all",
+        "camera": "option" if "camera" in options.values else "default of OpenNI",
+        "depth_camera": "option" if "depth_camera" in options.values else "published",
+    }
+    return recording
 
 
-def _is_sequence(path: Path) -> bool:
-    return _SEQUENCE.fullmatch(path.name) is not None and path.is_dir()
-
-
-def _listed(folder: Path, split: str, containment: PathContainment) -> set[str]:
+def _listed(recording: Recording, split: str) -> set[str]:
     """The names of the sequences of a split."""
     if split not in _SPLITS:
         raise RequestError(f"option split={split}: choose from {', '.join(_SPLITS)}")
-    path = containment.resolve(_SPLITS[split], str(folder))
+    path = recording.resolve(_SPLITS[split])
     names = set()
     for number, line in read_lines(path):
         if text := line.strip():
@@ -129,5 +98,6 @@ LAYOUT = Layout(
         "split": "train or test: only the sequences of TrainSplit.txt or TestSplit.txt",
         "camera": CAMERA_OPTION,
         "depth_camera": f"of the depth images: {CAMERA_OPTION}",
+        "depth": DEPTH_OPTION,
     },
 )

@@ -16,53 +16,32 @@ both agree to some pixels near the borders.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from s2rtools.datasets.files.numeric_rows import (
-    NumericRows,
-    StampedNames,
-    in_time_order,
-    read_numbers,
-    read_stamped_names,
-    report_unusable,
-)
-from s2rtools.datasets.files.path_containment import PathContainment
+from s2rstore.errors import RequestError
 from s2rtools.datasets.recording import (
+    DEPTH_OPTION,
+    WITHOUT_DEPTH,
     Layout,
-    PinholeCamera,
     ReadOptions,
     RecordedTrajectory,
     Recording,
 )
-from s2rtools.datasets.recordings.recorded_files import FrameFiles, commonest_size, find_file
-from s2rtools.datasets.recordings.recorded_folders import (
-    existing_folder,
-    folder_name,
+from s2rtools.datasets.recordings.recorded_files import FrameFiles
+from s2rtools.datasets.recordings.recorded_poses import mutual_nearest, poses_near
+from s2rtools.datasets.recordings.stamped_lists import (
+    read_image_list,
+    read_pose_list,
     report_none_near,
-    require_frames,
-    trajectory_name,
 )
-from s2rtools.datasets.recordings.recorded_poses import (
-    mutual_nearest,
-    orthonormal,
-    poses_from_quaternions,
-    poses_near,
-)
-from s2rtools.datasets.recordings.stated_cameras import (
-    CAMERA_OPTION,
-    camera_option,
-    fit_to_images,
-    opencv_camera,
-)
-from s2rtools.datasets.scan import InputIssue, choose_trajectories
+from s2rtools.datasets.recordings.stated_cameras import CAMERA_OPTION, fitted_camera, opencv_camera
 
 UNITS_PER_METRE = 5000
 TOLERANCE = 0.02
 """Seconds between the times of what belongs together."""
+_RULE = f"none within {TOLERANCE * 1000:g} ms"
 _LIMIT = TOLERANCE + 1e-6
 """Times since 1970 are rounded to 0.2 microseconds."""
 _SIZE = (480, 640)
@@ -80,106 +59,44 @@ _SENSOR = re.compile(r"(?<![A-Za-z])(?:freiburg|fr)([123])(?![0-9])")
 _ROS_DEFAULT = opencv_camera(_SIZE, (525.0, 525.0, 319.5, 239.5))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Images:
-    """The images of a list that exist, by time."""
-
-    rows: StampedNames
-    order: NDArray[np.intp]
-
-    @property
-    def times(self) -> NDArray[np.float64]:
-        return np.asarray(self.rows.times[self.order])
-
-    def name(self, number: int) -> str:
-        return self.rows.file_name(int(self.order[number]))
-
-
 def read(path: Path, options: ReadOptions) -> Recording:
     """Read a sequence of the layout. Raises RequestError if a list is missing or unusable."""
-    folder = existing_folder(path)
-    containment = PathContainment(folder, options.allow_outside)
-    issues: list[InputIssue] = []
-    rgb = _images(folder, "rgb.txt", containment, issues)
-    depth = _images(folder, "depth.txt", containment, issues)
-    truth = read_numbers(folder / "groundtruth.txt", "groundtruth.txt", 8, issues)
-    known_times, known_poses = _known_poses(truth, issues)
-
-    times = rgb.times
-    depth_rows = mutual_nearest(times, depth.times, _LIMIT)
-    poses = poses_near(times, known_times, known_poses, _LIMIT)
+    recording = Recording.of_folder("tum", path, options)
+    rgb, depth = read_image_list(recording, "rgb.txt"), None
+    truth = read_pose_list(recording, "groundtruth.txt")
+    poses = poses_near(rgb.times, truth.times, truth.poses, _LIMIT)
     posed = np.isfinite(poses).all(axis=(1, 2))
-    for kind, missing, known in (
-        ("no depth image", depth_rows < 0, depth.times),
-        ("no pose", ~posed, known_times),
-    ):
-        rows = np.flatnonzero(missing)
-        names = [rgb.name(row) for row in rows.tolist()]
-        report_none_near(kind, names, times[rows], known, TOLERANCE, issues)
-    usable = np.flatnonzero(posed & (depth_rows >= 0))
-    files = FrameFiles(folder)
+    paired, depth_rows = np.ones(len(poses), dtype=bool), np.zeros(len(poses), dtype=np.intp)
+    needed = [("no pose", posed, truth.times)]
+    if options.reads_depth:
+        if not (path / "depth.txt").is_file():
+            raise RequestError(f"{path / 'depth.txt'}: missing; {WITHOUT_DEPTH}")
+        depth = read_image_list(recording, "depth.txt")
+        depth_rows = mutual_nearest(rgb.times, depth.times, _LIMIT)
+        paired = depth_rows >= 0
+        needed.insert(0, ("no depth image", paired, depth.times))
+    for kind, found, known in needed:
+        images = [(rgb.name(row), rgb.times[row]) for row in np.flatnonzero(~found).tolist()]
+        report_none_near(recording, kind, images, known, _RULE)
+    usable = np.flatnonzero(posed & paired)
+    files = FrameFiles(path)
     for row in usable.tolist():
-        files.append(rgb.name(row), depth.name(int(depth_rows[row])))
-    frames = files.chosen(range(len(files)))
-    name = trajectory_name(folder_name(folder))
-    choose_trajectories(options.trajectories, [name], path)
-    trajectories = {name: RecordedTrajectory(frames, orthonormal(poses[usable]), times[usable])}
-    require_frames("tum", folder, trajectories, issues)
-    camera, source = _camera(folder, options, commonest_size(frames, folder), issues)
-    return Recording(
-        layout="tum",
-        name=folder_name(folder),
-        root=folder,
-        camera=camera,
-        depth_scale=1 / UNITS_PER_METRE,
-        up=(0.0, 0.0, 1.0),
-        trajectories=trajectories,
-        issues=issues,
-        provenance={"camera": source, "tolerance_s": TOLERANCE},
-        outside_folders=containment.outside_folders,
+        files.append(rgb.name(row), None if depth is None else depth.name(int(depth_rows[row])))
+    recording.trajectories[recording.only_name] = RecordedTrajectory(
+        files.frames(), poses[usable], rgb.times[usable]
     )
-
-
-def _images(
-    folder: Path, name: str, containment: PathContainment, issues: list[InputIssue]
-) -> _Images:
-    rows = read_stamped_names(folder / name, name, issues)
-    order = in_time_order(rows, issues)
-    found = [
-        find_file(containment, rows.file_name(row), f"{folder / rows.place(row)}", issues)
-        for row in order.tolist()
-    ]
-    return _Images(rows, order[np.asarray(found, dtype=bool)])
-
-
-def _known_poses(
-    truth: NumericRows, issues: list[InputIssue]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Times (K,), ascending, and poses (K, 4, 4) of the usable rows."""
-    quaternions = truth.values[:, 4:8]
-    poses = poses_from_quaternions(truth.values[:, 1:4], quaternions)
-    usable = report_unusable(poses, truth.place, issues, quaternions)
-    rows = np.flatnonzero(usable)
-    kept = truth.chosen(rows)
-    order = in_time_order(kept, issues)
-    return kept.values[order, 0], poses[rows[order]]
-
-
-def _camera(
-    folder: Path, options: ReadOptions, size: tuple[int, int], issues: list[InputIssue]
-) -> tuple[PinholeCamera, str]:
-    """The camera, and where it comes from."""
-    stated = camera_option(options, "camera", size)
-    if stated is not None:
-        return fit_to_images(stated, size, folder, issues), "option camera"
-    if found := _SENSOR.search(folder.resolve().name):
-        camera = fit_to_images(_CAMERAS[found[1]], size, folder, issues)
-        return camera, f"freiburg{found[1]} of the benchmark"
-    return fit_to_images(_ROS_DEFAULT, size, folder, issues), "default of ROS"
+    sensor = _SENSOR.search(path.resolve().name)
+    default = _CAMERAS[sensor[1]] if sensor else _ROS_DEFAULT
+    source = f"freiburg{sensor[1]} of the benchmark" if sensor else "default of ROS"
+    recording.camera = fitted_camera(recording, options, "camera", default)
+    recording.depth_scale, recording.up = 1 / UNITS_PER_METRE, (0.0, 0.0, 1.0)
+    source = "option camera" if "camera" in options.values else source
+    recording.provenance = {"camera": source, "tolerance_s": TOLERANCE}
+    return recording
 
 
 LAYOUT = Layout(
     read,
     "TUM RGB-D sequence: rgb.txt, depth.txt, groundtruth.txt",
-    {"camera": CAMERA_OPTION},
+    {"camera": CAMERA_OPTION, "depth": DEPTH_OPTION},
 )

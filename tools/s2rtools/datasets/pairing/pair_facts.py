@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.floor.floor_alignment import FloorAlignment
 from s2rtools.datasets.pairing.pair_matching import PoseTolerance
 from s2rtools.datasets.pairing.recording_pairs import Match, Pairing, RecordedSide
-from s2rtools.datasets.scan import InputIssue
 
 _FAR, _TURNED = 1.0, 20.0
 """Metres and degrees between the poses of pairs, in the median, that are reported."""

@@ -15,6 +15,8 @@ from s2rstore.errors import RequestError
 from s2rstore.files.input_files import read_document
 from s2rstore.files.layout import checked_name
 from s2rstore.records import SIDES, Bounds, Domain, Intrinsics, Side
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.common.lazy_sequence import LazySequence
 from s2rtools.datasets.dataset_config import DatasetConfig
 from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.floor.floor_alignment import FloorAlignment, fit_alignment
@@ -25,7 +27,6 @@ from s2rtools.datasets.floor.floor_poses import (
     project_to_floor,
     put_on_stored_floor,
 )
-from s2rtools.datasets.lazy_sequence import LazySequence
 from s2rtools.datasets.pairing import pair_facts
 from s2rtools.datasets.pairing.pair_matching import PoseTolerance, ReportProgress, Rows
 from s2rtools.datasets.pairing.recording_pairs import (
@@ -40,7 +41,7 @@ from s2rtools.datasets.pairing.recording_pairs import (
 from s2rtools.datasets.pairing.stored_worlds import StoredWorlds
 from s2rtools.datasets.recording import Recording
 from s2rtools.datasets.recordings.recorded_frame_source import CameraImages, RecordedFrameSource
-from s2rtools.datasets.scan import FramePose, InputIssue, InstanceRecord, Scan
+from s2rtools.datasets.scan import FramePose, InstanceRecord, Scan
 
 MARGIN = 2.0
 """Metres of the map around the outermost poses, where no calibration file states the bounds."""
@@ -302,9 +303,9 @@ class _Cameras:
             for trajectory in recording.trajectories.values()
             for each in trajectory.frames
         )
-        self.rgb = CameraImages(recording.camera, f"{name}: camera")
+        self.rgb = CameraImages(recording.camera)
         own = recording.depth_camera or recording.camera
-        self.depth = CameraImages(own, f"{name}: depth camera") if has_depth else None
+        self.depth = CameraImages(own) if has_depth else None
         if has_depth and not math.isfinite(floor.camera_height):
             raise RequestError(
                 f"{name}: the height of the camera above the floor is not known; give "

@@ -8,21 +8,21 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
 from s2rstore.records import SIDES, Side
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.floor.floor_poses import FloorPoses
 from s2rtools.datasets.pairing import pair_matching
 from s2rtools.datasets.pairing.pair_matching import Floats, PoseTolerance, ReportProgress, Rows
 from s2rtools.datasets.recording import RecordedFrame, Recording
-from s2rtools.datasets.scan import InputIssue
+from s2rtools.datasets.recordings.recorded_poses import nearest_times
 
 Match = Literal["pose", "time", "name"]
-MATCHES: tuple[Match, ...] = get_args(Match)
 DEFAULT_TOLERANCES: dict[Match, str] = {"pose": "0.2m,10deg", "time": "0.05s", "name": ""}
 
 _UNITS = {"m": ("m", 1.0), "cm": ("m", 0.01), "mm": ("m", 0.001), "s": ("s", 1.0),
@@ -299,12 +299,9 @@ def _nearest_in_space(own: RecordedSide, other: RecordedSide, numbers: Rows) -> 
 def _nearest_in_time(own: RecordedSide, other: RecordedSide, numbers: Rows) -> _Near:
     known = np.flatnonzero(np.isfinite(other.times))
     order = known[np.argsort(other.times[known], kind="stable")]
-    times = other.times[order]
-    for time in own.times[numbers]:
-        if not times.size or not math.isfinite(time):
+    times, own_times = other.times[order], own.times[numbers]
+    for time, row in zip(own_times, nearest_times(own_times, times, np.inf), strict=True):
+        if row < 0:
             yield -1, math.nan, math.nan, math.nan
-            continue
-        place = int(np.searchsorted(times, time))
-        places = [each for each in (place - 1, place) if 0 <= each < times.size]
-        best = min(places, key=lambda each: abs(times[each] - time))
-        yield int(order[best]), math.nan, math.nan, abs(float(times[best] - time))
+        else:
+            yield int(order[row]), math.nan, math.nan, abs(float(times[row] - time))

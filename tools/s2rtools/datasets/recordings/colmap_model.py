@@ -21,7 +21,6 @@ from pathlib import Path
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import open_regular, read_bytes, read_text
 from s2rtools.datasets.recording import PinholeCamera
-from s2rtools.datasets.recordings.stated_cameras import checked
 
 _MODELS = (
     ("SIMPLE_PINHOLE", "f cx cy"),
@@ -124,7 +123,7 @@ class _Camera:
             distortion if any(distortion) or is_fisheye else (),
             is_fisheye,
         )
-        return checked(camera, self.where)
+        return camera.checked(self.where)
 
 
 def _text_cameras(path: Path) -> Iterator[tuple[int, _Camera]]:

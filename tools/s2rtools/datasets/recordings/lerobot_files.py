@@ -24,10 +24,10 @@ from s2rstore.errors import RequestError
 from s2rstore.files.input_files import decode_json, open_regular, read_bytes
 from s2rstore.index.parquet_table import read_blobs, read_columns
 from s2rtools.common.image_files import MAX_PIXELS
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.files.image_decoding import decode_image
 from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recording import SourceImage
-from s2rtools.datasets.scan import InputIssue
 
 _MAX_INFO_BYTES = 8 << 20
 _MAX_EPISODES = 100_000

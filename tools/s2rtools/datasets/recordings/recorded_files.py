@@ -10,7 +10,7 @@ import os
 import re
 from array import array
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,11 +21,15 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import read_bytes
 from s2rtools.common.image_files import MAX_PIXELS
-from s2rtools.datasets.files.image_decoding import MAX_METADATA_BYTES, declared_size, decode_image
-from s2rtools.datasets.files.path_containment import PathContainment
-from s2rtools.datasets.lazy_sequence import LazySequence, RowFile
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.common.lazy_sequence import LazySequence, RowFile
+from s2rtools.datasets.files.image_decoding import (
+    MAX_METADATA_BYTES,
+    declared_size,
+    declared_type,
+    decode_image,
+)
 from s2rtools.datasets.recording import RecordedFrame, SourceImage
-from s2rtools.datasets.scan import InputIssue
 
 _SAMPLES = 25
 _MOST_DIGITS = 18
@@ -70,6 +74,10 @@ class RgbImageFile(_ImageFile):
 class DepthImageFile(_ImageFile):
     """A depth image in a file, one channel of 8 or 16 bits; fields as in `_ImageFile`."""
 
+    @property
+    def declared_type(self) -> str | None:
+        return declared_type(self.path)
+
     def read(self) -> SourceImage | InputIssue:
         image = _read(self.path, self.name, cv2.IMREAD_UNCHANGED, self.size)
         if isinstance(image, InputIssue):
@@ -100,17 +108,16 @@ class FrameFiles:
         """Add a frame behind the others."""
         self._names.append(rgb, depth)
 
-    def __getitem__(self, number: int) -> RecordedFrame:
+    def _frame(self, number: int) -> RecordedFrame:
         rgb, depth = self._names[number]
         return RecordedFrame(
             RgbImageFile(self._root / rgb, rgb, self.size),
             None if depth is None else DepthImageFile(self._root / depth, depth),
         )
 
-    def chosen(self, numbers: Iterable[int]) -> Sequence[RecordedFrame]:
-        """The frames of the given numbers, in their order; each is made when it is read."""
-        kept = array("q", numbers)
-        return LazySequence(len(kept), lambda row: self[kept[row]])
+    def frames(self) -> Sequence[RecordedFrame]:
+        """All frames; each is made when it is read."""
+        return LazySequence(len(self), self._frame)
 
 
 class NumberedFiles:
@@ -144,32 +151,12 @@ class NumberedFiles:
     def __len__(self) -> int:
         return len(self.numbers)
 
-    def repetitions(self, kind: str, folder: str) -> list[InputIssue]:
-        """Reports of the repeated names; `folder` is put before each."""
-        return [
-            InputIssue(f"repeated {kind}", f"{folder}{name}", "another file has its number")
-            for name in self.repeated
-        ]
-
     def name(self, number: int) -> str | None:
         """The file name of a number; None if there is no such file."""
         row = int(np.searchsorted(self.numbers, number))
         if row == len(self.numbers) or self.numbers[row] != number:
             return None
         return str(self._texts[row].decode("ascii"))
-
-
-def find_file(
-    containment: PathContainment, name: str, where: str, issues: list[InputIssue]
-) -> bool:
-    """Whether a named file exists; reports it as a missing image otherwise.
-
-    `where` is the place that names it. Raises RequestError if the name leads out of the folder.
-    """
-    if containment.find_file(name, where) is not None:
-        return True
-    issues.append(InputIssue("missing image", name, f"named in {where}"))
-    return False
 
 
 def commonest_size(

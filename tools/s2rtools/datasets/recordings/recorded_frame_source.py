@@ -12,16 +12,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.errors import RequestError
 from s2rstore.records import Domain, Intrinsics
 from s2rtools.common.frame_resizing import resized_depth, resized_rgb
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.files.image_decoding import size_text
 from s2rtools.datasets.recording import PinholeCamera, RecordedFrame, RecordedImage, SourceImage
-from s2rtools.datasets.scan import DecodedFrame, InputIssue, Scan, SourceImages
-from s2rtools.datasets.writing.source_arrays import is_storable
-
-MAX_SIDE = 16_384
-"""Rows or columns of an image of a recording."""
+from s2rtools.datasets.scan import DecodedFrame, Scan, SourceImages
 
 
 class CameraImages:
@@ -31,19 +27,7 @@ class CameraImages:
     outside of the distorted image is 0, which is no valid depth.
     """
 
-    def __init__(self, camera: PinholeCamera, name: str) -> None:
-        """Raises RequestError, beginning with `name`, for a camera that OpenCV cannot undistort."""
-        numbers = camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion
-        if not np.isfinite(numbers).all() or min(camera.fx, camera.fy) <= 0:
-            raise RequestError(f"{name}: intrinsics {numbers} are not usable")
-        if not (0 < camera.width <= MAX_SIDE and 0 < camera.height <= MAX_SIDE):
-            raise RequestError(f"{name}: {camera.width}x{camera.height} is not a usable image size")
-        counts = (0, 4) if camera.is_fisheye else (0, 4, 5, 8, 12, 14)
-        if len(camera.distortion) not in counts:
-            allowed = ", ".join(map(str, counts))
-            raise RequestError(
-                f"{name}: {len(camera.distortion)} distortion coefficients; OpenCV knows {allowed}"
-            )
+    def __init__(self, camera: PinholeCamera) -> None:
         self.camera = camera
 
     def intrinsics(self, frame: tuple[int, int], pitch: float) -> Intrinsics:
@@ -112,6 +96,9 @@ class RecordedFrameSource:
         depth = self.frame.depth
         return files, ascii((self.frame.rgb.name, depth and depth.name, cameras))
 
+    def declared_depth_type(self) -> str | None:
+        return getattr(self.frame.depth, "declared_type", None)
+
     def checksum(self, scan: Scan, domain: Domain) -> str | None:
         rgb = self.frame.rgb.checksum()
         if rgb is None or self.depth is None:
@@ -144,7 +131,7 @@ class RecordedFrameSource:
         colours, raw = rgb.pixels, None if depth is None else depth.pixels
         sizes = {image.shape[:2] for image in (colours, raw) if image is not None}
         source = None if sizes == {scan.frame} else SourceImages(colours, raw)
-        if source is not None and not is_storable(source):
+        if source is not None and not source.is_storable:
             source, detail = None, f"{size_text(colours.shape)}; networks see the stored frame"
             issues.append(InputIssue("image too large to be kept", self.frame.rgb.name, detail))
         small, is_valid = resized_rgb(colours, scan.frame), np.array(np.nan)

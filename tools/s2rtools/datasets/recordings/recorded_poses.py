@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
+
+from s2rtools.common.input_issue import InputIssue
 
 MAX_NORM_ERROR = 1e-2
 """Deviation from 1 of a quaternion's norm that rounding in a text file explains."""
@@ -14,8 +17,10 @@ MAX_ROTATION_ERROR = 1e-2
 """Largest element of R^T R - 1 that rounding in a text file explains."""
 MAX_COORDINATE = 1e6
 """Metres."""
-FORWARD_TO_OPTICAL = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+_FORWARD_TO_OPTICAL = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
 """A camera's axes x right, y down, z forward in axes x forward, y left, z up."""
+_MAX_SHEAR = 1e-9
+"""Share by which a rotation that is only scaled deviates from it."""
 _LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
 _MAX_LAST_ROW_ERROR = 1e-6
 _BLOCK = 1 << 14
@@ -25,18 +30,45 @@ _BLOCK = 1 << 14
 def poses_from_quaternions(
     positions: NDArray[np.float64], quaternions: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(N, 3) metres and (N, 4) in order x, y, z, w -> (N, 4, 4); NaN where `usable_poses` fails.
+    """(N, 3) metres and (N, 4) in order x, y, z, w -> (N, 4, 4).
 
-    Quaternions are normalised if their norm is within `MAX_NORM_ERROR` of 1.
+    Quaternions are normalised if their norm is within `MAX_NORM_ERROR` of 1. Rotations of others
+    are scaled by the norm, or NaN, so that `usable_poses` refuses them.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         norms = np.linalg.norm(quaternions, axis=1)
-    good = np.abs(norms - 1) <= MAX_NORM_ERROR
-    poses = np.full((len(positions), 4, 4), np.nan)
-    poses[good] = np.eye(4)
-    poses[good, :3, :3] = Rotation.from_quat(quaternions[good]).as_matrix()
-    poses[good, :3, 3] = positions[good]
+    poses = np.tile(np.eye(4), (len(positions), 1, 1))
+    poses[:, :3, 3] = positions
+    poses[:, :3, :3] = np.where(np.isfinite(norms), 0.0, np.nan)[:, None, None]
+    turned = (norms > 0) & np.isfinite(norms)
+    poses[turned, :3, :3] = Rotation.from_quat(quaternions[turned]).as_matrix()
+    scaled = turned & ~(np.abs(norms - 1) <= MAX_NORM_ERROR)
+    poses[scaled, :3, :3] *= norms[scaled, None, None]
     return poses
+
+
+def level_poses(states: NDArray[np.float64], height: float) -> NDArray[np.float64]:
+    """Camera poses (N, 4, 4) of robots at x, y, heading (N, 3), metres and radians; NaN as there.
+
+    The camera looks along the heading, level, at `height` metres.
+    """
+    poses = np.tile(np.eye(4), (len(states), 1, 1))
+    finite = np.isfinite(states[:, 2])
+    turns = np.outer(states[finite, 2], [0.0, 0.0, 1.0])
+    poses[finite, :3, :3] = Rotation.from_rotvec(turns).as_matrix()
+    poses[~finite] = np.nan
+    poses[:, :2, 3], poses[:, 2, 3] = states[:, :2], height
+    return in_optical_axes(poses)
+
+
+def in_optical_axes(poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Poses (N, 4, 4) of cameras whose axes are x right, y down, z forward.
+
+    Those of the given `poses` are x forward, y left, z up.
+    """
+    result = poses.copy()
+    result[:, :3, :3] = poses[:, :3, :3] @ _FORWARD_TO_OPTICAL
+    return result
 
 
 def usable_poses(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -62,14 +94,36 @@ def pose_defect(pose: NDArray[np.float64]) -> str:
     if np.abs(pose[3] - _LAST_ROW).max() > _MAX_LAST_ROW_ERROR:
         return f"its last row is {' '.join(f'{value:g}' for value in pose[3])}, expected 0 0 0 1"
     with np.errstate(over="ignore", invalid="ignore"):
-        error = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
+        product = rotation.T @ rotation
+        error = float(np.abs(product - np.eye(3)).max())
+        square = float(product[0, 0])
+        is_scaled = float(np.abs(product - square * np.eye(3)).max()) <= _MAX_SHEAR * square
     if not error <= MAX_ROTATION_ERROR:
+        if is_scaled:
+            return f"the norm of its quaternion or axes is {math.sqrt(square):.4g}, expected 1"
         return f"its rotation is not orthonormal (R^T R deviates from 1 by {error:.3g})"
     if np.linalg.det(rotation) <= 0:
         return "its rotation mirrors"
     distance = float(np.abs(pose[:3, 3]).max())
     limit = f"at most {MAX_COORDINATE:,.0f} m are read; subtract an offset"
     return f"{distance:,.0f} m from the origin; {limit}"
+
+
+def report_unusable(
+    poses: NDArray[np.float64], place: Callable[[int], str], issues: list[InputIssue]
+) -> NDArray[np.bool_]:
+    """(N,): which of the poses (N, 4, 4) are usable; the others are reported at `place(row)`.
+
+    One of -inf is none at all: the recording lost its track.
+    """
+    usable = usable_poses(poses)
+    for row in np.flatnonzero(~usable).tolist():
+        if np.isneginf(poses[row]).any():
+            detail = "-inf: the recording lost its track here"
+            issues.append(InputIssue("no pose", place(row), detail))
+        else:
+            issues.append(InputIssue("bad pose", place(row), pose_defect(poses[row])))
+    return usable
 
 
 def orthonormal(poses: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import shlex
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -13,15 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.arrays import stored_array
-from s2rstore.errors import RequestError, counted
+from s2rstore.errors import RequestError, StoreBusyError, counted
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.ingest_folder import StagingFolder, staging_folder, staging_folders
 from s2rstore.index import schema
 from s2rstore.index.transaction import edit
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.conventions import convention_report
-from s2rtools.datasets.floor.floor_plan_image import read_floor_plan
-from s2rtools.datasets.floor.floor_plans import plan_from_depth
-from s2rtools.datasets.scan import InputIssue, Scan
+from s2rtools.datasets.floor.floor_plans import plan_from_depth, read_floor_plan
+from s2rtools.datasets.scan import Scan
 from s2rtools.datasets.stored_instances import StoredRecords
 from s2rtools.datasets.writing.frame_writing import FramePlace, ReportProgress, write_trajectory
 from s2rtools.datasets.writing.index_rows import write_index
@@ -59,7 +60,7 @@ def build(
     folder = staging_folder(target)
     find_folders = partial(staging_folders, target)
     journal = open_folder(scan, target, folder, find_folders, {}, progress, report_line)
-    try:
+    with removed_on_failure(folder, journal, target):
         stored = write_frames(scan, folder, progress, journal=journal)
         plan = floor_plan_image(scan)
         drawn = plan_from_depth(scan, stored, folder) if scan.floor_plan is None else None
@@ -83,11 +84,23 @@ def build(
             journal.close()
         folder.rename(target)
         atomic_writes.sync_path(target.parent)
+
+
+@contextmanager
+def removed_on_failure(folder: Path, journal: IngestJournal | None, target: Path) -> Iterator[None]:
+    """Remove the folder in which data for `target` is built where that fails.
+
+    It stays where an ingest with a journal is interrupted, or the store is busy: then the same
+    command resumes. Raises RequestError where files cannot be written.
+    """
+    try:
+        yield
     except OSError as error:
         shutil.rmtree(folder, ignore_errors=True)
         raise _unwritable(target, error) from error
     except BaseException as error:
-        if journal is None or isinstance(error, RequestError):
+        is_refused = isinstance(error, RequestError) and not isinstance(error, StoreBusyError)
+        if journal is None or is_refused:
             shutil.rmtree(folder, ignore_errors=True)
         raise
 

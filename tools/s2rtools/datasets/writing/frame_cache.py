@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from s2rstore.records import Domain
-from s2rtools.datasets.lazy_sequence import RowFile
+from s2rtools.common.lazy_sequence import RowFile
 from s2rtools.datasets.scan import DecodedFrame, Scan
 
 

@@ -1,37 +1,33 @@
 """Decode the frames of a trajectory once, check them and write them shard by shard.
 
 How many instances are usable is known only behind the last one, so the arrays' metadata is written
-last. Depth images of one domain must have one type, the most common one; instances of every
-combination of types are written apart, and one combination is kept.
+last. Depth images of one domain must have one type: the one that most of their headers declare.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from array import array
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
+from typing import Protocol, runtime_checkable
 
-from s2rstore.files import atomic_writes
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.common.processors import available_processors
 from s2rtools.common.read_ahead import map_ahead
-from s2rtools.datasets.scan import DecodedFrame, InputIssue, InstanceRecord, Scan
+from s2rtools.datasets.scan import DecodedFrame, InstanceRecord, Scan
 from s2rtools.datasets.stored_instances import StoredTrajectory
-from s2rtools.datasets.writing import source_arrays
-from s2rtools.datasets.writing.frame_group import DepthTypes, FrameGroup, Frames, Sources
-from s2rtools.datasets.writing.ingest_journal import (
-    OTHER_TYPES,
-    SHARD_ROWS,
-    Block,
-    IngestJournal,
-    combination_folder,
-    find_folder,
+from s2rtools.datasets.writing.ingest_journal import SHARD_ROWS, Block, IngestJournal
+from s2rtools.datasets.writing.trajectory_arrays import (
+    CompressedImages,
+    Frames,
+    Sources,
+    TrajectoryArrays,
+    compressed,
+    sizes_of,
 )
-from s2rtools.datasets.writing.source_arrays import CompressedImages, compressed
 
 NO_DEPTH = "no depth"
 """The depth type of frames without depth."""
@@ -44,6 +40,14 @@ ReportProgress = Callable[[int], None]
 Decoded = tuple[Frames, Sources, list[InputIssue]]
 """The frames of a record and the images at the size of their source, both by domain, and the issues
 of unusable frames."""
+
+
+@runtime_checkable
+class DeclaringSource(Protocol):
+    """A `FrameSource` whose depth image may be of one of several types."""
+
+    def declared_depth_type(self) -> str | None:
+        """The numpy type of the depth image by its header; None without one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,8 +82,7 @@ def write_trajectory(
     records = scan.trajectories[name]
     place = place or FramePlace(name, {})
     taken = None if journal is None else journal.taken(place.folder, len(records))
-    is_recorded = taken is not None and taken.is_finished
-    writer = _TrajectoryWriter(scan, root, name, place, journal, is_recorded)
+    writer = _TrajectoryWriter(scan, root, name, place, journal)
     largest = max(source.pixels for record in records for source in record.sources.values())
     threads = max(1, min(available_processors(), _DECODING_BYTES // (8 * largest)))
 
@@ -117,59 +120,62 @@ def _decode(scan: Scan, record: InstanceRecord) -> Decoded:
 
 
 class _TrajectoryWriter:
-    """Writes the instances of one trajectory, those of each combination of depth types apart.
-
-    With `is_recorded`, the journal has all of them, and says which combination is kept.
-    """
+    """Writes the instances of one trajectory, and records in the journal what is complete."""
 
     def __init__(
-        self,
-        scan: Scan,
-        root: Path,
-        name: str,
-        place: FramePlace,
-        journal: IngestJournal | None,
-        is_recorded: bool,
+        self, scan: Scan, root: Path, name: str, place: FramePlace, journal: IngestJournal | None
     ) -> None:
-        self._scan, self._root, self._name, self._place = scan, root, name, place
-        self._journal, self._is_recorded = journal, is_recorded
-        self._domains: tuple[str, ...] = ()
-        self._groups: dict[DepthTypes, FrameGroup] = {}
-        self._rows, self._group_numbers = array("i"), array("i")
-        self._conversions: dict[int, tuple[InputIssue, ...]] = {}
+        self._scan, self._name, self._place, self._journal = scan, name, place, journal
+        self._records = scan.trajectories[name]
+        self._types = _declared_depth_types(scan, self._records) | dict(place.depth_types)
+        domains, stored = list(self._records[0].sources), StoredTrajectory(self._records)
+        self._arrays = TrajectoryArrays(root, place.folder, domains, stored)
         self._source_sizes: dict[str, tuple[tuple[int, ...], ...]] = {}
+        self._conversions: dict[int, tuple[InputIssue, ...]] = {}
         self._left_out: dict[int, list[InputIssue]] = {}
 
     def leave_out(self, row: int, issues: list[InputIssue]) -> None:
         """Report the record number `row`, which is not stored."""
         self._scan.issues += issues
-        if self._journal is not None:
-            self._left_out[row] = issues
-            if len(self._left_out) == SHARD_ROWS:
-                self._journal.add(self._block(()))
+        self._left_out[row] = issues
+        if len(self._left_out) == SHARD_ROWS:
+            self._record(Block(self._place.folder, self._frames))
 
     def add(self, row: int, frames: Frames, sources: Sources) -> None:
         """Write the frames of the record number `row`.
 
-        An instance with source images of another size than those of the first one is left out.
+        An instance is left out whose depth images have another type than those of the trajectory,
+        or whose source images have another size than those of the first one.
         """
+        if issues := self._differences(row, frames, sources):
+            self.leave_out(row, issues)
+            return
+        if converted := tuple(issue for frame in frames.values() for issue in frame.issues):
+            self._scan.issues += converted
+            self._conversions[row] = converted
+        self._arrays.add(row, frames, sources)
+        if self._arrays.pending_rows == SHARD_ROWS:
+            self._record_stored()
+
+    def _differences(self, row: int, frames: Frames, sources: Sources) -> list[InputIssue]:
+        """Issues of frames that do not go into the arrays of the trajectory."""
+        of_row, issues = self._records[row].sources, []
+        for domain, frame in frames.items():
+            found = depth_type(frame)
+            usual = self._types.setdefault(domain, found)
+            if found != usual:
+                file = of_row[domain].file_names(self._scan)[1] or domain
+                detail = f"{found}, the others in {domain} are {usual}"
+                issues.append(InputIssue("mixed depth types", file, detail))
+        if issues:
+            return issues
         for domain, images in sources.items():
-            usual = self._source_sizes.setdefault(domain, source_arrays.sizes(images))
-            if source_arrays.sizes(images) != usual:
-                source = self._scan.trajectories[self._name][row].sources[domain]
-                file = source.file_names(self._scan)[0] or domain
+            sizes = sizes_of(images)
+            if sizes != self._source_sizes.setdefault(domain, sizes):
+                file = of_row[domain].file_names(self._scan)[0] or domain
                 detail = f"not the size of the trajectory's first image in {domain}"
-                self.leave_out(row, [InputIssue("wrong size", file, detail)])
-                return
-        types = tuple(depth_type(frame) for frame in frames.values())
-        group = self._group(types, tuple(frames))
-        if issues := tuple(issue for frame in frames.values() for issue in frame.issues):
-            self._conversions[row] = issues
-        self._rows.append(row)
-        self._group_numbers.append(group.number)
-        group.add(row, frames, sources)
-        if self._journal is not None and group.pending_rows == SHARD_ROWS:
-            self._journal.add(self._block(types, with_shards=True))
+                return [InputIssue("wrong size", file, detail)]
+        return []
 
     def take(self, row: int, block: Block) -> None:
         """Take the record number `row` over from a block of an interrupted ingest."""
@@ -178,90 +184,47 @@ class _TrajectoryWriter:
             return
         for domain, sizes in block.source_sizes.items():
             self._source_sizes.setdefault(domain, sizes)
-        group = self._group(block.types, tuple(block.digests))
-        if row in block.conversions:
-            self._conversions[row] = block.conversions[row]
-        self._rows.append(row)
-        self._group_numbers.append(group.number)
-        group.take(row, block)
+        for domain, kind in block.types.items():
+            self._types.setdefault(domain, kind)
+        self._scan.issues += block.conversions.get(row, ())
+        self._arrays.take(row, block)
 
-    def _group(self, types: DepthTypes, domains: tuple[str, ...]) -> FrameGroup:
-        if types not in self._groups:
-            stored = StoredTrajectory(self._scan.trajectories[self._name])
-            number = len(self._groups)
-            find = partial(find_folder, self._root) if self._is_recorded else combination_folder
-            folders = {each: find(number, each, self._place.folder) for each in domains}
-            self._groups[types] = FrameGroup(
-                self._root, number, folders, self._place.folder, stored
-            )
-            self._domains = domains
-        return self._groups[types]
+    @property
+    def _frames(self) -> int:
+        """The number of frames of an instance."""
+        return len(self._records[0].sources)
 
-    def _block(self, types: DepthTypes, with_shards: bool = False) -> Block:
-        """The instances that were left out, and those of a combination, since their last blocks."""
-        row = next(iter(self._left_out), 0)
-        frames = len(self._domains) or len(self._scan.trajectories[self._name][row].sources)
-        block = Block(self._place.folder, frames, self._left_out)
-        self._left_out = {}
-        if types in self._groups:
-            self._groups[types].fill(block, with_shards)
-            block.types, block.source_sizes = types, self._source_sizes
-            block.conversions = {
-                row: self._conversions[row] for row in block.rows if row in self._conversions
-            }
-        return block
+    def _record_stored(self) -> None:
+        """Record the instances that are in no block yet."""
+        block = Block(self._place.folder, self._frames)
+        block.types, block.source_sizes = self._types, self._source_sizes
+        block.conversions, self._conversions = self._conversions, {}
+        self._arrays.fill(block)
+        self._record(block)
+
+    def _record(self, block: Block) -> None:
+        block.left_out, self._left_out = self._left_out, {}
+        if self._journal is not None and (block.rows or block.left_out):
+            self._journal.add(block)
 
     def finish(self) -> StoredTrajectory | None:
-        """Keep the depth types of the place, or else the most common ones.
-
-        The instances of other types become issues.
-        """
-        if not self._groups:
-            self._record_end(None)
+        """Record the last instances and complete the arrays."""
+        self._record_stored()
+        if not len(self._arrays.stored):
             return None
-        expected = tuple(
-            self._place.depth_types.get(domain)
-            or Counter(types[number] for types in self._types()).most_common(1)[0][0]
-            for number, domain in enumerate(self._domains)
-        )
-        self._report(expected)
-        self._record_end(expected)
-        kept = self._groups.pop(expected, None)
-        if not self._is_recorded:  # otherwise they were removed when the journal was opened
-            for other in self._groups.values():
-                other.remove()
-        if kept is not None:
-            kept.finish()
-        atomic_writes.remove(self._root, OTHER_TYPES)
-        return None if kept is None else kept.stored
+        self._arrays.finish()
+        return self._arrays.stored
 
-    def _record_end(self, expected: DepthTypes | None) -> None:
-        """Record the instances that are in no block yet, and which depth types are kept."""
-        if self._journal is None or self._is_recorded:
-            return
-        blocks = [self._block(types, types == expected) for types in self._groups or [()]]
-        kept = self._groups.get(expected or ())
-        self._journal.finish(self._place.folder, blocks, None if kept is None else kept.number)
 
-    def _types(self) -> Iterator[DepthTypes]:
-        """The depth types of every written instance."""
-        groups = list(self._groups)
-        return (groups[number] for number in self._group_numbers)
-
-    def _report(self, expected: DepthTypes) -> None:
-        """Add the issues of instances of other types, and the conversions of the others."""
-        for row, types in zip(self._rows, self._types(), strict=True):
-            if types == expected:
-                self._scan.issues += self._conversions.get(row, ())
-                continue
-            sources = self._scan.trajectories[self._name][row].sources
-            for (domain, source), found, usual in zip(
-                sources.items(), types, expected, strict=True
-            ):
-                if found != usual:
-                    file = source.file_names(self._scan)[1] or domain
-                    detail = f"{found}, the others in {domain} are {usual}"
-                    self._scan.issues.append(InputIssue("mixed depth types", file, detail))
+def _declared_depth_types(scan: Scan, records: Sequence[InstanceRecord]) -> dict[str, str]:
+    """The commonest type that the headers of depth images declare, in each domain."""
+    counts: dict[str, Counter[str]] = {}
+    for record in records:
+        for domain, source in record.sources.items():
+            found = source.declared_depth_type() if isinstance(source, DeclaringSource) else None
+            if found is not None:
+                counts.setdefault(domain, Counter())[found] += 1
+    return {domain: each.most_common(1)[0][0] for domain, each in counts.items()}
 
 
 def depth_type(frame: DecodedFrame) -> str:

@@ -23,7 +23,7 @@ from s2rstore.files.layout import checked_name
 from s2rstore.index.row_check import MAX_ROWS
 from s2rstore.records import SIDES, Bounds, Domain, Intrinsics, Side
 from s2rtools.common.frame_resizing import resized_rgb
-from s2rtools.datasets.lazy_sequence import LazySequence, RowFile
+from s2rtools.common.lazy_sequence import LazySequence, RowFile
 from s2rtools.datasets.scan import DecodedFrame, FrameSource, InstanceRecord, Scan
 from s2rtools.datasets.writing.build import build
 from s2rtools.datasets.writing.frame_cache import FrameCache

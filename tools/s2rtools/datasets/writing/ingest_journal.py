@@ -13,12 +13,9 @@ import itertools
 import json
 import os
 import zlib
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
-from typing import cast
 
 import msgspec
 import numpy as np
@@ -27,13 +24,13 @@ from s2rstore.arrays.stored_array import shard_name
 from s2rstore.arrays.zarr_metadata import Layout
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, safe_files
-from s2rtools.datasets.scan import FrameChecksum, InputIssue
+from s2rtools.common.input_issue import InputIssue
+from s2rtools.datasets.scan import FrameChecksum
 from s2rtools.datasets.stored_instances import StoredTrajectory
 
 NAME = "journal.jsonl"
 SHARD_ROWS = 64
-OTHER_TYPES = ".other-depth-types"
-_VERSION = 1
+_VERSION = 2
 _CACHED_BLOCKS = 16
 _MAX_LINE = 16 << 20
 _HEX = 64
@@ -50,20 +47,18 @@ class Shard(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Block(msgspec.Struct, forbid_unknown_fields=True):
-    """Instances of one combination of depth types, and those left out since the last block.
+    """Stored instances of a trajectory, and those left out since the last block.
 
     `trajectory` is the name of the trajectory's folder in that of each domain. `rows` are numbers
-    of the trajectory's records. `number` counts the combinations, `types` is the depth type of each
-    domain. `digests` (64 hexadecimal characters a row) and `valid_fractions` are those of the
-    frames, `shards` the files by domain and image. `frames` is the number of frames of every
-    instance.
+    of the trajectory's records. `types` is the depth type of each domain. `digests` (64 hexadecimal
+    characters a row) and `valid_fractions` are those of the frames, `shards` the files by domain
+    and image. `frames` is the number of frames of every instance.
     """
 
     trajectory: str
     frames: int
     left_out: dict[int, list[InputIssue]] = {}
-    number: int = 0
-    types: tuple[str, ...] = ()
+    types: dict[str, str] = {}
     rows: list[int] = []
     digests: dict[str, str] = {}
     valid_fractions: dict[str, list[float]] = {}
@@ -93,33 +88,18 @@ class _Header(msgspec.Struct, forbid_unknown_fields=True):
     version: int = _VERSION
 
 
-class _Finished(msgspec.Struct, forbid_unknown_fields=True):
-    """All instances of a trajectory are in blocks; those of combination `kept` are stored."""
-
-    finished: str
-    kept: int | None
-
-
-_Line = _Header | Block | _Finished
-_KINDS: dict[str, type[_Header | _Finished]] = {"fingerprint": _Header, "finished": _Finished}
+_Line = _Header | Block
 Place = tuple[int, int]
 """Offset and length of a line, bytes."""
-
-
-def combination_folder(number: int, domain: str, trajectory: str) -> str:
-    """Where the arrays of a combination of depth types are written; number 0 in its place."""
-    base = f"{OTHER_TYPES}/{number}" if number else layout.FRAMES
-    return f"{base}/{domain}/{trajectory}"
 
 
 class TakenTrajectory:
     """What an earlier ingest has stored of a trajectory; blocks are read when they are needed.
 
-    `steps` is the number of frames in its blocks. Where it `is_finished`, all rows are in blocks.
+    `steps` is the number of frames in its blocks.
     """
 
-    def __init__(self, path: Path, places: Sequence[Place], count: int, is_finished: bool) -> None:
-        self.is_finished = is_finished
+    def __init__(self, path: Path, places: Sequence[Place], count: int) -> None:
         self.steps = 0
         self._path, self._places = path, places
         self._block_of = np.full(count, -1, np.int32)
@@ -152,121 +132,60 @@ class TakenTrajectory:
         return self._cached[number]
 
 
-@dataclass(slots=True)
-class _Written:
-    """The lines of one trajectory; `kept` is known if it `is_finished`.
-
-    Each block has its place, its combination of depth types, whether it has 64 rows, and the
-    domain, the name below the folder of that, and the bytes of each of its files.
-    """
-
-    blocks: list[tuple[Place, int, bool, list[tuple[str, str, int]]]] = field(default_factory=list)
-    finish: Place | None = None
-    kept: int | None = None
-
-    def add(self, place: Place, block: Block) -> None:
-        """Add the block of a line."""
-        shard = sum(number == block.number and bool(files) for _, number, _, files in self.blocks)
-        files = [
-            (domain, f"{image}/{_shard_name(each, shard)}", each.bytes)
-            for domain, images in block.shards.items()
-            for image, each in images.items()
-        ]
-        is_full = not block.rows or (len(block.rows) == SHARD_ROWS and bool(files))
-        self.blocks.append((place, block.number, is_full, files))
-
-    def proven(self, root: Path, trajectory: str) -> tuple[list[Place], set[str]]:
-        """The places of the lines whose files exist in their size, and these files.
-
-        Of a finished trajectory either all lines count or none: files of other combinations than
-        the kept one may have been removed.
-        """
-        places: list[Place] = []
-        paths: set[str] = set()
-        for place, number, is_full, files in self.blocks:
-            if self.finish is not None and number != self.kept:
-                places.append(place)
-                continue
-            is_finished = self.finish is not None
-            find = partial(find_folder, root) if is_finished else combination_folder
-            found = {
-                f"{find(number, domain, trajectory)}/{name}": size for domain, name, size in files
-            }
-            is_usable = is_full or is_finished
-            if not is_usable or any(_size(root, path) != size for path, size in found.items()):
-                if is_finished:
-                    return [], set()
-                break
-            places.append(place)
-            paths |= set(found)
-        return places, paths
-
-
 class IngestJournal:
     """Writes the journal of a building folder, and gives what it held when it was opened."""
 
     def __init__(self, root: Path) -> None:
         self._root = root
         self._places: dict[str, list[Place]] = {}
-        self._finished: set[str] = set()
 
     @classmethod
     def begin(cls, root: Path, fingerprint: str) -> IngestJournal:
         """Begin the journal of an empty folder."""
         journal = cls(root)
-        journal._append(_Header(fingerprint))
+        journal.add(_Header(fingerprint))
         return journal
 
     @classmethod
     def resume(cls, root: Path, fingerprint: str) -> IngestJournal:
-        """Open the journal of an abandoned folder; remove all files that it does not prove."""
-        written: dict[str, _Written] = {}
-        for place, line in _lines(root):
-            if isinstance(line, Block):
-                written.setdefault(line.trajectory, _Written()).add(place, line)
-            elif isinstance(line, _Finished):
-                each = written.setdefault(line.finished, _Written())
-                each.finish, each.kept = place, line.kept
-        journal, paths = cls(root), set[str]()
-        old: list[Place] = []
+        """Open the journal of an abandoned folder; remove all files that it does not prove.
+
+        The blocks of a trajectory count up to the first one of which a file lacks.
+        """
+        journal, files = cls(root), {NAME}
+        shards: Counter[str] = Counter()
+        ended: set[str] = set()
         header = _line(_Header(fingerprint))
+        old: list[Place] = []
         end = len(header)
-        for trajectory, each in written.items():
-            places, found = each.proven(root, trajectory)
-            paths |= found
-            journal._places[trajectory] = []
-            for offset, length in places:
-                journal._places[trajectory].append((end, length))
-                old.append((offset, length))
-                end += length
-            if each.finish is not None and len(places) == len(each.blocks):
-                journal._finished.add(trajectory)
-                old.append(each.finish)
-                end += each.finish[1]
-        _remove_others(root, paths | {NAME})
+        for place, block in _lines(root):
+            if not isinstance(block, Block) or block.trajectory in ended:
+                continue
+            found = _files(block, shards[block.trajectory])
+            if any(_size(root, path) != size for path, size in found.items()):
+                ended.add(block.trajectory)
+                continue
+            shards[block.trajectory] += bool(found)
+            files |= found.keys()
+            old.append(place)
+            journal._places.setdefault(block.trajectory, []).append((end, place[1]))
+            end += place[1]
+        _remove_others(root, files)
         kept = (_read_at(root / NAME, place) for place in old)
         atomic_writes.write(root, NAME, itertools.chain([header], kept))
         return journal
 
     def taken(self, trajectory: str, count: int) -> TakenTrajectory:
         """What was stored of a trajectory of `count` records before the journal was opened."""
-        places, is_finished = self._places.get(trajectory, []), trajectory in self._finished
-        return TakenTrajectory(self._root / NAME, places, count, is_finished)
+        return TakenTrajectory(self._root / NAME, self._places.get(trajectory, []), count)
 
-    def add(self, block: Block) -> None:
+    def add(self, line: _Line) -> None:
         """Record instances whose shards are complete and durable."""
-        self._append(block)
-
-    def finish(self, trajectory: str, blocks: Sequence[Block], kept: int | None) -> None:
-        """Record the last instances of a trajectory, and which combination of types is kept."""
-        self._append(*blocks, _Finished(trajectory, kept))
+        atomic_writes.append_lines(self._root, NAME, _line(line))
 
     def close(self) -> None:
         """Remove the journal: the store is complete."""
         atomic_writes.remove(self._root, NAME)
-
-    def _append(self, *lines: _Line) -> None:
-        atomic_writes.append_lines(self._root, NAME, b"".join(map(_line, lines)))
 
 
 def fingerprint_of(root: Path) -> str | None:
@@ -276,12 +195,6 @@ def fingerprint_of(root: Path) -> str | None:
     except (OSError, RequestError):
         return None
     return header.fingerprint if isinstance(header, _Header) else None
-
-
-def find_folder(root: Path, number: int, domain: str, trajectory: str) -> str:
-    """Where the arrays of a combination lie: its own folder, or else that of the store."""
-    own = combination_folder(number, domain, trajectory)
-    return own if safe_files.kind(root, own) else combination_folder(0, domain, trajectory)
 
 
 def _lines(root: Path) -> Iterator[tuple[Place, _Line]]:
@@ -311,10 +224,21 @@ def _parsed(line: bytes) -> _Line | None:
         return None
     try:
         content = json.loads(text)
-        kind = next((kind for key, kind in _KINDS.items() if key in content), Block)
-        return cast(_Line, msgspec.convert(content, kind, str_keys=True))
+        if "fingerprint" in content:
+            return msgspec.convert(content, _Header)
+        return msgspec.convert(content, Block, str_keys=True)
     except (ValueError, TypeError, RecursionError):  # msgspec's errors are ValueErrors
         return None
+
+
+def _files(block: Block, number: int) -> dict[str, int]:
+    """The files of a block, whose shards have a number, and their bytes."""
+    return {
+        f"{layout.FRAMES}/{domain}/{block.trajectory}/{image}/{_shard_name(shard, number)}":
+            shard.bytes
+        for domain, images in block.shards.items()
+        for image, shard in images.items()
+    }  # fmt: skip
 
 
 def _shard_name(shard: Shard, number: int) -> str:

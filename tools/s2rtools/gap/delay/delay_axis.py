@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import ClassVar, Literal, get_args
 
@@ -11,7 +11,19 @@ from scipy import stats
 
 from s2rstore.errors import RequestError
 from s2rstore.intervals import LEVEL, Interval, of_units
-from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
+from s2rtools.gap.axis import (
+    Anchor,
+    Axis,
+    AxisResult,
+    Details,
+    Evidence,
+    GapSettings,
+    Parser,
+    no_drives,
+    number,
+    one_of,
+    reach,
+)
 from s2rtools.gap.delay import time_delay
 from s2rtools.gap.dynamics.log_quality import untuned_log
 from s2rtools.motion_logs.motion_log import Drive, Floats, Log
@@ -26,45 +38,36 @@ _SIZES = np.linspace(0.0, 6.0, 601)
 
 
 class DelayAxis(Axis):
-    """m = mean |delay| of the drives over the period, noise subtracted, weighted by overlap."""
+    """m = mean |delay| of the drives over the period, noise subtracted, weighted by overlap.
 
-    name: ClassVar[str] = "delay"
-    unit: ClassVar[str] = "control periods"
-    measure_is: ClassVar[str] = (
-        "absolute time delay of reality behind the simulator, in periods of the controller"
-    )
-    floor_is: ClassVar[str] = "0: the share of noise in the size of a delay is subtracted in m"
-    reason: ClassVar[str] = (
-        "A delay matters to a controller relative to its period, early or late: the absolute "
-        "delays of the drives are averaged, so that opposite signs do not cancel. The noise of "
-        "each estimate adds to its size and is subtracted, so the floor is 0. The bad state is a "
-        "delay of one whole period. The untuned simulator's delay can be chosen instead "
-        "(--dynamics bad=untuned), but it differs between sets of drives."
-    )
+    A delay matters to a controller relative to its period, early or late: the absolute delays of
+    the drives are averaged, so that opposite signs do not cancel. The noise of each estimate adds
+    to its size and is subtracted, so the floor is 0. The bad state is a delay of one whole period;
+    that of the untuned simulator can be chosen instead, but differs between sets of drives.
+    """
+
+    parsers: ClassVar[Mapping[str, Parser]] = {
+        "reach": reach,
+        "bad": one_of(BAD_STATES),
+        "period": lambda text: number(text, "seconds such as 0.05", 60.0),
+    }
 
     def __init__(
-        self,
-        bad_state: BadState = "period",
-        period: float | None = None,
-        rate: float = 50.0,
-        max_delay: float = 1.0,
+        self, reach: float = 1.0, bad: BadState = "period", period: float | None = None
     ) -> None:
-        """`period` (s) replaces that of the commands; `max_delay` (s) bounds the search."""
-        self.bad_state = bad_state
+        """`reach` (s) bounds the search; `period` (s) replaces that of the commands."""
+        self.max_delay = reach
+        self.bad_state = bad
         self.period = period
-        self.rate = rate
-        self.max_delay = max_delay
 
     def missing(self, evidence: Evidence) -> str | None:
-        if not evidence.drives:
-            return "no drives: name a folder of real and simulated logs (--drives)"
-        if self.period is None and all(drive.commands is None for drive in evidence.drives):
-            return "no drive has commands.csv: the control period is not known"
-        return None
+        known = self.period is not None or any(drive.commands for drive in evidence.drives)
+        unknown = None if known else "no drive has commands.csv: the control period is not known"
+        return no_drives(evidence) or unknown
 
     def measure(self, evidence: Evidence, settings: GapSettings) -> AxisResult:
         drives, period = evidence.drives, self._period(evidence.drives)
-        delays = self._delays(drives, lambda drive: drive.sim)
+        delays = self._delays(evidence, [drive.sim for drive in drives])
         signed = mean_delay(delays, settings.level)
 
         def bounds(level: float) -> Interval:
@@ -72,13 +75,12 @@ class DelayAxis(Axis):
 
         n = sum(int(each.overlap // time_delay.BLOCK) for each in delays)
         return AxisResult(
-            axis=self.name,
             value=bounds(settings.level).value,
             floor=0.0,
             n=n,
             bounds=bounds,
             fingerprint={
-                "rate": self.rate,
+                "rate": time_delay.RATE,
                 "smoothing": time_delay.SMOOTHING,
                 "furthest": self.max_delay,
                 "period": rounded_period(period),
@@ -105,27 +107,28 @@ class DelayAxis(Axis):
         if self.bad_state == "period":
             return Anchor(Interval(1.0, 1.0, 1.0), "one control period late")
         drives, period = evidence.drives, self._period(evidence.drives)
-        delays = self._delays(drives, lambda drive: untuned_log(drive, self.name))
+        delays = self._delays(evidence, [untuned_log(drive, "delay") for drive in drives])
         size = mean_size(delays, settings.level).scaled(1 / period)
         return Anchor(size, "the untuned simulator")
 
-    def _delays(
-        self, drives: Sequence[Drive], simulated: Callable[[Drive], Log]
-    ) -> list[time_delay.TimeDelay]:
+    def describe(self, details: Details) -> Iterator[str]:
+        delay = Interval.from_columns(details, "delay").scaled(1000).with_bounds("{:.1f}".format)
+        yield (
+            f"delay {delay} ms, positive if reality lags; the control "
+            f"period is {1000 * details['period']:g} ms"
+        )
+
+    def _delays(self, evidence: Evidence, sims: Sequence[Log]) -> list[time_delay.TimeDelay]:
         return [
-            time_delay.estimate_delay(drive.real, simulated(drive), self.rate, self.max_delay)
-            for drive in drives
+            evidence.delays(drive.real, sim, time_delay.RATE, self.max_delay)
+            for drive, sim in zip(evidence.drives, sims, strict=True)
         ]
 
     def _period(self, drives: Sequence[Drive]) -> float:
         """The control period that all commands share, s."""
         if self.period is not None:
-            if not self.period > 0:
-                raise RequestError(f"control period {self.period:g} s: must be positive")
             return self.period
         known = {drive.name: drive.commands.period for drive in drives if drive.commands}
-        if not known:
-            raise RequestError("delay: no drive has commands.csv, so no control period is known")
         low, high = min(known, key=known.__getitem__), max(known, key=known.__getitem__)
         if known[high] > known[low] * (1 + _SAME_PERIOD):
             raise RequestError(

@@ -20,6 +20,8 @@ from s2rstore.intervals import LEVEL, Interval, of_units
 from s2rtools.motion_logs.motion_log import Floats, Log, poses_at
 
 RATES = ("forward speed", "sideways speed", "yaw rate")
+RATE = 50.0
+"""Grid on which logs are compared, Hz."""
 SMOOTHING = 0.1
 """Standard deviation of the Gaussian, s; at least `MIN_SMOOTHING_SAMPLES` of the slower log."""
 MIN_SMOOTHING_SAMPLES = 1.5
@@ -78,13 +80,21 @@ def shifted(log: Log, delay: float) -> Log:
     return replace(log, time=log.time + delay)
 
 
-def remove_delay(real: Log, sim: Log, rate: float, max_delay: float) -> tuple[TimeDelay, Log]:
-    """The delay, and `sim` shifted by it."""
-    delay = estimate_delay(real, sim, rate, max_delay)
-    return delay, shifted(sim, delay.seconds)
+class DelayEstimates:
+    """Estimates of time delays between pairs of logs, each computed once."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[int, int, float, float], tuple[Log, Log, TimeDelay]] = {}
+
+    def __call__(self, real: Log, sim: Log, rate: float, max_delay: float) -> TimeDelay:
+        """The delay as `estimate_delay` finds it, with its errors."""
+        key = (id(real), id(sim), rate, max_delay)
+        if key not in self._known:  # with the logs, so that no other log gets their ids
+            self._known[key] = (real, sim, estimate_delay(real, sim, rate, max_delay))
+        return self._known[key][2]
 
 
-def estimate_delay(real: Log, sim: Log, rate: float = 50.0, max_delay: float = 1.0) -> TimeDelay:
+def estimate_delay(real: Log, sim: Log, rate: float = RATE, max_delay: float = 1.0) -> TimeDelay:
     """Estimate how much later `real` is than `sim`, within `max_delay` s on a grid of `rate` Hz.
 
     Raises RequestError where the logs do not overlap, and InconclusiveError where nothing moves,

@@ -10,8 +10,11 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
+from s2rtools.gap.axis import number
 from s2rtools.motion_logs.motion_log import Drive, Floats, Log, RigidTransform, poses_at
 from s2rtools.motion_logs.rigid_alignment import fit
+
+_PARTS = ("rigid", "reflection", "scale")
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,9 +33,17 @@ class LogAlignment:
             return RigidTransform()
         return fit((sim.x, sim.y), (real.x, real.y), self.reflection, self.scale)
 
+    @classmethod
+    def parse(cls, text: str) -> LogAlignment:
+        """Parse `none`, or `rigid` with any of `+reflection` and `+scale`. Raises RequestError."""
+        parts = [] if text == "none" else text.split("+")
+        known = set(parts) <= set(_PARTS) and len(set(parts)) == len(parts)
+        if not known or (parts and "rigid" not in parts):
+            raise RequestError("expected none, or rigid with any of +reflection and +scale")
+        return cls(*(part in parts for part in _PARTS))
+
     def __str__(self) -> str:
-        parts = ("rigid", "reflection", "scale")
-        return "+".join(part for part in parts if getattr(self, part)) or "none"
+        return "+".join(part for part in _PARTS if getattr(self, part)) or "none"
 
 
 NO_ALIGNMENT = LogAlignment()
@@ -44,6 +55,17 @@ class RpeStep:
 
     seconds: float = 1.0
     poses: int | None = None
+
+    @classmethod
+    def parse(cls, text: str) -> RpeStep:
+        """Parse seconds such as `1s`, or a number of poses. Raises RequestError."""
+        expected = "seconds such as 1s, or a number of poses such as 25"
+        if text.endswith("s"):
+            return cls(seconds=number(text[:-1], expected, 3600.0))
+        poses = number(text, expected, 1e9)
+        if poses != int(poses):
+            raise RequestError(f"expected {expected}")
+        return cls(poses=int(poses))
 
     def __str__(self) -> str:
         return f"{self.seconds:g} s" if self.poses is None else f"{self.poses} poses"
@@ -78,36 +100,28 @@ class PoseErrors:
     heading: Floats
 
 
-@dataclass(frozen=True, slots=True)
-class DriveErrorOptions:
-    """How APE and RPE of a whole drive are computed."""
+def drive_errors(
+    drive: Drive, sim: Log, alignment: LogAlignment, step: RpeStep
+) -> dict[str, float | None]:
+    """Root mean square APE and RPE of a whole drive, in m and rad.
 
-    alignment: LogAlignment = NO_ALIGNMENT
-    step: RpeStep = DEFAULT_STEP
-
-    def errors(self, drive: Drive, sim: Log) -> dict[str, float | None]:
-        """Root mean square errors in m and rad.
-
-        `sim` is the drive's simulated log without its time delay; `ape_rmse_recorded` is computed
-        with the delay. The RPE figures are None where no two poses are a step apart.
-        """
-        absolute = ape(drive.real, sim, self.alignment)
-        recorded = ape(drive.real, drive.sim, self.alignment)
-        relative: dict[str, float | None] = {"rpe_rmse": None, "rpe_heading_rmse": None}
-        try:
-            steps = rpe(drive.real, sim, self.step, self.alignment)
-            relative = {"rpe_rmse": rmse(steps.position), "rpe_heading_rmse": rmse(steps.heading)}
-        except RequestError:
-            pass
-        return {
-            "ape_rmse": rmse(absolute.position),
-            "ape_rmse_recorded": rmse(recorded.position),
-            "heading_rmse": rmse(absolute.heading),
-            **relative,
-        }
-
-
-DEFAULT_OPTIONS = DriveErrorOptions()
+    `sim` is the drive's simulated log without its time delay; `ape_rmse_recorded` is computed with
+    the delay. The RPE figures are None where no two poses are a step apart.
+    """
+    absolute = ape(drive.real, sim, alignment)
+    recorded = ape(drive.real, drive.sim, alignment)
+    relative: dict[str, float | None] = {"rpe_rmse": None, "rpe_heading_rmse": None}
+    try:
+        steps = rpe(drive.real, sim, step, alignment)
+        relative = {"rpe_rmse": rmse(steps.position), "rpe_heading_rmse": rmse(steps.heading)}
+    except RequestError:
+        pass
+    return {
+        "ape_rmse": rmse(absolute.position),
+        "ape_rmse_recorded": rmse(recorded.position),
+        "heading_rmse": rmse(absolute.heading),
+        **relative,
+    }
 
 
 def resample_pair(real: Log, sim: Log) -> tuple[Log, Log]:
@@ -193,9 +207,3 @@ def deviation(log: Log, horizon: float) -> float:
 Scale = Callable[[Log, float], float]
 SCALES: dict[str, Scale] = {"travel": travel, "extent": extent, "deviation": deviation}
 """Lengths that normalise an error in metres (NRMSE), by the name that reports carry."""
-
-
-def scale_of(name: str) -> Scale:
-    if name not in SCALES:
-        raise RequestError(f"scale {name}: unknown (known: {', '.join(SCALES)})")
-    return SCALES[name]

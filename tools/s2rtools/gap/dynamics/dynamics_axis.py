@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -10,13 +11,26 @@ import numpy as np
 
 from s2rstore.errors import InconclusiveError
 from s2rstore.intervals import Interval
-from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
+from s2rtools.common.command_line import output
+from s2rtools.gap.axis import (
+    Anchor,
+    Axis,
+    AxisResult,
+    Details,
+    Evidence,
+    GapSettings,
+    Parser,
+    no_drives,
+    one_of,
+    reach,
+    with_interval,
+)
 from s2rtools.gap.delay import time_delay
-from s2rtools.gap.dynamics import ape_rpe, log_quality, noise_floor, repeatability
-from s2rtools.gap.dynamics.ape_rpe import DEFAULT_OPTIONS, DriveErrorOptions
+from s2rtools.gap.delay.time_delay import DelayEstimates
+from s2rtools.gap.dynamics import ape_rpe, log_quality, noise_floor
+from s2rtools.gap.dynamics.ape_rpe import DEFAULT_STEP, NO_ALIGNMENT, LogAlignment, RpeStep
 from s2rtools.gap.dynamics.noise_floor import Noise
-from s2rtools.gap.dynamics.window_units import WindowUnits
-from s2rtools.gap.dynamics.windows import DEFAULT, DriveWindows, WindowPlan, windows
+from s2rtools.gap.dynamics.windows import DEFAULT, DriveWindows, WindowPlan, WindowUnits, windows
 from s2rtools.motion_logs.motion_log import Drive, Floats, Log
 
 MIN_WINDOWS = 8
@@ -24,6 +38,11 @@ MIN_WINDOWS = 8
 MIRRORED = -0.5
 """Correlation of the yaw rates below which the logs turn in opposite directions."""
 _NOISE = "noise of the poses"
+_SCALE_TEXTS = {
+    "travel": "the mean distance driven within the horizon",
+    "extent": "the diagonal of the bounding box of the path",
+    "deviation": "the standard deviation of the positions",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,53 +83,47 @@ class _DriveSet:
 class DynamicsAxis(Axis):
     """m = mean over the horizons of root(mean squared end error - its noise floor) / scale(h).
 
-    Squares are subtracted because independent noise adds to squares: m does not grow with the noise
-    of the poses.
+    Every window restarts from a real pose, so that one early error does not dominate a whole drive;
+    the time delay is another axis. The noise floor is subtracted in squares, because independent
+    noise adds to squares: m does not grow with the noise of the poses, and is 0 without a gap. The
+    floor is half the squared difference of real drives with the same commands, or else the error
+    that the noise of the real poses causes in the same windows. The bad state is the simulator
+    before identification, in the same windows.
     """
 
-    name: ClassVar[str] = "dynamics"
-    unit: ClassVar[str] = "share of the scale"
-    measure_is: ClassVar[str] = (
-        "NRMSE of position over time windows, above the noise floor, time delay removed"
-    )
-    floor_is: ClassVar[str] = (
-        "0: the noise floor (repeated real drives, or noise of the real poses) is subtracted in m"
-    )
-    reason: ClassVar[str] = (
-        "Every window restarts from a real pose, so that one early error does not dominate a whole "
-        "drive; the time delay is another axis. The noise floor is subtracted in squares, so m "
-        "is 0 without a gap: it is half the squared difference of real drives with the same "
-        "commands, or else the error that the noise of the real poses causes in the same windows. "
-        "The bad state is the simulator before identification, in the same windows."
-    )
+    parsers: ClassVar[Mapping[str, Parser]] = {
+        "horizons": WindowPlan.parse,
+        "nrmse": one_of(ape_rpe.SCALES),
+        "align": LogAlignment.parse,
+        "rpe": RpeStep.parse,
+        "noise": Noise.parse,
+        "reach": reach,
+    }
 
     def __init__(
         self,
-        plan: WindowPlan = DEFAULT,
-        scale: str = "travel",
-        drive_errors: DriveErrorOptions = DEFAULT_OPTIONS,
+        horizons: WindowPlan = DEFAULT,
+        nrmse: str = "travel",
+        align: LogAlignment = NO_ALIGNMENT,
+        rpe: RpeStep = DEFAULT_STEP,
         noise: Noise | None = None,
-        max_delay: float = 1.0,
+        reach: float = 1.0,
     ) -> None:
-        """`scale` is one of `ape_rpe.SCALES`; `max_delay` (s) bounds the search for delays.
+        """`nrmse` is one of `ape_rpe.SCALES`; `reach` (s) bounds the search for delays.
 
-        `noise` None: the noise of the real poses is estimated. `drive_errors` does not affect m.
+        `noise` None: the noise of the real poses is estimated. `align` and `rpe` do not affect m.
         """
-        self.plan = plan
-        self.scale = scale
-        self.drive_errors = drive_errors
+        self.plan = horizons
+        self.scale = nrmse
+        self.alignment, self.rpe_step = align, rpe
         self.noise = noise
-        self.max_delay = max_delay
-        ape_rpe.scale_of(scale)
+        self.max_delay = reach
 
     def missing(self, evidence: Evidence) -> str | None:
-        if evidence.drives:
-            return None
-        return "no drives: name a folder of real and simulated logs (--drives)"
+        return no_drives(evidence)
 
     def measure(self, evidence: Evidence, settings: GapSettings) -> AxisResult:
-        sims = [drive.sim for drive in evidence.drives]
-        measured = self._compare_all(evidence.drives, sims)
+        measured = self._compare_all(evidence, [drive.sim for drive in evidence.drives])
         sources = measured.floor_sources
         source = sources[0] if len(set(sources)) == 1 else "mixed"
         nrmse, floor = (
@@ -118,7 +131,6 @@ class DynamicsAxis(Axis):
             for squares in (measured.ends, measured.floors)
         )
         return AxisResult(
-            axis=self.name,
             value=measured.excess(settings.level).value,
             floor=0.0,
             n=int(measured.counts.sum()),
@@ -138,8 +150,8 @@ class DynamicsAxis(Axis):
                 "floor_nrmse": floor,
                 "floor_from": source,
                 "horizons": _horizon_rows(self.plan, measured, settings.level),
-                "alignment": str(self.drive_errors.alignment),
-                "rpe_step": str(self.drive_errors.step),
+                "alignment": str(self.alignment),
+                "rpe_step": str(self.rpe_step),
                 "reach": self.max_delay,
                 "drives": [
                     self._drive_row(each, kind)
@@ -150,12 +162,38 @@ class DynamicsAxis(Axis):
         )
 
     def anchor(self, evidence: Evidence, settings: GapSettings) -> Anchor:
-        untuned = [log_quality.untuned_log(drive, self.name) for drive in evidence.drives]
-        measured = self._compare_all(evidence.drives, untuned)
+        untuned = [log_quality.untuned_log(drive, "dynamics") for drive in evidence.drives]
+        measured = self._compare_all(evidence, untuned)
         return Anchor(measured.excess(settings.level), "the untuned simulator")
 
-    def _compare_all(self, drives: Sequence[Drive], sims: Sequence[Log]) -> _DriveSet:
-        compared = [self._compare(d, s) for d, s in zip(drives, sims, strict=True)]
+    def describe(self, details: Details) -> Iterator[str]:
+        rows = [
+            (f"{row['horizon']:g} s", row["windows"], with_interval(row, "rmse"),
+             with_interval(row, "nrmse"),
+             Interval.from_columns(row, "heading_rmse").scaled(180 / math.pi).with_bounds())
+            for row in details["horizons"]
+        ]  # fmt: skip
+        yield f"NRMSE is RMSE over {_SCALE_TEXTS[details['scale']]}"
+        yield output.table(("horizon", "windows", "RMSE m", "NRMSE", "heading degrees"), rows)
+        yield (
+            f"whole drives after removal of the delay (searched within {details['reach']:g} s); "
+            f"alignment before APE and RPE: {details['alignment']}; RPE over {details['rpe_step']}"
+        )
+        drives = [
+            (row["drive"], 1000 * row["delay"], row["ape_rmse"], row["ape_rmse_recorded"],
+             _degrees(row["heading_rmse"]), row["rpe_rmse"], _degrees(row["rpe_heading_rmse"]))
+            for row in details["drives"]
+        ]  # fmt: skip
+        names = ("drive", "delay ms", "APE m", "APE as recorded m", "heading degrees", "RPE m",
+                 "RPE heading degrees")  # fmt: skip
+        yield output.table(names, drives)
+
+    def _compare_all(self, evidence: Evidence, sims: Sequence[Log]) -> _DriveSet:
+        drives = evidence.drives
+        compared = [
+            self._compare(drive, sim, evidence.delays)
+            for drive, sim in zip(drives, sims, strict=True)
+        ]
         ends = [each.windows.end**2 for each in compared]
         counts = np.sum([np.isfinite(end).sum(axis=1) for end in ends], axis=0)
         for horizon, count in zip(self.plan.horizons, counts, strict=True):
@@ -177,11 +215,12 @@ class DynamicsAxis(Axis):
             units.means(floors),
         )  # fmt: skip
 
-    def _compare(self, drive: Drive, sim: Log) -> _DriveResult:
+    def _compare(self, drive: Drive, sim: Log, delays: DelayEstimates) -> _DriveResult:
         for log in (drive.real, sim):
             log_quality.require_sampling(log, self.plan.horizons[0])
         log_quality.require_motion(drive.real, self.plan.horizons[0], self._noise(drive.real))
-        delay, aligned = time_delay.remove_delay(drive.real, sim, self.plan.rate, self.max_delay)
+        delay = delays(drive.real, sim, self.plan.rate, self.max_delay)
+        aligned = time_delay.shifted(sim, delay.seconds)
         return _DriveResult(drive, aligned, delay, windows(drive.real, aligned, self.plan))
 
     def _noise(self, real: Log) -> Noise:
@@ -189,7 +228,7 @@ class DynamicsAxis(Axis):
 
     def _scales(self, drives: Sequence[Drive], units: WindowUnits) -> tuple[Floats, Floats]:
         """Means over the drives weighted by duration: (H,), and without each unit (H, G)."""
-        scale = ape_rpe.scale_of(self.scale)
+        scale = ape_rpe.SCALES[self.scale]
         seconds = np.array([drive.real.time[-1] - drive.real.time[0] for drive in drives])
         table = np.array([[scale(d.real, h) for h in self.plan.horizons] for d in drives])
         return units.drive_means(table, seconds)
@@ -199,11 +238,11 @@ class DynamicsAxis(Axis):
     ) -> tuple[list[Floats], list[str]]:
         """Expected squares (H, K) per drive without a gap, and the source of each."""
         floors, sources = [], []
-        for others, each in zip(repeatability.repetitions(drives), compared, strict=True):
+        for others, each in zip(noise_floor.repetitions(drives), compared, strict=True):
             if others:
                 repeated = [drives[j] for j in others]
                 floors.append(
-                    repeatability.repeatability_squares(
+                    noise_floor.repeatability_squares(
                         each.drive, repeated, self.plan, self.max_delay
                     )
                 )
@@ -219,11 +258,15 @@ class DynamicsAxis(Axis):
         return {
             "drive": compared.drive.name,
             "delay": compared.delay.seconds,
-            **self.drive_errors.errors(compared.drive, compared.sim),
+            **ape_rpe.drive_errors(compared.drive, compared.sim, self.alignment, self.rpe_step),
             "noise_position": noise.position,
             "noise_heading": noise.heading,
             "floor_from": floor_source,
         }
+
+
+def _degrees(radians: float | None) -> float | None:
+    return None if radians is None else math.degrees(radians)
 
 
 def _signed_root(squares: Floats) -> Floats:

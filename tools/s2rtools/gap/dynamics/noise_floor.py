@@ -1,4 +1,6 @@
-"""Noise floor of the dynamics axis: window errors of a perfect simulator under noisy real poses.
+"""Floors of the dynamics axis: window errors of a perfect simulator.
+
+They come from real drives that repeat the same commands, else from the noise of the real poses.
 
 The noise of a pose is estimated from its distance to the cubic through two neighbours on each side:
 white noise is captured in full, slower errors (drift, filters) are not. Motion contributes as well,
@@ -8,12 +10,16 @@ motion and subtracted, so that the floor is too low rather than too high.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from s2rtools.gap.dynamics.windows import DriveWindows
-from s2rtools.motion_logs.motion_log import Floats, Log
+from s2rstore.errors import RequestError
+from s2rtools.gap.axis import number
+from s2rtools.gap.delay.time_delay import estimate_delay, shifted
+from s2rtools.gap.dynamics.windows import DriveWindows, WindowPlan, windows
+from s2rtools.motion_logs.motion_log import Commands, Drive, Floats, Log
 
 _TRIM = 0.95
 _TRIMMED_SQUARE = 0.7589
@@ -25,6 +31,8 @@ _GROWTH = 8.0
 Measured on first-order motors (0.15 s): 30 and more from 8 Hz on, 14 at 4 Hz; `log_quality` refuses
 slower poses.
 """
+_TIME_TOLERANCE = 1e-3
+"""Largest difference of the times of equal commands, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +45,17 @@ class Noise:
     position: float
     heading: float
     motion: float = 0.0
+
+    @classmethod
+    def parse(cls, text: str) -> Noise | None:
+        """Parse `measured` (None), or metres and radians. Raises RequestError."""
+        if text == "measured":
+            return None
+        expected = "measured, or metres and radians such as 0.002,0.003"
+        values = [number(part, expected) for part in text.split(",")]
+        if len(values) != 2 or min(values) < 0:
+            raise RequestError(f"expected {expected}")
+        return cls(*values)
 
     def __str__(self) -> str:
         return f"{self.position:g} m, {self.heading:g} rad"
@@ -95,3 +114,54 @@ def _interpolated_variance(log: Log, times: Floats) -> Floats:
     f = (times - log.time[right - 1]) / (log.time[right] - log.time[right - 1])
     f = np.clip(f, 0.0, 1.0)
     return np.asarray((1 - f) ** 2 + f**2)
+
+
+def same_commands(a: Commands, b: Commands) -> bool:
+    """Whether both hold the same values at the same times after their start."""
+    if a.time.size != b.time.size or a.channels.keys() != b.channels.keys():
+        return False
+    offsets = (a.time - a.time[0]) - (b.time - b.time[0])
+    return bool(np.abs(offsets).max() <= _TIME_TOLERANCE) and all(
+        np.allclose(a.channels[name], b.channels[name], atol=1e-9) for name in a.channels
+    )
+
+
+def repetitions(drives: Sequence[Drive]) -> list[list[int]]:
+    """For each drive the indices of the other drives with the same commands."""
+    return [
+        [
+            j
+            for j, other in enumerate(drives)
+            if j != i
+            and drive.commands is not None
+            and other.commands is not None
+            and other.real.sha256 != drive.real.sha256
+            and same_commands(drive.commands, other.commands)
+        ]
+        for i, drive in enumerate(drives)
+    ]
+
+
+def repeatability_squares(
+    drive: Drive,
+    others: Sequence[Drive],
+    plan: WindowPlan,
+    max_delay: float,
+) -> Floats:
+    """Half the mean square (H, K), m^2, of the windows of a drive against each repetition of it.
+
+    The difference of two real drives holds the variation of reality twice, that of a real and a
+    simulated drive once.
+    """
+    assert drive.commands is not None
+    repeated = []
+    for other in others:
+        assert other.commands is not None
+        shift = float(drive.commands.time[0] - other.commands.time[0])
+        real = shifted(other.real, shift)
+        delay = estimate_delay(drive.real, real, plan.rate, max_delay)
+        repeated.append(windows(drive.real, shifted(real, delay.seconds), plan).end ** 2)
+    stacked = np.stack(repeated)
+    known = np.isfinite(stacked)
+    count = known.sum(axis=0)
+    return np.where(count > 0, np.nansum(stacked, axis=0) / np.maximum(2 * count, 1), np.nan)

@@ -1,4 +1,4 @@
-"""Errors of simulated motion over time windows, each restarted from a real pose.
+"""Errors of simulated motion over time windows, each restarted from a real pose, and their means.
 
 The simulated motion of a window is attached to the real pose at the window's start; the error of
 the window is the distance between the two poses at its end.
@@ -6,6 +6,7 @@ the window is the distance between the two poses at its end.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -14,6 +15,8 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
+from s2rstore.intervals import Interval, of_units
+from s2rtools.gap.axis import number
 from s2rtools.gap.dynamics.ape_rpe import relative_pose
 from s2rtools.motion_logs.motion_log import Floats, Log, poses_at
 
@@ -38,6 +41,14 @@ class WindowPlan:
     stride: float = 0.25
     rate: float = 50.0
     scatter: float = 0.25
+
+    @classmethod
+    def parse(cls, text: str) -> WindowPlan:
+        """Parse horizons in seconds; windows start every half of the shortest one."""
+        horizons = tuple(number(part, "seconds such as 0.5,1,2") for part in text.split(","))
+        if not all(0 < horizon <= 3600 for horizon in horizons):
+            raise RequestError("expected seconds above 0, up to 3600")
+        return cls(horizons, stride=0.5 * horizons[0])
 
     def __post_init__(self) -> None:
         rising = all(a < b for a, b in pairwise((0.0, *self.horizons)))
@@ -131,3 +142,54 @@ def _motions(log: Log, times: Floats) -> tuple[Floats, Floats, Floats]:
     """Poses at `times` (k, t) in the frame of the first pose of each row."""
     x, y, heading = poses_at(log, times, MAX_GAP * float(np.median(np.diff(log.time))))
     return relative_pose(x[:, :1], y[:, :1], heading[:, :1], x, y, heading)
+
+
+class WindowUnits:
+    """The independent units of the windows of some drives, without each of which statistics are
+    computed.
+
+    Several drives are units as a whole. One drive is cut into contiguous blocks of windows that are
+    at least as long as the windows that overlap each other.
+    """
+
+    def __init__(self, counts: Sequence[int], longest: int) -> None:
+        """`counts`: windows of each drive; `longest`: windows that the longest one overlaps."""
+        self.drives = len(counts)
+        self._edges: NDArray[np.intp] = np.zeros(1, dtype=np.intp)
+        if self.drives == 1:
+            length = max(1, longest, int(np.ceil(np.sqrt(counts[0]))))
+            blocks = max(1, counts[0] // length)
+            self._edges = np.arange(blocks) * counts[0] // blocks
+        self.count = self.drives if self.drives > 1 else self._edges.size
+        self.unit = "drives" if self.drives > 1 else "blocks of windows"
+
+    def means(self, values: Sequence[Floats]) -> tuple[Floats, Floats]:
+        """Mean over the windows of all drives (H,), and without each unit (H, G).
+
+        `values` holds (H, K) per drive, NaN where there is no window.
+        """
+        sums = self._sums([np.nan_to_num(table) for table in values])
+        counts = self._sums([np.isfinite(table).astype(np.float64) for table in values])
+        mean = sums.sum(axis=1) / np.maximum(counts.sum(axis=1), 1)
+        others = counts.sum(axis=1, keepdims=True) - counts
+        with np.errstate(divide="ignore", invalid="ignore"):
+            left_out = (sums.sum(axis=1, keepdims=True) - sums) / others
+        return mean, np.where(others > 0, left_out, np.nan)
+
+    def drive_means(self, values: Floats, weights: Floats) -> tuple[Floats, Floats]:
+        """Weighted mean (H,) of one value per drive (drives, H), and without each unit (H, G)."""
+        total = weights @ values / weights.sum()
+        if self.drives == 1:
+            return total, np.repeat(total[:, None], self.count, axis=1)
+        rest = weights.sum() - weights
+        return total, (weights @ values - weights[:, None] * values).T / rest
+
+    def interval(self, value: float, left_out: Floats, level: float) -> Interval:
+        """The interval of a statistic from its values (G,) without each unit."""
+        return of_units(value, left_out, unit=self.unit, level=level)
+
+    def _sums(self, values: Sequence[Floats]) -> Floats:
+        """Sums (H, G) over the windows of each unit."""
+        if self.drives > 1:
+            return np.stack([table.sum(axis=1) for table in values], axis=1)
+        return np.asarray(np.add.reduceat(values[0], self._edges, axis=1))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -11,16 +12,12 @@ from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.files import layout, safe_files
 from s2rstore.language import evaluation
 from s2rstore.reader import Store
-from s2rtools.gap import axes, defaults
-from s2rtools.gap.axes import AXES
-from s2rtools.gap.axis_result import Axis, Evidence, GapSettings
-from s2rtools.gap.dynamics import options
+from s2rtools.gap.axes import AXES, MARGIN, ODOMETRY, THRESHOLD, configured
+from s2rtools.gap.axis import Axis, Evidence, GapSettings, measure
 from s2rtools.gap.gate import golden_run as golden
 from s2rtools.gap.gate import reference
 from s2rtools.gap.gate.verdict import judge, unjudged
-from s2rtools.gap.measure import measure
-from s2rtools.gap.report import GapResult, Report, across_report, report
-from s2rtools.gap.task.rank_consistency import rank_consistency
+from s2rtools.gap.report import GapResult, Report, report
 from s2rtools.motion_logs import Drive
 from s2rtools.motion_logs.drives import read_drives
 from s2rtools.motion_logs.store_odometry import odometry
@@ -31,9 +28,8 @@ class GapRequest:
     """A request to measure and judge the gap; most fields are options of `s2r gap`.
 
     `drives` is a folder, `odometry`, or None for the drives of the store; `rate` (Hz) applies to
-    odometry without stored times; `topic` carries the poses in ROS bags; `dynamics` are options
-    NAME=VALUE of `dynamics.options`; `anchor_run` is the run whose sim images are the bad state of
-    the visual axis.
+    odometry without stored times; `topic` carries the poses in ROS bags; `options` are texts of
+    options of the axes by name; `anchor_run` is the run whose sim images are the bad state.
     """
 
     run: str | None = None
@@ -46,9 +42,9 @@ class GapRequest:
     topic: str | None = None
     reference: Path | None = None
     golden: Path | None = None
-    threshold: float = defaults.THRESHOLD
-    margin: float = defaults.MARGIN
-    dynamics: tuple[str, ...] = ()
+    threshold: float = THRESHOLD
+    margin: float = MARGIN
+    options: Mapping[str, str] = field(default_factory=dict)
     settings: GapSettings = field(default_factory=GapSettings)
 
     def __post_init__(self) -> None:
@@ -62,13 +58,12 @@ class GapRequest:
         for name in self.axes:
             if name not in AXES:
                 raise RequestError(f"--axis {name}: expected one of {', '.join(AXES)}")
-        options.axes(self.dynamics)
+        configured(self.options)
 
     @property
     def requested_axes(self) -> dict[str, Axis]:
-        configured = options.axes(self.dynamics)
-        names = [name for name in AXES if name in (self.axes or AXES)]
-        return {name: configured.get(name) or axes.axis(name) for name in names}
+        every = configured(self.options)
+        return {name: axis for name, axis in every.items() if name in (self.axes or AXES)}
 
 
 def collect_evidence(store: Store, request: GapRequest) -> Evidence:
@@ -98,10 +93,10 @@ def judge_gap(evidence: Evidence, request: GapRequest) -> GapResult:
 
     Raises RequestError where an axis that is requested by name has no evidence.
     """
-    settings, axes_by_name = request.settings, request.requested_axes
+    settings, axes = request.settings, request.requested_axes
     frozen = reference.read(request.reference) if request.reference else None
     accepted = golden.read(request.golden) if request.golden else None
-    measurement = measure(evidence, settings, axes_by_name)
+    measurement = measure(evidence, settings, axes)
     for name in request.axes:
         if name in measurement.absent:
             raise RequestError(f"--axis {name}: cannot be measured: {measurement.absent[name]}")
@@ -111,14 +106,10 @@ def judge_gap(evidence: Evidence, request: GapRequest) -> GapResult:
     comparison = None
     if accepted is not None:
         comparison = golden.compare(evidence, accepted, settings, request.margin)
-    across: dict[str, object] | None = None
-    if "task" in axes_by_name:
-        try:
-            across = across_report(rank_consistency(evidence.store, evidence.iids, settings))
-        except InconclusiveError as error:
-            across = {"refused": str(error)}
+    comparisons = (axis.compare_runs(evidence, settings) for axis in axes.values())
+    across = next((each for each in comparisons if each is not None), None)
     scales = frozen.axes if frozen else {}
-    return GapResult(measurement, verdict, axes_by_name, scales, frozen, comparison, across)
+    return GapResult(measurement, verdict, request.options, scales, frozen, comparison, across)
 
 
 def measured_report(evidence: Evidence, request: GapRequest) -> Report:
@@ -148,9 +139,7 @@ def freeze(evidence: Evidence, request: GapRequest, measured: GapResult) -> tupl
     }
     settings, requested = request.settings, request.requested_axes
     scales = {
-        name: reference.freeze(
-            result, requested[name].anchor(evidence, settings), requested[name].unit
-        )
+        name: reference.freeze(name, result, requested[name].anchor(evidence, settings))
         for name, result in measurement.measured.items()
     }
     return replace(measured, scales=scales), reference.text(scales, made_from)
@@ -160,6 +149,6 @@ def _drives(store: Store, request: GapRequest) -> tuple[Drive, ...]:
     if request.drives is None:
         folder = safe_files.checked_folder(store.path, layout.DRIVES)
         return () if folder is None else tuple(read_drives(folder, request.topic))
-    if request.drives == defaults.ODOMETRY:
+    if request.drives == ODOMETRY:
         return tuple(odometry(store, request.rate))
     return tuple(read_drives(Path(request.drives), request.topic))

@@ -20,8 +20,9 @@ from s2rstore.gap_history.gate_status import outcome_of
 from s2rstore.intervals import MIN_DIFFERENCE, Interval, paired_difference
 from s2rstore.intervals.verdict import Outcome
 from s2rtools.common.documents import convert
-from s2rtools.gap import defaults, instance_selection
-from s2rtools.gap.axis_result import Evidence, GapSettings
+from s2rtools.gap import instance_selection
+from s2rtools.gap.axes import MARGIN
+from s2rtools.gap.axis import Evidence, GapSettings
 from s2rtools.gap.gate.verdict import NOTHING
 
 FORMAT = 1
@@ -98,7 +99,7 @@ def read(path: Path) -> GoldenRun:
 
 
 def compare(
-    evidence: Evidence, golden: GoldenRun, settings: GapSettings, margin: float = defaults.MARGIN
+    evidence: Evidence, golden: GoldenRun, settings: GapSettings, margin: float = MARGIN
 ) -> GoldenComparison:
     """PASS where the interval of the change is below the margin, FAIL where it is above.
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,7 +14,8 @@ from msgspec import Meta, Struct
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import MAX_JSON_BYTES, parse_json, read_bytes
 from s2rtools.common.documents import convert
-from s2rtools.gap.axis_result import Anchor, AxisResult
+from s2rtools.gap.axes import AXES
+from s2rtools.gap.axis import Anchor, AxisResult
 
 FORMAT = 2
 _MIN_SPAN, _MAX_NUMBER = 1e-100, 1e100
@@ -34,39 +34,31 @@ class AxisScale(Struct, frozen=True, forbid_unknown_fields=True):
     fingerprint: dict[str, str | int | float]
 
 
-class ReferenceFile(Struct, frozen=True, forbid_unknown_fields=True):
-    """The JSON file of a reference."""
-
-    format: int
-    axes: dict[str, AxisScale]
-    made_from: dict[str, Any]
-
-
-@dataclass(frozen=True, slots=True)
-class Reference:
-    """A reference read from the file `source` with the hash `sha256`.
+class Reference(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The JSON file of a reference; `source` and `sha256` are those of the file that was read.
 
     `made_from` describes data set, run, model and selection, for the reader.
     """
 
-    axes: Mapping[str, AxisScale]
-    made_from: Mapping[str, Any]
-    source: str
-    sha256: str
+    format: int = FORMAT
+    axes: dict[str, AxisScale]
+    made_from: dict[str, Any]
+    source: str = ""
+    sha256: str = ""
 
 
-def freeze(measured: AxisResult, anchor: Anchor, unit: str) -> AxisScale:
+def freeze(axis: str, measured: AxisResult, anchor: Anchor) -> AxisScale:
     """Scale of a measured axis.
 
     Raises RequestError where the anchor is within its noise of the floor, or has no interval.
     """
-    bad = anchor.interval
+    bad, unit = anchor.interval, AXES[axis].unit
     if not bad.low > measured.floor:
         why = f"is within noise of the floor ({measured.floor:.3g} {unit})"
         if not bad.is_known:
             why = f"has {bad.bounds_text()}"
         raise RequestError(
-            f"{measured.axis}: the anchor ({anchor.state}: {bad.value:.3g} {unit}) {why} and gives "
+            f"{axis}: the anchor ({anchor.state}: {bad.value:.3g} {unit}) {why} and gives "
             "no scale; declare a worse state (--anchor-run, untuned logs), or leave this axis out "
             "(name the others by --axis)"
         )
@@ -95,7 +87,8 @@ def read(path: Path) -> Reference:
             f"{path}: format {content.get('format')}, this version reads {FORMAT}; freeze a new "
             "reference"
         )
-    file = convert(content, ReferenceFile, str(path), check=False)
+    found = {"source": str(path), "sha256": hashlib.sha256(raw).hexdigest()}
+    file = convert(content | found, Reference, str(path), check=False)
     if not file.axes:
         raise RequestError(f"{path}: axes: empty; freeze a new reference")
     for axis, scale in file.axes.items():
@@ -104,4 +97,4 @@ def read(path: Path) -> Reference:
                 f"{path}: axes.{axis}: the anchor is within noise of the floor; freeze a new "
                 "reference"
             )
-    return Reference(file.axes, file.made_from, str(path), hashlib.sha256(raw).hexdigest())
+    return file

@@ -9,15 +9,15 @@ largest G. Each axis is tested by its own interval (`s2rstore.intervals.verdict.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from s2rstore.errors import RequestError
 from s2rstore.intervals import Interval, simultaneous_level, verdict
 from s2rstore.intervals.verdict import Bounds, Outcome
-from s2rtools.gap import defaults
-from s2rtools.gap.axis_result import AxisResult, GapSettings
+from s2rtools.gap.axes import THRESHOLD
+from s2rtools.gap.axis import AxisResult, GapSettings, Measurement
 from s2rtools.gap.gate.reference import AxisScale, Reference
-from s2rtools.gap.measure import Measurement
 
 _HASH = re.compile("[0-9a-f]{64}")
 NOTHING = Interval.unknown()
@@ -29,23 +29,17 @@ _REASONS: dict[Outcome, str] = {
 
 
 @dataclass(frozen=True, slots=True)
-class AxisGap:
-    """G of one axis with its interval, also at any level by `bounds`; not clipped to 0 .. 100."""
-
-    axis: str
-    gap: Interval
-    bounds: Bounds
-
-
-@dataclass(frozen=True, slots=True)
 class Verdict:
-    """G of the worst axis against the threshold; INCONCLUSIVE without axes to judge."""
+    """G of the worst axis against the threshold; INCONCLUSIVE without axes to judge.
+
+    `gaps` are G of all judged axes with their intervals, not clipped to 0 .. 100.
+    """
 
     outcome: Outcome
     threshold: float
     worst: str | None
     gap: Interval
-    axes: tuple[AxisGap, ...]
+    gaps: Mapping[str, Interval]
     reason: str
 
 
@@ -53,18 +47,18 @@ def judge(
     measurement: Measurement,
     reference: Reference,
     settings: GapSettings,
-    threshold: float = defaults.THRESHOLD,
+    threshold: float = THRESHOLD,
 ) -> Verdict:
     """PASS where all axes are below the threshold, FAIL where any is above, each by its interval.
 
     An axis with too little evidence makes the verdict INCONCLUSIVE unless another axis fails.
     Raises RequestError where the reference does not fit the measurement.
     """
-    gaps, inconclusive = _gaps(measurement, reference, settings.level)
-    if not gaps:
-        return Verdict("INCONCLUSIVE", threshold, None, NOTHING, (), "; ".join(inconclusive))
-    worst = max(gaps, key=lambda each: each.gap.value)
-    quantities = {each.axis: each.bounds for each in gaps}
+    quantities, inconclusive = _gaps(measurement, reference)
+    if not quantities:
+        return Verdict("INCONCLUSIVE", threshold, None, NOTHING, {}, "; ".join(inconclusive))
+    gaps = {axis: bounds(settings.level) for axis, bounds in quantities.items()}
+    worst = max(gaps, key=lambda axis: gaps[axis].value)
     found = verdict.judge(
         quantities, dict.fromkeys(quantities, threshold), settings.level, settings.fail_level
     )
@@ -77,12 +71,12 @@ def judge(
         reason += f"; measured but not judged by this reference: {', '.join(unjudged_axes)}"
     if inconclusive and outcome == "PASS":
         outcome, reason = "INCONCLUSIVE", "; ".join(inconclusive)
-    return Verdict(outcome, threshold, worst.axis, worst.gap, tuple(gaps), reason)
+    return Verdict(outcome, threshold, worst, gaps[worst], gaps, reason)
 
 
-def _only_at_level(gaps: list[AxisGap], threshold: float, settings: GapSettings) -> str:
+def _only_at_level(gaps: Mapping[str, Interval], threshold: float, settings: GapSettings) -> str:
     """Which axes lie above the threshold by their printed intervals, but not by that of a FAIL."""
-    above = [each.axis for each in gaps if each.gap.low > threshold]
+    above = [axis for axis, gap in gaps.items() if gap.low > threshold]
     if not above:
         return ""
     level = simultaneous_level(len(gaps), settings.fail_level or settings.level)
@@ -92,11 +86,9 @@ def _only_at_level(gaps: list[AxisGap], threshold: float, settings: GapSettings)
     )
 
 
-def _gaps(
-    measurement: Measurement, reference: Reference, level: float
-) -> tuple[list[AxisGap], list[str]]:
-    """G of every axis of the reference, and the reasons of the inconclusive ones."""
-    gaps: list[AxisGap] = []
+def _gaps(measurement: Measurement, reference: Reference) -> tuple[dict[str, Bounds], list[str]]:
+    """G of every axis of the reference at any level, and the reasons of the inconclusive ones."""
+    gaps: dict[str, Bounds] = {}
     inconclusive: list[str] = []
     for axis, scale in reference.axes.items():
         if axis in measurement.inconclusive:
@@ -108,32 +100,28 @@ def _gaps(
                 f"{reference.source}: judges {axis}, which cannot be measured here ({reason}); "
                 "provide what is missing, or freeze a reference without this axis"
             )
-        _check_fits(measurement.measured[axis], scale, reference.source)
-        gaps.append(_axis_gap(measurement.measured[axis], scale, level))
+        _check_fits(axis, measurement.measured[axis], scale, reference.source)
+        gaps[axis] = _gap_bounds(measurement.measured[axis], scale)
     return gaps, inconclusive
 
 
 def unjudged(threshold: float) -> Verdict:
     """The verdict without a reference."""
     reason = "no reference to judge by: `--freeze REF.json` writes one, `--reference` uses it"
-    return Verdict("INCONCLUSIVE", threshold, None, NOTHING, (), reason)
+    return Verdict("INCONCLUSIVE", threshold, None, NOTHING, {}, reason)
 
 
-def _axis_gap(measured: AxisResult, scale: AxisScale, level: float) -> AxisGap:
+def _gap_bounds(measured: AxisResult, scale: AxisScale) -> Bounds:
     factor = 100 / (scale.anchor - scale.floor)
-
-    def bounds(level: float) -> Interval:
-        return measured.bounds(level).scaled(factor, -measured.floor)
-
-    return AxisGap(measured.axis, bounds(level), bounds)
+    return lambda level: measured.bounds(level).scaled(factor, -measured.floor)
 
 
-def _check_fits(measured: AxisResult, scale: AxisScale, source: str) -> None:
+def _check_fits(axis: str, measured: AxisResult, scale: AxisScale, source: str) -> None:
     for key in sorted({*measured.fingerprint, *scale.fingerprint}):
         here, there = measured.fingerprint.get(key), scale.fingerprint.get(key)
         if here != there:
             raise RequestError(
-                f"{source}: does not fit: {measured.axis}'s {key} is {_short(here)} here and "
+                f"{source}: does not fit: {axis}'s {key} is {_short(here)} here and "
                 f"{_short(there)} in the reference; freeze a new reference for this measurement"
             )
 

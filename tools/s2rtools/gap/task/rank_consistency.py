@@ -12,6 +12,7 @@ correlation.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ from s2rstore.intervals.verdict import Bounds, largest
 from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
-from s2rtools.gap.axis_result import GapSettings
+from s2rtools.gap.axis import GapSettings
 
 Floats = NDArray[np.float64]
 
@@ -55,6 +56,22 @@ class RankConsistency:
     def scope(self) -> str:
         """What the rank correlation is about; all other figures are about these runs only."""
         return "runs like these" if self.spearman.is_known else "these runs only"
+
+    def as_json(self) -> dict[str, Any]:
+        """The comparison as JSON data."""
+        runs = zip(self.runs, self.sim, self.real, strict=True)
+        return {
+            "runs": [{"run": run, "sim": sim, "real": real} for run, sim, real in runs],
+            "n": self.n,
+            "scope": self.scope,
+            "pearson": self.pearson,
+            "kendall": self.kendall,
+            **self.spearman.as_columns("spearman"),
+            "chosen_run": self.chosen,
+            "best_run": self.best,
+            **self.regret.as_columns("regret"),
+            "mmrv": self.rank_violation,
+        }
 
 
 def rank_consistency(

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import InconclusiveError
-from s2rstore.intervals import MIN_DIFFERENCE, paired_difference
+from s2rstore.intervals import MIN_DIFFERENCE, Interval, paired_difference
 from s2rstore.metrics import run_metrics
+from s2rtools.common.command_line import output
 from s2rtools.gap import instance_selection
-from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
+from s2rtools.gap.axis import Anchor, Axis, AxisResult, Details, Evidence, GapSettings
 from s2rtools.gap.task.group_metrics import GroupErrors, group_metrics
+from s2rtools.gap.task.rank_consistency import rank_consistency
 
 Floats = NDArray[np.float64]
 
@@ -23,21 +26,15 @@ SECTORS = 8
 class TaskAxis(Axis):
     """m = mean over the instances of real error - sim error.
 
+    Both sides show the same poses, so the mean of the paired differences does not depend on how
+    difficult the poses are, and without a gap it is 0. The anchor is an untrained model: the error
+    of always predicting the mean position, minus the sim error.
+
     A reference applies to the same poses and selection, no matter how many of them a model was
     trained on: m and its floor do not depend on n, and the anchor is a frozen length in metres. On
     other instances the error of the constant prediction differs, within the interval of the anchor.
     A new anchor for every measurement would change G without a change of the gap.
     """
-
-    name: ClassVar[str] = "task"
-    unit: ClassVar[str] = "m"
-    measure_is: ClassVar[str] = "mean paired gap: real error - sim error"
-    floor_is: ClassVar[str] = "0: without a gap the errors of a pair do not differ"
-    reason: ClassVar[str] = (
-        "Both sides show the same poses, so the mean of the paired differences does not depend on "
-        "how difficult the poses are, and without a gap it is 0. The anchor is an untrained model: "
-        "the error of always predicting the mean position, minus the sim error."
-    )
 
     def missing(self, evidence: Evidence) -> str | None:
         return instance_selection.uncomputed_reason(evidence)
@@ -49,7 +46,6 @@ class TaskAxis(Axis):
         if left_out:
             notes += (f"{left_out} instances are left out: not predicted, or used for training",)
         return AxisResult(
-            axis=self.name,
             value=float(errors.gap.mean()),
             floor=0.0,
             n=iids.size,
@@ -68,6 +64,34 @@ class TaskAxis(Axis):
         gap = errors.constant - errors.sim
         interval = paired_difference(gap, errors.trajectory, level=settings.level)
         return Anchor(interval, "the constant prediction of the mean position")
+
+    def compare_runs(self, evidence: Evidence, settings: GapSettings) -> dict[str, Any]:
+        try:
+            ranks = rank_consistency(evidence.store, evidence.iids, settings)
+        except InconclusiveError as error:
+            return {"refused": str(error)}
+        return ranks.as_json()
+
+    def describe(self, details: Details) -> Iterator[str]:
+        drop = details["relative_drop"]
+        yield (
+            f"mean error {details['sim']:.2f} m in simulation, {details['real']:.2f} m in reality, "
+            f"{details['baseline']:.2f} m for the constant prediction; relative drop "
+            f"{Interval.from_json(drop).with_bounds()}"
+        )
+        for kind in ("runs", "trajectories", "rooms", "headings"):
+            groups = details[kind].items()
+            if len(groups) < 2:
+                continue
+            by_gap = sorted(groups, key=lambda item: -item[1]["gap"]["value"])
+            rows = [
+                (name, row["n"], row["sim"], row["real"], row["baseline"],
+                 Interval.from_json(row["gap"]).with_bounds(),
+                 Interval.from_json(row["relative_drop"]).with_bounds())
+                for name, row in by_gap
+            ]  # fmt: skip
+            names = (kind, "n", "sim m", "real m", "constant m", "gap m", "relative drop")
+            yield output.table(names, rows)
 
 
 def _errors(evidence: Evidence) -> tuple[NDArray[np.int64], GroupErrors]:

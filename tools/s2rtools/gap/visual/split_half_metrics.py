@@ -22,12 +22,12 @@ from s2rtools.gap.visual.kid import kernel_distance
 from s2rtools.gap.visual.kl_divergence import NEIGHBOURS, BiasWarning, divergences
 from s2rtools.gap.visual.low_dimensional_samples import PairedSamples
 from s2rtools.gap.visual.prdc import prdc
-from s2rtools.gap.visual.wasserstein import sliced_wasserstein, wasserstein_by_dimension
 
 Floats = NDArray[np.float64]
 Splits = list[tuple[NDArray[np.int64], NDArray[np.int64]]]
 
 SPLITS = 8
+PROJECTIONS = 128
 
 
 def split_half_metrics(
@@ -62,6 +62,7 @@ def split_half_metrics(
 
 
 def _feature_metrics(sim: Floats, real: Floats) -> dict[str, float]:
+    """The registry of metrics of features (n, d) and (m, d), by name."""
     return {
         "fid": frechet_distance(sim, real),
         "kid": kernel_distance(sim, real),
@@ -101,3 +102,24 @@ def _with_floor(values: Floats, floor: Floats) -> dict[str, float | None]:
         "floor_high": floor.max(),
     }
     return {name: float(x) if np.isfinite(x) else None for name, x in figures.items()}
+
+
+def wasserstein_by_dimension(x: Floats, y: Floats) -> Floats:
+    """Wasserstein-1 distance in each dimension of two samples (n, d), shape (d,), in their unit.
+
+    Of samples of equal size it is the mean difference of the sorted values.
+    """
+    return np.asarray(np.abs(np.sort(x, axis=0) - np.sort(y, axis=0)).mean(axis=0))
+
+
+def sliced_wasserstein(
+    x: Floats, y: Floats, projections: int = PROJECTIONS, seed: int = 1
+) -> float:
+    """Mean Wasserstein-1 distance over directions drawn uniformly from the sphere.
+
+    Source: Bonneel et al., "Sliced and Radon Wasserstein barycenters of measures", 2015.
+    """
+    rng = np.random.default_rng(seed)
+    directions = rng.normal(size=(x.shape[1], projections))
+    directions /= np.linalg.norm(directions, axis=0)
+    return float(wasserstein_by_dimension(x @ directions, y @ directions).mean())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -13,8 +14,18 @@ from s2rstore.intervals import MIN_DIFFERENCE
 from s2rstore.records import Run, Side
 from s2rstore.run_inputs import chain_text
 from s2rtools.common.blocks import Blocks, split_into_blocks
+from s2rtools.common.command_line import output
 from s2rtools.gap import instance_selection
-from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
+from s2rtools.gap.axis import (
+    Anchor,
+    Axis,
+    AxisResult,
+    Details,
+    Evidence,
+    GapSettings,
+    Parser,
+    whole_number,
+)
 from s2rtools.gap.visual.features import FeatureSource, feature_source
 from s2rtools.gap.visual.kid import KERNEL, block_mmd
 from s2rtools.gap.visual.kl_divergence import bias_warning
@@ -24,6 +35,7 @@ from s2rtools.gap.visual.split_half_metrics import split_half_metrics
 Floats = NDArray[np.float64]
 
 MAX_INSTANCES = 2000
+_LISTED_DIMENSIONS = 3
 _SEED = 7
 _PERMUTATIONS = 999
 _RAW_FID = (
@@ -45,22 +57,19 @@ class _Sample:
 
 
 class VisualAxis(Axis):
-    """m = KID of sim images and real images of other poses, averaged over splits of the blocks."""
+    """m = KID of sim images and real images of other poses, averaged over splits of the blocks.
 
-    name: ClassVar[str] = "visual"
-    unit: ClassVar[str] = "KID"
-    measure_is: ClassVar[str] = "kernel distance (KID) of sim and real images in the feature space"
-    floor_is: ClassVar[str] = (
-        "0 by construction: the same distance between the real images of two halves of the "
-        "instances, averaged over all splits into halves"
-    )
-    reason: ClassVar[str] = (
-        "m is the unbiased squared MMD with the cubic polynomial kernel (KID) between sim images "
-        "and real images of other poses, averaged over all splits of the blocks into halves. "
-        "Between real images of different poses this average is 0 for every n, so the floor needs "
-        "no measurement; the details list single splits. FID is biased and would need a measured "
-        "floor. The anchor is the images before any adaptation."
-    )
+    KID is the unbiased squared MMD with the cubic polynomial kernel. Between real images of
+    different poses this average is 0 for every n, so the floor needs no measurement; the details
+    list single splits. FID is biased and would need a measured floor. The anchor is the images
+    before any adaptation.
+    """
+
+    parsers: ClassVar[Mapping[str, Parser]] = {"pca": whole_number(1, 50)}
+
+    def __init__(self, pca: int = 3) -> None:
+        """`pca`: principal components whose divergence the details report."""
+        self.pca = pca
 
     def missing(self, evidence: Evidence) -> str | None:
         if evidence.features is not None:
@@ -74,7 +83,7 @@ class VisualAxis(Axis):
     def measure(self, evidence: Evidence, settings: GapSettings) -> AxisResult:
         sample = _sample(evidence)
         pair = block_mmd(sample.sim, sample.real, sample.blocks)
-        components = principal_components(sample.sim, sample.real, settings.pca)
+        components = principal_components(sample.sim, sample.real, self.pca)
         predictions = prediction_samples(evidence.store, evidence.run, sample.iids)
         warning = bias_warning(components.periods.size)
         halves = split_half_metrics(
@@ -90,7 +99,6 @@ class VisualAxis(Axis):
             "halves"
         )
         return AxisResult(
-            axis=self.name,
             value=pair.value(),
             floor=0.0,
             n=sample.iids.size,
@@ -131,6 +139,40 @@ class VisualAxis(Axis):
         sample = _sample(replace(evidence, run=raw.run), iids=_iids(evidence))
         pair = block_mmd(sample.sim, sample.real, sample.blocks)
         return Anchor(pair.interval(settings.level), state)
+
+    def describe(self, details: Details) -> Iterator[str]:
+        halves = details["halves"]
+        rows = [
+            (name, row["value"], _floor(row))
+            for name, row in halves.items()
+            if isinstance(row, dict) and "floor_low" in row
+        ]
+        yield f"permutation p value of the kernel distance: {details['kid_p']:.3g}"
+        names = ("metric", "sim and real", "real and real (range over the splits)")
+        yield (
+            f"means over {halves['splits']} random splits of the instances into two halves, n = "
+            f"{halves['n']} each: sim images of one half and real images of the other, and real "
+            f"images of both halves\n{output.table(names, rows)}"
+        )
+        columns = halves["wasserstein_by_dimension"]
+        largest = sorted(
+            zip(columns["value"], columns["floor"], columns["dimension"], strict=True), reverse=True
+        )[:_LISTED_DIMENSIONS]
+        yield f"Wasserstein-1 of single features, the largest of {len(columns['value'])}:\n" + (
+            output.table(
+                ("dimension", "sim and real", "real and real (noise floor)"),
+                [(dimension, value, floor) for value, floor, dimension in largest],
+            )
+        )
+
+
+def _floor(row: Details) -> str:
+    """Return the floor with four significant digits, because features have any scale."""
+    value, low, high = (
+        "-" if row[key] is None else f"{row[key]:.4g}"
+        for key in ("floor", "floor_low", "floor_high")
+    )
+    return f"{value} ({low} .. {high})"
 
 
 def _iids(evidence: Evidence) -> NDArray[np.int64]:

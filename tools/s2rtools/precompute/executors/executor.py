@@ -75,6 +75,6 @@ def largest_first(units: Iterable[WorkUnit]) -> list[WorkUnit]:
 
     def key(unit: WorkUnit) -> tuple[bool, int]:
         kind = HEATMAP_KINDS.get(unit.stage.name)
-        return kind is None or kind.cost != "many", -len(unit.instances)
+        return kind is None or kind.cost == "forward", -len(unit.instances)
 
     return sorted(units, key=key)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry.angles import wrap
@@ -16,7 +14,6 @@ from s2rtools.sysid.simulators.simulator import (
     Floats,
     Integers,
     Replays,
-    Residual,
     Simulator,
     Values,
 )
@@ -30,17 +27,16 @@ _QUATERNION = slice(3, 7)
 class MuJoCo(Simulator):
     """Simulator with the parameters of the planar one, without drag.
 
-    MuJoCo's least squares fits all parameters except the latency. The torque of a step is the mean
-    of the delayed commands over the step, so the latency is resolved more finely than the step.
+    The torque of a step is the mean of the delayed commands over the step, so the latency is
+    resolved more finely than the step.
     """
 
     name = "mujoco"
-    parameters = tuple(replace(one, smooth=one.name != LATENCY) for one in COMMON)
+    parameters = COMMON
     torques = ("left_torque", "right_torque")
     efforts = ("left_effort", "right_effort")
     shared = ("mass", "gain", "friction", "damping")
     evaluations = 120
-    rounds = 1
 
     def __init__(self, step: float = STEP) -> None:
         try:
@@ -64,16 +60,6 @@ class MuJoCo(Simulator):
         moved, _ = self._mujoco.rollout.rollout(model, data, full, control)
         path = np.concatenate([full[:, None], moved], axis=1)[:, :, 1:]
         return _sampled(_flat(path, states), replays, begin, self.step)
-
-    def polish(self, residual: Residual, start: Floats, smooth: NDArray[np.bool_]) -> Floats | None:
-        from mujoco import minimize
-
-        bounds = [np.zeros_like(start), np.ones_like(start)]
-        best, _ = minimize.least_squares(
-            start, residual, bounds, eps=1e-4, xtol=1e-5, max_iter=6,
-            verbose=minimize.Verbosity.SILENT,
-        )  # fmt: skip
-        return np.asarray(best).reshape(start.shape)
 
     def _model(self, values: Values) -> tuple[Any, Any, Floats]:
         """Model, data and the full state at rest; cached for the last values."""

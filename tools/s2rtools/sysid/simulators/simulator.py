@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -24,7 +24,7 @@ class Parameter:
     """A parameter of a simulator, with its range.
 
     `searched`: part of the default search; `structural`: a difference of the robot's construction,
-    which is tested but not searched by default; `smooth`: least squares can fit it.
+    which is tested but not searched by default.
     """
 
     name: str
@@ -36,7 +36,6 @@ class Parameter:
     scale: Literal["linear", "log"] = "log"
     searched: bool = False
     structural: bool = False
-    smooth: bool = True
 
     def at_share(self, share: Floats) -> Floats:
         """Values at `share`, positions 0 .. 1 in the range."""
@@ -86,10 +85,6 @@ def pack(commands: Sequence[Commands], replays: Sequence[tuple[int, Floats]],
     )
 
 
-Residual = Callable[[Floats], Floats]
-"""Function from columns of normalised parameters (p, k) to columns of residuals (n, k)."""
-
-
 class Simulator:
     """A simulated robot; each simulator is one module and one entry of `SIMULATORS`.
 
@@ -108,8 +103,6 @@ class Simulator:
     searched as ratios to the first."""
     evaluations: ClassVar[int] = 400
     """Default number of evaluations of the objective per seed."""
-    rounds: ClassVar[int] = 8
-    """Maximum number of rounds of least squares and improved start states."""
 
     def replay(self, values: Values, replays: Replays, states: Floats) -> Floats:
         """States (n, 5) at all times, from the start `states` (r, 5); `values` of all parameters.
@@ -122,10 +115,6 @@ class Simulator:
         """States (n, 5) at `times`, from `state` (5,) at the first; missing values are defaults."""
         replays = pack([commands], [(0, np.asarray(times, np.float64))], self.channels(commands))
         return self.replay({**self.defaults(), **values}, replays, np.atleast_2d(state))
-
-    def polish(self, residual: Residual, start: Floats, smooth: NDArray[np.bool_]) -> Floats | None:
-        """The simulator's least squares from `start` (p,) in [0, 1]; None where it has none."""
-        return None
 
     def defaults(self) -> dict[str, float]:
         return {parameter.name: parameter.default for parameter in self.parameters}

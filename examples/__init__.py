@@ -1,0 +1,1 @@
+"""Examples that use the product; run them from this repository."""

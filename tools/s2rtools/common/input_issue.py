@@ -1,0 +1,28 @@
+"""Defects of input that are reported while the rest is read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from s2rstore.errors import shortened
+from s2rstore.security.printable_text import printable
+
+_MAX_SHOWN = 300
+"""Characters of a file name, and of a reason, in a message."""
+
+
+@dataclass(frozen=True, slots=True)
+class InputIssue:
+    """A defect of the input: its kind, the file and the reason; its text is one line."""
+
+    kind: str
+    file: str
+    detail: str = ""
+
+    def __str__(self) -> str:
+        parts = shortened(self.file, _MAX_SHOWN), self.kind, shortened(self.detail, _MAX_SHOWN)
+        return printable(": ".join(part for part in parts if part))
+
+    def of_side(self, side: str) -> InputIssue:
+        """The same issue of one of two recordings, which may have files of equal names."""
+        return replace(self, file=f"{side}: {self.file}")

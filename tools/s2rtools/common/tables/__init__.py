@@ -1,0 +1,1 @@
+"""Tables in text files of unknown origin: lines, rows of numbers, and CSV with column names."""

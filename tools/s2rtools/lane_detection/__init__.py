@@ -1,1 +1,0 @@
-"""Line detection on road images by colour thresholds, tuning of the thresholds, translation."""
