@@ -17,7 +17,7 @@ from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
 from s2rtui.canvas import BrushShape
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.image_pair_model import SideView
+from s2rtui.charts.shared.instance import SideView
 from s2rtui.charts.shared.map_layers import (
     ground_marks,
     map_plot,

@@ -20,7 +20,7 @@ from s2rstore.reader import Store
 from s2rstore.records import SPLITS, Direction, Side
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.canvas import BrushShape
-from s2rtui.charts.shared.image_pair_model import InstanceInput
+from s2rtui.charts.shared.instance import InstanceInput
 from s2rtui.session import State
 from s2rtui.session.provenance import (
     HeatProvenance,

@@ -18,6 +18,7 @@ from s2rtui.canvas import (
     Size,
     Theme,
 )
+from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.marks import draw_mark, wrap_degrees
 from s2rtui.canvas.raster import limit_ground
 from s2rtui.drawing.drawing import Drawing
@@ -51,6 +52,7 @@ def draw_cells(drawing: Drawing, size: Size, options: RenderOptions = DEFAULT_OP
         last = layout.table[0] - 1
         canvas.vline(column, 0, last, canvas.glyphs.vertical, canvas.theme.faint)
     end = layout.table[0]
+    draw_rows(canvas, 0, end - len(layout.bars), layout.bars, GAP)
     if drawing.table is not None:
         end = draw_table(canvas, drawing.table, *layout.table)
         if drawing.brush is not None:
@@ -132,7 +134,8 @@ def _draw_plot(canvas: Canvas, place: PlotPlace, drawing: Drawing) -> None:
         draw_mark(part, _panel(replace(place, left=0, top=0)), drawing.brush)
     if any(isinstance(mark, Floor) for mark in plot.marks):
         limit_ground(part)
-    if canvas.options.supports_shading and (drawing.brush is None or plot.shape == "plane"):
+    shows = plot.image is None and (drawing.brush is None or plot.shape == "plane")
+    if canvas.options.supports_shading and shows:
         part.images.append(_image(place, canvas.theme))
         part.show_text((part.char != marked) if texts is None else texts | (part.char != marked))
     canvas.paste(part, place.left, place.top)
@@ -193,6 +196,7 @@ def _draw_head(canvas: Canvas, place: PlotPlace) -> None:
         if number and column + cell_len(text) > stop:
             break
         colour = getattr(canvas.theme, phrase.ink)
+        text = fit_text(text, stop - column)
         column = canvas.text(column, place.head or 0, text, colour, bold=not number) + GAP
     for mark in plot.legend:
         glyph, colour = style_of(canvas, mark)
@@ -201,5 +205,5 @@ def _draw_head(canvas: Canvas, place: PlotPlace) -> None:
         if column + cell_len(glyph) + 1 + cell_len(mark.name) <= stop:
             text = f"{glyph} {mark.name}"
             column = canvas.text(column, place.head or 0, text, colour) + GAP
-    name = plot.y.name(stop - column, cell_len)
+    name = "" if plot.image is not None else plot.y.name(stop - column, cell_len)
     canvas.text(stop, place.head or 0, name, canvas.theme.muted, align="right")

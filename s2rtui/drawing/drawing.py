@@ -9,17 +9,18 @@ from dataclasses import dataclass
 from typing import Literal
 
 from s2rtui.canvas import BrushShape
+from s2rtui.drawing.image import ImageRamp
 from s2rtui.drawing.plot import Phrase, Plot
 from s2rtui.drawing.table import TableSpec
 
-Ramp = Literal["values", "heat", "signed heat", "changes"]
+Ramp = Literal["values", "heat", "signed heat", "changes"] | ImageRamp
 
 
 @dataclass(frozen=True, slots=True)
 class ColourBar:
-    """The scale of the colours of points, of heat or of changes.
+    """The scale of the colours of points, of heat on a map, of changes or of images.
 
-    clipped: whether values lie beyond its ends.
+    clipped: whether values lie beyond its ends. ramp: the colours.
     """
 
     label: str
@@ -38,7 +39,8 @@ class Drawing:
     """What a view shows: plots above each other, a table and notes; each part may be absent.
 
     Neighbouring plots with the same scale of x share its axis. beside: whether plots stand beside
-    each other where the drawing is wide.
+    each other where the drawing is wide. Plots of images are arranged by the room that they have;
+    those with the same name of y are a row.
     """
 
     plots: tuple[Plot, ...] = ()

@@ -13,6 +13,8 @@ from s2rtui.canvas import RenderOptions, Size
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.drawing.drawing import ColourBar, Drawing, Note
 from s2rtui.drawing.heat_colours import change_ramp, heat_glyphs, heat_ramp
+from s2rtui.drawing.image import is_image_ramp, ramp_colours, ramp_glyphs
+from s2rtui.drawing.image_cells import Box, arrange_images, visible_rows
 from s2rtui.drawing.legend import (
     LegendPart,
     colour_bar,
@@ -37,9 +39,13 @@ _KEPT_ROWS = 4
 _FEWEST_STACKED = 3
 """Rows of each of several plots; those of smaller weight are left out where it has fewer."""
 _FEWEST_COLUMNS, _FEWEST_WITH_AXES = 16, 8
+"""Columns of a plot beside which labels of y have room; rows of planes and dials with axes."""
 _FEWEST_WITH_NOTES = 6
 """Rows of a drawing from which on it has notes beside plots, or before rows of a table."""
-"""Columns of a plot beside which labels of y have room; rows of planes and dials with axes."""
+_KEPT_AREA = 0.6
+"""Share of the area of images that notes below them leave."""
+_FEWEST_OF_IMAGE, _WITH_TITLE = 4, 4
+"""Rows of each of several images; rows of a drawing from which on images have titles."""
 _GAP = 1
 """Columns between plots beside each other."""
 Rows = tuple[tuple[LegendPart, ...], ...]
@@ -67,12 +73,14 @@ class PlotPlace:
 class DrawingLayout:
     """Where the parts of a drawing are.
 
-    table: first row of the table and the number of rows that it has. notes: the last rows.
+    table: first row of the table and the number of rows that it has. notes: the last rows. bars:
+    the rows of colour bars between images and the table.
     """
 
     plots: tuple[PlotPlace, ...]
     table: tuple[int, int]
     notes: Rows
+    bars: Rows = ()
 
 
 def drawing_layout(drawing: Drawing, size: Size, options: RenderOptions) -> DrawingLayout:
@@ -84,6 +92,8 @@ def drawing_layout(drawing: Drawing, size: Size, options: RenderOptions) -> Draw
     with a straight axis of x above each other where there is no room for discs.
     """
     width, height = max(1, size[0]), max(1, size[1])
+    if any(plot.image is not None for plot in drawing.plots):
+        return _around_images(drawing, width, height, options)
     plots, left_out = list(drawing.plots), list[Plot]()
     wanted = 0 if drawing.table is None else wanted_lines(drawing.table)
     while True:
@@ -183,21 +193,27 @@ def _note_rows(
     return tuple(map(tuple, cut_rows(rows, width, most)))
 
 
-def _note_parts(item: Phrase | ColourBar, width: int, options: RenderOptions) -> list[LegendPart]:
+def _note_parts(
+    item: Phrase | ColourBar, width: int, options: RenderOptions, of_image: int = 16
+) -> list[LegendPart]:
+    """A phrase or a colour bar; of_image: length of one of images."""
     if isinstance(item, Phrase):
         text = options.printable(item.whole(options.glyphs))
         return [text_part(((text, getattr(options.theme, item.ink)),))]
     ramp, colours = ramp_for_values(options), point_colours(options.theme)
     if item.ramp == "changes":
         ramp, colours = ramp and change_glyphs(options), change_ramp
-    elif item.ramp != "values":
+    elif item.ramp in ("heat", "signed heat"):
         is_signed = item.ramp == "signed heat"
         ramp = None if options.supports_shading else heat_glyphs(options, is_signed)
         colours = heat_ramp(is_signed)
     length = 10 if ramp else 8 if width < 60 else 16
+    if is_image_ramp(item.ramp):
+        colours, ramp = ramp_colours(item.ramp), ramp_glyphs(item.ramp, options)
+        length = min(of_image, len(ramp)) if ramp else of_image
     bar = colour_bar(
         options.printable(item.label), options.printable(item.unit), item.scale, options, length,
-        colours, ramp=ramp, room=width, clipped=item.clipped,
+        colours, ramp=ramp, room=width, clipped=item.clipped and not is_image_ramp(item.ramp),
     )  # fmt: skip
     return [bar]
 
@@ -313,6 +329,73 @@ def _label_width(plot: Plot, rows: int, width: int) -> int:
 
 
 def dividers(layout: DrawingLayout) -> list[int]:
-    """The columns between plots that stand beside each other, but not between dials."""
-    plots = [place for place in layout.plots if not place.plot.turns]
+    """The columns between plots that stand beside each other, but not between dials and images."""
+    plots = [place for place in layout.plots if not place.plot.turns and place.plot.image is None]
     return [second.start - 1 for first, second in pairwise(plots) if first.top == second.top]
+
+
+def _around_images(
+    drawing: Drawing, width: int, height: int, options: RenderOptions
+) -> DrawingLayout:
+    """Images as large as possible, below them their colour bars, the table and whole notes.
+
+    Without room for all, the first row of images is left, then without bars, table and notes.
+    """
+    rows = visible_rows(drawing.plots, options)
+    bars = _image_bars(drawing, width, options)
+    lines = 0 if drawing.table is None else wanted_lines(drawing.table)
+    head = int(height >= _WITH_TITLE)
+    for shown, above, below in ((rows, bars, lines), (rows[:1], bars[:1], lines)):
+        space = height - head - len(above) - below
+        if space >= _FEWEST_OF_IMAGE * len(shown):
+            notes = _whole_notes(drawing.notes, shown, (width, space), options)
+            break
+    else:
+        shown, above, below, notes = rows[:1], (), 0, []
+        space = max(1, height - head)
+    boxes = arrange_images(shown, width, space - len(notes))
+    used = head + max((y + high for _, y, _, high in boxes), default=0)
+    plots = [plot for row in shown for plot in row]
+    places = tuple(_image_place(*each, head) for each in zip(plots, boxes, strict=False))
+    top = used + len(above)
+    texts = [(text_part(((line, options.theme.muted),)),) for line in notes]
+    return DrawingLayout(places, (top, height - top - len(notes) if below else 0), tuple(texts),
+                         above)  # fmt: skip
+
+
+def _image_place(plot: Plot, box: Box, head: int) -> PlotPlace:
+    x, y, wide, high = box
+    return PlotPlace(plot, x, x, wide, head + y, high, 0 if head and y == 0 else None, None)
+
+
+def _image_bars(drawing: Drawing, width: int, options: RenderOptions) -> Rows:
+    """Rows of colour bars, so short that they fit into one row if they can."""
+    bars = [item for note in drawing.notes if not isinstance(note, str) for item in note]
+    for length in (16, 12, 8, 6, 12 if width >= 44 else 8):
+        parts = [part for item in bars for part in _note_parts(item, width, options, length)]
+        rows = tuple(map(tuple, fit_rows(parts, width)))
+        if len(rows) <= 1:
+            break
+    return rows
+
+
+def _whole_notes(
+    notes: Sequence[Note], rows: Sequence[Sequence[Plot]], size: Size, options: RenderOptions
+) -> list[str]:
+    """The lines of texts that fit below images that keep most of their size in `size` cells."""
+    width, space = size
+
+    def area(free: int) -> int:
+        boxes = arrange_images(rows, width, free)
+        return boxes[0][2] * boxes[0][3] if boxes else 0
+
+    texts = [textwrap.wrap(options.printable(note), max(12, width), subsequent_indent="  ")
+             for note in notes if isinstance(note, str)]  # fmt: skip
+    most = min(sum(map(len, texts)), space - _FEWEST_OF_IMAGE * len(rows))
+    least = _KEPT_AREA * area(space)
+    room = next((count for count in range(most, 0, -1) if area(space - count) >= least), 0)
+    shown: list[str] = []
+    for lines in texts:
+        if len(shown) + len(lines) <= room:
+            shown += lines
+    return shown

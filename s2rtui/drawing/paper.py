@@ -14,6 +14,7 @@ from s2rtui.canvas import Theme
 from s2rtui.drawing.drawing import ColourBar, Drawing, Note
 from s2rtui.drawing.drawing_layout import no_room_notes
 from s2rtui.drawing.heat_colours import change_ramp, heat_ramp
+from s2rtui.drawing.image_paper import draw_images
 from s2rtui.drawing.page import (
     LETTER,
     NARROW,
@@ -72,6 +73,9 @@ def draw_paper(
     Rows that would leave the plots too little room are left out, and a line says so.
     """
     page = new_page(size, theme, title, subtitle)
+    if any(plot.image is not None for plot in drawing.plots):
+        draw_images(page, drawing)
+        return page.encoded()
     drawing = _without_lightest(page, drawing)
     font = 8 if page.inches[0] <= NARROW else 9
     letters = int((page.inches[0] - 2 * MARGIN) / (LETTER * font))

@@ -14,6 +14,7 @@ from rich.cells import cell_len
 from s2rstore.intervals import Interval
 from s2rtui.canvas.marks import Shape
 from s2rtui.canvas.render_options import Glyphs
+from s2rtui.drawing.image import Image
 from s2rtui.drawing.plane_marks import PlaneMark
 from s2rtui.drawing.scale import Scale
 
@@ -134,7 +135,7 @@ _LEAST = 0.05
 """Least inches of a side of a plot on a page."""
 LEVELS = 20
 """Steps of the scale of colours of points."""
-Mark = Bars | Line | Dots | Rule | Points | PlaneMark
+Mark = Bars | Line | Dots | Rule | Points | Image | PlaneMark
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,6 +159,11 @@ class Plot:
     equal: bool = False
     is_tight: bool = False
     turns: Literal["clockwise", "anticlockwise"] | None = None
+
+    @property
+    def image(self) -> Image | None:
+        """The image that fills the plot, which has no axes; it has the shape of the scales."""
+        return next((mark for mark in self.marks if isinstance(mark, Image)), None)
 
     @property
     def legend(self) -> tuple[Line | Dots, ...]:

@@ -11,6 +11,8 @@ from s2rtui.canvas.marks import mark_arc, mark_on_panel, mark_range, wrap_degree
 from s2rtui.canvas.raster import dot_grid, draw_braille
 from s2rtui.drawing.arcs_cells import number_cells
 from s2rtui.drawing.bars import draw_vertical_bars, put_over_bar
+from s2rtui.drawing.image import Image
+from s2rtui.drawing.image_cells import draw_image
 from s2rtui.drawing.plane_cells import draw_names, draw_plane_mark
 from s2rtui.drawing.plane_marks import GROUND
 from s2rtui.drawing.plot import ROLES, Bars, Dots, Ink, Line, Plot, Points, Rule
@@ -46,6 +48,8 @@ def draw_marks(canvas: Canvas, plot: Plot, brush: BrushShape | None) -> NDArray[
         elif isinstance(each, Points):
             draw_points(canvas, plot, each)
             _draw_cursor(canvas, plot, each)
+        elif isinstance(each, Image):
+            draw_image(canvas, each)
         elif isinstance(each, Rule):
             _draw_rule(canvas, plot, each)
         else:

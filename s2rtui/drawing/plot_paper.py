@@ -9,7 +9,8 @@ import numpy as np
 
 from s2rtui.canvas import Pixels, Theme
 from s2rtui.canvas.render_options import UNICODE
-from s2rtui.drawing.page import BOLD, LETTER, NARROW, Ink, Inks, Page, style_axes
+from s2rtui.drawing.image import Image
+from s2rtui.drawing.page import BOLD, LETTER, NARROW, Ink, Inks, Page, style_axes, value_colours
 from s2rtui.drawing.plane_marks import PlaneMark
 from s2rtui.drawing.plane_paper import CELLS_PER_INCH, draw_plane_mark
 from s2rtui.drawing.plot import Bars, Dots, Line, Plot, Points, Rule, Sign
@@ -49,7 +50,7 @@ def draw_plot(
     style_axes(axes, page)
     for spine in axes.spines.values() if plot.is_tight else ():
         spine.set_visible(True)
-    _draw_marks(axes, page, plot, inches, True)
+    draw_marks(axes, page, plot, inches)
     for axis, scale in ((axes.xaxis, plot.x), (axes.yaxis, plot.y)):
         is_x = axis.axis_name == "x"
         axis.set_ticks(*axis_ticks(scale, width if is_x else height, is_x))
@@ -86,7 +87,7 @@ def plot_pixels(plot: Plot, theme: Theme, size: tuple[int, int], columns: int) -
     def draw(page: Page) -> None:
         axes = page.axes(0.0, 0.0, *page.inches)
         axes.set_axis_off()
-        _draw_marks(axes, page, plot, page.inches, False)
+        draw_marks(axes, page, plot, page.inches, False)
 
     return drawn_pixels(theme, size, draw, CELLS_PER_INCH * size[1] / columns)
 
@@ -127,8 +128,8 @@ def _keep_on_page(axis: Axis, scale: Scale, inches: float) -> None:
             label.set_horizontalalignment("right")
 
 
-def _draw_marks(
-    axes: Axes, page: Page, plot: Plot, inches: tuple[float, float], is_page: bool
+def draw_marks(
+    axes: Axes, page: Page, plot: Plot, inches: tuple[float, float], is_page: bool = True
 ) -> None:
     """The ends of both scales, and the marks."""
     for name, scale in (("x", plot.x), ("y", plot.y)):
@@ -140,8 +141,21 @@ def _draw_marks(
             draw_points(axes, page, plot, mark, inches)
         elif isinstance(mark, PlaneMark):
             draw_plane_mark(axes, page, plot, mark, inches, is_page)
+        elif isinstance(mark, Image):
+            _draw_image(axes, page, plot, mark)
         else:
             _draw_mark(axes, page, plot, mark)
+
+
+def _draw_image(axes: Axes, page: Page, plot: Plot, image: Image) -> None:
+    """The pixels of an image, or in its middle why there are none."""
+    if image.shape is None:
+        axes.text(0.5, 0.5, image.missing, transform=axes.transAxes, ha="center", va="center",
+                  color=page.inks.muted)  # fmt: skip
+        return
+    pixels = image.pixels(image.shape, unsigned_colours=value_colours)
+    extent = plot.x.low, plot.x.high, plot.y.low, plot.y.high
+    axes.imshow(pixels, interpolation="antialiased", aspect="auto", extent=extent)
 
 
 def axis_name(scale: Scale, width: float) -> str:

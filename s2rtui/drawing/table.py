@@ -95,7 +95,7 @@ class Row:
     """Cells, the first one its name. notes: texts below it, shown where there is room.
 
     inks: those of the texts of single columns, by their place. marked: with the cursor's glyph.
-    name: of the panel in which its strips take a range of their scale.
+    name: of the panel in which its strips take a range of their scale. sign: before the first cell.
     """
 
     cells: tuple[Cell, ...]
@@ -105,6 +105,7 @@ class Row:
     inks: dict[int, Ink] = field(default_factory=dict)
     marked: bool = False
     name: str = ""
+    sign: Sign | None = None
 
 
 class LazyRows(Sequence[Row]):

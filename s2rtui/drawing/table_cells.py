@@ -178,7 +178,9 @@ def _draw_text(
     ink = getattr(theme, row.inks.get(place, row.ink))
     detail = f"({cell.detail})" if layout.is_detailed and cell.detail else ""
     room = width - (cell_len(detail) + 1 if detail else 0)
-    text = fit_text(canvas.options.printable(cell.text), room, "" if place else glyphs.ellipsis)
+    sign = f"{getattr(glyphs, row.sign)} " if row.sign and place == 0 else ""
+    text = canvas.options.printable(sign + cell.text)
+    text = fit_text(text, room, "" if place else glyphs.ellipsis)
     bold = row.bold or (held and not cell.strip)
     if column.right or column.scale is not None:
         whole = cell_len(text) + (cell_len(detail) + 1 if detail else 0)

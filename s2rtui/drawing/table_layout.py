@@ -204,7 +204,9 @@ def _text_width(column: Column, place: int, rows: Sequence[Row], choice: _Choice
     if column.scale is not None and not choice.strip_texts:
         return 0
     cells = [row.cells[place] for row in rows]
-    return max((cell_len(cell.whole if choice.details else cell.text) for cell in cells), default=0)
+    before = 2 if place == 0 and any(row.sign for row in rows) else 0
+    widths = (cell_len(cell.whole if choice.details else cell.text) for cell in cells)
+    return before + max(widths, default=0)
 
 
 def _least(column: Column, place: int, text: int, choice: _Choice) -> int:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from s2rstore.errors import counted
 from s2rstore.security.printable_text import printable
 from s2rtui.canvas.fit_text import fit_text
+from s2rtui.canvas.render_options import UNICODE
 from s2rtui.drawing.page import LETTER, Page, style_axes
 from s2rtui.drawing.plot import ROLES
 from s2rtui.drawing.plot_paper import MARKERS, axis_name, axis_ticks
@@ -51,11 +52,17 @@ def wrapped(text: str, letters: int) -> list[str]:
     return textwrap.wrap(text, max(20, letters))
 
 
-def draw_table(page: Page, table: TableSpec, top: float, bottom: float, font: float) -> None:
-    """Draw what fits between two heights of the page, in inches."""
+def draw_table(
+    page: Page, table: TableSpec, top: float, bottom: float, font: float, margin: float = MARGIN,
+    width: float | None = None,
+) -> None:  # fmt: skip
+    """Draw what fits between two heights of the page, in inches.
+
+    margin: at its left; width: by default that of the page between its margins.
+    """
     height = line_height(font)
     letter = LETTER * font
-    letters = int((page.inches[0] - 2 * MARGIN) / letter)
+    letters = int((page.inches[0] - 2 * MARGIN if width is None else width) / letter)
     has_axis = page_layout(table, letters).axis is not None
     room = top - bottom - (_AXIS if has_axis else 0.0)
     lines = max(1, int(room / height + 1e-6))
@@ -69,9 +76,9 @@ def draw_table(page: Page, table: TableSpec, top: float, bottom: float, font: fl
         step = min(step, 2.2 * height)
     heights = [top - (at + 0.5) * step for at in range(used)]
     shown = list(zip(layout.columns, layout.starts, layout.widths, layout.text_widths, strict=True))
-    for place, start, width, texts in shown:
+    for place, start, wide, texts in shown:
         column = table.columns[place]
-        left, right = MARGIN + start * letter, MARGIN + (start + width) * letter
+        left, right = margin + start * letter, margin + (start + wide) * letter
         if column.scale is not None:
             first = top - layout.top * step
             inches = (right - left - (texts + 1) * letter, first - (heights[-1] - step / 2))
@@ -87,17 +94,19 @@ def draw_table(page: Page, table: TableSpec, top: float, bottom: float, font: fl
         row = table.rows[line.row]
         if line.row == table.chosen or row.marked:
             _highlight(page, y, step)
-        for place, start, width, _ in shown:
+        for place, start, wide, _ in shown:
             column = table.columns[place]
-            left, right = MARGIN + start * letter, MARGIN + (start + width) * letter
+            left, right = margin + start * letter, margin + (start + wide) * letter
             text, ink = _text(table, layout, row, place, line.part, line.text)
+            if row.sign and place == 0 and line.part == 0:
+                text = f"{getattr(UNICODE, row.sign)} {text}"
             if line.is_note:
                 ink = "muted"
             if not text:
                 continue
             at_right = column.right or column.scale is not None
             x, side = (right, "right") if at_right else (left, "left")
-            most = width if column.scale is None else max(width, len(text))
+            most = wide if column.scale is None else max(wide, len(text))
             if line.is_note and not column.wraps:
                 most = letters
             weight = "bold" if row.bold and not line.is_note else "normal"
@@ -106,7 +115,7 @@ def draw_table(page: Page, table: TableSpec, top: float, bottom: float, font: fl
                       fontweight=weight)  # fmt: skip
     hidden = len(table.rows) - layout.shown
     if hidden > 0:
-        page.text(MARGIN, bottom - 0.12, counted(hidden, "more row"), page.inks.muted, 8)
+        page.text(margin, bottom - 0.12, counted(hidden, "more row"), page.inks.muted, 8)
 
 
 def line_height(font: float) -> float:

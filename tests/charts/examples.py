@@ -24,7 +24,7 @@ from s2rtui.charts.overview.view import overview_table
 from s2rtui.charts.rooms import counts_table, groups_table, ordered, room_counts
 from s2rtui.charts.scatter.view import scatter_drawing
 from s2rtui.charts.scene import OverviewRow
-from s2rtui.charts.shared.image_pair_model import InstanceInput, PoseNumbers, SideView
+from s2rtui.charts.shared.instance import InstanceInput, PoseNumbers, SideView
 from s2rtui.charts.umap import (
     distance_levels,
     distance_range,

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from s2rtui.canvas import LIGHT, Canvas, ColourMode, RenderOptions
 from s2rtui.canvas.marks import BrushShape
-from s2rtui.charts.shared.image_pair_terminal import draw_instance
+from s2rtui.charts.shared.instance import instance_drawing
 from s2rtui.charts.suggestions import suggestions_drawing
 from s2rtui.drawing.cells import draw_cells
 from s2rtui.terminal.strips import to_strips
@@ -57,10 +57,12 @@ VIEWS: dict[str, Draw] = {
     ),
     "bare map": drawing(draw_map, map_input(plan=None, heat=None, headings=None, cursor=None)),
     "compare": lambda size, options: draw_compare(compare_input(), size, options, LASSO),
-    "instance": drawing(draw_instance, instance_input()),
+    "instance": drawing(draw_cells, instance_drawing(instance_input())),
     "plain instance": drawing(
-        draw_instance,
-        instance_input(sim=side(1, False, False), real=side(2, False, False), truth=None),
+        draw_cells,
+        instance_drawing(
+            instance_input(sim=side(1, False, False), real=side(2, False, False), truth=None)
+        ),
     ),
     "marked histogram": drawing(
         draw_cells, errors_drawing(5, brush=BrushShape("real", ((0.2, 3.0), (99.0, -1.0))))

@@ -11,8 +11,8 @@ from PIL import Image
 from s2rstore.errors import RequestError
 from s2rtui.canvas import DARK, LIGHT, Theme
 from s2rtui.charts.compare.view import compare_drawing
-from s2rtui.charts.instance.paper import instance_figure
 from s2rtui.charts.map import map_drawing
+from s2rtui.charts.shared.instance import instance_drawing
 from s2rtui.charts.suggestions import paper_drawing
 from s2rtui.drawing.page import colour_bar_ticks
 from s2rtui.drawing.paper import draw_paper
@@ -47,7 +47,7 @@ FIGURES: dict[str, Draw] = {
     "full map": drawing(draw_paper, map_drawing(map_input(mode="full"))),
     "glyph map": drawing(draw_paper, map_drawing(map_input(mode="glyph", seen=np.eye(5)))),
     "compare": drawing(draw_paper, compare_drawing(compare_input())),
-    "instance": drawing(instance_figure, instance_input(), "vanilla"),
+    "instance": drawing(draw_paper, instance_drawing(instance_input()), "vanilla"),
     "umap": drawing(draw_paper, umap_drawing()),
     "orientation": drawing(draw_paper, orientation_drawing(cursor={"sim": 30.0})),
     "rooms": drawing(draw_paper, counts_drawing()),
@@ -78,7 +78,7 @@ def test_empty_selections_and_missing_values_can_be_drawn():
     size = (300, 200)
     for figure in (
         draw_paper(map_drawing(bare_map), size, LIGHT),
-        instance_figure(bare, size),
+        draw_paper(instance_drawing(bare), size, LIGHT),
         draw_paper(umap_drawing(selected=nobody), size, LIGHT),
         draw_paper(umap_drawing({"sim": no_points, "real": no_points}, 1), size, LIGHT),
         draw_paper(orientation_drawing(selected=nobody, valid=nobody), size, LIGHT),

@@ -18,12 +18,11 @@ from s2rstore.reader import Store
 from s2rstore.records import ArrayRecord
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtui.canvas import LIGHT
-from s2rtui.charts.instance import paper as instance_paper
 from s2rtui.charts.instance.model import _harm_note, connected_regions, place_in_image
 from s2rtui.charts.map import heat_facts, map_drawing
-from s2rtui.charts.shared.image_pair_model import heat_fields
-from s2rtui.charts.shared.image_pair_terminal import draw_instance
-from s2rtui.drawing import paper
+from s2rtui.charts.shared.instance import heat_fields, instance_drawing
+from s2rtui.drawing import image_paper, paper
+from s2rtui.drawing.cells import draw_cells
 from s2rtui.session import Session
 from s2rtui.session.heatmaps import heatmap_choices
 from s2rtui.session.state import HeatChoice, State
@@ -77,7 +76,7 @@ def test_every_label_names_kind_mode_and_unit(store, state, monkeypatch):
     kinds = {kind.replace("_", " ") for kind in HEATMAP_KINDS}
     choices = heatmap_choices(store, RUN)
     assert {kind for kind, _ in choices} == set(HEATMAP_KINDS)
-    on_map, on_images = (drawn_labels(monkeypatch, module) for module in (paper, instance_paper))
+    on_map, on_images = (drawn_labels(monkeypatch, module) for module in (paper, image_paper))
     for kind, mode in choices:
         heat = HeatChoice(kind, mode, "real")
         name = kind.replace("_", " ")
@@ -89,10 +88,10 @@ def test_every_label_names_kind_mode_and_unit(store, state, monkeypatch):
             heat=np.ones((4, 4)), heat_is_signed=is_signed, heat_label=label, heat_unit=unit
         )
         paper.draw_paper(map_drawing(view), (800, 600), LIGHT)
-        images = instance_input(**heat_fields(store, RUN, heat))
-        instance_paper.instance_figure(images, (800, 600))
+        images = instance_drawing(instance_input(**heat_fields(store, RUN, heat)))
+        paper.draw_paper(images, (800, 600), LIGHT)
         on_map_terminal = " ".join(draw_map(view, (150, 40)).lines()[-3:])
-        on_instance_terminal = " ".join(draw_instance(images, (150, 40)).lines())
+        on_instance_terminal = " ".join(draw_cells(images, (150, 40)).lines())
         for label in (on_map[-1], on_images[-2], on_map_terminal, on_instance_terminal):
             assert name in label
             assert not mode or mode in label

@@ -8,18 +8,15 @@ import pytest
 
 import s2rstore
 from s2rstore.index.transaction import edit
-from s2rtui.canvas import DARK, ColourMode, RenderOptions
-from s2rtui.canvas.colour import NO_DEPTH
-from s2rtui.charts.instance import paper as instance_paper
+from s2rstore.records import SIDES
+from s2rtui.canvas import DARK, DEFAULT_OPTIONS
 from s2rtui.charts.instance.model import instance_input as stored_instance_input
 from s2rtui.charts.map import VIEW as MAP
 from s2rtui.charts.map import MapInput
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.scene import LoadedData, Scene
-from s2rtui.charts.shared import image_pair_terminal
-from s2rtui.charts.shared.image_pair_model import instance_model, panel_pixels
-from s2rtui.charts.shared.image_pair_terminal import draw_instance, instance_layout
-from s2rtui.drawing.heat_colours import heat_colours
+from s2rtui.charts.shared.instance import heat_scale, instance_drawing, pose_rows
+from s2rtui.drawing.cells import draw_cells
 from s2rtui.session import Session
 from tests.charts.examples import draw_map, instance_input, points_of, side
 from tests.charts.test_error_glyphs import many_points
@@ -27,70 +24,38 @@ from tests.charts.test_error_glyphs import shown as shown_arcs
 from tests.support import tiny
 
 
-def test_sim_and_real_panels_have_the_same_size_side_by_side():
-    panels = instance_layout(instance_input(), (60, 50)).panels
-    for what in ("rgb", "depth"):
-        sim, real = (panel for panel in panels if panel.what == what)
-        assert (sim.side, real.side) == ("sim", "real")
-        assert sim.x + sim.width <= real.x
-        assert (sim.y, sim.width, sim.height) == (real.y, real.width, real.height)
+def cells(data, size=(60, 50), options=DEFAULT_OPTIONS):
+    return draw_cells(instance_drawing(data), size, options)
 
 
-@pytest.mark.parametrize("size", [(36, 38), (60, 50), (80, 22), (150, 30)])
-def test_panels_fit_and_keep_the_aspect_ratio(size):
-    layout = instance_layout(instance_input(), size)
-    assert layout.panels
-    for panel in layout.panels:
-        assert panel.x + panel.width <= size[0]
-        assert panel.y + panel.height <= size[1]
-        assert panel.width == pytest.approx(2 * panel.height, abs=2)
+def pose_texts(data):
+    return [[cell.text for cell in row.cells] for row in pose_rows(data)]
 
 
 def test_signed_scale_is_symmetric_and_shared_and_unsigned_starts_at_zero():
-    model = instance_model(instance_input())
-    assert model.heat_range is not None
-    low, high = model.heat_range
+    scale = heat_scale(instance_input())
+    assert scale is not None
+    low, high = scale
     assert low == -high
     both = np.concatenate([side(1).heat.ravel(), side(2).heat.ravel()])  # type: ignore[union-attr]
     assert high == pytest.approx(np.abs(both).max())
-    unsigned = instance_model(instance_input(signed=False, sim=side(1, heat=False)))
-    assert unsigned.heat_range is not None
-    assert unsigned.heat_range[0] <= 0
+    unsigned = heat_scale(instance_input(signed=False, sim=side(1, heat=False)))
+    assert unsigned is not None
+    assert unsigned[0] <= 0
 
 
 @pytest.mark.parametrize(
-    ("module", "bar", "colours", "draw"),
-    [(instance_paper, "draw_colour_bar", 6, instance_paper.instance_figure),
-     (image_pair_terminal, "colour_bar", 5, image_pair_terminal.draw_instance)],
-)  # fmt: skip
-def test_the_bar_of_signed_heat_is_neutral_in_the_middle(module, bar, colours, draw, monkeypatch):
-    drawn, ramps = getattr(module, bar), []
-
-    def record(*arguments):
-        ramps.append(arguments[colours])
-        return drawn(*arguments)
-
-    monkeypatch.setattr(module, bar, record)
-    draw(instance_input(), (600, 400))
-    assert np.ptp(ramps[0]([0.5])) == 0
-    assert np.ptp(ramps[0]([0.9])) > 80
-
-
-def test_zero_heat_is_transparent():
-    _, opacity = heat_colours(np.array([[0.0, 1.0, np.nan]]), (-1.0, 1.0), signed=True)
-    assert opacity[0, [0, 2]].tolist() == [0, 0]
-    assert opacity[0, 1] > 0.7
-
-
-def test_invalid_depth_has_a_separate_colour():
-    view = instance_input()
-    pixels = panel_pixels(view.sim, "depth", instance_model(view), view, (32, 32))
-    assert (pixels[:4] == NO_DEPTH).all()
-    assert not (pixels[4:] == NO_DEPTH).all(axis=-1).any()
+    ("over", "rows"), [("rgb", ["image"]), ("depth", ["depth"]), ("both", ["image", "depth"])]
+)
+def test_heat_lies_on_the_images_that_it_is_computed_of(over, rows):
+    plots = instance_drawing(instance_input(over=over)).plots
+    assert [plot.y.names[0] for plot in plots if plot.image.overlay] == [
+        row for row in rows for _ in SIDES
+    ]
 
 
 def test_numbers_are_metres_and_degrees():
-    text = "\n".join(draw_instance(instance_input(), (60, 50)).lines())
+    text = "\n".join(cells(instance_input()).lines())
     for number in ("1.50", "-2.25", "28.6", "0.75", "5.7", "22.9"):
         assert number in text
     assert "occlusion rgb" in text
@@ -99,38 +64,32 @@ def test_numbers_are_metres_and_degrees():
 
 
 def test_negative_zero_nan_and_missing_depth_have_texts():
-    model = instance_model(instance_input(truth=(-0.001, float("nan"), 0.0)))
-    assert model.poses[0].cells[:3] == ("0.00", "n/a", "0.0")
-    without = draw_instance(instance_input(real=side(2, depth=False)), (60, 50))
+    (_, *pose), *_ = pose_texts(instance_input(truth=(-0.001, float("nan"), 0.0)))
+    assert pose[:3] == ["0.00", "n/a", "0.0"]
+    without = cells(instance_input(real=side(2, depth=False)))
     assert "no depth" in "".join(without.lines())
-
-
-@pytest.mark.parametrize(
-    "options", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)]
-)
-def test_heat_is_drawn_as_digits_and_letters_without_colours(options):
-    view = instance_input()
-    layout = instance_layout(view, (60, 60), options)
-    heat = [panel for panel in layout.panels if panel.what == "heat"]
-    assert len(heat) == 2
-    canvas = draw_instance(view, (60, 60), options)
-    panel = heat[0]
-    part = canvas.char[panel.y : panel.y + panel.height, panel.x : panel.x + panel.width]
-    assert set(part.ravel()) <= set("ihgfedcba.123456789")
 
 
 def test_a_translated_side_shows_the_original_below():
     real = side(2)
     translated = replace(real, original=255 - real.rgb)
-    data = instance_input(real=translated)
-    kinds = [panel.what for panel in instance_layout(data, (60, 60)).panels]
-    assert kinds == ["rgb", "rgb", "original", "original", "depth", "depth"]
-    text = "\n".join(draw_instance(data, (60, 60)).lines())
+    drawing = instance_drawing(instance_input(real=translated))
+    rows = [plot.y.names[0] for plot in drawing.plots]
+    assert rows == ["image", "image", "original", "original", "depth", "depth"]
+    text = "\n".join(draw_cells(drawing, (60, 60)).lines())
     assert text.count("original") == 1
     assert "not translated" in text
-    model, shape = instance_model(data), real.rgb.shape[:2]
-    drawn = panel_pixels(translated, "original", model, data, (shape[0], shape[1]))
-    assert (drawn == 255 - real.rgb).all()
+    original = drawing.plots[3].image
+    assert original.overlay is None
+    assert (original.ground == 255 - real.rgb).all()
+
+
+def test_an_instance_without_pose_shows_the_sides_that_have_images():
+    none = replace(side(1, False, False), rgb=np.zeros((0, 0, 3), np.uint8), pose=None)
+    real = replace(side(2, False, False), title="real: b.png", pose=None)
+    drawing = instance_drawing(instance_input(sim=none, real=real, truth=None))
+    assert [plot.title[0].text for plot in drawing.plots] == ["real: b.png"]
+    assert drawing.table is None
 
 
 MAP_SIZE = (80, 26)
@@ -203,10 +162,10 @@ def test_the_instance_shows_the_true_poses_of_its_images(loose, tiny_store):
         for side in ("sim", "real"):
             pose = dict(shown.truths)[f"{side} truth"]
             assert pose == pytest.approx(store.poses(side)[5])
-        lines = instance_model(shown).poses
-        assert [line.label for line in lines] == ["sim truth", "real truth", "sim", "real"]
-        assert lines[0].cells[:3] == lines[2].cells[:3]
-        text = "\n".join(draw_instance(shown, (60, 50)).lines())
+        lines = pose_texts(shown)
+        assert [line[0] for line in lines] == ["sim truth", "real truth", "sim", "real"]
+        assert lines[0][1:4] == lines[2][1:4]
+        text = "\n".join(cells(shown).lines())
         assert "sim truth" in text
         assert "real truth" in text
     with s2rstore.open(tiny_store) as store:

@@ -8,9 +8,9 @@ from rich.cells import cell_len
 
 from s2rtui.canvas import Canvas, ColourMode, RenderOptions
 from s2rtui.charts.map import map_drawing
-from s2rtui.charts.shared.image_pair_model import instance_model
-from s2rtui.charts.shared.image_pair_terminal import draw_instance, instance_layout
+from s2rtui.charts.shared.instance import depth_scale, heat_scale, instance_drawing
 from s2rtui.drawing.cells import draw_cells
+from s2rtui.drawing.drawing_layout import drawing_layout
 from s2rtui.drawing.scale import Interval, short_number
 from tests.charts.examples import (
     N,
@@ -86,14 +86,15 @@ def test_both_ends_are_labelled(size, options):
     (legend,) = map_drawing(on_map).notes
     values, heat = (ends(bar.scale) for bar in legend)
     compared, pair = compare_input(), instance_input()
-    embedded = umap_drawing()
+    embedded, of_pair = umap_drawing(), draw_cells(instance_drawing(pair), size, options)
     drawn = (
         (draw_map(on_map, size, options), values),
         (draw_cells(embedded, size, options), ends(embedded.notes[0][0].scale)),
-        (draw_instance(pair, size, options), ends(instance_model(pair).heat_range)),
+        (of_pair, ends(heat_scale(pair))),
     )  # fmt: skip
-    if any(panel.what == "depth" for panel in instance_layout(pair, size, options).panels):
-        drawn += ((draw_instance(pair, size, options), ends(instance_model(pair).depth_range)),)
+    if any(place.plot.y.names == ("depth",) for place in
+           drawing_layout(instance_drawing(pair), size, options).plots):  # fmt: skip
+        drawn += ((of_pair, ends(depth_scale(pair))),)
     if size[1] >= 18:
         scale = compared.scale
         drawn += ((draw_compare(compared, size, options), ends((-scale, scale))),)

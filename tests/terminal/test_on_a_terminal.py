@@ -16,7 +16,7 @@ from s2rtui.app.inline_images import enable_inline_images
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.colour import DEPTH_SHADES
-from s2rtui.charts.shared.image_pair_model import InstanceInput, instance_model, panel_pixels
+from s2rtui.charts.shared.instance import InstanceInput, instance_drawing
 from s2rtui.session import Session
 from s2rtui.terminal.graphics.kitty_protocol import PLACEHOLDER
 from s2rtui.terminal.graphics.probe import parse_answer
@@ -133,13 +133,12 @@ def all_images_complete(raw: bytes) -> bool:
 
 
 def test_transmitted_images_are_exact(visit, first_instance):
-    model = instance_model(first_instance)
     images = KittyTerminal.after(visit["first"]).images.values()
     sent = [image.pixels for image in images if image.pixels.shape == (16, 16, 3)]
     expected = [
-        panel_pixels(side, image_kind, model, first_instance, (16, 16), DEPTH_SHADES)
-        for image_kind in ("rgb", "depth")
-        for side in (first_instance.sim, first_instance.real)
+        plot.image.pixels((16, 16), DEPTH_SHADES)
+        for plot in instance_drawing(first_instance).plots
+        if plot.image is not None
     ]
     assert len(sent) == len(expected)
     for pixels, image in zip(sent, expected, strict=True):

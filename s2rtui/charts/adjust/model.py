@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from s2rstore.reader import Store
 from s2rstore.records import Side
-from s2rtui.charts.shared.image_pair_model import (
+from s2rtui.charts.shared.instance import (
     InstanceInput,
     PoseNumbers,
     SideView,

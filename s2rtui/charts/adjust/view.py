@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from s2rtui.canvas import Canvas, PlotArea, Point, RenderOptions, Size
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared import image_pair_terminal
+from s2rtui.charts.shared.instance import instance_drawing
 from s2rtui.charts.view import View
 from s2rtui.drawing.cells import draw_cells, drawing_panels
 from s2rtui.drawing.drawing import Drawing
@@ -68,9 +68,8 @@ class AdjustView(View):
             return _put_message(canvas, failed, used + 1)
         live = scene.loaded.adjusted(scene.state)
         if live is not None and space > 0:
-            canvas.paste(
-                image_pair_terminal.draw_instance(live, (canvas.width, space), options), 0, used + 1
-            )
+            images = draw_cells(instance_drawing(live), (canvas.width, space), options)
+            canvas.paste(images, 0, used + 1)
         return canvas
 
     def _rows(self, scene: Scene, height: int) -> int:

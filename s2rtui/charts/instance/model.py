@@ -16,7 +16,7 @@ from s2rstore.metrics.heatmap_scores import trust_line
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN, SIDES, SPLITS, Side
 from s2rstore.security.printable_text import printable
-from s2rtui.charts.shared.image_pair_model import (
+from s2rtui.charts.shared.instance import (
     InstanceInput,
     PoseNumbers,
     SideView,

@@ -8,15 +8,17 @@ from dataclasses import replace
 from s2rstore.errors import RequestError
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared import image_pair_terminal
-from s2rtui.charts.view import Pixels, Table, View
+from s2rtui.charts.shared.instance import instance_drawing
+from s2rtui.charts.view import DrawingView, Pixels, Table
+from s2rtui.drawing.cells import draw_cells
+from s2rtui.drawing.drawing import Drawing
 from s2rtui.session.provenance import instance_provenance
 
 _TEXT_ROWS = 16
 """Rows of titles, colour bars, poses and notes."""
 
 
-class InstanceView(View):
+class InstanceView(DrawingView):
     name = "instance"
     needs_run = False
     key = "3"
@@ -63,7 +65,7 @@ class InstanceView(View):
         rows: list[tuple[object, ...]] = []
         for label, (x, y, heading) in shown.truths:
             rows.append((label, x, y, math.degrees(heading), None, None, None))
-        for role, side in (("sim", shown.sim), ("real", shown.real)):
+        for role, side in shown.sides:
             if (pose := side.pose) is not None:
                 turns = math.degrees(pose.heading), math.degrees(pose.heading_error)
                 rows.append((role, pose.x, pose.y, turns[0], pose.error, turns[1], None))
@@ -77,14 +79,15 @@ class InstanceView(View):
         sides = [
             f"{role} error {side.pose.error:.2f} m and {math.degrees(side.pose.heading_error):.1f} "
             "degrees"
-            for role, side in (("sim", shown.sim), ("real", shown.real))
+            for role, side in shown.sides
             if side.pose is not None
         ]
         notes = dict(shown.notes)
         where = "; ".join(notes[name] for name in ("where", "split") if name in notes)
         if not scene.store.has_poses:
-            images = (("sim", shown.sim), ("real", shown.real))
-            sides = [f"image in {side.title or role}" for role, side in images if side.rgb.size]
+            sides = [
+                f"image in {view.title or role}" for role, view in shown.sides if view.rgb.size
+            ]
         return f"Instance {shown.iid} ({where}): {', '.join(sides) or 'not predicted'}."
 
     def height(self, scene: Scene, width: int) -> int:
@@ -94,26 +97,33 @@ class InstanceView(View):
         kinds = 1 + any(domain.has_depth for domain in scene.store.domains.values())
         return kinds * math.ceil(width / 2 * share / 2) + _TEXT_ROWS
 
-    def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
-        from s2rtui.charts.instance import paper
+    def drawing(self, scene: Scene, columns: int) -> Drawing:
+        shown = scene.loaded.pictures
+        if shown is None or scene.state.cursor is None:
+            return Drawing()
+        if remark := scene.remark(shown.iid):
+            shown = replace(shown, notes=(("remark", remark), *shown.notes))
+        return instance_drawing(shown)
 
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
+        return draw_cells(self.drawing(scene, size[0]), size, options)
+
+    def heading(self, scene: Scene) -> tuple[str, str]:
+        shown = scene.loaded.pictures
+        if shown is None:
+            return scene.title, ""
+        split = dict(shown.notes).get("split", "")
+        title = f"{scene.title}: instance {shown.iid}{f' ({split})' if split else ''}"
+        return title, shown.heat_name and f"heat: {shown.heat_name}"
+
+    def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         shown = scene.loaded.pictures
         if shown is None:
             raise RequestError("--select: selects nothing, so there is no instance to draw")
-        if not any(side.rgb.size for side in (shown.sim, shown.real)):
+        if not any(side.rgb.size for _, side in shown.sides):
             reason = "this store has no frames to draw; `s2r show` prints the numbers"
             raise RequestError(f"--view instance: {reason}")
-        split = dict(shown.notes).get("split", "")
-        title = f"{scene.title}: instance {shown.iid}{f' ({split})' if split else ''}"
-        return paper.instance_figure(shown, size, theme, title)
-
-    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
-        if scene.loaded.pictures is None or scene.state.cursor is None:
-            return Canvas(*size, options)
-        shown = scene.loaded.pictures
-        if remark := scene.remark(shown.iid):
-            shown = replace(shown, notes=(("remark", remark), *shown.notes))
-        return image_pair_terminal.draw_instance(shown, size, options)
+        return super().figure(scene, size, theme)
 
 
 VIEW = InstanceView()

@@ -8,7 +8,7 @@ from dataclasses import replace
 from s2rstore.index.population import Population
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.image_pair_model import InstanceInput, instance_model, panel_pixels
+from s2rtui.charts.shared.instance import InstanceInput, Kind, depth_scale, heat_scale, images
 from s2rtui.drawing.scale import short_number
 from s2rtui.export.report.data_uri_images import image
 from s2rtui.export.report.metric_tables import number
@@ -44,7 +44,7 @@ def _pose_table(instance: InstanceInput) -> ReportTable:
     rows = []
     for label, pose in instance.truths:
         rows.append((label, *_pose(*pose), "", ""))
-    for role, side in (("sim", instance.sim), ("real", instance.real)):
+    for role, side in instance.sides:
         if (shown := side.pose) is not None:
             errors = number(shown.error, 2, "m"), number(math.degrees(shown.heading_error), 1, "°")
             rows.append((role, *_pose(shown.x, shown.y, shown.heading), *errors))
@@ -56,25 +56,27 @@ def _pose(x: float, y: float, heading: float) -> tuple[str, str, str]:
 
 
 def _images(instance: InstanceInput) -> list[ReportImage]:
-    model = instance_model(instance)
+    heat, depth = heat_scale(instance), depth_scale(instance)
     scale = ""
-    if model.heat_range is not None:
-        low, high = model.heat_range
+    if heat is not None:
+        low, high = heat
         low = low if abs(low) > _ZERO_SHARE * abs(high) else 0.0
         span = f"{short_number(low, 2)} to {short_number(high, 2)}"
-        scale = f", {model.heat_name} {span} {instance.unit}".rstrip()
-    images = []
-    for channel, label in (("rgb", "image"), ("depth", "depth")):
-        for role, side in (("sim", instance.sim), ("real", instance.real)):
-            if not side.rgb.size or (channel == "depth" and side.depth is None):
+        scale = f", {instance.heat_name} {span} {instance.unit}".rstrip()
+    found: list[ReportImage] = []
+    kinds: tuple[Kind, ...] = ("image", "depth")
+    for kind in kinds:
+        for role, shown in images(instance, kind, heat, depth).items():
+            side = instance.sim if role == "sim" else instance.real
+            if shown.shape is None or not side.rgb.size:
                 continue
-            pixels = panel_pixels(side, channel, model, instance, side.rgb.shape[:2])
-            caption = f"{side.title or role}, {label}"
-            if channel == "depth" and model.depth_range is not None:
-                caption += f" 0 to {short_number(model.depth_range[1], 2)} m"
-            if side.heat is not None and instance.over in (channel, "both"):
+            caption = f"{side.title or role}, {kind}"
+            if kind == "depth" and depth is not None:
+                caption += f" 0 to {short_number(depth[1], 2)} m"
+            if shown.overlay is not None:
                 caption += scale
             error = f", position error {side.pose.error:.2f} m" if side.pose is not None else ""
-            alt = f"Instance {instance.iid}: {role} {label}{error}"
-            images.append(image(pixels, alt, caption))
-    return images
+            alt = f"Instance {instance.iid}: {role} {kind}{error}"
+            pixels = shown.pixels(side.rgb.shape[:2])
+            found.append(image(pixels, alt, caption))
+    return found
