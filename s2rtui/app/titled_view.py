@@ -41,7 +41,8 @@ class TitledView:
         depends = self.view.cache_key(self.scene)
         if depends is None:
             return None
-        return (*depends, self._subtitle, self.view.loading(self.scene), *title)
+        waits = self.view.loading(self.scene), self.view.waiting(self.scene)
+        return (*depends, self._subtitle, *waits, *title)
 
     @property
     def _subtitle(self) -> str:

@@ -119,7 +119,7 @@ class UmapView(PointsView, DrawingView):
         state = scene.state
         arrays = (*self._all(scene), state.selected, state.base, state.marked)
         return (identity_key(arrays), state.cursor, scene.mark(self.name),
-                state.viewport_of(self.name), scene.loaded.computing)  # fmt: skip
+                state.viewport_of(self.name))  # fmt: skip
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         state, embeddings = scene.state, self.input(scene)

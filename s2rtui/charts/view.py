@@ -110,6 +110,10 @@ class View:
         """
         return ""
 
+    def waiting(self, scene: Scene) -> str:
+        """What a process is computing while the view has nothing to show; empty otherwise."""
+        return ""
+
     def input(self, scene: Scene) -> Any:
         """The arrays and numbers that are drawn."""
         raise NotImplementedError
@@ -191,6 +195,10 @@ class DrawingView(View):
         """Lines that say why there is nothing to draw; empty if there is."""
         return ()
 
+    def waiting(self, scene: Scene) -> str:
+        computing = scene.loaded.computing
+        return f"{computing}; the view fills in" if computing and self.missing(scene) else ""
+
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         """The plots, the table and the notes, for plots that are `columns` cells wide."""
         raise NotImplementedError
@@ -198,8 +206,8 @@ class DrawingView(View):
     def _sized(self, scene: Scene, size: Size, options: RenderOptions) -> Drawing:
         """The drawing for cells, whose layout says how many columns the plots have."""
         if reasons := self.missing(scene):
-            waits = (f"{scene.loaded.computing}; the view fills in by itself",)
-            return Drawing(notes=(*reasons, *(waits if scene.loaded.computing else ())))
+            waits = self.waiting(scene)
+            return Drawing(notes=(*reasons, waits) if waits else reasons)
         drawing = self.drawing(scene, self.paper_columns)
         places = drawing_layout(drawing, size, options).plots
         if not places or places[0].plot.turns or places[0].width == self.paper_columns:
@@ -302,9 +310,7 @@ class StatisticsView(DrawingView):
         return "figures of the selection" if is_older else ""
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        model, loaded = self.input(scene), scene.loaded
-        waits = loaded.computing if isinstance(model, str) else ""
-        return identity_key(model), loaded.failed.get(self.name), waits
+        return identity_key(self.input(scene)), scene.loaded.failed.get(self.name)
 
 
 @dataclass(frozen=True, slots=True)
