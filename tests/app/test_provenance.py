@@ -102,15 +102,15 @@ async def test_a_live_prediction_is_shown_only_for_its_run_and_instance(tiny_sto
 
         assert BY_NAME["adjust"].subtitle(scene()).endswith(f"instance {state.cursor}")
         assert BY_NAME["map"].input(scene()).live
-        assert BY_NAME["map"].input(scene()).heat is not None
+        assert BY_NAME["map"].input(scene()).floor.heat is not None
         other_run = scene(run="dataaug", adjust=replace(adjust, run="dataaug"))
         assert BY_NAME["adjust"].subtitle(other_run) == "run dataaug: loading the model"
         assert not BY_NAME["map"].input(other_run).live
-        assert BY_NAME["map"].input(other_run).heat is None
+        assert BY_NAME["map"].input(other_run).floor.heat is None
         moved = scene(cursor=7)
         assert f"instance {state.cursor} (loading 7)" in BY_NAME["adjust"].subtitle(moved)
         assert not BY_NAME["map"].input(moved).live
-        assert BY_NAME["map"].input(moved).heat is None
+        assert BY_NAME["map"].input(moved).floor.heat is None
 
 
 async def test_every_loader_reports_its_own_progress(tiny_store):
@@ -167,7 +167,7 @@ async def test_heat_of_an_earlier_state_is_labelled_or_hidden(tiny_store, keys, 
         cursor = app.session.state.cursor
         await press_without_loading(app, pilot, key)
         shown = BY_NAME["map"].input(app.updater.scene)
-        assert (shown.heat is None) == (label is None)
+        assert (shown.floor.heat is None) == (label is None)
         assert label is None or label.format(cursor) in shown.heat_label
 
 
@@ -175,7 +175,7 @@ async def test_heat_of_an_earlier_state_is_labelled_or_hidden(tiny_store, keys, 
 async def test_the_seen_floor_of_an_earlier_selection_is_not_used(tiny_store, key):
     async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "c", "C")
-        assert BY_NAME["map"].input(app.updater.scene).clip is not None
+        assert BY_NAME["map"].input(app.updater.scene).floor.seen is not None
         await press_without_loading(app, pilot, key)
-        assert BY_NAME["map"].input(app.updater.scene).clip is None
+        assert BY_NAME["map"].input(app.updater.scene).floor.seen is None
         assert "loading what the selection saw" in subtitle(app, "map")

@@ -262,7 +262,7 @@ class CompareView(PointsView, DrawingView):
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         state = scene.state
         if missing := self.missing(scene):
-            return *missing, scene.loaded.computing
+            return missing
         data = identity_key(self.input(scene))
         return state.generation, data, state.viewport, scene.mark(self.name)
 
