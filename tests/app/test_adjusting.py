@@ -47,8 +47,8 @@ async def test_moving_a_slider_shows_the_live_prediction(few_pairs_store):
             model.close()
         assert shown.real.pose.x == pytest.approx(expected.real.x, abs=1e-5)
         assert (shown.real.rgb == expected.real.rgb).all()
-        poses = {pose.side: pose for pose in _map_input(app).live}
-        assert poses["real"].x == pytest.approx(expected.real.x, abs=1e-5)
+        poses = dict(_map_input(app).live)
+        assert poses["real"][0] == pytest.approx(expected.real.x, abs=1e-5)
         await press(app, pilot, "down", "left", "backspace", "up", "backspace")
         shown, adjust = app.loaded.live, app.session.state.adjust
         assert all(adjust.value(slider.key) == slider.neutral for slider in adjust.sliders)

@@ -120,7 +120,7 @@ RESOURCE_CHANGES: dict[str, Callable[[LoadedData], object]] = {
 }
 NEVER_DRAWN = {
     "newest", "node", "operator", "lasso", "message", "is_error", "past",
-    "future", "centre", "progress", "saving", "computing", "pending", "keeps_message", "suggested",
+    "future", "centre", "progress", "saving", "pending", "keeps_message", "suggested",
     "first_rows",  # no table of these scenes is longer than its view
 }  # fmt: skip
 
