@@ -109,7 +109,7 @@ def map_drawing(
         ramp: Ramp = "signed heat" if data.floor.heat_is_signed else "heat"
         legend.append(ColourBar(data.heat_label, data.heat_unit, ends, ramp=ramp))
     if data.planned:
-        legend.append(Phrase(f"{len(data.planned)} planned", "planned", "planned"))
+        legend.append(Phrase(f"{len(data.planned)} planned poses", "planned", "planned"))
     return Drawing((map_plot(marks, area, data.y_down),), notes=(tuple(legend),), brush=brush)
 
 

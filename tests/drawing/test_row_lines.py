@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -51,10 +52,8 @@ def dots_one_by_one(lines: RowLines, members: np.ndarray, width: int, step: int)
             if np.isnan(ends).any():
                 continue
             start, stop = (min(2 * width * min(max(end, 0), 1), 2 * width - 1) for end in ends)
-            for line in range(4 * step):
-                first, last = (
-                    int(start + (stop - start) * (at / (4 * step))) for at in (line, line + 1)
-                )
+            places = [int(start + (stop - start) * at) for at in np.linspace(0, 1, 4 * step + 1)]
+            for line, (first, last) in enumerate(pairwise(places)):
                 dots = range(first, last) if last > first else range(last + 1, first + 1)
                 for dot in dots if last != first else (first,):
                     grid[4 * row * step + 2 + line, dot] += 1

@@ -35,7 +35,8 @@ def open_screen(command: list[str], tmp_path: Path) -> Iterator[OpenScreen]:
     opened: list[Screen] = []
     (tmp_path / "data" / "s2rtui").mkdir(parents=True)
     (tmp_path / "data" / "s2rtui" / "toured").touch()
-    environment = program_environment(XDG_DATA_HOME=str(tmp_path / "data"))
+    path = program_environment()["PYTHONPATH"]
+    environment = {"PYTHONPATH": path, "XDG_DATA_HOME": str(tmp_path / "data")}
 
     def start_screen(columns: int, rows: int) -> Screen:
         opened.append(Screen(command, (80, 24), environment, draws=False))
