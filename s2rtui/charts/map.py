@@ -27,7 +27,7 @@ from s2rtui.charts.shared.map_layers import (
     true_columns,
     value_range,
 )
-from s2rtui.charts.shared.point_bins import valid_cursor
+from s2rtui.charts.shared.positions import valid_cursor
 from s2rtui.charts.view import DrawingView, Pane, PointsView, Table
 from s2rtui.drawing.drawing import ColourBar, Drawing, Ramp
 from s2rtui.drawing.floor import heat_scale

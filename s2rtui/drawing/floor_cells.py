@@ -41,7 +41,7 @@ def draw_floor(canvas: Canvas, plot: Plot, floor: Floor) -> None:
 
     Unseen floor is dimmed or left blank.
     """
-    if floor.plan is None and floor.heat is None:
+    if floor.is_plain:
         return
     frame = plane_frame(plot.x, plot.y, canvas.width, canvas.height)
     if canvas.options.supports_shading:

@@ -233,7 +233,7 @@ def _draw_poses(canvas: Canvas, plot: Plot, poses: Poses) -> None:
 
 
 def _floor_legend(floor: Floor, options: RenderOptions) -> list[LegendPart]:
-    if floor.seen is None:
+    if floor.seen is None or floor.is_plain:
         return []
     how = "dim" if options.supports_shading else "blank"
     return [text_part(((f"{how}: not seen", options.theme.muted),))]

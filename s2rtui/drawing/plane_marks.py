@@ -42,6 +42,11 @@ class Floor:
     heat_is_signed: bool = False
     seen: Floats | Bools | None = None
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether there is nothing to draw, and so nothing that is dimmed."""
+        return self.plan is None and self.heat is None
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outlines:

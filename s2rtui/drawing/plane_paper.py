@@ -91,7 +91,7 @@ def plane_note(mark: PlaneMark) -> tuple[Phrase, ...]:
                 Phrase(within, "text", "selected"), *_trained_note(mark))  # fmt: skip
     if isinstance(mark, Signs):
         return _trained_note(mark)
-    if isinstance(mark, Floor) and mark.seen is not None:
+    if isinstance(mark, Floor) and mark.seen is not None and not mark.is_plain:
         return (Phrase("dimmed: not seen by the selection"),)
     return ()
 
@@ -161,7 +161,7 @@ class _Sheet:
 
 def _draw_floor(sheet: _Sheet, floor: Floor) -> None:
     """Floor, heat and walls; on a page paler, so that marks of all colours stand out."""
-    if floor.plan is None and floor.heat is None and floor.seen is None:
+    if floor.is_plain:
         return
     width, height = (max(1, round(side * sheet.page.figure.dpi)) for side in sheet.inches)
     x, y = sheet.plot.x, sheet.plot.y
@@ -334,7 +334,8 @@ def _draw_arcs(sheet: _Sheet, arcs: Arcs) -> None:
             zorder=order,
         ))  # fmt: skip
     for vectors, rim, face in ((glyphs.sim, inks.sim, inks.sim), (glyphs.real, inks.real, None)):
-        steps = vectors / np.hypot(*vectors.T)[:, None]
+        turns = np.arctan2(vectors[:, 1], vectors[:, 0])
+        steps = np.stack([np.cos(turns), np.sin(turns)], axis=1)
         tips = centres + (_RADIUS - _THICK / 2) * sheet.per_point * steps
         sheet.dots(tips[:, 0], tips[:, 1], 10, [face or inks.background], 5.5, 1.0, "D", rim)
     if sheet.is_page:

@@ -15,7 +15,8 @@ from pathlib import Path
 LOG = "demo.log"
 """File in the folder of the demo with the output of the process."""
 _NICE = 10
-_PAUSE = 0.1
+PAUSE = 0.5
+"""Seconds between two looks at what is published."""
 
 
 class BackgroundDemo:
@@ -38,6 +39,10 @@ class BackgroundDemo:
         return self._process.poll() is None
 
     @property
+    def has_failed(self) -> bool:
+        return self._process.poll() not in (None, 0)
+
+    @property
     def last_line(self) -> str:
         """The last line of its output: the error of a process that failed."""
         lines = self.log.read_text(errors="replace").strip().splitlines()
@@ -46,7 +51,7 @@ class BackgroundDemo:
     def wait_until(self, is_reached: Callable[[], bool]) -> bool:
         """Show its output until something is reached; False if it ends before.
 
-        From then on it leaves the processors to others.
+        Then its priority is lowered.
         """
         with self.log.open("rb") as output:
             output.seek(self._begin)
@@ -55,7 +60,7 @@ class BackgroundDemo:
                 sys.stderr.flush()
                 if not self.is_running:
                     return is_reached()
-                time.sleep(_PAUSE)
+                time.sleep(PAUSE)
         with suppress(OSError):
             os.setpriority(os.PRIO_PGRP, self._process.pid, _NICE)
         return True
@@ -66,7 +71,7 @@ class BackgroundDemo:
             os.killpg(self._process.pid, signal.SIGTERM)
 
 
-def compile_ahead() -> None:
+def start_compiling() -> None:
     """Let another process compile what the projection needs, so that it is ready in time."""
     command = [sys.executable, "-P", "-m", "s2rtools.precompute.compile_ahead"]
     subprocess.Popen(

@@ -37,13 +37,13 @@ NotebookFactory = Callable[[str], Notebook]
 class StoreUpdates:
     """What is published now: the number of the generation, and the gap history.
 
-    `has_same_parts`: whether its data set has the same parts as that of the session. `computing`:
-    the progress of a process that computes in the store, empty without one.
+    `can_follow`: whether the session can go on in it by itself. `computing`: the progress of a
+    process that computes in the store, empty without one.
     """
 
     generation: int
     history: HistoryFile | None
-    has_same_parts: bool = True
+    can_follow: bool = False
     computing: str = ""
 
 
@@ -67,10 +67,9 @@ class Session:
         `notebooks` opens the notebook of a store by its identity; without it nothing is saved.
         `gap_history` overrides the history file of the store, `generation` the published one.
         `with_trained` includes the instances that the models were trained on. `poses` is a CSV file
-        of planned poses, which the map shows. Set
-        `defers_loading` if background
-        workers read columns; then call `close_retired_stores` when they are idle. Raises
-        RequestError if the store, the run or the history file does not exist.
+        of planned poses, which the map shows. Set `defers_loading` if background workers read
+        columns; then call `close_retired_stores` when they are idle. Raises RequestError if the
+        store, the run or the history file does not exist.
         """
         if gap_history is not None and not gap_history.is_file():
             raise RequestError(f"--history {gap_history}: no such file; `s2r nightly` writes one")
@@ -83,6 +82,7 @@ class Session:
         self._retired: list[Store] = []
         self._is_branch = False
         self._is_pinned = generation is not None
+        self._examined = self.store.generation, False
         self._base_populations = BasePopulations()
         self._gap_history = gap_history.resolve() if gap_history else None
         initial = _initial_state(self.store, run, self._history_file())
@@ -209,30 +209,35 @@ class Session:
         while self._retired:
             self._retired.pop().close()
 
-    def check_for_updates(self) -> bool:
-        """Whether a newer generation or gap history has been published since the last check."""
-        return self.apply_updates(self.read_updates())
-
     def read_updates(self) -> StoreUpdates:
         """What is published now; for any thread, because a server may take long to answer."""
-        generation, store = self.store.latest_generation(), self.store
-        has_same_parts = True
-        if generation != store.generation:
-            with s2rstore.open(store.path, INDEX_MEMORY) as fresh:
-                has_same_parts = (fresh.identity, fresh.parts) == (store.identity, store.parts)
-        progress = compute_progress.read(store.files)
+        generation = self.store.latest_generation()
+        if self._examined[0] != generation:
+            self._examined = generation, self._can_follow(generation)
+        progress = compute_progress.read(self.store.files)
         computing = "" if progress is None else printable(progress.text)
-        return StoreUpdates(generation, self._history_file(), has_same_parts, computing)
+        return StoreUpdates(generation, self._history_file(), self._examined[1], computing)
+
+    def _can_follow(self, generation: int) -> bool:
+        """Whether another generation has the same instances, and is not refused."""
+        store = self.store
+        if self._is_pinned or generation == store.generation:
+            return False
+        try:
+            with s2rstore.open(store.path, INDEX_MEMORY, generation) as fresh:
+                is_refused = bool(navigation.refuse_generation(fresh, store))
+                return fresh.parts == store.parts and not is_refused
+        except (RequestError, OSError):  # the error is shown when the user opens it
+            return False
 
     def follow(self, updates: StoreUpdates) -> bool:
-        """Continue in a newer generation of the same data set; whether there is one.
+        """Continue in a newer generation with the same instances; whether there is one.
 
-        The message stays. Not while something is pending, and not in a session that was opened on
-        a certain generation.
+        The message stays where that is possible at once. Not while something is pending, and not
+        in a session that was opened on a certain generation.
         """
         state = self.state
-        is_newer = updates.generation != self.store.generation
-        if not is_newer or not updates.has_same_parts or self._is_pinned or state.pending:
+        if not updates.can_follow or updates.generation == self.store.generation or state.pending:
             return False
         self.open_newest_generation()
         if self.state.pending is None and not self.state.is_error:

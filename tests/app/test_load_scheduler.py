@@ -371,6 +371,6 @@ def test_the_screen_of_a_state_uses_its_history(store, tmp_path, monkeypatch):
         headless.screen_of(store, session.state, (800, 480), RenderOptions())
     assert opened[0].state is session.state
     assert opened[0].store.in_use == {session.state.run}
-    assert not opened[0].check_for_updates()
+    assert not opened[0].apply_updates(opened[0].read_updates())
     for one in (session, *opened):
         one.close()

@@ -105,7 +105,7 @@ def test_a_run_that_is_not_computed_is_named_and_opened_when_it_is(store_copy):
     assert session.state.runs == ()
     with edit(store_copy) as draft:
         draft._connection.executemany("UPDATE run SET key = ? WHERE run = ?", keys)
-    assert session.check_for_updates()
+    assert session.apply_updates(session.read_updates())
     assert session.open_newest_generation().run == "vanilla"
     assert session.select("worst15").selected.any()
 

@@ -20,10 +20,13 @@ from s2rstore.files.store_files import LocalFiles
 from s2rstore.geometry import angles
 from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.maintenance.verify import verify
+from s2rstore.reader import Store
+from s2rstore.records import Run
 from s2rtools.models.load_model import load_model
 from s2rtools.models.preprocessing import preprocess
-from s2rtools.precompute import publish_results
+from s2rtools.precompute import pipeline, publish_results
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
+from s2rtools.precompute.run_backends import RunBackends
 from s2rtools.precompute.run_registration import add_run
 from tests.support.copies import copy_store
 from tests.support.silent_reporter import SilentReporter
@@ -207,6 +210,25 @@ def test_predictions_of_all_runs_are_published_before_any_heatmap(trained_store,
         assert {"feature_distance", "map:feature_distance", "umap"} <= kinds
         assert "occlusion" not in kinds
     assert compute_progress.read(LocalFiles(path)) is None
+
+
+def test_a_run_that_cannot_be_computed_stops_no_other_run(trained_store, tmp_path, monkeypatch):
+    path = copy_store(trained_store, tmp_path / "s.s2r")
+    dim = {"sim": [], "real": [{"name": "brightness", "value": 0.8}]}
+    add_run(path, "dim", "vanilla", None, None, dim)
+    choose = pipeline.run_backends
+
+    def refuse(store: Store, run: Run, *arguments: object) -> RunBackends:
+        if run.run == "vanilla":
+            raise RequestError("run 'vanilla': no backend")
+        return choose(store, run, *arguments)
+
+    monkeypatch.setattr(pipeline, "run_backends", refuse)
+    with pytest.raises(RequestError, match="run 'vanilla': no backend"):
+        precompute(path, SilentReporter(), [], PrecomputeOptions(KINDS))
+    with s2rstore.open(path) as store:
+        assert store.run("vanilla").key is None
+        assert {"feature_distance", "umap"} <= {record.kind for record in store.array_kinds("dim")}
 
 
 def _start_and_kill(path: Path, tmp_path: Path, number: int) -> None:

@@ -29,7 +29,7 @@ def test_an_open_session_notices_the_instances_and_says_so(store_copy):
     session.select("real.error > 0.5")
     before = session.state
     append_trajectory(store_copy, "a0", 5)
-    assert session.check_for_updates()
+    assert session.apply_updates(session.read_updates())
     assert session.state.newest == before.generation + 1
     state = session.open_newest_generation()
     assert state.message.startswith(f"generation {state.generation}; 5 instances added")

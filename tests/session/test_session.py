@@ -92,10 +92,10 @@ def test_heatmap_kinds_modes_and_sides_cycle(session):
 def test_a_newer_generation_is_detected_and_opened_on_request(store_copy):
     session = Session(store_copy)
     session.select("worst15")
-    assert not session.check_for_updates()
+    assert not session.apply_updates(session.read_updates())
     with edit(store_copy) as draft:
         draft.delete("run", run="dataaug")
-    assert session.check_for_updates()
+    assert session.apply_updates(session.read_updates())
     assert session.state.runs == ("vanilla", "dataaug")
     state = session.open_newest_generation()
     assert state.runs == ("vanilla",)
@@ -175,3 +175,22 @@ def test_steps_from_an_unselected_instance_skip_none(session, cursor, steps, exp
     session.select("ids(3, 7, 20)")
     session.set_cursor(cursor)
     assert session.dispatch(navigation.move_cursor, steps).cursor == expected
+
+
+def test_sessions_follow_generations_with_the_same_instances(store_copy):
+    free, pinned = Session(store_copy), Session(store_copy, generation=2)
+    with edit(store_copy) as draft:
+        draft.set_provenance("test", {"key": "value"})
+    for session, follows in ((free, True), (pinned, False)):
+        message, updates = session.state.message, session.read_updates()
+        session.apply_updates(updates)
+        assert session.follow(updates) is follows
+        assert session.state.message == message
+        assert (session.state.generation == session.state.newest) is follows
+    with edit(store_copy) as draft:  # no run is left, which a session refuses
+        for run in free.state.runs:
+            draft.update("run", {"run": run}, {"key": None})
+    assert not free.follow(free.read_updates())
+    assert not free.state.is_error
+    free.close()
+    pinned.close()

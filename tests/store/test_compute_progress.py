@@ -37,7 +37,10 @@ def written(path, **changes):
 def test_what_a_killed_process_has_left_is_not_shown(tmp_path):
     written(tmp_path)
     assert compute_progress.read(LocalFiles(tmp_path)) is not None
-    written(tmp_path, written=time.time() - 3600)
+    elsewhere = msgspec.structs.replace(process_identity.this_process(), host="elsewhere")
+    written(tmp_path, process=elsewhere)
+    assert compute_progress.read(LocalFiles(tmp_path)) is not None
+    written(tmp_path, process=elsewhere, written=time.time() - 3600)
     assert compute_progress.read(LocalFiles(tmp_path)) is None
     code = "from s2rstore.files import process_identity as p; import msgspec as m; "
     code += "print(m.json.encode(p.this_process()).decode())"

@@ -58,7 +58,7 @@ class StoreUpdateController:
                 has_updates |= session.follow(message.updates)
             except (S2RError, OSError) as reason:
                 error = str(reason)
-            has_updates |= self._show_computing(message.updates.computing)
+        has_updates |= self._show_computing(message.updates.computing if message.updates else "")
         if error != self._error:
             self._show_error(error)
         if has_updates:

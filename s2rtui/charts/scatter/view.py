@@ -25,7 +25,7 @@ from s2rtui.charts.scatter.model import (
     scatter_summary,
 )
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.point_bins import known_point, nearest_iid, stacked_points, valid_cursor
+from s2rtui.charts.shared.positions import known_point, nearest_iid, stacked_points, valid_cursor
 from s2rtui.charts.view import DrawingView, PointsView, Table
 from s2rtui.drawing.drawing import Drawing, Note
 from s2rtui.drawing.plot import Line, Phrase, Plot, Points, Rule

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rtui.jobs.background_demo import LOG, BackgroundDemo, compile_ahead
+from s2rtui.jobs.background_demo import LOG, PAUSE, BackgroundDemo, start_compiling
 
 if TYPE_CHECKING:
     from s2rstore.reader import Store
@@ -125,22 +125,42 @@ def _open_early(options: argparse.Namespace, store: Path, stages: Iterator[_Stag
             return code
     else:
         return main(["tui", str(store)])
+    if _is_being_completed(options.out):
+        print(f"another process completes this demo (see {options.out / LOG})", file=sys.stderr)
+        while not _read(store, _is_predicted):
+            time.sleep(PAUSE)
+        return main(["tui", str(store)])
     rest = BackgroundDemo(options.out, _arguments(options))
     try:
         has_predictions = rest.wait_until(lambda: bool(_read(store, _is_predicted)))
-    except KeyboardInterrupt:
+    except BaseException:
         rest.stop()
         raise
     if not has_predictions:
         print(rest.last_line, file=sys.stderr)
         return 1
     code = main(["tui", str(store)])
+    if rest.has_failed:
+        print(rest.last_line, file=sys.stderr)
+        return 1
     if rest.is_running:
         print(f"The demo is not complete: heatmaps are still being computed (see {rest.log}).")
         if not _is_confirmed("Go on in the background? [Y/n] "):
             rest.stop()
             print("stopped; the next `s2r demo` goes on")
     return code
+
+
+def _is_being_completed(out: Path) -> bool:
+    """Whether another process runs the stages of the demo in a folder."""
+    from s2rstore.errors import StoreBusyError
+    from s2rstore.files import locks
+
+    try:
+        with locks.file_lock(out / LOG, timeout=0.0):
+            return False
+    except StoreBusyError:
+        return True
 
 
 def _is_confirmed(question: str) -> bool:
@@ -187,7 +207,7 @@ def _world_stages(options: argparse.Namespace, store: Path) -> Iterator[_Stage]:
     world = ["--seed", str(options.seed)]
     world += ["--factors", options.factors] if options.factors != "all" else []
     if not store.exists():
-        compile_ahead()
+        start_compiling()
         count = str(options.instances or INSTANCES)
         yield _Stage(("ingest", "world", *world, "--instances", count, "--store", path))
     _check_same_options(options, store, count=options.instances)

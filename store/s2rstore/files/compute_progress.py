@@ -22,7 +22,7 @@ from s2rstore.files.store_files import StoreFiles
 FILE = f"{layout.LEDGER}/progress.json"
 _BYTES = 4096
 _SILENT_SECONDS = 600.0
-"""An older file is that of a process which was killed on another host."""
+"""An older file of another host counts as that of a killed process."""
 
 
 class ComputeProgress(msgspec.Struct, frozen=True):
@@ -72,5 +72,8 @@ def read(files: StoreFiles) -> ComputeProgress | None:
         progress = decode_json(files.read(FILE, _BYTES), ComputeProgress, FILE)
     except (OSError, RequestError):
         return None
-    is_silent = time.time() - progress.written > _SILENT_SECONDS
-    return None if is_silent or process_identity.has_ended(progress.process) else progress
+    if progress.process.host == process_identity.host_name():
+        has_ended = process_identity.has_ended(progress.process)
+    else:
+        has_ended = time.time() - progress.written > _SILENT_SECONDS
+    return None if has_ended else progress

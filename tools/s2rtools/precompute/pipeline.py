@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, StoreBusyError
 from s2rstore.files import atomic_writes, layout, locks
 from s2rstore.files.lease import Lease
 from s2rstore.reader import Store
@@ -81,7 +81,7 @@ def precompute(
 
     Arrays that are published or that the ledger records are not computed again. Raises
     StoreBusyError if another process computes, RequestError for unknown runs or kinds, and after
-    the other runs for those whose model needs `options.trust`.
+    the other runs for one that cannot be computed or whose model needs `options.trust`.
     """
     options = options or PrecomputeOptions()
     for kind in options.kinds or ():
@@ -103,9 +103,14 @@ def precompute(
         computed = [_Run(call, name) for name in names if name not in untrusted]
         for number in range(len(ROUNDS)):
             for place, run in enumerate(computed, 1):
+                if run.error is not None:
+                    continue
                 count = len(current.get().instances)
                 progress.expect(number, count, len(computed) - place, len(computed))
-                run.compute(number)
+                run.try_to_compute(number)
+        for run in computed:
+            if run.error is not None:
+                raise run.error
         if untrusted:
             raise RequestError(
                 f"{root}: not computed: {', '.join(untrusted)}; loading the model executes code: "
@@ -133,17 +138,28 @@ class _Call:
 class _Run:
     """A run while it is brought up to date, round by round.
 
-    `is_published` tells whether a new generation was published.
+    `is_published` tells whether a new generation was published; `error` is why the run cannot be
+    computed.
     """
 
     def __init__(self, call: _Call, name: str) -> None:
         self._call, self.name = call, name
         self.is_published = False
+        self.error: RequestError | None = None
         self._run = call.current.get().run(name)
         self._was_computed = self._run.key is not None
         self._parts: Sequence[Part] = ()
         self._stages: RunStages | None = None
         self._backends: RunBackends | None = None
+
+    def try_to_compute(self, number: int) -> None:
+        """As `compute`, but an error of this run alone is kept, so that others are computed."""
+        try:
+            self.compute(number)
+        except StoreBusyError:
+            raise
+        except RequestError as error:
+            self.error = error
 
     def compute(self, number: int) -> None:
         """Compute and publish a round, and those before it of instances that were added meanwhile.
@@ -155,15 +171,17 @@ class _Run:
         call.lease.check()
         while (stages := self._stages) is None or self._parts != call.current.get().parts:
             if stages is not None:
-                call.reporter.say(f"{self.name}: instances were added meanwhile; computing them")
+                too = "" if self._run.is_imported else "; computing them, too"
+                call.reporter.say(f"{self.name}: instances were added meanwhile{too}")
             self._stages = self._plan(is_new=stages is None)
             for earlier in self._stages.rounds[:number]:
                 self._compute_round(earlier)
         self._compute_round(stages.rounds[number])
-        if self._parts != call.current.get().parts:
+        store = call.current.get()
+        if self._parts != store.parts:
             return self.compute(number)
         if number >= PROJECTION or not self._was_computed:
-            self._publish(stages, number)
+            self._publish(store, stages, number)
         if number == len(ROUNDS) - 1:
             root = call.current.root
             atomic_writes.remove(root, f"{layout.UNITS}/{self.name}")  # with the choice of backends
@@ -184,7 +202,6 @@ class _Run:
             stages = self._imported_stages(run, kinds)
         else:
             stages = self._model_stages(run, kinds, say)
-        self._parts = call.current.get().parts
         if options.restart and is_new:
             discard_incomplete(call.current.get(), stages.stages, call.lease.check)
         return stages
@@ -196,9 +213,9 @@ class _Run:
         """
         call = self._call
         _calibrate(call, run, kinds)
-        return imported_run_stages(
-            call.current.get(), call.current.hashes, run, kinds, call.options.refit
-        )
+        store = call.current.get()
+        self._parts = store.parts
+        return imported_run_stages(store, call.current.hashes, run, kinds, call.options.refit)
 
     def _model_stages(
         self, run: Run, kinds: Sequence[str], say: Callable[[str], None]
@@ -223,10 +240,11 @@ class _Run:
             call.lease.check,
             options.threads or default_threads(workers),
         )
+        store = call.current.get()
+        self._parts = store.parts
         return model_run_stages(
-            call.current.get(), call.current.hashes, run, model, self._backends, allowed,
-            options.refit,
-        )  # fmt: skip
+            store, call.current.hashes, run, model, self._backends, allowed, options.refit
+        )
 
     def _compute_round(self, planned: Round) -> None:
         """Compute what is missing of a round, group by group, and merge the arrays of parts."""
@@ -241,11 +259,11 @@ class _Run:
                 call.reporter.advance,
             )  # fmt: skip
 
-    def _publish(self, stages: RunStages, number: int) -> None:
+    def _publish(self, store: Store, stages: RunStages, number: int) -> None:
         """Publish a round with those before it, unless the index lists all of it already."""
         call, published = self._call, stages.rounds[number].published
         record = None if self._backends is None else self._backends.record()
-        store, check = call.current.get(), call.lease.check
+        check = call.lease.check
         if publish_run(store, self._run, published, record, check, stages.earlier):
             self.is_published = True
 

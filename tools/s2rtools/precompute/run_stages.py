@@ -11,7 +11,7 @@ from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rstore.records import Run
 from s2rtools.counterfactual import gap_shares
-from s2rtools.heatmaps import COSTS, HEATMAP_KINDS, harm
+from s2rtools.heatmaps import HEATMAP_KINDS, harm
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.imported_arrays import imported_stages
@@ -35,7 +35,11 @@ from s2rtools.precompute.tasks.umap_projection import projection_stage
 from s2rtools.precompute.usable_kinds import domains_without_depth
 from s2rtools.precompute.work_units import ArraySpec, Stage
 
-ROUNDS = ("predictions", COSTS[0], "projection", *COSTS[1:])
+WORK: dict[str, float] = {
+    "predictions": 1.0, "forward": 1.5, "projection": 0.7, "tens": 3.0, "hundreds": 6.0,
+}  # fmt: skip
+"""Rounds with their work per instance; measured ratios differ by network and processor."""
+ROUNDS = tuple(WORK)
 """What is computed and published one after the other; heatmaps by their cost."""
 PROJECTION = ROUNDS.index("projection")
 """The round of projections and outliers."""
@@ -49,7 +53,6 @@ class Round:
     `published` are the stages with the arrays of all segments, those of earlier rounds included.
     """
 
-    name: str
     groups: Sequence[Sequence[Stage]]
     merges: Sequence[ArrayMerge]
     published: Sequence[Stage]
@@ -225,7 +228,7 @@ def _run_stages(
     merges = [*network.merges, *projections.merges]
     published = [*imported, *network.published, *projections.published]
     rounds = []
-    for number, name in enumerate(ROUNDS):
+    for number in range(len(ROUNDS)):
 
         def is_now(spec: ArraySpec, number: int = number) -> bool:
             return _round(spec) == number
@@ -235,7 +238,6 @@ def _run_stages(
 
         rounds.append(
             Round(
-                name,
                 _groups(_with_specs(computed, is_now)),
                 [merge for merge in merges if is_now(merge.spec)],
                 _with_specs(published, is_done),

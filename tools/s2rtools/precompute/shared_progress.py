@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Self
 
 from s2rstore.files import compute_progress
 from s2rtools.common.command_line.progress import Reporter
+from s2rtools.precompute.run_stages import ROUNDS, WORK
+from s2rtools.precompute.tasks import rendered_frames
 
-WORK = (1.0, 1.5, 0.7, 3.0, 6.0)
-"""Work per instance in each round of a run; measured ratios differ by network and processor."""
 _SECONDS = 1.0
 """Seconds between two writings."""
 
@@ -19,8 +18,8 @@ _SECONDS = 1.0
 class SharedProgress:
     """A reporter that passes everything on, and writes it into the store.
 
-    The time left is estimated from the work that was done since the start, as if nothing of the
-    rounds that are not begun was there.
+    The time left is estimated from the speed since the start. It assumes that nothing of later
+    rounds is computed yet.
     """
 
     def __init__(self, root: Path, reporter: Reporter) -> None:
@@ -37,9 +36,9 @@ class SharedProgress:
 
     def expect(self, round_number: int, instances: int, runs_ahead: int, runs: int) -> None:
         """The next stages belong to a round of a run; `runs_ahead` others follow in this round."""
-        later: Sequence[float] = WORK[round_number + 1 :]
-        self._work = WORK[round_number] * instances
-        self._work_ahead = instances * (WORK[round_number] * runs_ahead + sum(later) * runs)
+        present, *later = [WORK[name] for name in ROUNDS[round_number:]]
+        self._work = present * instances
+        self._work_ahead = instances * (present * runs_ahead + sum(later) * runs)
 
     def begin(self, stage: str, total: int) -> None:
         self._stage, self._total, self._done = stage, total, 0
@@ -49,10 +48,10 @@ class SharedProgress:
     def advance(self, steps: int) -> None:
         self._reporter.advance(steps)
         self._done += steps
-        if self._total:
-            self._work_done += self._work * steps / self._total
-        if self._done >= self._total:
-            self._work = 0.0  # further stages of the round are short
+        if not self._stage.endswith(f": {rendered_frames.NAME}"):  # before the work of a round
+            self._work_done += self._work * steps / max(self._total, 1)
+            if self._done >= self._total:
+                self._work = 0.0  # further stages of the round are short
         if time.monotonic() - self._written >= _SECONDS:
             self._write()
 
