@@ -27,16 +27,22 @@ _PRETRAINED_SEED = 1
 _QUICK_VIEWS = 1500
 _QUICK_MINUTES = 2.0
 _SCORED_INSTANCES = 60
+_NOTHING_HELPS = 3
+"""The exit code of `s2r suggest` where no change clearly helps."""
 _SUGGESTED = ("--evaluations", "30", "--frames", "24")
 _LINE_WIDTH = 80
 
 
 @dataclass(frozen=True, slots=True)
 class _Stage:
-    """One command of the demo; the application can be open during one that `is_late`."""
+    """One command of the demo; the application can be open during one that `is_late`.
+
+    accepted: its exit codes that are no failure.
+    """
 
     arguments: tuple[str, ...]
     is_late: bool = False
+    accepted: tuple[int, ...] = (0,)
 
 
 EXAMPLE = "s2r demo --out demo-out --workers 4"
@@ -107,11 +113,12 @@ def _complete(options: argparse.Namespace, store: Path, stages: Iterator[_Stage]
 
 
 def _run(stage: _Stage) -> int:
-    """Run a command of the demo; returns its exit code."""
+    """Run a command of the demo; returns 0, or the exit code with which it failed."""
     from s2rtui.cli import main
 
     print(f"$ s2r {' '.join(stage.arguments)}", file=sys.stderr)
-    return main(list(stage.arguments))
+    code = main(list(stage.arguments))
+    return 0 if code in stage.accepted else code
 
 
 def _open_early(options: argparse.Namespace, store: Path, stages: Iterator[_Stage]) -> int:
@@ -220,7 +227,7 @@ def _world_stages(options: argparse.Namespace, store: Path) -> Iterator[_Stage]:
         scored = "--instances", str(_SCORED_INSTANCES), "--quiet"
         yield _Stage(("score", path, *scored), is_late=True)
     if not _read(store, _has_suggestions):
-        yield _Stage(("suggest", path, *_SUGGESTED), is_late=True)
+        yield _Stage(("suggest", path, *_SUGGESTED), is_late=True, accepted=(0, _NOTHING_HELPS))
 
 
 def _live_training(options: argparse.Namespace, store: Path, world: list[str]) -> Iterator[_Stage]:
