@@ -43,7 +43,7 @@ _FEWEST_COLUMNS, _FEWEST_WITH_AXES = 16, 8
 _FEWEST_WITH_NOTES = 6
 """Rows of a drawing from which on it has notes beside plots, or before rows of a table."""
 _KEPT_AREA = 0.6
-"""Share of the area of images that notes below them leave."""
+"""Images keep at least this share of their area where notes stand below them."""
 _FEWEST_OF_IMAGE, _WITH_TITLE = 4, 4
 """Rows of each of several images; rows of a drawing from which on images have titles."""
 _GAP = 1

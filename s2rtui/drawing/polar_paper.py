@@ -19,7 +19,7 @@ _LINE, _HEAD, _LABEL_FONT = 0.2, 0.25, 8
 _SIDE = 0.36
 """Inches beside a disc, for labels of x."""
 _MARGIN, _PADDING = 0.15, 0.1
-"""Inches beside all dials, and at both sides of each."""
+"""Inches at the left and right of a row of dials, and of each dial."""
 _BETWEEN = 12
 """Degrees beside a label of y in which its bars may cover it."""
 

@@ -76,7 +76,7 @@ class LineLayer:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RowLines:
-    """Each instance as a line between the strips of neighbouring rows, on their scale.
+    """Parallel coordinates: a line for each instance, from the strip of each row to the next one's.
 
     values: (N,) of each row; NaN interrupts a line, values beyond the scale are at its end.
     selected, valid: (N,); the selected ones are drawn in `ink`, the other valid ones in grey

@@ -11,7 +11,6 @@ from s2rtools.heatmaps.feature_distance import FeatureDistance
 from s2rtools.heatmaps.harm import Harm, HarmFine
 from s2rtools.heatmaps.harmonized_difference import HarmonisedDifference, HarmonisedDistance
 from s2rtools.heatmaps.heatmap_method import (
-    COSTS,
     HeatmapKind,
     ImageHeatmapKind,
     OutputSpec,
@@ -22,7 +21,7 @@ from s2rtools.heatmaps.occlusion import Occlusion
 from s2rtools.heatmaps.pixel_difference import PixelDifference
 
 __all__ = [
-    "COSTS", "HEATMAP_KINDS", "IMAGE_KINDS", "HeatmapKind", "OutputSpec", "PairBatch", "SideBatch",
+    "HEATMAP_KINDS", "IMAGE_KINDS", "HeatmapKind", "OutputSpec", "PairBatch", "SideBatch",
 ]  # fmt: skip
 
 HEATMAP_KINDS: dict[str, HeatmapKind] = {

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Literal, get_args
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import torch
@@ -22,8 +22,7 @@ from s2rtools.models.pose_network import LoadedModel
 
 Ray = Literal["rgb", "depth"]
 Cost = Literal["forward", "tens", "hundreds"]
-COSTS: tuple[Cost, ...] = get_args(Cost)
-"""Passes that kinds need per pair: that of the predictions, tens or hundreds more."""
+"""Forward passes of the network per pair: that of the predictions, or tens or hundreds more."""
 HeatArrays = dict[tuple[str | None, str | None], NDArray[Any]]
 """Arrays (B, *shape) of a heatmap kind by side and mode."""
 
@@ -148,8 +147,7 @@ class OutputSpec:
 class HeatmapKind(ABC):
     """A heatmap method; its docstring states the formula, the sign and the source.
 
-    `version` changes whenever the values change. `cost` is one of `COSTS`, in whose order kinds are
-    computed.
+    `version` changes whenever the values change. Kinds of low `cost` are computed first.
     `planes` names the maps along the first axis of an array with several maps per instance.
     Kinds that need many passes and name the same `stage` are computed together.
     `model_free` kinds need no network, see `ImageHeatmapKind`; `uses_features` tells whether

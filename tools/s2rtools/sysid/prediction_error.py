@@ -65,7 +65,7 @@ class PredictionError:
         return PredictionError(self.space, self.windows, self.sigma, starts)
 
     def jacobian(self, cube: Floats) -> Floats:
-        """Derivatives of `residuals` by the coordinates, (n, 3, p)."""
+        """The Jacobian of `residuals` by the p parameters, (n, 3, p)."""
         return self._differences(self.residuals, cube)
 
     def predicted(self, cube: Floats) -> Floats:
@@ -134,7 +134,7 @@ class PredictionError:
         return np.stack(columns, axis=-1)
 
     def _linearised(self, cube: Floats) -> tuple[Floats, Floats]:
-        """Deviations (n, 3) and their derivatives (n, 3, 5) by the start state of the window."""
+        """Residuals (n, 3) and their Jacobian (n, 3, 5) by the start state of the window."""
         values, replays = self.space.values(cube), self.windows.replays
         starts, replay = self.starts, self.space.simulator.replay
         states = replay(values, replays, starts)

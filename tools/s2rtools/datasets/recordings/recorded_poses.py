@@ -20,7 +20,7 @@ MAX_COORDINATE = 1e6
 _FORWARD_TO_OPTICAL = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
 """A camera's axes x right, y down, z forward in axes x forward, y left, z up."""
 _MAX_SHEAR = 1e-9
-"""Share by which a rotation that is only scaled deviates from it."""
+"""Largest relative deviation of a 3 x 3 matrix that counts as a scaled rotation."""
 _LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
 _MAX_LAST_ROW_ERROR = 1e-6
 _BLOCK = 1 << 14
