@@ -23,6 +23,7 @@ COMMANDS: dict[str, str] = {
     "models": "list the models of a store and how images become their input",
     "runs": "list the runs of a store with their accuracies and errors",
     "findings": "print what a store shows about a run, with evidence",
+    "evaluate": "say what real images decide about a run, what simulation adds, and what to add",
     "collect": "choose where to take new real images, for a fixed number of them",
     "query": "list the instances that an expression selects",
     "sql": "run a read-only SQL query on the index of a store",
