@@ -41,8 +41,8 @@ MIN_PAIRS = 100
 FOLDS = 5
 BLOCK = 5
 """Neighbours whose means are compared for the exchange rate: single rows hide what they share."""
-_MOST_UNLIKE = 4.0
-"""Standard errors between the pairs and the simulated instances: poses are alike below."""
+_UNLIKE_LEVEL = 0.999
+"""Level at which the means of the pairs and of the simulated instances must not differ."""
 _NO_ERROR = Spread(0.0, 1.0)
 _MOST_WEIGHT = 10.0
 """Largest weight in standard deviations of the real figure per one of the simulated figure."""
@@ -108,11 +108,9 @@ def mean(
     level: float = LEVEL,
 ) -> WithSimulation:  # fmt: skip
     """Mean of `real` (n,), whose `sim` (n,) are of the same instances in recording order."""
+    alone = estimates.mean(real, trajectories, level=level)
     adjusted = _adjust(real, sim, simulated, trajectories, level)
-    return adjusted.result(
-        estimates.mean(real, trajectories, level=level),
-        lambda: adjusted.widened(estimates.mean(adjusted.values, trajectories, level=level), level),
-    )
+    return adjusted.result(alone, lambda: adjusted.difference(level) if alone.is_known else alone)
 
 
 def difference(
@@ -120,12 +118,9 @@ def difference(
     level: float = LEVEL,
 ) -> WithSimulation:  # fmt: skip
     """Mean of paired differences `real` (n,) of two runs; `sim` and `simulated` in simulation."""
-    paired = estimates.paired_difference
+    alone = estimates.paired_difference(real, trajectories, level=level)
     adjusted = _adjust(real, sim, simulated, trajectories, level)
-    return adjusted.result(
-        paired(real, trajectories, level=level),
-        lambda: adjusted.widened(paired(adjusted.values, trajectories, level=level), level),
-    )
+    return adjusted.result(alone, lambda: adjusted.difference(level))
 
 
 def proportion(
@@ -194,8 +189,9 @@ class _Adjusted:
         return WithSimulation(alone, combined, self.rate, self.correlation, self.weight,
                               self.values.size, self.count)  # fmt: skip
 
-    def widened(self, interval: Interval, level: float) -> Interval:
-        """An interval of the mean of the series, with the error of the simulated mean added."""
+    def difference(self, level: float) -> Interval:
+        """The interval of the mean of the series, with the error of the simulated mean added."""
+        interval = estimates.paired_difference(self.values, self.codes, level=level)
         if not interval.is_known:
             return interval
         half = self.simulated.half_width(level)
@@ -286,9 +282,11 @@ def _standard_error(simulated: Simulated) -> float:
 
 def _unlike(sim: Floats, codes: NDArray[np.intp], simulated: Floats, error: float) -> str:
     """Why the simulated instances do not stand for the same poses as the pairs; else empty."""
-    paired = max(part.error for part in spreads(sim, codes, autocorrelation(sim, codes)))
+    parts = spreads(sim, codes, autocorrelation(sim, codes))
+    paired = max(part.half_width(_UNLIKE_LEVEL) for part in parts)
+    further = Spread(error, max(simulated.size - 1.0, 1.0)).half_width(_UNLIKE_LEVEL)
     means = float(sim.mean()), float(simulated.mean())
-    if abs(means[0] - means[1]) <= _MOST_UNLIKE * math.hypot(paired, error):
+    if abs(means[0] - means[1]) <= math.hypot(paired, further):
         return ""
     return (f"the simulated instances are unlike the pairs: their mean in simulation is "
             f"{means[1]:.2f}, that of the pairs {means[0]:.2f}")  # fmt: skip
