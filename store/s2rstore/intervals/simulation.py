@@ -43,6 +43,8 @@ BLOCK = 5
 """Neighbours whose means are compared for the exchange rate: single rows hide what they share."""
 _UNLIKE_LEVEL = 0.999
 """Level at which the means of the pairs and of the simulated instances must not differ."""
+_SYMMETRIC_RATE = 1.1
+"""Exchange rate from which on the intervals of a mean do not rely on the skewness of errors."""
 _NO_ERROR = Spread(0.0, 1.0)
 _MOST_WEIGHT = 10.0
 """Largest weight in standard deviations of the real figure per one of the simulated figure."""
@@ -110,7 +112,7 @@ def mean(
     """Mean of `real` (n,), whose `sim` (n,) are of the same instances in recording order."""
     alone = estimates.mean(real, trajectories, level=level)
     adjusted = _adjust(real, sim, simulated, trajectories, level)
-    return adjusted.result(alone, lambda: adjusted.difference(level) if alone.is_known else alone)
+    return adjusted.result(alone, lambda: adjusted.mean(level) if alone.is_known else alone)
 
 
 def difference(
@@ -120,7 +122,7 @@ def difference(
     """Mean of paired differences `real` (n,) of two runs; `sim` and `simulated` in simulation."""
     alone = estimates.paired_difference(real, trajectories, level=level)
     adjusted = _adjust(real, sim, simulated, trajectories, level)
-    return adjusted.result(alone, lambda: adjusted.difference(level))
+    return adjusted.result(alone, lambda: adjusted.mean(level, symmetric=True))
 
 
 def proportion(
@@ -189,9 +191,15 @@ class _Adjusted:
         return WithSimulation(alone, combined, self.rate, self.correlation, self.weight,
                               self.values.size, self.count)  # fmt: skip
 
-    def difference(self, level: float) -> Interval:
-        """The interval of the mean of the series, with the error of the simulated mean added."""
-        interval = estimates.paired_difference(self.values, self.codes, level=level)
+    def mean(self, level: float, symmetric: bool = False) -> Interval:
+        """The interval of the mean of the series, with the error of the simulated mean added.
+
+        It is also that of a `symmetric` series where simulation explains a part of the values: the
+        skewness of what remains has no known sign.
+        """
+        symmetric = symmetric or self.rate.value > _SYMMETRIC_RATE
+        estimate = estimates.paired_difference if symmetric else estimates.mean
+        interval = estimate(self.values, self.codes, level=level)
         if not interval.is_known:
             return interval
         half = self.simulated.half_width(level)
