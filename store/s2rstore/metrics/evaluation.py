@@ -51,13 +51,16 @@ class Images:
     simulated: Rows
 
 
-def images_of(store: Store, runs: Sequence[str]) -> Images:
+def images_of(
+    store: Store, runs: Sequence[str], members: NDArray[np.bool_] | None = None
+) -> Images:
     """The instances of some computed runs that are new to all of them.
 
-    Raises RequestError where there are no pairs.
+    With `members` (N,), the pairs are these alone, and no instance is simulated: those there are
+    stand for all pairs. Raises RequestError where there are no pairs.
     """
-    pairs = np.ones(len(store.instances), dtype=np.bool_)
-    simulated = pairs.copy()
+    pairs = np.ones(len(store.instances), dtype=np.bool_) if members is None else members.copy()
+    simulated = np.full(len(store.instances), members is None)
     for run in runs:
         columns = store.run_columns(run)
         new = ~columns.trained

@@ -14,7 +14,7 @@ from typing import Any
 from scipy import stats
 
 from s2rstore.intervals import FEWEST_TRAJECTORIES, Interval
-from s2rstore.intervals.dependence import cosine_count
+from s2rstore.intervals.dependence import series_freedom
 
 POWER = 0.8
 MOST = 50.0
@@ -50,12 +50,12 @@ class MoreImages:
                 "reason": self.reason or None}  # fmt: skip
 
 
-def images_for_width(interval: Interval, half_width: float, rate: float = 1.0) -> MoreImages:
-    """Images for an interval of `half_width` on either side, with a probability of one half.
+def images_for_width(interval: Interval, most: float, rate: float = 1.0) -> MoreImages:
+    """Images for an interval of at most `most` on either side, with a probability of one half.
 
     `rate`: the exchange rate of the simulated images beside them.
     """
-    return _smallest(interval, rate, lambda factor: _half_width(interval, factor) <= half_width)
+    return _smallest(interval, rate, lambda factor: half_width(interval, factor) <= most)
 
 
 def images_to_decide(interval: Interval, power: float = POWER, rate: float = 1.0) -> MoreImages:
@@ -75,7 +75,7 @@ def decided(interval: Interval, factor: float) -> float:
     if error == 0 or factor <= 1:
         return float(interval.excludes_zero)
     spread = error * math.sqrt((factor - 1) / factor)
-    half = _half_width(interval, factor)
+    half = half_width(interval, factor)
     above = stats.t.sf((half - interval.value) / spread, freedom)
     below = stats.t.sf((half + interval.value) / spread, freedom)
     return float(above + below)
@@ -109,8 +109,8 @@ def _error(interval: Interval) -> tuple[float, float]:
     return half / float(stats.t.ppf(0.5 + interval.level / 2, freedom)), freedom
 
 
-def _half_width(interval: Interval, factor: float) -> float:
-    """Half the width of the interval of `factor` times the present images."""
+def half_width(interval: Interval, factor: float) -> float:
+    """Expected half of the width of the interval of `factor` times the present images."""
     error, _ = _error(interval)
     critical = float(stats.t.ppf(0.5 + interval.level / 2, _freedom(interval, factor)))
     return critical * error / math.sqrt(factor)
@@ -123,4 +123,4 @@ def _freedom(interval: Interval, factor: float) -> float:
         return math.inf
     if sample.trajectories >= FEWEST_TRAJECTORIES:
         return sample.trajectories * factor - 1
-    return float(cosine_count(sample.n * factor))
+    return series_freedom(sample.n * factor)
