@@ -46,8 +46,8 @@ _UNLIKE_LEVEL = 0.999
 _SYMMETRIC_RATE = 1.1
 """Exchange rate from which on the intervals of a mean do not rely on the skewness of errors."""
 _NO_ERROR = Spread(0.0, 1.0)
-_MOST_WEIGHT = 10.0
-"""Largest weight in standard deviations of the real figure per one of the simulated figure."""
+_NOISE = 2.0
+"""Sampling variance of a correlation near 0, in that of independent rows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,9 +272,19 @@ def _weights(real: Floats, sim: Floats, folds: NDArray[np.intp], ratio: float) -
         variance = float(b @ b)
         if variance > 0:
             best = float(a @ b) / variance / (1 + 1 / ratio)
-            most = _MOST_WEIGHT * math.sqrt(float(a @ a) / variance)
-            weights[folds == fold] = min(max(best, 0.0), most)
+            weights[folds == fold] = max(best, 0.0) * _shrinkage(a, b)
     return weights
+
+
+def _shrinkage(a: Floats, b: Floats) -> float:
+    """Factor 0 .. 1 of a weight from centred series (n,), small where it is mostly noise.
+
+    Source: the positive part of James and Stein, "Estimation with quadratic loss", 1961, for a
+    squared correlation, with a sampling variance of `_NOISE` / n for dependent rows.
+    """
+    explained = float(a @ b) ** 2
+    noise = _NOISE / a.size * (float(a @ a) * float(b @ b) - explained)
+    return max(0.0, 1.0 - noise / explained) if explained > 0 else 0.0
 
 
 def _standard_error(simulated: Simulated) -> float:
@@ -301,16 +311,19 @@ def _unlike(sim: Floats, codes: NDArray[np.intp], simulated: Floats, error: floa
 
 
 def _variance_ratio(real: Floats, values: Floats, codes: NDArray[np.intp], extra: float) -> float:
-    """The smallest estimate of the variance of the mean of `real` in that with simulation.
+    """Variance of the mean of `real` (n,) in that with simulation, of the adjusted `values` (n,).
 
-    `values` (n,) is the adjusted series, `extra` the standard error of the simulated mean.
+    The smaller one of two estimates: from the series, whose spread from low frequencies is joined
+    with that of its rows because either is noisy, and from its trajectories. `extra` is the
+    standard error of the simulated mean.
     """
     alone, adjusted = (spreads(each, codes, autocorrelation(each, codes))
                        for each in (real, values))  # fmt: skip
-    dependence = alone[0].error ** 2 / float(real.var())
-    pairs = [(float(real.var()) * dependence, float(values.var()) * dependence)]
-    pairs += [(a.error**2, b.error**2) for a, b in zip(alone, adjusted, strict=True)]
-    return min(a / max(b + extra**2, 1e-12 * a) for a, b in pairs if a > 0)
+    pairs = [(a.error**2, b.error**2) for a, b in zip(alone, adjusted, strict=True)]
+    rows = pairs[0][0] * float(values.var() / real.var())
+    ratios = [a / max(b + extra**2, 1e-12 * a) for a, b in [(pairs[0][0], rows), *pairs] if a > 0]
+    joined = math.sqrt(ratios[0] * ratios[1]) if len(ratios) > 1 else 1.0
+    return min([joined, *ratios[2:]])
 
 
 def _rate(real: Floats, residual: Floats, codes: NDArray[np.intp], level: float) -> Interval:

@@ -212,15 +212,15 @@ class Plan:
     @property
     def text(self) -> str:
         """The plan as a sentence."""
-        if self.real_only.reason:
-            return f"{self.what}: {self.real_only.reason}"
-        if not self.real_only.images:
+        alone, unlimited = self.real_only, self.unlimited
+        if not (alone.images or alone.reason):
             return f"{self.what}: the present images are enough"
-        text = f"{self.what}: {self.real_only.text}"
-        saved = self.real_only.images - self.unlimited.images
-        if self.unlimited.reason or saved < 0.05 * self.real_only.images:
+        text = f"{self.what}: {alone.text}"
+        if unlimited.reason:
+            return text
+        if not alone.reason and unlimited.images > 0.95 * alone.images:
             return f"{text}; simulated ones save nearly none of them"
-        return f"{text}; {self.unlimited.images:,} beside unlimited simulated ones"
+        return f"{text}; {unlimited.images:,} beside unlimited simulated ones"
 
     def as_json(self) -> dict[str, Any]:
         """The plan as JSON data."""
