@@ -77,7 +77,10 @@ def test_the_estimate_is_the_control_variate_of_the_definition() -> None:
     drawn = rng.choice(sim, 3000)
     real = base + np.tile(rng.normal(size=40), 5)
     found = simulation.mean(real, sim, Simulated(drawn))
+    square = np.corrcoef(real, sim)[0, 1] ** 2
+    shrinkage = 1 - 2 / (0.8 * real.size) * (1 - square) / square
     expected = np.cov(real, sim, ddof=0)[0, 1] / sim.var() / (1 + real.size / drawn.size)
+    expected *= shrinkage
     assert found.weight == pytest.approx(expected)
     value = (real - expected * sim).mean() + expected * drawn.mean()
     assert found.combined.value == pytest.approx(value)
