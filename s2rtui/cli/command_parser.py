@@ -20,6 +20,7 @@ COMMANDS: dict[str, str] = {
     "precompute": "compute the missing predictions and heatmaps of runs",
     "tui": "open the terminal application on a store",
     "serve": "serve the application on a store to web browsers",
+    "mcp": "serve a store to agents by the Model Context Protocol",
     "models": "list the models of a store and how images become their input",
     "runs": "list the runs of a store with their accuracies and errors",
     "findings": "print what a store shows about a run, with evidence",
