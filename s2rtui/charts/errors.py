@@ -15,6 +15,7 @@ from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.charts.mark_expressions import cell_width, number_text, range_expression, round_to_cell
 from s2rtui.charts.scene import Scene
+from s2rtui.charts.shared.positions import cursor_phrases, valid_cursor
 from s2rtui.charts.view import DrawingView, Table
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Bars, Dots, Mark, Phrase, Plot, Rule
@@ -121,7 +122,6 @@ class ErrorsView(DrawingView):
     key = "7"
     description = "histogram of the position errors"
     title = "position errors in simulation and in reality"
-    narrow_ratio = 1.1
 
     def subtitle(self, scene: Scene) -> str:
         return "position error of the selection"
@@ -133,8 +133,8 @@ class ErrorsView(DrawingView):
 
     def _cursor(self, scene: Scene) -> dict[Side, float]:
         """The errors of the cursor's instance, if it is in view."""
-        cursor = scene.state.cursor
-        if cursor is None or not scene.state.base[cursor]:
+        cursor = valid_cursor(scene.state.cursor, scene.state.base)
+        if cursor is None:
             return {}
         return dict(
             zip(SIDES, (float(side[cursor]) for side in self.input(scene)[:2]), strict=True)
@@ -145,7 +145,10 @@ class ErrorsView(DrawingView):
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         model = errors_model(*self.input(scene), max(1, columns))
-        return Drawing(errors_plots(model, self._cursor(scene)), brush=scene.mark(self.name))
+        legend = Phrase("grey: all instances"), Phrase("dashes: median", "text")
+        cursor = cursor_phrases(valid_cursor(scene.state.cursor, scene.state.base))
+        plots = errors_plots(model, self._cursor(scene))
+        return Drawing(plots, notes=((*legend, *cursor),), brush=scene.mark(self.name))
 
     def numbers(self, scene: Scene) -> Table:
         model = errors_model(*self.input(scene), _BINS)

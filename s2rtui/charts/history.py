@@ -161,8 +161,6 @@ class HistoryView(DrawingView):
     pane: Pane = "centre"
     description = "the gap over time, night by night"
     title = "the gap over time"
-    narrow_ratio = 1.6
-    wide_ratio = 0.8
     counts_instances = False
     brushable = False
     loads = ("history",)

@@ -110,7 +110,6 @@ class ListView(DrawingView):
     key = "8"
     pane: Pane = "centre"
     description = "the selection as a list"
-    narrow_ratio = 1.0
     needs_poses = False
     figure_size = (1600, 1200)
 

@@ -191,7 +191,6 @@ class RoomsView(DrawingView):
     key = "6"
     description = "errors by room, heading, curvature or trajectory; instances per room"
     loads = ("groups",)
-    narrow_ratio = 1.2
 
     def subtitle(self, scene: Scene) -> str:
         if scene.state.grouping == COUNTS:

@@ -250,8 +250,6 @@ class SuggestionsView(DrawingView):
     title = "what would help"
     brushable = False
     counts_instances = False
-    narrow_ratio = 2.6
-    wide_ratio = 0.75
     figure_size = (1600, 1300)
 
     def subtitle(self, scene: Scene) -> str:

@@ -62,8 +62,6 @@ class View:
         single_instance: whether it shows the cursor's instance alone.
         brushable: whether marks on its panels stand for expressions.
         figure_size: default size of its figure, pixels.
-        narrow_ratio, wide_ratio: height over width of its figure on pages of paper of less than
-            120 mm, and of more.
         counts_instances: whether its numbers are those of the selected instances.
         needs_poses: whether it shows nothing of a data set without poses.
         needs_run: whether it shows nothing of a store without a computed run.
@@ -79,8 +77,6 @@ class View:
     single_instance: bool = False
     brushable: bool = True
     figure_size: Pixels = (1600, 900)
-    narrow_ratio: float = 1.0
-    wide_ratio: float = 0.6
     counts_instances: bool = True
     needs_poses: bool = True
     needs_run: bool = True

@@ -12,8 +12,7 @@ from rich.cells import cell_len
 from s2rtui.canvas import RenderOptions, Size
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.drawing.drawing import ColourBar, Drawing, Note
-from s2rtui.drawing.heat_colours import change_ramp, heat_glyphs, heat_ramp
-from s2rtui.drawing.image import is_image_ramp, ramp_colours, ramp_glyphs
+from s2rtui.drawing.heat_colours import IMAGE_RAMPS, ramp_colours, ramp_glyphs
 from s2rtui.drawing.image_cells import Box, arrange_images, visible_rows
 from s2rtui.drawing.legend import (
     LegendPart,
@@ -21,10 +20,9 @@ from s2rtui.drawing.legend import (
     cut_rows,
     fit_rows,
     point_colours,
-    ramp_for_values,
     text_part,
 )
-from s2rtui.drawing.plane_cells import change_glyphs, plane_legend
+from s2rtui.drawing.plane_cells import plane_legend
 from s2rtui.drawing.plane_marks import PlaneMark
 from s2rtui.drawing.plot import Phrase, Plot, Points
 from s2rtui.drawing.plot_cells import row_of
@@ -200,20 +198,16 @@ def _note_parts(
     if isinstance(item, Phrase):
         text = options.printable(item.whole(options.glyphs))
         return [text_part(((text, getattr(options.theme, item.ink)),))]
-    ramp, colours = ramp_for_values(options), point_colours(options.theme)
-    if item.ramp == "changes":
-        ramp, colours = ramp and change_glyphs(options), change_ramp
-    elif item.ramp in ("heat", "signed heat"):
-        is_signed = item.ramp == "signed heat"
-        ramp = None if options.supports_shading else heat_glyphs(options, is_signed)
-        colours = heat_ramp(is_signed)
+    ramp, colours = ramp_glyphs(item.ramp, options), ramp_colours(item.ramp)
+    if item.ramp == "values":
+        colours = ramp_colours("values", point_colours(options.theme))
+    is_of_image = item.ramp in IMAGE_RAMPS
     length = 10 if ramp else 8 if width < 60 else 16
-    if is_image_ramp(item.ramp):
-        colours, ramp = ramp_colours(item.ramp), ramp_glyphs(item.ramp, options)
+    if is_of_image:
         length = min(of_image, len(ramp)) if ramp else of_image
     bar = colour_bar(
         options.printable(item.label), options.printable(item.unit), item.scale, options, length,
-        colours, ramp=ramp, room=width, clipped=item.clipped and not is_image_ramp(item.ramp),
+        colours, ramp=ramp, room=width, clipped=item.clipped and not is_of_image,
     )  # fmt: skip
     return [bar]
 

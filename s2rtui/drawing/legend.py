@@ -8,14 +8,12 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.cells import cell_len
 
 from s2rtui.canvas import (
     DIGITS,
     Canvas,
     ColourMode,
-    Pixels,
     RenderOptions,
     Rgb,
     Theme,
@@ -23,13 +21,13 @@ from s2rtui.canvas import (
     turbo,
 )
 from s2rtui.canvas.fit_text import fit_text
+from s2rtui.drawing.heat_colours import Ramp
 from s2rtui.drawing.scale import Interval, short_number, tick_step
 
 NO_BREAK = "\u00a0"
 """A blank at which texts are not wrapped, as between a number and its unit."""
 _SHORTEST_BAR = 4
 """Cells of a colour bar beside its label at least."""
-Scale = Callable[[NDArray[np.float64]], Pixels]
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +104,7 @@ def colour_bar(
     scale: Interval,
     options: RenderOptions,
     length: int = 12,
-    colours: Scale = turbo,
+    colours: Ramp = turbo,
     ramp: str | None = None,
     room: int | None = None,
     clipped: bool = False,
@@ -244,7 +242,7 @@ def draw_rows(
 
 
 @lru_cache(4)
-def point_colours(theme: Theme) -> Scale:
+def point_colours(theme: Theme) -> Ramp:
     """The colours of points by value, 0 .. 1, as a theme shows them."""
     return lambda shares: legible(turbo(shares), theme)
 

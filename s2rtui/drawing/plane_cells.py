@@ -13,7 +13,7 @@ from s2rtui.canvas.raster import braille_bits, draw_braille, line_dots, put_glyp
 from s2rtui.drawing.arcs_cells import arcs_legend, cell_grid, draw_arcs
 from s2rtui.drawing.floor import plane_frame
 from s2rtui.drawing.floor_cells import draw_floor, draw_outlines
-from s2rtui.drawing.heat_colours import change_colours
+from s2rtui.drawing.heat_colours import change_colours, ramp_glyphs
 from s2rtui.drawing.legend import (
     LegendPart,
     point_colours,
@@ -158,7 +158,7 @@ def _signs_legend(signs: Signs, options: RenderOptions) -> list[LegendPart]:
 
 def change_glyphs(options: RenderOptions) -> str:
     """Three glyphs: a change below 0, one within the margin, one above 0."""
-    return "-=+" if ramp_for_values(options) is not None else _CHANGES
+    return ramp_glyphs("changes", options) or _CHANGES
 
 
 def _draw_changes(canvas: Canvas, plot: Plot, changes: Changes) -> None:

@@ -44,8 +44,6 @@ def points_note(points: Points) -> str:
         parts.append("grey: not selected")
     if points.trained is not None:
         parts.append("hole: trained on")
-    if points.cursor is not None:
-        parts.append(f"ring: instance {points.cursor}")
     return "; ".join(parts)
 
 

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import overload
 
+from rich.cells import cell_len
+
 from s2rtui.drawing.plot import Ink, Rule, Sign
 from s2rtui.drawing.row_lines import RowLines
 from s2rtui.drawing.scale import Scale
@@ -64,6 +66,10 @@ class Cell:
     @property
     def whole(self) -> str:
         return f"{self.text} ({self.detail})" if self.detail else self.text
+
+    def in_room(self, room: int) -> str:
+        """The text, with its detail where that fits into `room` cells."""
+        return self.whole if cell_len(self.whole) <= room else self.text
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,8 +23,6 @@ class InstanceView(DrawingView):
     needs_run = False
     key = "3"
     description = "one instance: pictures, heat, poses, errors, ranks, neighbours"
-    narrow_ratio = 3.0
-    wide_ratio = 1.0
     counts_instances = False
     loads = ("pictures",)
     single_instance = True

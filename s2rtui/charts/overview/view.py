@@ -16,6 +16,7 @@ from s2rtui.canvas.marks import mark_range
 from s2rtui.charts.mark_expressions import range_expression
 from s2rtui.charts.overview.model import accuracy_scale, ordered
 from s2rtui.charts.scene import OverviewRow, Scene, TranslatorRow
+from s2rtui.charts.shared.positions import cursor_phrases
 from s2rtui.charts.view import DrawingView, Pane, Table
 from s2rtui.drawing.drawing import Drawing, Note
 from s2rtui.drawing.plot import Ink, Phrase, Rule
@@ -48,7 +49,7 @@ def overview_table(
     rules = (Rule(baseline, ink="truth", dashed=True),) if math.isfinite(baseline) else ()
     scale = accuracy_scale(rows, baseline, lines, ("accuracy (%)", "%") if on_paper else ("",))
     name = "" if on_paper else "accuracy %"
-    strip = Column(name, scale=scale, rules=rules, least=SHORTEST_STRIP)
+    strip = Column(name, scale=scale, rules=rules, least=SHORTEST_STRIP - on_paper)
     columns = [Column("run"), strip, Column("sim", "sim", True, rank=1),
                Column("real", "real", True)]  # fmt: skip
     if on_paper:
@@ -108,7 +109,6 @@ class OverviewView(DrawingView):
     key = "1"
     pane: Pane = "overview"
     description = "runs: median errors, recall and accuracy in simulation and in reality"
-    narrow_ratio = 1.7
     loads = ("rows", "lines")
 
     def subtitle(self, scene: Scene) -> str:
@@ -171,8 +171,7 @@ class OverviewView(DrawingView):
             legend += lines.legend
             if not np.array_equal(lines.selected & lines.valid, lines.valid):
                 legend.append(Phrase("not selected", "unselected"))
-            if lines.cursor is not None:
-                legend.append(Phrase(f"instance {lines.cursor}", "cursor", "cursor"))
+            legend += cursor_phrases(lines.cursor)
         table = overview_table(rows, baseline, scene.state.run, lines, on_paper=True)
         return Drawing(table=table, notes=(tuple(legend),))
 
