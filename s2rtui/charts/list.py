@@ -55,7 +55,7 @@ def list_columns(scene: Scene) -> list[ListColumn]:
 def _column(scene: Scene, name: str, rank: int = 0) -> ListColumn:
     truth = scene.store.instances
     if name == "iid":
-        return _texts(scene, name, str, 8, rank, value=int, right=True)
+        return _texts(scene, name, str, 8, rank, value=int, is_number=True)
     if name == instance_list.REMARK:
         return _texts(scene, name, scene.remark, 24, rank, "tags, note")
     if name == "split":
@@ -84,20 +84,22 @@ def _numbers(scene: Scene, name: str, rank: int) -> ListColumn:
             return "n/a"
         return f"{number:.0f}" if name in instance_list.COUNTS else f"{number:.2f}"
 
-    shown = _shown(scene, name, title, max(8, len(title) + 1), rank, True)
-    return ListColumn(name, shown, text, value)
+    return ListColumn(name, _shown(scene, name, title, max(8, len(title) + 1), rank), text, value)
 
 
 def _texts(
     scene: Scene, name: str, text: Callable[[int], str], width: int, rank: int, title: str = "",
-    value: Callable[[int], object] | None = None, right: bool = False,
+    value: Callable[[int], object] | None = None, is_number: bool = False,
 ) -> ListColumn:  # fmt: skip
-    shown = _shown(scene, name, title or name, width, rank, right)
+    shown = _shown(scene, name, title or name, width, rank, is_number)
     return ListColumn(name, shown, text, value or (lambda iid: text(iid) or None))
 
 
-def _shown(scene: Scene, name: str, title: str, width: int, rank: int, right: bool) -> Column:
-    return Column(title, right=right, sorts=scene.state.sort == name, rank=rank, least=width)
+def _shown(
+    scene: Scene, name: str, title: str, width: int, rank: int, is_number: bool = True
+) -> Column:
+    return Column(title, right=is_number, sorts=scene.state.sort == name, rank=rank, least=width,
+                  is_cut=not is_number)  # fmt: skip
 
 
 def _named(codes: NDArray[np.int32], names: Sequence[str]) -> Callable[[int], str]:

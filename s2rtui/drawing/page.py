@@ -54,10 +54,13 @@ EMPTY_METADATA: dict[FileFormat, dict[str, None]] = {
 }
 """Metadata that each file format would contain by default, removed."""
 _SETTINGS = {
-    "font.family": "DejaVu Sans", "savefig.bbox": None, "path.simplify": True,
+    "font.family": ["DejaVu Sans"], "savefig.bbox": None, "path.simplify": True,
     "svg.hashsalt": "s2r", "svg.fonttype": "path", "pdf.fonttype": 42, "text.parse_math": False,
 }  # fmt: skip
 """Matplotlib's settings; names may contain dollar signs, so that mathematical text is off."""
+_OTHER_SCRIPTS = ("Noto Sans CJK SC", "Noto Sans CJK JP", "WenQuanYi Zen Hei", "PingFang SC",
+                  "Hiragino Sans", "Microsoft YaHei")  # fmt: skip
+"""Fonts for letters that the first font lacks, as far as they are installed."""
 COLOUR_MAPS = ("turbo", "viridis", "plasma", "inferno", "magma", "cividis")
 """Colour maps of continuous values: perceptually uniform ones, and turbo."""
 NARROW = 4.5
@@ -110,10 +113,13 @@ def own_settings() -> Iterator[None]:
     The user's settings are restored at the end. As a decorator it covers drawing and saving.
     """
     from matplotlib import rc_context, rcdefaults, rcParams
+    from matplotlib.font_manager import fontManager
 
     with rc_context():
         rcdefaults()
         rcParams.update(_SETTINGS)
+        known = {font.name for font in fontManager.ttflist}
+        rcParams["font.family"] += [name for name in _OTHER_SCRIPTS if name in known]
         yield
 
 
@@ -199,6 +205,28 @@ class Page:
         return stream.getvalue()
 
 
+def text_inches(text: str, points: float, weight: str = "normal") -> float:
+    """The width of a text in a font of `points`."""
+    from matplotlib.font_manager import FontProperties, fontManager, get_font
+
+    font = get_font(fontManager.findfont(FontProperties("DejaVu Sans", weight=weight)))
+    font.set_size(100, 72)
+    font.set_text(text, 0.0)
+    return float(font.get_width_height()[0]) / 64 / 100 * points / 72
+
+
+def wrapped_text(
+    text: str, inches: float, points: float, weight: str = "normal", most: int | None = None
+) -> list[str]:
+    """A text in lines of at most `inches`; an ellipsis ends the last one of `most`."""
+    letters = max(12, int(inches / (points * LETTER * (BOLD if weight == "bold" else 1.0))))
+    lines = textwrap.wrap(text, letters, max_lines=most, placeholder=" …")
+    while letters > 12 and any(text_inches(line, points, weight) > inches for line in lines):
+        letters -= 1
+        lines = textwrap.wrap(text, letters, max_lines=most, placeholder=" …")
+    return lines
+
+
 def margin(wide: float) -> float:
     """Inches beside the texts of a page."""
     return 0.15 if wide <= NARROW else 0.25
@@ -233,9 +261,7 @@ def new_page(size: Pixels, theme: Theme, title: str, subtitle: str = "", body: f
         (form.title or title, 13 if wide > NARROW else 10, "bold", inks.text, 3 if form.dpi else 2),
         (subtitle, 9 if wide > NARROW else 8, "normal", inks.muted, 10 if form.dpi else 3),
     ):
-        letter = points * LETTER * (BOLD if weight == "bold" else 1.0)
-        room = max(12, int((wide - 2 * margin(wide)) / letter))
-        for line in textwrap.wrap(text, room, max_lines=most, placeholder=" …"):
+        for line in wrapped_text(text, wide - 2 * margin(wide), points, weight, most):
             lines.append((y, line, {"ink": ink, "size": points, "fontweight": weight}))
             y += 1.6 * points / 72
     height = height or round((y + 0.1 + body) * dpi)

@@ -114,8 +114,8 @@ class _Parts:
     @cached_property
     def table_font(self) -> float:
         """The largest font in which no column is left out; that of the page where there is none."""
-        font = self.font
-        while self.table is not None and font >= _SMALLEST_FONT:
+        font, wraps = self.font, any(row.wraps for row in self.table.columns) if self.table else 0
+        while self.table is not None and not wraps and font >= _SMALLEST_FONT:
             layout = page_layout(self.table, self.letters_of(font))
             if len(layout.columns) == len(self.table.columns) and not layout.is_tight:
                 return font

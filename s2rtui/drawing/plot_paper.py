@@ -10,6 +10,7 @@ import numpy as np
 from rich.cells import cell_len
 
 from s2rtui.canvas import Pixels, Theme
+from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.drawing.image import Image
 from s2rtui.drawing.page import BOLD, LETTER, NARROW, Ink, Inks, Page, style_axes, value_colours
@@ -57,9 +58,7 @@ def draw_plot(
                       transform=axes.transAxes, ha="right", va="center", fontsize=9,
                       color=page.inks.muted)  # fmt: skip
         if has_title and plot.title:
-            title = plot.title[0]
-            axes.set_title(title.text, loc="left", fontsize=font + 1, pad=5, fontweight="bold",
-                           color=getattr(page.inks, title.ink))  # fmt: skip
+            _draw_title(axes, page, plot, inches[0])
         return
     width, height = inches
     style_axes(axes, page)
@@ -75,10 +74,8 @@ def draw_plot(
     if has_y:
         axes.set_ylabel(axis_name(plot.y, height))
     if plot.title:
-        name, *others = plot.title
-        axes.set_title(name.text, loc="left", fontsize=font + 1, pad=5, fontweight="bold",
-                       color=getattr(page.inks, name.ink))  # fmt: skip
-        room = width / LETTER - BOLD * (font + 1) * cell_len(name.text)
+        others = plot.title[1:]
+        room = width / LETTER - BOLD * (font + 1) * cell_len(_draw_title(axes, page, plot, width))
         text = ""
         for phrase in others:
             longer = "   ".join(filter(None, (text, phrase.whole(UNICODE))))
@@ -89,6 +86,15 @@ def draw_plot(
             loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0, ncols=LEGEND_COLUMNS,
             fontsize=font, frameon=False, labelcolor=page.inks.text,
         )  # fmt: skip
+
+
+def _draw_title(axes: Axes, page: Page, plot: Plot, width: float) -> str:
+    """Write the first text of the title, as far as it fits into `width` inches; returns it."""
+    title, font = plot.title[0], 9 if page.inches[0] <= NARROW else 10
+    text = fit_text(title.text, int(width / (LETTER * BOLD * font)), "…")
+    axes.set_title(text, loc="left", fontsize=font, pad=5, fontweight="bold",
+                   color=getattr(page.inks, title.ink))  # fmt: skip
+    return text
 
 
 def plot_pixels(plot: Plot, theme: Theme, size: tuple[int, int], columns: int) -> Pixels:

@@ -120,7 +120,7 @@ def _draw_head(canvas: Canvas, table: TableSpec, layout: TableLayout) -> None:
     hidden = layout.shown < len(table.rows)
     for place, start, width in zip(layout.columns, layout.starts, layout.widths, strict=True):
         column = table.columns[place]
-        name = column.name
+        name = canvas.options.printable(column.name)
         if place == 0 and hidden:
             window = f"{layout.first + 1}-{layout.first + layout.shown}"
             name = next(
@@ -182,7 +182,7 @@ def _draw_text(
     room = width - (cell_len(detail) + 1 if detail else 0)
     sign = f"{getattr(glyphs, row.sign)} " if row.sign and place == 0 else ""
     text = canvas.options.printable(sign + cell.text)
-    text = fit_text(text, room, "" if place else glyphs.ellipsis)
+    text = fit_text(text, room, glyphs.ellipsis)
     bold = row.bold or (held and not cell.strip)
     if column.right or column.scale is not None:
         whole = cell_len(text) + (cell_len(detail) + 1 if detail else 0)

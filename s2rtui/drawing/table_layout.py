@@ -211,8 +211,9 @@ def _least(column: Column, place: int, text: int, choice: _Choice) -> int:
         return _NARROWEST_TEXT
     if column.scale is not None:
         return choice.strip + (text + 1 if text else 0)
-    if place == 0:
-        return min(max(head, text, column.least), max(choice.name, column.least))
+    if place == 0 or column.is_cut:
+        shortest = 0 if place else choice.name
+        return min(max(head, text, column.least), max(shortest, head, column.least))
     return max(head, text, column.least)
 
 
@@ -225,10 +226,11 @@ def _widths(
     all details have room.
     """
     widths, free = list(least), max(0, free)
-    if places and places[0] == 0:
-        more = min(free, max(0, texts[0] - widths[0]))
-        widths[0] += more
-        free -= more
+    for at, place in enumerate(places):
+        if place == 0 or table.columns[place].is_cut:
+            more = min(free, max(0, texts[at] - widths[at]))
+            widths[at] += more
+            free -= more
     wanted = {at: details[at] - max(texts[at], least[at] * (table.columns[place].scale is None))
               for at, place in enumerate(places)
               if texts[at] and not table.columns[place].wraps}  # fmt: skip

@@ -30,7 +30,7 @@ _MISSING: dict[Kind, str] = {
     "image": "no image", "original": "not translated", "depth": "no depth",
 }  # fmt: skip
 _COLUMNS = (Column(""), *(Column(name, right=True, rank=rank) for name, rank in (
-    ("x m", 1), ("y m", 1), ("deg", 3), ("err m", 0), ("err deg", 2),
+    ("x m", 1), ("y m", 1), ("deg", 3), ("err m", 0), ("err °", 2),
 )))  # fmt: skip
 
 
