@@ -91,10 +91,11 @@ def test_both_ends_are_labelled(size, options):
     drawn = (
         (draw_map(on_map, size, options), values),
         (draw_cells(embedded, size, options), ends(embedded.notes[0][0].scale)),
-        (of_pair, ends(heat_scale(pair))),
     )  # fmt: skip
-    if any(place.plot.y.names == ("depth",) for place in
-           drawing_layout(instance_drawing(pair), size, options).plots):  # fmt: skip
+    places = drawing_layout(instance_drawing(pair), size, options).plots
+    if options.supports_images or any(place.plot.image.ground is None for place in places):
+        drawn += ((of_pair, ends(heat_scale(pair))),)
+    if any(place.plot.y.names == ("depth",) for place in places):
         drawn += ((of_pair, ends(depth_scale(pair))),)
     if size[1] >= 18:
         scale = compared.scale
