@@ -292,14 +292,6 @@ def style_axes(axes: Axes, page: Page, grid: bool = False) -> None:
         axes.set_axisbelow(True)
 
 
-def draw_ring(axes: Axes, x: float, y: float, ink: Ink, size: float, order: int) -> None:
-    """Draw a ring of `size` square points around a point, whole where the point is in view."""
-    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    is_seen = left <= x <= right and min(low, high) <= y <= max(low, high)
-    axes.scatter([x], [y], s=size, facecolors="none", edgecolors=[ink], linewidths=1.6,
-                 zorder=order, clip_on=not is_seen)  # fmt: skip
-
-
 def wrapped_label(bar: ColourBar, letters: int) -> str:
     """The label of a colour bar with its unit in parentheses, wrapped."""
     label = f"{bar.label} ({bar.unit or 'no unit'})"

@@ -26,7 +26,6 @@ from s2rtui.drawing.plane_marks import PlaneMark
 from s2rtui.drawing.plane_paper import plane_note
 from s2rtui.drawing.plot import Phrase, Plot, Points
 from s2rtui.drawing.plot_paper import LEGEND_COLUMNS, draw_plot, draw_sign
-from s2rtui.drawing.points_paper import points_note
 from s2rtui.drawing.polar_paper import dial_inches, draw_dials
 from s2rtui.drawing.table_paper import (
     LINE,
@@ -107,8 +106,7 @@ class _Parts:
             item for note in drawing.notes if not isinstance(note, str)
             for item in note if isinstance(item, ColourBar)
         ]  # fmt: skip
-        points = [mark for plot in self.plots for mark in plot.marks if isinstance(mark, Points)]
-        notes = [*_with_plane_notes(drawing), *(points_note(mark) for mark in points[:1])]
+        notes = _with_plane_notes(drawing)
         self.notes = [line for note in notes for line in _lines(note, self.letters)]
 
     @cached_property
@@ -376,7 +374,7 @@ def _with_plane_notes(drawing: Drawing) -> list[Note]:
     """The notes, and in the first one of phrases what each kind of mark of a plane shows."""
     found: dict[type, tuple[Phrase, ...]] = {}
     for mark in (mark for plot in drawing.plots for mark in plot.marks):
-        if isinstance(mark, PlaneMark) and not found.get(type(mark)):
+        if isinstance(mark, PlaneMark | Points) and not found.get(type(mark)):
             found[type(mark)] = plane_note(mark)
     phrases = tuple(dict.fromkeys(phrase for note in found.values() for phrase in note))
     notes = list(drawing.notes)

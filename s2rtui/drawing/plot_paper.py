@@ -17,7 +17,6 @@ from s2rtui.drawing.page import BOLD, LETTER, NARROW, Ink, Inks, Page, style_axe
 from s2rtui.drawing.plane_marks import PlaneMark
 from s2rtui.drawing.plane_paper import CELLS_PER_INCH, draw_plane_mark
 from s2rtui.drawing.plot import Bars, Dots, Line, Plot, Points, Rule, Sign
-from s2rtui.drawing.points_paper import draw_points
 from s2rtui.drawing.scale import Scale, short_number
 
 if TYPE_CHECKING:
@@ -176,9 +175,7 @@ def draw_marks(
             getattr(axes, f"set_{name}scale")("log")
         axes.set(**{f"{name}lim": (scale.low, scale.high)})
     for mark in plot.marks:
-        if isinstance(mark, Points):
-            draw_points(axes, page, plot, mark, inches)
-        elif isinstance(mark, PlaneMark):
+        if isinstance(mark, PlaneMark | Points):
             draw_plane_mark(axes, page, plot, mark, inches, is_page)
         elif not isinstance(mark, Image):
             _draw_mark(axes, page, plot, mark)

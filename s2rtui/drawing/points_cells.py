@@ -9,7 +9,7 @@ from s2rtui.canvas import UNICODE, Canvas, RenderOptions, legible, mix, turbo
 from s2rtui.canvas.raster import braille_bits, cells_with_dots
 from s2rtui.drawing.legend import LegendPart, ramp_for_values, text_part
 from s2rtui.drawing.plot import Plot, Points
-from s2rtui.drawing.points import PointCells, point_cells
+from s2rtui.drawing.points import PointCells, canvas_grid, point_cells
 from s2rtui.drawing.trained_marks import (
     TrainedForms,
     digit_forms,
@@ -50,7 +50,7 @@ def draw_points(canvas: Canvas, plot: Plot, points: Points) -> None:
 
     Cells with selected instances show these alone, in the colour of their mean level.
     """
-    cells = point_cells(points, plot.x, plot.y, canvas.width, canvas.height)
+    cells = point_cells(points, canvas_grid(canvas, plot))
     _draw_cells(canvas, points, cells)
     if points.trained is not None:
         if _names(points, canvas.options) is None:
