@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from s2rstore.records import SIDES, Side
 from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.binning import Bins, Bools, bin_values, median_selected, selection_indices
-from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.charts.mark_expressions import cell_width, number_text, range_expression, round_to_cell
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.positions import cursor_phrases, valid_cursor
-from s2rtui.charts.view import DrawingView, Table
+from s2rtui.charts.view import Table, View
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Bars, Dots, Mark, Phrase, Plot, Rule
 from s2rtui.drawing.scale import Floats, Scale, short_number
@@ -117,7 +117,7 @@ def errors_plots(model: ErrorsModel, cursor: dict[Side, float]) -> tuple[Plot, .
     return tuple(plots)
 
 
-class ErrorsView(DrawingView):
+class ErrorsView(View):
     name = "errors"
     key = "7"
     description = "histogram of the position errors"
@@ -139,9 +139,6 @@ class ErrorsView(DrawingView):
         return dict(
             zip(SIDES, (float(side[cursor]) for side in self.input(scene)[:2]), strict=True)
         )
-
-    def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        return identity_key(self.input(scene)), scene.state.cursor, scene.mark(self.name)
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         model = errors_model(*self.input(scene), max(1, columns))

@@ -15,7 +15,7 @@ from s2rtui.analysis.identity_cache import ArrayKey
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.canvas.marks import mark_rows
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.view import DrawingView, Pane, Table
+from s2rtui.charts.view import Pane, Table, View
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.table import Cell, Column, LazyRows, Row, TableSpec
 from s2rtui.session import Session, instance_list
@@ -106,7 +106,7 @@ def _named(codes: NDArray[np.int32], names: Sequence[str]) -> Callable[[int], st
     return lambda iid: names[codes[iid]] if codes[iid] >= 0 else ""
 
 
-class ListView(DrawingView):
+class ListView(View):
     name = "list"
     needs_run = False
     key = "8"

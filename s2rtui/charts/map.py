@@ -14,7 +14,7 @@ from s2rstore.files.planned_poses import PlannedPose
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN, SIDES, Bounds, Room, Side
 from s2rtui.analysis.binning import Bools
-from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import BrushShape
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.instance import SideView
@@ -28,7 +28,7 @@ from s2rtui.charts.shared.map_layers import (
     value_range,
 )
 from s2rtui.charts.shared.positions import cursor_phrases, valid_cursor
-from s2rtui.charts.view import DrawingView, Pane, PointsView, Table
+from s2rtui.charts.view import Pane, PointsView, Table
 from s2rtui.drawing.drawing import ColourBar, Drawing
 from s2rtui.drawing.floor import heat_scale
 from s2rtui.drawing.heat_colours import RampName
@@ -169,7 +169,7 @@ def full_scale(sim: Columns, real: Columns, valid: Bools) -> float:
     return largest if largest > 0 else 1.0
 
 
-class MapView(PointsView, DrawingView):
+class MapView(PointsView):
     name = "map"
     needs_run = False
     key = "2"
@@ -218,9 +218,6 @@ class MapView(PointsView, DrawingView):
             value if state.run != NO_RUN else "", heat_label=label, heat_unit=of_heat,
             live=_live_poses(scene), trained=state.marked, planned=state.planned,
         )  # fmt: skip
-
-    def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        return identity_key(self.input(scene)), scene.state.viewport, scene.mark(self.name)
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         return map_drawing(self.input(scene), scene.state.viewport, scene.mark(self.name))

@@ -13,13 +13,13 @@ from s2rstore.records import SIDES
 from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.binning import Bools, selection_indices
 from s2rtui.analysis.circular import mean_direction, turn_bins
-from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.canvas.marks import wrap_degrees
 from s2rtui.charts.mark_expressions import heading_expression
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.positions import cursor_phrases, valid_cursor
-from s2rtui.charts.view import DrawingView, Table
+from s2rtui.charts.view import Table, View
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Bars, Dots, Mark, Phrase, Plot
 from s2rtui.drawing.scale import Floats, Scale, short_number, tick_values
@@ -106,7 +106,7 @@ def orientation_plots(
     return tuple(plots)
 
 
-class OrientationView(DrawingView):
+class OrientationView(View):
     name = "orientation"
     key = "5"
     description = "headings in bins of 5 degrees: sim, truth, real"
@@ -124,9 +124,6 @@ class OrientationView(DrawingView):
         state, columns = scene.state, scene.store.run_columns(scene.state.run)
         sides = columns.sim.heading, scene.store.instances.heading, columns.real.heading
         return sides, state.selected, state.base
-
-    def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        return identity_key(self.input(scene)), scene.state.cursor, scene.mark(self.name)
 
     def _cursor(self, scene: Scene) -> dict[Name, float]:
         """The headings of the cursor's instance in degrees, if it is in view."""

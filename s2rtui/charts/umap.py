@@ -14,7 +14,7 @@ from s2rtui.canvas import BrushShape, PlotArea
 from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.positions import cursor_phrases, known_point, stacked_points, valid_cursor
-from s2rtui.charts.view import DrawingView, PointsView, Table
+from s2rtui.charts.view import PointsView, Table
 from s2rtui.drawing.drawing import ColourBar, Drawing
 from s2rtui.drawing.plot import LEVELS, Phrase, Plot, Points
 from s2rtui.drawing.scale import Floats, Interval, Scale, percentile_range, scale_fraction
@@ -84,7 +84,7 @@ def distance_levels(values: Floats, scale: Interval) -> Codes:
     return np.nan_to_num(steps).astype(np.uint16)
 
 
-class UmapView(PointsView, DrawingView):
+class UmapView(PointsView):
     name = "umap"
     key = "4"
     description = "embeddings in the plane (UMAP), sim and real"

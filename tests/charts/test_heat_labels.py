@@ -18,7 +18,7 @@ from s2rstore.reader import Store
 from s2rstore.records import ArrayRecord
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtui.canvas import LIGHT
-from s2rtui.charts.instance.model import _harm_note, connected_regions, place_in_image
+from s2rtui.charts.instance import _harm_note, connected_regions, place_in_image
 from s2rtui.charts.map import heat_facts, map_drawing
 from s2rtui.charts.shared.instance import heat_fields, instance_drawing
 from s2rtui.drawing import paper

@@ -44,7 +44,7 @@ from s2rtui.charts.shared.map_layers import (
     value_range,
 )
 from s2rtui.charts.shared.positions import cursor_phrases, valid_cursor
-from s2rtui.charts.view import DrawingView, Pane, PointsView, Table
+from s2rtui.charts.view import Pane, PointsView, Table
 from s2rtui.drawing.drawing import ColourBar, Drawing
 from s2rtui.drawing.legend import NO_BREAK
 from s2rtui.drawing.plane_marks import Changes, Columns, Floor, Poses, Signs
@@ -219,7 +219,7 @@ def constant_errors(x: Floats, y: Floats, valid: Bools, trained: Bools) -> NDArr
     return np.asarray(np.hypot(*(places - members.mean(axis=0)).T))
 
 
-class CompareView(PointsView, DrawingView):
+class CompareView(PointsView):
     name = "compare"
     key = "9"
     pane: Pane = "centre"

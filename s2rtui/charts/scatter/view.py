@@ -9,7 +9,7 @@ import numpy as np
 
 from s2rstore.records import Bounds
 from s2rtui.analysis.binning import Bools
-from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.charts.scatter.brush import box_expression, lasso_expression
 from s2rtui.charts.scatter.model import (
@@ -31,7 +31,7 @@ from s2rtui.charts.shared.positions import (
     stacked_points,
     valid_cursor,
 )
-from s2rtui.charts.view import DrawingView, PointsView, Table
+from s2rtui.charts.view import PointsView, Table
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Line, Phrase, Plot, Points, Rule
 from s2rtui.drawing.plot import Mark as PlotMark
@@ -109,7 +109,7 @@ def _notes(summary: ScatterSummary, scale: Scale) -> list[Phrase]:
     ]
 
 
-class ScatterView(PointsView, DrawingView):
+class ScatterView(PointsView):
     name = "scatter"
     key = "X"
     description = "sim error against real error of each instance"
@@ -129,11 +129,6 @@ class ScatterView(PointsView, DrawingView):
             for side in (columns.sim, columns.real)
         )
         return sim, real, state.selected, state.base
-
-    def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        state = scene.state
-        arrays = identity_key((*self.input(scene), state.marked))
-        return arrays, state.cursor, scene.mark(self.name), state.viewport_of(self.name)
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         state = scene.state
