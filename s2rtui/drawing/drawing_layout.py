@@ -189,7 +189,7 @@ def _note_rows(
             parts += points_legend(points[0], options)
         parts, marks = [*parts, *marks], []
         rows += fit_rows(parts, width)
-    return tuple(map(tuple, cut_rows(rows, width, most)))
+    return tuple(map(tuple, cut_rows(rows, width, most, options)))
 
 
 def _note_parts(
@@ -206,13 +206,13 @@ def _note_parts(
     length = 10 if ramp else 8 if width < 60 else 16
     if is_of_image:
         length = min(of_image, len(ramp)) if ramp else of_image
-    bar = colour_bar(
+    bars = colour_bar(
         options.printable(item.label), options.printable(item.unit), item.scale, options, length,
         colours, ramp=ramp, room=width, clipped=item.clipped and not is_of_image,
     )  # fmt: skip
     if item.ramp == "depth" and options.supports_images:
-        return [bar, text_part((("■ ", NO_DEPTH), ("no depth", options.theme.muted)))]
-    return [bar]
+        return [*bars, text_part((("■ ", NO_DEPTH), ("no depth", options.theme.muted)))]
+    return list(bars)
 
 
 def _mark_parts(plots: Sequence[Plot], width: int, height: int, options: RenderOptions

@@ -17,7 +17,6 @@ from s2rtui.drawing.heat_colours import change_colours, ramp_glyphs
 from s2rtui.drawing.legend import (
     LegendPart,
     point_colours,
-    ramp_for_values,
     scale_bar,
     text_part,
 )
@@ -113,7 +112,7 @@ def _draw_signs(canvas: Canvas, plot: Plot, signs: Signs) -> None:
     """A sign per cell; without colours digits show values, and cells of several are bold."""
     cells, options = sign_cells(signs, canvas_grid(canvas, plot)), canvas.options
     columns, rows, many = cells.columns, cells.rows, cells.counts > 1
-    digits = ramp_for_values(options)
+    digits = ramp_glyphs("values", options)
     one = getattr(options.glyphs, signs.sign)
     colours = np.tile(np.array(getattr(canvas.theme, signs.ink), dtype=np.uint8), (len(rows), 1))
     known = np.isfinite(cells.shares)
@@ -132,7 +131,7 @@ def _draw_signs(canvas: Canvas, plot: Plot, signs: Signs) -> None:
 def _sign_forms(signs: Signs, options: RenderOptions) -> TrainedForms:
     """The forms of the glyphs of cells with trained instances."""
     one, mark = getattr(options.glyphs, signs.sign), options.glyphs.trained
-    if ramp_for_values(options) is not None:
+    if ramp_glyphs("values", options) is not None:
         return glyph_forms(one, mark) if signs.values is None else digit_forms(options)
     several = _SEVERAL.get(signs.sign, one)
     return glyph_forms(one + several, mark + SEVERAL_TRAINED, f"{mark} {SEVERAL_TRAINED}")
@@ -141,7 +140,7 @@ def _sign_forms(signs: Signs, options: RenderOptions) -> TrainedForms:
 def _several_part(options: RenderOptions, glyphs: str) -> LegendPart:
     """The part that explains cells with several instances, which have `glyphs`."""
     theme = options.theme
-    if ramp_for_values(options) is not None:
+    if ramp_glyphs("values", options) is not None:
         return text_part((("bold: several", theme.muted),))
     return text_part(((f"{glyphs} ", theme.text), ("several", theme.muted)))
 
