@@ -205,6 +205,8 @@ ACTIONS: tuple[Action, ...] = (
            _do(navigation.move_cursor, 1), "instance", "->", "plain"),
     Action("instance_left", "left", "move", "previous instance",
            _do(navigation.move_cursor, -1), "", "<-", "plain"),
+    Action("play", "apostrophe", "move", "play through the instances; faster; stop",
+           shown="'", command=lambda app: app.player.change_speed()),
     Action("next_row", "down", "move", "next row of the list",
            _do(instance_list.move, 1), "rows", "up, down", "list"),
     *_SCROLLING,
