@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -69,16 +66,9 @@ def draw_outlines(canvas: Canvas, plot: Plot, outlines: Outlines) -> None:
     draw_braille(canvas, dots, canvas.theme.muted)
 
 
-def _block_cells(floor: Floor, frame: MapFrame, theme: Theme, symbols: SymbolSet) -> BlockCells:
-    parts = tuple(getattr(floor, field.name) for field in fields(floor))
-    return _fitted_blocks(parts, frame, theme, symbols)
-
-
 @cached_by_identity(8)
-def _fitted_blocks(
-    parts: tuple[Any, ...], frame: MapFrame, theme: Theme, symbols: SymbolSet
-) -> BlockCells:
-    layer = floor_pixels(Floor(*parts), frame, theme, (symbols.rows, symbols.columns))
+def _block_cells(floor: Floor, frame: MapFrame, theme: Theme, symbols: SymbolSet) -> BlockCells:
+    layer = floor_pixels(floor, frame, theme, (symbols.rows, symbols.columns))
     cells = fit_blocks(layer, symbols, theme.background)
     for array in (cells.char, cells.fg, cells.bg):
         array.setflags(write=False)

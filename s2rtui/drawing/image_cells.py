@@ -16,8 +16,8 @@ from s2rtui.canvas.colour import DEPTH_SHADES
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.raster import draw_image as draw_pixels
 from s2rtui.canvas.raster import draw_shades, resample
-from s2rtui.drawing.heat_colours import heat_colours
-from s2rtui.drawing.image import Image, ImageValues, ramp_glyphs
+from s2rtui.drawing.heat_colours import heat_colours, ramp_glyphs
+from s2rtui.drawing.image import Image, ImageValues
 from s2rtui.drawing.plot import Plot
 
 Box = tuple[int, int, int, int]

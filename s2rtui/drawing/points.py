@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +17,32 @@ from s2rtui.analysis.binning import (
     selection_indices,
 )
 from s2rtui.analysis.identity_cache import cached_by_identity
-from s2rtui.drawing.plot import Points
+from s2rtui.canvas import Canvas
+from s2rtui.drawing.plane_marks import Changes, Signs
+from s2rtui.drawing.plot import Plot, Points
 from s2rtui.drawing.scale import Floats, Scale
 
 _PIECE = 1 << 15
 """Points that are placed at a time, which fit into the processor's cache."""
+
+
+class Grid(NamedTuple):
+    """Scales of x and y, and the columns and rows of the cells of a plot."""
+
+    x: Scale
+    y: Scale
+    width: int
+    height: int
+
+    def places(self, x: Floats, y: Floats) -> NDArray[np.float64]:
+        """Columns and rows (n, 2) of points, with fractions."""
+        return np.stack([self.x.fraction(x) * self.width, (1 - self.y.fraction(y)) * self.height],
+                        axis=1)  # fmt: skip
+
+
+def canvas_grid(canvas: Canvas, plot: Plot) -> Grid:
+    """The cells of a plot that fills a canvas."""
+    return Grid(plot.x, plot.y, canvas.width, canvas.height)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,9 +65,10 @@ class PointCells:
     total: int
 
 
-def point_cells(points: Points, x: Scale, y: Scale, width: int, height: int) -> PointCells:
-    """The cells of a plot of `width` x `height` cells with these scales."""
-    place = points.x, points.y, x, y, width, height
+def point_cells(points: Points, grid: Grid) -> PointCells:
+    """The cells of a plot."""
+    width, height = grid.width, grid.height
+    place = points.x, points.y, grid
     selection = selection_indices(points.selected, points.valid)
     coloured = _levelled_cells(*place, points.levels, points.depth)
     highlighted, total = count_selected(coloured, selection)
@@ -57,11 +80,7 @@ def point_cells(points: Points, x: Scale, y: Scale, width: int, height: int) -> 
     unselected = (level < 0)[:, None, :, None]
     shown = np.where(unselected, of_all, of_selected)
     shape = 4 * height, 2 * width
-    trained = np.zeros((height, width), dtype=np.bool_)
-    if points.trained is not None:
-        members = selection.members
-        codes = cell_bins(*place).codes[members[points.trained[members]]]
-        trained.flat[codes[codes < trained.size]] = True
+    trained = trained_cells(points, grid).reshape(height, width)
     return PointCells(
         level, (shown > 0).reshape(shape), shown.sum(axis=(1, 3)),
         ((of_all > 0) & unselected).reshape(shape), trained, int(highlighted.sum()),
@@ -69,10 +88,21 @@ def point_cells(points: Points, x: Scale, y: Scale, width: int, height: int) -> 
     )  # fmt: skip
 
 
+def trained_cells(mark: Points | Signs | Changes, grid: Grid) -> Bools:
+    """(cells,) the cells with a selected instance that the model was trained on."""
+    cells = np.zeros(grid.width * grid.height, dtype=np.bool_)
+    if mark.trained is not None:
+        members = selection_indices(mark.selected, mark.valid).members
+        codes = cell_bins(mark.x, mark.y, grid).codes[members[mark.trained[members]]]
+        cells[codes[codes < cells.size]] = True
+    return cells
+
+
 @cached_by_identity(16)
-def dot_bins(x: Floats, y: Floats, across: Scale, up: Scale, width: int, height: int) -> Bins:
+def dot_bins(x: Floats, y: Floats, grid: Grid) -> Bins:
     """The braille dot of each point (N,) in view, row by row from the top, 4 x 2 dots per cell."""
-    columns, rows = 2 * width, 4 * height
+    across, up = grid.x, grid.y
+    columns, rows = 2 * grid.width, 4 * grid.height
     size = columns * rows
     codes: Codes = np.empty(len(x), dtype=np.uint16 if size < 1 << 16 else np.uint32)
     for start in range(0, len(x), _PIECE):
@@ -87,23 +117,19 @@ def dot_bins(x: Floats, y: Floats, across: Scale, up: Scale, width: int, height:
 
 
 @cached_by_identity(16)
-def cell_bins(x: Floats, y: Floats, across: Scale, up: Scale, width: int, height: int) -> Bins:
+def cell_bins(x: Floats, y: Floats, grid: Grid) -> Bins:
     """The cell of each point (N,) in view, row by row from the top."""
+    width, height = grid.width, grid.height
     rows, columns = np.divmod(np.arange(8 * width * height), 2 * width)
     table = np.append(rows // 4 * width + columns // 2, width * height)
-    codes = dot_bins(x, y, across, up, width, height).codes
-    if width * height < 1 << 16:
-        return Bins(table.astype(np.uint16)[codes], width * height)
-    return Bins(table.astype(np.uint32)[codes], width * height)
+    codes: Codes = table.astype(np.uint16 if width * height < 1 << 16 else np.uint32)
+    return Bins(codes[dot_bins(x, y, grid).codes], width * height)
 
 
 @cached_by_identity(16)
-def _levelled_cells(
-    x: Floats, y: Floats, across: Scale, up: Scale, width: int, height: int, levels: Codes,
-    depth: int,
-) -> Bins:  # fmt: skip
+def _levelled_cells(x: Floats, y: Floats, grid: Grid, levels: Codes, depth: int) -> Bins:
     """Cell and level of each point together."""
-    return joint_bins(cell_bins(x, y, across, up, width, height), Bins(levels, depth + 1))
+    return joint_bins(cell_bins(x, y, grid), Bins(levels, depth + 1))
 
 
 def _mean_level(table: NDArray[np.intp]) -> NDArray[np.intp]:

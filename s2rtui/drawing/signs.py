@@ -18,14 +18,12 @@ from s2rtui.analysis.binning import (
 )
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.drawing.plane_marks import Changes, Segments, Signs
-from s2rtui.drawing.points import cell_bins
-from s2rtui.drawing.scale import Floats, Interval, Scale, scale_fraction
+from s2rtui.drawing.points import Grid, cell_bins, trained_cells
+from s2rtui.drawing.scale import Floats, Interval, scale_fraction
 
 LEVELS = 60
 """Steps of a value's scale; a multiple of ten, so that digits are exact."""
 Counts = NDArray[np.intp]
-Grid = tuple[Scale, Scale, int, int]
-"""Scales of x and y, and the columns and rows of the cells."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,14 +45,14 @@ def sign_cells(signs: Signs, grid: Grid) -> SignCells:
     """The cells with a selected instance, row by row from the top."""
     selection = selection_indices(signs.selected, signs.valid)
     if signs.values is None:
-        counts, _ = count_selected(cell_bins(signs.x, signs.y, *grid), selection)
+        counts, _ = count_selected(cell_bins(signs.x, signs.y, grid), selection)
         levels = np.zeros_like(counts)
     else:
         levels, counts = _highest_levels(
-            signs.x, signs.y, signs.values, signs.scale, selection, *grid
+            signs.x, signs.y, signs.values, signs.scale, selection, grid
         )
     held = np.flatnonzero(counts)
-    rows, columns = np.divmod(held, grid[2])
+    rows, columns = np.divmod(held, grid.width)
     trained = trained_cells(signs, grid)[held]
     return SignCells(columns, rows, counts[held], level_shares(levels[held]), trained)
 
@@ -73,11 +71,11 @@ class ChangeCells:
 def change_cells(changes: Changes, grid: Grid) -> ChangeCells:
     """The cells with a selected instance whose change is known, row by row from the top."""
     selection = selection_indices(changes.selected, changes.valid)
-    known = _known_cells(changes.x, changes.y, changes.values, *grid)
+    known = _known_cells(changes.x, changes.y, changes.values, grid)
     counts, _ = count_selected(known, selection)
     held = np.flatnonzero(counts)
     means = sum_selected(known, changes.values, selection)[held] / counts[held]
-    rows, columns = np.divmod(held, grid[2])
+    rows, columns = np.divmod(held, grid.width)
     return ChangeCells(columns, rows, counts[held], means, trained_cells(changes, grid)[held])
 
 
@@ -86,21 +84,11 @@ def change_signs(means: Floats, margin: float) -> NDArray[np.intp]:
     return np.sign(means).astype(np.intp) * (np.abs(means) > margin)
 
 
-def trained_cells(mark: Signs | Changes, grid: Grid) -> Bools:
-    """(cells,) the cells with a selected instance that the model was trained on."""
-    cells = np.zeros(grid[2] * grid[3], dtype=np.bool_)
-    if mark.trained is not None:
-        members = selection_indices(mark.selected, mark.valid).members
-        codes = cell_bins(mark.x, mark.y, *grid).codes[members[mark.trained[members]]]
-        cells[codes[codes < cells.size]] = True
-    return cells
-
-
 def selected_in_view(
     x: Floats, y: Floats, selection: SelectionIndices, grid: Grid, most: int
 ) -> NDArray[np.intp] | None:
     """The selected iids in view; None if there are more than `most`."""
-    places = cell_bins(x, y, *grid)
+    places = cell_bins(x, y, grid)
     if int(count_selected(places, selection)[0].sum()) > most:
         return None
     ids = selection.members
@@ -143,13 +131,12 @@ def level_shares(levels: NDArray[np.integer]) -> NDArray[np.float64]:
 
 @cached_by_identity(8)
 def _highest_levels(
-    x: Floats, y: Floats, values: Floats, scale: Interval, selection: SelectionIndices,
-    across: Scale, up: Scale, width: int, height: int,
-) -> tuple[Counts, Counts]:  # fmt: skip
+    x: Floats, y: Floats, values: Floats, scale: Interval, selection: SelectionIndices, grid: Grid
+) -> tuple[Counts, Counts]:
     """(cells,) the highest level and the number of the selected instances of each cell."""
-    levels = _cell_levels(x, y, values, scale, across, up, width, height)
+    levels = _cell_levels(x, y, values, scale, grid)
     highlighted, _ = count_selected(levels.codes, selection)
-    top, counts = (np.zeros(width * height, dtype=np.intp) for _ in range(2))
+    top, counts = (np.zeros(grid.width * grid.height, dtype=np.intp) for _ in range(2))
     if len(levels.cell):
         shown = np.where(highlighted > 0, levels.level, np.int8(0))
         top[levels.cell] = np.maximum.reduceat(shown, levels.start)
@@ -171,11 +158,8 @@ class _CellLevels:
 
 
 @cached_by_identity(4)
-def _cell_levels(
-    x: Floats, y: Floats, values: Floats, scale: Interval, across: Scale, up: Scale, width: int,
-    height: int,
-) -> _CellLevels:  # fmt: skip
-    places = cell_bins(x, y, across, up, width, height)
+def _cell_levels(x: Floats, y: Floats, values: Floats, scale: Interval, grid: Grid) -> _CellLevels:
+    places = cell_bins(x, y, grid)
     steps = np.uint32(LEVELS + 1)
     wide = places.codes.astype(np.uint32) * steps + _levels(values, scale)
     np.minimum(wide, places.count * steps, out=wide)
@@ -185,9 +169,7 @@ def _cell_levels(
 
 
 @cached_by_identity(4)
-def _known_cells(
-    x: Floats, y: Floats, values: Floats, across: Scale, up: Scale, width: int, height: int
-) -> Bins:
-    column = cell_bins(x, y, across, up, width, height)
+def _known_cells(x: Floats, y: Floats, values: Floats, grid: Grid) -> Bins:
+    column = cell_bins(x, y, grid)
     none = column.codes.dtype.type(column.count)
     return Bins(np.where(np.isfinite(values), column.codes, none), column.count)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Literal
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from s2rstore.records import Bounds
 from s2rtui.analysis.binning import Bools
-from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.charts.scatter.brush import box_expression, lasso_expression
 from s2rtui.charts.scatter.model import (
@@ -25,9 +24,15 @@ from s2rtui.charts.scatter.model import (
     scatter_summary,
 )
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.positions import known_point, nearest_iid, stacked_points, valid_cursor
-from s2rtui.charts.view import DrawingView, PointsView, Table
-from s2rtui.drawing.drawing import Drawing, Note
+from s2rtui.charts.shared.positions import (
+    cursor_phrases,
+    known_point,
+    nearest_iid,
+    stacked_points,
+    valid_cursor,
+)
+from s2rtui.charts.view import PointsView, Table
+from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Line, Phrase, Plot, Points, Rule
 from s2rtui.drawing.plot import Mark as PlotMark
 from s2rtui.drawing.scale import Floats, Scale, short_number
@@ -62,7 +67,9 @@ def scatter_drawing(
         valid, ("sim", "both", "real"), trained, cursor,
     ))  # fmt: skip
     plot = Plot(x, y, tuple(marks), PANEL, shape="plane")
-    return Drawing((plot,), notes=tuple(_notes(summary, scale)), brush=brush)
+    return Drawing(
+        (plot,), notes=((*_notes(summary, scale), *cursor_phrases(cursor)),), brush=brush
+    )
 
 
 def _sides(
@@ -80,7 +87,7 @@ def _part(scale: Scale, first: float, last: float, side: str) -> Scale:
     return replace(scale, low=float(low), high=float(high), names=names)
 
 
-def _notes(summary: ScatterSummary, scale: Scale) -> Iterator[Note]:
+def _notes(summary: ScatterSummary, scale: Scale) -> list[Phrase]:
     """What colours and lines mean, with the counts of the quadrants."""
     phrases = [
         Phrase(f"real error larger (above the diagonal): {summary.real_larger}", "real", "real"),
@@ -96,20 +103,17 @@ def _notes(summary: ScatterSummary, scale: Scale) -> Iterator[Note]:
         if np.isfinite([each.best, each.worst]).all()
     )
     phrases.append(Phrase(f"lines: best and worst {PERCENT} % of {summary.total}{limits}"))
-    phrases += [
+    return phrases + [
         Phrase(f"{quadrant.name}: {total}")
         for quadrant, (total, _) in zip(QUADRANTS[:2], summary.quadrants, strict=False)
     ]
-    yield tuple(phrases)
 
 
-class ScatterView(PointsView, DrawingView):
+class ScatterView(PointsView):
     name = "scatter"
     key = "X"
     description = "sim error against real error of each instance"
     title = "error in simulation against error in reality"
-    narrow_ratio = 1.6
-    wide_ratio = 0.8
     figure_size = (1500, 1200)
 
     def subtitle(self, scene: Scene) -> str:
@@ -125,11 +129,6 @@ class ScatterView(PointsView, DrawingView):
             for side in (columns.sim, columns.real)
         )
         return sim, real, state.selected, state.base
-
-    def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        state = scene.state
-        arrays = identity_key((*self.input(scene), state.marked))
-        return arrays, state.cursor, scene.mark(self.name), state.viewport_of(self.name)
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         state = scene.state
