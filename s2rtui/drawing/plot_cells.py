@@ -127,7 +127,7 @@ def _draw_bars(canvas: Canvas, plot: Plot, bars: Bars) -> None:
     part, whole = (
         np.where(inside, plot.y.fraction(counts[held]), 0.0) for counts in (bars.part, bars.whole)
     )
-    draw_vertical_bars(canvas, 0, 0, canvas.height, (part, whole), _ink(canvas, bars.ink))
+    draw_vertical_bars(canvas, (part, whole), _ink(canvas, bars.ink))
 
 
 def _draw_line(canvas: Canvas, plot: Plot, line: Line) -> None:
