@@ -12,9 +12,8 @@ from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.scene import Scene
 from s2rtui.drawing.plane_marks import Changes, Signs
 from s2rtui.drawing.plot import Points
-from s2rtui.drawing.points import Grid, point_cells
+from s2rtui.drawing.points import Grid, change_cells, point_cells, sign_cells
 from s2rtui.drawing.row_lines import line_dots
-from s2rtui.drawing.signs import change_cells, sign_cells
 from s2rtui.session import (
     Brush,
     Session,

@@ -17,9 +17,8 @@ from s2rtui.analysis.binning import (
 )
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.drawing.plane_marks import Arcs, Columns
-from s2rtui.drawing.points import Grid, cell_bins
+from s2rtui.drawing.points import Grid, cell_bins, selected_in_view
 from s2rtui.drawing.scale import Floats
-from s2rtui.drawing.signs import selected_in_view
 
 SINGLES = 200
 """Above this number of visible selected instances, glyphs stand for blocks of cells."""

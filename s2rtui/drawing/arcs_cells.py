@@ -12,9 +12,8 @@ from s2rtui.drawing.arcs import LARGEST, ErrorGlyphs, arc_degrees, arc_turns, er
 from s2rtui.drawing.legend import LegendPart, role_legend, text_part
 from s2rtui.drawing.plane_marks import Arcs, Signs
 from s2rtui.drawing.plot import Plot
-from s2rtui.drawing.points import canvas_grid
+from s2rtui.drawing.points import canvas_grid, selected_count, sign_cells
 from s2rtui.drawing.scale import short_number
-from s2rtui.drawing.signs import selected_count, sign_cells
 from s2rtui.drawing.trained_marks import (
     TrainedForms,
     mark_trained,

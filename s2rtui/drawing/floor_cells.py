@@ -86,7 +86,7 @@ def _draw_glyphs(canvas: Canvas, floor: Floor, frame: MapFrame) -> None:
         if canvas.options.supports_images:
             colours[:] = ANSI_16[8 if canvas.theme.dark else 7]
         levels = bright if hidden is None else np.where(hidden, np.nan, bright)
-        draw_shades(canvas, 0, 0, levels, FLOOR_RAMPS[canvas.options.ascii], colours)
+        draw_shades(canvas, levels, FLOOR_RAMPS[canvas.options.ascii], colours)
     heat = heat_layer(floor, frame)
     if heat is not None:
         levels = _paired(heat)
@@ -95,7 +95,7 @@ def _draw_glyphs(canvas: Canvas, floor: Floor, frame: MapFrame) -> None:
         shown = shown if hidden is None else shown & ~hidden
         colours = legible(heat_ramp(is_signed)(levels), canvas.theme)
         ramp = heat_glyphs(canvas.options, is_signed)
-        draw_shades(canvas, 0, 0, np.where(shown, levels, np.nan), ramp, colours)
+        draw_shades(canvas, np.where(shown, levels, np.nan), ramp, colours)
 
 
 def _paired(pixels: NDArray[np.floating]) -> NDArray[np.float64]:

@@ -101,7 +101,7 @@ def draw_image(canvas: Canvas, image: Image) -> None:
 
 
 def _draw_ground(canvas: Canvas, image: Image) -> None:
-    draw_pixels(canvas, 0, 0, image.pixels((2 * canvas.height, canvas.width)))
+    draw_pixels(canvas, image.pixels((2 * canvas.height, canvas.width)))
     if canvas.options.supports_shading:
         true_pixels = partial(image.pixels, shades=DEPTH_SHADES)
         key = identity_key((image.ground, image.overlay))
@@ -116,4 +116,4 @@ def _draw_digits(canvas: Canvas, over: ImageValues) -> None:
     colours, _ = heat_colours(values, over.scale, over.is_signed)
     low, high = over.scale
     ramp = ramp_glyphs(over.ramp, canvas.options) or ""
-    draw_shades(canvas, 0, 0, (values - low) / (high - low), ramp, legible(colours, canvas.theme))
+    draw_shades(canvas, (values - low) / (high - low), ramp, legible(colours, canvas.theme))

@@ -209,7 +209,7 @@ def text_inches(text: str, points: float, weight: str = "normal") -> float:
     """The width of a text in a font of `points`."""
     from matplotlib.font_manager import FontProperties, fontManager, get_font
 
-    font = get_font(fontManager.findfont(FontProperties("DejaVu Sans", weight=weight)))
+    font = get_font(fontManager.findfont(FontProperties(family="DejaVu Sans", weight=weight)))
     font.set_size(100, 72)
     font.set_text(text, 0.0)
     return float(font.get_width_height()[0]) / 64 / 100 * points / 72

@@ -29,15 +29,17 @@ from s2rtui.drawing.plane_marks import (
     Unselected,
 )
 from s2rtui.drawing.plot import Phrase, Plot, Points
-from s2rtui.drawing.points import Grid, dot_bins, point_cells
-from s2rtui.drawing.scale import Floats, scale_fraction, short_number, tick_step
-from s2rtui.drawing.signs import (
+from s2rtui.drawing.points import (
+    Grid,
     change_cells,
     change_signs,
+    dot_bins,
     drawn_segments,
+    point_cells,
     selected_count,
     sign_cells,
 )
+from s2rtui.drawing.scale import Floats, scale_fraction, short_number, tick_step
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -22,8 +22,7 @@ from s2rtui.drawing.heat_colours import map_opacity
 from s2rtui.drawing.paper import draw_paper
 from s2rtui.drawing.plane_cells import SEGMENTS_UP_TO
 from s2rtui.drawing.plane_marks import Segments
-from s2rtui.drawing.points import Grid
-from s2rtui.drawing.signs import drawn_segments
+from s2rtui.drawing.points import Grid, drawn_segments
 from tests.charts.examples import BOUNDS, draw_map, map_input, map_place, points_of
 
 SIZE = (80, 26)

@@ -12,9 +12,14 @@ from matplotlib.path import Path as Polygon
 from s2rstore.language import mask, parse
 from s2rstore.records import Bounds
 from s2rtui.canvas import DARK, BrushShape, ColourMode, RenderOptions
-from s2rtui.charts.scatter.brush import box_expression, lasso_expression
-from s2rtui.charts.scatter.model import QUADRANTS, drawn_errors, error_scale, scatter_summary
-from s2rtui.charts.scatter.view import scatter_drawing
+from s2rtui.charts.mark_expressions import box_expression, lasso_expression
+from s2rtui.charts.scatter import (
+    QUADRANTS,
+    drawn_errors,
+    error_scale,
+    scatter_drawing,
+    scatter_summary,
+)
 from s2rtui.drawing.cells import draw_cells, drawing_panels
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.points import Grid, point_cells

@@ -10,9 +10,16 @@ from s2rtui.canvas import Canvas
 from s2rtui.drawing.plane_cells import draw_plane_mark
 from s2rtui.drawing.plane_marks import Changes, Signs, Unselected
 from s2rtui.drawing.plot import Plot
-from s2rtui.drawing.points import Grid, cell_bins, dot_bins
+from s2rtui.drawing.points import (
+    LEVELS,
+    Grid,
+    cell_bins,
+    change_cells,
+    dot_bins,
+    level_shares,
+    sign_cells,
+)
 from s2rtui.drawing.scale import Scale
-from s2rtui.drawing.signs import LEVELS, change_cells, level_shares, sign_cells
 
 N = 30
 masks = arrays.arrays(np.bool_, N)
