@@ -10,7 +10,7 @@ from s2rtui.canvas import Canvas
 from s2rtui.drawing.plane_cells import draw_plane_mark
 from s2rtui.drawing.plane_marks import Changes, Signs, Unselected
 from s2rtui.drawing.plot import Plot
-from s2rtui.drawing.points import cell_bins, dot_bins
+from s2rtui.drawing.points import cell_bins
 from s2rtui.drawing.scale import Scale
 from s2rtui.drawing.signs import LEVELS, change_cells, level_shares, sign_cells
 
@@ -96,13 +96,6 @@ def test_unselected_instances_are_braille_dots(points, selected, valid, grid):
     assert {(row, column) for row, column in np.argwhere(canvas.char != " ").tolist()} == {
         cell for at, cell in enumerate(cells) if cell and valid[at] and not selected[at]
     }
-
-
-def test_cell_codes_are_cached():
-    x, y = np.random.default_rng(1).uniform(0, 5, (2, N))
-    grid = Scale(0.0, 5.0), Scale(5.0, 0.0), 10, 5
-    assert dot_bins(x, y, *grid) is dot_bins(x, y, *grid)
-    assert cell_bins(x, y, *grid) is cell_bins(x, y, *grid)
 
 
 @pytest.mark.parametrize("size", [(300, 600), (10, 4)])
