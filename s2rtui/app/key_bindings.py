@@ -281,6 +281,8 @@ ACTIONS: tuple[Action, ...] = (
     Action("group", "O", "review",
            "rooms view: errors by room, heading, curvature, trajectory; counts",
            _do(error_groups.change_grouping)),
+    Action("cross_groups", "asterisk", "review", "in the rooms view: group by a second one, too",
+           _do(error_groups.cross_grouping), shown="*", when="rooms"),
     Action("select_row", "enter", "select", "rooms view: select the row of this instance",
            None, "select", when="rooms", command=lambda app: app.navigation.select_row()),
     Action("next_finding", "down", "move", "next finding", _do(findings.move, 1),
