@@ -383,4 +383,4 @@ DRAWINGS: dict[str, Drawing] = {
     "list": list_drawing(7),
     "drawing": examples.drawing(),
 }
-"""A drawing of every view, with a brush where it has one, and some with little in them."""
+"""Drawings of the views, with a brush where they have one, and some with little in them."""

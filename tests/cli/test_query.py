@@ -144,6 +144,7 @@ def test_runs_without_shares_of_the_gap_are_named(tiny_store, tmp_path, s2r):
         "run dataaug has no shares of the gap; `s2r precompute"
         in s2r(*words, "--count").checked().err
     )
+    assert s2r("show", path, "shares", "--run", "dataaug", "--json").json == []
 
 
 @pytest.fixture(scope="module")

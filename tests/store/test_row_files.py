@@ -94,6 +94,20 @@ def test_rows_are_added_to_those_of_a_file(filed):
         assert len(store.row_files["frame"]) == 2
 
 
+def test_a_table_without_rows_is_no_view(filed):
+    with edit(filed) as draft:
+        draft.delete("projection")
+        draft.delete("prediction", side="real")
+        draft.delete("prediction", side="sim")
+    with s2rstore.open(filed) as store:
+        assert set(store.row_files) == {"frame"}
+        assert store.execute("SELECT count(*) FROM prediction") == [(0,)]
+    with edit(filed) as draft:
+        draft.insert("prediction", {"run": ["vanilla"], "iid": [0], "side": ["sim"]})
+    with s2rstore.open(filed) as store:
+        assert set(store.row_files) == {"frame", "prediction"}
+
+
 _CHANGES = st.lists(
     st.tuples(
         st.sampled_from(["delete run", "delete side", "update", "insert", "publish"]),
