@@ -18,7 +18,7 @@ _GATE = os.environ.get("S2R_TEST_GATE")
 
 def dask_setup(worker: Any) -> None:
     """Called by Dask when the worker starts."""
-    compute = UnitComputer._compute
+    compute = UnitComputer.__call__
 
     def slow_compute(self: UnitComputer, unit: WorkUnit) -> Any:
         if unit.stage.name == FORWARD:
@@ -29,4 +29,4 @@ def dask_setup(worker: Any) -> None:
                     time.sleep(0.02)
         return compute(self, unit)
 
-    UnitComputer._compute = slow_compute  # type: ignore[method-assign]
+    UnitComputer.__call__ = slow_compute  # type: ignore[method-assign]

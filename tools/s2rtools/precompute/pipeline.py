@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from s2rstore.errors import RequestError, StoreBusyError
 from s2rstore.files import atomic_writes, layout, locks
 from s2rstore.files.lease import Lease
+from s2rstore.maintenance.prune import remove_superseded
 from s2rstore.reader import Store
 from s2rstore.records import Part, Run
 from s2rtools.common.command_line.progress import Reporter
@@ -77,7 +78,8 @@ def precompute(
     """Compute and publish the named runs (all by default); return those that were published.
 
     All runs are computed in rounds (`run_stages.ROUNDS`): first the predictions of all, then their
-    heatmaps, those that take the longest last. Each round of a run is published when it is done.
+    heatmaps, those that take the longest last. Each round of a run is published when it is done;
+    of the generations that this makes, the newest stay, see `prune.remove_superseded`.
 
     Arrays that are published or that the ledger records are not computed again. Raises
     StoreBusyError if another process computes, RequestError for unknown runs or kinds, and after
@@ -126,13 +128,17 @@ def _needs_trust(store: Store, name: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class _Call:
-    """What the runs of one call of `precompute` share; `lease` is that of the compute lock."""
+    """What the runs of one call of `precompute` share.
+
+    `lease` is that of the compute lock, `published` are the generations of this call.
+    """
 
     current: CurrentStore
     options: PrecomputeOptions
     reporter: Reporter
     lease: Lease
     pool: WorkerPool
+    published: list[int] = field(default_factory=list)
 
 
 class _Run:
@@ -260,12 +266,18 @@ class _Run:
             )  # fmt: skip
 
     def _publish(self, store: Store, stages: RunStages, number: int) -> None:
-        """Publish a round with those before it, unless the index lists all of it already."""
+        """Publish a round with those before it, unless the index lists all of it already.
+
+        Generations of this call that are superseded by then are removed.
+        """
         call, published = self._call, stages.rounds[number].published
         record = None if self._backends is None else self._backends.record()
         check = call.lease.check
-        if publish_run(store, self._run, published, record, check, stages.earlier):
+        generation = publish_run(store, self._run, published, record, check, stages.earlier)
+        if generation is not None:
             self.is_published = True
+            call.published.append(generation)
+            remove_superseded(call.current.root, call.published)
 
 
 def _default_kinds(

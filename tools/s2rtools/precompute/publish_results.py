@@ -43,8 +43,8 @@ def publish_run(
     backend: dict[str, Any] | None,
     check: Callable[[], None] = lambda: None,
     earlier: Collection[str] = (),
-) -> bool:
-    """Publish a run whose stages are complete; False if the index is already up to date.
+) -> int | None:
+    """Publish a run whose stages are complete; the new generation, None if the index is up to date.
 
     `planned` is the run as the stages were planned. `backend` is None for imported predictions,
     which may cover the first parts only. `check` is called before anything is published, see
@@ -68,7 +68,7 @@ def publish_run(
         raise RequestError(f"run {run!r}: was imported again meanwhile; run the command again")
     listed = listed if same else []
     if _are_listed(store, run, specs, listed):
-        return False
+        return None
     root = store.path
     keeps_shares = any(record.kind == gap_shares.KIND for record in listed)
     columns = list(_instance_columns(store, planned, specs, keeps_shares))
@@ -94,7 +94,7 @@ def publish_run(
         keys = {spec.key for spec in specs} | {r.path.split("/")[1] for r in other_arrays}
         facts[ARRAY_FACTS] = {key: each for key, each in facts[ARRAY_FACTS].items() if key in keys}
         draft.set_provenance(f"run:{run}", facts)
-    return True
+    return draft.generation
 
 
 def _check_registered(draft: IndexTransaction, run: Run) -> None:

@@ -25,7 +25,6 @@ from s2rtools.precompute.executors.local_executors import (
     defer_interrupts,
     start_resource_tracker,
 )
-from s2rtools.precompute.executors.requested_workers import RequestedWorkers
 from s2rtools.precompute.executors.slurm_settings import SlurmSettings, read_settings
 from s2rtools.precompute.receipts import Receipt
 
@@ -46,8 +45,8 @@ _CONFIG = {
     # large arrays, and if Dask does not sample the stacks of the threads.
     "distributed.nanny.pre-spawn-environ.MALLOC_ARENA_MAX": "1",
     "distributed.worker.profile.enabled": False,
-    # A unit that ends its worker is recognised by the executor, which sees single workers.
-    "distributed.scheduler.allowed-failures": 20,
+    # The executor computes a unit alone after that.
+    "distributed.scheduler.allowed-failures": 1,
     # No page shows or changes anything of a cluster.
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
@@ -223,7 +222,7 @@ def _is_protected(address: str) -> bool:
 def _local(workers: int, threads: int, report_line: ReportLine) -> Iterator[Executor]:
     from distributed import Client, LocalCluster, Security
 
-    from s2rtools.precompute.executors.dask_executor import DaskExecutor
+    from s2rtools.precompute.executors.dask_executor import DaskExecutor, RequestedWorkers
 
     working_folder.distrust()
     start_resource_tracker()

@@ -75,12 +75,18 @@ def compute_here(task: Task) -> Receipt:
     """Compute a task with the threads that this worker was given.
 
     One thread computes all tasks of a worker, one after the other, because libraries keep their
-    number of threads per thread.
+    number of threads per thread. Errors of the store or the request name the worker.
     """
     from distributed import get_worker
 
-    threads = get_worker().state.nthreads
-    return _computing_thread().submit(_compute, task, threads).result()
+    from s2rstore.errors import RequestError, S2RError
+
+    worker = get_worker()
+    try:
+        return _computing_thread().submit(_compute, task, worker.state.nthreads).result()
+    except (S2RError, OSError) as error:
+        where = f"{worker.address.rpartition('/')[2]} on {socket.gethostname()}"
+        raise RequestError(f"{error} (worker {where})") from error
 
 
 def _compute(task: Task, threads: int) -> Receipt:
