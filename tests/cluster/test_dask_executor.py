@@ -16,7 +16,7 @@ from bench.support.processes import wait_until
 from s2rstore.errors import RequestError
 from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import edit
-from s2rtools.precompute.executors.executor import Task
+from s2rtools.precompute.executors.executor import RequestedWorkers, Task
 from tests.cluster import counted_units
 from tests.cluster.counted_units import CountedComputation, assert_complete, plan_of, stage_of
 
@@ -24,10 +24,7 @@ dask = pytest.importorskip("dask")
 distributed = pytest.importorskip("distributed")
 from s2rtools.precompute.executors import dask_executor, dask_worker  # noqa: E402
 from s2rtools.precompute.executors.clusters import open_cluster  # noqa: E402
-from s2rtools.precompute.executors.dask_executor import (  # noqa: E402
-    DaskExecutor,
-    RequestedWorkers,
-)
+from s2rtools.precompute.executors.dask_executor import DaskExecutor  # noqa: E402
 from s2rtools.precompute.executors.dask_worker import StoreIdentity  # noqa: E402
 from s2rtools.precompute.executors.local_executors import default_threads  # noqa: E402
 
@@ -81,7 +78,6 @@ def close(started: Any, worker: Any) -> None:
     """End a worker as a lost connection does."""
     scheduler = started.scheduler
     started.sync(scheduler.remove_worker, worker.address, stimulus_id="test", expected=False)
-    started.sync(worker.close, timeout=2, executor_wait=False)
 
 
 def test_every_task_is_computed_once(tmp_path):

@@ -93,15 +93,13 @@ def remove_superseded(root: Path, generations: Collection[int]) -> None:
     """Remove those of some generations that are not among the newest `KEPT` of the store.
 
     Stores that have one of them open can be read all the same: only indexes are removed, which are
-    open; files of rows and arrays stay until `prune`.
+    open; files of rows and arrays stay until `prune`. Writers use the newest one alone.
     """
-    with locks.publish_lock(root) as publishing:
-        indexes = _indexes(root)
-        kept = _newest(indexes, layout.read_current(root), KEPT)
-        publishing.check()
-        for number, path in indexes:
-            if number in generations and number not in kept:
-                atomic_writes.remove(root, path)
+    indexes = _indexes(root)
+    kept = _newest(indexes, layout.read_current(root), KEPT)
+    for number, path in indexes:
+        if number in generations and number not in kept:
+            atomic_writes.remove(root, path)
 
 
 def _newest(indexes: list[tuple[int, str]], current: layout.Current, keep: int) -> list[int]:

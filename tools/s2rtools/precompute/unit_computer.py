@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -22,13 +24,53 @@ from s2rstore.reader import Store
 from s2rstore.records import Run
 from s2rtools.common.freed_memory import keep_freed_memory
 from s2rtools.inference import Backend
+from s2rtools.inference.backend import processor_name
 from s2rtools.models.load_model import load_model
 from s2rtools.precompute import unit_results
 from s2rtools.precompute.frame_reader import Renderers
-from s2rtools.precompute.machine import Machine, this_machine
-from s2rtools.precompute.receipts import Receipt
 from s2rtools.precompute.run_backends import BackendIdentity, RunBackends
+from s2rtools.precompute.unit_results import Receipt
 from s2rtools.precompute.work_units import FORWARD, NUMPY, ArraySpec, Stage, WorkUnit
+
+_NUMERIC = (
+    "torch", "openvino", "numpy", "opencv-python-headless", "scipy", "scikit-learn", "umap-learn",
+    "numba",
+)  # fmt: skip
+"""Packages on whose version values depend."""
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """Models of the processor and of the GPU (empty without one), and versions of libraries."""
+
+    processor: str
+    gpu: str
+    versions: tuple[tuple[str, str], ...]
+
+    def environment(
+        self, precision: str, threads: int, uses_gpu: bool = False
+    ) -> ComputeEnvironment:
+        device = self.gpu if uses_gpu else self.processor
+        return ComputeEnvironment(device, precision, threads, dict(self.versions))
+
+
+@cache
+def this_machine() -> Machine:
+    """The machine that this process runs on."""
+    gpu = torch.cuda.get_device_name() if torch.cuda.is_available() else ""
+    return Machine(processor_name(), gpu, tuple(numeric_versions().items()))
+
+
+def numeric_versions() -> dict[str, str]:
+    """The versions of the installed packages on which values depend."""
+    versions = {}
+    for name in _NUMERIC:
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return versions
+
 
 GENERATION_SECONDS = 90.0
 """How long a host waits to see a published generation; NFS caches files for up to 60 s."""

@@ -13,7 +13,7 @@ import uuid
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -27,8 +27,8 @@ from s2rstore.files.compute_environment import ComputeEnvironment
 from s2rtools.precompute import unit_results
 from s2rtools.precompute.executors import dask_worker
 from s2rtools.precompute.executors.dask_worker import StoreIdentity, WorkerFacts
-from s2rtools.precompute.executors.executor import Task
-from s2rtools.precompute.receipts import Receipt
+from s2rtools.precompute.executors.executor import RequestedWorkers, Task
+from s2rtools.precompute.unit_results import Receipt
 from s2rtools.precompute.work_units import WorkUnit
 
 IN_FLIGHT = 2
@@ -43,35 +43,6 @@ _ENDED = ("closing", "closed", "failed")
 _THREADS_HOW = " (`--threads` of local:N, `cores` of SLURM settings, `dask worker --nthreads`)"
 _POLL_SECONDS = 0.5
 _LONGEST_PAUSE = 0.02
-
-
-@dataclass
-class RequestedWorkers:
-    """`count` workers, each by a job or process of its own.
-
-    `refused` are the errors of jobs that could not be submitted, by the names of their workers.
-    Another thread may change them meanwhile.
-    """
-
-    count: int
-    refused: dict[str, str] = field(default_factory=dict)
-    _told: int = 0
-
-    @property
-    def arriving(self) -> int:
-        """How many workers run or are on their way."""
-        return self.count - len(self.refused)
-
-    @property
-    def refusal(self) -> str:
-        """How many jobs were refused, with the last error; empty where none were."""
-        errors = [*self.refused.values()]
-        return f"{len(errors)} of {self.count} jobs were refused ({errors[-1]})" if errors else ""
-
-    def news(self) -> str:
-        """The refusal, where more jobs are refused than at the last call, else nothing."""
-        before, self._told = self._told, len(self.refused)
-        return self.refusal if self._told > before else ""
 
 
 @dataclass(eq=False)

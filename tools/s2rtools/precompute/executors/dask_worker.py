@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from s2rtools.precompute.executors.executor import Task
-    from s2rtools.precompute.machine import Machine
-    from s2rtools.precompute.receipts import Receipt
+    from s2rtools.precompute.unit_computer import Machine
+    from s2rtools.precompute.unit_results import Receipt
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ def describe(root: Path, identity: StoreIdentity) -> WorkerFacts:
 
 
 def _describe(root: Path, identity: StoreIdentity) -> WorkerFacts:
-    from s2rtools.precompute.machine import this_machine
+    from s2rtools.precompute.unit_computer import this_machine
 
     problem = _problem(root, identity)
     return WorkerFacts(socket.gethostname(), this_machine(), metadata.version("s2rtui"), problem)

@@ -14,7 +14,7 @@ from s2rstore.records import SIDES, Run
 from s2rtools.heatmaps import IMAGE_KINDS
 from s2rtools.heatmaps.heatmap_method import ImageBatch, SideImages
 from s2rtools.precompute.array_keys import ArrayKeys
-from s2rtools.precompute.rig_alignment import load_alignment
+from s2rtools.precompute.domain_calibration import load_alignment
 from s2rtools.precompute.tasks.network_outputs import FORWARD_ROWS, as_stored, heatmap_specs
 from s2rtools.precompute.unit_computer import UnitComputer
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit

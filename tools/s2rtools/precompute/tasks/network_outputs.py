@@ -20,8 +20,8 @@ from s2rtools.inference import Backend, ForwardOutput
 from s2rtools.models.input_contract import InputContract
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute.array_keys import ArrayKeys
+from s2rtools.precompute.domain_calibration import load_alignment
 from s2rtools.precompute.frame_reader import PairFrames, RunFrames, SideFrames, read_pairs
-from s2rtools.precompute.rig_alignment import load_alignment
 from s2rtools.precompute.run_backends import RunBackends
 from s2rtools.precompute.unit_computer import UnitComputer
 from s2rtools.precompute.work_units import FORWARD, ArraySpec, Stage, WorkUnit
