@@ -17,7 +17,7 @@ _GATE = Path(os.environ["S2R_TEST_GATE"])
 
 def dask_setup(worker: Any) -> None:
     """Called by Dask when the worker starts."""
-    compute = UnitComputer._compute
+    compute = UnitComputer.__call__
 
     def waiting_compute(self: UnitComputer, unit: WorkUnit) -> Any:
         if unit.stage.name == FORWARD:
@@ -26,4 +26,4 @@ def dask_setup(worker: Any) -> None:
                 time.sleep(0.02)
         return compute(self, unit)
 
-    UnitComputer._compute = waiting_compute  # type: ignore[method-assign]
+    UnitComputer.__call__ = waiting_compute  # type: ignore[method-assign]

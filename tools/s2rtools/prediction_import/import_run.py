@@ -27,7 +27,7 @@ from s2rtools.precompute.prediction_rows import (
 )
 from s2rtools.precompute.publish_results import array_row, run_key
 from s2rtools.precompute.run_registration import find_domain, insert_run
-from s2rtools.precompute.segments import segments
+from s2rtools.precompute.segment_plan import segments
 from s2rtools.precompute.work_units import ArraySpec
 from s2rtools.prediction_import.embedding_file import InstanceEmbeddings
 from s2rtools.prediction_import.file_predictions import ReadingOptions, read_predictions
