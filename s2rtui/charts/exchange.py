@@ -66,8 +66,8 @@ class ExchangeView(StatisticsView):
         with_simulation = any(mean.simulated for mean in model.means.values())
         combined = (Column("with simulation", "both", rank=2),) if with_simulation else ()
         columns = (
-            Column("run"), Column("", scale=_scale(model)), Column("real alone", "real"), *combined,
-            Column("exchange rate"), Column("correlation", rank=1), Column("n", right=True, rank=3),
+            Column("run"), Column("", scale=_scale(model), least=17), Column("real", "real"),
+            *combined, Column("rate"), Column("correlation", rank=1), Column("n", right=True, rank=3),
         )  # fmt: skip
         rows = (_row(run, mean, run == model.run, with_simulation)
                 for run, mean in model.means.items())  # fmt: skip
@@ -83,7 +83,7 @@ class ExchangeView(StatisticsView):
         few = [run for run, mean in model.means.items() if mean.n < MIN_PAIRS]
         return (
             f"{chosen.n} real images; {further}; metres, with 95 % intervals",
-            "exchange rate, and curve with simulation: beside unlimited simulated images",
+            "rate: what a real image is worth beside unlimited simulated ones, as in the curve",
             *([f"fewer than {MIN_PAIRS} pairs: {', '.join(few)}"] if few else []),
         )  # fmt: skip
 

@@ -89,4 +89,4 @@ def test_the_view_shows_the_same_numbers(store, s2r):
         mean["exchange_rate"]["value"], abs=1e-5
     )
     words = s2r("show", store, "exchange", "--run", "vanilla", "--words").printed
-    assert "exchange rate" in words
+    assert "rate: what a real image is worth" in words
