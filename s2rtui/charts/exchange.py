@@ -67,7 +67,8 @@ class ExchangeView(StatisticsView):
         combined = (Column("with simulation", "both", rank=2),) if with_simulation else ()
         columns = (
             Column("run"), Column("", scale=_scale(model), least=17), Column("real", "real"),
-            *combined, Column("rate"), Column("correlation", rank=1), Column("n", right=True, rank=3),
+            *combined, Column("rate"), Column("correlation", rank=1),
+            Column("n", right=True, rank=3),
         )  # fmt: skip
         rows = (_row(run, mean, run == model.run, with_simulation)
                 for run, mean in model.means.items())  # fmt: skip
