@@ -121,10 +121,8 @@ class ErrorsView(View):
     name = "errors"
     key = "7"
     description = "histogram of the position errors"
+    about = "position error of the selection"
     title = "position errors in simulation and in reality"
-
-    def subtitle(self, scene: Scene) -> str:
-        return "position error of the selection"
 
     def input(self, scene: Scene) -> tuple[Floats, Floats, Bools, Bools]:
         state = scene.state

@@ -88,11 +88,9 @@ class UmapView(PointsView):
     name = "umap"
     key = "4"
     description = "embeddings in the plane (UMAP), sim and real"
+    about = "coloured by sim-real distance"
     title = "embeddings in simulation and in reality (UMAP)"
     figure_size = (1600, 800)
-
-    def subtitle(self, scene: Scene) -> str:
-        return "coloured by sim-real distance"
 
     def input(self, scene: Scene) -> dict[Side, Plane]:
         """The embeddings of both sides in the plane."""

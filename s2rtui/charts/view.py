@@ -56,6 +56,7 @@ class View:
         key: the key that shows it.
         pane: its place on the screen: the overview's, the large centre, or a tab.
         description: a phrase for `--help` and the help screen.
+        about: a phrase beside its title on the screen.
         title: what its figure shows, after the name of the run; by default the description.
         aliases: other names on the command line.
         loads: names of the background loads that deliver its data.
@@ -75,6 +76,7 @@ class View:
     pane: Pane = "tab"
     description: str
     title: str = ""
+    about: str = ""
     aliases: tuple[str, ...] = ()
     loads: tuple[str, ...] = ()
     from_store: bool = True
@@ -100,8 +102,8 @@ class View:
             raise RequestError(f"{store.path}: {self.name}: {reason}")
 
     def subtitle(self, scene: Scene) -> str:
-        """The text beside the title."""
-        return ""
+        """The text beside the title, by default `about`."""
+        return self.about
 
     def loading(self, scene: Scene) -> str:
         """What is being loaded for the view while it shows something older; empty if nothing is.

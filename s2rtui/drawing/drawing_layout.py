@@ -34,7 +34,7 @@ from s2rtui.drawing.table_layout import wanted_lines
 
 _FEWEST_ROWS = 5
 """Rows of a single plot above a table, without its axis, from which on it is drawn."""
-_KEPT_ROWS = 4
+_KEPT_ROWS = 3
 """Lines that a table keeps below plots on a plane, which otherwise are left out."""
 _FEWEST_STACKED = 3
 """Rows of each of several plots; those of smaller weight are left out where it has fewer."""
@@ -100,6 +100,9 @@ def drawing_layout(drawing: Drawing, size: Size, options: RenderOptions) -> Draw
         texts = [*drawing.notes, *no_room_notes(left_out)]
         of_notes = width, _most_notes(drawing, height), options
         notes = _note_rows(texts, plots, (width, height), *of_notes)
+        if drawing.table is not None and any(plot.is_tight for plot in plots):
+            texts = _whole_texts(texts, plots, (width, height), *of_notes)
+            notes = _note_rows(texts, plots, (width, height), *of_notes)
         least = _FEWEST_ROWS if drawing.table is not None or notes else 1
         extra = 1 + any(map(_has_head, plots))
         area = height - wanted - len(notes)
@@ -128,7 +131,8 @@ def drawing_layout(drawing: Drawing, size: Size, options: RenderOptions) -> Draw
         exact = _note_rows(texts, plots, (places[0].width, places[0].rows), *of_notes)
         notes = exact if len(exact) <= len(notes) else notes
     elif drawing.plots:
-        notes = _note_rows([note for note in texts if isinstance(note, str)], (), (1, 1), *of_notes)
+        strings = [note for note in drawing.notes if isinstance(note, str)]
+        notes = _note_rows(strings, (), (1, 1), width, height // 2, options)
     return DrawingLayout(places, (top, max(0, height - len(notes) - top)), notes)
 
 
@@ -160,11 +164,23 @@ def _most_notes(drawing: Drawing, height: int) -> int:
         return height
     least = int(height >= _FEWEST_WITH_NOTES)
     if drawing.table is not None and any(plot.is_tight for plot in drawing.plots):
-        free = height - _FEWEST_ROWS - 2 - _KEPT_ROWS
+        free = height - _FEWEST_ROWS - 2 - min(wanted_lines(drawing.table), _KEPT_ROWS)
         return max(least, min(height // 2, free))
     if drawing.plots or drawing.table is None:
         return least * (height // 2)
     return max(least, min(height // 2, height - wanted_lines(drawing.table)))
+
+
+def _whole_texts(
+    notes: Sequence[Note], plots: Sequence[Plot], size: Size, width: int, most: int,
+    options: RenderOptions,
+) -> list[Note]:  # fmt: skip
+    """The notes without the longest texts, for which `most` rows are too few beside a table."""
+    kept = list(notes)
+    for text in sorted((note for note in notes if isinstance(note, str)), key=len, reverse=True):
+        if len(_note_rows(kept, plots, size, width, None, options)) > most:
+            kept.remove(text)
+    return kept
 
 
 def _note_rows(

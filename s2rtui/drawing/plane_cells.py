@@ -121,15 +121,15 @@ def _draw_signs(canvas: Canvas, plot: Plot, signs: Signs) -> None:
     digits = ramp_glyphs("values", options)
     one = getattr(options.glyphs, signs.sign)
     colours = np.tile(np.array(getattr(canvas.theme, signs.ink), dtype=np.uint8), (len(rows), 1))
-    known = np.isfinite(cells.shares)
+    known = np.isfinite(cells.values)
     glyphs = np.full(len(rows), one)
     if digits is None:
         glyphs[many] = _SEVERAL.get(signs.sign, one)
     elif signs.values is not None:
-        steps = np.clip(np.nan_to_num(cells.shares) * len(digits), 0, len(digits) - 1)
+        steps = np.clip(np.nan_to_num(cells.values) * len(digits), 0, len(digits) - 1)
         glyphs = np.where(known, np.array(list(digits))[steps.astype(np.intp)], "?")
     if signs.values is not None:
-        colours[known] = point_colours(canvas.theme)(cells.shares[known])
+        colours[known] = point_colours(canvas.theme)(cells.values[known])
     put_glyphs(canvas, columns, rows, glyphs, colours, many if digits is not None else True)
     mark_trained(canvas, (rows[cells.trained], columns[cells.trained]), _sign_forms(signs, options))
 
@@ -170,9 +170,9 @@ def _draw_changes(canvas: Canvas, plot: Plot, changes: Changes) -> None:
     """A glyph per cell in the colour of its mean, larger or bold for several instances."""
     cells, glyphs = change_cells(changes, canvas_grid(canvas, plot)), change_glyphs(canvas.options)
     one = _ONE if glyphs == _CHANGES else glyphs
-    sign, many = change_signs(cells.means, changes.margin) + 1, cells.counts > 1
+    sign, many = change_signs(cells.values, changes.margin) + 1, cells.counts > 1
     shown = np.where(many, np.array(list(glyphs))[sign], np.array(list(one))[sign])
-    colours = legible(change_colours(cells.means / changes.scale), canvas.theme)
+    colours = legible(change_colours(cells.values / changes.scale), canvas.theme)
     put_glyphs(canvas, cells.columns, cells.rows, shown, colours, many)
     held = cells.trained
     mark_trained(canvas, (cells.rows[held], cells.columns[held]), _change_forms(canvas.options))

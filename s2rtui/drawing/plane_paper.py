@@ -246,7 +246,7 @@ def _draw_signs(sheet: _Sheet, signs: Signs) -> None:
     if len(members) > _MANY:
         grid = sheet.grid(_PER_INCH)
         cells = sign_cells(signs, grid)
-        colours = _value_colours(sheet, cells.shares)
+        colours = _value_colours(sheet, cells.values)
         if signs.values is None:
             colours[:] = getattr(theme, signs.ink)
         sheet.cells(cells.columns, cells.rows, colours, grid, 5)
@@ -324,7 +324,7 @@ def _draw_changes(sheet: _Sheet, changes: Changes) -> None:
     if len(members) > _MANY:
         grid = sheet.grid(_PER_INCH)
         cells = change_cells(changes, grid)
-        colours = sheet.shown(change_colours(cells.means / changes.scale))
+        colours = sheet.shown(change_colours(cells.values / changes.scale))
         sheet.cells(cells.columns, cells.rows, colours, grid, 5)
         return
     members = members[np.argsort(np.abs(changes.values[members]), kind="stable")]

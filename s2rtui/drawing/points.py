@@ -150,16 +150,17 @@ Counts = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SignCells:
-    """The selected instances of each of k cells.
+    """The selected instances of each of k cells, as signs or as changes show them.
 
-    columns, rows, counts: (k,). shares: (k,) the largest value as a fraction of the scale, NaN
-    where it is unknown. trained: (k,) whether a trained instance is among them.
+    columns, rows, counts: (k,). values: (k,) of signs the largest value as a fraction of the scale,
+    NaN where it is unknown; of changes the mean. trained: (k,) whether a trained instance is among
+    them.
     """
 
     columns: Counts
     rows: Counts
     counts: Counts
-    shares: NDArray[np.float64]
+    values: NDArray[np.float64]
     trained: Bools
 
 
@@ -179,18 +180,7 @@ def sign_cells(signs: Signs, grid: Grid) -> SignCells:
     return SignCells(columns, rows, counts[held], level_shares(levels[held]), trained)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ChangeCells:
-    """The selected instances with a known change in each of k cells, and their mean (k,)."""
-
-    columns: Counts
-    rows: Counts
-    counts: Counts
-    means: NDArray[np.float64]
-    trained: Bools
-
-
-def change_cells(changes: Changes, grid: Grid) -> ChangeCells:
+def change_cells(changes: Changes, grid: Grid) -> SignCells:
     """The cells with a selected instance whose change is known, row by row from the top."""
     selection = selection_indices(changes.selected, changes.valid)
     known = _known_cells(changes.x, changes.y, changes.values, grid)
@@ -198,7 +188,7 @@ def change_cells(changes: Changes, grid: Grid) -> ChangeCells:
     held = np.flatnonzero(counts)
     means = sum_selected(known, changes.values, selection)[held] / counts[held]
     rows, columns = np.divmod(held, grid.width)
-    return ChangeCells(columns, rows, counts[held], means, trained_cells(changes, grid)[held])
+    return SignCells(columns, rows, counts[held], means, trained_cells(changes, grid)[held])
 
 
 def change_signs(means: Floats, margin: float) -> NDArray[np.intp]:

@@ -70,7 +70,7 @@ def test_a_cell_shows_its_largest_value(points, column, selected, valid, trained
         shares = np.clip(column[members] / 2, 0, 1)
         levels = np.minimum(np.floor(shares * LEVELS), LEVELS - 1) + 1
         top = np.nanmax(levels) if np.isfinite(levels).any() else 0
-        np.testing.assert_equal(shown.shares[place], level_shares(np.array(top)))
+        np.testing.assert_equal(shown.values[place], level_shares(np.array(top)))
         assert shown.counts[place] == len(members)
         assert shown.trained[place] == trained[members].any()
 
@@ -87,7 +87,7 @@ def test_a_cell_shows_the_mean_of_its_changes(points, column, selected, valid, g
     places = list(zip(shown.rows.tolist(), shown.columns.tolist(), strict=True))
     assert places == sorted(expected)
     means = [np.mean(expected[cell]) for cell in places]
-    np.testing.assert_allclose(shown.means, means, atol=1e-9)
+    np.testing.assert_allclose(shown.values, means, atol=1e-9)
     assert shown.counts.tolist() == [len(expected[cell]) for cell in places]
 
 
