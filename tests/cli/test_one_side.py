@@ -20,7 +20,7 @@ COMMANDS = (
 )  # fmt: skip
 
 
-OF_STORE = ("lack an image", '"note"', '"generation"', '"dataset')
+OF_STORE = ("lack an image", '"hash"', '"note"', '"generation"', '"dataset')
 """Words of lines about the store, which an append changes."""
 
 
@@ -58,7 +58,7 @@ def test_a_query_lists_instances_of_one_side_and_counts_them_apart(mixed, capsys
     assert f"1 of {PAIRS} pairs, {SIM} sim only instances of run vanilla" in output.err
     document = json.loads(output.out)
     assert document["unpaired"] == f"{SIM} sim only"
-    rows = document["rows"]
+    rows = document["instances"]
     assert len(rows) == SIM + 1
     assert rows[0]["real_error_m"] > 0
     assert rows[1] | {"sim_error_m": None, "real_error_m": None, "gap_m": None} == rows[1]
