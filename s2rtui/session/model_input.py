@@ -44,7 +44,7 @@ def model_input(store: Store, run: Run, side: Side, iid: int) -> ModelInput:
     has_frames = bool(name) and store.has_frames(name)
     if not has_frames or not store.is_imaged(iid, name):
         where = "image of this instance" if has_frames else "images in this store"
-        missing = (("images", f"no {name or side} {where}"),)
+        missing = ((f"{side} frames", f"no {name or side} {where}"),)
         return ModelInput(np.zeros((0, 0, 3), dtype=np.uint8), None, "", missing)
     domain = store.domain(name)
     frame = run_frame(store, run, side, iid)
