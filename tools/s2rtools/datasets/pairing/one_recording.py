@@ -23,10 +23,11 @@ from s2rtools.datasets.pairing import pair_facts
 from s2rtools.datasets.pairing.pair_matching import Rows
 from s2rtools.datasets.pairing.paired_recordings import (
     MapOptions,
-    SideCameras,
     add_reports,
     empty_scan,
     frame_pose,
+    frame_source,
+    side_domain,
 )
 from s2rtools.datasets.pairing.recording_pairs import RecordedSide
 from s2rtools.datasets.recording import Recording
@@ -68,12 +69,11 @@ def scan_recording(
             recorded.poses[:, 2] = angles.wrap(-recorded.poses[:, 2])
     scan = empty_scan(recording, recorded.poses, options)
     add_reports(scan, recorded)
-    cameras = SideCameras(recorded, options.frame)
-    scan.domains = {side: cameras.domain}
+    scan.domains = {side: side_domain(recorded, options.frame)}
     scan.part_provenance = pair_facts.recording_facts(recorded)
     for code, name in enumerate(recorded.names):
         numbers = np.flatnonzero(recorded.codes == code)
-        scan.add_trajectory(checked_name(name, "trajectory"), _records(recorded, cameras, numbers))
+        scan.add_trajectory(checked_name(name, "trajectory"), _records(recorded, scan, numbers))
     lines = [f"{side} floor: {line}" for line in recorded.floor.report]
     return RecordedScan(scan, [*lines, f"{len(recorded)} {side} images"])
 
@@ -95,9 +95,7 @@ def _floor(
     return put_on_stored_floor(recording, known, side)
 
 
-def _records(
-    side: RecordedSide, cameras: SideCameras, numbers: Rows
-) -> LazySequence[InstanceRecord]:
+def _records(side: RecordedSide, scan: Scan, numbers: Rows) -> LazySequence[InstanceRecord]:
     """The instances of some images, each with the image of one side."""
 
     def record(row: int) -> InstanceRecord:
@@ -106,7 +104,7 @@ def _records(
         time = float(side.times[number])
         return InstanceRecord(
             x, y, heading,
-            {side.side: cameras.source(side.frame(number))},
+            {side.side: frame_source(side, number, scan)},
             timestamp=time if math.isfinite(time) else None,
             frame_poses={side.side: frame_pose(side, number)},
         )  # fmt: skip
