@@ -29,7 +29,7 @@ def test_an_instance_without_frames_shows_its_numbers_alone(store_without_frames
         assert rows["real"]["error_m"] == pytest.approx(
             float(store.run_columns("vanilla").real.error[5])
         )
-    assert rows["real frames"]["note"] == "none of real in this store"
+    assert rows["real frames"]["note"] == "no real images in this store"
     assert (
         "Instance 5"
         in s2r("show", store_without_frames, "instance", "--iid", "5", "--words").printed

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 import s2rstore
-from s2rstore.errors import NotComputedError
+from s2rstore.errors import NotComputedError, RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import check
@@ -220,3 +220,38 @@ def test_a_run_leaves_out_instances_that_one_of_its_domains_does_not_image(store
         with pytest.raises(NotComputedError, match="instance 4: "):
             store.heatmap("edited", "activation", "real", 4)
     assert check(path).damages == check(path).notes == ()
+
+
+def test_instances_of_one_side_are_not_computed_and_change_no_figure(stores, tmp_path):
+    """They come before the pairs and after them; a run is computed for the pairs between them."""
+    data = stores[0].parent / "data"
+    options = ScanOptions(header=data / "calibration.toml", frame=(32, 32))
+    scan = IMPORTERS["sim2realviz"](data, options)
+    pairs_alone, mixed = tmp_path / "pairs.s2r", tmp_path / "mixed.s2r"
+    build(part_of(scan, {"b": N}, SIDES), pairs_alone, "s2r ingest", True, lambda steps: None)
+    build(part_of(scan, {"a": N}, ("sim",)), mixed, "s2r ingest", True, lambda steps: None)
+    append(part_of(scan, {"b": N}, SIDES), mixed, "s2r ingest", True, lambda steps: None)
+    for store in (pairs_alone, mixed):
+        add_run(store, "plain", "sim")
+        compute(store, "plain")
+    later = part_of(scan, {"a": 4}, ("real",))
+    later.trajectories = {"c": later.trajectories["a"]}
+    append(later, mixed, "s2r ingest", True, lambda steps: None)
+    before = array_files(mixed)
+    compute(mixed, "plain")
+    assert array_files(mixed) == before
+    assert check(mixed).damages == ()
+    with s2rstore.open(pairs_alone) as alone, s2rstore.open(mixed) as store:
+        paired = store.run_columns("plain").paired
+        assert np.flatnonzero(paired).tolist() == list(range(N, 2 * N))
+        for side in SIDES:
+            found, expected = (s.run_columns("plain").side(side) for s in (store, alone))
+            for name in ("x", "heading", "error", "u", "v", "outlier", "rank"):
+                values = getattr(found, name)
+                np.testing.assert_allclose(values[paired], getattr(expected, name), rtol=1e-5)
+                assert not (values[~paired] > 0).any()
+            grids = (s.map_grid("plain", "pixel_difference", side, "rgb") for s in (store, alone))
+            np.testing.assert_allclose(*grids)
+        assert store.coverage("plain").not_imaged == N + 4
+        with pytest.raises(RequestError, match=r"domain real has no images of trajectory a"):
+            store.frame(0, "real")

@@ -11,10 +11,13 @@ from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rtools.models.input_contract import InputContract
 from s2rtools.models.preprocessing import preprocess
+from s2rtools.precompute.prediction_rows import decode_split
+from s2rtools.training.splits import NO_SPLIT, TRAIN, UNSEEN, split_by_blocks
 from s2rtools.training.train_into_store import TrainingRequest, train_into_store
 from s2rtools.training.training_frames import CopiedFrames, DiskArray, StreamedFrames
 from s2rtools.translator_evaluation.fit_into_store import FitRequest, fit_into_store
 from tests.support.copies import copy_store
+from tests.support.one_side import append_side
 
 N, CONTRACT = 70, InputContract(size=(24, 24))
 
@@ -87,6 +90,24 @@ def test_every_domain_that_is_needed_is_read_once(store_copy, monkeypatch):
     train_into_store(store_copy, TrainingRequest("vanilla", name="v", steps=3), print, "s2r train")
     used = {domain for domain, kind in kinds.items() if kind == "sim"} | {"real"}
     assert reads == {(domain, row): 1 for domain in used for row in range(count)}
+
+
+def test_images_without_a_partner_are_trained_on_and_missing_ones_belong_to_no_split(store_copy):
+    append_side(store_copy, "sim", 24, "renders")
+    append_side(store_copy, "real", 8, "photos")
+    with Store(store_copy) as store:
+        count = len(store.instances)
+        renders, photos = store.iids_of("renders"), store.iids_of("photos")
+        pairs = store.instances.trajectory[store.imaged("sim", "real")]
+    train_into_store(store_copy, TrainingRequest("vanilla", name="v", steps=3), print, "s2r train")
+    with Store(store_copy) as store:
+        facts = store.provenance("model:v")
+    sim, real = (decode_split(facts[f"split:{side}"], count) for side in ("sim", "real"))
+    assert sim[: pairs.size].tolist() == split_by_blocks(pairs).tolist()
+    assert (sim[renders] == TRAIN).any()
+    assert (sim[photos] == NO_SPLIT).all()
+    assert (real[renders] == NO_SPLIT).all()
+    assert (real[photos] == UNSEEN).all()
 
 
 def train_translated(root: Path, **settings: object) -> str:

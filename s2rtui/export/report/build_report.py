@@ -237,11 +237,15 @@ def _section(
             caption = f"The instances that it selects in {run}, in every run"
             members = state.selected & state.base
             table = metric_tables.compared_runs(store, state.runs, members, caption)
-            remarks = metric_tables.remarks(session.notes, state.selected)
+            remarks = metric_tables.remarks(session.notes, state.chosen)
         if state.selected.any():
             parts.append(_part(session, request, run))
     if not parts:
-        return Section(*title, facts, problem="No instance is selected.")
+        has_chosen = any(state.chosen.any() for state in selection.states)
+        missing = "instance is selected"
+        if has_chosen:
+            missing = "selected instance has images of both sides"
+        return Section(*title, facts, problem=f"No {missing}.")
     comparison = table if len(session.state.runs) > 1 else None
     return Section(*title, facts, comparison, remarks, parts)
 

@@ -42,11 +42,13 @@ class Vocabulary:
     rooms: tuple[str, ...]
     trajectories: tuple[str, ...]
     saved: Mapping[str, tree.Node] = field(default_factory=dict)
+    domains: tuple[str, ...] = ()
     splits: tuple[str, ...] = SPLITS
 
     def of(self, name: str) -> tuple[str, ...]:
         """The values that a text field can have, by the name of its vocabulary."""
-        return {"rooms": self.rooms, "trajectories": self.trajectories, "splits": self.splits}[name]
+        names: tuple[str, ...] = getattr(self, name)
+        return names
 
 
 def expand(node: tree.Node, words: Vocabulary) -> tree.Node:
@@ -143,7 +145,8 @@ def _check_names(leaf: tree.Node, words: Vocabulary) -> None:
     if isinstance(leaf, tree.Named):
         text = fields.TEXT[leaf.field.name]
         if leaf.value not in words.of(text.vocabulary):
-            raise unknown(leaf.column, leaf.field.name, leaf.value, words.of(text.vocabulary))
+            kind = "domain" if leaf.field.name == "has" else leaf.field.name
+            raise unknown(leaf.column, kind, leaf.value, words.of(text.vocabulary))
 
 
 def used_fields(node: tree.Node) -> tuple[tree.Field, ...]:
@@ -163,7 +166,11 @@ def used_runs(node: tree.Node) -> set[str]:
 
 
 def _runs(leaf: tree.Node) -> set[str]:
-    named = [leaf.run] if isinstance(leaf, tree.Like) else [f.run for f in used_fields(leaf)]
+    named = (
+        [leaf.run]
+        if isinstance(leaf, tree.Like | tree.Paired)
+        else [f.run for f in used_fields(leaf)]
+    )
     return {run for run in named if run is not None}
 
 

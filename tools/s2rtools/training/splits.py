@@ -14,6 +14,8 @@ from s2rstore.records import SPLITS
 
 TRAIN, VALIDATION, TEST, UNSEEN = (SPLITS.index(name) for name in SPLITS)
 
+NO_SPLIT = -1
+"""Code of an instance that the domain has no image of."""
 BLOCK = 8
 TEST_EVERY = 5
 VALIDATION_SHARE = 10

@@ -8,6 +8,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -183,18 +184,32 @@ def _frames(
             frames[name] = StreamedFrames(domain.kind, read, contract, domain.depth_scale)
     poses = np.stack([truth.x, truth.y, truth.heading], axis=1)
     own = {name: store.poses(name) for name in frames if store.has_own_poses(name)}
-    return TrainingFrames(frames, poses, truth.trajectory, own)
+    imaged = {name: store.imaged(name) for name in frames}
+    partly = {name: mask for name, mask in imaged.items() if not mask.all()}
+    return TrainingFrames(frames, poses, truth.trajectory, own, partly)
 
 
 def _adjusted_frames(
     store: Store, domain: Domain, chain: list[dict[str, Any]], start: int, stop: int
 ) -> Iterator[Images]:
-    """Images of iids [start, stop) at the size of their source, in blocks of one size."""
-    for _, images in store.source_frames(domain.domain, start, stop):
-        rgb, depth, _ = adjusted_images(
-            images, domain, chain, store.path, store.dataset.frame_width
-        )
-        yield rgb, depth
+    """Images of iids [start, stop) at the size of their source, in blocks of one size.
+
+    Instances without an image in the domain have black ones of the frame size.
+    """
+    imaged = store.imaged(domain.domain)
+    edges = start + 1 + np.flatnonzero(np.diff(imaged[start:stop]))
+    for first, last in pairwise([start, *edges.tolist(), stop]):
+        if not imaged[first]:
+            known = int(imaged.argmax())
+            black = store.frames(domain.domain, known, known + 1)
+            rgb, depth = (np.repeat(0 * black[name], last - first, axis=0) for name in black)
+            yield rgb, depth
+            continue
+        for _, images in store.source_frames(domain.domain, first, last):
+            rgb, depth, _ = adjusted_images(
+                images, domain, chain, store.path, store.dataset.frame_width
+            )
+            yield rgb, depth
 
 
 def _check_trainable(contract: InputContract, start: LoadedModel | None) -> None:

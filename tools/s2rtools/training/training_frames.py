@@ -155,13 +155,15 @@ class TrainingFrames:
     """Domains by name, poses (N, 3) x, y in metres, heading in radians, trajectory codes (N,).
 
     Row i is iid i; rows of one trajectory are in recording order. `own_poses` are those of domains
-    whose frames have other poses (N, 3) than the instances.
+    whose frames have other poses (N, 3) than the instances. `imaged` (N,) are the instances that a
+    domain has frames of, where it lacks some; the others are black and belong to no split.
     """
 
     domains: dict[str, DomainFrames]
     poses: NDArray[np.float64]
     trajectory: NDArray[np.int32]
     own_poses: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    imaged: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
 
     def truth(self, domain: str) -> NDArray[np.float64]:
         """The true poses of a domain's frames, (N, 3)."""

@@ -112,20 +112,23 @@ def _splits(frames: TrainingFrames, recipe: TrainingRecipe, start_splits: Splits
     What the start model has learned from never becomes a test. Instances that were appended after
     its training are split by the rules.
     """
-    rows = frames.trajectory
     splits: Splits = {}
     for name, domain in frames.domains.items():
-        before = (start_splits or {}).get(name)
+        imaged = frames.imaged.get(name, np.ones(len(frames), dtype=np.bool_))
+        rows, before = frames.trajectory[imaged], (start_splits or {}).get(name)
+        before = None if before is None else before[imaged]
         if domain.kind not in recipe.learns_from:
-            unseen = np.full(len(frames), split_rules.UNSEEN, dtype=np.int8)
-            splits[name] = unseen if before is None else before
+            unseen = np.full(len(rows), split_rules.UNSEEN, dtype=np.int8)
+            codes = unseen if before is None else before
         elif domain.kind == "real":
-            splits[name] = split_rules.with_earlier(split_rules.split_by_recording(rows), before)
+            codes = split_rules.with_earlier(split_rules.split_by_recording(rows), before)
         elif before is not None and (before == split_rules.TRAIN).any():
             appended = before == split_rules.UNSEEN
-            splits[name] = np.where(appended, split_rules.split_by_blocks(rows), before)
+            codes = np.where(appended, split_rules.split_by_blocks(rows), before)
         else:
-            splits[name] = split_rules.split_by_blocks(rows)
+            codes = split_rules.split_by_blocks(rows)
+        splits[name] = np.full(len(frames), split_rules.NO_SPLIT, dtype=np.int8)
+        splits[name][imaged] = codes
     return splits
 
 

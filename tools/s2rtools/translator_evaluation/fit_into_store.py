@@ -94,13 +94,16 @@ def fit_into_store(root: Path, request: FitRequest, command: str) -> Verdict | N
         size = fit_size(store.dataset.frame_height, store.dataset.frame_width, request.long_edge)
         codes = _split_codes(store, source, target)
         iids = np.flatnonzero(codes == fit_split.FITTED)
+        pairs = iids[store.imaged(source, target)[iids]]
+        if request.settings.paired:
+            iids = pairs
         settings = replace(request.settings, checkpoint=checkpoint)
         fitted = method.fit(
             from_store(store, source, iids, size), from_store(store, target, iids, size), settings
         )
         held_out = [_checked_images(store, name, codes, size) for name in (source, target)]
         verdict = _check_content(fitted.translator, *held_out)
-        noise = _measure_depth_noise(store, source, target, iids) if request.depth_noise else None
+        noise = _measure_depth_noise(store, source, target, pairs) if request.depth_noise else None
     stored = StoredTranslator(fitted.translator, source, target, size, noise)
     publish(root, name, stored, request, fitted, codes, verdict, command)
     checkpoint.unlink(missing_ok=True)

@@ -104,15 +104,17 @@ def judged_instances(
     """The instances for one of several translators that are judged together.
 
     All of the translators hold them out, so that they are compared on the same images. Where fewer
-    than `MIN_IMAGES` are held out, all instances are judged. Of more than `max_images` whole
-    blocks are drawn by `seed`. Raises RequestError for a domain with too few images.
+    than `MIN_IMAGES` are held out, all instances are judged. In a data set with poses they are
+    pairs, whose images are compared with each other. Of more than `max_images` whole blocks are
+    drawn by `seed`. Raises RequestError for a domain with too few images.
     """
     usable = np.ones(len(store.instances), dtype=np.bool_)
     for each in translators:
         usable &= np.isin(np.arange(len(usable)), each.held_out)
     chosen, held_out = [], True
     for domain in (translator.source, translator.target):
-        imaged = store.imaged(domain)
+        needed = (translator.source, translator.target) if store.has_poses else (domain,)
+        imaged = store.imaged(*needed)
         if imaged.sum() < MIN_IMAGES:
             raise RequestError(
                 f"{store.path}: domain {domain} has {imaged.sum()} images; judging needs "
