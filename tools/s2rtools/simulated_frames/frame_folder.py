@@ -1,0 +1,129 @@
+"""A folder of rendered frames: a recording of layout csv, and what is in it already.
+
+    frames.csv       a row for each frame: images, pose of the camera, trajectory
+    frames.toml      the camera
+    rgb/KEY.png      the PNG that the renderer wrote
+    depth/KEY.png    16-bit depth in the units of the domain, 0 = none
+
+The key of a frame is a hash of the renderer's name and version, the camera, all parameter values
+and the pose; a frame that exists is not rendered again.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rstore.files import atomic_writes, safe_files
+from s2rstore.records import Domain
+from s2rtools.renderer.frames import RenderedFrame
+from s2rtools.renderer.protocol import CameraPose, Hello, Ready
+
+TABLE, DESCRIPTION = "frames.csv", "frames.toml"
+_COLUMNS = ("rgb", "depth", "x", "y", "z", "qx", "qy", "qz", "qw", "trajectory")
+_MOST_TABLE = 256 << 20
+_KEY_DIGITS = 24
+
+
+class FrameFolder:
+    """The frames of one camera; several threads may save different frames."""
+
+    def __init__(self, path: Path, domain: Domain, camera: Hello) -> None:
+        """Make the folder. Raises RequestError where it holds frames of another camera."""
+        self.path, self._domain = path, domain
+        self._camera = msgspec.structs.replace(camera, folder="")
+        text = self._description()
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            present = safe_files.read(path, DESCRIPTION, 1 << 16)
+        except FileNotFoundError:
+            if any(entry.is_file() for entry in path.iterdir()):
+                raise RequestError(f"{path}: holds other files; choose a new folder") from None
+            atomic_writes.write(path, DESCRIPTION, text.encode())
+            return
+        except OSError as error:
+            raise RequestError(f"{path}: {error.strerror or error}") from error
+        if present != text.encode():
+            raise RequestError(f"{path}: holds frames of another camera; choose a new folder")
+
+    def key(self, ready: Ready, pose: CameraPose, parameters: dict[str, float]) -> str:
+        """The key of a frame, which names its files."""
+        facts = (
+            ready.name,
+            ready.version,
+            ready.depth,
+            self._camera,
+            pose,
+            sorted(parameters.items()),
+        )
+        return hashlib.sha256(msgspec.json.encode(facts)).hexdigest()[:_KEY_DIGITS]
+
+    def has(self, key: str) -> bool:
+        """Whether a frame exists; depth is written first."""
+        return safe_files.kind(self.path, f"rgb/{key}.png") == "file"
+
+    def save(self, key: str, frame: RenderedFrame) -> None:
+        """Write the files of a frame."""
+        if frame.depth is not None:
+            _, png = cv2.imencode(
+                ".png", self.raw_depth(frame.depth), [cv2.IMWRITE_PNG_COMPRESSION, 1]
+            )
+            atomic_writes.write(self.path, f"depth/{key}.png", png.tobytes(), durable=False)
+        atomic_writes.write(self.path, f"rgb/{key}.png", frame.png, durable=False)
+
+    def raw_depth(self, metres: NDArray[np.float32]) -> NDArray[np.uint16]:
+        """Depth in the units of the domain; 0 where there is none or it is out of range."""
+        raw = np.rint(metres.astype(np.float64) / self._domain.depth_scale)
+        valid = (raw >= self._domain.depth_raw_min) & (raw <= self._domain.depth_raw_max)
+        return np.where(valid, raw, 0).astype(np.uint16)
+
+    def add_rows(
+        self, keys: Sequence[str], poses: Sequence[CameraPose], trajectory: str, depth: bool
+    ) -> int:
+        """Add the frames that exist to the table, behind its rows; returns the rows of the table.
+
+        A frame that the table has in any trajectory is not added again.
+        """
+        rows = self._rows()
+        present = {row[0] for row in rows}
+        for key, pose in zip(keys, poses, strict=True):
+            rgb = f"rgb/{key}.png"
+            if rgb in present or not self.has(key):
+                continue
+            present.add(rgb)
+            w, x, y, z = map(repr, pose.quaternion)
+            at = map(repr, pose.position)
+            rows.append([rgb, f"depth/{key}.png" if depth else "", *at, x, y, z, w, trajectory])
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerows([_COLUMNS, *rows])
+        atomic_writes.write(self.path, TABLE, text.getvalue().encode())
+        return len(rows)
+
+    def _rows(self) -> list[list[str]]:
+        try:
+            content = safe_files.read(self.path, TABLE, _MOST_TABLE)
+        except FileNotFoundError:
+            return []
+        rows = list(csv.reader(io.StringIO(content.decode(errors="replace"))))
+        if rows[:1] != [list(_COLUMNS)] or any(len(row) != len(_COLUMNS) for row in rows):
+            raise RequestError(f"{self.path / TABLE}: not as `s2r render` writes it; delete it")
+        return rows[1:]
+
+    def _description(self) -> str:
+        camera, domain = self._camera, self._domain
+        return (
+            f"depth_scale = {domain.depth_scale!r}\n"
+            f"depth_raw_max = {domain.depth_raw_max}\n\n"
+            f"[camera]\nwidth = {camera.width}\nheight = {camera.height}\n"
+            f"fx = {camera.fx!r}\nfy = {camera.fy!r}\ncx = {camera.cx!r}\ncy = {camera.cy!r}\n"
+        )
