@@ -34,7 +34,7 @@ from s2rtools.precompute.frame_reader import (
 )
 from s2rtools.precompute.rig_alignment import load_alignment
 from s2rtools.precompute.tasks.network_outputs import as_stored, side_batch
-from s2rtools.rendering import no_renderer_reason
+from s2rtools.synthetic_world.stored_world import no_renderer_reason
 
 _FRAME_BYTES = 32 << 20
 _RESULT_BYTES = 64 << 20
