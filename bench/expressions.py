@@ -198,6 +198,7 @@ class Maker:
             "rooms": [f"room {self._rng.randint(1, 12)}"],
             "trajectories": [f"walk-{self._rng.randint(0, 15):02d}"],
             "splits": ["train", "validation", "test", "unseen"],
+            "domains": ("sim", "real"),
         }[fields.TEXT[name].vocabulary]
         return n.Named(n.Field(name, self._run()), self._rng.choice(values))
 

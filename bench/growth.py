@@ -37,8 +37,6 @@ Columns = dict[str, dict[str, Any]]
 def store_of_runs(path: Path, count: int) -> Path:
     """A store of 10^6 instances with `count` runs, all but two with rows of the first one."""
     root = index_store.build(path, INSTANCES, runs=index_store.RUNS[:2])
-    with edit(root) as draft:
-        draft.insert("frame", _frames())
     _add_runs(root, count)
     return root
 
@@ -68,20 +66,6 @@ def figures(folder: Path) -> Iterator[BudgetRow]:
     with edit(root) as draft:
         draft.set_provenance("bench", {"a": "b"})
     yield BudgetRow("bytes of a generation without new rows", _bytes(root) - before, "bytes", 150e6)
-
-
-def _frames() -> dict[str, Any]:
-    rng = np.random.default_rng(3)
-    names = [f"walk/{iid:08d}.png" for iid in range(INSTANCES)] * 2
-    digests = rng.bytes(32 * 2 * INSTANCES).hex()
-    return {
-        "iid": np.tile(np.arange(INSTANCES, dtype=np.int32), 2),
-        "domain": ["sim"] * INSTANCES + ["real"] * INSTANCES,
-        "rgb_path": names,
-        "depth_path": names,
-        "sha256": [digests[64 * row : 64 * row + 64] for row in range(2 * INSTANCES)],
-        "valid_depth_fraction": rng.random(2 * INSTANCES),
-    }
 
 
 def _rows() -> dict[str, Columns]:

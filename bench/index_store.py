@@ -30,7 +30,7 @@ _TRAJECTORIES = 16
 
 
 def build(path: Path, n: int, seed: int = 11, runs: Sequence[str] = RUNS) -> Path:
-    """Write the store and return its path; frames and heatmaps are missing."""
+    """Write the store and return its path; arrays of frames and heatmaps are missing."""
     rng = np.random.default_rng(seed)
     per = -(-n // _TRAJECTORIES)
     turn = np.cumsum(rng.normal(0, 0.08, n))
@@ -54,9 +54,24 @@ def build(path: Path, n: int, seed: int = 11, runs: Sequence[str] = RUNS) -> Pat
                 "curvature": rng.normal(0, 12, n),
             },
         )
+        draft.insert("frame", _frames(n))
         for index, run in enumerate(runs):
             _run(draft, run, index, (x, y, heading), codes, rng)
     return path
+
+
+def _frames(n: int) -> dict[str, Any]:
+    rng = np.random.default_rng(3)
+    names = [f"walk/{iid:08d}.png" for iid in range(n)] * 2
+    digests = rng.bytes(32 * 2 * n).hex()
+    return {
+        "iid": np.tile(np.arange(n, dtype=np.int32), 2),
+        "domain": ["sim"] * n + ["real"] * n,
+        "rgb_path": names,
+        "depth_path": names,
+        "sha256": [digests[64 * row : 64 * row + 64] for row in range(2 * n)],
+        "valid_depth_fraction": rng.random(2 * n),
+    }
 
 
 def _words(names: list[str], codes: NDArray[np.integer[Any]]) -> NDArray[np.object_]:

@@ -121,7 +121,7 @@ def apply_options(session: Session, options: SceneOptions, *views: View) -> Stat
         raise RequestError(f"--with {other}: must be another run ({names})")
     require_available(session.store, state.run, options.map_value)
     sort, group_sort = _sort_columns(session, state, options.sort, {view.name for view in views})
-    if iid is None and state.selected.any():
+    if iid is None and state.chosen.any():
         iid = state.cursor
     return session.set_state(
         replace(

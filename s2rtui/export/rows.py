@@ -50,9 +50,10 @@ _INTEGER_FIELDS = ("iid", "seq", "sim.rank", "real.rank")
 class EvaluationFacts:
     """Expression, run and data of an evaluation; `expanded` has no saved names in it.
 
-    `in_view` counts the valid instances in view, `trained_on` those of them that the run's model
-    was trained on; these are left out unless `with_trained`. `note` says for how many instances the
-    run is computed where these are not all.
+    `count` is the number of selected instances that count, `unpaired` says how many more lack an
+    image of a side. `in_view` counts the valid instances in view, `trained_on` those of them that
+    the run's model was trained on; these are left out unless `with_trained`. `note` says for how
+    many instances the run is computed where these are not all.
     """
 
     expression: str
@@ -67,6 +68,7 @@ class EvaluationFacts:
     trained_on: int = 0
     with_trained: bool = False
     note: str = ""
+    unpaired: str = ""
 
     def as_dict(self) -> dict[str, Any]:
         """Return the facts without those that add no information."""
@@ -78,8 +80,9 @@ class EvaluationFacts:
                 del facts[name]
         if self.trajectories is None:
             del facts["trajectories"]
-        if not self.note:
-            del facts["note"]
+        for name in ("note", "unpaired"):
+            if not facts[name]:
+                del facts[name]
         return facts
 
 
@@ -103,7 +106,7 @@ def selected_rows(
     """
     notes, run = notes or Notes(), query.context.run
     population = query.context.population
-    iids = np.flatnonzero(query.selected)
+    iids = np.flatnonzero(query.instances)
     default: tuple[str, ...] = COLUMNS if run != NO_RUN else TRUTH_COLUMNS
     default = default if store.has_poses else IMAGE_COLUMNS
     default += OFFSET_COLUMNS if store.has_loose_pairs else ()
@@ -118,7 +121,7 @@ def selected_rows(
         to_text(query.node), to_text(query.expanded), run, population.trajectories or None,
         store.generation, store.dataset.hash, store.dataset.name, query.count,
         int(np.count_nonzero(query.in_view)), int(np.count_nonzero(query.trained)),
-        population.with_trained, store.coverage(run).note,
+        population.with_trained, store.coverage(run).note, query.unpaired_text,
     )  # fmt: skip
     return SelectedRows(
         tuple(column.split(" AS ")[-1] for column in columns or default), rows, facts
@@ -129,7 +132,7 @@ def _rows_of(
     store: Store, run: str, iids: NDArray[np.intp], columns: Sequence[str]
 ) -> list[tuple[Any, ...]]:
     query = (
-        f"SELECT {', '.join(columns)} FROM {evaluation.pairs(store)} WHERE run = ? AND "
+        f"SELECT {', '.join(columns)} FROM {evaluation.rows_of_run(store, run)} WHERE run = ? AND "
         "iid BETWEEN ? AND ? AND iid IN (SELECT unnest(?::INTEGER[])) ORDER BY iid"
     )
     rows: list[tuple[Any, ...]] = []
@@ -150,6 +153,9 @@ def _column(
     is_field = name in fields.TEXT or name in fields.NUMERIC
     if run == NO_RUN and store.has_poses and is_field and not fields.is_truth(name):
         raise RequestError(f"--columns {name}: needs predictions: {store.no_run}")
+    if name == "has":
+        imaged = {domain: store.imaged(domain) for domain in store.domains}
+        return lambda iid: " ".join(domain for domain, mask in imaged.items() if mask[iid])
     if name in fields.TEXT:
         text = fields.TEXT[name]
         truth = store.instances

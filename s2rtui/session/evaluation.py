@@ -46,8 +46,9 @@ def evaluate(
     store, notes = context.store, context.notes
     query = query_of(store, state, notes, node)
     selected = query.selected
+    chosen = query.instances if query.unpaired.any() else selected
     suggested, messages = None, []
-    if not query.count:
+    if not chosen.any():
         empty, suggested = _nothing_selected(store, query)
         messages.append(empty)
     if query.trained_left_out:
@@ -62,7 +63,9 @@ def evaluate(
         selected=selected,
         base=base,
         trained=context.base_populations.trained(store, state, query),
-        cursor=_cursor(store, state, selected, base),
+        chosen=chosen,
+        unpaired_text=query.unpaired_text,
+        cursor=_cursor(store, state, selected, chosen, base),
         past=past,
         future=future,
         pending=pending,
@@ -97,15 +100,22 @@ def _nothing_selected(store: Store, query: Query) -> tuple[str, Node | None]:
 
 
 def _cursor(
-    store: Store, state: State, selected: NDArray[np.bool_], base: NDArray[np.bool_]
+    store: Store,
+    state: State,
+    selected: NDArray[np.bool_],
+    chosen: NDArray[np.bool_],
+    base: NDArray[np.bool_],
 ) -> int | None:
     """The present cursor if it is still selected, else the instance with the worst real error.
 
     Without errors it is the first one.
     """
-    pool = selected if selected.any() else base
+    pool = chosen if chosen.any() else base
     if state.cursor is not None and pool[state.cursor]:
         return state.cursor
+    if chosen.any() and not selected.any():
+        return int(chosen.argmax())
+    pool = selected if selected.any() else base
     errors = store.run_columns(state.run).real.error
     worst = _worst_iids(ArrayKey(errors))
     inside = pool[worst]

@@ -56,10 +56,10 @@ def order(store: Store, state: State, notes: Notes) -> NDArray[np.intp]:
     """The selected iids in the order of the list; ties by iid, missing values last."""
     if state.sort == REMARK:
         return _remarked_first(
-            ArrayKey(notes.remark_ranks), ArrayKey(state.selected), state.descending
+            ArrayKey(notes.remark_ranks), ArrayKey(state.chosen), state.descending
         )
     values = None if state.sort == "iid" else column(store, state, state.sort)
-    return _order(ArrayKey(values), ArrayKey(state.selected), state.descending)
+    return _order(ArrayKey(values), ArrayKey(state.chosen), state.descending)
 
 
 @cached_by_identity(2)

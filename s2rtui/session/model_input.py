@@ -25,7 +25,7 @@ _SHORT = 18
 class ModelInput:
     """rgb (H, W, 3) uint8, depth (H, W) metres with NaN where invalid, and their adjustments.
 
-    Without frames in the store, rgb has shape (0, 0, 3). Without depth, depth is None.
+    Without an image, rgb has shape (0, 0, 3). Without depth, depth is None.
     `title` names a domain other than the side's usual one and short adjustments; `notes` hold
     adjustments that are too long for it. `original` is the RGB image before the adjustments, None
     where no translator is among them.
@@ -40,11 +40,13 @@ class ModelInput:
 
 def model_input(store: Store, run: Run, side: Side, iid: int) -> ModelInput:
     """A side's frame after the run's adjustments; image adjustments need `s2rtools`."""
-    domain, chain = store.domain(run.domain(side)), run.adjustments(side)
-    if not store.has_frames(domain.domain) or not store.is_imaged(iid, domain.domain):
-        where = "of this instance" if store.has_frames(domain.domain) else "in this store"
-        missing = ((f"{side} frames", f"none of {domain.domain} {where}"),)
+    name, chain = run.domain(side), run.adjustments(side)
+    has_frames = bool(name) and store.has_frames(name)
+    if not has_frames or not store.is_imaged(iid, name):
+        where = "image of this instance" if has_frames else "images in this store"
+        missing = (("images", f"no {name or side} {where}"),)
         return ModelInput(np.zeros((0, 0, 3), dtype=np.uint8), None, "", missing)
+    domain = store.domain(name)
     frame = run_frame(store, run, side, iid)
     images = [step for step in chain if step["name"] not in NAMES]
     adjusted = _adjusted(frame, domain, images, store.path) if images else frame

@@ -31,7 +31,7 @@ def move_cursor(context: SessionContext, state: State, steps: int) -> State:
 
     From an instance outside of it, the first step leads to the nearest one in that direction.
     """
-    members = np.flatnonzero(state.selected if state.selected.any() else state.base)
+    members = np.flatnonzero(state.chosen if state.chosen.any() else state.base)
     if not members.size:
         return state.with_message("no instance in view")
     at = int(np.searchsorted(members, -1 if state.cursor is None else state.cursor))
@@ -42,7 +42,7 @@ def move_cursor(context: SessionContext, state: State, steps: int) -> State:
 
 def move_to_end(context: SessionContext, state: State, last: bool) -> State:
     """Move to the first or the last instance of those that `move_cursor` visits."""
-    members = np.flatnonzero(state.selected if state.selected.any() else state.base)
+    members = np.flatnonzero(state.chosen if state.chosen.any() else state.base)
     if not members.size:
         return state.with_message("no instance in view")
     return set_cursor(context, state, int(members[-1 if last else 0]))

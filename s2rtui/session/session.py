@@ -283,6 +283,7 @@ def _initial_state(store: Store, run: str | None, history: HistoryFile | None) -
         selected=everything,
         base=everything,
         trained=np.zeros_like(everything),
+        chosen=everything,
         cursor=None,
         heat=None,
         history=history,

@@ -10,7 +10,7 @@ from s2rstore.errors import RequestError
 from s2rstore.language import Node, evaluation, expand
 from s2rstore.language.fields import NUMERIC, TEXT
 from s2rstore.language.name_resolution import used_fields
-from s2rstore.language.syntax_tree import Everything, Extreme, Field, Like, Training, leaves
+from s2rstore.language.syntax_tree import Everything, Extreme, Field, Like, Paired, Training, leaves
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtui.session.context import SessionContext
@@ -21,7 +21,7 @@ MAX_HISTORY = 100
 SMALL_STORE = 20_000
 """Instances whose columns are read fast enough for the UI thread."""
 _SIDE_COLUMNS = ("x", "y", "heading", "error", "heading_error", "room", "u", "v", "outlier")
-_POPULATION_COLUMNS = ("valid", "trained")
+_POPULATION_COLUMNS = ("valid", "trained", "paired")
 _RUN_COLUMNS = ("shift", *_POPULATION_COLUMNS)
 _TRUTH_COLUMNS = ("x", "y", "heading", "seq", "trajectory", "room", "curvature")
 
@@ -47,7 +47,7 @@ def expression_is_loaded(store: Store, run: str, node: Node) -> bool:
 def _leaf_is_loaded(store: Store, run: str, leaf: Node) -> bool:
     if isinstance(leaf, Like):
         return False  # compares embeddings
-    if isinstance(leaf, Training):
+    if isinstance(leaf, Training | Paired):
         return store.has_loaded(leaf.run or run, None, _POPULATION_COLUMNS)
     if isinstance(leaf, Extreme):  # ranks within the base population
         ranked = leaf.field.run or run
@@ -61,7 +61,7 @@ def _field_is_loaded(store: Store, run: str, used: Field) -> bool:
     owner, _, name = path.rpartition(".")
     side = next((side for side in SIDES if side == owner), None)
     of = None if owner == "instances" else used.run or run
-    return path == "iid" or store.has_loaded(of, side, [name])
+    return used.name in ("iid", "has") or store.has_loaded(of, side, [name])
 
 
 def load_columns(store: Store, target: Target, is_current: Callable[[], bool]) -> None:

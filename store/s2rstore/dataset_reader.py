@@ -76,7 +76,8 @@ class DatasetReader(IndexCatalog):
     def instances(self) -> InstanceColumns:
         """Ground truth, aligned by iid; each column is loaded at its first use."""
         names = tuple(trajectory.trajectory for trajectory in self.trajectories)
-        return column_loader.load_instances(self._column_loader, names, self.stored_rooms)
+        rooms = self.stored_rooms
+        return column_loader.load_instances(self._column_loader, names, rooms, self.imaged)
 
     def poses(self, domain: str) -> NDArray[np.float64]:
         """The true poses of a domain's frames: x, y in metres and heading in radians, (N, 3).
@@ -250,22 +251,21 @@ class DatasetReader(IndexCatalog):
 
     @cached_property
     def imaged_parts(self) -> dict[str, frozenset[TrajectoryPart]]:
-        """The parts of trajectories of which each domain has images; it has all or none of a part.
+        """The parts of trajectories of which each domain has images, by table `frame`.
 
-        In a data set with poses every domain images what was ingested first.
+        A domain has an image of every instance of a part, or of none.
         """
-        whole = {part for part in self.trajectory_parts if self.has_poses and part.part == 0}
-        others = {part.first_iid: part for part in self.trajectory_parts if part not in whole}
+        parts = {part.first_iid: part for part in self.trajectory_parts}
         query = "SELECT domain, iid FROM frame WHERE iid IN (SELECT unnest(?::INTEGER[]))"
-        rows = self.execute(query, [list(others)]) if others else []
+        rows = self.execute(query, [list(parts)])
         return {
-            name: frozenset(whole | {others[iid] for domain, iid in rows if domain == name})
+            name: frozenset(parts[iid] for domain, iid in rows if domain == name)
             for name in self.domains
         }
 
     def imaged(self, *domains: str) -> NDArray[np.bool_]:
         """The instances that every one of the domains images, shape (N,)."""
-        imaged = np.zeros(len(self.instances), dtype=bool)
+        imaged = np.zeros(self.parts[-1].stop, dtype=bool)
         for iids in self.imaged_ranges(*domains):
             imaged[iids.start : iids.stop] = True
         return imaged

@@ -22,6 +22,7 @@ from s2rstore.index.columns import RunColumns
 from s2rstore.lru_cache import LruCache
 from s2rstore.records import (
     NO_RUN,
+    SIDES,
     ArrayRecord,
     Coverage,
     Side,
@@ -94,15 +95,22 @@ class Store(DatasetReader):
         """
         with self._lock:
             if run == NO_RUN and not self.has_computed_run and run not in self._runs_columns:
-                self._runs_columns[run] = column_loader.unpredicted(len(self.instances))
+                imaged = {side: self._imaged_side(side) for side in SIDES}
+                self._runs_columns[run] = column_loader.unpredicted(len(self.instances), imaged)
             if run not in self._runs_columns:
                 if self.run(run).key is None:
                     message = f"run {run!r}: not computed yet; run `s2r precompute`"
                     raise NotComputedError(message)
                 self._runs_columns[run] = column_loader.load_run_columns(
-                    self._column_loader, run, self.instances, self.rooms
+                    self._column_loader, self.run(run), self.instances, self.rooms
                 )
             return self._runs_columns[run]
+
+    def _imaged_side(self, side: Side) -> NDArray[np.bool_]:
+        """The instances with an image in a domain of a kind, (N,)."""
+        domains = [domain.domain for domain in self.domains.values() if domain.kind == side]
+        nothing = np.zeros(len(self.instances), dtype=np.bool_)
+        return np.asarray(np.logical_or.reduce([nothing, *map(self.imaged, domains)]))
 
     def coverage(self, run: str) -> Coverage:
         """For how many instances a run is computed; for all that it can be in a store of one part.
@@ -124,10 +132,8 @@ class Store(DatasetReader):
         if record.is_imported:
             computed, lost = self._imported_counts(run)
             return Coverage(run, computed, total, is_imported=True, not_localised=lost)
-        imaged = total
-        if count > 1:
-            imaged = sum(map(len, self.imaged_ranges(record.sim_domain, record.real_domain)))
-        computed = self._computed_count(run) if count > 1 or record.key is None else total
+        imaged = sum(map(len, self.imaged_ranges(record.sim_domain, record.real_domain)))
+        computed = self._computed_count(run) if count > 1 or record.key is None else imaged
         return Coverage(run, computed, imaged, not_imaged=total - imaged)
 
     def _computed_count(self, run: str) -> int:

@@ -93,26 +93,19 @@ def test_two_real_images_may_share_a_sim_image(data, tmp_path):
 
 
 @pytest.mark.parametrize("leftover", ["nothing", "an empty folder"])
-def test_an_incomplete_domain_is_skipped_unless_its_trajectory_is_chosen(tmp_path, leftover):
+def test_a_trajectory_may_lack_an_edited_simulator(tmp_path, leftover):
     header = pairs.sim2realviz(tmp_path / "data", 6, ("traj1", "traj2"), edit=True)
     edited = tmp_path / "data" / "traj2" / "sim_edit"
     shutil.rmtree(edited)
     if leftover != "nothing":
         edited.mkdir()
     scan = ingest("sim2realviz", tmp_path / "data", tmp_path / "all.s2r", header=header)
-    issues = [p for p in scan.issues if p.kind == "domain not everywhere"]
-    assert [(p.file, "--trajectory traj1" in p.detail) for p in issues] == [("traj2", True)]
-    assert ("empty folder" in kinds(scan)) == (leftover != "nothing")
+    assert kinds(scan) == ({} if leftover == "nothing" else {"empty folder": 1})
     with s2rstore.open(tmp_path / "all.s2r") as store:
-        assert set(store.domains) == {"sim", "real"}
-        assert len(store.instances) == 12
-    assert verify(tmp_path / "all.s2r") == []
-    ingest(
-        "sim2realviz", tmp_path / "data", tmp_path / "one.s2r", strict=True,
-        header=header, trajectories=("traj1",),
-    )  # fmt: skip
-    with s2rstore.open(tmp_path / "one.s2r") as store:
         assert set(store.domains) == {"sim", "real", "sim_edit"}
+        assert store.imaged("sim", "real").all()
+        assert store.imaged("sim_edit").tolist() == [True] * 6 + [False] * 6
+    assert verify(tmp_path / "all.s2r") == []
 
 
 @pytest.mark.parametrize(("bits", "dtype"), [(8, "uint8"), (16, "uint16")])
@@ -132,6 +125,29 @@ def test_a_manifest_is_ingested(tmp_path, bits, dtype):
         expected = [a for *_, a in pairs.circular_poses(12)]
         assert angles.distance(store.instances.heading, expected).max() < 1e-5
     assert verify(tmp_path / "s.s2r") == []
+
+
+def test_trajectories_of_a_manifest_may_have_one_side(tmp_path):
+    path = pairs.manifest(tmp_path / "data", 12)
+    header, *rows = path.read_text().splitlines()
+    names = header.split(",")
+    trajectory, domain = names.index("trajectory"), names.index("domain")
+    last = max(row.split(",")[trajectory] for row in rows)
+    kept = [r for r in rows if (v := r.split(","))[trajectory] != last or v[domain] != "real"]
+    path.write_text("\n".join([header, *kept]) + "\n")
+    assert ingest("csv", path, tmp_path / "mixed.s2r").issues == []
+    sim = [row for row in rows if row.split(",")[domain] == "sim"]
+    path.write_text("\n".join([header, *sim]) + "\n")
+    assert ingest("csv", path, tmp_path / "sim.s2r").issues == []
+    path.write_text("\n".join([header, *kept[:-1], rows[-1]]) + "\n")
+    scan = IMPORTERS["csv"](path, ScanOptions(frame=SIZE))
+    assert kinds(scan)["unmatched pair"] == 6
+    for name, real in (("mixed", [True] * 6 + [False] * 6), ("sim", [False] * 12)):
+        with s2rstore.open(tmp_path / f"{name}.s2r") as store:
+            assert store.imaged("sim").all()
+            if "real" in store.domains:
+                assert store.imaged("real").tolist() == real
+        assert verify(tmp_path / f"{name}.s2r") == []
 
 
 def test_depth_images_may_have_another_size(tmp_path):

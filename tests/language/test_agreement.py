@@ -14,6 +14,7 @@ from s2rstore.language import ExpressionError, evaluation, fields, located, pars
 from s2rstore.language import syntax_tree as n
 from s2rstore.reader import Store
 from tests.support import embeddings, tiny
+from tests.support.copies import copy_store
 
 NUMBERS = st.one_of(
     st.integers(-200, 200).map(float),
@@ -39,6 +40,7 @@ def _named_strategy() -> st.SearchStrategy[n.Node]:
         "rooms": st.sampled_from(["left hall", "right"]),
         "trajectories": st.sampled_from(["a", "b"]),
         "splits": st.sampled_from(["train", "validation", "test", "unseen"]),
+        "domains": st.sampled_from(["sim", "real"]),
     }
     return st.sampled_from(sorted(fields.TEXT)).flatmap(
         lambda name: st.builds(
@@ -58,6 +60,7 @@ LEAVES = st.one_of(
     st.just(n.Everything()),
     st.just(n.Nothing()),
     st.builds(n.Bend, st.booleans()),
+    st.builds(n.Paired, RUN_NAMES),
     st.builds(n.Training, st.booleans(), RUN_NAMES),
     st.builds(
         lambda a, b: n.Ids(((min(a, b), max(a, b)),)), st.integers(0, 50), st.integers(0, 50)
@@ -133,21 +136,58 @@ def store_with_missing_values(tmp_path_factory: pytest.TempPathFactory) -> Store
     return s2rstore.open(path)
 
 
+@pytest.fixture(scope="module")
+def store_with_unpaired_instances(
+    store_with_missing_values: Store, tmp_path_factory: pytest.TempPathFactory
+) -> Store:
+    """The same store where no real image of trajectory b exists, and one run has no rows of it."""
+    path = copy_store(store_with_missing_values.path, tmp_path_factory.mktemp("mixed") / "s.s2r")
+    with edit(path) as draft:
+        of_b = "iid IN (SELECT iid FROM instance WHERE trajectory = 'b')"
+        draft._connection.execute(f"DELETE FROM frame WHERE domain = 'real' AND {of_b}")
+        draft._connection.execute(f"DELETE FROM prediction WHERE run = 'vanilla' AND {of_b}")
+        draft._connection.execute(
+            f"""UPDATE prediction SET x = NULL, y = NULL, heading = NULL, error = NULL, rank = NULL,
+                heading_error = NULL, loss = NULL, accuracy = NULL, split = NULL
+                WHERE run = 'dataaug' AND {of_b}"""
+        )
+    return s2rstore.open(path)
+
+
 @settings(suppress_health_check=[HealthCheck.too_slow])
 @given(node=EXPRESSIONS, run=st.sampled_from(["vanilla", "dataaug"]), with_trained=st.booleans(),
        view=st.sampled_from([None, ("a",), ("b",), ("a", "b")]))  # fmt: skip
 def test_masks_and_sql_select_the_same_instances(
-    store_with_missing_values, node, run, with_trained, view
+    store_with_missing_values, store_with_unpaired_instances, node, run, with_trained, view
 ):
-    text, store = to_text(node), store_with_missing_values
-    mask = evaluation.select(store, text, run, view, with_trained=with_trained)
-    selected = np.flatnonzero(mask)
-    query, parameters = evaluation.sql(store, text, run, view, with_trained=with_trained)
-    try:
-        selected_by_sql = [row[0] for row in store_with_missing_values.execute(query, parameters)]
-    except duckdb.Error as error:
-        raise AssertionError(f"{text}: {error}") from error
-    assert selected_by_sql == selected.tolist(), text
+    text = to_text(node)
+    for store in (store_with_missing_values, store_with_unpaired_instances):
+        mask = evaluation.select(store, text, run, view, with_trained=with_trained)
+        selected = np.flatnonzero(mask)
+        query, parameters = evaluation.sql(store, text, run, view, with_trained=with_trained)
+        try:
+            selected_by_sql = [row[0] for row in store.execute(query, parameters)]
+        except duckdb.Error as error:
+            raise AssertionError(f"{text}: {error}") from error
+        assert selected_by_sql == selected.tolist(), text
+
+
+def test_instances_without_a_real_image_are_selected_and_do_not_count(
+    store_with_unpaired_instances,
+):
+    store = store_with_unpaired_instances
+    for run in ("vanilla", "dataaug"):
+        query = evaluation.query(store, "all", run)
+        pairs, sim_only = query.selected.sum(), (store.instances.trajectory == 1).sum()
+        assert query.count_text.startswith(f"{pairs} of ")
+        assert " pairs" in query.count_text
+        assert query.count_text.endswith(f", {sim_only} sim only")
+        for text, count in (
+            ("has:sim", pairs + sim_only), ("has:real", pairs), ("paired", pairs),
+            ("!paired", sim_only), ("traj:b", sim_only), ("has:sim - has:real", sim_only),
+            ("worst(100%)", pairs), ("new", pairs), ("trained", 0),
+        ):  # fmt: skip
+            assert evaluation.select(store, text, run).sum() == count, text
 
 
 @given(node=EXPRESSIONS)

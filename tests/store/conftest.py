@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from s2rstore.index import row_files
@@ -13,15 +12,8 @@ from tests.support.copies import copy_store
 
 @pytest.fixture(scope="module")
 def twin(tiny_store: Path, build_once: BuildOnce) -> Path:
-    """The synthetic store with rows of table `frame`, without files of rows."""
-    return build_once("rows-twin.s2r", lambda path: _add_frames(copy_store(tiny_store, path)))
-
-
-def _add_frames(root: Path) -> None:
-    with edit(root) as draft:
-        iids = np.tile(np.arange(40, dtype=np.int32), 2)
-        domains, names = ["sim"] * 40 + ["real"] * 40, [f"{iid:04d}.png" for iid in iids]
-        draft.insert("frame", {"iid": iids, "domain": domains, "rgb_path": names})
+    """The synthetic store without files of rows."""
+    return tiny_store
 
 
 @pytest.fixture(scope="module")

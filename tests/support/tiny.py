@@ -64,6 +64,10 @@ def build(
                 "curvature": rng.normal(0, 12, n),
             },
         )
+        for domain in ("sim", "real"):
+            names = [f"{iid:04d}.png" for iid in range(n)]
+            iids = np.arange(n, dtype=np.int32)
+            draft.insert("frame", {"iid": iids, "domain": [domain] * n, "rgb_path": names})
         for number, run in enumerate(runs):
             _run(draft, run, number, (x, y, heading), rng, run in trained)
     _frames(path, n, first, rng)

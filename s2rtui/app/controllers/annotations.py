@@ -93,7 +93,7 @@ class AnnotationController:
 
     def _selected_iids(self) -> list[int]:
         """The selected iids; raises RequestError for none, or too many for a notebook."""
-        iids = np.flatnonzero(self._app.session.state.selected)
+        iids = np.flatnonzero(self._app.session.state.chosen)
         if not iids.size:
             raise RequestError("nothing is selected: there is no instance to tag")
         if iids.size > _MAX_TAGGED:

@@ -63,8 +63,8 @@ def execute(options: argparse.Namespace) -> int:
         print_missing_shares(store, query)
         print_left_out(query)
         if options.count:
-            print(query.count)
-            if query.trained.any():
+            print(int(query.instances.sum()))
+            if query.trained.any() or query.unpaired.any():
                 _print_count(query)
             _print_suggestions(store, query)
             return 0
@@ -73,7 +73,11 @@ def execute(options: argparse.Namespace) -> int:
         _print_suggestions(store, query)
     metadata = selection.facts.as_dict() if options.with_expression else None
     output.write(selection.names, selection.rows, options, metadata)
-    if query.trained.any() or (options.format == "table" and options.out is None):
+    if (
+        query.trained.any()
+        or query.unpaired.any()
+        or (options.format == "table" and options.out is None)
+    ):
         _print_count(query)
     return 0
 
@@ -87,7 +91,7 @@ def _print_suggestions(store: Store, query: Query) -> None:
     """Print on standard error which wider expressions select something, where this one does not."""
     from s2rstore.language import widening
 
-    if query.count or not store.has_poses or query.context.run == NO_RUN:
+    if query.instances.any() or not store.has_poses or query.context.run == NO_RUN:
         return
     for wider in widening.widenings(query.node, query.context):
         print(f"nothing is selected; {wider.text} would give {wider.count}", file=sys.stderr)

@@ -16,7 +16,7 @@ from s2rstore.geometry import rooms as room_geometry
 from s2rstore.index import schema
 from s2rstore.index.columns import InstanceColumns, RunColumns, SideColumns
 from s2rstore.lru_cache import LruCache
-from s2rstore.records import NO_RUN, SIDES, SPLITS, TRAINING_SPLITS, Room, Side
+from s2rstore.records import NO_RUN, SIDES, SPLITS, TRAINING_SPLITS, Room, Run, Side
 
 _PROJECTED = ("u", "v")
 _SELECT = "SELECT iid, {} AS value FROM {} WHERE run = ? AND side = ?"
@@ -74,7 +74,10 @@ class ColumnLoader:
 
 
 def load_instances(
-    loader: ColumnLoader, trajectories: tuple[str, ...], rooms: Mapping[str, str]
+    loader: ColumnLoader,
+    trajectories: tuple[str, ...],
+    rooms: Mapping[str, str],
+    imaged: Callable[[str], NDArray[np.bool_]],
 ) -> InstanceColumns:
     """All instances in iid order; `rooms` maps displayed names to those in the index."""
     stored = {"trajectory": trajectories, "room": tuple(rooms.values())}
@@ -82,7 +85,7 @@ def load_instances(
     def read(name: str) -> NDArray[Any]:
         return loader.cache.get(("instance", name), partial(_instance_column, loader, name, stored))
 
-    return InstanceColumns(read, loader.n, trajectories, tuple(rooms))
+    return InstanceColumns(read, loader.n, trajectories, tuple(rooms), imaged)
 
 
 def _instance_column(
@@ -98,9 +101,10 @@ def _instance_column(
 
 
 def load_run_columns(
-    loader: ColumnLoader, run: str, truth: InstanceColumns, rooms: Sequence[Room]
+    loader: ColumnLoader, record: Run, truth: InstanceColumns, rooms: Sequence[Room]
 ) -> RunColumns:
     """Both sides of one run; instances without a prediction are NaN and not valid."""
+    run = record.run
 
     def cached(side: Side | None, load: Callable[[str], NDArray[Any]]) -> Callable[[str], Any]:
         return lambda name: loader.cache.get(("run", run, side, name), partial(load, name))
@@ -111,6 +115,8 @@ def load_run_columns(
             return room_geometry.room_codes(part.x, part.y, rooms, truth.room_names)
         if name in _PROJECTED:
             return _projected(loader, run, side, name, part.x)
+        if name == "imaged":
+            return truth.imaged(record.domain(side))
         return _predicted(loader, run, side, name)
 
     sides: dict[Side, SideColumns] = {
@@ -123,6 +129,8 @@ def load_run_columns(
             return np.asarray(real.error - sim.error)
         if name == "valid":
             return np.asarray(~(np.isnan(sim.error) | np.isnan(real.error)))
+        if name == "paired":
+            return np.asarray(sim.imaged & real.imaged)
         if name == "attempted":
             return np.asarray(((sim.split >= 0) & (real.split >= 0)) | columns.valid)
         if name == "trained":
@@ -145,9 +153,12 @@ def trained_instances(loader: ColumnLoader, run: str) -> NDArray[np.bool_]:
     return loader.column(sql, (run,), 0).astype(np.bool_)
 
 
-def unpredicted(n: int) -> RunColumns:
-    """Columns in place of a run's in a store without one, where every instance is valid."""
-    cache: dict[str, NDArray[Any]] = {}
+def unpredicted(n: int, imaged: Mapping[Side, NDArray[np.bool_]]) -> RunColumns:
+    """Columns in place of a run's in a store without one, where every instance is valid.
+
+    `imaged` (n,) are the instances with an image of a side.
+    """
+    cache: dict[str, NDArray[Any]] = {"paired": imaged["sim"] & imaged["real"]}
 
     def read(name: str) -> NDArray[Any]:
         blank: NDArray[Any] = np.full(n, np.nan)
@@ -159,7 +170,10 @@ def unpredicted(n: int) -> RunColumns:
             blank = np.full(n, name != "trained")
         return cache.setdefault(name, blank)
 
-    return RunColumns(read, NO_RUN, SideColumns(read), SideColumns(read))
+    def of_side(side: Side) -> SideColumns:
+        return SideColumns(lambda name: imaged[side] if name == "imaged" else read(name))
+
+    return RunColumns(read, NO_RUN, of_side("sim"), of_side("real"))
 
 
 def _predicted(loader: ColumnLoader, run: str, side: Side, name: str) -> NDArray[Any]:

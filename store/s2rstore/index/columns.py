@@ -50,7 +50,8 @@ class InstanceColumns(Columns):
     Text columns are codes into their names; -1 is NULL. Missing numbers are NaN. x, y and the
     odometry in metres, headings in radians, curvature in degrees, timestamps in seconds.
     `pair_offset_m` and `pair_offset_deg` are the distance and the angle between the poses of the
-    sim and the real image, 0 for pairs of one pose.
+    sim and the real image, 0 for pairs of one pose. `imaged(domain)` are the instances with an
+    image in a domain.
     """
 
     x: FloatColumn
@@ -68,10 +69,16 @@ class InstanceColumns(Columns):
     pair_offset_deg: FloatColumn
 
     def __init__(
-        self, read: Read, n: int, trajectory_names: tuple[str, ...], room_names: tuple[str, ...]
+        self,
+        read: Read,
+        n: int,
+        trajectory_names: tuple[str, ...],
+        room_names: tuple[str, ...],
+        imaged: Callable[[str], BoolColumn],
     ) -> None:
         super().__init__(read)
         self._n = n
+        self.imaged = imaged
         self.trajectory_names = trajectory_names
         self.room_names = room_names
 
@@ -88,7 +95,8 @@ class SideColumns(Columns):
     is the distance to the nearest embeddings over the side's median; `sigma` is the standard
     deviation of the position per axis that the network states. x, y, sigma, error in metres,
     heading and heading_error in radians. `share_*` of the real side are the metres of the gap that
-    each factor causes; NaN for the sim side.
+    each factor causes; NaN for the sim side. `imaged` marks the instances with an image in the
+    run's domain.
     """
 
     x: FloatColumn
@@ -105,6 +113,7 @@ class SideColumns(Columns):
     u: FloatColumn
     v: FloatColumn
     outlier: FloatColumn
+    imaged: BoolColumn
     share_lighting: FloatColumn
     share_depth: FloatColumn
     share_objects: FloatColumn
@@ -115,14 +124,15 @@ class SideColumns(Columns):
 class RunColumns(Columns):
     """A run's two sides, with gap = real error - sim error and shift between predictions, metres.
 
-    `attempted` marks the instances that the run was applied to on both sides, `valid` those of them
-    that it localised on both, and `trained` those of which an image was used to fit or to choose
-    the model. `split` is the first in `records.SPLITS` of the splits
-    of both sides, as a code with -1 for NULL.
+    `paired` marks the instances with an image in both domains of the run, `attempted` those that
+    the run was applied to on both sides, `valid` those of them that it localised on both, and
+    `trained` those of which an image was used to fit or to choose the model. `split` is the first
+    in `records.SPLITS` of the splits of both sides, as a code with -1 for NULL.
     """
 
     gap: FloatColumn
     shift: FloatColumn
+    paired: BoolColumn
     valid: BoolColumn
     attempted: BoolColumn
     split: IntColumn

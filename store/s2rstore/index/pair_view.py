@@ -88,6 +88,15 @@ def unpredicted() -> str:
     return f"(SELECT {_select_list(terms)} FROM instance)"
 
 
+def with_all_instances(run: str) -> str:
+    """View `pair` with a row for the instances that have none for a run; figures are NULL."""
+    name = f"'{quoted(run)}'"
+    return (
+        f"(FROM pair UNION ALL BY NAME SELECT * REPLACE ({name} AS run) FROM {unpredicted()} "
+        f"WHERE iid NOT IN (SELECT iid FROM pair WHERE run = {name}))"
+    )
+
+
 VIEWS: tuple[str, ...] = (_view_statement(),)
 """The statements that make the views of an index."""
 

@@ -54,6 +54,10 @@ class Population:
             valid = valid & run.valid
         return self._in_trajectories(truth, valid)
 
+    def unpaired(self, truth: InstanceColumns, run: RunColumns) -> BoolColumn:
+        """(N,) the instances in view without an image in a domain of the run, nor in `mask`."""
+        return self._in_trajectories(truth, ~run.paired & ~run.valid)
+
     def attempted(self, truth: InstanceColumns, run: RunColumns) -> BoolColumn:
         """(N,) as `mask` of one run, with the instances that the run did not localise."""
         chosen = self._in_trajectories(truth, run.attempted)
@@ -80,16 +84,31 @@ def new_to_run(alias: str) -> str:
     return " AND ".join(sides)
 
 
-def count_text(selected: int, in_view: int, trained: int, with_trained: bool) -> str:
+def count_text(
+    selected: int, in_view: int, trained: int, with_trained: bool, lone: str = ""
+) -> str:
     """`8 of 40 (32 trained on)`: the selected instances, those in view, and the trained of these.
 
     Where `with_trained`, the trained instances may be selected: `40 of 40 (32 trained on,
-    included)`. Without trained instances, `82 of 542`.
+    included)`. Without trained instances, `82 of 542`. With `lone`, an `unpaired_text`, the others
+    are pairs: `82 of 542 pairs, 1,000 sim only`.
     """
-    text = f"{selected} of {in_view}"
-    if not trained:
-        return text
-    return f"{text} ({trained} trained on{', included' if with_trained else ''})"
+    text = f"{selected} of {in_view}{' pairs' if lone else ''}"
+    if trained:
+        text += f" ({trained} trained on{', included' if with_trained else ''})"
+    return f"{text}, {lone}" if lone else text
+
+
+def unpaired_text(chosen: BoolColumn, run: RunColumns) -> str:
+    """`1,000 sim only, 20 real only`: the domains of the run that image the `chosen` instances.
+
+    Empty where none is chosen.
+    """
+    if not chosen.any():
+        return ""
+    counts = {f"{side} only": np.count_nonzero(chosen & run.side(side).imaged) for side in SIDES}
+    counts["without images of the run"] = np.count_nonzero(chosen) - sum(counts.values())
+    return ", ".join(f"{count:,} {text}" for text, count in counts.items() if count)
 
 
 def left_out_text(count: int, hint: str = INCLUDE_HINT) -> str:

@@ -86,8 +86,8 @@ TABLES: tuple[Table, ...] = (
     ),
     table_of(
         "domain",
-        "domains that image every instance, with their cameras at the stored frame size; without "
-        "poses a domain images the instances of table frame",
+        "domains with their cameras at the stored frame size; table frame says which instances "
+        "each of them images",
         "domain",
         ("domain", "VARCHAR", "name"),
         ("kind", "VARCHAR", "sim or real"),
@@ -157,7 +157,8 @@ TABLES: tuple[Table, ...] = (
     ),
     table_of(
         "frame",
-        "the source images of each instance in each domain",
+        "the source images of each instance in each domain; an instance has no image in a domain "
+        "without a row. A domain images all or none of the instances of a trajectory and part",
         "domain iid",
         ("iid", "INTEGER", "instance"),
         ("domain", "VARCHAR", "domain"),

@@ -87,6 +87,8 @@ def _leaf(node: tree.Node) -> str:
             return f"{_run(run)}{'sim.' if side == 'sim' else ''}like({iid}, {count})"
         case tree.Bend(straight):
             return "straight" if straight else "curved"
+        case tree.Paired(run):
+            return f"{_run(run)}paired"
         case tree.Training(trained, run):
             return f"{_run(run)}{'trained' if trained else 'new'}"
         case tree.Saved(name):

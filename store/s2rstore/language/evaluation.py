@@ -34,7 +34,8 @@ def vocabulary(store: Store, saved: Saved | None = None) -> Vocabulary:
     """The names that expressions on this store may use; only computed runs count."""
     truth = store.instances
     runs = tuple(name for name, run in store.runs.items() if run.key)
-    return Vocabulary(runs, truth.room_names, truth.trajectory_names, saved or {})
+    domains = tuple(store.domains)
+    return Vocabulary(runs, truth.room_names, truth.trajectory_names, saved or {}, domains)
 
 
 def context(
@@ -80,8 +81,11 @@ def select(
     saved: Saved | None = None,
     with_trained: bool = False,
 ) -> NDArray[np.bool_]:
-    """The instances that a `query` selects, shape (N,)."""
-    return query(store, expression, run, trajectories, saved, with_trained).selected
+    """All instances that a `query` selects, shape (N,).
+
+    Those without an image of a side have no errors; `query(...).selected` leaves them out.
+    """
+    return query(store, expression, run, trajectories, saved, with_trained).instances
 
 
 def require_predictions(store: Store, asked: Query) -> None:
@@ -112,16 +116,25 @@ def sql(
     require_predictions(store, asked)
     of = asked.context
     context = SqlContext(
-        of.run, of.words, of.population, of.neighbours, store.stored_rooms, pairs(store)
-    )
+        of.run, of.words, of.population, of.neighbours, store.stored_rooms,
+        rows_of_run(store, of.run), _has_unpaired(store, of.run),
+    )  # fmt: skip
     return to_sql(asked.node, context)
 
 
-def pairs(store: Store) -> str:
-    """The relation of instances with their predictions: view `pair`, or one without any."""
-    if store.has_computed_run:
-        return "pair"
-    return pair_view.unpredicted()
+def rows_of_run(store: Store, run: str) -> str:
+    """The relation of the instances of a run with their predictions.
+
+    It is view `pair`, with rows for the instances that lack an image of a side, or one without
+    predictions.
+    """
+    if not store.has_computed_run:
+        return pair_view.unpredicted()
+    return pair_view.with_all_instances(run) if _has_unpaired(store, run) else "pair"
+
+
+def _has_unpaired(store: Store, run: str) -> bool:
+    return not store.run_columns(run).paired.all()
 
 
 def _neighbours(

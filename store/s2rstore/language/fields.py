@@ -29,7 +29,8 @@ class Numeric:
 class Text:
     """A field of names: `path` of codes, and `column` in view `pair`.
 
-    Rooms of predictions and the split of both sides together have no column.
+    Rooms of predictions, the split of both sides together and `has`, which holds for several names,
+    have no column.
     """
 
     column: str
@@ -100,6 +101,7 @@ RANKS: dict[str, Side] = {f"{side}.rank": side for side in SIDES}
 TEXT: dict[str, Text] = {
     "room": Text("room", "instances.room", "rooms", "room of the ground truth"),
     "traj": Text("trajectory", "instances.trajectory", "trajectories", "trajectory"),
+    "has": Text("", "instances.imaged", "domains", "domain in which the instance has an image"),
     "split": Text("", "split", "splits", "what the model knew of either image"),
     **{
         f"{side}.{name}": Text(f"{side}_{name}", f"{side}.{name}", vocabulary, f"{side}: {text}")
@@ -152,7 +154,7 @@ FUNCTIONS: dict[str, str] = {
 }
 
 WORDS: dict[str, str] = {
-    "all": "the base population",
+    "all": "every instance that counts",
     "none": "the empty set",
     "worst15": "worst(15%, real.error)",
     "best15": "best(15%, real.error)",
@@ -160,11 +162,12 @@ WORDS: dict[str, str] = {
     "max15": "the same as best15",
     "straight": "heading change under 10 degrees",
     "curved": "heading change of 10 degrees or more",
+    "paired": "an image in both domains of the run",
     "new": "the model was not trained on either image",
     "trained": "the model was trained on an image: split train or validation",
 }
 
-RUN_WORDS = ("worst15", "best15", "new", "trained")
+RUN_WORDS = ("worst15", "best15", "paired", "new", "trained")
 """The words that may follow `run("name").`."""
 
 

@@ -42,11 +42,13 @@ class Vocabulary:
     rooms: tuple[str, ...]
     trajectories: tuple[str, ...]
     saved: Mapping[str, tree.Node] = field(default_factory=dict)
+    domains: tuple[str, ...] = ()
     splits: tuple[str, ...] = SPLITS
 
     def of(self, name: str) -> tuple[str, ...]:
         """The values that a text field can have, by the name of its vocabulary."""
-        return {"rooms": self.rooms, "trajectories": self.trajectories, "splits": self.splits}[name]
+        names: tuple[str, ...] = getattr(self, name)
+        return names
 
 
 def expand(node: tree.Node, words: Vocabulary) -> tree.Node:
@@ -163,7 +165,11 @@ def used_runs(node: tree.Node) -> set[str]:
 
 
 def _runs(leaf: tree.Node) -> set[str]:
-    named = [leaf.run] if isinstance(leaf, tree.Like) else [f.run for f in used_fields(leaf)]
+    named = (
+        [leaf.run]
+        if isinstance(leaf, tree.Like | tree.Paired)
+        else [f.run for f in used_fields(leaf)]
+    )
     return {run for run in named if run is not None}
 
 

@@ -59,9 +59,18 @@ class MaskContext:
 
 
 def mask(node: tree.Node, context: MaskContext) -> Mask:
-    """The selected instances, shape (N,). Raises ExpressionError for unknown names."""
+    """The selected instances of the base population, shape (N,).
+
+    Raises ExpressionError for unknown names.
+    """
     base = base_population(context)
     return _evaluate(expand(node, context.words), context, base) & base
+
+
+def unpaired_mask(node: tree.Node, context: MaskContext) -> Mask:
+    """The selected ones among the `unpaired` instances; see `mask`."""
+    base = unpaired(context)
+    return _evaluate(expand(node, context.words), context, base) & base if base.any() else base
 
 
 def base_population(context: MaskContext, run: str | None = None) -> Mask:
@@ -71,6 +80,17 @@ def base_population(context: MaskContext, run: str | None = None) -> Mask:
         context,
         ("base", name, population),
         lambda: population.mask(context.instances, context.run_columns(name)),
+    )
+
+
+def unpaired(context: MaskContext) -> Mask:
+    """The instances in view that lack an image of a side, so that nothing compares them; (N,),
+    read-only.
+    """
+    return _cached(
+        context,
+        ("unpaired", context.run, context.population.trajectories),
+        lambda: context.population.unpaired(context.instances, context.run_columns(context.run)),
     )
 
 
@@ -111,7 +131,7 @@ def _operand(node: tree.Node, context: MaskContext, base: Mask) -> Mask:
 
 def _key(node: tree.Node, context: MaskContext) -> Hashable:
     """All that a leaf's mask depends on."""
-    if isinstance(node, tree.Extreme | tree.Like):
+    if isinstance(node, tree.Extreme | tree.Like | tree.Paired):
         return node, context.run, context.population
     names = [used.name for used in used_fields(node)]
     needs_run = not all(map(fields.is_truth, names))
@@ -155,6 +175,8 @@ def _leaf(node: tree.Node, context: MaskContext) -> Mask:
                     similar_instances(node, context.run, context.population, context.neighbours)
                 ] = True
                 return chosen
+            case tree.Paired(run):
+                return context.run_columns(run or context.run).paired
             case tree.Training(trained, run):
                 columns = context.run_columns(run or context.run)
                 return np.asarray(columns.valid & (columns.trained == trained))
@@ -217,6 +239,8 @@ def _bands(x: tree.Field, y: tree.Field, context: MaskContext) -> lasso.Bands:
 def _named(node: tree.Named, context: MaskContext) -> Mask:
     text = fields.TEXT[node.field.name]
     truth = context.instances
+    if node.field.name == "has":
+        return truth.imaged(node.value)
     own = {"rooms": truth.room_names, "trajectories": truth.trajectory_names}
     names = own.get(text.vocabulary, context.words.splits)
     codes = _column(text.path, node.field.run, context)

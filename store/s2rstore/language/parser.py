@@ -178,6 +178,8 @@ class _Build(Transformer[Token, Any]):
             return tree.Everything() if head.name == "all" else tree.Nothing()
         if head.run is None and head.name in ("straight", "curved"):
             return tree.Bend(head.name == "straight")
+        if head.name == "paired":
+            return tree.Paired(head.run)
         if head.name in ("new", "trained"):
             return tree.Training(head.name == "trained", head.run)
         after = head.column + len(name if isinstance(name, Token) else head.name)

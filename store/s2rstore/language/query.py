@@ -7,9 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
-from s2rstore.index.population import count_text
+from s2rstore.index.population import count_text, unpaired_text
 from s2rstore.language.name_resolution import expand, used_fields
-from s2rstore.language.numpy_backend import Mask, MaskContext, mask
+from s2rstore.language.numpy_backend import Mask, MaskContext, mask, unpaired_mask
 from s2rstore.language.syntax_tree import Field, Named, Node, Training, leaves
 from s2rstore.records import TRAINING_SPLITS
 
@@ -37,12 +37,22 @@ class Query:
 
     @cached_property
     def selected(self) -> Mask:
-        """The selected instances, shape (N,)."""
+        """(N,) the selected instances of the base population, which figures are about."""
         return mask(self.expanded, self.context)
 
     @cached_property
+    def unpaired(self) -> Mask:
+        """(N,) the selected instances that lack an image of a side, which enter no figure."""
+        return unpaired_mask(self.expanded, self.context)
+
+    @property
+    def instances(self) -> Mask:
+        """(N,) all selected instances."""
+        return self.selected | self.unpaired
+
+    @cached_property
     def count(self) -> int:
-        """The number of selected instances."""
+        """The number of instances in `selected`."""
         return int(np.count_nonzero(self.selected))
 
     @cached_property
@@ -58,10 +68,15 @@ class Query:
 
     @property
     def count_text(self) -> str:
-        """`8 of 40 (32 trained on)`; see `s2rstore.index.population.count_text`."""
+        """`8 of 40 (32 trained on), 9 sim only`; see `s2rstore.index.population.count_text`."""
         in_view, trained = np.count_nonzero(self.in_view), np.count_nonzero(self.trained)
         with_trained = self.context.population.with_trained
-        return count_text(self.count, int(in_view), int(trained), with_trained)
+        return count_text(self.count, int(in_view), int(trained), with_trained, self.unpaired_text)
+
+    @property
+    def unpaired_text(self) -> str:
+        """`9 sim only`: how many instances `unpaired` has, by their images; empty without any."""
+        return unpaired_text(self.unpaired, self.context.run_columns(self.context.run))
 
     @cached_property
     def trained_left_out(self) -> int:

@@ -28,7 +28,8 @@ class SqlContext:
 
     `neighbours` resolves `like`. `stored_rooms` gives the index's own name of a room for the one
     that is shown, where they differ. `pairs` is the relation of instances: view `pair`, or
-    `pair_view.unpredicted` where there are no predictions.
+    `pair_view.unpredicted` where there are no predictions. With `has_unpaired` it has rows of
+    instances that lack an image of a side, which are selected as well.
     """
 
     run: str
@@ -37,6 +38,7 @@ class SqlContext:
     neighbours: Neighbours | None = None
     stored_rooms: Mapping[str, str] = field(default_factory=dict)
     pairs: str = "pair"
+    has_unpaired: bool = False
 
 
 @dataclass(slots=True)
@@ -63,6 +65,8 @@ def to_sql(node: tree.Node, context: SqlContext) -> tuple[str, list[Any]]:
         context = replace(context, pairs=_ranked(context, sorted(ranks)))
     writer = _Writer(context)
     base = _base(writer, None, "q")
+    if context.has_unpaired:
+        base = f"({base} OR {_unpaired(writer)})"
     condition = _condition(expanded, writer)
     return (
         f"SELECT q.iid FROM {context.pairs} q WHERE {base} AND {condition} ORDER BY q.iid",
@@ -95,6 +99,28 @@ def _base(writer: _Writer, run: str | None, alias: str) -> str:
     if not population.with_trained:
         parts.append(new_to_run(alias))
     return " AND ".join(parts)
+
+
+def _unpaired(writer: _Writer) -> str:
+    """The condition on q of `Population.unpaired` of the current run."""
+    predicted = " AND ".join(_predicted(writer, "q")) or "true"
+    parts = [f"q.run = {writer.bind(writer.context.run)}", f"NOT ({predicted})"]
+    parts.append(f"NOT {_paired(writer, None)}")
+    if writer.context.population.trajectories is not None:
+        listed = writer.bind(list(writer.context.population.trajectories))
+        parts.append(f"list_contains({listed}, q.trajectory)")
+    return " AND ".join(parts)
+
+
+def _paired(writer: _Writer, run: str | None) -> str:
+    """The condition that an instance has an image in both domains of a run."""
+    name, sides = run or writer.context.run, []
+    for side in SIDES:
+        domains = f"SELECT domain FROM domain WHERE kind = '{side}'"
+        if name != NO_RUN:
+            domains = f"SELECT {side}_domain FROM run WHERE run = {writer.bind(name)}"
+        sides.append(f"q.iid IN (SELECT iid FROM frame WHERE domain IN ({domains}))")
+    return f"({' AND '.join(sides)})"
 
 
 def _predicted(writer: _Writer, alias: str) -> list[str]:
@@ -168,6 +194,8 @@ def _operand(node: tree.Node, writer: _Writer) -> str:
             context = writer.context
             iids = similar_instances(node, context.run, context.population, context.neighbours)
             return f"q.iid IN (SELECT unnest({writer.bind(iids.tolist())}::INTEGER[]))"
+        case tree.Paired(run):
+            return _paired(writer, run)
         case tree.Training(trained, run):
             is_new = f"{'NOT ' if trained else ''}({new_to_run('q')})"
             condition = " AND ".join([*_predicted(writer, "q"), is_new])
@@ -240,6 +268,8 @@ def _named(node: tree.Named, writer: _Writer) -> str:
     value = node.value
     if name == "room":
         value = writer.context.stored_rooms.get(value, value)
+    if node.field.name == "has":
+        return f"q.iid IN (SELECT iid FROM frame WHERE domain = {writer.bind(value)})"
     if node.field.name == "split":
         return _split(value, writer)
     if name != "room" or not side:

@@ -20,7 +20,7 @@ class Field:
 
 @dataclass(frozen=True)
 class Everything:
-    """`all`: the base population."""
+    """`all`: the base population, and the instances in view without an image of a side."""
 
 
 @dataclass(frozen=True)
@@ -128,6 +128,13 @@ class Bend:
 
 
 @dataclass(frozen=True)
+class Paired:
+    """`paired`: the instances with an image in both domains of a run."""
+
+    run: str | None = None
+
+
+@dataclass(frozen=True)
 class Training:
     """`trained` (an image is in split `train` or `validation`) or `new` (the others)."""
 
@@ -181,7 +188,7 @@ class Or(Operation):
 
 Node = (
     Everything | Nothing | Ids | Compare | Between | Around | Named | Extreme | Box | Near | Lasso
-    | Like | Bend | Training | Saved | Not | Operation
+    | Like | Bend | Paired | Training | Saved | Not | Operation
 )  # fmt: skip
 
 

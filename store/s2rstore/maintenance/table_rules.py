@@ -34,9 +34,6 @@ _IMAGE_RULES = (
         "a pose in a data set without poses",
         "x IS NOT NULL OR y IS NOT NULL OR heading IS NOT NULL OR room IS NOT NULL",
     ),
-    ("instance", "no image in any domain", "iid NOT IN (SELECT iid FROM frame)"),
-    ("frame", "no such instance", "iid NOT IN (SELECT iid FROM instance)"),
-    ("frame", "domain without a row in domain", "domain NOT IN (SELECT domain FROM domain)"),
     ("run", "a run in a data set without poses", "true"),
 )
 """Rules of a data set without poses, in place of `_POSE_RULE`."""
@@ -51,6 +48,9 @@ _PARTLY_IMAGED = """
     USING (trajectory, part) WHERE imaged <> instances OR n <> instances
 """
 _RULES = (
+    ("instance", "no image in any domain", "iid NOT IN (SELECT iid FROM frame)"),
+    ("frame", "no such instance", "iid NOT IN (SELECT iid FROM instance)"),
+    ("frame", "domain without a row in domain", "domain NOT IN (SELECT domain FROM domain)"),
     (
         "prediction",
         "a NaN where NULL belongs",

@@ -1,4 +1,6 @@
-"""`s2r ingest`: make or extend a store: pairs, images without poses, or the synthetic world."""
+"""`s2r ingest`: make or extend a store: pairs, recordings, images without poses, or the synthetic
+world.
+"""
 
 from __future__ import annotations
 
@@ -29,20 +31,46 @@ _LISTED_STRICT = 100
 """Number of issues of one kind that are listed when `--strict` refuses the input."""
 _MAX_TEXT = 300
 """Characters of a file name, and of a reason, in the list of issues."""
+RECORDING = "LAYOUT:PATH"
+"""How the help names a recording, which stands in place of the name of a layout."""
 _DEFAULT_SIZE = 256
 _DEFAULT_SIZES = {"world": 128, "images": 320}
 EXAMPLE = "s2r ingest csv pairs.csv --calibration lab.toml --store lab.s2r"
 
 
+class _LayoutNames(dict[str, Any]):
+    """The parsers of layouts by name; `tum:FOLDER`, a recording, has that of `RECORDING`."""
+
+    def __contains__(self, name: object) -> bool:
+        return super().__contains__(name) or (name != RECORDING and ":" in str(name))
+
+    def __missing__(self, name: str) -> Any:
+        if ":" not in name:
+            raise KeyError(name)
+        return self[RECORDING]
+
+
+class _Layouts(argparse._SubParsersAction):
+    """The argument that names a layout, or a recording."""
+
+    def __init__(self, *arguments: Any, **settings: Any) -> None:
+        super().__init__(*arguments, **settings)
+        self.choices = self._name_parser_map = _LayoutNames()
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    layouts = parser.add_subparsers(metavar="LAYOUT", title="layouts", dest="layout", required=True)
+    layouts = parser.add_subparsers(
+        metavar="LAYOUT", title="layouts", dest="layout", required=True, action=_Layouts
+    )
     sim2realviz = layouts.add_parser("sim2realviz", help="folder in the Sim2RealViz layout")
     manifest = layouts.add_parser("csv", help="CSV manifest of paired images")
     world = layouts.add_parser("world", help="the synthetic world, rendered by this command")
     images = layouts.add_parser("images", help="folders of sim and real images without poses")
     pairs = layouts.add_parser("pairs", help="a sim and a real recording, paired by pose, time or "
                                "name")  # fmt: skip
+    recording = layouts.add_parser(RECORDING, help="one recording, as the images of one side")
     pair_arguments.add_arguments(pairs)
+    pair_arguments.add_recording_arguments(recording)
     for side in SIDES:
         images.add_argument(f"--{side}", type=Path, required=True, metavar="DIR",
                             help=f"folder of {side} images; subfolders, or the conditions of its "
@@ -51,7 +79,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         layout.add_argument("path", type=Path, help="folder or manifest to read")
         layout.add_argument("--calibration", "--header", dest="header", type=Path, metavar="FILE",
                             help="TOML or JSON file with bounds, rooms and cameras")  # fmt: skip
-    for layout in (sim2realviz, manifest, images, pairs):
+    for layout in (sim2realviz, manifest, images, pairs, recording):
         layout.add_argument("--allow-outside", action="store_true",
                             help="allow images outside the folder of the data, and list their "
                             "folders")  # fmt: skip
@@ -69,9 +97,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                                 help="read only this trajectory (repeatable)")  # fmt: skip
         layout.add_argument("--append", action="store_true",
                             help="add what the store does not have: trajectories, instances "
-                            "behind those of a trajectory"
-                            f"{'' if layout is pairs else ', domains of all instances'}; frame "
-                            "size and cameras must be those of the store")  # fmt: skip
+                            "behind those of a trajectory, domains; frame size and cameras must "
+                            "be those of the store")  # fmt: skip
         layout.add_argument("--size", type=int,
                             help=f"{edge} of stored frames, pixels (default {size}; with --append "
                             "that of the store)")  # fmt: skip
@@ -99,6 +126,8 @@ def execute(options: argparse.Namespace) -> int:
         raise RequestError(f"--size {size}: must be 16 to 2048")
     if options.layout == "pairs":
         return _ingest_pairs(options, size)
+    if ":" in options.layout:
+        return _ingest_recording(options, size)
     from s2rtools.datasets.importers import IMPORTERS
     from s2rtools.datasets.scan import ScanOptions
 
@@ -126,12 +155,9 @@ def execute(options: argparse.Namespace) -> int:
 
 def _ingest_pairs(options: argparse.Namespace, size: int) -> int:
     stored = None
+    _check_store(options)
     if options.append:
         stored = _stored_worlds(options)
-    elif options.store.exists():
-        raise RequestError(
-            f"{options.store}: exists; choose another --store, or add recordings by --append"
-        )
     with reporter() as progress:
         made = pair_arguments.scan(options, (size, size), progress, stored)
     for line in made.summary:
@@ -145,14 +171,35 @@ def _ingest_pairs(options: argparse.Namespace, size: int) -> int:
         _print_issues(made.scan.issues, options.strict)
 
 
+def _ingest_recording(options: argparse.Namespace, size: int) -> int:
+    _check_store(options)
+    store = options.store if options.append else None
+    made = pair_arguments.scan_one(options, (size, size), store)
+    for line in made.summary:
+        print(printable(line))
+    _print_outside_folders(made.scan)
+    try:
+        return _append(made.scan, options) if options.append else _build(made.scan, options)
+    finally:
+        _print_issues(made.scan.issues, options.strict)
+
+
+def _check_store(options: argparse.Namespace) -> None:
+    """Raise RequestError unless there is a store to append recordings to, or none otherwise."""
+    if options.append and not options.store.exists():
+        raise RequestError(
+            f"{options.store}: no such store to append to; leave out --append to make it"
+        )
+    if options.store.exists() and not options.append:
+        raise RequestError(
+            f"{options.store}: exists; choose another --store, or add recordings by --append"
+        )
+
+
 def _stored_worlds(options: argparse.Namespace) -> StoredWorlds:
     """The worlds of the store that recordings are appended to; prints which options are ignored."""
     from s2rtools.datasets.pairing.stored_worlds import stored_worlds
 
-    if not options.store.exists():
-        raise RequestError(
-            f"{options.store}: no such store to append to; leave out --append to make it"
-        )
     with s2rstore.open(options.store) as store:
         worlds = stored_worlds(store)
     for side in SIDES:

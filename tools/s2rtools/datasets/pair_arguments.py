@@ -1,4 +1,6 @@
-"""Arguments of `s2r ingest pairs`, and the scan of the two recordings that they name."""
+"""Arguments of `s2r ingest pairs` and `s2r ingest LAYOUT:PATH`, and scans of the recordings that
+they name.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +9,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.records import SIDES, Side
 from s2rtools.common.command_line.progress import Reporter
 
 if TYPE_CHECKING:
     from s2rtools.datasets.floor.floor_poses import FloorOptions
+    from s2rtools.datasets.pairing.one_recording import RecordedScan
     from s2rtools.datasets.pairing.paired_recordings import PairedScan
     from s2rtools.datasets.pairing.stored_worlds import StoredWorlds
     from s2rtools.datasets.recording import Recording
@@ -50,6 +54,43 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "bounds of the poses and 2 m around them)")  # fmt: skip
 
 
+def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that only one recording has."""
+    parser.add_argument("--side", choices=SIDES, required=True,
+                        help="side of its images; the instances have none of the other "
+                        "side")  # fmt: skip
+    parser.add_argument("--option", action="append", default=[], metavar="KEY=VALUE",
+                        help="option of the layout (repeatable)")  # fmt: skip
+    parser.add_argument("--floor", action="append", default=[], metavar="KEY=VALUE",
+                        help="how poses are put on the floor, as --sim-floor of `s2r ingest "
+                        "pairs`; with --append the world of the store")  # fmt: skip
+    parser.add_argument("--calibration", "--header", dest="header", type=Path, metavar="FILE",
+                        help="TOML or JSON file with bounds, rooms and floor plan (default: the "
+                        "bounds of the poses and 2 m around them)")  # fmt: skip
+
+
+def scan_one(
+    options: argparse.Namespace, frame: tuple[int, int], store: Path | None
+) -> RecordedScan:
+    """Read the recording `options.layout`, in the world of a store that it is appended to.
+
+    Raises RequestError for unusable arguments and input.
+    """
+    from s2rtools.datasets.pairing.one_recording import scan_recording
+    from s2rtools.datasets.pairing.paired_recordings import MapOptions
+    from s2rtools.datasets.pairing.stored_worlds import stored_worlds
+
+    side: Side = options.side
+    domain = worlds = None
+    if store is not None:
+        with s2rstore.open(store) as opened:
+            worlds, domain = stored_worlds(opened, ()), opened.domains.get(side)
+    floor = _floor("--floor", options.floor)
+    recording = _read("", options.layout, options.option, options.trajectory, options.allow_outside)
+    map_options = MapOptions(frame, options.header, options.allow_outside, worlds)
+    return scan_recording(recording, side, floor, map_options, domain)
+
+
 def scan(
     options: argparse.Namespace,
     frame: tuple[int, int],
@@ -63,7 +104,7 @@ def scan(
     from s2rtools.datasets.pairing.paired_recordings import PairOptions, scan_pairs
     from s2rtools.datasets.pairing.recording_pairs import parse_tolerance
 
-    floors = {side: _floor(side, getattr(options, f"{side}_floor")) for side in SIDES}
+    floors = {side: _floor(f"--{side}-floor", getattr(options, f"{side}_floor")) for side in SIDES}
     pair_options = PairOptions(
         options.match, parse_tolerance(options.tolerance, options.match), frame, options.align,
         floors, options.header, options.allow_outside, stored,
@@ -75,33 +116,41 @@ def scan(
 
 
 def _recording(side: Side, options: argparse.Namespace) -> Recording:
+    place, texts, trajectories = (
+        getattr(options, f"{side}{name}") for name in ("", "_option", "_trajectory")
+    )
+    return _read(f"{side}", place, texts, trajectories, options.allow_outside)
+
+
+def _read(
+    side: str, place: str, texts: Sequence[str], trajectories: Sequence[str], allow_outside: bool
+) -> Recording:
+    """The recording LAYOUT:PATH; `side` begins the names of its arguments, if they have one."""
     from s2rtools.datasets.layouts import layout_names, read
     from s2rtools.datasets.recording import ReadOptions
 
-    argument: str = getattr(options, side)
-    layout, separator, path = argument.partition(":")
+    layout, separator, path = place.partition(":")
     if not separator or not path:
-        known = ", ".join(layout_names())
-        raise RequestError(f"--{side} {argument}: give LAYOUT:PATH; layouts are {known}")
-    values = _values(f"--{side}-option", getattr(options, f"{side}_option"))
-    trajectories = tuple(getattr(options, f"{side}_trajectory"))
-    return read(layout, Path(path), ReadOptions(values, trajectories, options.allow_outside))
+        known, argument = ", ".join(layout_names()), f"--{side} " if side else ""
+        raise RequestError(f"{argument}{place}: give LAYOUT:PATH; layouts are {known}")
+    values = _values(f"--{side}-option" if side else "--option", texts)
+    return read(layout, Path(path), ReadOptions(values, tuple(trajectories), allow_outside))
 
 
-def _floor(side: Side, arguments: Sequence[str]) -> FloorOptions:
+def _floor(argument: str, arguments: Sequence[str]) -> FloorOptions:
     from s2rtools.datasets.floor.floor_poses import FloorOptions
 
-    values = _values(f"--{side}-floor", arguments)
+    values = _values(argument, arguments)
     numbers: dict[str, float] = {}
     for key, text in values.items():
         if key not in _FLOOR:
-            raise RequestError(f"--{side}-floor {key}={text}: one of {', '.join(_FLOOR)}")
+            raise RequestError(f"{argument} {key}={text}: one of {', '.join(_FLOOR)}")
         if key == "up":
             continue
         try:
             numbers[key] = float(text)
         except ValueError as error:
-            raise RequestError(f"--{side}-floor {key}={text}: must be a number") from error
+            raise RequestError(f"{argument} {key}={text}: must be a number") from error
     return FloorOptions(up=values.get("up"), **numbers)
 
 

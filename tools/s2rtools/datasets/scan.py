@@ -109,9 +109,10 @@ class FramePose:
 class InstanceRecord:
     """One instance: x, y in metres, headings in radians, timestamp in seconds, frames by domain.
 
-    In a data set without poses x, y and heading are NaN, and only some domains have a frame: the
-    same ones in all instances of a trajectory. `frame_poses` are given by domain where the images
-    of an instance come from recordings; without them every frame has the pose of the instance.
+    In a data set without poses x, y and heading are NaN. An instance may lack the frames of some
+    domains, the same ones as the others of its trajectory. `frame_poses` are given by domain where
+    the images of an instance come from recordings; without them every frame has the pose of the
+    instance.
     `seq` is the number that the source gives the instance within its trajectory, ascending; None
     where the source gives none.
     """
@@ -179,7 +180,8 @@ class Scan:
     @property
     def unit(self) -> str:
         """What an instance consists of, as reports call it."""
-        return "pair" if self.has_poses else "image"
+        kinds = {domain.kind for domain in self.domains.values()}
+        return "pair" if self.has_poses and len(kinds) > 1 else "image"
 
     def add_trajectory(self, name: str, records: Sequence[InstanceRecord]) -> None:
         """Add the usable records of a trajectory; without any, add an issue."""

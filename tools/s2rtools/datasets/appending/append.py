@@ -96,18 +96,18 @@ def append(
 ) -> Appended:
     """Decode, check and store what a scan has and the store `target` does not have.
 
-    These are new trajectories, further instances behind those of a trajectory, and domains that
-    image every instance. New instances follow the existing ones, by trajectory name, then in
-    recording order. Bounds, rooms and floor plan stay those of the store. Instances with an
-    unusable frame are left out and reported in `scan.issues`. `progress` is called with the number
-    of finished frames, `report_line` with a line about each trajectory that the store has already,
-    about the remains of interrupted ingests, and about the conventions of the new instances. What
-    an interrupted append of the same frames has written is taken over; frames of new domains are
-    written anew. Where there is nothing new, no generation is published.
+    These are new trajectories, further instances behind those of a trajectory, and new domains of
+    stored trajectories or of new instances. New instances follow the existing ones, by trajectory
+    name, then in recording order. Bounds, rooms and floor plan stay those of the store. Instances
+    with an unusable frame are left out and reported in `scan.issues`. `progress` is called with the
+    number of finished frames, `report_line` with a line about each trajectory that the store has
+    already, about the remains of interrupted ingests, and about the conventions of the new
+    instances. What an interrupted append of the same frames has written is taken over; frames of
+    new domains are written anew. Where there is nothing new, no generation is published.
 
     Raises RequestError if there is no store, if the scan does not agree with it, if a trajectory of
-    the store has other images or poses in the scan, if a new domain does not image every instance,
-    if nothing is usable, or with `strict` if there is any issue.
+    the store has other images or poses in the scan, if a new domain images a part of a stored
+    trajectory, if nothing is usable, or with `strict` if there is any issue.
     """
     if not target.exists():
         raise RequestError(f"{target}: no such store to append to; leave out --append to make it")

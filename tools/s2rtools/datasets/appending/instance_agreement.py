@@ -74,7 +74,8 @@ class Additions:
     `new` and `unchanged` are names of trajectories. `continued` has the number of the first record
     behind the stored instances of a trajectory, `rows` the numbers of the records of these.
     `renumbered` has the trajectories whose stored instances have another `seq` than their source.
-    `domains` are added to all stored instances.
+    `domains` are new: they are added to the stored instances of the trajectories in `rows` that
+    the source images in them.
     """
 
     new: tuple[str, ...]
@@ -108,16 +109,11 @@ def additions(scan: Scan, store: Store, progress: Callable[[int], None]) -> Addi
 
     `progress` is called with twice the number of compared frames. Raises RequestError for a
     trajectory that the store has with other images or poses, and for a new domain where the scan
-    does not have all stored instances.
+    does not have all stored instances of a trajectory.
     """
     stored = {trajectory.trajectory for trajectory in store.trajectories}
-    domains = tuple(name for name in scan.domains if name not in store.domains)
-    missing = sorted(stored - scan.trajectories.keys()) if domains else []
-    if missing:
-        raise RequestError(
-            f"{store.path}: {_names(domains)}: the source has no trajectory {missing[0]}; a new "
-            "domain needs an image of every instance of the store"
-        )
+    imaged = {name for records in scan.trajectories.values() for name in records[0].sources}
+    domains = tuple(name for name in scan.domains if name in imaged - store.domains.keys())
     found = Additions(tuple(sorted(scan.trajectories.keys() - stored)), domains)
     for name in sorted(stored & scan.trajectories.keys()):
         try:
@@ -147,8 +143,8 @@ def _refusal(
     advice = "and stored instances are never replaced; give the trajectory another name"
     if domains:
         advice = (
-            f"and {_names(domains)} needs an image of every stored instance; complete the source, "
-            "or leave that domain out"
+            f"and {_names(domains)} needs an image of every stored instance of a trajectory; "
+            "complete the source, or leave that domain out"
         )
     return RequestError(
         f"{store.path}: trajectory {name}: the source differs from what is stored ({difference}), "

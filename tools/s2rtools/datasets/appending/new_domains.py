@@ -36,18 +36,21 @@ def write_domain_frames(
     root: Path,
     progress: ReportProgress,
 ) -> DomainFrames:
-    """Write the frames of domains for all instances of a store below `root`.
+    """Write the frames of domains for the stored instances that the scan has in them.
 
-    `rows` are the numbers of the records of a trajectory's stored instances. Raises RequestError
-    where a frame is unusable.
+    They are written below `root`. `rows` are the numbers of the records of a trajectory's stored
+    instances. Raises RequestError where a frame is unusable.
     """
     written: DomainFrames = []
     for part in store.trajectory_parts:
         name = part.trajectory
-        records = _records(scan, domains, part, rows[name])
-        types = (
-            depth_types(root, [scan.domains[each] for each in domains], name) if part.row else {}
-        )
+        imaged = [
+            each for each in domains if name in rows and each in scan.trajectories[name][0].sources
+        ]
+        if not imaged:
+            continue
+        records = _records(scan, imaged, part, rows[name])
+        types = depth_types(root, [scan.domains[each] for each in imaged], name) if part.row else {}
         place = FramePlace(part.folder, types)
         before = len(scan.issues)
         of_part = replace(scan, trajectories={name: records})
@@ -56,8 +59,8 @@ def write_domain_frames(
             issue = _of_left_out(scan, scan.issues[before:], stored)
             raise RequestError(
                 f"{issue.file}: {issue.kind} {issue.detail}".rstrip()
-                + f"; the new domain {', '.join(domains)} needs an image of every instance of "
-                f"{store.path}"
+                + f"; the new domain {', '.join(imaged)} needs an image of every instance of "
+                f"trajectory {name} of {store.path}"
             )
         written.append((part, stored))
     return written
@@ -78,9 +81,10 @@ def insert_domains(
 ) -> None:
     """Insert domains and the rows of their frames."""
     for name in domains:
-        sha256 = domain_hash(scan, name, (stored for _, stored in written))
+        imaged = [(part, stored) for part, stored in written if name in stored.domains]
+        sha256 = domain_hash(scan, name, (stored for _, stored in imaged)) if imaged else None
         insert_domain(draft, scan.domains[name], scan.has_poses, sha256)
-        for part, stored in written:
+        for part, stored in imaged:
             insert_frames(draft, scan, stored, name, part.first_iid)
 
 
@@ -98,12 +102,14 @@ def _records(
 
 
 def depth_types(root: Path, domains: Sequence[Domain], trajectory: str) -> dict[str, str]:
-    """The numpy type of a trajectory's depth images, as written below `root`, by domain."""
+    """The numpy type of a trajectory's depth images that are written below `root`, by domain."""
     folders = {
         each.domain: root / layout.FRAMES / each.domain / trajectory / "depth"
         for each in domains
         if each.has_depth
     }
     return {
-        name: stored_array.open_read(folder, root).layout.dtype for name, folder in folders.items()
+        name: stored_array.open_read(folder, root).layout.dtype
+        for name, folder in folders.items()
+        if folder.is_dir()
     }

@@ -1,8 +1,8 @@
 """Compare a scan with the store to which it is to be appended.
 
 What decides on the meaning of stored values must agree: frame size, map frame, accuracy scale,
-domains with their cameras, and the recipe of rendered data. The source may have further domains,
-and it may lack sim domains besides the first that it has: its instances have no images there.
+domains with their cameras, and the recipe of rendered data. The source may lack domains of the
+store and have others: an instance has images in the domains of its source alone.
 Bounds, rooms and floor plan stay those of the store; others in the source are reported.
 """
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -66,8 +66,6 @@ def _differences(scan: Scan, store: Store) -> Iterator[tuple[str, object, object
     is_stated = not scan.has_default_scale
     if is_stated and not is_close(scan.accuracy_scale, dataset.accuracy_scale):
         yield "accuracy_scale", f"{scan.accuracy_scale:g} m", f"{dataset.accuracy_scale:g} m"
-    if not _may_lack(store.domains.keys() - scan.domains.keys(), scan, store):
-        yield "set of domains", ", ".join(sorted(scan.domains)), ", ".join(store.domains)
     for name, domain in scan.domains.items():
         if name not in store.domains:
             continue
@@ -81,16 +79,6 @@ def _differences(scan: Scan, store: Store) -> Iterator[tuple[str, object, object
             text = value if isinstance(value, str) else _json(value)
             if not _is_same_text(printable_lines(text), recorded.get(key)):
                 yield f"{key} of {section}", _short(text), _short(recorded.get(key))
-
-
-def _may_lack(domains: Collection[str], scan: Scan, store: Store) -> bool:
-    """Whether instances of the source may have no images in some domains of the store."""
-    if not store.has_poses:
-        return scan.domains.keys() == store.domains.keys()
-    if not domains:
-        return True
-    are_sim = all(store.domain(name).kind == "sim" for name in domains)
-    return are_sim and any(domain.kind == "sim" for domain in scan.domains.values())
 
 
 def _domain_facts(domain: Domain) -> dict[str, Any]:

@@ -5,6 +5,8 @@
 `rgb` and `depth` are files relative to the manifest, inside its folder; x and y in metres and
 headings in degrees in map coordinates (forward = (cos, sin)); `timestamp` in seconds. `seq` orders
 the instances of a trajectory and is kept. Rows of one (trajectory, seq) must agree on the pose.
+Every instance of a trajectory needs a row in each domain that the trajectory has rows of; another
+trajectory may have other domains.
 The configuration (bounds, rooms, cameras: see `dataset_config`) is the TOML or JSON file with the
 manifest's name, or the file that `--header` names; its floor plan lies in the configuration's
 folder.
@@ -63,15 +65,14 @@ def scan(path: Path, options: ScanOptions) -> Scan:
     result = config.empty_scan(path.parent, options.frame, containment)
     result.recorded_at = {name: str(date) for name, date in config.table.recorded_at.items()}
     result.issues += rows.incomplete
-    names = list(rows.domains)
+    chosen = options.choose_trajectories(rows.trajectories, path)
+    domains = {trajectory: rows.domains_of(trajectory) for trajectory in chosen}
+    names = [name for name in rows.domains if any(name in each for each in domains.values())]
     result.domains = {name: config.domain(name, options.frame) for name in names}
-    kinds = {domain.kind for domain in result.domains.values()}
-    if kinds != {"sim", "real"}:
-        raise RequestError(f"{path}: needs rows of a sim and of a real domain (has: {names})")
-    sizes = {name: config.image_sizes(name) for name in names}
     result.issues += rows.unusable()
-    for trajectory, instances in rows.instances(options):
-        _add_trajectory(result, trajectory, rows, instances, sizes, containment)
+    for trajectory in chosen:
+        sizes = {name: config.image_sizes(name) for name in domains[trajectory]}
+        _add_trajectory(result, trajectory, rows, sizes, containment)
     return result
 
 
@@ -161,30 +162,45 @@ class _Rows:
             issues.append((row + 0.5, issue))
         return [issue for _, issue in sorted(issues, key=lambda each: each[0])]
 
-    def instances(self, options: ScanOptions) -> Iterator[tuple[str, Iterator[list[int]]]]:
-        """The requested trajectories by name, and the rows of each of their instances."""
+    @property
+    def trajectories(self) -> list[str]:
+        """The names of the trajectories in their order."""
+        return sorted(self._trajectories)
+
+    def domains_of(self, trajectory: str) -> list[str]:
+        """The domains that a trajectory has rows of, in order of the first row of each."""
+        codes, domains = (np.asarray(self._keys[place]) for place in (0, 2))
+        used = set(np.unique(domains[codes == self._trajectories[trajectory]]).tolist())
+        return [name for name, code in self.domains.items() if code in used]
+
+    def instances(self, trajectory: str) -> Iterator[list[int]]:
+        """The rows of each instance of a trajectory."""
+        order, bounds, codes = self._bounds
+        code = self._trajectories[trajectory]
+        first, last = np.searchsorted(codes, [code, code + 1]).tolist()
+        return (order[bounds[k] : bounds[k + 1]].tolist() for k in range(first, last))
+
+    @cached_property
+    def _bounds(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+        """The rows in order, the first and last + 1 in it of each instance, and its trajectory."""
         order, _ = self._order
         trajectory, seq = (np.asarray(column)[order] for column in self._keys[:2])
         new_trajectory = np.diff(trajectory, prepend=-1) != 0
         starts = np.flatnonzero(new_trajectory | (np.diff(seq, prepend=0) != 0))
         bounds = np.append(starts, len(order)).astype(np.int32)
-        for name in options.choose_trajectories(sorted(self._trajectories), self.path):
-            code = self._trajectories[name]
-            first, last = np.searchsorted(trajectory[starts], [code, code + 1]).tolist()
-            yield name, (order[bounds[k] : bounds[k + 1]].tolist() for k in range(first, last))
+        return order, bounds, trajectory[starts]
 
 
 def _add_trajectory(
     result: Scan,
     trajectory: str,
     rows: _Rows,
-    instances: Iterable[list[int]],
     sizes: Sizes,
     containment: PathContainment,
 ) -> None:
     """Add the usable instances of a trajectory; their records are made again when they are read."""
     usable, manifest = array("i"), rows.file
-    for numbers in instances:
+    for numbers in rows.instances(trajectory):
         if _is_usable(result, rows.path, manifest.instance(numbers), sizes, containment):
             usable.extend(numbers)
     kinds = {name: domain.kind for name, domain in result.domains.items()}
@@ -204,7 +220,10 @@ def _is_usable(
     sizes: Sizes,
     containment: PathContainment,
 ) -> bool:
-    """Whether an instance has a row in every domain, one pose and all files; reports it if not."""
+    """Whether an instance has a row in every domain of its trajectory, one pose and all files.
+
+    Reports it if not.
+    """
     number, first = next(iter(by_domain.values()))
     where = f"{path.name}:{number}"
     missing = [name for name in sizes if name not in by_domain]
@@ -238,9 +257,10 @@ def _record(
     for domain in sizes:
         _, row = by_domain[domain]
         sources[domain] = ImageFiles(folder / row["rgb"], folder / row["depth"], *sizes[domain])
-    real = next(row for name, (_, row) in by_domain.items() if kinds[name] == "real")
+    recorded = next((row for name, (_, row) in by_domain.items() if kinds[name] == "real"), first)
     x, y, heading, timestamp = (
-        parse_float(real.get(name)) for name in ("odom_x", "odom_y", "odom_heading", "timestamp")
+        parse_float(recorded.get(name))
+        for name in ("odom_x", "odom_y", "odom_heading", "timestamp")
     )
     has_odometry = math.isfinite(x) and math.isfinite(y) and math.isfinite(heading)
     return InstanceRecord(

@@ -1,8 +1,8 @@
 """Import the Sim2RealViz layout: traj1/{real,sim,sim_edit} with poses in the file names.
 
 `sim/match.csv` (REAL_RGB, SIM_RGB) pairs the images in recording order. The sim pose is the
-ground truth; the real pose is the robot's odometry, in the odometry's frame. Every instance needs
-images in every domain, so `sim_edit` becomes a domain only if all chosen trajectories have it.
+ground truth; the real pose is the robot's odometry, in the odometry's frame. A trajectory may lack
+`sim_edit`.
 """
 
 from __future__ import annotations
@@ -60,10 +60,12 @@ def scan(path: Path, options: ScanOptions) -> Scan:
         result.floor_plan = _floor_plan(path, root, containment)
     known = {folder.name: folder for folder in sorted(root.glob("*")) if _is_trajectory(folder)}
     folders = [known[name] for name in options.choose_trajectories(known, root)]
-    names = [name for name in _DOMAINS if name != _EDITED or _all_have_sim_edit(result, folders)]
+    edited = [folder for folder in folders if _has_sim_edit(result, folder)]
+    names = [name for name in _DOMAINS if name != _EDITED or edited]
     result.domains = {name: config.domain(name, options.frame) for name in names}
-    sizes = {name: config.image_sizes(name) for name in names}
     for folder in folders:
+        of_folder = [name for name in names if name != _EDITED or folder in edited]
+        sizes = {name: config.image_sizes(name) for name in of_folder}
         _scan_trajectory(result, folder, sizes, containment)
     return result
 
@@ -93,21 +95,14 @@ def _floor_plan(path: Path, root: Path, containment: PathContainment) -> Path | 
     return None
 
 
-def _all_have_sim_edit(result: Scan, folders: list[Path]) -> bool:
-    """Whether `sim_edit` can be a domain; report it if only some trajectories have it."""
-    recorded = [folder for folder in folders if _image_files(folder / "sim")]
-    with_images = [folder for folder in recorded if _image_files(folder / _EDITED)]
-    for folder in recorded:
-        edited = folder / _EDITED
-        if folder in with_images:
-            continue
-        if edited.is_dir():
-            result.issues.append(InputIssue("empty folder", result.relative(edited)))
-        if with_images:
-            options = " ".join(f"--trajectory {other.name}" for other in with_images)
-            detail = f"{_EDITED} is left out; {options} includes it"
-            result.issues.append(InputIssue("domain not everywhere", folder.name, detail))
-    return bool(recorded) and len(with_images) == len(recorded)
+def _has_sim_edit(result: Scan, folder: Path) -> bool:
+    """Whether a trajectory has images of `sim_edit`; reports a folder of it without any."""
+    edited = folder / _EDITED
+    if _image_files(edited):
+        return True
+    if edited.is_dir():
+        result.issues.append(InputIssue("empty folder", result.relative(edited)))
+    return False
 
 
 def _scan_trajectory(

@@ -44,21 +44,24 @@ def provenance(
         facts["cost"] = "seconds"
     if alignment is not None:
         facts["alignment"] = asdict(alignment)
-    sections: dict[str, dict[str, Any]] = {"pairs": facts}
-    for side in (sim, real):
-        recording = side.recording
-        sections[f"recording:{side.side}"] = {
-            **{str(key): value for key, value in recording.provenance.items()},
-            "layout": recording.layout,
-            "camera": asdict(recording.camera),
-            "floor": list(side.floor.report),
-            "metres_per_unit": side.floor.metres_per_unit,
-            "world_to_floor": side.floor.world_to_floor.tolist(),
-            "height_spread": side.floor.height_spread,
-            "tilt_median": side.floor.tilt_median,
-            "own_worlds": recording.has_own_worlds,
-        }
-    return sections
+    return {"pairs": facts, **recording_facts(sim), **recording_facts(real)}
+
+
+def recording_facts(side: RecordedSide) -> dict[str, dict[str, Any]]:
+    """Facts of a recording for the provenance, by section."""
+    recording = side.recording
+    facts = {
+        **{str(key): value for key, value in recording.provenance.items()},
+        "layout": recording.layout,
+        "camera": asdict(recording.camera),
+        "floor": list(side.floor.report),
+        "metres_per_unit": side.floor.metres_per_unit,
+        "world_to_floor": side.floor.world_to_floor.tolist(),
+        "height_spread": side.floor.height_spread,
+        "tilt_median": side.floor.tilt_median,
+        "own_worlds": recording.has_own_worlds,
+    }
+    return {f"recording:{side.side}": facts}
 
 
 def _offsets(pairing: Pairing) -> dict[str, list[float]]:

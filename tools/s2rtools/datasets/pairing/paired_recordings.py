@@ -28,7 +28,12 @@ from s2rtools.datasets.floor.floor_poses import (
     put_on_stored_floor,
 )
 from s2rtools.datasets.pairing import pair_facts
-from s2rtools.datasets.pairing.pair_matching import PoseTolerance, ReportProgress, Rows
+from s2rtools.datasets.pairing.pair_matching import (
+    Floats,
+    PoseTolerance,
+    ReportProgress,
+    Rows,
+)
 from s2rtools.datasets.pairing.recording_pairs import (
     Match,
     Pairing,
@@ -39,7 +44,7 @@ from s2rtools.datasets.pairing.recording_pairs import (
     unmatched_images,
 )
 from s2rtools.datasets.pairing.stored_worlds import StoredWorlds
-from s2rtools.datasets.recording import Recording
+from s2rtools.datasets.recording import RecordedFrame, Recording
 from s2rtools.datasets.recordings.recorded_frame_source import CameraImages, RecordedFrameSource
 from s2rtools.datasets.scan import FramePose, InstanceRecord, Scan
 
@@ -184,17 +189,17 @@ def _paired_scan(
     unmatched = list(unmatched_images(*sides, pairing, options.match))
     if not pairing.sim.size:
         raise RequestError(_no_pairs(*sides, options, unmatched))
-    scan = _empty_scan(*sides, pairing, options)
+    places = sides[0].poses[pairing.sim], sides[1].poses[pairing.real]
+    map_options = MapOptions(
+        options.frame, options.calibration, options.allow_outside, options.stored
+    )
+    scan = empty_scan(sides[1].recording, np.concatenate(places), map_options)
     for side in sides:
-        scan.issues += [issue.of_side(side.side) for issue in side.recording.issues]
-        for folder, count in side.recording.outside_folders.items():
-            counts = dict(scan.outside_folders)
-            scan.outside_folders = counts | {folder: counts.get(folder, 0) + count}
+        add_reports(scan, side)
     scan.issues += worlds
-    scan.issues += [issue.of_side(side.side) for side in sides for issue in side.floor.issues]
     scan.issues += pairing.issues
     scan.issues += [each.issue() for each in unmatched]
-    cameras = {each.side: _Cameras(each, options.frame) for each in sides}
+    cameras = {each.side: SideCameras(each, options.frame) for each in sides}
     scan.domains = {side: cameras[side].domain for side in SIDES}
     _add_trajectories(scan, *sides, pairing, cameras)
     tolerance = options.match, options.tolerance
@@ -255,28 +260,48 @@ def _no_pairs(
     return f"{start}{found}"
 
 
-def _empty_scan(
-    sim: RecordedSide, real: RecordedSide, pairing: Pairing, options: PairOptions
-) -> Scan:
-    """The data set without domains and trajectories; bounds are the file's or the poses'."""
-    root = real.recording.root
+@dataclass(frozen=True, slots=True)
+class MapOptions:
+    """The (height, width) of frames and the map of a data set of recordings; see `PairOptions`."""
+
+    frame: tuple[int, int]
+    calibration: Path | None = None
+    allow_outside: bool = False
+    stored: StoredWorlds | None = None
+
+
+def empty_scan(recording: Recording, poses: Floats, options: MapOptions) -> Scan:
+    """The data set of a recording without domains and trajectories.
+
+    Its bounds are those of the calibration file or of the store, else those of `poses` (N, 3).
+    """
+    root = recording.root
     if options.calibration is not None:
         _refuse_camera(options.calibration)
-        config = DatasetConfig(options.calibration, name=real.recording.name, y_down=False)
+        config = DatasetConfig(options.calibration, name=recording.name, y_down=False)
         containment = PathContainment(config.path.parent, options.allow_outside)
         if config.table.y_down:
             raise RequestError(
                 f"{config.path}: y_down = true; on the floor of recordings y grows upwards"
             )
         return config.empty_scan(root, options.frame, containment)
-    name, stored = real.recording.name, options.stored
+    name, stored = recording.name, options.stored
     if stored is not None:
         bounds, scale = stored.bounds, stored.accuracy_scale
-        return Scan(name, root, options.frame, False, bounds, scale, ())
-    places = np.concatenate([sim.poses[pairing.sim, :2], real.poses[pairing.real, :2]])
-    (x0, y0), (x1, y1) = places.min(axis=0) - MARGIN, places.max(axis=0) + MARGIN
+        return Scan(name, root, options.frame, stored.y_down, bounds, scale, ())
+    (x0, y0), (x1, y1) = poses[:, :2].min(axis=0) - MARGIN, poses[:, :2].max(axis=0) + MARGIN
     bounds = Bounds(float(x0), float(y0), float(x1), float(y1))
     return Scan(name, root, options.frame, False, bounds, bounds.diagonal, ())
+
+
+def add_reports(scan: Scan, side: RecordedSide) -> None:
+    """Add the issues of a recording and of its floor, and the folders that it was read from."""
+    issues = [*side.recording.issues, *side.floor.issues]
+    scan.issues += [issue.of_side(side.side) for issue in issues]
+    counts = dict(scan.outside_folders)
+    for folder, count in side.recording.outside_folders.items():
+        counts[folder] = counts.get(folder, 0) + count
+    scan.outside_folders = counts
 
 
 def _refuse_camera(path: Path) -> None:
@@ -290,7 +315,7 @@ def _refuse_camera(path: Path) -> None:
         )
 
 
-class _Cameras:
+class SideCameras:
     """The cameras of one side, and the domain that they make."""
 
     def __init__(self, side: RecordedSide, frame: tuple[int, int]) -> None:
@@ -327,13 +352,17 @@ class _Cameras:
             has_depth=has_depth,
         )
 
+    def source(self, frame: RecordedFrame) -> RecordedFrameSource:
+        """The source of a frame that these cameras have taken."""
+        return RecordedFrameSource(frame, self.rgb, self.depth)
+
 
 def _add_trajectories(
     scan: Scan,
     sim: RecordedSide,
     real: RecordedSide,
     pairing: Pairing,
-    cameras: Mapping[Side, _Cameras],
+    cameras: Mapping[Side, SideCameras],
 ) -> None:
     """Add the pairs, by the trajectories of the real side, in its recording order."""
 
@@ -345,14 +374,9 @@ def _add_trajectories(
             time = float(real.times[numbers[1]])
             return InstanceRecord(
                 x, y, heading,
-                {
-                    side.side: RecordedFrameSource(
-                        side.frame(number), cameras[side.side].rgb, cameras[side.side].depth
-                    )
-                    for side, number in sides
-                },
+                {each.side: cameras[each.side].source(each.frame(row)) for each, row in sides},
                 timestamp=time if math.isfinite(time) else None,
-                frame_poses={side.side: _frame_pose(side, number) for side, number in sides},
+                frame_poses={side.side: frame_pose(side, number) for side, number in sides},
             )  # fmt: skip
 
         return LazySequence(len(sims), record)
@@ -365,7 +389,8 @@ def _add_trajectories(
             scan.add_trajectory(trajectory, records(pairing.sim[chosen], pairing.real[chosen]))
 
 
-def _frame_pose(side: RecordedSide, number: int) -> FramePose:
+def frame_pose(side: RecordedSide, number: int) -> FramePose:
+    """The pose of an image on the map, and that of its camera in the recording's world."""
     x, y, heading = side.poses[number].tolist()
     pose = side.camera_pose(number)
     position = (float(pose[0, 3]), float(pose[1, 3]), float(pose[2, 3]))

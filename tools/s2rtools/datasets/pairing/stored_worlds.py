@@ -1,9 +1,9 @@
-"""The worlds of a store that was made of two recordings, in which further ones are placed."""
+"""The worlds of the recordings of a store, in which further ones are placed."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass
 from typing import TypeVar
 
@@ -28,8 +28,9 @@ _LARGEST = 1e6
 class StoredWorlds:
     """The floors, the alignment and the map bounds of a store.
 
-    `alignment` maps the sim floor to the real one; None where none was fitted. `own_worlds` are
-    the sides whose trajectories each have a world of their own, `with_depth` those with depth.
+    `floors` has the sides that recordings were stored of. `alignment` maps the sim floor to the
+    real one; None where none was fitted. `own_worlds` are the sides whose trajectories each have a
+    world of their own, `with_depth` those with depth. `y_down`: y of the map is -y of the floors.
     """
 
     floors: Mapping[Side, StoredFloor]
@@ -39,11 +40,12 @@ class StoredWorlds:
     trajectories: frozenset[str]
     bounds: Bounds
     accuracy_scale: float
+    y_down: bool = False
 
     def check(self, side: Side, recording: Recording, trajectories: set[str]) -> None:
         """Raise RequestError where a recording of a side has no place in the worlds of the store.
 
-        `trajectories` are those of the real recording, which are continued or added.
+        `trajectories` are those that are continued or added.
         """
         has_own = recording.has_own_worlds or side in self.own_worlds
         if has_own and (added := sorted(trajectories - self.trajectories)):
@@ -60,23 +62,34 @@ class StoredWorlds:
             )
 
 
-def stored_worlds(store: Store) -> StoredWorlds:
-    """The worlds of a store that `s2r ingest pairs` made. Raises RequestError for any other."""
-    for side in SIDES:
-        if side not in store.domains or "floor" not in store.provenance(f"recording:{side}"):
+def stored_worlds(store: Store, needed: Sequence[Side] = SIDES) -> StoredWorlds:
+    """The worlds of the recordings of a store.
+
+    Raises RequestError where it has no recording of a `needed` side.
+    """
+    sides = [side for side in SIDES if side in store.domains and _recorded(store, side)]
+    for side in needed:
+        if side not in sides:
             raise RequestError(
                 f"{store.path}: was not made by `s2r ingest pairs`; use the layout that made it, "
                 "or make another store"
             )
     return StoredWorlds(
-        {side: _floor(store, side) for side in SIDES},
+        {side: _floor(store, side) for side in sides},
         _alignment(store),
-        frozenset(side for side in SIDES if _fact(store, side, "own_worlds", bool, False)),
-        frozenset(side for side in SIDES if store.domain(side).has_depth),
+        frozenset(side for side in sides if _fact(store, side, "own_worlds", bool, False)),
+        frozenset(side for side in SIDES if side in store.domains and store.domain(side).has_depth),
         frozenset(each.trajectory for each in store.trajectories),
         store.dataset.bounds,
         store.dataset.accuracy_scale,
+        store.dataset.y_down,
     )
+
+
+def _recorded(store: Store, side: Side) -> str | None:
+    """The section of provenance with the facts of the first recording of a side."""
+    sections = (f"recording:{side}", *(f"recording:{side}:{p.part}" for p in store.parts[1:]))
+    return next((name for name in sections if "floor" in store.provenance(name)), None)
 
 
 def _alignment(store: Store) -> FloorAlignment | None:
@@ -92,7 +105,7 @@ def _alignment(store: Store) -> FloorAlignment | None:
 
 
 def _floor(store: Store, side: Side) -> StoredFloor:
-    where = f"{store.path}: provenance of recording:{side}"
+    where = f"{store.path}: provenance of {_recorded(store, side)}"
     matrix = np.zeros((4, 4))
     rows = _fact(store, side, "world_to_floor", list[list[float]], [])
     unit = _fact(store, side, "metres_per_unit", float, 0.0)
@@ -113,7 +126,7 @@ def _floor(store: Store, side: Side) -> StoredFloor:
 
 def _fact(store: Store, side: Side, name: str, kind: type[T], default: T) -> T:
     """A fact of a side's recording; RequestError where it is of another type."""
-    section = f"recording:{side}"
+    section = _recorded(store, side) or ""
     text = store.provenance(section).get(name)
     if text is None:
         return default

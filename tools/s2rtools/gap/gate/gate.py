@@ -75,7 +75,7 @@ def collect_evidence(store: Store, request: GapRequest) -> Evidence:
     run = store.run(request.run)
     if not run.key:
         raise RequestError(f"{store.path}: run {run.run} is not computed; run `s2r precompute`")
-    chosen = evaluation.select(store, request.expression, run.run, with_trained=True)
+    chosen = evaluation.query(store, request.expression, run.run, with_trained=True).selected
     if not store.run_columns(run.run).valid.any():
         raise RequestError(
             f"{store.path}: run {run.run} has no instance that both sides predicted; "

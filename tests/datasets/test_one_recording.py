@@ -1,0 +1,91 @@
+"""`s2r ingest LAYOUT:PATH --side`: a recording whose instances have images of one side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.geometry import angles
+from s2rstore.language import evaluation
+from s2rstore.maintenance.verify import verify
+from s2rstore.records import NO_RUN
+from s2rtools.datasets.layouts import LAYOUTS
+from s2rtui.cli import main
+from tests.support import recordings
+
+N, MORE = 12, 16
+PAIRS = recordings.walk(N)
+ALONE = recordings.walk(MORE, seed=5, step=0.7)
+
+
+@pytest.fixture(autouse=True)
+def known_layout(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(LAYOUTS, "test", recordings.LAYOUT)
+
+
+def write(folder: Path, poses: np.ndarray, name: str, seed: int) -> Path:
+    return recordings.write(folder, recordings.side(poses, name=name), seed=seed)
+
+
+def ingest(store: Path, *arguments: str) -> int:
+    return main(["ingest", *arguments, "--store", str(store), "--size", "16"])
+
+
+def selected(store: Path, *expressions: str) -> list[int]:
+    with s2rstore.open(store) as opened:
+        return [int(evaluation.select(opened, text, NO_RUN).sum()) for text in expressions]
+
+
+def test_a_recording_makes_a_store_to_which_the_other_side_is_appended(tmp_path, capsys):
+    store = tmp_path / "s.s2r"
+    real = write(tmp_path / "real", PAIRS, "walk", 1)
+    sim = write(tmp_path / "sim", ALONE, "render", 2)
+    more = write(tmp_path / "more", recordings.walk(MORE, seed=6, step=0.7), "further", 3)
+    assert ingest(store, f"test:{real}", "--side", "real", "--floor", "ground=0") == 0
+    assert f"{N} instances in real; trajectories walk ({N})" in capsys.readouterr().out
+    assert ingest(store, f"test:{sim}", "--side", "sim", "--floor", "ground=0", "--append") == 0
+    assert ingest(store, f"test:{more}", "--side", "sim", "--append") == 0
+    assert verify(store) == []
+    assert selected(store, "has:real", "has:sim", "paired", "all") == [
+        N, 2 * MORE, 0, N + 2 * MORE,
+    ]  # fmt: skip
+    with s2rstore.open(store) as opened:
+        iids = opened.iids_of("render")
+        np.testing.assert_allclose(opened.poses("sim")[iids, :2], ALONE[:, :2], atol=1e-9)
+        turned = angles.distance(opened.poses("sim")[iids, 2], ALONE[:, 2])
+        assert turned.max() < 1e-9
+        assert opened.frame(int(iids[3]), "sim").rgb.any()
+
+
+def test_a_recording_is_appended_to_pairs_in_the_world_of_the_store(tmp_path):
+    store = tmp_path / "s.s2r"
+    sides = [write(tmp_path / side, PAIRS, "walk", seed) for seed, side in enumerate("sr")]
+    sim = write(tmp_path / "alone", ALONE, "alone", 3)
+    floors = ("--sim-floor", "ground=0", "--real-floor", "ground=0")
+    pair = "--sim", f"test:{sides[0]}", "--real", f"test:{sides[1]}"
+    assert ingest(store, "pairs", *pair, *floors) == 0
+    assert ingest(store, f"test:{sim}", "--side", "sim", "--append") == 0
+    assert verify(store) == []
+    assert selected(store, "has:real", "has:sim", "paired") == [N, N + MORE, N]
+    with s2rstore.open(store) as opened:
+        iids = opened.iids_of("alone")
+        np.testing.assert_allclose(opened.poses("sim")[iids, :2], ALONE[:, :2], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("nowhere:x", "--side", "sim"), "layout 'nowhere': unknown"),
+        (("test:", "--side", "sim"), "test:: give LAYOUT:PATH"),
+        (("test:x", "--side", "sim", "--append"), "no such store to append to"),
+    ],
+)
+def test_what_cannot_be_ingested_is_refused(tmp_path, capsys, arguments, words):
+    assert ingest(tmp_path / "s.s2r", *arguments) == 2
+    assert words in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        ingest(tmp_path / "s.s2r", "test:x")
+    assert "--side" in capsys.readouterr().err
