@@ -18,7 +18,7 @@ def test_the_example_renders_a_floor(s2r, tiny_store, tmp_path):
     program.write_text(code)
     command = f"{sys.executable} {program}"
     s2r("render", tiny_store, "--renderer", command, "--random", "2", "--set", "light=0.5",
-        "--out", out).checked()  # fmt: skip
+        "--out", out, "--frames-only").checked()  # fmt: skip
     frame, _ = read("csv", out / "frames.csv").trajectories["random-0"].frames
     with s2rstore.open(tiny_store) as store:
         domain, height = store.domain("sim"), store.dataset.frame_height

@@ -18,10 +18,15 @@ def render(s2r, tiny_store, tmp_path):
     def run(*arguments, mode="npy"):
         command = shlex.join([*perl_command(), mode])
         return s2r(
-            "render", tiny_store, "--renderer", command, "--out", tmp_path / "out", *arguments
-        )
+            "render", tiny_store, "--renderer", command, "--out", tmp_path / "out",
+            "--frames-only", *arguments,
+        )  # fmt: skip
 
     return run
+
+
+def _rows(tmp_path):
+    return (tmp_path / "out" / "frames.csv").read_text().splitlines()[1:]
 
 
 @pytest.fixture
@@ -33,7 +38,7 @@ def poses(tmp_path):
 
 def test_the_folder_is_a_recording_of_what_the_program_wrote(render, poses, tmp_path, tiny_store):
     printed = render("--poses", poses, "--workers", "2").printed
-    assert "3 frames rendered by perl 3, 0 there before; 3 in" in printed
+    assert "3 frames rendered by perl 3, 0 there before" in printed
     recording = read("csv", tmp_path / "out" / "frames.csv")
     trajectory = recording.trajectories["walk"]
     with s2rstore.open(tiny_store) as store:
@@ -53,9 +58,11 @@ def test_a_rerun_renders_what_is_missing(render, poses, tmp_path):
     render("--poses", poses).checked()
     gone = sorted((tmp_path / "out" / "rgb").iterdir())[0]
     gone.unlink()
-    assert "1 frame rendered by perl 3, 2 there before; 3 in" in render("--poses", poses).printed
+    assert "1 frame rendered by perl 3, 2 there before" in render("--poses", poses).printed
+    assert len(_rows(tmp_path)) == 3
     again = render("--poses", poses, "--set", "lamp=0.5").printed
-    assert "3 frames rendered by perl 3, 0 there before; 6 in" in again
+    assert "3 frames rendered by perl 3, 0 there before" in again
+    assert len(_rows(tmp_path)) == 6
     assert gone.exists()
 
 
@@ -68,7 +75,7 @@ def test_frames_that_fail_are_reported_and_rendered_by_the_next_run(render, pose
 
 def test_frames_so_far_stay_where_the_program_breaks(render, poses, tmp_path):
     assert "restarted 3 times" in render("--poses", poses, mode="dies").checked(2).err
-    render("--random", "2", mode="rgb").checked()
+    render("--random", "2").checked()
     assert "broke the protocol" in render("--poses", poses, mode="wide").checked(2).err
     assert len(read("csv", tmp_path / "out" / "frames.csv").trajectories["random-0"].frames) == 2
 
@@ -104,3 +111,10 @@ def test_grid_and_random_poses_lie_on_free_floor(tiny_store):
     for poses, reach in ((grid, 0.6), (drawn, 0.6)):
         gaps = np.linalg.norm(poses[:, None, :2] - recorded[None], axis=2).min(axis=1)
         assert gaps.max() <= reach
+
+
+def test_a_renderer_without_depth_gives_a_recording_without_depth(render, poses, tmp_path):
+    render("--poses", poses, mode="rgb").checked()
+    frames = read("csv", tmp_path / "out" / "frames.csv").trajectories["walk"].frames
+    assert [frame.depth for frame in frames] == [None] * 3
+    assert "frames of another camera" in render("--poses", poses).checked(2).err

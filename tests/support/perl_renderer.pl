@@ -50,7 +50,7 @@ while (my $line = <STDIN>) {
     if ($mode eq 'fails-at-1' and $id == 1) { print $json->encode({ failed => { id => 1, reason => 'inside a wall' } }), "\n"; next }
     my $width = $mode eq 'wide' ? $w + 1 : $w;
     my @rgb = map { my $y = $_; join '', map { pack 'CCC', $_ % 256, $y % 256, 255 * $render->{parameters}{lamp} / 2 } 0 .. $width - 1 } 0 .. $h - 1;
-    my @metres = map { $render->{x} + $_ / 16 } 0 .. $w * $h - 1;
+    my @metres = map { abs($render->{x}) + $_ / 16 } 0 .. $w * $h - 1;
     $metres[3] = 9 ** 9 ** 9 if $mode eq 'infinite';
     my $name = $mode eq 'outside' ? "../../$render->{rgb}" : $render->{rgb};
     if ($mode eq 'link') { symlink '/etc/passwd', "$camera->{folder}/$name" }

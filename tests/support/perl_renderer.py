@@ -28,4 +28,4 @@ def rgb_of(height: int, width: int, lamp: float = 1.0):
 
 def depth_of(height: int, width: int, x: float):
     """The depth in metres that the Perl renderer writes at x of a pose."""
-    return x + np.arange(height * width).reshape(height, width) / 16
+    return abs(x) + np.arange(height * width).reshape(height, width) / 16

@@ -7,7 +7,7 @@ import shutil
 import sys
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import s2rstore
 from s2rstore.errors import RequestError, counted
@@ -22,9 +22,11 @@ if TYPE_CHECKING:
     from s2rtools.renderer.protocol import Hello, Ready
     from s2rtools.simulated_frames.requested_poses import RequestedPoses
 
-EXAMPLE = "s2r render lab.s2r --renderer 'python my_sim.py' --grid 0.5,8 --out rendered"
+EXAMPLE = "s2r render lab.s2r --renderer 'python my_sim.py' --grid 0.5,8"
 BUILT_IN = {"world": "--seed", "mesh": ""}
 """Renderers that ship, by the word before the colon, and the option that takes the word after."""
+SIDE: Literal["sim"] = "sim"
+"""Side and domain of rendered frames in a store."""
 _TIMEOUT = 120.0
 _MOST_WORKERS = 64
 
@@ -34,12 +36,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--renderer", required=True, metavar="COMMAND",
                         help="program that speaks the renderer protocol, with its arguments; or "
                         "mesh:FILE.glb, or world:SEED")  # fmt: skip
-    parser.add_argument("--domain", help="domain whose camera renders (default: the sim domain)")
+    parser.add_argument("--domain", help="domain whose camera renders (default: the sim domain; in "
+                        "a store without one, the first)")  # fmt: skip
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="values",
                         help="value of a parameter that the renderer declares "
                         "(repeatable)")  # fmt: skip
     group = parser.add_argument_group("poses (one of these)")
     poses = group.add_mutually_exclusive_group(required=True)
+    poses.add_argument("--missing", action="store_true",
+                       help="the instances of trajectories without sim images")  # fmt: skip
     poses.add_argument("--poses", type=Path, metavar="FILE.csv",
                        help="the poses of a CSV file: x_m, y_m, heading_deg, as `s2r collect` "
                        "writes them")  # fmt: skip
@@ -49,9 +54,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     poses.add_argument("--random", type=int, metavar="N", help="N random poses on the free floor")
     group.add_argument("--seed", type=int, default=0, help="random seed of --random (default 0)")
     group = parser.add_argument_group("output and processes")
-    group.add_argument("--out", type=Path, required=True, metavar="DIR",
-                       help="folder of the frames, a recording of layout csv; frames that it has "
-                       "are not rendered again")  # fmt: skip
+    group.add_argument("--out", type=Path, metavar="DIR",
+                       help="folder of the frames, a recording of layout csv (default: "
+                       "STORE-frames); frames that it has are not rendered again")  # fmt: skip
+    group.add_argument("--frames-only", action="store_true",
+                       help="write the folder and leave the store as it is")  # fmt: skip
     group.add_argument("--workers", type=int, default=1, metavar="K",
                        help="processes of the renderer (default 1)")  # fmt: skip
     group.add_argument("--timeout", type=float, default=_TIMEOUT, metavar="SECONDS",
@@ -78,10 +85,22 @@ def execute(options: argparse.Namespace) -> int:
     command = renderer_command(options.renderer)
     with s2rstore.open(options.store) as store:
         store.require_poses("render")
-        domain = store.domain(options.domain or _sim_domain(store))
+        domain = store.domain(options.domain or _default_domain(store))
+        if not options.frames_only:
+            _check_camera(store, domain)
         requested = _requested(store, options)
         camera = _camera(store, domain)
-    return _render(options, command, domain, camera, requested)
+    path = options.out or options.store.with_name(f"{options.store.stem}-frames")
+    code = _render(options, path, command, domain, camera, requested)
+    if options.frames_only:
+        return code
+    if code and requested.are_stored:
+        line = f"{options.store}: unchanged; images are added when all instances have one"
+        print(printable(line), file=sys.stderr)
+        return code
+    from s2rtools.simulated_frames.append_frames import append_frames
+
+    return append_frames(path, options.store) or code
 
 
 def renderer_command(text: str) -> list[str]:
@@ -95,13 +114,34 @@ def renderer_command(text: str) -> list[str]:
     return [sys.executable, "-m", f"s2rtools.renderer.{kind}", *arguments]
 
 
-def _sim_domain(store: Store) -> str:
-    return next(name for name in store.domains if store.domain(name).kind == "sim")
+def _default_domain(store: Store) -> str:
+    """The sim domain; in a store without one, the first."""
+    kinds = {name: store.domain(name).kind for name in store.domains}
+    return next((name for name, kind in kinds.items() if kind == "sim"), next(iter(kinds)))
+
+
+def _check_camera(store: Store, domain: Domain) -> None:
+    """Raise RequestError where frames of a domain's camera cannot be appended to the store."""
+    advice = "; --frames-only leaves the store as it is"
+    if SIDE in store.domains and domain.domain != SIDE:
+        raise RequestError(f"--domain {domain.domain}: frames are added to domain {SIDE}{advice}")
+    if domain.domain == SIDE and domain.has_depth and domain.depth != domain.rgb:
+        raise RequestError(
+            f"domain {SIDE}: its RGB and depth images have different cameras; a renderer has one"
+            f"{advice}"
+        )
+    if domain.forward_offset:
+        raise RequestError(
+            f"domain {domain.domain}: its camera is {domain.forward_offset:g} m ahead of the pose; "
+            f"frames of such a camera are not added{advice}"
+        )
 
 
 def _requested(store: Store, options: argparse.Namespace) -> RequestedPoses:
     from s2rtools.simulated_frames import requested_poses
 
+    if options.missing:
+        return requested_poses.missing_poses(store, SIDE)
     if options.poses is not None:
         return requested_poses.poses_of_file(options.poses)
     if options.grid is not None:
@@ -150,18 +190,20 @@ def parameter_values(ready: Ready, assignments: list[str]) -> dict[str, float]:
 
 def _render(
     options: argparse.Namespace,
+    path: Path,
     command: list[str],
     domain: Domain,
     camera: Hello,
     requested: RequestedPoses,
 ) -> int:
+    """Render the frames that a folder lacks; 1 where some could not be rendered."""
     from s2rtools.renderer.workers import RendererWorkers, RenderJob
-    from s2rtools.simulated_frames.frame_folder import FrameFolder
+    from s2rtools.simulated_frames.frame_folder import TABLE, FrameFolder, prepare_folder
     from s2rtools.simulated_frames.requested_poses import camera_poses
 
-    folder = FrameFolder(options.out, domain, camera)
+    prepare_folder(path)
     poses = camera_poses(requested.poses, domain, camera.y_down)
-    files = options.out / "renderer"
+    files = path / "renderer"
     failures: list[str] = []
     with (
         RendererWorkers(command, camera, files, options.workers, options.timeout) as workers,
@@ -169,6 +211,12 @@ def _render(
     ):
         ready = workers.ready
         values = parameter_values(ready, options.values)
+        if domain.has_depth and not ready.depth and not options.frames_only:
+            raise RequestError(
+                f"renderer {ready.name}: renders no depth, domain {domain.domain} has depth; "
+                "--frames-only leaves the store as it is"
+            )
+        folder = FrameFolder(path, domain, camera, domain.has_depth and ready.depth)
         keys = [folder.key(ready, pose, values) for pose in poses]
         jobs = [
             RenderJob(number, pose, values)
@@ -187,13 +235,14 @@ def _render(
                     if result.failure:
                         failures.append(f"pose {result.number + 1}: {result.failure}")
         finally:
-            rows = folder.add_rows(keys, poses, requested.name, ready.depth)
+            frames = list(zip(keys, requested.names, poses, strict=True))
+            folder.add_rows(frames, anew=requested.are_stored)
     for worker in range(options.workers):
         shutil.rmtree(files / f"worker-{worker}", ignore_errors=True)
     rendered = len(jobs) - len(failures)
     print(printable(
-        f"{options.out}: {counted(rendered, 'frame')} rendered by {ready.name} {ready.version}, "
-        f"{len(poses) - len(jobs)} there before; {rows} in {options.out / 'frames.csv'}"
+        f"{path / TABLE}: {counted(rendered, 'frame')} rendered by {ready.name} {ready.version}, "
+        f"{len(poses) - len(jobs)} there before"
     ))  # fmt: skip
     if failures:
         count = counted(len(failures), "frame")

@@ -14,6 +14,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -34,25 +35,31 @@ _MOST_TABLE = 256 << 20
 _KEY_DIGITS = 24
 
 
+def prepare_folder(path: Path) -> None:
+    """Make a folder for frames. Raises RequestError where it holds other files."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        names = {entry.name for entry in path.iterdir() if entry.is_file()}
+    except OSError as error:
+        raise RequestError(f"{path}: {error.strerror or error}") from error
+    if names and DESCRIPTION not in names:
+        raise RequestError(f"{path}: holds other files; choose a new folder")
+
+
 class FrameFolder:
     """The frames of one camera; several threads may save different frames."""
 
-    def __init__(self, path: Path, domain: Domain, camera: Hello) -> None:
+    def __init__(self, path: Path, domain: Domain, camera: Hello, has_depth: bool) -> None:
         """Make the folder. Raises RequestError where it holds frames of another camera."""
-        self.path, self._domain = path, domain
+        self.path, self._domain, self.has_depth = path, domain, has_depth
         self._camera = msgspec.structs.replace(camera, folder="")
-        text = self._description()
+        text = self._description().encode()
         try:
-            path.mkdir(parents=True, exist_ok=True)
             present = safe_files.read(path, DESCRIPTION, 1 << 16)
         except FileNotFoundError:
-            if any(entry.is_file() for entry in path.iterdir()):
-                raise RequestError(f"{path}: holds other files; choose a new folder") from None
-            atomic_writes.write(path, DESCRIPTION, text.encode())
+            atomic_writes.write(path, DESCRIPTION, text)
             return
-        except OSError as error:
-            raise RequestError(f"{path}: {error.strerror or error}") from error
-        if present != text.encode():
+        if present != text:
             raise RequestError(f"{path}: holds frames of another camera; choose a new folder")
 
     def key(self, ready: Ready, pose: CameraPose, parameters: dict[str, float]) -> str:
@@ -60,7 +67,6 @@ class FrameFolder:
         facts = (
             ready.name,
             ready.version,
-            ready.depth,
             self._camera,
             pose,
             sorted(parameters.items()),
@@ -73,7 +79,7 @@ class FrameFolder:
 
     def save(self, key: str, frame: RenderedFrame) -> None:
         """Write the files of a frame."""
-        if frame.depth is not None:
+        if self.has_depth and frame.depth is not None:
             _, png = cv2.imencode(
                 ".png", self.raw_depth(frame.depth), [cv2.IMWRITE_PNG_COMPRESSION, 1]
             )
@@ -86,28 +92,28 @@ class FrameFolder:
         valid = (raw >= self._domain.depth_raw_min) & (raw <= self._domain.depth_raw_max)
         return np.where(valid, raw, 0).astype(np.uint16)
 
-    def add_rows(
-        self, keys: Sequence[str], poses: Sequence[CameraPose], trajectory: str, depth: bool
-    ) -> int:
-        """Add the frames that exist to the table, behind its rows; returns the rows of the table.
+    def add_rows(self, frames: Sequence[tuple[str, str, CameraPose]], anew: bool) -> None:
+        """Add rows of frames that exist: key, trajectory and pose of the camera.
 
-        A frame that the table has in any trajectory is not added again.
+        They follow the rows of the table, without those that it has. With `anew` they replace the
+        rows of their trajectories, which then are in the order of `frames`.
         """
         rows = self._rows()
-        present = {row[0] for row in rows}
-        for key, pose in zip(keys, poses, strict=True):
-            rgb = f"rgb/{key}.png"
-            if rgb in present or not self.has(key):
-                continue
-            present.add(rgb)
-            w, x, y, z = map(repr, pose.quaternion)
-            at = map(repr, pose.position)
-            rows.append([rgb, f"depth/{key}.png" if depth else "", *at, x, y, z, w, trajectory])
+        if anew:
+            names = {trajectory for _, trajectory, _ in frames}
+            rows = [row for row in rows if row[-1] not in names]
+        present = Counter((row[0], row[-1]) for row in rows)
+        for key, trajectory, pose in frames:
+            rgb, depth = f"rgb/{key}.png", f"depth/{key}.png"
+            if present[rgb, trajectory] > 0:
+                present[rgb, trajectory] -= 1
+            elif self.has(key):
+                w, x, y, z = map(repr, pose.quaternion)
+                at = map(repr, pose.position)
+                rows.append([rgb, depth if self.has_depth else "", *at, x, y, z, w, trajectory])
         text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerows([_COLUMNS, *rows])
+        csv.writer(text, lineterminator="\n").writerows([_COLUMNS, *rows])
         atomic_writes.write(self.path, TABLE, text.getvalue().encode())
-        return len(rows)
 
     def _rows(self) -> list[list[str]]:
         try:
@@ -121,9 +127,8 @@ class FrameFolder:
 
     def _description(self) -> str:
         camera, domain = self._camera, self._domain
-        return (
-            f"depth_scale = {domain.depth_scale!r}\n"
-            f"depth_raw_max = {domain.depth_raw_max}\n\n"
-            f"[camera]\nwidth = {camera.width}\nheight = {camera.height}\n"
-            f"fx = {camera.fx!r}\nfy = {camera.fy!r}\ncx = {camera.cx!r}\ncy = {camera.cy!r}\n"
-        )
+        depth = f"depth_scale = {domain.depth_scale!r}\ndepth_raw_max = {domain.depth_raw_max}\n\n"
+        lens = {"fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy}
+        size = f"[camera]\nwidth = {camera.width}\nheight = {camera.height}\n"
+        values = "".join(f"{name} = {value!r}\n" for name, value in lens.items())
+        return (depth if self.has_depth else "") + size + values

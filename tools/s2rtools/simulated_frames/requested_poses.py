@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from s2rstore.files.planned_poses import read_planned_poses
 from s2rstore.reader import Store
 from s2rstore.records import Domain
 from s2rtools.data_collection.candidates import FreeFloor, turns
+from s2rtools.datasets.recording import trajectory_name
 from s2rtools.renderer.protocol import CameraPose
 
 Poses = NDArray[np.float64]
@@ -27,19 +29,28 @@ _LEVEL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Turns the optical axes of a level camera into x forward, y left, z up."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class RequestedPoses:
-    """Poses with the name of the trajectory that they become."""
+    """Poses with the name of the trajectory that each becomes a part of.
 
-    name: str
+    `are_stored`: these are all instances of stored trajectories, in their order.
+    """
+
     poses: Poses
+    names: Sequence[str]
+    are_stored: bool = False
+
+    @classmethod
+    def of_trajectory(cls, name: str, poses: Poses) -> RequestedPoses:
+        return cls(poses, [name] * len(poses))
 
 
 def poses_of_file(path: Path) -> RequestedPoses:
     """The poses of a CSV file with the columns x_m, y_m and heading_deg."""
     planned = read_planned_poses(path)
     rows = [(pose.x_m, pose.y_m, math.radians(pose.heading_deg)) for pose in planned]
-    return RequestedPoses(path.stem, np.array(rows, dtype=np.float64).reshape(-1, 3))
+    poses = np.array(rows, dtype=np.float64).reshape(-1, 3)
+    return RequestedPoses.of_trajectory(trajectory_name(path.stem), poses)
 
 
 def poses_on_grid(store: Store, spacing: float, headings: int) -> RequestedPoses:
@@ -55,7 +66,7 @@ def poses_on_grid(store: Store, spacing: float, headings: int) -> RequestedPoses
     poses = np.column_stack(
         [np.repeat(places, headings, axis=0), np.tile(turns(headings), len(places))]
     )
-    return RequestedPoses("grid", poses)
+    return RequestedPoses.of_trajectory("grid", poses)
 
 
 def random_poses(store: Store, count: int, seed: int) -> RequestedPoses:
@@ -72,8 +83,27 @@ def random_poses(store: Store, count: int, seed: int) -> RequestedPoses:
         drawn[:, 2] = math.tau * drawn[:, 2] - math.pi
         found = np.concatenate([found, drawn[floor.is_free(drawn[:, :2], 0.0)]])
         if len(found) >= count:
-            return RequestedPoses(f"random-{seed}", found[:count])
+            return RequestedPoses.of_trajectory(f"random-{seed}", found[:count])
     raise RequestError(f"--random {count}: the free floor is too small to draw them")
+
+
+def missing_poses(store: Store, domain: str) -> RequestedPoses:
+    """The poses of the instances of all trajectories of which a domain has no images.
+
+    Raises RequestError where there is none, and where some of their instances have no pose.
+    """
+    imaged = store.imaged_parts.get(domain, frozenset())
+    partly = {part.trajectory for part in imaged}
+    names = [each.trajectory for each in store.trajectories if each.trajectory not in partly]
+    if not names:
+        raise RequestError(f"{store.path}: domain {domain} has images of all trajectories")
+    iids = np.concatenate([store.iids_of(name) for name in names])
+    truth = store.instances
+    poses = np.column_stack([truth.x[iids], truth.y[iids], truth.heading[iids]])
+    if not np.isfinite(poses).all():
+        raise RequestError(f"{store.path}: some instances of {names[0]} have no pose to render")
+    of_each = [name for name in names for _ in store.iids_of(name)]
+    return RequestedPoses(poses, of_each, are_stored=True)
 
 
 def camera_poses(poses: Poses, domain: Domain, y_down: bool) -> list[CameraPose]:
