@@ -64,12 +64,16 @@ def test_sim_only_instances_are_added(render, s2r, store_copy):
 def real_store(s2r, tmp_path, monkeypatch):
     """A store of a recording of the real side alone."""
     monkeypatch.setitem(LAYOUTS, "test", recordings.LAYOUT)
-    side = recordings.side(recordings.walk(6), name="walk")
-    real = recordings.write(tmp_path / "real", side, seed=1)
     path = tmp_path / "real.s2r"
-    s2r("ingest", f"test:{real}", "--side", "real", "--floor", "ground=0", "--size", "16",
-        "--store", path).checked()  # fmt: skip
+    _ingest_real(s2r, path, "walk", "--floor", "ground=0", "--size", "16")
     return path
+
+
+def _ingest_real(s2r, path, name, *arguments):
+    """Ingest a recording of six real images."""
+    side = recordings.side(recordings.walk(6, seed=len(name)), name=name)
+    real = recordings.write(path.with_name(name), side, seed=1)
+    s2r("ingest", f"test:{real}", "--side", "real", "--store", path, *arguments).checked()
 
 
 def test_real_instances_get_sim_images(render, real_store):
@@ -88,3 +92,14 @@ def test_real_instances_get_sim_images(render, real_store):
         assert np.abs(difference[:, :2]).max() < 1e-9
         assert angles.distance(difference[:, 2], 0).max() < 1e-9
     assert "has images of all trajectories" in render(real_store, "--missing").checked(2).err
+
+
+def test_real_instances_that_are_appended_later_get_sim_images(render, s2r, real_store):
+    render(real_store, "--missing").checked()
+    _ingest_real(s2r, real_store, "further", "--append")
+    assert "6 frames rendered by perl 3, 0 there before" in render(real_store, "--missing").printed
+    assert verify(real_store) == []
+    with s2rstore.open(real_store) as store:
+        assert len(store.instances) == 12
+        assert store.imaged("sim", "real").all()
+        _assert_frames(store, range(12))
