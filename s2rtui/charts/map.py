@@ -61,7 +61,8 @@ class MapInput:
     sim_headings, real_headings: (N,) radians, None where there are none. values: (N,) of mode
     "colour", NaN for none; `value_label` (empty without values) names them. live: predictions for
     the cursor that no column has. trained: (N,) instances that the model was trained on, None where
-    none is shown. planned: poses at which new images shall be taken.
+    none is shown. planned: poses at which new images shall be taken. unpaired: (N,) selected
+    instances that lack an image of a side, None without any; `unpaired_text` says how many.
     """
 
     truth: Columns
@@ -87,6 +88,8 @@ class MapInput:
     live: tuple[tuple[Side, Place], ...] = ()
     trained: Bools | None = None
     planned: tuple[PlannedPose, ...] = ()
+    unpaired: Bools | None = None
+    unpaired_text: str = ""
 
 
 def map_drawing(
@@ -108,6 +111,8 @@ def map_drawing(
     if heat is not None and (ends := heat_scale(heat, data.floor.heat_is_signed)) is not None:
         ramp: Ramp = "signed heat" if data.floor.heat_is_signed else "heat"
         legend.append(ColourBar(data.heat_label, data.heat_unit, ends, ramp=ramp))
+    if data.unpaired is not None:
+        legend.append(Phrase(data.unpaired_text, "truth", "truth"))
     if data.planned:
         legend.append(Phrase(f"{len(data.planned)} planned poses", "planned", "planned"))
     return Drawing((map_plot(marks, area, data.y_down),), notes=(tuple(legend),), brush=brush)
@@ -139,13 +144,19 @@ _MARKS = {"colour": _value_marks, "glyph": _arc_marks, "full": _prediction_marks
 
 
 def _pose_marks(data: MapInput) -> Iterator[Mark]:
-    """Planned poses, live predictions, those of the cursor's instance, and its true pose."""
+    """Instances of one side, planned poses, live predictions, those of the cursor's instance, and
+    its true pose.
+    """
+    shown = data.valid
+    if data.unpaired is not None:
+        yield Signs(*data.truth, data.unpaired, data.unpaired, "truth", "truth")
+        shown = data.valid | data.unpaired
     if data.planned:
         poses = ((pose.x_m, pose.y_m, math.radians(pose.heading_deg)) for pose in data.planned)
         yield Poses(tuple(poses), "planned")
     for side, place in data.live:
         yield Poses((place,), side, side)
-    cursor = valid_cursor(data.cursor, data.valid)
+    cursor = valid_cursor(data.cursor, shown)
     if data.mode == "full":
         yield Poses(place_of(data.sim, data.sim_headings, cursor), "sim", "sim")
         yield Poses(place_of(data.real, data.real_headings, cursor), "real", "real")
@@ -217,6 +228,7 @@ class MapView(PointsView, DrawingView):
             state.cursor, store.dataset.y_down, state.map_mode,
             value if state.run != NO_RUN else "", heat_label=label, heat_unit=of_heat,
             live=_live_poses(scene), trained=state.marked, planned=state.planned,
+            unpaired=state.unpaired, unpaired_text=state.unpaired_text,
         )  # fmt: skip
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:

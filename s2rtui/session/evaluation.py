@@ -46,7 +46,8 @@ def evaluate(
     store, notes = context.store, context.notes
     query = query_of(store, state, notes, node)
     selected = query.selected
-    chosen = query.instances if query.unpaired.any() else selected
+    unpaired = query.unpaired if query.unpaired.any() else None
+    chosen = selected if unpaired is None else query.instances
     suggested, messages = None, []
     if not chosen.any():
         empty, suggested = _nothing_selected(store, query)
@@ -64,6 +65,7 @@ def evaluate(
         base=base,
         trained=context.base_populations.trained(store, state, query),
         chosen=chosen,
+        unpaired=unpaired,
         unpaired_text=query.unpaired_text,
         cursor=_cursor(store, state, selected, chosen, base),
         past=past,

@@ -145,7 +145,8 @@ def _check_names(leaf: tree.Node, words: Vocabulary) -> None:
     if isinstance(leaf, tree.Named):
         text = fields.TEXT[leaf.field.name]
         if leaf.value not in words.of(text.vocabulary):
-            raise unknown(leaf.column, leaf.field.name, leaf.value, words.of(text.vocabulary))
+            kind = "domain" if leaf.field.name == "has" else leaf.field.name
+            raise unknown(leaf.column, kind, leaf.value, words.of(text.vocabulary))
 
 
 def used_fields(node: tree.Node) -> tuple[tree.Field, ...]:
