@@ -6,8 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from s2rstore.errors import RequestError
-from s2rtools.renderer.program import RendererError, parse_command
+from s2rtools.renderer.program import RendererError
 from s2rtools.renderer.protocol import CameraPose, Hello, Parameter
 from s2rtools.renderer.workers import RendererWorkers, RenderJob
 from tests.support.perl_renderer import depth_of, perl_command, rgb_of
@@ -101,15 +100,6 @@ def test_a_program_that_hangs_is_stopped(perl, tmp_path):
 def test_a_program_that_ends_at_its_start_is_not_waited_for(tmp_path):
     with pytest.raises(RendererError, match="ended with exit code 1"):
         RendererWorkers(["false"], CAMERA, tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [("", "names no program"), ("a 'b", "quotation"), ("no-such-program", "there is no program")],
-)
-def test_commands_that_name_no_program_are_refused(text, message):
-    with pytest.raises(RequestError, match=message):
-        parse_command(text)
 
 
 def test_the_rotation_of_a_pose_turns_optical_axes_into_the_world():

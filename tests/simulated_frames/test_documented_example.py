@@ -15,7 +15,8 @@ _PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "your-simulator.md"
 def test_the_example_renders_a_floor(s2r, tiny_store, tmp_path):
     (code,) = re.findall(r"^```python\n(.*?)^```", _PAGE.read_text(), re.MULTILINE | re.DOTALL)
     program, out = tmp_path / "my_sim.py", tmp_path / "out"
-    program.write_text(code)
+    program.write_text(f"import module_beside_it\n{code}")
+    (tmp_path / "module_beside_it.py").touch()
     command = f"{sys.executable} {program}"
     s2r("render", tiny_store, "--renderer", command, "--random", "2", "--set", "light=0.5",
         "--out", out, "--frames-only").checked()  # fmt: skip

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import s2rstore
+from s2rstore.errors import RequestError
 from s2rtools.datasets.layouts import read
+from s2rtools.simulated_frames.command import renderer_command
 from s2rtools.simulated_frames.requested_poses import poses_on_grid, random_poses
 from tests.support.perl_renderer import depth_of, perl_command, rgb_of
 
@@ -118,3 +120,18 @@ def test_a_renderer_without_depth_gives_a_recording_without_depth(render, poses,
     frames = read("csv", tmp_path / "out" / "frames.csv").trajectories["walk"].frames
     assert [frame.depth for frame in frames] == [None] * 3
     assert "frames of another camera" in render("--poses", poses).checked(2).err
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [("", "names no program"), ("a 'b", "quotation"), ("no-such-program", "there is no program")],
+)
+def test_commands_that_name_no_program_are_refused(text, message):
+    with pytest.raises(RequestError, match=message):
+        renderer_command(text)
+
+
+def test_renderers_that_ship_have_short_names():
+    words = renderer_command("mesh:'my scan.glb' --points places.csv")
+    assert words[-4:] == ["s2rtools.renderer.mesh", "my scan.glb", "--points", "places.csv"]
+    assert renderer_command("world:3")[-3:] == ["s2rtools.renderer.world", "--seed", "3"]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import select
 import shlex
-import shutil
 import signal
 import subprocess
 import time
@@ -54,7 +53,7 @@ class RendererProgram:
     """
 
     def __init__(self, command: Sequence[str], camera: Hello, log: Path, timeout: float) -> None:
-        """Start the program.
+        """Start the program, which finds Python modules as one that the user starts.
 
         `log` receives its standard error; each answer may take `timeout` seconds. Raises
         RendererError where it cannot be started.
@@ -62,11 +61,12 @@ class RendererProgram:
         self.camera, self._log, self._timeout = camera, log, timeout
         self._name = shlex.join(command)
         self._rest = b""
+        environment = {key: value for key, value in os.environ.items() if key != "PYTHONSAFEPATH"}
         with log.open("ab") as errors:
             try:
                 self._process = subprocess.Popen(
                     command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors,
-                    bufsize=0, start_new_session=True,
+                    bufsize=0, start_new_session=True, env=environment,
                 )  # fmt: skip
             except OSError as error:
                 reason = error.strerror or str(error)
@@ -204,19 +204,3 @@ class RendererProgram:
     def _hint(self) -> str:
         has_log = self._log.is_file() and self._log.stat().st_size
         return f"; its standard error: {self._log}" if has_log else ""
-
-
-def parse_command(text: str) -> list[str]:
-    """The words of a command line, as a shell splits them; no shell is used.
-
-    Raises RequestError for unbalanced quotes and for a program that does not exist.
-    """
-    try:
-        words = shlex.split(text)
-    except ValueError as error:
-        raise RequestError(f"--renderer {text}: {error}") from error
-    if not words:
-        raise RequestError("--renderer: names no program")
-    if shutil.which(words[0]) is None:
-        raise RequestError(f"--renderer {text}: there is no program {words[0]!r}")
-    return words

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import shutil
 import sys
 from contextlib import closing
@@ -104,14 +105,25 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def renderer_command(text: str) -> list[str]:
-    """The words of `--renderer`, with a renderer that ships in place of its short name."""
-    from s2rtools.renderer.program import parse_command
+    """The words of `--renderer`, as a shell splits them; no shell is used.
 
-    kind, colon, argument = text.partition(":")
-    if not colon or kind not in BUILT_IN:
-        return parse_command(text)
-    arguments = [word for word in (BUILT_IN[kind], argument) if word]
-    return [sys.executable, "-m", f"s2rtools.renderer.{kind}", *arguments]
+    A renderer that ships takes the place of its short name. Raises RequestError for unbalanced
+    quotes and for a program that does not exist.
+    """
+    try:
+        words = shlex.split(text)
+    except ValueError as error:
+        raise RequestError(f"--renderer {text}: {error}") from error
+    if not words:
+        raise RequestError("--renderer: names no program")
+    kind, colon, argument = words[0].partition(":")
+    if colon and kind in BUILT_IN:
+        option = [BUILT_IN[kind]] if BUILT_IN[kind] else []
+        program = [sys.executable, "-P", "-m", f"s2rtools.renderer.{kind}"]
+        return [*program, *option, argument, *words[1:]]
+    if shutil.which(words[0]) is None:
+        raise RequestError(f"--renderer {text}: there is no program {words[0]!r}")
+    return words
 
 
 def _default_domain(store: Store) -> str:
