@@ -50,7 +50,7 @@ def render_seconds(folder: Path, workers: int, frames: int) -> float:
     prepare_folder(folder)
     camera = Hello(width=_SIZE[0], height=_SIZE[1], fx=_LENS.fx, fy=_LENS.fy, cx=_LENS.cx,
                    cy=_LENS.cy, y_down=False, folder="")  # fmt: skip
-    target = FrameFolder(folder, _DOMAIN, camera, True)
+    target = FrameFolder(folder, _DOMAIN, (_SIZE[1], _SIZE[0]), True)
     poses = camera_poses(np.random.default_rng(0).random((frames + workers, 3)), _DOMAIN, False)
     jobs = [RenderJob(number, pose, {}) for number, pose in enumerate(poses)]
     command = [sys.executable, "-m", "bench.rendering"]
@@ -58,7 +58,7 @@ def render_seconds(folder: Path, workers: int, frames: int) -> float:
         keys = [target.key(started.ready, pose, {}) for pose in poses]
 
         def save(number: int, frame: RenderedFrame) -> None:
-            target.save(keys[number], frame)
+            target.save(keys[number], frame, ("rgb", "depth"))
 
         results = started.render(jobs, save)
         for _ in range(workers):

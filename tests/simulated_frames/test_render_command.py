@@ -119,7 +119,7 @@ def test_a_renderer_without_depth_gives_a_recording_without_depth(render, poses,
     render("--poses", poses, mode="rgb").checked()
     frames = read("csv", tmp_path / "out" / "frames.csv").trajectories["walk"].frames
     assert [frame.depth for frame in frames] == [None] * 3
-    assert "frames of another camera" in render("--poses", poses).checked(2).err
+    assert "frames of other cameras" in render("--poses", poses).checked(2).err
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,8 @@ import shlex
 import shutil
 import sys
 from contextlib import closing
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -18,9 +20,10 @@ from s2rtools.common.command_line.progress import reporter
 
 if TYPE_CHECKING:
     from s2rstore.reader import Store
-    from s2rstore.records import Domain
+    from s2rstore.records import Domain, Intrinsics
     from s2rtools.renderer.frames import RenderedFrame
     from s2rtools.renderer.protocol import Hello, Ready
+    from s2rtools.simulated_frames.frame_folder import FrameFolder
     from s2rtools.simulated_frames.requested_poses import RequestedPoses
 
 EXAMPLE = "s2r render lab.s2r --renderer 'python my_sim.py' --grid 0.5,8"
@@ -88,11 +91,12 @@ def execute(options: argparse.Namespace) -> int:
         store.require_poses("render")
         domain = store.domain(options.domain or _default_domain(store))
         if not options.frames_only:
-            _check_camera(store, domain)
+            _check_domain(store, domain.domain)
         requested = _requested(store, options)
-        camera = _camera(store, domain)
+        frame = store.dataset.frame_height, store.dataset.frame_width
+        y_down = store.dataset.y_down
     path = options.out or options.store.with_name(f"{options.store.stem}-frames")
-    code = _render(options, path, command, domain, camera, requested)
+    code = _render(options, path, command, FrameCameras(domain, frame, y_down), requested)
     if options.frames_only:
         return code
     if code and requested.are_stored:
@@ -101,7 +105,7 @@ def execute(options: argparse.Namespace) -> int:
         return code
     from s2rtools.simulated_frames.append_frames import append_frames
 
-    return append_frames(path, options.store) or code
+    return append_frames(path, options.store, domain) or code
 
 
 def renderer_command(text: str) -> list[str]:
@@ -132,20 +136,12 @@ def _default_domain(store: Store) -> str:
     return next((name for name, kind in kinds.items() if kind == "sim"), next(iter(kinds)))
 
 
-def _check_camera(store: Store, domain: Domain) -> None:
-    """Raise RequestError where frames of a domain's camera cannot be appended to the store."""
-    advice = "; --frames-only leaves the store as it is"
-    if SIDE in store.domains and domain.domain != SIDE:
-        raise RequestError(f"--domain {domain.domain}: frames are added to domain {SIDE}{advice}")
-    if domain.domain == SIDE and domain.has_depth and domain.depth != domain.rgb:
+def _check_domain(store: Store, name: str) -> None:
+    """Raise RequestError where frames of a domain's cameras cannot be added to the store."""
+    if SIDE in store.domains and name != SIDE:
         raise RequestError(
-            f"domain {SIDE}: its RGB and depth images have different cameras; a renderer has one"
-            f"{advice}"
-        )
-    if domain.forward_offset:
-        raise RequestError(
-            f"domain {domain.domain}: its camera is {domain.forward_offset:g} m ahead of the pose; "
-            f"frames of such a camera are not added{advice}"
+            f"--domain {name}: frames are added to domain {SIDE}; --frames-only leaves the store "
+            "as it is"
         )
 
 
@@ -164,16 +160,6 @@ def _requested(store: Store, options: argparse.Namespace) -> RequestedPoses:
     if options.seed < 0:
         raise RequestError(f"--seed {options.seed}: must not be negative")
     return requested_poses.random_poses(store, options.random, options.seed)
-
-
-def _camera(store: Store, domain: Domain) -> Hello:
-    from s2rtools.renderer.protocol import Hello
-
-    dataset, lens = store.dataset, domain.rgb
-    return Hello(
-        width=dataset.frame_width, height=dataset.frame_height, fx=lens.fx, fy=lens.fy,
-        cx=lens.cx, cy=lens.cy, y_down=dataset.y_down, folder="",
-    )  # fmt: skip
 
 
 def parameter_values(ready: Ready, assignments: list[str]) -> dict[str, float]:
@@ -200,63 +186,104 @@ def parameter_values(ready: Ready, assignments: list[str]) -> dict[str, float]:
     return values
 
 
+@dataclass(frozen=True, slots=True)
+class FrameCameras:
+    """The cameras of a domain, for frames of (height, width) pixels."""
+
+    domain: Domain
+    frame: tuple[int, int]
+    y_down: bool
+
+    @property
+    def lenses(self) -> list[tuple[Intrinsics, tuple[str, ...]]]:
+        """Each camera with the images that it takes: one for both, or one for each."""
+        domain = self.domain
+        if not domain.has_depth or domain.depth == domain.rgb:
+            return [(domain.rgb, ("rgb", "depth"))]
+        return [(domain.rgb, ("rgb",)), (domain.depth, ("depth",))]
+
+    def hello(self, lens: Intrinsics) -> Hello:
+        """What a renderer is told about a camera."""
+        from s2rtools.renderer.protocol import Hello
+
+        return Hello(
+            width=self.frame[1], height=self.frame[0], fx=lens.fx, fy=lens.fy, cx=lens.cx,
+            cy=lens.cy, y_down=self.y_down, folder="",
+        )  # fmt: skip
+
+
+def _save(
+    folder: FrameFolder, keys: list[str], images: tuple[str, ...], number: int, frame: RenderedFrame
+) -> None:
+    folder.save(keys[number], frame, images)
+
+
 def _render(
     options: argparse.Namespace,
     path: Path,
     command: list[str],
-    domain: Domain,
-    camera: Hello,
+    cameras: FrameCameras,
     requested: RequestedPoses,
 ) -> int:
-    """Render the frames that a folder lacks; 1 where some could not be rendered."""
+    """Render the frames that a folder lacks; 1 where some could not be rendered.
+
+    Where RGB and depth have different cameras, each pose is rendered by both.
+    """
     from s2rtools.renderer.workers import RendererWorkers, RenderJob
     from s2rtools.simulated_frames.frame_folder import TABLE, FrameFolder, prepare_folder
     from s2rtools.simulated_frames.requested_poses import camera_poses
 
     prepare_folder(path)
-    poses = camera_poses(requested.poses, domain, camera.y_down)
-    files = path / "renderer"
-    failures: list[str] = []
-    with (
-        RendererWorkers(command, camera, files, options.workers, options.timeout) as workers,
-        reporter() as progress,
-    ):
-        ready = workers.ready
-        values = parameter_values(ready, options.values)
-        if domain.has_depth and not ready.depth and not options.frames_only:
-            raise RequestError(
-                f"renderer {ready.name}: renders no depth, domain {domain.domain} has depth; "
-                "--frames-only leaves the store as it is"
-            )
-        folder = FrameFolder(path, domain, camera, domain.has_depth and ready.depth)
-        keys = [folder.key(ready, pose, values) for pose in poses]
-        jobs = [
-            RenderJob(number, pose, values)
-            for number, (key, pose) in enumerate(zip(keys, poses, strict=True))
-            if not folder.has(key)
-        ]
-        progress.begin("render", len(jobs))
+    domain, files = cameras.domain, path / "renderer"
+    rgb_poses = camera_poses(requested.poses, domain, cameras.y_down)
+    failures: dict[int, str] = {}
+    before, keys = 0, list[str]()
+    for lens, images in cameras.lenses:
+        with (
+            RendererWorkers(
+                command, cameras.hello(lens), files, options.workers, options.timeout
+            ) as workers,
+            reporter() as progress,
+        ):
+            ready = workers.ready
+            values = parameter_values(ready, options.values)
+            if domain.has_depth and not ready.depth and not options.frames_only:
+                raise RequestError(
+                    f"renderer {ready.name}: renders no depth, domain {domain.domain} has depth; "
+                    "--frames-only leaves the store as it is"
+                )
+            folder = FrameFolder(path, domain, cameras.frame, domain.has_depth and ready.depth)
+            if not keys:
+                keys = [folder.key(ready, pose, values) for pose in rgb_poses]
+                before = sum(folder.has(key) for key in keys)
+            wanted = [each for each in images if each == "rgb" or folder.has_depth]
+            poses = camera_poses(requested.poses, replace(domain, rgb=lens), cameras.y_down)
+            jobs = [
+                RenderJob(number, pose, values)
+                for number, (key, pose) in enumerate(zip(keys, poses, strict=True))
+                if wanted and number not in failures and not folder.has(key, *wanted)
+            ]
+            progress.begin(f"render {' and '.join(wanted)}", len(jobs))
 
-        def save(number: int, frame: RenderedFrame) -> None:
-            folder.save(keys[number], frame)
-
-        try:
-            with closing(workers.render(jobs, save)) as results:
-                for result in results:
-                    progress.advance(1)
-                    if result.failure:
-                        failures.append(f"pose {result.number + 1}: {result.failure}")
-        finally:
-            frames = list(zip(keys, requested.names, poses, strict=True))
-            folder.add_rows(frames, anew=requested.are_stored)
+            save = partial(_save, folder, keys, images)
+            try:
+                with closing(workers.render(jobs, save)) as results:
+                    for result in results:
+                        progress.advance(1)
+                        if result.failure:
+                            failures[result.number] = result.failure
+            finally:
+                frames = list(zip(keys, requested.names, rgb_poses, strict=True))
+                folder.add_rows(frames, anew=requested.are_stored)
     for worker in range(options.workers):
         shutil.rmtree(files / f"worker-{worker}", ignore_errors=True)
-    rendered = len(jobs) - len(failures)
+    rendered = len(keys) - before - len(failures)
     print(printable(
         f"{path / TABLE}: {counted(rendered, 'frame')} rendered by {ready.name} {ready.version}, "
-        f"{len(poses) - len(jobs)} there before"
+        f"{before} there before"
     ))  # fmt: skip
     if failures:
+        number, reason = min(failures.items())
         count = counted(len(failures), "frame")
-        print(printable(f"{count} failed; the first: {failures[0]}"), file=sys.stderr)
+        print(printable(f"{count} failed; the first: pose {number + 1}: {reason}"), file=sys.stderr)
     return 1 if failures else 0

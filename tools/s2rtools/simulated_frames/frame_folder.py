@@ -15,7 +15,8 @@ import csv
 import hashlib
 import io
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import cv2
@@ -25,9 +26,9 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, safe_files
-from s2rstore.records import Domain
+from s2rstore.records import Domain, Intrinsics
 from s2rtools.renderer.frames import RenderedFrame
-from s2rtools.renderer.protocol import CameraPose, Hello, Ready
+from s2rtools.renderer.protocol import CameraPose, Ready
 
 TABLE, DESCRIPTION = "frames.csv", "frames.toml"
 _COLUMNS = ("rgb", "depth", "x", "y", "z", "qx", "qy", "qz", "qw", "trajectory")
@@ -47,12 +48,14 @@ def prepare_folder(path: Path) -> None:
 
 
 class FrameFolder:
-    """The frames of one camera; several threads may save different frames."""
+    """The frames of the cameras of a domain; several threads may save different frames."""
 
-    def __init__(self, path: Path, domain: Domain, camera: Hello, has_depth: bool) -> None:
-        """Make the folder. Raises RequestError where it holds frames of another camera."""
-        self.path, self._domain, self.has_depth = path, domain, has_depth
-        self._camera = msgspec.structs.replace(camera, folder="")
+    def __init__(self, path: Path, domain: Domain, frame: tuple[int, int], has_depth: bool) -> None:
+        """Make the folder for frames of a size (height, width) of a domain's cameras.
+
+        Raises RequestError where it holds frames of other cameras.
+        """
+        self.path, self._domain, self._frame, self.has_depth = path, domain, frame, has_depth
         text = self._description().encode()
         try:
             present = safe_files.read(path, DESCRIPTION, 1 << 16)
@@ -60,31 +63,28 @@ class FrameFolder:
             atomic_writes.write(path, DESCRIPTION, text)
             return
         if present != text:
-            raise RequestError(f"{path}: holds frames of another camera; choose a new folder")
+            raise RequestError(f"{path}: holds frames of other cameras; choose a new folder")
 
     def key(self, ready: Ready, pose: CameraPose, parameters: dict[str, float]) -> str:
-        """The key of a frame, which names its files."""
-        facts = (
-            ready.name,
-            ready.version,
-            self._camera,
-            pose,
-            sorted(parameters.items()),
-        )
+        """The key of a frame, which names its files; `pose` is that of the RGB camera."""
+        lenses = [asdict(lens) for lens in (self._domain.rgb, self._domain.depth)]
+        facts = ready.name, ready.version, self._frame, lenses, pose, sorted(parameters.items())
         return hashlib.sha256(msgspec.json.encode(facts)).hexdigest()[:_KEY_DIGITS]
 
-    def has(self, key: str) -> bool:
-        """Whether a frame exists; depth is written first."""
-        return safe_files.kind(self.path, f"rgb/{key}.png") == "file"
+    def has(self, key: str, *images: str) -> bool:
+        """Whether the images of a frame exist, by default all."""
+        wanted = images or (("rgb", "depth") if self.has_depth else ("rgb",))
+        return all(safe_files.kind(self.path, f"{each}/{key}.png") == "file" for each in wanted)
 
-    def save(self, key: str, frame: RenderedFrame) -> None:
-        """Write the files of a frame."""
-        if self.has_depth and frame.depth is not None:
+    def save(self, key: str, frame: RenderedFrame, images: Collection[str]) -> None:
+        """Write the named images of a frame, `rgb` and `depth`."""
+        if "depth" in images and self.has_depth and frame.depth is not None:
             _, png = cv2.imencode(
                 ".png", self.raw_depth(frame.depth), [cv2.IMWRITE_PNG_COMPRESSION, 1]
             )
             atomic_writes.write(self.path, f"depth/{key}.png", png.tobytes(), durable=False)
-        atomic_writes.write(self.path, f"rgb/{key}.png", frame.png, durable=False)
+        if "rgb" in images:
+            atomic_writes.write(self.path, f"rgb/{key}.png", frame.png, durable=False)
 
     def raw_depth(self, metres: NDArray[np.float32]) -> NDArray[np.uint16]:
         """Depth in the units of the domain; 0 where there is none or it is out of range."""
@@ -126,9 +126,15 @@ class FrameFolder:
         return rows[1:]
 
     def _description(self) -> str:
-        camera, domain = self._camera, self._domain
+        domain = self._domain
         depth = f"depth_scale = {domain.depth_scale!r}\ndepth_raw_max = {domain.depth_raw_max}\n\n"
-        lens = {"fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy}
-        size = f"[camera]\nwidth = {camera.width}\nheight = {camera.height}\n"
-        values = "".join(f"{name} = {value!r}\n" for name, value in lens.items())
-        return (depth if self.has_depth else "") + size + values
+        text = (depth if self.has_depth else "") + self._table("camera", domain.rgb)
+        if self.has_depth and domain.depth != domain.rgb:
+            text += "\n" + self._table("depth_camera", domain.depth)
+        return text
+
+    def _table(self, name: str, lens: Intrinsics) -> str:
+        values = {"width": self._frame[1], "height": self._frame[0], "fx": lens.fx, "fy": lens.fy,
+                  "cx": lens.cx, "cy": lens.cy}  # fmt: skip
+        lines = "".join(f"{key} = {value!r}\n" for key, value in values.items())
+        return f"[{name}]\n{lines}"
