@@ -7,8 +7,9 @@ import pytest
 
 import s2rstore
 from s2rstore.geometry import angles
+from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import verify
-from s2rtools.datasets.layouts import LAYOUTS
+from s2rtools.datasets.layouts import LAYOUTS, read
 from tests.support import recordings
 from tests.support.perl_renderer import depth_of, perl_command, rgb_of
 
@@ -57,7 +58,8 @@ def test_sim_only_instances_are_added(render, s2r, store_copy):
     more = render(store_copy, "--random", "8", "--seed", "3").printed
     assert "3 frames rendered by perl 3, 5 there before" in more
     assert "3 instances added" in more
-    assert "0 frames rendered" in render(store_copy, "--random", "8", "--seed", "3").printed
+    again = render(store_copy, "--random", "8", "--seed", "3").printed
+    assert "0 frames rendered by perl 3, 8 there before" in again
 
 
 @pytest.fixture
@@ -103,3 +105,21 @@ def test_real_instances_that_are_appended_later_get_sim_images(render, s2r, real
         assert len(store.instances) == 12
         assert store.imaged("sim", "real").all()
         _assert_frames(store, range(12))
+
+
+def test_cameras_ahead_of_the_pose_and_of_their_own_for_depth(render, store_copy, tmp_path):
+    poses = tmp_path / "walk.csv"
+    poses.write_text("x_m,y_m,heading_deg\n2,3,90\n4,5,0\n")
+    with edit(store_copy) as draft:
+        draft.update("domain", {"domain": "sim"}, {"forward_offset": 0.5, "depth_fx": 7.0})
+    render(store_copy, "--poses", poses).checked()
+    assert verify(store_copy) == []
+    with s2rstore.open(store_copy) as store:
+        iids = store.iids_of("walk")
+        expected = [[2, 3, np.pi / 2], [4, 5, 0]]
+        np.testing.assert_allclose(store.poses("sim")[iids], expected, atol=1e-9)
+        _assert_frames(store, iids)
+    recording = read("csv", tmp_path / "own-frames" / "frames.csv")
+    assert recording.depth_camera.fx == 7.0
+    cameras = recording.trajectories["walk"].poses[:, :2, 3]  # y of the map grows downwards
+    np.testing.assert_allclose(cameras, [[2, -3.5], [4.5, -5]], atol=1e-9)

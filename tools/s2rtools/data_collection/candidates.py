@@ -86,9 +86,7 @@ class FreeFloor:
         data = WorldData.of_store(store)
         if data is not None:
             return cls.of_world(data.world)
-        truth = store.instances
-        recorded = np.column_stack([truth.x, truth.y])
-        recorded = recorded[np.isfinite(recorded).all(axis=1)]
+        recorded = _recorded_places(store)
         if not len(recorded):
             raise RequestError(f"{store.path}: no instance has a position; {command} needs them")
         tree = KDTree(recorded)
@@ -120,6 +118,21 @@ class FreeFloor:
         x, y = (low[k] + (np.arange(int(sizes[k])) + 0.5) * spacing for k in (0, 1))
         points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
         return points[self.is_free(points, 0.75 * spacing)]
+
+
+def _recorded_places(store: Store) -> Floats:
+    """Positions (n, 2) where real images were taken; without any, those of the first ingest.
+
+    Rendered poses do not count: they say nothing about where a robot can be.
+    """
+    real = [name for name in store.domains if store.domain(name).kind == "real"]
+    counts = np.zeros(len(store.instances), dtype=np.bool_)
+    for name in real:
+        counts |= store.imaged(name)
+    if not counts.any():
+        counts[: store.parts[0].stop] = True
+    places = np.column_stack([store.instances.x, store.instances.y])[counts]
+    return places[np.isfinite(places).all(axis=1)]
 
 
 def find_candidates(
