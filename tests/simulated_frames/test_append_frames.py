@@ -112,14 +112,14 @@ def test_cameras_ahead_of_the_pose_and_of_their_own_for_depth(render, store_copy
     poses.write_text("x_m,y_m,heading_deg\n2,3,90\n4,5,0\n")
     with edit(store_copy) as draft:
         draft.update("domain", {"domain": "sim"}, {"forward_offset": 0.5, "depth_fx": 7.0})
-    render(store_copy, "--poses", poses).checked()
+    render(store_copy, "--poses", poses, "--trajectory", "ahead").checked()
     assert verify(store_copy) == []
     with s2rstore.open(store_copy) as store:
-        iids = store.iids_of("walk")
+        iids = store.iids_of("ahead")
         expected = [[2, 3, np.pi / 2], [4, 5, 0]]
         np.testing.assert_allclose(store.poses("sim")[iids], expected, atol=1e-9)
         _assert_frames(store, iids)
     recording = read("csv", tmp_path / "own-frames" / "frames.csv")
     assert recording.depth_camera.fx == 7.0
-    cameras = recording.trajectories["walk"].poses[:, :2, 3]  # y of the map grows downwards
+    cameras = recording.trajectories["ahead"].poses[:, :2, 3]  # y of the map grows downwards
     np.testing.assert_allclose(cameras, [[2, -3.5], [4.5, -5]], atol=1e-9)

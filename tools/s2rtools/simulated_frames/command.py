@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Literal
 
 import s2rstore
 from s2rstore.errors import RequestError, counted
+from s2rstore.files.layout import checked_name
 from s2rstore.security.printable_text import printable
 from s2rtools.common.command_line import store_argument
 from s2rtools.common.command_line.progress import reporter
@@ -57,6 +58,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                        "headings")  # fmt: skip
     poses.add_argument("--random", type=int, metavar="N", help="N random poses on the free floor")
     group.add_argument("--seed", type=int, default=0, help="random seed of --random (default 0)")
+    group.add_argument("--trajectory", metavar="NAME",
+                       help="trajectory that the poses become (default: grid, random-SEED or the "
+                       "name of the file)")  # fmt: skip
     group = parser.add_argument_group("output and processes")
     group.add_argument("--out", type=Path, metavar="DIR",
                        help="folder of the frames, a recording of layout csv (default: "
@@ -93,6 +97,10 @@ def execute(options: argparse.Namespace) -> int:
         if not options.frames_only:
             _check_domain(store, domain.domain)
         requested = _requested(store, options)
+        if options.trajectory is not None:
+            if requested.are_stored:
+                raise RequestError("--trajectory: --missing keeps the trajectories of the store")
+            requested = requested.renamed(checked_name(options.trajectory, "--trajectory"))
         frame = store.dataset.frame_height, store.dataset.frame_width
         y_down = store.dataset.y_down
     path = options.out or options.store.with_name(f"{options.store.stem}-frames")

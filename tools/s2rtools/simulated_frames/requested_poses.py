@@ -42,7 +42,12 @@ class RequestedPoses:
 
     @classmethod
     def of_trajectory(cls, name: str, poses: Poses) -> RequestedPoses:
+        """Poses that become one trajectory."""
         return cls(poses, [name] * len(poses))
+
+    def renamed(self, name: str) -> RequestedPoses:
+        """The same poses as another trajectory."""
+        return RequestedPoses.of_trajectory(name, self.poses)
 
 
 def poses_of_file(path: Path) -> RequestedPoses:
