@@ -33,6 +33,7 @@ from bench import (
     planning,
     precompute_memory,
     remote,
+    rendering,
     scale,
     startup,
     suggest,
@@ -61,6 +62,7 @@ _MEASUREMENTS = (
     "live_prediction",
     "precompute_memory",
     "time_delay",
+    "rendering",
     "harm_cost",
     "end_to_end",
 )
@@ -147,6 +149,8 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
         yield from live_prediction.figures(options.threads)
     if "precompute_memory" in selected:
         yield from precompute_memory.figures((1_000, 100_000))
+    if "rendering" in selected:
+        yield from rendering.figures(folder / "rendering")
     if "time_delay" in selected:
         yield from time_delay.figures()
     if "harm_cost" in selected:

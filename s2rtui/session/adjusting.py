@@ -25,7 +25,7 @@ def available_sliders(store: Store, run: str | None = None) -> tuple[tuple[Slide
     not installed.
     """
     from s2rtools.adjustments import ADJUSTMENTS, TranslatorAdjustment
-    from s2rtools.rendering import no_renderer_reason
+    from s2rtools.synthetic_world.stored_world import no_renderer_reason
 
     model = None if run is None else store.run(run).model
     channels = "rgbd" if model is None else store.models[model].channels

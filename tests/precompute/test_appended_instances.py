@@ -255,3 +255,26 @@ def test_instances_of_one_side_are_not_computed_and_change_no_figure(stores, tmp
         assert store.coverage("plain").not_imaged == N + 4
         with pytest.raises(RequestError, match=r"domain real has no images of trajectory a"):
             store.frame(0, "real")
+
+
+def test_a_trajectory_whose_missing_images_are_added_is_computed(stores, tmp_path):
+    options = ScanOptions(header=stores[0].parent / "data" / "calibration.toml", frame=(32, 32))
+    scan = IMPORTERS["sim2realviz"](stores[0].parent / "data", options)
+    path = tmp_path / "s.s2r"
+    real_only = part_of(scan, {"b": N}, ("real",)).trajectories
+    first = part_of(scan, {"a": N}, SIDES)
+    first.trajectories = {**first.trajectories, **real_only}
+    build(first, path, "s2r ingest", True, lambda steps: None)
+    add_run(path, "plain", "sim")
+    compute(path, "plain")
+    with s2rstore.open(path) as store:
+        assert store.coverage("plain").computed == N
+    append(part_of(scan, {"a": N, "b": N}, SIDES), path, "s2r ingest", True, lambda steps: None)
+    compute(path, "plain")
+    with s2rstore.open(path) as store, s2rstore.open(stores[0]) as once:
+        assert store.coverage("plain").computed == 2 * N
+        expected, found = by_position(once, "plain"), by_position(store, "plain")
+        np.testing.assert_allclose(
+            [row[3:-1] for row in found], [row[3:-1] for row in expected], rtol=0, atol=1e-5
+        )
+    assert check(path).damages == check(path).notes == ()

@@ -24,9 +24,9 @@ from s2rtools.models.load_model import load_model
 from s2rtools.models.preprocessing import preprocess
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import add_run
-from s2rtools.rendering import no_renderer_reason, open_renderer
 from s2rtools.scoring.factor_effects import Counterfactuals
 from s2rtools.scoring.ground_truth import GroundTruth
+from s2rtools.synthetic_world.stored_world import no_renderer_reason, open_renderer
 from s2rtui.session.heatmaps import heatmap_choices, instance_grid
 from s2rtui.session.state import HeatChoice
 from tests.support.copies import copy_store

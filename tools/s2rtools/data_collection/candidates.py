@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -64,6 +65,76 @@ class CandidatePoses:
         return self.rooms[cells // self.headings.size]
 
 
+@dataclass(frozen=True, slots=True)
+class FreeFloor:
+    """Where a robot can be: `is_free(points (n, 2), reach)` within `extent`, (2, 2) low and high.
+
+    `reach` in metres matters where free floor is known by recorded poses only: it is the distance
+    within which one counts. `world` is the synthetic world of the store, if it was made of one.
+    `origin` says how free floor is known, in one phrase.
+    """
+
+    extent: Floats
+    is_free: Callable[[Floats, float], NDArray[np.bool_]]
+    world: World | None
+    origin: str
+
+    @classmethod
+    def of_store(cls, store: Store, command: str) -> FreeFloor:
+        """Raises RequestError, which names `command`, where the store has no poses."""
+        store.require_poses(command)
+        data = WorldData.of_store(store)
+        if data is not None:
+            return cls.of_world(data.world)
+        recorded = _recorded_places(store)
+        if not len(recorded):
+            raise RequestError(f"{store.path}: no instance has a position; {command} needs them")
+        tree = KDTree(recorded)
+
+        def is_free(points: Floats, reach: float) -> NDArray[np.bool_]:
+            return np.isfinite(tree.query(points, distance_upper_bound=max(REACH, reach))[0])
+
+        extent = np.array([recorded.min(axis=0) - REACH, recorded.max(axis=0) + REACH])
+        return cls(extent, is_free, None, f"places within {REACH:g} m of recorded poses")
+
+    @classmethod
+    def of_world(cls, world: World) -> FreeFloor:
+        """The floor of a synthetic world that is free on both sides."""
+        size = len(world.floor.clearance) * FLOOR_CELL
+        return cls(
+            np.array([[0.0, 0.0], [size, size]]), lambda points, reach: is_free(world, points),
+            world, "free floor of the synthetic world",
+        )  # fmt: skip
+
+    def grid(self, spacing: float, most: int) -> Floats:
+        """Centres (P, 2) of square cells of `spacing` metres that are free.
+
+        Raises RequestError for a grid of more than `most` cells.
+        """
+        low = np.floor(self.extent[0] / spacing) * spacing
+        sizes = np.ceil((self.extent[1] - low) / spacing)
+        if np.prod(sizes) > most:
+            raise RequestError(f"a grid of {spacing:g} m has more than {most:,} cells")
+        x, y = (low[k] + (np.arange(int(sizes[k])) + 0.5) * spacing for k in (0, 1))
+        points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        return points[self.is_free(points, 0.75 * spacing)]
+
+
+def _recorded_places(store: Store) -> Floats:
+    """Positions (n, 2) where real images were taken; without any, those of the first ingest.
+
+    Rendered poses do not count: they say nothing about where a robot can be.
+    """
+    real = [name for name in store.domains if store.domain(name).kind == "real"]
+    counts = np.zeros(len(store.instances), dtype=np.bool_)
+    for name in real:
+        counts |= store.imaged(name)
+    if not counts.any():
+        counts[: store.parts[0].stop] = True
+    places = np.column_stack([store.instances.x, store.instances.y])[counts]
+    return places[np.isfinite(places).all(axis=1)]
+
+
 def find_candidates(
     store: Store, headings: int = HEADINGS, reporter: Reporter | None = None
 ) -> CandidatePoses:
@@ -72,21 +143,14 @@ def find_candidates(
     Of a synthetic world they are its free floor without views of a near wall; else places
     near recorded poses of any trajectory. Raises RequestError where the store has no poses.
     """
-    store.require_poses("collect")
-    data = WorldData.of_store(store)
-    truth = store.instances
-    recorded = np.column_stack([truth.x, truth.y])
-    recorded = recorded[np.isfinite(recorded).all(axis=1)]
-    if not len(recorded):
-        raise RequestError(f"{store.path}: no instance has a position; collect needs them")
-    names = truth.room_names
-    if data is None:
-        places = _places(recorded, lambda points, spacing: _is_near(points, spacing, recorded))
+    floor = FreeFloor.of_store(store, "collect")
+    names = store.instances.room_names
+    if floor.world is None:
+        places = _places(floor)
         usable = np.ones((len(places), headings), dtype=np.bool_)
-        origin = f"places within {REACH:g} m of recorded poses"
-        candidates = _candidates(places, usable, store.rooms, names, origin)
+        candidates = _candidates(places, usable, store.rooms, names, floor.origin)
     else:
-        candidates = world_candidates(data.world, store.rooms, names, headings, reporter)
+        candidates = world_candidates(floor.world, store.rooms, names, headings, reporter)
     if not candidates.count:
         raise RequestError(f"{store.path}: no free place was found; ingest more poses")
     return candidates
@@ -105,13 +169,14 @@ def world_candidates(
     """
     if reporter is not None:
         reporter.say("looking for free places; the first call compiles the ray caster (a minute)")
-    extent = np.array([[0.0, 0.0], [1.0, 1.0]]) * len(world.floor.clearance) * FLOOR_CELL
-    places = _places(extent, lambda points, spacing: is_free(world, points))
-    usable = _with_content(world, places, _turns(headings), reporter)
-    return _candidates(places, usable, rooms, names, "free floor of the synthetic world")
+    floor = FreeFloor.of_world(world)
+    places = _places(floor)
+    usable = _with_content(world, places, turns(headings), reporter)
+    return _candidates(places, usable, rooms, names, floor.origin)
 
 
-def _turns(headings: int) -> Floats:
+def turns(headings: int) -> Floats:
+    """Evenly spread headings (n,), radians from -pi."""
     return np.linspace(-math.pi, math.pi, headings, endpoint=False)
 
 
@@ -123,7 +188,7 @@ def _candidates(
     origin: str,
 ) -> CandidatePoses:
     codes = room_codes(places[:, 0], places[:, 1], rooms, names)
-    return CandidatePoses(places, _turns(usable.shape[1]), usable, codes, origin)
+    return CandidatePoses(places, turns(usable.shape[1]), usable, codes, origin)
 
 
 def is_free(world: World, points: Floats) -> NDArray[np.bool_]:
@@ -136,22 +201,12 @@ def is_free(world: World, points: Floats) -> NDArray[np.bool_]:
     return free
 
 
-def _is_near(points: Floats, spacing: float, recorded: Floats) -> NDArray[np.bool_]:
-    reach = max(REACH, 0.75 * spacing)
-    distance, _ = KDTree(recorded).query(points, distance_upper_bound=reach)
-    return np.isfinite(distance)
-
-
-def _places(extent: Floats, is_place: Callable[[Floats, float], NDArray[np.bool_]]) -> Floats:
-    """Cell centres of a square grid over the extent of points (n, 2) that are places."""
+def _places(floor: FreeFloor) -> Floats:
+    """Free places (P, 2), at most `MAX_PLACES`: their spacing grows with the floor."""
     spacing = SPACING
     while True:
-        low = np.floor((extent.min(axis=0) - REACH) / spacing) * spacing
-        sizes = np.ceil((extent.max(axis=0) + REACH - low) / spacing).astype(np.intp)
-        if np.prod(sizes.astype(np.float64)) <= 100 * MAX_PLACES:
-            x, y = (low[k] + (np.arange(sizes[k]) + 0.5) * spacing for k in (0, 1))
-            points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-            points = points[is_place(points, spacing)]
+        with suppress(RequestError):
+            points = floor.grid(spacing, 100 * MAX_PLACES)
             if len(points) <= MAX_PLACES:
                 return points
         spacing *= _GROWTH

@@ -146,9 +146,13 @@ def execute(options: argparse.Namespace) -> int:
     scan = IMPORTERS[options.layout](getattr(options, "path", Path()), scan_options)
     _print_outside_folders(scan)
     try:
-        return _append(scan, options) if options.append else _build(scan, options)
+        return (
+            append_scan(scan, options.store, options.strict)
+            if options.append
+            else _build(scan, options)
+        )
     finally:
-        _print_issues(scan.issues, options.strict)
+        print_issues(scan.issues, options.strict)
 
 
 def _ingest_pairs(options: argparse.Namespace, size: int) -> int:
@@ -164,9 +168,13 @@ def _ingest_pairs(options: argparse.Namespace, size: int) -> int:
     try:
         if options.report is not None:
             made.write_report(options.report)
-        return _append(made.scan, options) if options.append else _build(made.scan, options)
+        return (
+            append_scan(made.scan, options.store, options.strict)
+            if options.append
+            else _build(made.scan, options)
+        )
     finally:
-        _print_issues(made.scan.issues, options.strict)
+        print_issues(made.scan.issues, options.strict)
 
 
 def _ingest_recording(options: argparse.Namespace, size: int) -> int:
@@ -177,9 +185,13 @@ def _ingest_recording(options: argparse.Namespace, size: int) -> int:
         print(printable(line))
     _print_outside_folders(made.scan)
     try:
-        return _append(made.scan, options) if options.append else _build(made.scan, options)
+        return (
+            append_scan(made.scan, options.store, options.strict)
+            if options.append
+            else _build(made.scan, options)
+        )
     finally:
-        _print_issues(made.scan.issues, options.strict)
+        print_issues(made.scan.issues, options.strict)
 
 
 def _check_store(options: argparse.Namespace) -> None:
@@ -271,33 +283,32 @@ def _interrupted_state(target: Path) -> str:
     )
 
 
-def _append(scan: Any, options: argparse.Namespace) -> int:
+def append_scan(scan: Any, target: Path, strict: bool) -> int:
+    """Append what a scan has to a store, print what was added, and return the exit code."""
     from s2rtools.datasets.appending.append import append
 
     try:
         with reporter() as progress:
             progress.begin("ingest", _steps(scan))
-            added = append(
-                scan, options.store, _command(), options.strict, progress.advance, progress.say
-            )
+            added = append(scan, target, _command(), strict, progress.advance, progress.say)
     except KeyboardInterrupt:
-        line = f"s2r: interrupted; {options.store} is unchanged; the same command resumes"
+        line = f"s2r: interrupted; {target} is unchanged; the same command resumes"
         print(printable(line), file=sys.stderr)
         return 130
-    with s2rstore.open(options.store) as store:
+    with s2rstore.open(target) as store:
         count = len(store.instances)
         computed = [run for run in store.runs.values() if run.key]
     if added.domains:
-        print(f"{options.store}: {', '.join(added.domains)} added")
+        print(f"{target}: {', '.join(added.domains)} added")
     if not added.instances:
         return 0
     trajectories = ", ".join(f"{name} ({number})" for name, number in added.instances.items())
     print(
-        f"{options.store}: {sum(added.instances.values())} instances added, now {count}; "
+        f"{target}: {sum(added.instances.values())} instances added, now {count}; "
         f"trajectories {trajectories}"
     )
     if any(not run.is_imported for run in computed):
-        command = f"s2r precompute {shlex.quote(str(options.store))}"
+        command = f"s2r precompute {shlex.quote(str(target))}"
         print(f"`{command}` computes the runs for the new instances")
     if imported := [run.run for run in computed if run.is_imported]:
         names = printable(", ".join(imported))
@@ -314,6 +325,7 @@ def _command() -> str:
     return shlex.join(["s2r", *sys.argv[1:]])
 
 
-def _print_issues(issues: list[InputIssue], is_strict: bool) -> None:
+def print_issues(issues: list[InputIssue], is_strict: bool) -> None:
+    """Print the issues of a scan by kind on standard error."""
     for line in issue_lines(issues, _LISTED_STRICT if is_strict else LISTED):
         print(line, file=sys.stderr)

@@ -20,13 +20,13 @@ from s2rtools.adjustments import Chain, apply_chain
 from s2rtools.common.read_ahead import map_ahead
 from s2rtools.models.input_contract import InputContract
 from s2rtools.models.preprocessing import preprocess
-from s2rtools.rendering import FrameRenderer, open_renderer
+from s2rtools.synthetic_world.stored_world import WorldRenderer, open_renderer
 
 _READ_ROWS = 32
 
 FrameImages = dict[str, NDArray[Any]]
 RenderedArrays = Callable[[str, str], Any]
-Renderers = dict[str, FrameRenderer]
+Renderers = dict[str, WorldRenderer]
 
 
 SourceBlock = dict[str, NDArray[Any]]

@@ -17,7 +17,7 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtools.adjustments import translator_name, with_hashes
 from s2rtools.models.model_registration import check_name_free
-from s2rtools.rendering import open_renderer
+from s2rtools.synthetic_world.stored_world import open_renderer
 
 Chains = Mapping[str, Sequence[Mapping[str, Any]]]
 

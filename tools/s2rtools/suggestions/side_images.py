@@ -24,7 +24,7 @@ from s2rtools.precompute.frame_reader import (
     adjusted_images,
     side_frames,
 )
-from s2rtools.rendering import open_renderer
+from s2rtools.synthetic_world.stored_world import open_renderer
 
 _CACHE_BYTES = 256 << 20
 BLOCK = 16
@@ -125,7 +125,7 @@ class SideImages:
         if domain not in self._renderers:
             self._renderers[domain] = open_renderer(self.store, domain)
         renderer = self._renderers[domain]
-        rgb, depth = renderer.subsampled(domain, iid, iid + 1, self.move(chain), self._stride)
+        rgb, depth = renderer.frames(domain, iid, iid + 1, self.move(chain), self._stride)
         return {"rgb": rgb, "depth": depth}
 
 

@@ -12,12 +12,12 @@ from s2rstore.reader import Store
 from s2rstore.records import Domain, Run
 from s2rtools.adjustments import Chain
 from s2rtools.precompute.frame_reader import Renderers
-from s2rtools.rendering import no_renderer_reason
 from s2rtools.suggestions import image_mismatch
 from s2rtools.suggestions.held_out_split import Part
 from s2rtools.suggestions.objective import Floats, Values
 from s2rtools.suggestions.side_images import Adjusted, SideImages
 from s2rtools.suggestions.sliders import Slider, changed_chain
+from s2rtools.synthetic_world.stored_world import no_renderer_reason
 
 _SEARCH_PIXELS = 64
 """Columns of images that are rendered for the search; the judgement takes whole frames."""

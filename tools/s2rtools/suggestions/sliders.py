@@ -12,7 +12,7 @@ from s2rstore.reader import Store
 from s2rstore.records import Run, Side
 from s2rtools.adjustments import ADJUSTMENTS, TranslatorAdjustment, make_chain, with_hashes
 from s2rtools.adjustments.adjustment import Adjustment
-from s2rtools.rendering import no_renderer_reason
+from s2rtools.synthetic_world.stored_world import no_renderer_reason
 
 CAMERA, LIGHTS, EXPOSURE, DEPTH, TRANSLATOR = "camera", "lights", "exposure", "depth", "translator"
 FACTORS = {

@@ -74,8 +74,8 @@ class Additions:
     `new` and `unchanged` are names of trajectories. `continued` has the number of the first record
     behind the stored instances of a trajectory, `rows` the numbers of the records of these.
     `renumbered` has the trajectories whose stored instances have another `seq` than their source.
-    `domains` are new: they are added to the stored instances of the trajectories in `rows` that
-    the source images in them.
+    `domains` are added to the stored instances of those trajectories in `rows` that the source
+    images in them and the store does not; they are new to the store, or image others of it.
     """
 
     new: tuple[str, ...]
@@ -112,8 +112,13 @@ def additions(scan: Scan, store: Store, progress: Callable[[int], None]) -> Addi
     does not have all stored instances of a trajectory.
     """
     stored = {trajectory.trajectory for trajectory in store.trajectories}
-    imaged = {name for records in scan.trajectories.values() for name in records[0].sources}
-    domains = tuple(name for name in scan.domains if name in imaged - store.domains.keys())
+    added = {
+        domain
+        for name, records in scan.trajectories.items()
+        for domain in records[0].sources.keys() - imaged_domains(store, name)
+        if domain not in store.domains or name in stored
+    }
+    domains = tuple(name for name in scan.domains if name in added)
     found = Additions(tuple(sorted(scan.trajectories.keys() - stored)), domains)
     for name in sorted(stored & scan.trajectories.keys()):
         try:
@@ -125,6 +130,15 @@ def additions(scan: Scan, store: Store, progress: Callable[[int], None]) -> Addi
         else:
             found.continued[name] = first
     return found
+
+
+def imaged_domains(store: Store, trajectory: str) -> frozenset[str]:
+    """The domains that have images of a stored trajectory; none of one that is not stored."""
+    return frozenset(
+        name
+        for name, parts in store.imaged_parts.items()
+        if any(part.trajectory == trajectory for part in parts)
+    )
 
 
 def stored_depth_types(store: Store, trajectory: str) -> dict[str, str]:
@@ -191,7 +205,7 @@ def _compare(
     Records whose images cannot be decoded, or have another depth type,
     were left out when the trajectory was ingested. Raises _DifferenceError.
     """
-    types, kept = stored_depth_types(store, name), frozenset(store.domains)
+    types, kept = stored_depth_types(store, name), imaged_domains(store, name)
     rows = found.rows.setdefault(name, array("i"))
     stored = _stored_instances(store, name)
     expected = next(stored, None)
@@ -201,7 +215,7 @@ def _compare(
             if expected is not None and checksums.items() <= expected.checksums.items():
                 pose = record.x, record.y, record.heading
                 if not all(map(is_close, pose, expected.pose)):
-                    file = _file(scan, record, next(iter(checksums)), len(rows))
+                    file = _file(scan, record, next(iter(record.sources)), len(rows))
                     raise _DifferenceError(f"the pose of {file}")
                 for domain, of_frame in expected.frame_poses.items():
                     if domain not in checksums:

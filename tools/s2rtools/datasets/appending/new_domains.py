@@ -19,6 +19,7 @@ from s2rtools.datasets.scan import InstanceRecord, Scan
 from s2rtools.datasets.stored_instances import StoredTrajectory
 from s2rtools.datasets.writing.frame_writing import FramePlace, ReportProgress, write_trajectory
 from s2rtools.datasets.writing.index_rows import (
+    dataset_hash,
     domain_hash,
     insert_domain,
     insert_frames,
@@ -45,7 +46,11 @@ def write_domain_frames(
     for part in store.trajectory_parts:
         name = part.trajectory
         imaged = [
-            each for each in domains if name in rows and each in scan.trajectories[name][0].sources
+            each
+            for each in domains
+            if name in rows
+            and each in scan.trajectories[name][0].sources
+            and part not in store.imaged_parts.get(each, ())
         ]
         if not imaged:
             continue
@@ -79,11 +84,16 @@ def _of_left_out(
 def insert_domains(
     draft: IndexTransaction, scan: Scan, domains: Sequence[str], written: DomainFrames
 ) -> None:
-    """Insert domains and the rows of their frames."""
+    """Insert domains that are new, and the rows of the frames of all."""
     for name in domains:
         imaged = [(part, stored) for part, stored in written if name in stored.domains]
         sha256 = domain_hash(scan, name, (stored for _, stored in imaged)) if imaged else None
-        insert_domain(draft, scan.domains[name], scan.has_poses, sha256)
+        before = draft.rows("SELECT hash FROM domain WHERE domain = ?", [name])
+        if not before:
+            insert_domain(draft, scan.domains[name], scan.has_poses, sha256)
+        else:
+            hashes = [each for each in (before[0][0], sha256) if each]
+            draft.update("domain", {"domain": name}, {"hash": dataset_hash(hashes)})
         for part, stored in imaged:
             insert_frames(draft, scan, stored, name, part.first_iid)
 

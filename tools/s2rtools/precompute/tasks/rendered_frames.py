@@ -14,7 +14,7 @@ from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.frame_reader import RunFrames
 from s2rtools.precompute.unit_computer import UnitComputer
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
-from s2rtools.rendering import renderer_version
+from s2rtools.synthetic_world.stored_world import renderer_version
 
 NAME = "frames"
 """Name of the stages of rendered frames."""
