@@ -158,7 +158,10 @@ class TimelineView(View):
 def _plot(found: Timeline, selected: Bools, cursor: int | None) -> Plot:
     known = found.iids >= 0
     chosen = known & selected[found.iids]
-    x = Scale(*non_empty(float(np.nanmin(found.seq)), float(np.nanmax(found.seq))), ("seq",))
+    x = Scale(
+        *non_empty(float(np.nanmin(found.seq)), float(np.nanmax(found.seq))),
+        ("seq (no unit)", "seq"),
+    )
     highest = max(np.nanmax(each, initial=0.0) for each in found.errors.values()) or 1.0
     y = Scale(0.0, 1.05 * float(highest), ("position error (m)", "error (m)", "m"))
     marks: list[Mark] = []
