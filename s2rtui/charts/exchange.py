@@ -99,7 +99,7 @@ def _scale(model: ExchangeModel) -> Scale:
             for end in (each.value, *map(float, each.bounds)) if math.isfinite(end)]  # fmt: skip
     low, high = non_empty(min(ends, default=0.0), max(ends, default=1.0))
     margin = 0.05 * (high - low)
-    return Scale(low - margin, high + margin, ("mean real error (m)", "error (m)", "m"))
+    return Scale(low - margin, high + margin, ("mean real error (m)", "error (m)", "(m)"))
 
 
 def _row(run: str, mean: WithSimulation, bold: bool, with_simulation: bool) -> Row:
