@@ -29,6 +29,7 @@ from s2rtui.app.controllers.export import ExportController
 from s2rtui.app.controllers.hover import HoverController
 from s2rtui.app.controllers.load_results import LoadResultController
 from s2rtui.app.controllers.navigation import NavigationController
+from s2rtui.app.controllers.player import PlayerController
 from s2rtui.app.controllers.prompt import PromptController
 from s2rtui.app.controllers.store_updates import CHECK_SECONDS, StoreUpdateController
 from s2rtui.app.controllers.suggestions import SuggestionController
@@ -82,6 +83,7 @@ class S2RApp(GuardedApp):
     export: ExportController
     adjust: AdjustController
     navigation: NavigationController
+    player: PlayerController
     suggestions: SuggestionController
 
     def __init__(
@@ -114,6 +116,7 @@ class S2RApp(GuardedApp):
         self.export = ExportController(self)
         self.adjust = AdjustController(self)
         self.navigation = NavigationController(self)
+        self.player = PlayerController(self)
         self.suggestions = SuggestionController(self)
         self.load_results = LoadResultController(self)
         self.store_updates = StoreUpdateController(self)

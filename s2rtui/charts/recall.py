@@ -14,7 +14,6 @@ from s2rstore.metrics import recall
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtui.analysis.binning import Bools
-from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import StatisticsView
 from s2rtui.drawing.figures import Figure, Figures
 from s2rtui.drawing.plot import Dots, Line, Mark, Plot, Rule
@@ -52,12 +51,8 @@ class RecallView(StatisticsView):
     name = "recall"
     key = "Q"
     description = "recall: shares of instances within metres and degrees"
+    about = "share of instances within both thresholds"
     title = "recall in simulation and in reality"
-    narrow_ratio = 1.9
-    wide_ratio = 0.65
-
-    def subtitle(self, scene: Scene) -> str:
-        return "share of instances within both thresholds"
 
     def model(self, store: Store, state: State) -> RecallModel:
         run, members, population = state.run, self.members(state), state.population

@@ -23,6 +23,8 @@ NAMES = (
     "shares",
     "recall",
     "risk",
+    "exchange",
+    "timeline",
     "list",
     "compare",
     "history",

@@ -20,7 +20,6 @@ from s2rstore.metrics.uncertainty import (
 )
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
-from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import StatisticsView
 from s2rtui.drawing.figures import Figure, Figures
 from s2rtui.drawing.plot import Line, Mark, Plot, Rule
@@ -34,12 +33,8 @@ class RiskView(StatisticsView):
     name = "risk"
     key = "%"
     description = "risk: mean errors of the most certain, calibration of sigma, conformal radii"
+    about = "mean error of the instances with the smallest sigmas"
     title = "mean error of the most certain instances"
-    narrow_ratio = 2.1
-    wide_ratio = 0.8
-
-    def subtitle(self, scene: Scene) -> str:
-        return "mean error of the instances with the smallest sigmas"
 
     def model(self, store: Store, state: State) -> RiskModel:
         members, population = self.members(state), state.population

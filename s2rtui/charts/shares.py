@@ -59,13 +59,9 @@ class SharesView(StatisticsView):
     name = "shares"
     key = "K"
     description = "shares of the gap: how many metres each factor causes"
+    about = "mean metres of the gap, real error - sim error"
     title = "what causes the gap"
-    narrow_ratio = 1.3
-    wide_ratio = 0.5
     figure_size = (1600, 700)
-
-    def subtitle(self, scene: Scene) -> str:
-        return "mean metres of the gap, real error - sim error"
 
     def model(self, store: Store, state: State) -> SharesModel | str:
         selected, everything = (

@@ -1,7 +1,5 @@
 """Error glyphs of the map: means, directions, sizes and distinguishability."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -18,6 +16,7 @@ from s2rtui.drawing.arcs import (
 )
 from s2rtui.drawing.drawing_layout import drawing_layout
 from s2rtui.drawing.plane_marks import Arcs
+from s2rtui.drawing.points import Grid
 from tests.charts.examples import draw_map, map_input, map_place, points_of
 
 SIZE = (80, 26)
@@ -27,7 +26,7 @@ def shown(view: MapInput, footprint: tuple[int, int] = (7, 3)) -> tuple[Arcs, Er
     """The arcs of a map in `SIZE` and their glyphs."""
     place = drawing_layout(map_drawing(view), SIZE, RenderOptions()).plots[0]
     (arcs,) = (mark for mark in place.plot.marks if isinstance(mark, Arcs))
-    grid = place.plot.x, place.plot.y, place.width, place.rows
+    grid = Grid(place.plot.x, place.plot.y, place.width, place.rows)
     return arcs, error_glyphs(arcs, grid, footprint)
 
 
@@ -158,11 +157,3 @@ def test_equal_arrows_are_merged_with_both_sizes():
     canvas = draw_map(view, SIZE, options)
     column, row = centre_of(view, options)
     assert "".join(canvas.char[row + 1, column : column + 4]) == "vB39"
-
-
-def test_the_legend_explains_scale_and_means():
-    text = "\n".join(draw_map(map_input(mode="glyph"), (120, 30)).lines())
-    assert "180° = " in text
-    assert "mean of n instances" in text
-    one_selected = replace(map_input(mode="glyph"), selected=np.arange(60) == 5)
-    assert "mean of n instances" not in "\n".join(draw_map(one_selected, (120, 30)).lines())

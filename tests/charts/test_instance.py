@@ -10,7 +10,7 @@ import s2rstore
 from s2rstore.index.transaction import edit
 from s2rstore.records import SIDES
 from s2rtui.canvas import DARK, DEFAULT_OPTIONS
-from s2rtui.charts.instance.model import instance_input as stored_instance_input
+from s2rtui.charts.instance import instance_input as stored_instance_input
 from s2rtui.charts.map import VIEW as MAP
 from s2rtui.charts.map import MapInput
 from s2rtui.charts.registry import BY_NAME
@@ -52,15 +52,6 @@ def test_heat_lies_on_the_images_that_it_is_computed_of(over, rows):
     assert [plot.y.names[0] for plot in plots if plot.image.overlay] == [
         row for row in rows for _ in SIDES
     ]
-
-
-def test_numbers_are_metres_and_degrees():
-    text = "\n".join(cells(instance_input()).lines())
-    for number in ("1.50", "-2.25", "28.6", "0.75", "5.7", "22.9"):
-        assert number in text
-    assert "occlusion rgb" in text
-    assert "#12" in text
-    assert "größer" in text
 
 
 def test_negative_zero_nan_and_missing_depth_have_texts():

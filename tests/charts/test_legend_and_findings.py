@@ -3,7 +3,6 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
@@ -14,13 +13,14 @@ from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.drawing.legend import (
     colour_bar,
+    cut_rows,
     draw_rows,
     fit_rows,
     role_legend,
     text_part,
 )
 from s2rtui.session import Session
-from tests.charts.examples import draw_map, finding_report, map_input
+from tests.charts.examples import finding_report
 
 OPTIONS = RenderOptions()
 words = st.text("abcdefgh", min_size=1, max_size=12)
@@ -28,7 +28,7 @@ labels = st.lists(words, min_size=1, max_size=8).map(" ".join)
 
 
 def drawn(parts: list, width: int, most: int | None = None) -> list[str]:
-    rows = fit_rows(parts, width, most=most)
+    rows = cut_rows(fit_rows(parts, width), width, most, OPTIONS)
     canvas = Canvas(width, max(1, len(rows)), OPTIONS)
     draw_rows(canvas, 0, 0, rows)
     return canvas.lines()
@@ -37,7 +37,7 @@ def drawn(parts: list, width: int, most: int | None = None) -> list[str]:
 @given(st.lists(labels, min_size=1, max_size=6), labels, st.integers(40, 160))
 def test_every_word_appears(texts, label, width):
     parts = [text_part(((text, DARK.muted),)) for text in texts]
-    parts.append(colour_bar(label, "m", (0.25, 17.5), OPTIONS, room=width, clipped=True))
+    parts += colour_bar(label, "m", (0.25, 17.5), OPTIONS, room=width, clipped=True)
     parts.append(role_legend(OPTIONS, sim="simulated", real="real", truth="true position"))
     shown = " ".join(drawn(parts, width)).split()
     wanted = " ".join([*texts, label, "p1 0.25 p99 18 m simulated real true position"]).split()
@@ -63,18 +63,6 @@ def test_a_glyph_stays_beside_its_word_and_a_wide_word_is_cut():
         for line in drawn([part], width):
             assert not line.rstrip().endswith(tuple("\u25c6\u25c7\u2022"))
     assert cell_len(drawn([text_part((("a" * 30, DARK.muted),))], 20)[0].rstrip()) == 20
-
-
-@pytest.mark.parametrize("width", [40, 48, 66, 100])
-@pytest.mark.parametrize("height", [12, 20, 40])
-@pytest.mark.parametrize("mode", ["colour", "glyph", "full"])
-def test_the_legend_of_a_map_has_all_words_or_an_ellipsis(width, height, mode):
-    view = map_input(mode=mode, heat_label="feature distance of the selection, real")
-    lines = draw_map(view, (width, height), OPTIONS).lines()[-(height // 2) :]
-    text = " ".join(" ".join(lines).split())
-    names = {"colour": "shift", "glyph": "both", "full": "truth"}
-    wanted = (names[mode], "feature distance of the selection, real", "not selected", " m ")
-    assert "\u2026" in text or all(part in f"{text} " for part in wanted)
 
 
 def test_rows_of_findings_mark_bounds_beyond_all_values(tiny_store):

@@ -22,7 +22,7 @@ from s2rtui.drawing.heat_colours import map_opacity
 from s2rtui.drawing.paper import draw_paper
 from s2rtui.drawing.plane_cells import SEGMENTS_UP_TO
 from s2rtui.drawing.plane_marks import Segments
-from s2rtui.drawing.signs import drawn_segments
+from s2rtui.drawing.points import Grid, drawn_segments
 from tests.charts.examples import BOUNDS, draw_map, map_input, map_place, points_of
 
 SIZE = (80, 26)
@@ -78,19 +78,6 @@ def test_room_names_and_outlines_are_optional():
     assert "hall" not in without_names
 
 
-def test_room_names_are_whole_and_avoid_the_points():
-    along = np.linspace(1.0, 9.0, 60)
-    truth = np.stack([along, np.full(60, 5.0)], axis=1)
-    room = (Room("corridor", 0, 0, 0, 10, 10),)
-    view = map_input(truth=truth, rooms=room, cursor=None, heat=None, plan=None)
-    all_selected = replace(view, selected=np.ones(60, dtype=np.bool_))
-    bare = draw_map(replace(all_selected, rooms=()), SIZE)
-    named = draw_map(all_selected, SIZE)
-    assert "corridor" in "\n".join(named.lines())
-    drawn = [np.isin(canvas.char, ("●", "■")).sum() for canvas in (named, bare)]
-    assert drawn[0] == drawn[1] > 20
-
-
 def test_a_room_name_in_a_full_room_is_drawn_in_front_of_the_points():
     across, down = np.meshgrid(np.linspace(0, 10, 200), np.linspace(0, 10, 200))
     truth = np.stack([across.ravel(), down.ravel()], axis=1)
@@ -141,7 +128,7 @@ def lines_of(view: MapInput, viewport: Bounds | None = None) -> Any:
     drawing = map_drawing(view, viewport)
     place = drawing_layout(drawing, SIZE, DEFAULT_OPTIONS).plots[0]
     (mark, _) = (mark for mark in place.plot.marks if isinstance(mark, Segments))
-    grid = place.plot.x, place.plot.y, place.width, place.rows
+    grid = Grid(place.plot.x, place.plot.y, place.width, place.rows)
     return drawn_segments(mark, grid, SEGMENTS_UP_TO)
 
 

@@ -12,8 +12,15 @@ from s2rtools.translator_evaluation.fit_into_store import FitRequest, fit_into_s
 from s2rtui.canvas import DARK, Canvas, ColourMode, RenderOptions
 from s2rtui.canvas.marks import BrushShape, PlotArea
 from s2rtui.canvas.render_options import UNICODE
-from s2rtui.charts.overview.model import MOST_READ, accuracy_scale, ordered, translator_rows
-from s2rtui.charts.overview.view import VIEW, overview_table, translator_notes
+from s2rtui.charts.overview import (
+    MOST_READ,
+    VIEW,
+    accuracy_scale,
+    ordered,
+    overview_table,
+    translator_notes,
+    translator_rows,
+)
 from s2rtui.charts.scene import (
     LoadedData,
     OverviewRow,
@@ -97,13 +104,6 @@ def test_the_cursor_has_a_sign_and_a_number_in_each_row():
         column = panel_of(drawing, row.run).to_cells(min(float(values[50]), 0.999), 0.0)[0]
         assert canvas.char[y, int(column)] in (UNICODE.cursor, UNICODE.sim, UNICODE.real)
     assert line_of(canvas, "seen all")[1].split()[-1] == "n/a"
-
-
-def test_the_visible_rows_follow_the_selected_run():
-    rows = [OverviewRow(f"run{k}", Interval.unknown(0.9), Interval.unknown(0.8)) for k in range(40)]
-    for run in ("run0", "run17", "run39"):
-        drawing = Drawing(table=overview_table(rows, 0.7, run))
-        assert f"▶ {run} " in "\n".join(draw_cells(drawing, (60, 8)).lines())
 
 
 @pytest.mark.parametrize(

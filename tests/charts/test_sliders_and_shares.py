@@ -13,8 +13,8 @@ from s2rstore.metrics.gap_shares import FactorShare, GapShares, mean_shares
 from s2rstore.records import GAP_FACTORS
 from s2rtools.adjustments import ADJUSTMENTS
 from s2rtui.canvas import RenderOptions
-from s2rtui.charts.adjust.view import VIEW as ADJUST
-from s2rtui.charts.adjust.view import sliders_drawing
+from s2rtui.charts.adjust import VIEW as ADJUST
+from s2rtui.charts.adjust import sliders_drawing
 from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.charts.shares import VIEW, SharesModel, shares_scale
 from s2rtui.drawing.cells import draw_cells, drawing_panels
@@ -27,14 +27,6 @@ SLIDERS = tuple(
     for one in ADJUSTMENTS.values()
 )
 SLIDING = sliders_drawing(SLIDERS, [one.lowest + one.step for one in ADJUSTMENTS.values()], 2)
-
-
-@pytest.mark.parametrize("width", [46, 50, 80])
-def test_labels_and_units_are_complete(width):
-    rows = draw_cells(SLIDING, (width, len(SLIDERS))).lines()
-    for slider, row in zip(SLIDERS, rows, strict=True):
-        assert slider.name.replace("_", " ") in row
-        assert row.rstrip().endswith(slider.unit)
 
 
 @pytest.mark.parametrize("width", [20, 30, 46])

@@ -2,6 +2,7 @@
 
 import base64
 import importlib.util
+import operator
 import re
 import shlex
 import subprocess
@@ -116,6 +117,17 @@ def test_registry_names_beside_their_files_exist():
             ):
                 missing.append((page.name, name, path))
     assert not missing
+
+
+def test_the_hops_of_an_expression_exist_and_are_few():
+    text = (DOCS / "architecture.md").read_text(encoding="utf-8")
+    hops = re.findall(r"^\| \d+ \| `([\w.<>]+)` `([\w.]+)` \|", text, re.MULTILINE)
+    assert 10 < len(hops) <= 15
+    for name, function in hops:
+        place = function if "<view>" not in name else f"VIEW.{function}"
+        name = name.replace("<view>", "errors")
+        module = importlib.import_module(name if name.startswith("s2rstore") else f"s2rtui.{name}")
+        operator.attrgetter(place)(module)  # raises where there is none
 
 
 def test_the_key_reference_and_the_cheat_sheet_list_every_action():

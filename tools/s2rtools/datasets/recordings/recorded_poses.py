@@ -160,19 +160,14 @@ def poses_at(
     result = np.full((len(times), 4, 4), np.nan)
     if not len(known_times):
         return result
-    right = np.searchsorted(known_times, times, side="left")
-    exact = np.minimum(right, len(known_times) - 1)
-    nearest = np.where(
-        (right > 0) & ((right == len(known_times)) | _is_nearer_left(times, known_times, right)),
-        right - 1,
-        exact,
-    )
-    inside = (right > 0) & (right < len(known_times))
-    gap = np.where(inside, known_times[exact] - known_times[np.maximum(right - 1, 0)], np.inf)
+    nearest = nearest_times(times, known_times, np.inf)
     distance = np.abs(known_times[nearest] - times)
+    inside = (times > known_times[0]) & (times < known_times[-1])
     alone = (distance == 0) | (~inside & (distance <= max_hold))
     result[alone] = known_poses[nearest[alone]]
-    between = inside & ~alone & (gap <= max_gap)
+    between = inside & ~alone
+    right = np.searchsorted(known_times, times[between])
+    between[between] = np.diff(known_times)[right - 1] <= max_gap
     if between.any():
         rotations = Slerp(known_times, Rotation.from_matrix(known_poses[:, :3, :3]))
         result[between] = np.eye(4)
@@ -218,13 +213,10 @@ def nearest_times(
     """
     if not len(known_times):
         return np.full(len(times), -1, dtype=np.intp)
-    right = np.searchsorted(known_times, times)
+    right = np.minimum(np.searchsorted(known_times, times), len(known_times) - 1)
     left = np.maximum(right - 1, 0)
-    rows = np.where(
-        (right == len(known_times)) | ((right > 0) & _is_nearer_left(times, known_times, right)),
-        left,
-        np.minimum(right, len(known_times) - 1),
-    )
+    is_nearer_left = np.abs(times - known_times[left]) < np.abs(known_times[right] - times)
+    rows = np.where(is_nearer_left, left, right)
     return np.where(np.abs(known_times[rows] - times) <= tolerance, rows, -1)
 
 
@@ -240,12 +232,3 @@ def mutual_nearest(
         return rows
     back = nearest_times(known_times, times, tolerance)
     return np.where((rows >= 0) & (back[rows] == np.arange(len(times))), rows, -1)
-
-
-def _is_nearer_left(
-    times: NDArray[np.float64], known_times: NDArray[np.float64], right: NDArray[np.intp]
-) -> NDArray[np.bool_]:
-    """Whether the known time before each insertion point is nearer than that at it."""
-    left = np.maximum(right - 1, 0)
-    exact = np.minimum(right, len(known_times) - 1)
-    return np.asarray(np.abs(times - known_times[left]) < np.abs(known_times[exact] - times))
