@@ -24,7 +24,7 @@ def test_result_files_agree_and_no_others_are_written(identified, tmp_path):
 
 def test_the_table_contains_warnings(identified_unequal_wheels):
     assert "warning: structural mismatch" in report.table(
-        report.result_json(identified_unequal_wheels, None)
+        report.record(identified_unequal_wheels, None)
     )
 
 
