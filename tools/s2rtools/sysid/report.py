@@ -79,7 +79,7 @@ def table(content: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def record(result: Identification, residual: Residual | None) -> dict[str, Any]:
+def record(result: Identification, residual: Residual | None = None) -> dict[str, Any]:
     """The content of `sysid.json`, with six significant digits."""
     settings, known, structure = result.settings, result.identifiability, result.structure
     sigma = result.problem.sigma
