@@ -6,7 +6,7 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,8 @@ from s2rstore.errors import RequestError
 from s2rstore.security.printable_text import printable
 from s2rtools.common.command_line.progress import Reporter, reporter
 from s2rtools.common.result_files import check_writable, write_all
-from s2rtools.translation.apply_bag import BagRequest, apply_to_bag
+from s2rtools.translation.apply_bag import BagImage, BagRequest, translated_images
+from s2rtools.translation.method import Translator
 from s2rtools.translation.translator_file import load_translator
 
 SIM_SEED, LIGHTS_SEED = 1, 7
@@ -300,16 +301,20 @@ def _segments(options: argparse.Namespace) -> None:
     check_writable({"--segments": options.segments}, {"BAG": options.bag})
     translator = load_translator(options.translator).translator
     table = SegmentTable()
-    request = BagRequest(
-        options.input, see=lambda stamp, image, translated: table.add(stamp, translated)
-    )
-    with reporter() as progress:
-        result = apply_to_bag(
-            translator, options.strength, options.bag, options.output, progress, request
-        )
+    for stamp, _, translated in _translated_images(options, translator):
+        table.add(stamp, translated)
     table.write(options.segments)
-    print(f"{options.output}: {result.summary()}")
     print(f"{options.segments}: {table.segments} segments in {table.images} images")
+
+
+def _translated_images(options: argparse.Namespace, translator: Translator) -> Iterator[BagImage]:
+    """Write the bag and yield every decoded image with its translation."""
+    with reporter() as progress:
+        result = yield from translated_images(
+            translator, options.strength, options.bag, options.output, progress,
+            BagRequest(options.input),
+        )  # fmt: skip
+    print(f"{options.output}: {result.summary()}")
 
 
 def _check_at_least(value: int, least: int, name: str) -> None:

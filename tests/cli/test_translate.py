@@ -48,7 +48,7 @@ WRONG_REQUESTS = (
     ("fit mkl --store STORE --domains sim,sim", "two different domains"),
     ("fit mkl --store STORE --domains real,sim", "real is a real domain"),
     ("fit mkl --store STORE --paired", "mkl does not use pairs"),
-    ("fit mkl --store STORE --option beta=1", "mkl takes statistics=VALUE"),
+    ("fit mkl --store STORE --option beta=1", "mkl: option 'beta': one of statistics"),
     ("fit mkl --store STORE --size 3", "--size"),
     ("fit mkl --store STORE --name ../x", "../x"),
     ("fit all --store STORE --name x", "--name"),

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from s2rtools.nightly import publish
-from s2rtools.nightly.config import NightlyConfig, SysidConfig
+from s2rtools.nightly.config import NightlyConfig, SysidTable
 from tests.support import nights
 
 
@@ -43,7 +43,7 @@ def recorded_week(tmp_path_factory: pytest.TempPathFactory, tiny_store: Path) ->
 def make_config(folder: Path, store: Path) -> NightlyConfig:
     shutil.copytree(store, folder / "lab.s2r")
     config = nights.write_config(folder, folder / "lab.s2r")
-    return replace(config, sysid=SysidConfig(str(folder / "drives")))
+    return replace(config, sysid=SysidTable(str(folder / "drives")))
 
 
 def files(config: NightlyConfig) -> dict[Path, tuple[bytes, int]]:

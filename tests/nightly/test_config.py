@@ -40,7 +40,7 @@ def test_drives_of_the_store_are_the_default(tmp_path):
     store_drives.mkdir()
     parsed = config.read(path)
     assert parsed.request.drives == str(store_drives.resolve())
-    assert parsed.sysid == config.SysidConfig(str(store_drives.resolve()), seed=2)
+    assert parsed.sysid == config.SysidTable(str(store_drives.resolve()), seed=2)
 
 
 def test_all_keys_are_read(tmp_path):
@@ -79,9 +79,9 @@ def test_all_keys_are_read(tmp_path):
     assert {request.reference, request.golden, request.features} == {folder / "there.json"}
     assert (request.threshold, request.margin, parsed.stale_after) == (20.0, 0.1, 1.5)
     assert request.drives == str(folder / "drives")
-    assert parsed.sysid == config.SysidConfig(
+    assert parsed.sysid == config.SysidTable(
         str(folder / "drives"), "mujoco", ("mass", "damping"), {"track": 0.4}, 1, 2, None,
-        {"latency": "0..0.5", "mass": "5..30:log"}, "/odom",
+        {"latency": "0..0.5", "mass": "5..30:log"},
     )  # fmt: skip
     assert request.topic == "/odom"
     assert request.options == {"horizons": "1,2", "align": "rigid"}

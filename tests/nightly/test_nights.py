@@ -208,7 +208,7 @@ def test_a_night_that_cannot_be_measured_never_passes(week, error, outcome, code
 
 
 def test_a_failed_identification_request_never_passes(week):
-    def failing_estimate(sysid: object) -> list:
+    def failing_estimate(config: object) -> list:
         raise RequestError("one: no commands.csv")
 
     assert nightly(week.config, day(1), week.measure, failing_estimate).night.exit_code == 2

@@ -113,7 +113,7 @@ class Week:
         absent = {"delay": "no drive has commands"}
         return report(store, noisy_gaps, golden=golden(change), absent=absent)
 
-    def estimate(self, sysid: object) -> list[dict[str, Any]]:
+    def estimate(self, config: object) -> list[dict[str, Any]]:
         return [{"parameter": "damping", "value": 0.8, "value_low": 0.75, "value_high": 0.86,
                  "unit": "1/s"},
                 {"parameter": "mass", "value": 12.0, "value_low": None, "value_high": math.nan,

@@ -67,7 +67,7 @@ def test_the_refinement_never_fits_worse_than_its_start(drive_folder, severities
     """Also where the simulator cannot follow reality, and from a poor start."""
     simulator = Planar()
     windows = cut_windows(drive_folder(latency=0.8, **severities)[1], simulator, 3.0)
-    problem = PredictionError(space_of(simulator, None, {}, True), windows)
+    problem = PredictionError.of_windows(space_of(simulator, None, {}, True), windows)
     start = problem.space.start()
     refined, cube = problem.refined(start)
     again = refined.refined(cube)

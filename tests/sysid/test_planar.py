@@ -30,13 +30,7 @@ def parameter_values(choice: list[float]) -> dict[str, float]:
     searched = [
         parameter for parameter in SIMULATOR.parameters if parameter.name not in ("latency", "gain")
     ]
-    values = {}
-    for parameter, share in zip(searched, choice, strict=True):
-        if parameter.scale == "log":
-            values[parameter.name] = parameter.low * (parameter.high / parameter.low) ** share
-        else:
-            values[parameter.name] = parameter.low + share * (parameter.high - parameter.low)
-    return values
+    return {each.name: each.at_share(share) for each, share in zip(searched, choice, strict=True)}
 
 
 @given(st.lists(shares, min_size=8, max_size=8), speeds, st.floats(-6.0, 6.0))

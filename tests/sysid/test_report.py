@@ -23,9 +23,7 @@ def test_result_files_agree_and_no_others_are_written(identified, tmp_path):
 
 
 def test_the_table_contains_warnings(identified_unequal_wheels):
-    assert "warning: structural mismatch" in report.table(
-        report.result_json(identified_unequal_wheels, None)
-    )
+    assert "warning: structural mismatch" in report.table(report.record(identified_unequal_wheels))
 
 
 def test_the_convergence_figure_is_deterministic(identified):

@@ -8,7 +8,7 @@ import torch
 
 from s2rstore.intervals import Interval
 from s2rtools.sysid.identify import identify
-from s2rtools.sysid.residual_network import ResidualNetwork, stretches_of
+from s2rtools.sysid.residual_network import CorrectionNetwork, stretches_of
 from s2rtools.sysid.residual_training import learn
 from s2rtools.sysid.synthetic_drives import Recording, make_drives
 from tests.sysid.conftest import QUICK, StepCounter
@@ -16,7 +16,7 @@ from tests.sysid.conftest import QUICK, StepCounter
 
 def test_an_untrained_network_equals_the_simulator(identified):
     segments = stretches_of(identified.everything, identified.cube)
-    correction = ResidualNetwork(segments, 1)
+    correction = CorrectionNetwork(segments, 1)
     np.testing.assert_allclose(
         correction.poses(segments), segments.states[:, :, :3], rtol=0, atol=1e-9
     )

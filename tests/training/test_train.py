@@ -169,10 +169,10 @@ def test_a_resumed_training_equals_an_uninterrupted_one(few_frames, tmp_path):
 def test_damaged_and_foreign_checkpoints_are_rejected(few_frames, tmp_path):
     file = tmp_path / "c.safetensors"
     train(few_frames, "vanilla", budget=Budget(steps=1), checkpoint=file)
-    with pytest.raises(RequestError, match="another training"):
+    with pytest.raises(RequestError, match="another fit"):
         train(few_frames, "vanilla", budget=Budget(steps=1), seed=1, checkpoint=file)
     translation = [{"name": "translate:T", "value": 1.0, "sha256": "0" * 64}]
-    with pytest.raises(RequestError, match="another training"):
+    with pytest.raises(RequestError, match="another fit"):
         train(
             few_frames, "vanilla", budget=Budget(steps=1), checkpoint=file, adjustments=translation
         )

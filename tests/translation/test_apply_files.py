@@ -10,7 +10,7 @@ from rosbags.highlevel import AnyReader
 
 from s2rstore.errors import RequestError
 from s2rtools.translation import apply_files
-from s2rtools.translation.apply_bag import BagRequest, apply_to_bag
+from s2rtools.translation.apply_bag import BagRequest, apply_to_bag, translated_images
 from s2rtools.translation.apply_files import apply_to_files
 from s2rtools.translation.colour_maps import MklTranslator
 from s2rtools.translation.image_codec import decode_compressed
@@ -112,9 +112,7 @@ def test_a_video_keeps_size_rate_and_length(tmp_path):
 def test_a_bag_is_translated_and_its_other_topics_are_copied(tmp_path, name, kind):
     source = write_image_bag(tmp_path / name, grey_images(4), kind, damaged=1)
     target = tmp_path / f"new-{name}"
-    seen = []
-    request = BagRequest(see=lambda stamp, _, rgb: seen.append((stamp, rgb)))
-    result = apply_to_bag(REDDER, 1.0, source, target, SilentReporter(), request)
+    result = apply_to_bag(REDDER, 1.0, source, target, SilentReporter())
     assert (result.translated, result.undecodable) == (4, 1)
     with AnyReader([source]) as old, AnyReader([target]) as new:
         assert [c.topic for c in old.connections] == [c.topic for c in new.connections]
@@ -135,8 +133,17 @@ def test_a_bag_is_translated_and_its_other_topics_are_copied(tmp_path, name, kin
                 rgb = message.data.reshape(16, 16, 3)
             assert np.abs(rgb.reshape(-1, 3).mean(axis=0) - [140, 100, 60]).max() < 6
             changed += 1
-    assert changed == len(seen) == 4
-    assert seen[0][0] > 10**18
+    assert changed == 4
+
+
+def test_a_bag_appears_when_all_of_its_images_were_taken(tmp_path):
+    source = write_image_bag(tmp_path / "a.bag", grey_images(2))
+    images = translated_images(REDDER, 1.0, source, tmp_path / "b.bag", SilentReporter())
+    stamp, image, translated = next(images)
+    assert stamp > 10**18
+    assert image.shape == translated.shape
+    images.close()
+    assert [path.name for path in tmp_path.iterdir()] == ["a.bag"]
 
 
 def test_strength_0_copies_a_bag_message_by_message(tmp_path):
@@ -202,4 +209,6 @@ def test_topics_of_a_bag_are_checked(tmp_path):
     source = write_image_bag(tmp_path / "a.bag", grey_images(1))
     for topic, problem in ((STRINGS, "no images"), ("/none", "no topic")):
         with pytest.raises(RequestError, match=problem):
-            apply_to_bag(REDDER, 1, source, tmp_path / "b.bag", SilentReporter(), BagRequest(topic))
+            next(translated_images(
+                REDDER, 1, source, tmp_path / "b.bag", SilentReporter(), BagRequest(topic)
+            ))  # fmt: skip

@@ -6,8 +6,7 @@ import torch
 
 from s2rtools.translation import find_method
 from s2rtools.translation.method import FitSettings
-from s2rtools.translation.patch_distance import patch_distance
-from s2rtools.translation.residual import held_out_rows
+from s2rtools.translation.residual import held_out_rows, patch_distance
 from tests.translation.palette_world import counterparts, difference, image_set, painted, shapes
 
 SIZE = {"channels": "8", "blocks": "1"}

@@ -18,8 +18,7 @@ from s2rstore.reader import Store
 from s2rtools.gap.axis import Evidence, GapSettings
 from s2rtools.gap.gate import gate
 from s2rtools.gap.report import plain
-from s2rtools.gap.task.group_metrics import GroupErrors, group_metrics
-from s2rtools.gap.task.task_axis import TaskAxis, heading_sectors
+from s2rtools.gap.task.task_axis import GroupErrors, TaskAxis, group_metrics, heading_sectors
 from tests.support import tiny
 from tests.support.copies import copy_store
 

@@ -121,7 +121,9 @@ def bilinear(image: np.ndarray, rows: int, columns: int) -> np.ndarray:
 @pytest.mark.parametrize("shape", [(40, 60), (200, 150), (75, 90)])
 def test_bilinear_resizing_equals_the_reference(shape):
     rgb = np.random.default_rng(1).integers(0, 256, (2, *shape, 3)).astype(np.uint8)
-    prepare = feature_network.Preprocessing((75, 90), "bilinear", (0.5, 0.4, 0.3), (0.5, 0.25, 0.2))
+    prepare = feature_network.Preprocessing(
+        (75, 90), "bilinear", None, (0.5, 0.4, 0.3), (0.5, 0.25, 0.2)
+    )
     expected = np.stack([bilinear(image / 255, 75, 90) for image in rgb])
     expected = (expected - [0.5, 0.4, 0.3]) / [0.5, 0.25, 0.2]
     computed = prepare(rgb)
@@ -132,7 +134,7 @@ def test_bilinear_resizing_equals_the_reference(shape):
 @pytest.mark.parametrize("name", ["bicubic", "nearest"])
 def test_other_filters_equal_torch(name):
     rgb = np.random.default_rng(2).integers(0, 256, (1, 150, 180, 3)).astype(np.uint8)
-    prepare = feature_network.Preprocessing((75, 120), name, (0.0,) * 3, (1.0,) * 3)
+    prepare = feature_network.Preprocessing((75, 120), name, None, (0.0,) * 3, (1.0,) * 3)
     x = torch.from_numpy(rgb).permute(0, 3, 1, 2) / 255
     corners = {} if name == "nearest" else {"align_corners": False}
     expected = torch.nn.functional.interpolate(x, (75, 120), mode=name, **corners).numpy()
@@ -141,7 +143,7 @@ def test_other_filters_equal_torch(name):
 
 def test_the_area_filter_averages_pixels():
     rgb = np.random.default_rng(3).integers(0, 256, (1, 150, 225, 3)).astype(np.uint8)
-    prepare = feature_network.Preprocessing((75, 75), "area", (0.0,) * 3, (1.0,) * 3)
+    prepare = feature_network.Preprocessing((75, 75), "area", None, (0.0,) * 3, (1.0,) * 3)
     expected = (rgb[0] / 255).reshape(75, 2, 75, 3, 3).mean(axis=(1, 3))
     assert np.allclose(prepare(rgb)[0], np.moveaxis(expected, -1, 0), atol=2e-5)
 

@@ -11,7 +11,11 @@ from torchmetrics.image.fid import FrechetInceptionDistance
 from torchmetrics.image.kid import poly_mmd
 
 from s2rtools.gap.visual import kid
-from s2rtools.gap.visual.fid import frechet_distance, trace_root, trace_root_of_samples
+from s2rtools.gap.visual.feature_distances import (
+    frechet_distance,
+    trace_root,
+    trace_root_of_samples,
+)
 
 
 def samples(seed: int, n: int, m: int, d: int) -> tuple[np.ndarray, np.ndarray]:

@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import wasserstein_distance
 
-from s2rtools.gap.visual.kl_divergence import BiasWarning, divergences
-from s2rtools.gap.visual.prdc import prdc
-from s2rtools.gap.visual.split_half_metrics import sliced_wasserstein, wasserstein_by_dimension
+from s2rtools.gap.visual.feature_distances import prdc, sliced_wasserstein, wasserstein_by_dimension
+from s2rtools.gap.visual.kl_divergence import divergences
 
 
 @given(st.integers(0, 10_000), st.integers(1, 30), st.booleans())
@@ -84,10 +83,7 @@ def test_divergences_of_angles_are_independent_of_the_origin():
     assert np.isfinite(divergences(at_the_edge, rng.normal(size=(16, 1)), 2, periods[1:]).backward)
 
 
-def test_divergences_warn_above_3_dimensions_and_reject_few_samples():
-    rng = np.random.default_rng(0)
-    with pytest.warns(BiasWarning, match="4 dimensions"):
-        divergences(rng.normal(size=(30, 4)), rng.normal(size=(30, 4)))
+def test_divergences_reject_few_samples():
     with pytest.raises(ValueError, match="6 samples"):
         divergences(np.zeros((3, 2)), np.zeros((30, 2)))
 

@@ -19,7 +19,7 @@ from s2rstore.files.input_files import open_regular, read_bytes
 from s2rstore.security.memory_limit import bounded_memory
 
 if TYPE_CHECKING:
-    from torch import Tensor
+    from torch import Tensor, nn
 
 MAX_TORCHSCRIPT_BYTES = 1 << 31
 """Bytes of a TorchScript archive, which is read only if the user trusts it."""
@@ -148,8 +148,30 @@ def read_state(path: Path, content: bytes) -> dict[str, Tensor]:
     return {str(key).removeprefix("module."): value for key, value in loaded.items()}
 
 
+def fill(
+    network: nn.Module, state: Mapping[str, Tensor], where: str, hint: str,
+    ignored: tuple[str, ...] = (),
+) -> None:  # fmt: skip
+    """Load a state dict from a file named `where` into a network.
+
+    Batch counters may be missing; unknown tensors are left out where their name begins with one of
+    `ignored`. Raises RequestError, which ends in `hint` where names or shapes do not fit.
+    """
+    expected = network.state_dict()
+    missing = [k for k in expected if k not in state and not k.endswith("num_batches_tracked")]
+    extra = [key for key in state if key not in expected and not key.startswith(ignored)]
+    shaped = [k for k, v in state.items() if k in expected and v.shape != expected[k].shape]
+    for defect, keys in (("no", missing), ("unknown", extra), ("wrong shape of", shaped)):
+        if keys:
+            more = f" and {len(keys) - 3} more" if len(keys) > 3 else ""
+            raise RequestError(f"{where}: {defect} {', '.join(keys[:3])}{more}; {hint}")
+    check_tensors(state, expected, where)
+    network.load_state_dict({key: state[key] for key in expected if key in state}, strict=False)
+
+
 def check_tensors(state: Mapping[str, Tensor], expected: Mapping[str, Tensor], where: str) -> None:
-    """Raise RequestError for sparse, quantized or complex tensors, and for a wrong data type."""
+    """Raise RequestError for sparse, quantized or complex tensors, a wrong data type, and values
+    that are not finite."""
     import torch
 
     for key, value in state.items():
@@ -159,6 +181,8 @@ def check_tensors(state: Mapping[str, Tensor], expected: Mapping[str, Tensor], w
         if key in expected and value.is_floating_point() != expected[key].is_floating_point():
             dtype = expected[key].dtype
             raise RequestError(f"{where}: {key} is {value.dtype}, expected {dtype}")
+        if value.is_floating_point() and not value.isfinite().all():
+            raise RequestError(f"{where}: {key} contains values that are not finite")
 
 
 def parameter_bytes(state: Mapping[str, Any]) -> int:

@@ -15,7 +15,7 @@ from s2rstore.records import ARCHIVES
 from s2rtools.common.weights_file import (
     MAX_TORCHSCRIPT_BYTES,
     check_archive,
-    check_tensors,
+    fill,
     max_file_bytes,
     parameter_bytes,
     read_state,
@@ -132,18 +132,4 @@ def max_weights_bytes(network: PoseNetwork) -> int:
 
 def load_state(into: PoseNetwork, state: dict[str, Tensor], where: str) -> None:
     """Load a state dict from a file named `where`. Raises RequestError if it does not fit."""
-    network = stored_module(into)
-    expected = network.state_dict()
-    required = [key for key in expected if not key.endswith("num_batches_tracked")]
-    missing = [key for key in required if key not in state]
-    extra = [key for key in state if key not in expected]
-    shaped = [k for k, v in state.items() if k in expected and v.shape != expected[k].shape]
-    for defect, keys in (("no", missing), ("unknown", extra), ("wrong shape of", shaped)):
-        if keys:
-            more = f" and {len(keys) - 3} more" if len(keys) > 3 else ""
-            raise RequestError(f"{where}: {defect} {', '.join(keys[:3])}{more}; another --arch?")
-    check_tensors(state, expected, where)
-    not_finite = [k for k, v in state.items() if v.is_floating_point() and not v.isfinite().all()]
-    if not_finite:
-        raise RequestError(f"{where}: {not_finite[0]} contains values that are not finite")
-    network.load_state_dict(state, strict=False)
+    fill(stored_module(into), state, where, "another --arch?")

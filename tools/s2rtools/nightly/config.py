@@ -48,7 +48,11 @@ class DrivesTable(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class SysidTable(Struct, frozen=True, forbid_unknown_fields=True):
-    """The section [sysid]."""
+    """The section [sysid]: parameters are identified from a folder of drives, as `s2r sysid` does.
+
+    `parameters` None: those that are searched by default; `fixed` are known values; `ranges` are
+    written as LOW..HIGH or LOW..HIGH:log.
+    """
 
     drives: str = ""
     simulator: str = "planar"
@@ -58,16 +62,6 @@ class SysidTable(Struct, frozen=True, forbid_unknown_fields=True):
     seeds: Annotated[int, Meta(ge=1, le=100)] = 3
     evaluations: Annotated[int, Meta(ge=10, le=1_000_000)] | None = None
     ranges: dict[str, str] = msgspec.field(name="range", default_factory=dict)
-
-
-class SysidConfig(SysidTable, frozen=True):
-    """Simulator whose parameters are identified from a folder of drives, as `s2r sysid` does.
-
-    `parameters` None: those that are searched by default; `fixed` are known values; `ranges` are
-    written as LOW..HIGH or LOW..HIGH:log; `topic` carries the poses in ROS bags.
-    """
-
-    topic: str | None = None
 
     def settings(self) -> SysidSettings:
         """The settings of the identification. Raises RequestError for invalid ranges."""
@@ -128,7 +122,7 @@ class NightlyConfig:
     name: str
     store: Path
     request: GapRequest
-    sysid: SysidConfig | None
+    sysid: SysidTable | None
     history: Path
     reports: Path
     metrics: Path | None
@@ -170,7 +164,7 @@ def read(path: Path) -> NightlyConfig:
         name=name,
         store=store,
         request=request,
-        sysid=_sysid(source, file, drives) if file.sysid else None,
+        sysid=_sysid(source, file.sysid, drives) if file.sysid else None,
         history=_resolve(source, output.history) if output.history else history.history_path(store),
         reports=_resolve(source, output.reports or f"reports/{name}"),
         metrics=_resolve(source, output.metrics) if output.metrics else None,
@@ -233,21 +227,18 @@ def _options(source: Path, written: list[str]) -> dict[str, str]:
     return texts
 
 
-def _sysid(source: Path, file: ConfigFile, default_drives: str | None) -> SysidConfig:
+def _sysid(source: Path, table: SysidTable, default_drives: str | None) -> SysidTable:
+    """The section with the resolved folder of drives."""
     from s2rtools.sysid.identify import configured_simulator
 
-    table = file.sysid
-    assert table is not None
     drives = _drives(source, "sysid.drives", table.drives or default_drives)
     if drives is None or drives == ODOMETRY:
         raise _invalid(source, "sysid.drives", "missing, and drives.folder names no folder")
-    resolved = {"drives": drives, "topic": file.drives.topic}
-    config = SysidConfig(**(msgspec.structs.asdict(table) | resolved))
     try:
-        configured_simulator(config.settings())
+        configured_simulator(table.settings())
     except RequestError as error:
         raise _invalid(source, "sysid", str(error).removeprefix("--")) from error
-    return config
+    return msgspec.structs.replace(table, drives=drives)
 
 
 def _check_outputs(config: NightlyConfig) -> None:

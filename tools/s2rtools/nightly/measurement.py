@@ -10,7 +10,7 @@ from s2rstore.errors import InconclusiveError, S2RError
 from s2rstore.intervals import Interval
 from s2rstore.reader import Store
 from s2rtools.gap.gate import gate
-from s2rtools.nightly.config import NightlyConfig, SysidConfig
+from s2rtools.nightly.config import NightlyConfig
 from s2rtools.nightly.input_fingerprint import Inputs
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ Report = dict[str, Any]
 Estimates = Sequence[Mapping[str, Any]]
 """Rows with `parameter`, `value`, `value_low`, `value_high`, `unit` and optionally `note`."""
 Measuring = Callable[[Store, NightlyConfig], Report]
-Estimating = Callable[[SysidConfig], Estimates]
+Estimating = Callable[[NightlyConfig], Estimates]
 
 
 def measure_gap(store: Store, config: NightlyConfig) -> Report:
@@ -28,12 +28,18 @@ def measure_gap(store: Store, config: NightlyConfig) -> Report:
     return gate.measured_report(gate.collect_evidence(store, config.request), config.request)
 
 
-def estimate_parameters(sysid: SysidConfig) -> Estimates:
-    """Parameters as `s2r sysid` identifies them; for too few drives, one row with the reason."""
+def estimate_parameters(config: NightlyConfig) -> Estimates:
+    """Parameters as `s2r sysid` identifies them, none without the section [sysid].
+
+    For too few drives, one row with the reason.
+    """
     from s2rtools.motion_logs.drives import read_drives
     from s2rtools.sysid.identify import identify
 
-    drives = read_drives(Path(sysid.drives), sysid.topic)
+    sysid = config.sysid
+    if sysid is None:
+        return ()
+    drives = read_drives(Path(sysid.drives), config.request.topic)
     try:
         return estimate_rows(identify(drives, sysid.settings(), _NoProgress()))
     except InconclusiveError as error:

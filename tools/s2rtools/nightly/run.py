@@ -151,7 +151,7 @@ def _night_result(
         estimates: Estimates = ()
         try:
             report = measure(store, config)
-            estimates = estimate(config.sysid) if config.sysid else ()
+            estimates = estimate(config)
         except StoreBusyError:
             raise
         except (InconclusiveError, RequestError) as error:

@@ -6,9 +6,8 @@ import argparse
 import re
 import shlex
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from contextlib import closing
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,11 +16,8 @@ from s2rtools.common.command_line import store_argument
 from s2rtools.common.command_line.progress import reporter
 
 if TYPE_CHECKING:
-    from s2rtools.translation.image_set import Rgb
+    from s2rtools.translation.apply_bag import BagImage
     from s2rtools.translation.translator_file import StoredTranslator
-
-    BagImage = tuple[int, Rgb, Rgb]
-    """Stamp in nanoseconds, image and translated image."""
 
 EXAMPLE = (
     "s2r ros proxy --translator real2sim.safetensors --in /camera/image_raw/compressed "
@@ -144,23 +140,23 @@ def _use_one_thread() -> None:
 
 def _replay(options: argparse.Namespace) -> None:
     if options.result is None:
-        _translate_bag(options, None)
+        for _ in _translated_images(options):
+            pass
     elif options.result.exists():
         raise RequestError(f"--result {options.result}: exists; choose another name, or remove it")
     else:
         _translate_to_store(options)
 
 
-def _translate_bag(options: argparse.Namespace, keep: Callable[[BagImage], None] | None) -> None:
-    """Write the bag; `keep` gets every decoded image."""
-    from s2rtools.translation.apply_bag import BagRequest, apply_to_bag
+def _translated_images(options: argparse.Namespace) -> Generator[BagImage, None, None]:
+    """Write the bag and yield every decoded image with its translation."""
+    from s2rtools.translation.apply_bag import BagRequest, translated_images
     from s2rtools.translation.translator_file import load_translator
 
     translator = load_translator(options.translator, options.store).translator
-    see = None if keep is None else lambda *image: keep(image)
-    request = BagRequest(options.input, options.jpeg_quality, see)
+    request = BagRequest(options.input, options.jpeg_quality)
     with reporter() as progress:
-        result = apply_to_bag(
+        result = yield from translated_images(
             translator, options.strength, options.bag, options.output, progress, request
         )
     print(f"{options.output}: {result.summary()}")
@@ -172,7 +168,6 @@ def _translate_to_store(options: argparse.Namespace) -> None:
     The images of the bag are domain `camera` of the store, their translations `translated`.
     """
     from s2rtools.datasets.writing.image_instances import ImageInstance, build_from_images
-    from s2rtools.ros.callback_items import callback_items
 
     recording = re.sub(r"[^A-Za-z0-9_.+-]", "_", options.bag.stem)[:80].lstrip("_.+-") or "bag"
     count = 0
@@ -186,7 +181,7 @@ def _translate_to_store(options: argparse.Namespace) -> None:
         if not count:
             raise RequestError(f"{options.bag}: no image could be decoded; no store was made")
 
-    with closing(callback_items(partial(_translate_bag, options))) as images:
+    with closing(_translated_images(options)) as images:
         build_from_images(
             instances(images), {"camera": "real", "translated": "sim"}, options.result, recording,
             shlex.join(["s2r", *sys.argv[1:]]),

@@ -12,11 +12,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
-
 from s2rstore.errors import RequestError, first_line
-from s2rtools.ros.clock_check import ClockCheck
-from s2rtools.ros.latest_frame import LatestFrame, SlidingWindow
+from s2rtools.ros.frame_flow import ClockCheck, LatestFrame, SlidingWindow
 from s2rtools.ros.proxy_settings import LoadTranslator, ProxySettings
 from s2rtools.translation.image_codec import (
     RawLayout,
@@ -25,7 +22,7 @@ from s2rtools.translation.image_codec import (
     decode_raw,
 )
 from s2rtools.translation.image_set import Rgb
-from s2rtools.translation.method import Translator, blend
+from s2rtools.translation.method import Translator, translate_image
 from s2rtools.translation.translator_file import StoredTranslator
 
 SILENCE = 5.0
@@ -213,8 +210,8 @@ class ProxyCore:
         self._last_image = rgb[None]
         if not settings.enabled or settings.strength == 0:
             return None
-        translated = settings.translator.translator.translate(rgb[None])
-        return image_format.encode(np.asarray(blend(rgb[None], translated, settings.strength)[0]))
+        translator = settings.translator.translator
+        return image_format.encode(translate_image(translator, rgb, settings.strength))
 
     def _count(self, name: str) -> None:
         with self._lock:

@@ -51,7 +51,6 @@ class SysidSettings:
     held_out: int | None = None
     window: float = 3.0
     evaluations: int | None = None
-    level: float = LEVEL
     seed: int = 1
     ranges: Mapping[str, Range] = field(default_factory=dict)
 
@@ -135,7 +134,7 @@ def identify(
     space = space_of(simulator, settings.parameters, settings.fixed, known)
     number = np.arange(len(windows))
     is_held = windows.replays.drive >= len(fitted)
-    problem = PredictionError(space, windows.only(number[~is_held]))
+    problem = PredictionError.of_windows(space, windows.only(number[~is_held]))
     evaluations = settings.evaluations or simulator.evaluations
     reporter.begin(f"search with {simulator.name}", settings.seeds * evaluations)
     problem, cube, traces = search(
@@ -143,7 +142,7 @@ def identify(
     )
     normal = normal_equations(problem, cube)
     information = identifiability(normal, space)
-    limits = parameter_bounds(normal, cube, settings.level)
+    limits = parameter_bounds(normal, cube, LEVEL)
     held_problem = problem.of(windows.only(number[is_held]))
     everything = problem.of(windows)
     shape = structure(held_problem, everything, cube)

@@ -8,7 +8,7 @@ searched ones (a score test), with an interval over all drives.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -133,7 +133,7 @@ def _candidates(problem: PredictionError, cube: Floats) -> tuple[Candidate, ...]
             continue
         wide = space.widened(declared.name)
         point = np.append(cube, wide.start()[-1])
-        wider = problem.over(wide).restarted(point)
+        wider = replace(problem, space=wide).restarted(point)
         normal = normal_equations(wider, point)
         centre = point - np.linalg.solve(normal.matrices.sum(axis=0) + 1e-9 * np.eye(len(point)),
                                          normal.vectors.sum(axis=0))  # fmt: skip

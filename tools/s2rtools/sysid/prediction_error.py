@@ -9,6 +9,7 @@ together. Elsewhere the start states are eliminated linearly (variable projectio
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import optimize, sparse
@@ -27,28 +28,29 @@ _MAX_EVALUATIONS = 60
 """Evaluations of one fit, each with its derivatives."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class PredictionError:
-    """Residuals over `space`, in units of `sigma` (3,): m, m, rad."""
+    """Residuals over `space`, in units of `sigma` (3,): m, m, rad.
 
-    def __init__(self, space: Space, windows: SysidWindows, sigma: Floats | None = None,
-                 starts: Floats | None = None) -> None:  # fmt: skip
-        self.space, self.windows = space, windows
-        self.sigma = np.array(windows.noise if sigma is None else sigma)
-        self.starts = windows.starts if starts is None else starts
+    They are linearised at the start states `starts` (w, 5).
+    """
+
+    space: Space
+    windows: SysidWindows
+    sigma: Floats
+    starts: Floats
+
+    @classmethod
+    def of_windows(cls, space: Space, windows: SysidWindows) -> PredictionError:
+        """The problem in units of the windows' noise, from their measured starts."""
+        return cls(space, windows, windows.noise, windows.starts)
 
     def __len__(self) -> int:
         return 3 * len(self.windows.replays.times)
 
     def of(self, windows: SysidWindows) -> PredictionError:
         """The same problem on other windows, from their measured starts."""
-        return PredictionError(self.space, windows, self.sigma)
-
-    def over(self, space: Space) -> PredictionError:
-        """The same problem in another space."""
-        return PredictionError(space, self.windows, self.sigma, self.starts)
-
-    def weighted(self, sigma: Floats) -> PredictionError:
-        return PredictionError(self.space, self.windows, sigma, self.starts)
+        return replace(self, windows=windows, starts=windows.starts)
 
     def residuals(self, cube: Floats) -> Floats:
         """Residuals (n, 3) in units of `sigma`, with the best start states."""
@@ -61,8 +63,7 @@ class PredictionError:
 
     def restarted(self, cube: Floats) -> PredictionError:
         """The same problem, linearised at the start states that fit best."""
-        starts = self.starts + self._eliminated(cube)[1]
-        return PredictionError(self.space, self.windows, self.sigma, starts)
+        return replace(self, starts=self.starts + self._eliminated(cube)[1])
 
     def jacobian(self, cube: Floats) -> Floats:
         """The Jacobian of `residuals` by the p parameters, (n, 3, p)."""
@@ -82,7 +83,7 @@ class PredictionError:
 
         def at(point: Floats) -> tuple[PredictionError, Floats]:
             starts = point[count:].reshape(self.starts.shape)
-            return PredictionError(self.space, self.windows, self.sigma, starts), point[:count]
+            return replace(self, starts=starts), point[:count]
 
         def residuals(point: Floats) -> Floats:
             problem, cube = at(point)

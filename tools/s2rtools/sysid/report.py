@@ -11,6 +11,8 @@ from typing import Any
 
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes
+from s2rstore.intervals import LEVEL
+from s2rtools.common.command_line import output
 from s2rtools.sysid.identify import Identification
 from s2rtools.sysid.residual_training import Residual
 from s2rtools.sysid.search import SearchTrace
@@ -23,18 +25,12 @@ _NESTED = 3
 """Number of searches whose end markers are nested, so that equal ends stay visible."""
 
 
-def result_json(result: Identification, residual: Residual | None) -> dict[str, Any]:
-    """The content of `sysid.json`."""
-    network = {} if residual is None else {"residual": residual.record()}
-    return {**record(result), **network}
-
-
 def write(folder: Path, result: Identification, residual: Residual | None) -> dict[str, Any]:
     """Write all files into `folder`, the JSON last, each atomically; return its content.
 
     The residual network is written only if it helps. Raises RequestError on failure.
     """
-    content = result_json(result, residual)
+    content = record(result, residual)
     title = f"Identification of {content['simulator']} from {len(result.fitted)} drives"
     files = {PICTURE: convergence_figure(result.traces, title), TABLE: table(content).encode()}
     if residual is not None and residual.accepted:
@@ -63,16 +59,14 @@ def check_writable(folder: Path) -> None:
 def table(content: dict[str, Any]) -> str:
     """A text table of estimates, held-out errors and warnings."""
     level = f"{100 * content['level']:.0f} %"
-    rows: list[tuple[str, ...]]
-    rows = [("parameter", "untuned", "estimate", f"{level} interval", "unit")]
+    rows = []
     for name, one in content["estimates"].items():
         limits = f"{one['low']:.5g} .. {one['high']:.5g}" if one["identified"] else "not determined"
         rows.append((name, f"{one['untuned']:.4g}", f"{one['value']:.5g}", limits, one["unit"]))
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    rows.insert(1, tuple("-" * width for width in widths))
-    lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+    names = ("parameter", "untuned", "estimate", f"{level} interval", "unit")
+    lines = [output.table(names, rows)]
     held = content["held_out"]
-    lines += ["", *(
+    lines += [*(
         f"prediction error on held-out windows, {kind} parameters: "
         f"{100 * held[kind]['place_m']:.2f} cm, "
         f"{57.29578 * held[kind]['heading_rad']:.2f} degrees"
@@ -85,8 +79,8 @@ def table(content: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def record(result: Identification) -> dict[str, Any]:
-    """The identification as JSON data, with six significant digits."""
+def record(result: Identification, residual: Residual | None = None) -> dict[str, Any]:
+    """The content of `sysid.json`, with six significant digits."""
     settings, known, structure = result.settings, result.identifiability, result.structure
     sigma = result.problem.sigma
     return {
@@ -101,7 +95,7 @@ def record(result: Identification) -> dict[str, Any]:
             for one in result.estimates
         },
         "fixed": {name: _short(value) for name, value in sorted(result.space.fixed.items())},
-        "level": settings.level,
+        "level": LEVEL,
         "window": settings.window,
         "seed": settings.seed,
         "drives": {"fitted": list(result.fitted), "held_out": list(result.held_out)},
@@ -146,6 +140,7 @@ def record(result: Identification) -> dict[str, Any]:
         },
         "warnings": list(result.warnings),
         "conclusive": result.conclusive,
+        **({} if residual is None else {"residual": residual.record()}),
     }
 
 

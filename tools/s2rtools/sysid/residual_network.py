@@ -76,7 +76,7 @@ def _commands(replays: Replays, rows: Integers, latency: float) -> Floats:
     return commands
 
 
-class ResidualNetwork(nn.Module):
+class CorrectionNetwork(nn.Module):
     """Correction network with scales from `training`; equal seeds give equal networks."""
 
     def __init__(self, training: Stretches, seed: int) -> None:
@@ -155,7 +155,7 @@ class ResidualNetwork(nn.Module):
         return bytes(save(tensors, {"description": json.dumps(description, sort_keys=True)}))
 
 
-def train(correction: ResidualNetwork, training: Stretches, stopping: Stretches, epochs: int,
+def train(correction: CorrectionNetwork, training: Stretches, stopping: Stretches, epochs: int,
           reporter: Reporter) -> None:  # fmt: skip
     """Train by full-batch Adam with early stopping; restore the weights with the least loss on
     `stopping`, which may be the initial ones."""

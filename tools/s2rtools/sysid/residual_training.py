@@ -60,7 +60,7 @@ def learn(result: Identification, reporter: Reporter, epochs: int = 200) -> Resi
 
     Raises InconclusiveError where the logs are too coarse for steps of `STEP`.
     """
-    from s2rtools.sysid.residual_network import ResidualNetwork, stretches_of, train
+    from s2rtools.sysid.residual_network import CorrectionNetwork, stretches_of, train
 
     stretches = stretches_of(result.everything, result.cube)
     fitted = len(result.fitted)
@@ -68,7 +68,7 @@ def learn(result: Identification, reporter: Reporter, epochs: int = 200) -> Resi
     training = stretches.of(stretches.drive < trained)
     stopping = stretches.of((stretches.drive >= trained) & (stretches.drive < fitted))
     held_out = stretches.of(stretches.drive >= fitted)
-    correction = ResidualNetwork(training, result.settings.seed)
+    correction = CorrectionNetwork(training, result.settings.seed)
     train(correction, training, stopping, epochs, reporter)
     error = compared(_errors(held_out.states[:, :, :3], held_out.poses),
                      _errors(correction.poses(held_out), held_out.poses),

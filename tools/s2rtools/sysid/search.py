@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -51,7 +51,7 @@ def search(problem: PredictionError, seeds: int, first_seed: int, evaluations: i
         traces.append(SearchTrace(number, counts, costs, refined.cost(cube)))
     problem, cube = ends[int(np.argmin([trace.cost for trace in traces]))]
     for _ in range(_WEIGHT_ROUNDS):
-        problem, cube = problem.weighted(_residual_noise(problem, cube)).refined(cube)
+        problem, cube = replace(problem, sigma=_residual_noise(problem, cube)).refined(cube)
     return problem, cube, traces
 
 

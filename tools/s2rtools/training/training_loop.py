@@ -17,12 +17,12 @@ from torch import Tensor
 
 from s2rstore.errors import RequestError
 from s2rstore.metrics.pose_metrics import LOSS_GAMMA
+from s2rtools.common.checkpoint import FitProgress, FitState, read_checkpoint, write_checkpoint
 from s2rtools.common.torch_device import device
 from s2rtools.models import build_network
 from s2rtools.models.conventions import OutputConvention
 from s2rtools.models.pose_network import LoadedModel, PoseNetwork
 from s2rtools.training import splits as split_rules
-from s2rtools.training.checkpoint import TrainingProgress, read_checkpoint, write_checkpoint
 from s2rtools.training.evaluation import Splits, evaluate_splits, pose_errors, predict
 from s2rtools.training.recipes import Augmentation, TrainingRecipe, find_recipe
 from s2rtools.training.training_frames import TrainingFrames
@@ -46,7 +46,7 @@ class Budget:
     minutes: float = 2.0
     steps: int | None = None
 
-    def fraction(self, progress: TrainingProgress) -> float:
+    def fraction(self, progress: FitProgress) -> float:
         if self.steps is not None:
             return min(1.0, progress.step / max(1, self.steps))
         return min(1.0, progress.seconds / max(1e-9, self.minutes * 60))
@@ -164,8 +164,9 @@ class _Trainer:
         self.optimizer = torch.optim.AdamW(
             self.network.parameters(), recipe.learning_rate, weight_decay=WEIGHT_DECAY
         )
+        self._state = FitState(self.network, {"all": self.optimizer})
         self.augment: Augmentation = recipe.augmentation(self.size, seed)
-        self.progress = TrainingProgress()
+        self.progress = FitProgress()
 
     def _network(self, architecture: str) -> tuple[PoseNetwork, OutputConvention]:
         with torch.random.fork_rng():
@@ -183,7 +184,7 @@ class _Trainer:
         """Train until the budget is used up; an interrupt saves a checkpoint."""
         self.network.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         if checkpoint is not None and checkpoint.exists():
-            self.progress = read_checkpoint(checkpoint, self.network, self.optimizer, self.facts())
+            self.progress = read_checkpoint(checkpoint, self._state, self.facts())
         self.network.train().requires_grad_(True)
         saved = time.monotonic()
         try:
@@ -216,10 +217,9 @@ class _Trainer:
         self.optimizer.zero_grad()
         loss.backward()
         self.optimizer.step()
-        self.progress.step += 1
-        self.progress.loss_sum += loss.item()
+        self.progress.add({"loss": loss.item()})
         if position + 1 == per_epoch:
-            self._end_epoch(epoch + 1, per_epoch)
+            self._end_epoch(epoch + 1)
         return loss.item()
 
     def _poses_of(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
@@ -239,7 +239,7 @@ class _Trainer:
                 x[rows] = self.frames.domains[name].inputs(batch[rows, 1])
         return torch.from_numpy(x)
 
-    def _end_epoch(self, epoch: int, steps: int) -> None:
+    def _end_epoch(self, epoch: int) -> None:
         """Add a row of training and validation figures to the history."""
         parts = [np.empty((2, 0))]
         for number, name in enumerate(self.domains):
@@ -247,17 +247,16 @@ class _Trainer:
             poses = predict(self.network, self.convention, self.frames.domains[name], rows)
             parts.append(np.stack(pose_errors(poses, self.frames.truth(name)[rows])))
         distance, heading_error = np.concatenate(parts, axis=1)
-        row = {"epoch": epoch, "step": self.progress.step, "loss": self.progress.loss_sum / steps}
+        row = {"epoch": epoch, "step": self.progress.step, **self.progress.take_means()}
         if len(distance):
             row["validation_median_error"] = float(np.median(distance))
             row["validation_mean_error"] = float(distance.mean())
             row["validation_median_heading_error"] = float(np.median(heading_error))
         self.progress.history.append({key: round(value, 5) for key, value in row.items()})
-        self.progress.loss_sum = 0.0
 
     def _save(self, path: Path | None) -> None:
         if path is not None:
-            write_checkpoint(path, self.network, self.optimizer, self.progress, self.facts())
+            write_checkpoint(path, self._state, self.progress, self.facts())
 
     def facts(self) -> dict[str, Any]:
         """Facts that identify this training."""

@@ -15,14 +15,13 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from s2rtools.common.checkpoint import FitState
 from s2rtools.common.torch_device import device
-from s2rtools.translation.fit_checkpoint import FitState
 from s2rtools.translation.fit_loop import (
     Batch,
     BatchSampler,
     FitPlan,
     Learner,
-    provenance,
     run_fit,
 )
 from s2rtools.translation.image_set import ImageSet
@@ -202,6 +201,6 @@ class AdversarialFit:
         learner = initialised(settings.seed, lambda: self.learner(size, crop, weights))
         sampler = BatchSampler(source, target, crop, options["batch"], settings.seed)
         plan = FitPlan(name, self.steps, options["rate"], {**size.document(), **weights})
-        progress = run_fit(learner, sampler, plan, settings)
+        history, facts = run_fit(learner, sampler, plan, settings)
         translator = self.translator(self.network(learner), source.size, size.document())
-        return FitResult(translator, progress.history, provenance(progress, sampler, plan))
+        return FitResult(translator, history, facts)

@@ -7,7 +7,7 @@ the old one: `.bag` for ROS 1, a folder for ROS 2 with the same storage.
 from __future__ import annotations
 
 import errno
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,7 +27,7 @@ from s2rtools.translation.image_codec import (
     decode_raw,
 )
 from s2rtools.translation.image_set import Rgb
-from s2rtools.translation.method import Translator, blend
+from s2rtools.translation.method import Translator, translate_image
 
 IMAGE_TYPES = ("sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image")
 _MEMORY, _LARGEST_FILE = 4 << 30, 1 << 40
@@ -36,32 +36,45 @@ _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 MAX_MESSAGE = 256 << 20
 """Bytes of the largest image message."""
 
-SeeImages = Callable[[int, Rgb, Rgb], None]
-"""Called with the stamp in nanoseconds, the image (H, W, 3) and the translated image."""
+BagImage = tuple[int, Rgb, Rgb]
+"""Stamp in nanoseconds, image (H, W, 3) and translated image."""
 
 
 @dataclass(frozen=True, slots=True)
 class BagRequest:
     """What to translate: `topic` is None for the only one with images; `jpeg_quality` is None for
-    that of each image; `see` receives every image with its translation."""
+    that of each image."""
 
     topic: str | None = None
     jpeg_quality: int | None = None
-    see: SeeImages | None = None
 
 
 def apply_to_bag(
+    translator: Translator, strength: float, source: Path, target: Path, report: Reporter
+) -> Translated:
+    """Write a bag as `translated_images` does, and count its images."""
+    images = translated_images(translator, strength, source, target, report)
+    while True:
+        try:
+            next(images)
+        except StopIteration as end:
+            counts: Translated = end.value
+            return counts
+
+
+def translated_images(
     translator: Translator,
     strength: float,
     source: Path,
     target: Path,
     report: Reporter,
     request: BagRequest = BagRequest(),
-) -> Translated:
-    """Write a bag whose images are translated; undecodable ones stay as they are and are counted.
+) -> Generator[BagImage, None, Translated]:
+    """Write a bag whose images are translated, and yield every decoded image meanwhile.
 
-    Raises RequestError if the bag cannot be read, has no or several image topics, or `target`
-    exists.
+    Undecodable images stay as they are and are counted. The bag appears when the last image was
+    taken; it does not where the generator is closed before. Raises RequestError if the bag cannot
+    be read, has no or several image topics, or `target` exists.
     """
     check_bag(source)
     ros1 = source.suffix.lower() == ".bag"
@@ -73,7 +86,9 @@ def apply_to_bag(
             with bounded_memory(_MEMORY, _LARGEST_FILE), _reader(source) as reader:
                 topic = _topic(source, reader.connections, request.topic)
                 with _writer(part, source, reader) as write:
-                    return _copy(translator, strength, reader, topic, write, report, request)
+                    return (yield from _copy(
+                        translator, strength, reader, topic, write, report, request
+                    ))  # fmt: skip
         except RequestError:
             raise
         except Exception as error:  # a damaged bag fails in every layer below the reader
@@ -90,7 +105,7 @@ def _copy(
     write: Callable[[Any, int, bytes], None],
     report: Reporter,
     request: BagRequest,
-) -> Translated:
+) -> Generator[BagImage, None, Translated]:
     report.begin(f"translate {topic}", reader.message_count)
     translated = undecodable = 0
     store = reader.typestore
@@ -110,9 +125,8 @@ def _copy(
             except UndecodableImageError:
                 undecodable += 1
             else:
-                if request.see is not None:
-                    stamp = message.header.stamp
-                    request.see(stamp.sec * 10**9 + stamp.nanosec, rgb, result)
+                stamp = message.header.stamp
+                yield stamp.sec * 10**9 + stamp.nanosec, rgb, result
         write(connection, time, bytes(content))
         report.advance(1)
     return Translated(translated, undecodable)
@@ -128,11 +142,8 @@ def _translate(
         rgb, image_format = decode_raw(content, layout)
     else:
         rgb, image_format = decode_compressed(content, request.jpeg_quality)
-    if strength == 0:
-        return rgb, rgb, None
-    images = translator.translate(rgb[None])
-    result = np.asarray(blend(rgb[None], images, strength)[0])
-    return rgb, result, image_format.encode(result)
+    result = translate_image(translator, rgb, strength)
+    return rgb, result, image_format.encode(result) if strength else None
 
 
 @contextmanager

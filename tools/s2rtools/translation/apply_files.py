@@ -17,11 +17,10 @@ from s2rtools.translation.apply_report import Translated, publish_at
 from s2rtools.translation.image_codec import UndecodableImageError, decode_compressed
 from s2rtools.translation.image_set import (
     MAX_IMAGE_BYTES,
-    Rgb,
     image_files,
     read_image,
 )
-from s2rtools.translation.method import Translator, blend
+from s2rtools.translation.method import Translator, translate_image
 
 VIDEO_CODECS = {".mp4": "mp4v", ".avi": "MJPG", ".mkv": "MJPG", ".mov": "mp4v"}
 """Codec by suffix; each is part of OpenCV."""
@@ -132,7 +131,7 @@ def _translate_video(
             if not found:
                 return frames
             rgb = np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB))
-            translated = _translated(translator, strength, rgb)
+            translated = translate_image(translator, rgb, strength)
             writer.write(cv2.cvtColor(translated, cv2.COLOR_RGB2BGR))
             frames += 1
             report.advance(1)
@@ -155,7 +154,7 @@ def _translate_file(translator: Translator, strength: float, source: Path, targe
         except UndecodableImageError as error:
             raise UndecodableImageError(f"{source}: {error}") from error
         if strength > 0:
-            content = image_format.encode(_translated(translator, strength, rgb))
+            content = image_format.encode(translate_image(translator, rgb, strength))
         target.write_bytes(content)
         return
     try:
@@ -164,17 +163,11 @@ def _translate_file(translator: Translator, strength: float, source: Path, targe
         raise UndecodableImageError(str(error)) from error
     grey = target.suffix.lower() == ".pgm"
     colours = cv2.COLOR_RGB2GRAY if grey else cv2.COLOR_RGB2BGR
-    pixels = cv2.cvtColor(_translated(translator, strength, rgb), colours)
+    pixels = cv2.cvtColor(translate_image(translator, rgb, strength), colours)
     settings = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
     if kinds[1] != "jpeg":
         settings = []
     target.write_bytes(cv2.imencode(target.suffix, pixels, settings)[1].tobytes())
-
-
-def _translated(translator: Translator, strength: float, rgb: Rgb) -> Rgb:
-    if strength == 0:
-        return rgb
-    return np.asarray(blend(rgb[None], translator.translate(rgb[None]), strength)[0])
 
 
 def _kind(source: Path) -> Apply:

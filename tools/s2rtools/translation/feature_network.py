@@ -19,8 +19,8 @@ from torch.nn.functional import avg_pool2d, cross_entropy, relu
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import sha256
+from s2rtools.common.checkpoint import FitState
 from s2rtools.common.weights_file import check_tensors, read_state, read_weights_file
-from s2rtools.translation.fit_checkpoint import FitState
 from s2rtools.translation.fit_loop import Batch, BatchSampler, FitPlan, Learner, run_fit
 from s2rtools.translation.image_set import ImageSet
 from s2rtools.translation.method import FitSettings
@@ -110,8 +110,6 @@ def read_vgg19(path: Path) -> FeatureNetwork:
                 raise RequestError(f"{path}: {theirs} has shape {shape}, that of VGG-19 {wanted}")
             found[ours] = state[theirs]
     check_tensors(found, expected, str(path))
-    if not all(bool(torch.isfinite(value).all()) for value in found.values()):
-        raise RequestError(f"{path}: contains values that are not finite")
     network.load_state_dict(found)
     return network
 
@@ -164,10 +162,10 @@ def fitted_features(
     learner = initialised(settings.seed, _FeatureLearner)
     plan = FitPlan("features", TRAINING_STEPS, TRAINING_RATE, {})
     own = replace(settings, steps=TRAINING_STEPS, minutes=None, checkpoint=None)
-    progress = run_fit(learner, sampler, plan, replace(own, report=FitSettings().report))
+    history, facts = run_fit(learner, sampler, plan, replace(own, report=FitSettings().report))
     return learner.features, {
         "features": "small network trained on rotation and domain of the given images",
         "features_steps": TRAINING_STEPS,
-        "features_seconds": round(progress.seconds, 1),
-        "features_rotation_accuracy": progress.history[-1]["rotation_accuracy"],
+        "features_seconds": facts["seconds"],
+        "features_rotation_accuracy": history[-1]["rotation_accuracy"],
     }

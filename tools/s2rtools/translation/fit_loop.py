@@ -15,13 +15,13 @@ import torch
 from torch import Tensor
 
 from s2rstore.errors import RequestError
-from s2rtools.common.torch_device import device
-from s2rtools.translation.fit_checkpoint import (
+from s2rtools.common.checkpoint import (
     FitProgress,
     FitState,
     read_checkpoint,
     write_checkpoint,
 )
+from s2rtools.common.torch_device import device
 from s2rtools.translation.image_set import ImageSet
 from s2rtools.translation.method import FitSettings
 from s2rtools.translation.network_translator import to_tensor
@@ -116,8 +116,8 @@ class FitPlan:
 
 def run_fit(
     learner: Learner, sampler: BatchSampler, plan: FitPlan, settings: FitSettings
-) -> FitProgress:
-    """Train until the budget is used up; returns the progress with its history.
+) -> tuple[list[dict[str, float]], dict[str, Any]]:
+    """Train until the budget is used up; returns the history and the facts of the fit.
 
     With `settings.checkpoint`, the state is saved every few seconds, at the end and after an
     interrupt between two steps; an interrupt inside a step keeps the last saved state. A fit with
@@ -159,7 +159,18 @@ def run_fit(
         if path is not None and consistent:
             write_checkpoint(path, learner.state, progress, facts)
     learner.state.network.eval().requires_grad_(False)
-    return progress
+    return progress.history, {
+        **plan.facts,
+        "steps": progress.step,
+        "seconds": round(progress.seconds, 1),
+        "images_per_second": round(progress.step * sampler.batch / max(progress.seconds, 1e-9), 2),
+        "batch": sampler.batch,
+        "crop": list(sampler.crop),
+        "learning_rate": plan.learning_rate,
+        "device": device().type,
+        "threads": torch.get_num_threads(),
+        "torch": torch.__version__,
+    }
 
 
 def _steps(plan: FitPlan, settings: FitSettings) -> int | None:
@@ -183,16 +194,11 @@ def _set_learning_rate(learner: Learner, plan: FitPlan, done: float) -> None:
 
 def _record(progress: FitProgress, losses: Mapping[str, float], steps: int | None) -> None:
     """Count the step; add a row of mean losses to the history at the end of each interval."""
-    progress.step += 1
-    progress.summed_steps += 1
-    for name, value in losses.items():
-        progress.loss_sums[name] = progress.loss_sums.get(name, 0.0) + value
+    progress.add(losses)
     interval = MINUTES_ROW_STEPS if steps is None else max(1, steps // HISTORY_ROWS)
     if progress.step % interval == 0 or progress.step == steps:
-        means = {key: value / progress.summed_steps for key, value in progress.loss_sums.items()}
-        row = {"step": float(progress.step), **means}
+        row = {"step": float(progress.step), **progress.take_means()}
         progress.history.append({key: round(value, 5) for key, value in row.items()})
-        progress.loss_sums, progress.summed_steps = {}, 0
 
 
 def _facts(sampler: BatchSampler, plan: FitPlan, settings: FitSettings) -> dict[str, Any]:
@@ -211,20 +217,4 @@ def _facts(sampler: BatchSampler, plan: FitPlan, settings: FitSettings) -> dict[
         "learning_rate": plan.learning_rate,
         "images": digest.hexdigest(),
         **plan.facts,
-    }
-
-
-def provenance(progress: FitProgress, sampler: BatchSampler, plan: FitPlan) -> dict[str, Any]:
-    """Facts of a finished fit."""
-    return {
-        **plan.facts,
-        "steps": progress.step,
-        "seconds": round(progress.seconds, 1),
-        "images_per_second": round(progress.step * sampler.batch / max(progress.seconds, 1e-9), 2),
-        "batch": sampler.batch,
-        "crop": list(sampler.crop),
-        "learning_rate": plan.learning_rate,
-        "device": device().type,
-        "threads": torch.get_num_threads(),
-        "torch": torch.__version__,
     }

@@ -8,20 +8,22 @@ channels and the padding of rows are kept.
 from __future__ import annotations
 
 import io
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, JpegImagePlugin
+from PIL import Image
 
 from s2rstore.files.image_header import check_integrity, read_header
 from s2rtools.common.image_files import MAX_PIXELS
 from s2rtools.translation.image_set import Rgb
 
-_SUFFIXES = {"PNG": ".png", "JPEG": ".jpg"}
+_FORMATS = ("PNG", "JPEG")
 _SWAPPED = {3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGB}
+_DEFAULT_QUALITY = 90
 
 
 class UndecodableImageError(ValueError):
@@ -83,20 +85,22 @@ class RawFormat:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompressedFormat:
-    """Format of a compressed image: `suffix` is .jpg or .png, `quality` that of JPEG, `alpha`
+    """Format of a compressed image: `jpeg` are settings of Pillow for JPEG, None for PNG; `alpha`
     (H, W) or None."""
 
-    suffix: str
     grey: bool
-    quality: int
+    jpeg: Mapping[str, Any] | None
     alpha: NDArray[np.uint8] | None = None
 
     def encode(self, rgb: Rgb) -> bytes:
+        if self.jpeg is not None:
+            content, image = io.BytesIO(), Image.fromarray(rgb)
+            (image.convert("L") if self.grey else image).save(content, "JPEG", **self.jpeg)
+            return content.getvalue()
         pixels = cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY if self.grey else cv2.COLOR_RGB2BGR)
         if self.alpha is not None:
             pixels = np.dstack([pixels, self.alpha])
-        settings = [cv2.IMWRITE_JPEG_QUALITY, self.quality] if self.suffix == ".jpg" else []
-        return cv2.imencode(self.suffix, pixels, settings)[1].tobytes()
+        return cv2.imencode(".png", pixels)[1].tobytes()
 
 
 def decode_raw(content: bytes, layout: RawLayout) -> tuple[Rgb, ImageFormat]:
@@ -128,12 +132,13 @@ def decode_compressed(
 ) -> tuple[Rgb, ImageFormat]:
     """RGB (H, W, 3) of a JPEG or PNG image, and its format.
 
-    `quality` is that of JPEG for encoding; None keeps that of the image. With `oriented`, a JPEG
-    image is turned as its metadata state, which encoding leaves out. Raises UndecodableImageError.
+    `quality` is that of JPEG for encoding; None keeps the quantization tables of the image. With
+    `oriented`, a JPEG image is turned as its metadata state, which encoding leaves out. Raises
+    UndecodableImageError.
     """
     try:
         header = read_header(content)
-        if header.format not in _SUFFIXES:
+        if header.format not in _FORMATS:
             raise ValueError(f"a {header.format} image")
         _check_size(*header.size)
         check_integrity(content, header)
@@ -141,23 +146,23 @@ def decode_compressed(
         raise
     except ValueError as error:
         raise UndecodableImageError(f"{error}; JPEG and PNG are decoded") from error
-    suffix = _SUFFIXES[header.format]
-    if quality is None:
-        quality = jpeg_quality(content)
+    jpeg = None
+    if header.format == "JPEG":
+        jpeg = _quantization(content) if quality is None else {"quality": quality}
     # IMREAD_ANYCOLOR turns the image, and drops only the alpha channel, which JPEG has not.
-    mode = cv2.IMREAD_ANYCOLOR if oriented and suffix == ".jpg" else cv2.IMREAD_UNCHANGED
+    mode = cv2.IMREAD_ANYCOLOR if oriented and jpeg else cv2.IMREAD_UNCHANGED
     try:
         pixels = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), mode)
     except cv2.error as error:
-        raise UndecodableImageError(f"a damaged {suffix[1:]} image") from error
+        raise UndecodableImageError(f"a damaged {header.format} image") from error
     if pixels is None:
-        raise UndecodableImageError(f"a damaged {suffix[1:]} image")
+        raise UndecodableImageError(f"a damaged {header.format} image")
     if pixels.dtype != np.uint8:
         raise UndecodableImageError(f"{pixels.dtype} pixels; images of 8 bits are translated")
     grey = pixels.ndim == 2
     rgb = cv2.cvtColor(pixels, cv2.COLOR_GRAY2RGB if grey else _SWAPPED[pixels.shape[2]])
     alpha = pixels[..., 3] if not grey and pixels.shape[2] == 4 else None
-    return rgb, CompressedFormat(suffix, grey, quality, alpha)
+    return rgb, CompressedFormat(grey, jpeg, alpha)
 
 
 def _pixels(rows: NDArray[np.uint8], layout: RawLayout, count: int) -> NDArray[np.uint8]:
@@ -172,39 +177,14 @@ def _check_size(height: int, width: int) -> None:
         raise UndecodableImageError(f"{width} x {height} pixels; 1 to {MAX_PIXELS:,} are decoded")
 
 
-_LUMINANCE = np.sort(
-    np.array(
-        [
-            16, 11, 10, 16, 24, 40, 51, 61, 12, 12, 14, 19, 26, 58, 60, 55,
-            14, 13, 16, 24, 40, 57, 69, 56, 14, 17, 22, 29, 51, 87, 80, 62,
-            18, 22, 37, 56, 68, 109, 103, 77, 24, 35, 55, 64, 81, 104, 113, 92,
-            49, 64, 78, 87, 103, 121, 120, 101, 72, 92, 95, 98, 112, 100, 103, 99,
-        ]
-    )
-)  # fmt: skip
-"""Quantization table of luminance in ITU-T T.81, annex K.1, sorted."""
-_DEFAULT_QUALITY = 90
+def _quantization(content: bytes) -> dict[str, Any]:
+    """Settings of Pillow that keep the quantization tables of a JPEG image.
 
-
-def jpeg_quality(content: bytes) -> int:
-    """Quality 1 .. 100 whose table of the Independent JPEG Group is nearest to that of the image.
-
-    90 for images that are no JPEG or have no table.
+    Those of quality 90 for images that have no table.
     """
     try:
         with Image.open(io.BytesIO(content), formats=["JPEG"]) as image:
-            tables = image.quantization if isinstance(image, JpegImagePlugin.JpegImageFile) else {}
+            tables = list(getattr(image, "quantization", {}).values())[:3]
     except (OSError, ValueError, SyntaxError):
-        return _DEFAULT_QUALITY
-    if len(tables.get(0, ())) != 64:
-        return _DEFAULT_QUALITY
-    distances = np.abs(_tables() - np.sort(np.array(tables[0]))).sum(axis=1)
-    return int(distances.argmin()) + 1
-
-
-def _tables() -> NDArray[np.int64]:
-    """Sorted tables (100, 64) of the qualities 1 .. 100, scaled as by the Independent JPEG Group:
-    5000 / q percent below 50, else 200 - 2 q percent."""
-    quality = np.arange(1, 101)
-    percent = np.where(quality < 50, 5000 // quality, 200 - 2 * quality)
-    return np.clip((_LUMINANCE * percent[:, None] + 50) // 100, 1, 255)
+        tables = []
+    return {"qtables": tables} if tables else {"quality": _DEFAULT_QUALITY}

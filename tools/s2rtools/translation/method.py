@@ -82,6 +82,13 @@ def blend(rgb: Rgb, translated: Rgb, strength: float) -> Rgb:
     return np.clip(np.rint(mixed), 0, 255).astype(np.uint8)
 
 
+def translate_image(translator: Translator, rgb: Rgb, strength: float) -> Rgb:
+    """One image (H, W, 3), translated by a share; at strength 0 the array itself."""
+    if strength == 0:
+        return rgb
+    return np.asarray(blend(rgb[None], translator.translate(rgb[None]), strength)[0])
+
+
 @dataclass(frozen=True, slots=True)
 class Option:
     """An option of a method. The type of `default` is that of its values.
@@ -172,7 +179,7 @@ class TranslationMethod:
         Raises RequestError for unknown options and values, for too few images, and for images and
         pairs that do not match.
         """
-        options = self._parse(settings.options)
+        options = self.parse(settings.options)
         for images in (source, target):
             if not len(images):
                 raise RequestError(f"{self.name}: no images in {images.name}")
@@ -192,7 +199,7 @@ class TranslationMethod:
         result.translator.lower = settings.lower
         return result
 
-    def _parse(self, texts: Mapping[str, str]) -> Options:
+    def parse(self, texts: Mapping[str, str]) -> Options:
         """Values of all options. Raises RequestError for unknown options and wrong values."""
         for name in texts:
             if name not in self.options:

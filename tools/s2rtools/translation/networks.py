@@ -242,12 +242,13 @@ class PatchDiscriminator(nn.Module):
 class LatentEncoder(nn.Module):
     """Mean (B, 4 k, h/4, w/4) of a Gaussian with unit variance over latent codes.
 
-    `shared` is the last block, the same module in both domains. Source: Liu, Breuel and Kautz,
-    "Unsupervised image-to-image translation networks", 2017.
+    `shared` is the last block, the same module in both domains; None: a block of its own. Source:
+    Liu, Breuel and Kautz, "Unsupervised image-to-image translation networks", 2017.
     """
 
-    def __init__(self, size: GeneratorSize, shared: nn.Module) -> None:
+    def __init__(self, size: GeneratorSize, shared: nn.Module | None = None) -> None:
         super().__init__()
+        shared = shared or ResidualBlock(4 * size.channels)
         self.encoder = Encoder(size.channels)
         self.blocks = nn.Sequential(*(ResidualBlock(4 * size.channels) for _ in range(size.blocks)))
         self.shared = shared
@@ -260,8 +261,9 @@ class LatentEncoder(nn.Module):
 class LatentDecoder(nn.Module):
     """Images of latent codes; `shared` is the first block, the same module in both domains."""
 
-    def __init__(self, size: GeneratorSize, shared: nn.Module) -> None:
+    def __init__(self, size: GeneratorSize, shared: nn.Module | None = None) -> None:
         super().__init__()
+        shared = shared or ResidualBlock(4 * size.channels)
         self.shared = shared
         self.blocks = nn.Sequential(*(ResidualBlock(4 * size.channels) for _ in range(size.blocks)))
         self.decoder = Decoder(size.channels)

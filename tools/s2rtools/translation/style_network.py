@@ -13,15 +13,14 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
+from s2rtools.common.checkpoint import FitState
 from s2rtools.translation.adversarial_training import crop_size
 from s2rtools.translation.feature_network import fitted_features
-from s2rtools.translation.fit_checkpoint import FitState
 from s2rtools.translation.fit_loop import (
     Batch,
     BatchSampler,
     FitPlan,
     Learner,
-    provenance,
     run_fit,
 )
 from s2rtools.translation.image_set import ImageSet
@@ -87,9 +86,9 @@ def fit(source: ImageSet, target: ImageSet, settings: FitSettings, options: Opti
     plan = FitPlan(
         "style-network", STEPS, LEARNING_RATE, {**size.document(), "weight": weight, **identity}
     )
-    progress = run_fit(learner, sampler, plan, settings)
+    history, fitted = run_fit(learner, sampler, plan, settings)
     translator = StyleNetworkTranslator(generator, source.size, size.document())
-    return FitResult(translator, progress.history, facts | provenance(progress, sampler, plan))
+    return FitResult(translator, history, facts | fitted)
 
 
 METHOD = TranslationMethod(

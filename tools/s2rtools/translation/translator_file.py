@@ -11,7 +11,8 @@ from typing import Annotated, Any
 
 import cv2
 import numpy as np
-from msgspec import Meta, Struct, field
+from msgspec import Meta, Struct, to_builtins
+from msgspec.structs import replace
 from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
@@ -47,7 +48,7 @@ _DAMAGE = (
 """Errors of `restore` and of the first image of a damaged translator."""
 
 
-class Header(Struct, frozen=True, forbid_unknown_fields=True):
+class Header(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """The header of a translator file.
 
     `source` and `target` are names of domains or folders; `size` is the size of the images of the
@@ -61,7 +62,7 @@ class Header(Struct, frozen=True, forbid_unknown_fields=True):
     source: str
     target: str
     size: tuple[int, int]
-    settings: dict[str, Any] = field(default_factory=dict)
+    settings: dict[str, Any]
     folders: tuple[str, str] | None = None
     lower: Annotated[float, Meta(gt=0, le=1)] = 1.0
 
@@ -89,22 +90,19 @@ def encode(stored: StoredTranslator) -> bytes:
     """Content of the file; equal translators give equal bytes."""
     translator = stored.translator
     version = METHODS[translator.method].version
-    header = {
-        "format": FORMAT, "method": translator.method, "version": version,
-        "source": stored.source, "target": stored.target, "size": stored.size,
-        "settings": translator.settings(),
-    }  # fmt: skip
-    if stored.folders is not None:
-        header["folders"] = stored.folders
+    header = Header(
+        FORMAT, translator.method, version, stored.source, stored.target, stored.size,
+        translator.settings(), stored.folders,
+    )  # fmt: skip
     if translator.lower < 1:
-        header["lower"] = translator.lower
+        header = replace(header, lower=translator.lower)
     tensors = {name: np.asarray(array, order="C") for name, array in translator.tensors().items()}
     if stored.depth_noise is not None:
         noise = stored.depth_noise.tensors()
         tensors |= {_DEPTH + name: np.asarray(array, order="C") for name, array in noise.items()}
     if not tensors:
         tensors = {"empty": np.zeros(1, dtype=np.float32)}
-    return save(tensors, {HEADER: json.dumps(header, sort_keys=True)})
+    return save(tensors, {HEADER: json.dumps(to_builtins(header), sort_keys=True)})
 
 
 def read_translator(path: Path) -> StoredTranslator:

@@ -45,14 +45,6 @@ DEFAULT_SIZE = GeneratorSize(blocks=2)
 """Blocks of each encoder and decoder, in addition to the shared ones."""
 
 
-def _encoder(size: GeneratorSize, shared: nn.Module | None = None) -> LatentEncoder:
-    return LatentEncoder(size, shared or ResidualBlock(4 * size.channels))
-
-
-def _decoder(size: GeneratorSize, shared: nn.Module | None = None) -> LatentDecoder:
-    return LatentDecoder(size, shared or ResidualBlock(4 * size.channels))
-
-
 class UnitNetwork(nn.Module):
     """x + T(z) - S(z), where z is the mean latent code and T, S decode target and source.
 
@@ -76,7 +68,7 @@ class UnitTranslator(NetworkTranslator):
     @classmethod
     def build(cls, network_settings: Settings) -> nn.Module:
         size = GeneratorSize(**network_settings)
-        return UnitNetwork(_encoder(size), _decoder(size), _decoder(size))
+        return UnitNetwork(LatentEncoder(size), LatentDecoder(size), LatentDecoder(size))
 
 
 class UnitLearner(AdversarialLearner):
@@ -86,8 +78,8 @@ class UnitLearner(AdversarialLearner):
         code, image = ResidualBlock(4 * size.channels), ResidualBlock(4 * size.channels)
         coders: dict[str, nn.Module] = {}
         for domain in ("source", "target"):
-            coders[f"{domain}_encoder"] = _encoder(size, code)
-            coders[f"{domain}_decoder"] = _decoder(size, image)
+            coders[f"{domain}_encoder"] = LatentEncoder(size, code)
+            coders[f"{domain}_decoder"] = LatentDecoder(size, image)
         super().__init__(nn.ModuleDict(coders), ("target", "source"), crop)
         self.weights = weights
 

@@ -16,6 +16,7 @@ from s2rtools.common.command_line import output, store_argument
 from s2rtools.common.command_line.progress import percent_callback, reporter
 
 if TYPE_CHECKING:
+    from s2rtools.translation.method import ReportProgress
     from s2rtools.translator_evaluation.fit_into_store import FitRequest
     from s2rtools.translator_evaluation.gates import Verdict
 
@@ -196,8 +197,12 @@ def _check_budget(options: argparse.Namespace) -> None:
         raise RequestError("--size: must be 32 to 1024")
 
 
-def _request(options: argparse.Namespace, method: str, name: str, report: object) -> FitRequest:
-    from s2rtools.translator_evaluation import fit_into_store as fitting
+def _request(
+    options: argparse.Namespace, method: str, name: str, report: ReportProgress
+) -> FitRequest:
+    from s2rtools.translation import find_method
+    from s2rtools.translation.method import FitSettings, lower_share
+    from s2rtools.translator_evaluation.fit_into_store import FitRequest
 
     domains = None
     if options.domains is not None:
@@ -205,11 +210,18 @@ def _request(options: argparse.Namespace, method: str, name: str, report: object
         if not sim or not real:
             raise RequestError(f"--domains {options.domains}: name two domains, SIM,REAL")
         domains = sim, real
-    settings = fitting.default_settings(
-        method, options.seed, options.steps, options.minutes, options.paired, options.option,
-        options.lower, report,  # type: ignore[arg-type]
+    texts = {}
+    for text in options.option:
+        key, equals, value = text.partition("=")
+        if not equals:
+            raise RequestError(f"--option {text}: expected NAME=VALUE")
+        texts[key] = value
+    find_method(method).parse(texts)
+    settings = FitSettings(
+        seed=options.seed, steps=options.steps, minutes=options.minutes, paired=options.paired,
+        options=texts, report=report, lower=lower_share(options.lower, "--lower"),
     )  # fmt: skip
-    return fitting.FitRequest(
+    return FitRequest(
         method, name, options.direction, domains, options.depth_noise, options.size, settings
     )
 
@@ -274,7 +286,7 @@ def _report_store(options: argparse.Namespace) -> None:
     if not options.no_keep:
         report.save_reports(options.store, found)
     text = partial(reports_text, found, options.run)
-    _print_report(options, options.out, report.as_json(found), text)
+    _print_report(options, options.out, [report.as_json(each) for each in found], text)
 
 
 def _report_folders(options: argparse.Namespace) -> None:
@@ -298,7 +310,7 @@ def _report_folders(options: argparse.Namespace) -> None:
         found = report.evaluate_folders(
             options.source, options.target, stored, options.images, downstream
         )
-        content[Path(file).stem] = report.folder_json(found)
+        content[Path(file).stem] = report.as_json(found)
         texts.append(f"{file}\n{folder_text(found)}")
         if out:
             sheet = contact_sheet.folder_sheet(

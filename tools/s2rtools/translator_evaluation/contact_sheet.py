@@ -28,13 +28,13 @@ _INK, _PAPER = (20, 20, 20), 255
 
 
 def store_sheet(
-    store: Store, translator: NamedTranslator, chosen: JudgedInstances, seed: int, rows: int = ROWS
+    store: Store, translator: NamedTranslator, chosen: JudgedInstances, seed: int
 ) -> Rgb:
     """Sheet (H, W, 3) of some of the judged instances, beside the target's image of the same pose.
 
     In a store without poses, beside the target's image of the nearest layout.
     """
-    count = min(rows, len(chosen.source))
+    count = min(ROWS, len(chosen.source))
     drawn = np.sort(np.random.default_rng(seed).choice(chosen.source, count, replace=False))
     target = drawn if store.has_poses else chosen.target
     frames = load_frames(store, translator, JudgedInstances(drawn, target, chosen.held_out))
@@ -47,12 +47,10 @@ def store_sheet(
     return draw_sheet(columns, [f"instance {iid}" for iid in frames.iids], seed)
 
 
-def folder_sheet(
-    source: Path, target: Path, translator: Translator, seed: int, rows: int = ROWS
-) -> Rgb:
+def folder_sheet(source: Path, target: Path, translator: Translator, seed: int) -> Rgb:
     """Sheet of images of a folder, with the image of the target folder of the nearest layout."""
     before, look = from_folder(source), from_folder(target)
-    count = min(rows, len(before))
+    count = min(ROWS, len(before))
     drawn = np.sort(np.random.default_rng(seed).choice(len(before), count, replace=False))
     images = before.images[drawn]
     columns = (

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
+from scipy.spatial.distance import pdist
 
 from s2rtools.translation.image_set import Rgb
 from s2rtools.translator_evaluation import image_structure as structure
@@ -119,17 +120,10 @@ def diversity(source: Rgb, translated: Rgb) -> float:
     if len(source) < 2:
         return float("nan")
     distances = [
-        _mean_distance(np.stack([structure.standardised_thumbnail(image) for image in images]))
+        pdist([structure.standardised_thumbnail(image) for image in images]).mean()
         for images in (source, translated)
     ]
-    return distances[1] / distances[0] if distances[0] > 1e-6 else float("nan")
-
-
-def _mean_distance(points: Floats) -> float:
-    squares = (points**2).sum(axis=1)
-    squared = squares[:, None] + squares[None, :] - 2 * points @ points.T
-    above = np.triu_indices(len(points), 1)
-    return float(np.sqrt(np.maximum(squared[above], 0)).mean())
+    return float(distances[1] / distances[0]) if distances[0] > 1e-6 else float("nan")
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,15 +201,10 @@ def depth_edges(depth: NDArray[Any], valid: NDArray[np.bool_]) -> NDArray[np.boo
     """
     values = depth.astype(np.float64)
     edges = np.zeros(depth.shape, dtype=np.bool_)
-    for axis in (0, 1):
-        first = values[:-1] if axis == 0 else values[:, :-1]
-        second = values[1:] if axis == 0 else values[:, 1:]
-        known = (valid[:-1] & valid[1:]) if axis == 0 else (valid[:, :-1] & valid[:, 1:])
+    for depths, known, marked in ((values, valid, edges), (values.T, valid.T, edges.T)):
+        first, second = depths[:-1], depths[1:]
         step = np.abs(second - first) > DEPTH_STEP * np.maximum(np.minimum(first, second), 1e-9)
-        if axis == 0:
-            edges[:-1] |= step & known
-        else:
-            edges[:, :-1] |= step & known
+        marked[:-1] |= step & known[:-1] & known[1:]
     return edges
 
 
@@ -228,13 +217,12 @@ def depth_edge_contrast(images: Rgb, edges: NDArray[np.bool_]) -> Floats:
     values = []
     for image, marked in zip(images, edges, strict=True):
         near = cv2.dilate(marked.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(np.bool_)
-        strength = structure.edge_strength(image)
+        strength = structure.edge_strength(image).astype(np.float64)
         positive, negative = strength[near], strength[~near]
         if min(positive.size, negative.size) < 10:
             values.append(np.nan)
             continue
-        ranks = stats.rankdata(np.concatenate([positive, negative]))[: positive.size]
-        above = ranks.sum() - positive.size * (positive.size + 1) / 2
+        above = stats.mannwhitneyu(positive, negative, method="asymptotic").statistic
         values.append(float(above / (positive.size * negative.size)))
     return np.array(values)
 

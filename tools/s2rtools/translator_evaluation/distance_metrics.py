@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from s2rstore.intervals import Interval, linear
 from s2rtools.common.blocks import Blocks
 from s2rtools.gap.instance_selection import random_halves
+from s2rtools.gap.visual.feature_distances import NEIGHBOURS, prdc
 from s2rtools.gap.visual.kid import block_mmd, kernel_distance
-from s2rtools.gap.visual.prdc import NEIGHBOURS, prdc
 from s2rtools.translation.image_set import Rgb
 from s2rtools.translator_evaluation.image_structure import Floats
 from s2rtools.translator_evaluation.measures import CHANNELS, MetricRow, figure
@@ -57,43 +57,37 @@ def histogram_distance(first: Floats, second: Floats) -> Floats:
 
 
 def paired_distances(
-    translators: Mapping[str, Rgb],
+    translated: Rgb,
     source: Rgb,
     target: Rgb,
     blocks: Blocks,
     features: Mapping[str, Features],
     seed: int = 1,
-) -> dict[str, list[MetricRow]]:
-    """Distances by translator, and those of the controls under the empty name.
+) -> list[MetricRow]:
+    """Distances of the translator, then those of the controls.
 
-    All images (N, H, W, 3) show the poses of the same instances in recording order. `translators`
-    are translated images by name; `features` are functions by name, such as `colour_features`.
+    All images (N, H, W, 3) show the poses of the same instances in recording order. `features` are
+    functions by name, such as `colour_features`.
     """
     repeated = np.broadcast_to(target[len(target) // 2], target.shape)
-    sets = {"identity": source, "repeated_image": repeated}
-    entries = [("", name, images) for name, images in sets.items()]
-    entries += [(name, "translator", images) for name, images in translators.items()]
     halves = random_halves(blocks, SPLITS, seed)
     known = {name: compute(target) for name, compute in features.items()}
     shares = channel_histograms(target)
-    found: dict[str, list[MetricRow]] = {"": _target_against_target(known, shares, halves)}
-    for translator, reference, images in entries:
-        rows = found.setdefault(translator, [])
+    rows: list[MetricRow] = []
+    for reference, images in (
+        ("translator", translated), ("identity", source), ("repeated_image", repeated),
+    ):  # fmt: skip
         for name, compute in features.items():
             values = compute(images)
-            rows.append(_kid(name, reference, values, known[name], blocks))
+            distance = block_mmd(values, known[name], blocks).interval()
+            rows.append(figure(f"kid_{name}", distance, reference))
             rows += _prdc(name, reference, values, known[name], halves)
         w1 = _channel_intervals(channel_histograms(images), shares, blocks)
         rows += [
             figure(f"w1_{channel}", interval, reference)
             for channel, interval in zip(CHANNELS, w1, strict=True)
         ]
-    return found
-
-
-def _kid(name: str, reference: str, values: Floats, target: Floats, blocks: Blocks) -> MetricRow:
-    """KID of images of different blocks."""
-    return figure(f"kid_{name}", block_mmd(values, target, blocks).interval(), reference)
+    return rows + _target_against_target(known, shares, halves)
 
 
 def _prdc(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -36,10 +35,8 @@ from s2rtools.translation.image_set import (
 from s2rtools.translation.method import (
     FitResult,
     FitSettings,
-    ReportProgress,
     TranslationMethod,
     Translator,
-    lower_share,
 )
 from s2rtools.translation.translator_file import (
     StoredTranslator,
@@ -292,20 +289,3 @@ def _measure_depth_noise(
     camera = store.domain(source)
     hole = max(0, camera.depth_raw_min - 1)
     return measure(images[0], images[1], camera.depth_scale, hole)
-
-
-def default_settings(
-    method: str, seed: int, steps: int | None, minutes: float | None, paired: bool,
-    options: Sequence[str], lower: str, report: ReportProgress,
-) -> FitSettings:  # fmt: skip
-    """Settings from the options of the command line. Raises RequestError for unknown options."""
-    known = find_method(method).options
-    parsed = {}
-    for text in options:
-        key, equals, value = text.partition("=")
-        if not equals or key not in known:
-            allowed = ", ".join(f"{name}=VALUE" for name in known) or "no options"
-            raise RequestError(f"--option {text}: {method} takes {allowed}")
-        parsed[key] = value
-    share = lower_share(lower, "--lower")
-    return FitSettings(seed, steps, minutes, paired, parsed, None, report, share)

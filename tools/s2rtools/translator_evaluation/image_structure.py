@@ -60,9 +60,9 @@ def tensor_components(rgb: Rgb, sigma: float, window: float) -> Plane:
     return smoothed(products, window)
 
 
-def edge_strength(rgb: Rgb, sigma: float = 1.0, window: float = 1.0) -> Plane:
+def edge_strength(rgb: Rgb, sigma: float = 1.0) -> Plane:
     """Root of the trace of the structure tensor, (h, w), grey levels per pixel."""
-    tensor = tensor_components(rgb, sigma, window)
+    tensor = tensor_components(rgb, sigma, 1.0)
     return np.sqrt(np.maximum(tensor[..., 0] + tensor[..., 1], 0))
 
 

@@ -52,12 +52,31 @@ MAX_IMAGES = 120
 MIN_TIMED, TIMED_SECONDS = 5, 0.5
 
 
-@dataclass(frozen=True, slots=True)
-class TranslatorReport:
-    """How a translator was judged on `images` images.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judgement:
+    """How a translator was judged on `images` images, by content, distances and perhaps a model.
 
-    `run` is the run whose network judged the task, or None. `held_out` tells whether none of the
-    images was used for the fit; `notes` are for the reader.
+    `held_out` tells whether none of the images was used for the fit, None where it is not known,
+    as for folders.
+    """
+
+    images: int
+    held_out: bool | None
+    verdict: Verdict
+    content: Content
+    rows: tuple[MetricRow, ...]
+
+    def row(self, metric: str, reference: str = "translator") -> MetricRow | None:
+        """The first figure of a metric."""
+        found = (r for r in self.rows if (r.metric, r.reference) == (metric, reference))
+        return next(found, None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TranslatorReport(Judgement):
+    """How a translator of a store was judged.
+
+    `run` is the run whose network judged the task, or None; `notes` are for the reader.
     """
 
     name: str
@@ -66,17 +85,7 @@ class TranslatorReport:
     source: str
     target: str
     run: str | None
-    images: int
-    held_out: bool
-    verdict: Verdict
-    content: Content
-    rows: tuple[MetricRow, ...]
     notes: tuple[str, ...]
-
-    def row(self, metric: str, reference: str = "translator") -> MetricRow | None:
-        """The first figure of a metric."""
-        found = (r for r in self.rows if (r.metric, r.reference) == (metric, reference))
-        return next(found, None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,14 +194,11 @@ class _Judge:
                 frames.translated, frames.source, frames.target, self.seed
             )
         found = distance_metrics.paired_distances(
-            {self.translator.name: frames.translated}, frames.source, frames.target,
+            frames.translated, frames.source, frames.target,
             instance_blocks(self.store, frames.iids), features, self.seed,
         )  # fmt: skip
         run = None if self.run is None else self.run.run
-        return [
-            replace(row, run=run) if row.metric.endswith("_network") else row
-            for row in (*found[self.translator.name], *found[""])
-        ]
+        return [replace(row, run=run) if row.metric.endswith("_network") else row for row in found]
 
     def _embedding(self, run: Run, backend: Backend, frames: JudgedFrames, rgb: Rgb) -> Floats:
         """Features of images with the depth of the source, so that only colours differ."""
@@ -228,21 +234,6 @@ def milliseconds_per_image(translator: Translator, image: Rgb) -> float:
     return 1000 * float(np.median(seconds))
 
 
-@dataclass(frozen=True, slots=True)
-class FolderReport:
-    """How a translator was judged on folders, which have no poses: by content, by colours and
-    perhaps by a model.
-
-    `held_out` tells whether none of the images was used for the fit, None where it is not known.
-    """
-
-    images: int
-    held_out: bool | None
-    verdict: Verdict
-    content: Content
-    rows: tuple[MetricRow, ...]
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Downstream:
     """A model behind the translator, and the folder of the truths of the source's images."""
@@ -257,7 +248,7 @@ def evaluate_folders(
     stored: StoredTranslator,
     max_images: int = MAX_IMAGES,
     downstream: Downstream | None = None,
-) -> FolderReport:
+) -> Judgement:
     """Judge a translator on evenly spaced images of two folders.
 
     Of the folders that it was fitted on, only held-out images are judged where there are enough.
@@ -282,7 +273,10 @@ def evaluate_folders(
             [read_truth(downstream.truth, name) for name in names], images[0].groups[chosen[0]],
         )  # fmt: skip
     figures.append(_cost(stored.translator, before[0]))
-    return FolderReport(len(before), held_out, judge(content), content, tuple(figures))
+    return Judgement(
+        images=len(before), held_out=held_out, verdict=judge(content), content=content,
+        rows=tuple(figures),
+    )  # fmt: skip
 
 
 def _held_out_rows(
@@ -300,13 +294,8 @@ def _held_out_rows(
     return True, rows
 
 
-def as_json(reports: Sequence[TranslatorReport]) -> list[dict[str, Any]]:
-    """Reports as JSON data; non-finite values are null."""
-    return [dict(plain(asdict(report))) for report in reports]
-
-
-def folder_json(report: FolderReport) -> dict[str, Any]:
-    """A report on folders as JSON data; non-finite values are null."""
+def as_json(report: Judgement) -> dict[str, Any]:
+    """A report as JSON data; non-finite values are null."""
     return dict(plain(asdict(report)))
 
 

@@ -17,7 +17,7 @@ from s2rtools.translator_evaluation.measures import (
 )
 
 if TYPE_CHECKING:
-    from s2rtools.translator_evaluation.report import FolderReport, TranslatorReport
+    from s2rtools.translator_evaluation.report import Judgement, TranslatorReport
 
 _CONTENT = [measure for measure in CONTENT if measure.title]
 _CONTROLS = (
@@ -122,19 +122,18 @@ def _task(reports: Sequence[TranslatorReport]) -> Iterator[str]:
         yield output.table(("translator", "run", "error", "gain", "answer"), trained)
 
 
-def folder_text(report: FolderReport) -> str:
+def folder_text(report: Judgement) -> str:
     """Tables of a translator that was judged on two folders."""
-    found = {(row.metric, row.reference): row for row in report.rows}
     verdict = report.verdict
     outcome = "accepted" if verdict.passed else f"refused: {'; '.join(verdict.reasons)}"
     content = [(each.title, _figure(report.content[each.name])) for each in _CONTENT]
     distances = [
-        (each.title, *(_value(found.get((each.name, r))) for r in ("translator", *dict(_CONTROLS))))
+        (each.title, *(_value(report.row(each.name, r)) for r in ("translator", *dict(_CONTROLS))))
         for each in DISTANCES
-        if (each.name, "translator") in found
+        if report.row(each.name)
     ]
-    gain = found.get(("downstream_gain", "translator"))
-    scores = [found.get(("downstream_score", each)) for each in ("identity", "translator")]
+    gain = report.row("downstream_gain")
+    scores = [report.row("downstream_score", each) for each in ("identity", "translator")]
     downstream = output.table(
         ("model behind it", "without", "with", "gain", "answer"),
         [("score", *map(_bounded, scores), _bounded(gain), _answer(gain))],

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -24,13 +24,13 @@ import numpy as np
 import torch
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
-from torch import Tensor, nn
+from torch import nn
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import read_document
 from s2rtools.common.documents import convert
 from s2rtools.common.weights_file import (
-    check_tensors,
+    fill,
     max_file_bytes,
     parameter_bytes,
     read_state,
@@ -51,8 +51,11 @@ Edge = Annotated[int, Meta(ge=75, le=1024)]
 Triple = tuple[float, float, float]
 
 
-class PreprocessingTable(Struct, frozen=True, forbid_unknown_fields=True):
-    """The section [preprocessing]."""
+class Preprocessing(Struct, frozen=True, forbid_unknown_fields=True):
+    """The section [preprocessing]: y = (resized - mean) / std per channel, of RGB in [0, 1].
+
+    `size` is (rows, columns).
+    """
 
     size: tuple[Edge, Edge]
     filter: str
@@ -60,36 +63,44 @@ class PreprocessingTable(Struct, frozen=True, forbid_unknown_fields=True):
     mean: Triple | None = None
     std: Triple | None = None
 
+    def normalised(self, path: Path) -> Preprocessing:
+        """The section with `mean` and `std` in place of `range`.
+
+        Raises RequestError, beginning with the path of the file, for values that do not fit.
+        """
+        if self.filter not in FILTERS:
+            raise RequestError(f"{path}: preprocessing.filter must be one of {', '.join(FILTERS)}")
+        mean, std = self.mean, self.std
+        if self.range is not None and mean is std is None:
+            low, high = self.range
+            if low >= high:
+                raise RequestError(f"{path}: preprocessing.range must be [low, high]")
+            mean, std = (-low / (high - low),) * 3, (1 / (high - low),) * 3
+        elif self.range is not None or mean is None or std is None:
+            raise RequestError(f"{path}: preprocessing: expected either range, or mean and std")
+        if min(std) <= 0:
+            raise RequestError(f"{path}: preprocessing.std must be above 0")
+        return Preprocessing(self.size, self.filter, None, mean, std)
+
+    def __call__(self, rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
+        """(B, H, W, 3) -> (B, 3, h, w)."""
+        height, width = self.size
+        scaled = [
+            cv2.resize(np.float32(image) / 255, (width, height), interpolation=FILTERS[self.filter])
+            for image in rgb
+        ]
+        mean, std = (np.array(figures, dtype=np.float32) for figures in (self.mean, self.std))
+        y = (np.stack(scaled) - mean) / std
+        return np.ascontiguousarray(np.moveaxis(y, -1, 1))
+
 
 class NetworkFile(Struct, frozen=True, forbid_unknown_fields=True):
     """The file that describes a network."""
 
     architecture: str
     weights: str
-    preprocessing: PreprocessingTable
+    preprocessing: Preprocessing
     sha256: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Preprocessing:
-    """y = (resized - mean) / std per channel, of RGB in [0, 1]; `size` is (rows, columns)."""
-
-    size: tuple[int, int]
-    filter: str
-    mean: Triple
-    std: Triple
-
-    def __call__(self, rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
-        """(B, H, W, 3) -> (B, 3, h, w)."""
-        height, width = self.size
-        method = FILTERS[self.filter]
-        scaled = [
-            cv2.resize(np.float32(image) / 255, (width, height), interpolation=method)
-            for image in rgb
-        ]
-        mean, std = (np.array(figures, dtype=np.float32) for figures in (self.mean, self.std))
-        y = (np.stack(scaled) - mean) / std
-        return np.ascontiguousarray(np.moveaxis(y, -1, 1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,7 +127,7 @@ def read_network(path: Path) -> ImageNetwork:
     architecture = ARCHITECTURES.get(described.architecture)
     if architecture is None:
         raise RequestError(f"{path}: architecture must be one of {', '.join(ARCHITECTURES)}")
-    preprocessing = _preprocessing(described.preprocessing, path)
+    preprocessing = described.preprocessing.normalised(path)
     file = path.parent / described.weights
     network = architecture()
     try:
@@ -126,9 +137,9 @@ def read_network(path: Path) -> ImageNetwork:
     digest = hashlib.sha256(content).hexdigest()
     if described.sha256 not in (None, digest):
         raise RequestError(f"{file}: its sha256 is {digest}, {path} says {described.sha256}")
-    _fill(network, read_state(file, content), file)
+    fill(network, read_state(file, content), str(file), "another architecture?", _IGNORED)
     network.eval().requires_grad_(False)
-    steps = asdict(preprocessing)
+    steps = {key: getattr(preprocessing, key) for key in ("size", "filter", "mean", "std")}
     fingerprint = json.dumps([digest, steps], sort_keys=True)
     identity: dict[str, str | int | float] = {
         "features": f"{described.architecture}:{architecture.layer}",
@@ -138,37 +149,3 @@ def read_network(path: Path) -> ImageNetwork:
         "range": json.dumps([steps["mean"], steps["std"]]),
     }
     return ImageNetwork(network, preprocessing, identity)
-
-
-def _preprocessing(table: PreprocessingTable, path: Path) -> Preprocessing:
-    if table.filter not in FILTERS:
-        raise RequestError(f"{path}: preprocessing.filter must be one of {', '.join(FILTERS)}")
-    if table.range is not None and table.mean is table.std is None:
-        low, high = table.range
-        if low >= high:
-            raise RequestError(f"{path}: preprocessing.range must be [low, high]")
-        mean, std = (-low / (high - low),) * 3, (1 / (high - low),) * 3
-        return Preprocessing(table.size, table.filter, mean, std)
-    if table.range is not None or table.mean is None or table.std is None:
-        raise RequestError(f"{path}: preprocessing: expected either range, or mean and std")
-    if min(table.std) <= 0:
-        raise RequestError(f"{path}: preprocessing.std must be above 0")
-    return Preprocessing(table.size, table.filter, table.mean, table.std)
-
-
-def _fill(network: nn.Module, state: dict[str, Tensor], file: Path) -> None:
-    """Load weights; ignore those of the classifier, and batch counters."""
-    expected = network.state_dict()
-    required = [key for key in expected if not key.endswith("num_batches_tracked")]
-    missing = [key for key in required if key not in state]
-    extra = [key for key in state if key not in expected and not key.startswith(_IGNORED)]
-    shaped = [key for key in required if key in state and state[key].shape != expected[key].shape]
-    for fault, keys in (("no", missing), ("unknown", extra), ("wrong shape of", shaped)):
-        if keys:
-            more = f" and {len(keys) - 1} more" if len(keys) > 1 else ""
-            raise RequestError(f"{file}: {fault} {keys[0]}{more}; weights of another architecture?")
-    check_tensors(state, expected, str(file))
-    for key in required:
-        if not state[key].isfinite().all():
-            raise RequestError(f"{file}: {key} holds values that are not finite")
-    network.load_state_dict({key: state[key] for key in expected if key in state}, strict=False)

@@ -6,21 +6,17 @@ k-nearest-neighbor distances", IEEE Trans. Inf. Theory, 2009, eq. 14.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from scipy.special import digamma
 
 Floats = NDArray[np.float64]
 
 MOST_DIMENSIONS = 3
 NEIGHBOURS = 5
-
-
-class BiasWarning(UserWarning):
-    """The estimate is strongly biased in this many dimensions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,12 +43,9 @@ def divergences(
     """D(X || Y) and D(Y || X) of samples (n, d) and (m, d); infinite for discrete samples.
 
     `periods` (d,) are the periods of angular coordinates, 0 for the others. The estimate converges
-    slowly: in 3 dimensions it was 0.1 off at n = 500 and 0.02 at 50,000. Issues a BiasWarning above
-    3 dimensions.
+    slowly: in 3 dimensions it was 0.1 off at n = 500 and 0.02 at 50,000; above 3 see
+    `bias_warning`.
     """
-    warning = bias_warning(x.shape[1])
-    if warning:
-        warnings.warn(warning, BiasWarning, stacklevel=2)
     circular = np.zeros(x.shape[1]) if periods is None else periods
     x, y = _wrapped(x, circular), _wrapped(y, circular)
     return Divergences(
@@ -76,8 +69,6 @@ def _divergence(x: Floats, y: Floats, neighbours: int, periods: Floats) -> float
     paper's data-dependent k_i with its digamma terms); where rho is 0 for all k the sample has no
     density and the divergence is infinite.
     """
-    from scipy.special import digamma
-
     n, m = len(x), len(y)
     most = min(n - 1, m)
     if most < neighbours:

@@ -7,7 +7,6 @@ are means over seeded splits.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, astuple
 from typing import Any
@@ -17,17 +16,20 @@ from numpy.typing import NDArray
 
 from s2rtools.common.blocks import Blocks
 from s2rtools.gap.instance_selection import random_halves
-from s2rtools.gap.visual.fid import frechet_distance
+from s2rtools.gap.visual.feature_distances import (
+    frechet_distance,
+    prdc,
+    sliced_wasserstein,
+    wasserstein_by_dimension,
+)
 from s2rtools.gap.visual.kid import kernel_distance
-from s2rtools.gap.visual.kl_divergence import NEIGHBOURS, BiasWarning, divergences
+from s2rtools.gap.visual.kl_divergence import NEIGHBOURS, divergences
 from s2rtools.gap.visual.low_dimensional_samples import PairedSamples
-from s2rtools.gap.visual.prdc import prdc
 
 Floats = NDArray[np.float64]
 Splits = list[tuple[NDArray[np.int64], NDArray[np.int64]]]
 
 SPLITS = 8
-PROJECTIONS = 128
 
 
 def split_half_metrics(
@@ -80,15 +82,13 @@ def _divergence_metrics(
     size = min(half.size for pair in chosen for half in pair)
     if size <= NEIGHBOURS:
         return {}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", BiasWarning)
-        measured, floors = (
-            np.array([
-                astuple(divergences(side[b[:size]], points.real[a[:size]], periods=points.periods))
-                for a, b in chosen
-            ])
-            for side in (points.sim, points.real)
-        )  # fmt: skip
+    measured, floors = (
+        np.array([
+            astuple(divergences(side[b[:size]], points.real[a[:size]], periods=points.periods))
+            for a, b in chosen
+        ])
+        for side in (points.sim, points.real)
+    )  # fmt: skip
     names = f"kl_{name}_sim_real", f"kl_{name}_real_sim"
     return {key: _with_floor(measured[:, k], floors[:, k]) for k, key in enumerate(names)}
 
@@ -102,24 +102,3 @@ def _with_floor(values: Floats, floor: Floats) -> dict[str, float | None]:
         "floor_high": floor.max(),
     }
     return {name: float(x) if np.isfinite(x) else None for name, x in figures.items()}
-
-
-def wasserstein_by_dimension(x: Floats, y: Floats) -> Floats:
-    """Wasserstein-1 distance in each dimension of two samples (n, d), shape (d,), in their unit.
-
-    Of samples of equal size it is the mean difference of the sorted values.
-    """
-    return np.asarray(np.abs(np.sort(x, axis=0) - np.sort(y, axis=0)).mean(axis=0))
-
-
-def sliced_wasserstein(
-    x: Floats, y: Floats, projections: int = PROJECTIONS, seed: int = 1
-) -> float:
-    """Mean Wasserstein-1 distance over directions drawn uniformly from the sphere.
-
-    Source: Bonneel et al., "Sliced and Radon Wasserstein barycenters of measures", 2015.
-    """
-    rng = np.random.default_rng(seed)
-    directions = rng.normal(size=(x.shape[1], projections))
-    directions /= np.linalg.norm(directions, axis=0)
-    return float(wasserstein_by_dimension(x @ directions, y @ directions).mean())

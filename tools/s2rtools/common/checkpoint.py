@@ -1,4 +1,4 @@
-"""Checkpoints of fits: modules, optimizers and further tensors as a safetensors file."""
+"""Checkpoints of unfinished fits: modules, optimizers and tensors as a safetensors file."""
 
 from __future__ import annotations
 
@@ -27,6 +27,19 @@ class FitProgress:
     loss_sums: dict[str, float] = field(default_factory=dict)
     summed_steps: int = 0
     history: list[dict[str, float]] = field(default_factory=list)
+
+    def add(self, losses: Mapping[str, float]) -> None:
+        """Count a step with its losses by name."""
+        self.step += 1
+        self.summed_steps += 1
+        for name, value in losses.items():
+            self.loss_sums[name] = self.loss_sums.get(name, 0.0) + value
+
+    def take_means(self) -> dict[str, float]:
+        """Mean losses of the steps since the last call."""
+        means = {name: value / self.summed_steps for name, value in self.loss_sums.items()}
+        self.loss_sums, self.summed_steps = {}, 0
+        return means
 
 
 @dataclass(frozen=True, slots=True, eq=False)
