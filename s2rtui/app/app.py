@@ -57,7 +57,8 @@ from s2rtui.charts.scene import LoadedData
 from s2rtui.jobs import background_thread
 from s2rtui.jobs.background_thread import BackgroundJobs
 from s2rtui.security import Permissions
-from s2rtui.session import Session, view_settings
+from s2rtui.session import view_settings
+from s2rtui.session.session import Session
 from s2rtui.terminal.capabilities import Terminal
 from s2rtui.terminal.strips import AsciiFilter, ImageHost
 from s2rtui.terminal.textual_compat import call_after

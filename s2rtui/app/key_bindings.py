@@ -12,8 +12,6 @@ from s2rtui.charts.instance.model import NEIGHBOURS
 from s2rtui.charts.registry import VIEWS
 from s2rtui.security import Permissions
 from s2rtui.session import (
-    Brush,
-    Session,
     adjusting,
     brush_geometry,
     error_groups,
@@ -26,7 +24,8 @@ from s2rtui.session import (
     view_settings,
 )
 from s2rtui.session.context import Reducer, SessionContext
-from s2rtui.session.state import State
+from s2rtui.session.session import Session
+from s2rtui.session.state import Brush, State
 
 if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp

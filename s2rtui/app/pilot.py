@@ -13,9 +13,10 @@ from textual.pilot import Pilot
 
 from s2rstore.errors import DamagedStoreError, RequestError
 from s2rtui.app.app import S2RApp
-from s2rtui.app.screenshot import Screenshot
 from s2rtui.canvas import DARK, RenderOptions
-from s2rtui.session import Session, State
+from s2rtui.export.screenshot import Screenshot
+from s2rtui.session.session import Session
+from s2rtui.session.state import State
 from s2rtui.user_data.notebook import ReadNotebook
 
 _TIMEOUT = 300.0

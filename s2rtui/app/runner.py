@@ -13,7 +13,7 @@ from s2rtui.app.process_signals import terminal_mode
 from s2rtui.canvas import ColourMode
 from s2rtui.jobs import background_thread
 from s2rtui.security import Permissions
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 from s2rtui.terminal.capabilities import Terminal
 from s2rtui.user_data import is_first_start
 from s2rtui.user_data.notebook import Notebook

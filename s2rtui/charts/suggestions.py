@@ -21,7 +21,8 @@ from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Dots, Line, Mark, Phrase, Plot, Rule, Sign
 from s2rtui.drawing.scale import Scale, non_empty
 from s2rtui.drawing.table import Cell, Column, Dot, Row, Span, StripMark, TableSpec
-from s2rtui.session import Session, suggestions
+from s2rtui.session import suggestions
+from s2rtui.session.session import Session
 
 MARKS = {"suggested": "*", "not evident": "?", "": " "}
 _TITLES = {"real": "adapt the real images", "sim": "tune the simulator"}

@@ -18,7 +18,7 @@ MAP_VALUES = (
 
 if TYPE_CHECKING:
     from s2rtui.export.load_scene import SceneOptions
-    from s2rtui.session import State
+    from s2rtui.session.state import State
 
 
 def add_selection(parser: argparse.ArgumentParser) -> None:

@@ -16,10 +16,11 @@ from s2rstore.records import Side, needs_network
 from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.charts.view import View
 from s2rtui.loaders import LOADERS, Fields, LoadContext
-from s2rtui.session import HeatChoice, Session, State, error_groups, instance_list
+from s2rtui.session import error_groups, instance_list
 from s2rtui.session.heatmaps import heatmap_choices, require_floor
 from s2rtui.session.map_values import SHIFT, require_available
-from s2rtui.session.state import Aggregate, MapMode, Overlay
+from s2rtui.session.session import Session
+from s2rtui.session.state import Aggregate, HeatChoice, MapMode, Overlay, State
 from s2rtui.user_data.notebook import ReadNotebook
 
 

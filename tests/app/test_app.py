@@ -18,7 +18,9 @@ from s2rtui.app.screens.help_content import help_text
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.canvas.marks import BrushShape
-from s2rtui.session import Brush, Session, shared_selection
+from s2rtui.session import shared_selection
+from s2rtui.session.session import Session
+from s2rtui.session.state import Brush
 from s2rtui.terminal.strips import to_ascii
 from tests.support.application import make_app, press, running
 

@@ -17,7 +17,7 @@ from s2rtui.app.pilot import settle
 from s2rtui.canvas import RenderOptions
 from s2rtui.jobs import background_thread
 from s2rtui.jobs.background_thread import LatestOnlyWorker
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 from s2rtui.terminal.textual_compat import call_after
 
 

@@ -20,7 +20,7 @@ from s2rtui.cli import main
 from s2rtui.export import rows as exported_rows
 from s2rtui.export.exclusive_files import create_exclusive, numbered_paths
 from s2rtui.jobs.background_thread import wait_until_idle
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 from s2rtui.user_data.notebook import SavedSelection
 from tests.support.application import press, running
 from tests.support.small_figures import draw_small_figures

@@ -24,8 +24,9 @@ from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.marks import BrushShape
 from s2rtui.jobs.precompute_job import JobProgress
 from s2rtui.loaders import store_data
-from s2rtui.session import Brush, Session, State, targets
-from s2rtui.session.state import Target
+from s2rtui.session import targets
+from s2rtui.session.session import Session
+from s2rtui.session.state import Brush, State, Target
 from tests.support import tiny
 from tests.support.application import make_app, running
 

@@ -12,7 +12,7 @@ from s2rtui.app.screens.help_content import QUESTIONS, help_lines, help_text
 from s2rtui.app.screens.jump import JumpScreen
 from s2rtui.app.status_line import Bar
 from s2rtui.canvas import RenderOptions
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support.application import press, running
 from tests.support.copies import copy_store

@@ -9,8 +9,9 @@ from s2rstore.index.transaction import edit
 from s2rtui.app.pilot import take_screenshot
 from s2rtui.charts.suggestions import VIEW
 from s2rtui.loaders.live_prediction import LivePredictor
-from s2rtui.session import Session, adjusting, suggestions
+from s2rtui.session import adjusting, suggestions
 from s2rtui.session.adjusting import adjustment_chains
+from s2rtui.session.session import Session
 from tests.app.test_screen_snapshots import StoredPredictor
 from tests.support.application import make_app, press, running
 from tests.support.suggestions import store_reports, suggest_report

@@ -26,7 +26,8 @@ from s2rtui.cli import main
 from s2rtui.export.load_scene import SceneOptions, open_scene
 from s2rtui.export.report.build_report import render_report
 from s2rtui.export.report.report_request import ReportRequest, RequestedSelection
-from s2rtui.session import Session, navigation, shared_selection, undo_history
+from s2rtui.session import navigation, shared_selection, undo_history
+from s2rtui.session.session import Session
 from s2rtui.user_data.notebook import Notebook
 from tests.support import tiny
 from tests.support.open_stores import kept_open

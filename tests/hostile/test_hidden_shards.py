@@ -21,7 +21,8 @@ from s2rtools.synthetic_world.factors import complete_severities
 from s2rtools.training import pretrained
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.cli import main
-from s2rtui.session import HeatChoice, heatmaps
+from s2rtui.session import heatmaps
+from s2rtui.session.state import HeatChoice
 from tests.conftest import BuildOnce
 from tests.support.hidden_shards import (
     Function,

@@ -12,7 +12,7 @@ from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
 from s2rtui.canvas import RenderOptions
 from s2rtui.cli import main
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 from tests.support import hostile
 
 FORMULA = '=HYPERLINK("http://evil", "x")'

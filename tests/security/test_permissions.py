@@ -16,7 +16,8 @@ from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.screens.help_content import help_text
 from s2rtui.canvas import RenderOptions
 from s2rtui.security import Permissions
-from s2rtui.session import Session, view_settings
+from s2rtui.session import view_settings
+from s2rtui.session.session import Session
 from tests.support.application import press
 
 MODEL_ACTION = Action(

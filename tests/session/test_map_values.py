@@ -5,7 +5,8 @@ import numpy as np
 import s2rstore
 from s2rstore.index.transaction import edit
 from s2rtui.cli import scene_arguments
-from s2rtui.session import Session, map_values, view_settings
+from s2rtui.session import map_values, view_settings
+from s2rtui.session.session import Session
 from tests.support.copies import copy_store
 
 

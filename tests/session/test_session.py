@@ -13,8 +13,9 @@ from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.map import VIEW as MAP
 from s2rtui.charts.overview.model import overview_rows
 from s2rtui.charts.scene import LoadedData, Scene
-from s2rtui.session import Session, navigation, view_settings
+from s2rtui.session import navigation, view_settings
 from s2rtui.session.heatmaps import heatmap_choices, instance_grid, run_grid
+from s2rtui.session.session import Session
 from tests.support import tiny
 
 

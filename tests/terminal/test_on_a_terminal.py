@@ -17,7 +17,7 @@ from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.colour import DEPTH_SHADES
 from s2rtui.charts.shared.instance import InstanceInput, instance_drawing
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 from s2rtui.terminal.graphics.kitty_protocol import PLACEHOLDER
 from s2rtui.terminal.graphics.probe import parse_answer
 from tests.support.application import running

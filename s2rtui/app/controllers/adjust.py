@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 from s2rstore.errors import RequestError, S2RError
 from s2rtui.app.messages import AdjustmentProgressed
 from s2rtui.jobs.precompute_job import JobProgress, PrecomputeJob, save_run
-from s2rtui.session import State, adjusting, view_settings
+from s2rtui.session import adjusting, view_settings
+from s2rtui.session.state import State
 
 if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp

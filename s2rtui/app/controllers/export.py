@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 from s2rstore.errors import RequestError, S2RError
 from s2rstore.reader import Store
 from s2rtui.app.messages import ExportProgressed
-from s2rtui.app.screenshot import Screenshot
 from s2rtui.export.exclusive_files import create_exclusive, numbered_paths
-from s2rtui.session import Session, State, shared_selection
+from s2rtui.session import shared_selection
 from s2rtui.session.evaluation import query_of
+from s2rtui.session.session import Session
+from s2rtui.session.state import State
 from s2rtui.user_data.notebook import Notes
 
 if TYPE_CHECKING:
@@ -54,6 +55,8 @@ class ExportController:
 
     def write_screenshot(self) -> None:
         """Write the screen as PNG; it is taken now and encoded in the background."""
+        from s2rtui.export.screenshot import Screenshot
+
         screen = Screenshot.of(self._app.screen)
         options = self._app.render_options
 

@@ -21,7 +21,7 @@ from s2rtui.drawing.drawing import Drawing, Note
 from s2rtui.drawing.plot import Ink, Phrase, Rule
 from s2rtui.drawing.row_lines import BAND_TEXT, RowLines
 from s2rtui.drawing.table import Cell, Column, Dot, Row, Span, StripMark, TableSpec, Text
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 
 ROWS_PER_RUN = 3
 """Preferred number of rows per run, the lines to the next run included."""

@@ -23,9 +23,10 @@ from s2rtui.export.report.html_page import render_page
 from s2rtui.export.report.report_model import Report, ReportImage, ReportTable, RunPart, Section
 from s2rtui.export.report.report_request import ReportRequest, RequestedSelection, StepCallback
 from s2rtui.export.report.worst_instances import worst_instances
-from s2rtui.session import Session, State
 from s2rtui.session.error_groups import COUNTS
 from s2rtui.session.evaluation import query_of
+from s2rtui.session.session import Session
+from s2rtui.session.state import State
 from s2rtui.user_data.notebook import ReadNotebook
 
 _SELECTION_VIEWS = ("map", "recall", "errors", "rooms", "orientation")
