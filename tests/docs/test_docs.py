@@ -6,8 +6,10 @@ import re
 import shlex
 import subprocess
 import sys
+import tomllib
 from io import BytesIO
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from PIL import Image
@@ -30,6 +32,15 @@ def generator():
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+def test_all_files_name_the_same_release():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    release, _, development = project["version"].partition(".dev")
+    heading = re.search("^## (.*)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)[1]
+    assert heading == (f"{release} (in development)" if development else release)
+    ros_package = ElementTree.parse(ROOT / "tools" / "s2rtools" / "ros" / "launch" / "package.xml")
+    assert ros_package.findtext("version") == release
 
 
 def shown_commands(text: str) -> list[list[str]]:
