@@ -1,9 +1,10 @@
-"""A typed expression takes the way that the documentation lists, and no other."""
+"""The key `w` takes the way from the key to cells that the documentation lists, and no other."""
 
 from __future__ import annotations
 
 import re
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -12,42 +13,68 @@ import s2rtui
 from tests.support.application import press, running
 
 PAGE = Path(s2rtui.__file__).parents[1] / "docs" / "architecture.md"
-HOP = re.compile(r"^\| \d+ \| `([\w.<>]+)` `([\w.]+)` \|", re.MULTILINE)
-MOST = 15
-"""Hops from a key to cells."""
+HOP = re.compile(r"^\| \d+ \| `([\w.<>]+)` `([\w.]+)` \| `(\w+)` \|", re.MULTILINE)
+MOST_FILES, MOST_CHANGES = 15, 8
 
 
-def documented() -> list[tuple[str, str]]:
-    """Module and function of each hop; the view is that of the errors."""
-    hops = HOP.findall(PAGE.read_text(encoding="utf-8"))
-    named = ((module.replace("<view>", "errors"), function) for module, function in hops)
+def documented() -> list[tuple[str, str, str]]:
+    """Module, function and type of each hop; the view is that of the errors."""
     return [
-        (module if module.startswith("s2rstore") else f"s2rtui.{module}", function)
-        for module, function in named
-    ]
+        (f"{'' if module.startswith('s2rstore') else 's2rtui.'}{module}"
+         .replace("<view>", "errors"), function.rsplit(".", 1)[-1], kind)
+        for module, function, kind in HOP.findall(PAGE.read_text(encoding="utf-8"))
+    ]  # fmt: skip
 
 
-async def test_a_typed_expression_takes_the_documented_way(tiny_store):
+def type_names(values: list[Any]) -> set[str]:
+    """The classes of values, and of the first elements of lists."""
+    first = (value[0] if isinstance(value, list) and value else value for value in values)
+    return {kind.__name__ for value in first for kind in type(value).__mro__}
+
+
+def modules_from_the_action(frame: FrameType | None) -> Iterator[str]:
+    """The modules of the project on the stack below `action_do`, without packages' entries."""
+    while frame is not None and frame.f_code.co_name != "action_do":
+        module = frame.f_globals.get("__name__", "")
+        if module.startswith(("s2rtui.", "s2rstore.")) and "__path__" not in frame.f_globals:
+            yield module
+        frame = frame.f_back
+
+
+def test_few_files_and_types_are_on_the_way():
     hops = documented()
-    assert len(hops) <= MOST
-    wanted = {function.rsplit(".", 1)[-1]: (place, module)
-              for place, (module, function) in enumerate(hops)}  # fmt: skip
-    seen: list[int] = []
+    assert len({module for module, _, _ in hops}) == len(hops) <= MOST_FILES
+    assert len({kind for _, _, kind in hops}) - 1 <= MOST_CHANGES
+
+
+async def test_the_key_takes_the_documented_way(tiny_store):
+    hops = documented()
+    places = {hop[:2]: place for place, hop in enumerate(hops)}
+    entered: list[int] = []
+    values: dict[int, set[str]] = {}
+    passed: set[str] = set()
 
     def trace(frame: FrameType, event: str, argument: Any) -> None:
-        if event == "call" and frame.f_code.co_name in wanted:
-            place, module = wanted[frame.f_code.co_name]
-            if frame.f_globals.get("__name__", "").startswith(module) and place not in seen:
-                seen.append(place)
+        name = frame.f_code.co_qualname.split(".<locals>")[0].rsplit(".", 1)[-1]
+        place = places.get((frame.f_globals.get("__name__", ""), name))
+        if place is None or event not in ("call", "return"):
+            return
+        if place not in entered:
+            entered.append(place)
+            passed.update(modules_from_the_action(frame))
+        kinds = type_names([argument, *frame.f_locals.values()])
+        values[place] = values.get(place, set()) | kinds
 
     async with running(tiny_store, size=(80, 24)) as (app, pilot):
-        await press(app, pilot, "c", "7", "slash", "ampersand", *"worst15")
+        await press(app, pilot, "c", "7")
         sys.setprofile(trace)
         try:
-            await press(app, pilot, "enter")
+            await press(app, pilot, "w")
         finally:
             sys.setprofile(None)
-        assert app.session.state.expression == "all & worst15", app.session.state.message
-    missing = [hops[place] for place in set(range(len(hops))) - set(seen)]
-    assert not missing
-    assert seen == sorted(seen)
+        assert app.session.state.expression == "worst15", app.session.state.message
+    assert entered == sorted(entered)
+    assert len(entered) == len(hops), [hop for at, hop in enumerate(hops) if at not in entered]
+    assert passed <= {module for module, _, _ in hops}
+    for place, (_, function, kind) in enumerate(hops):
+        assert kind in values[place], (function, kind, values[place])
