@@ -21,6 +21,7 @@ from bench import (
     collect,
     contrast,
     end_to_end,
+    exchange,
     growth,
     harm,
     harm_cost,
@@ -63,7 +64,7 @@ _MEASUREMENTS = (
     "harm_cost",
     "end_to_end",
 )
-_ON_REQUEST = ("harm", "suggest", "collect", "intervals", "verdicts")
+_ON_REQUEST = ("harm", "suggest", "collect", "intervals", "exchange", "verdicts")
 """Measurements of more than ten minutes, which run only where they are named."""
 
 
@@ -94,7 +95,7 @@ def main() -> int:
     )  # fmt: skip
     parser.add_argument(
         "--repeats", type=int, default=intervals.REPEATS,
-        help="simulated series of each row of intervals and verdicts (default %(default)s)",
+        help="simulated series of each row of intervals, exchange, verdicts (default %(default)s)",
     )  # fmt: skip
     parser.add_argument("--threads", type=int, default=os.cpu_count() or 1)
     options = parser.parse_args()
@@ -156,6 +157,8 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
         yield from collect.figures(options.seeds or collect.SEEDS)
     if "intervals" in selected:
         yield from intervals.figures(options.repeats)
+    if "exchange" in selected:
+        yield from exchange.figures(options.repeats)
     if "verdicts" in selected:
         yield from verdicts.figures(options.repeats)
     if "suggest" in selected:

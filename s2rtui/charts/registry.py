@@ -23,6 +23,7 @@ NAMES = (
     "shares",
     "recall",
     "risk",
+    "exchange",
     "list",
     "compare",
     "history",

@@ -121,10 +121,14 @@ def spreads(values: Floats, codes: NDArray[np.intp], rho: float) -> list[Spread]
     return [series_spread(values, rho), between_spread(values, codes)]
 
 
+def series_freedom(n: float) -> float:
+    """Number of frequencies of the spread of a series of n rows, before it is rounded down."""
+    return float(min(max(_FEWEST_COSINES, _COSINES * n ** (2 / 3)), max(n - 1, 1), _MOST_COSINES))
+
+
 def series_spread(values: Floats, rho: float) -> Spread:
     """Standard error of the mean of one series (n,) from its lowest cosine frequencies."""
-    n = values.size
-    count = min(max(_FEWEST_COSINES, int(_COSINES * n ** (2 / 3))), max(n - 1, 1), _MOST_COSINES)
+    n, count = values.size, int(series_freedom(values.size))
     frequencies = np.arange(1, count + 1)
     weights: Floats = fft.dct(_shortened(values), type=2)[1 : count + 1] / np.sqrt(2)
     shape = (1 - rho) ** 2 / (1 - 2 * rho * np.cos(np.pi * frequencies / n) + rho**2)

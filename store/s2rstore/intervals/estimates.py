@@ -245,12 +245,16 @@ def proportion(
     counts = [p * (1 - p) / part.error**2 for part in parts if part.error > 0]
     effective = float(np.clip(min(n / variance_inflation(rho_cut, n), *counts, n), 1, n))
     t = max(part.critical(level) for part in parts)
+    low, high = wilson_bounds(p, effective, t)
+    return Interval(low, p, high, level, sample=Sample(n, effective, _count(codes)))
+
+
+def wilson_bounds(p: float, effective: float, t: float) -> tuple[float, float]:
+    """Bounds of a share `p` of so many independent rows, in [0, 1]; `t`: the critical value."""
     middle = (p + t * t / (2 * effective)) / (1 + t * t / effective)
     half = t / (1 + t * t / effective) * np.sqrt(p * (1 - p) / effective
                                                  + (t / (2 * effective)) ** 2)  # fmt: skip
-    sample = Sample(n, effective, _count(codes))
-    return Interval(min(max(middle - half, 0.0), p), p, max(min(middle + half, 1.0), p), level,
-                    sample=sample)  # fmt: skip
+    return float(min(max(middle - half, 0.0), p)), float(max(min(middle + half, 1.0), p))
 
 
 def spearman(

@@ -1,0 +1,92 @@
+"""`s2r evaluate` and the exchange view: figures, what simulation adds, plans, refusals."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.index.transaction import edit
+from tests.support import tiny
+
+PAIRS, SIMULATED = 240, 360
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Vanilla's real errors follow its sim errors; most instances have no real prediction of it."""
+    path = tiny.build(tmp_path_factory.mktemp("evaluate") / "s.s2r", n=PAIRS + SIMULATED)
+    rng = np.random.default_rng(4)
+    sim = rng.lognormal(size=PAIRS + SIMULATED)
+    real = sim + 0.4 * rng.lognormal(size=sim.size)
+    simulated = rng.permutation(sim.size)[:SIMULATED].tolist()
+    with edit(path) as draft:
+        for side, errors in (("sim", sim), ("real", real)):
+            pairs = ", ".join(f"({iid}, {error})" for iid, error in enumerate(errors))
+            draft.rows(
+                f"UPDATE prediction SET error = e.error FROM (VALUES {pairs}) AS e(iid, error) "
+                f"WHERE prediction.iid = e.iid AND run = 'vanilla' AND side = '{side}'"
+            )
+        draft.rows(
+            "DELETE FROM prediction WHERE run = 'vanilla' AND side = 'real' "
+            f"AND iid IN ({', '.join(map(str, simulated))})"
+        )
+    return path
+
+
+def test_simulated_instances_narrow_the_interval(store, s2r):
+    found = s2r("evaluate", store, "--run", "vanilla", "--json").json
+    assert (found["pairs"], found["simulated"]) == (PAIRS, SIMULATED)
+    mean = found["figures"]["mean error"]
+    alone, combined = mean["real_only"], mean["with_simulation"]
+    assert combined["high"] - combined["low"] < 0.85 * (alone["high"] - alone["low"])
+    assert mean["exchange_rate"]["low"] > 1.5
+    assert mean["effective_images"] > 1.4 * PAIRS
+    with s2rstore.open(store) as opened:
+        columns = opened.run_columns("vanilla")
+        real = columns.real.error[columns.attempted]
+    assert alone["value"] == pytest.approx(real.mean(), abs=1e-5)
+    assert found["figures"]["median error"]["real_only"]["value"] == pytest.approx(
+        np.median(real), abs=1e-5
+    )
+
+
+def test_the_text_says_what_simulation_is_worth_and_what_to_add(store, s2r):
+    text = s2r("evaluate", store, "--run", "vanilla", "--target", "0.2", "--rooms").printed
+    assert "240 pairs of 2 trajectories" in text
+    assert "one real image is worth" in text
+    assert "more real images; " in text
+    assert "beside unlimited simulated ones" in text
+    assert "left hall" in text
+    equal = s2r("evaluate", store, "--run", "dataaug").printed
+    assert "what simulation adds is not known: all values are equal" in equal
+
+
+def test_two_runs_are_compared_on_common_pairs(store, s2r):
+    text = s2r("evaluate", store, "--run", "vanilla", "--against", "dataaug").printed
+    assert "decided: the mean error of dataaug is smaller than that of vanilla" in text
+    found = s2r("evaluate", store, "--run", "vanilla", "--against", "dataaug", "--json").json
+    assert found["differences"]["mean error"]["pairs"] == PAIRS
+    assert found["plans"][0]["real_only"]["images"] == 0
+
+
+def test_wrong_requests_are_refused(store, s2r):
+    s2r("evaluate", store, "--run", "nobody").assert_refused("nobody")
+    s2r("evaluate", store, "--against", "vanilla").assert_refused("this is the evaluated run")
+    s2r("evaluate", store, "--target", "-1").assert_refused("expected metres above 0")
+    s2r("evaluate", store, "--power", "1").assert_refused("between 0 and 1")
+
+
+def test_the_view_shows_the_same_numbers(store, s2r):
+    found = s2r("evaluate", store, "--run", "vanilla", "--json").json
+    rows = s2r("show", store, "exchange", "--run", "vanilla", "--json").json
+    mean = found["figures"]["mean error"]
+    shown = {row["figure"]: row for row in rows if row["of"] == "vanilla"}
+    assert shown["mean error with simulation"]["low"] == pytest.approx(
+        mean["with_simulation"]["low"], abs=1e-5
+    )
+    assert shown["exchange rate"]["value"] == pytest.approx(
+        mean["exchange_rate"]["value"], abs=1e-5
+    )
+    words = s2r("show", store, "exchange", "--run", "vanilla", "--words").printed
+    assert "exchange rate" in words
