@@ -31,7 +31,7 @@ COMMANDS: dict[str, str] = {
     "sysid": "identify the parameters of a simulator from recorded drives",
     "score": "score heatmaps and causes against ground truth",
     "suggest": "search the smallest change of images or simulator that closes the gap",
-    "ros": "translate camera images between ROS topics, or those of a bag",
+    "ros": "translate the camera images of ROS topics or of a bag",
     "nightly": "measure and judge the gap of one night; update history and reports",
     "show": "print the numbers of a view as a table",
     "export": "write a figure as PNG, SVG or PDF",
@@ -131,8 +131,8 @@ class Command(NamedTuple):
 def load_command(name: str) -> Command:
     """Import a command.
 
-    A module of several commands has them in `COMMANDS`, by name; that of one command has `EXAMPLE`,
-    `add_arguments` and `execute`.
+    A module of several commands has them in `COMMANDS`, by name; a module of one command has
+    `EXAMPLE`, `add_arguments` and `execute`.
     """
     if name in _SHARED:
         shared = importlib.import_module(f"s2rtui.cli.commands.{_SHARED[name]}")

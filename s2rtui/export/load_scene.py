@@ -151,7 +151,7 @@ def apply_options(session: Session, options: SceneOptions, *views: View) -> Stat
 def _sort_columns(
     session: Session, state: State, name: str | None, views: set[str]
 ) -> tuple[str, str]:
-    """The columns that sort the list and the groups; those of the state where `name` is None.
+    """The columns that sort the list and the groups; unchanged where `name` is None.
 
     Raises RequestError for a column that the sortable ones of `views` (by default all) lack.
     """

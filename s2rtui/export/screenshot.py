@@ -145,7 +145,7 @@ def rasterize(
     """Draw lines (Textual strips or lists of rich segments) as an RGB image.
 
     `theme` provides default colours. `size` is the size of the image in pixels if it differs from
-    that of the cells, which are then in its upper left.
+    the size of the cells, which are then in its upper left.
     """
     rows = [list(line) for line in lines]
     columns = max((sum(part.cell_length for part in line) for line in rows), default=1)

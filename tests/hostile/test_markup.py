@@ -9,7 +9,7 @@ from textual.widgets import Static
 
 import s2rtui
 from s2rtui.app.pilot import take_screenshot
-from s2rtui.app.status_line import Bar
+from s2rtui.app.status_line import TextBar
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import hostile
 from tests.support.application import running
@@ -126,7 +126,7 @@ async def test_names_of_folders_tags_and_selections_are_not_markup(tiny_store, t
 
 
 async def test_a_bar_shows_its_texts_verbatim():
-    content = Bar("status")
+    content = TextBar("status")
     content.show("[b]a[/b]", ("[ @click=app.quit]", "bold"), "\x1b[31m")
     shown = content.visual
     assert isinstance(shown, Content)

@@ -113,7 +113,7 @@ def test_training_instances_are_excluded(objects_only, tmp_path):
     precompute(store_path, SilentReporter(), ["mine"], PrecomputeOptions(()))
     scored = report.score(store_path, report.ScoreSettings(("mine",)), SilentReporter())
     with s2rstore.open(store_path) as store:
-        held_out = int(run_metrics.held_out(store, "mine").sum())
+        held_out = int(run_metrics.population(store, "mine").sum())
     if held_out:
         assert {(row["n"], row["left_out"]) for row in scored["factors"]} == {
             (held_out, 12 - held_out)

@@ -68,7 +68,7 @@ def test_the_description_names_data_set_domains_and_medians(tiny_store):
 def test_trained_instances_are_left_out_of_the_description(tiny_store):
     with s2rstore.open(tiny_store) as store:
         columns = store.run_columns("vanilla")
-        new = run_metrics.held_out(store, "vanilla")
+        new = run_metrics.population(store, "vanilla")
         trained = int(np.count_nonzero(columns.valid) - np.count_nonzero(new))
         (line,) = (line for line in repr(store).splitlines() if "vanilla" in line)
     assert f"n {np.count_nonzero(new)}" in line

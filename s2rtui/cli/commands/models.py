@@ -1,4 +1,4 @@
-"""`s2r model` registers models; `s2r models` lists those of a store, with the input of each."""
+"""`s2r model` registers models; `s2r models` lists the models of a store, with their input."""
 
 from __future__ import annotations
 

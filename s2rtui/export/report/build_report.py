@@ -124,7 +124,7 @@ def _evaluated(
 def _finding_lines(
     session: Session, request: ReportRequest, selections: Sequence[EvaluatedSelection]
 ) -> list[str]:
-    """The findings of the selections, then those of their runs, then those of the first run."""
+    """The findings of the selections, of their runs, and of the first run, in this order."""
     store, trajectories = session.store, request.trajectories
     runs = list(dict.fromkeys(run for selection in selections for run in selection.runs))
     lines = [store_summary.store_line(store, runs[0])]

@@ -63,7 +63,7 @@ def measure_shares(truth: GroundTruth, evaluated: EvaluatedRuns, instances: int)
     A group without an active factor has the share 0.
     """
     errors, store = CounterfactualErrors(truth, evaluated), truth.store
-    is_new = {run: run_metrics.held_out(store, run) for run in errors.runs}
+    is_new = {run: run_metrics.population(store, run) for run in errors.runs}
     rows = store.in_recording_order(np.any(list(is_new.values()), axis=0))
     spread = np.linspace(0, len(rows) - 1, min(len(rows), instances)).astype(int)
     iids = np.asarray(rows[np.unique(spread)] if len(rows) else rows, dtype=np.intp)

@@ -159,7 +159,7 @@ def measure_object_gains(
 
 def _spread_instances(truth: GroundTruth, run: str, count: int) -> NDArray[np.intp]:
     """At most `count` instances that are new to a run, evenly spread in recording order."""
-    new = truth.store.in_recording_order(run_metrics.held_out(truth.store, run))
+    new = truth.store.in_recording_order(run_metrics.population(truth.store, run))
     spread = np.linspace(0, len(new) - 1, min(len(new), count)).astype(int)
     return np.asarray(new[np.unique(spread)] if len(new) else new, dtype=np.intp)
 
