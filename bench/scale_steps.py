@@ -12,9 +12,8 @@ from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.scene import Scene
 from s2rtui.drawing.plane_marks import Changes, Signs
 from s2rtui.drawing.plot import Points
-from s2rtui.drawing.points import point_cells
+from s2rtui.drawing.points import Grid, change_cells, point_cells, sign_cells
 from s2rtui.drawing.row_lines import line_dots
-from s2rtui.drawing.signs import change_cells, sign_cells
 from s2rtui.session import instance_list, navigation, selection, undo_history, view_settings
 from s2rtui.session.session import Session
 from s2rtui.session.state import Brush, Operator
@@ -77,11 +76,11 @@ def numbers(scene: Scene) -> None:
         if not tab.missing(scene):
             for plot in tab.drawing(scene, _TAB[0]).plots:
                 for points in (mark for mark in plot.marks if isinstance(mark, Points)):
-                    point_cells(points, plot.x, plot.y, _TAB[0] // 2, _TAB[1])
+                    point_cells(points, Grid(plot.x, plot.y, _TAB[0] // 2, _TAB[1]))
     for name in ("map", "compare"):
         for plot in BY_NAME[name].drawing(scene, _MAP[0]).plots:
             grid = plot.fitted(_MAP[0], 2 * _MAP[1])
-            cells = grid.x, grid.y, *_MAP
+            cells = Grid(grid.x, grid.y, *_MAP)
             for mark in plot.marks:
                 if isinstance(mark, Signs):
                     sign_cells(mark, cells)

@@ -77,9 +77,9 @@ def identity_key(value: object) -> object:
     if isinstance(value, np.ndarray):
         return ArrayKey(value)
     if isinstance(value, tuple):
-        return tuple(identity_key(part) for part in value)
+        return tuple([identity_key(part) for part in value])
     if is_dataclass(value) and type(value).__eq__ is object.__eq__:
-        parts = (identity_key(getattr(value, field.name)) for field in fields(value))
+        parts = [identity_key(getattr(value, field.name)) for field in fields(value)]
         return type(value), *parts
     return value
 
@@ -87,7 +87,7 @@ def identity_key(value: object) -> object:
 def cached_by_identity(limit: int) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Cache the last `limit` results of a function while all arrays in its arguments live.
 
-    Arguments are positional: arrays, hashable values, and tuples of both. A result that refers to
+    Arguments are positional, with keys as of `identity_key`. A result that refers to
     an array of its arguments stays until newer results push it out.
     """
 
@@ -96,7 +96,7 @@ def cached_by_identity(limit: int) -> Callable[[Callable[P, T]], Callable[P, T]]
 
         @wraps(function)
         def wrapper(*args: P.args, **none: P.kwargs) -> T:
-            key = tuple([_argument_key(argument) for argument in args])
+            key = tuple([identity_key(argument) for argument in args])
             entry = results.get(key)
             if entry is not None:
                 return entry[0]
@@ -107,14 +107,6 @@ def cached_by_identity(limit: int) -> Callable[[Callable[P, T]], Callable[P, T]]
         return wrapper
 
     return decorate
-
-
-def _argument_key(argument: object) -> object:
-    if isinstance(argument, np.ndarray):
-        return ArrayKey(argument)
-    if isinstance(argument, tuple):
-        return tuple([_argument_key(part) for part in argument])
-    return argument
 
 
 class _Results(Generic[T]):

@@ -27,6 +27,7 @@ from s2rtui.app.controllers.brush import BrushController
 from s2rtui.app.controllers.export import ExportController
 from s2rtui.app.controllers.hover import HoverController
 from s2rtui.app.controllers.navigation import NavigationController
+from s2rtui.app.controllers.player import PlayerController
 from s2rtui.app.controllers.prompt import PromptController
 from s2rtui.app.controllers.store_updates import CHECK_SECONDS, StoreUpdateController
 from s2rtui.app.key_bindings import ACTIONS, BY_NAME, find_action, permitted_actions
@@ -72,6 +73,7 @@ class S2RApp(GuardedApp):
     export: ExportController
     adjust: AdjustController
     navigation: NavigationController
+    player: PlayerController
 
     def __init__(
         self,
@@ -103,6 +105,7 @@ class S2RApp(GuardedApp):
         self.export = ExportController(self)
         self.adjust = AdjustController(self)
         self.navigation = NavigationController(self)
+        self.player = PlayerController(self)
         self.store_updates = StoreUpdateController(self)
         self.updater = ScreenUpdater(self)
         self.is_first_start = False

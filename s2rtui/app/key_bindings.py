@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from s2rstore.metrics import nearest_neighbours
 from s2rtui.app.action import Action, When
-from s2rtui.charts.instance.model import NEIGHBOURS
+from s2rtui.charts.instance import NEIGHBOURS
 from s2rtui.charts.registry import VIEWS
 from s2rtui.security import Permissions
 from s2rtui.session import (
@@ -203,6 +203,8 @@ ACTIONS: tuple[Action, ...] = (
            _do(navigation.move_cursor, 1), "instance", "->", "plain"),
     Action("instance_left", "left", "move", "previous instance",
            _do(navigation.move_cursor, -1), "", "<-", "plain"),
+    Action("play", "apostrophe", "move", "play through the instances; faster; stop",
+           shown="'", command=lambda app: app.player.change_speed()),
     Action("next_row", "down", "move", "next row of the list",
            _do(instance_list.move, 1), "rows", "up, down", "list"),
     *_SCROLLING,
@@ -279,6 +281,8 @@ ACTIONS: tuple[Action, ...] = (
     Action("group", "O", "review",
            "rooms view: errors by room, heading, curvature, trajectory; counts",
            _do(error_groups.change_grouping)),
+    Action("cross_groups", "asterisk", "review", "in the rooms view: group by a second one, too",
+           _do(error_groups.cross_grouping), shown="*", when="rooms"),
     Action("select_row", "enter", "select", "rooms view: select the row of this instance",
            None, "select", when="rooms", command=lambda app: app.navigation.select_row()),
     Action("next_finding", "down", "move", "next finding", _do(findings.move, 1),

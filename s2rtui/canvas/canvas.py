@@ -165,22 +165,6 @@ class Canvas:
             if fg is not None:
                 self.fg[start:stop, x] = fg
 
-    def box(
-        self, x: int, y: int, width: int, height: int, fg: Rgb | None = None, ascii: bool = False
-    ) -> None:
-        """Draw a frame whose outer size is `width` x `height`."""
-        if width < 1 or height < 1:
-            return
-        across, down = ("-", "|") if ascii else ("─", "│")
-        corners = "++++" if ascii else "┌┐└┘"
-        right, bottom = x + width - 1, y + height - 1
-        for row in (y, bottom):
-            self.hline(x, right, row, across, fg)
-        for column in (x, right):
-            self.vline(column, y, bottom, down, fg)
-        for glyph, column, row in zip(corners, (x, right) * 2, (y, y, bottom, bottom), strict=True):
-            self.put(column, row, glyph, fg)
-
     def fill(self, x: int, y: int, width: int, height: int, bg: Rgb) -> None:
         """Fill a rectangle with a background colour."""
         rows = slice(max(0, y), max(0, y + height))

@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from s2rstore.geometry import angles
 from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.raster import cells_with_dots, draw_braille, line_dots
 
@@ -54,19 +55,47 @@ def panel_at(panels: Sequence[PlotArea], column: int, row: int) -> PlotArea | No
     return next((panel for panel in panels if panel.holds(column, row)), None)
 
 
-def draw_mark(canvas: Canvas, panel: PlotArea, mark: BrushShape | None) -> None:
-    """Draw the outline of a mark on a plane, clipped to its panel, or the ground of a range."""
-    if mark is None or mark.panel != panel.name or not mark.points:
+def draw_ground(canvas: Canvas, panel: PlotArea, mark: BrushShape | None) -> None:
+    """Highlight the columns of a range that is marked on a panel; a turn may pass its ends."""
+    mark = mark_on_panel(mark, panel.name)
+    if mark is None or panel.shape not in ("range", "turn"):
         return
-    if panel.shape == "range":
-        _ground(canvas, panel, mark)
-    if panel.shape != "plane":
-        return
-    corners = [panel.to_cells(*point) for point in mark.points]
-    if mark.lasso:
-        _outline(canvas, panel, corners)
+    middles = (np.arange(panel.width) + 0.5 + panel.x).tolist()
+    x = np.array([panel.to_data(column, panel.y)[0] for column in middles])
+    ends = _end_columns(panel, mark)
+    if panel.shape == "turn":
+        middle, half = mark_arc(mark)
+        inside = np.abs(angles.wrap_degrees(x - middle)) <= half
     else:
-        _frame(canvas, panel, corners)
+        inside = (x >= panel.to_data(ends[0], 0)[0]) & (x <= panel.to_data(ends[1] + 1, 0)[0])
+    rows = slice(panel.y, panel.y + panel.height)
+    canvas.bg[rows, panel.x : panel.x + panel.width][:, inside] = canvas.theme.highlight
+
+
+def _end_columns(panel: PlotArea, mark: BrushShape) -> tuple[int, int]:
+    """The columns of the ends of a range, within its panel."""
+    bounds = mark_range(mark)
+    if panel.shape == "turn":
+        middle, half = mark_arc(mark)
+        bounds = wrap_degrees(middle - half), wrap_degrees(middle + half)
+    last = panel.x + panel.width - 1
+    low, high = (min(max(int(panel.to_cells(x, 0.0)[0]), panel.x), last) for x in bounds)
+    return low, high
+
+
+def draw_mark(canvas: Canvas, panel: PlotArea, mark: BrushShape | None) -> None:
+    """Draw the outline of a mark on a plane, clipped to its panel, or the ends of a range."""
+    mark = mark_on_panel(mark, panel.name)
+    if mark is None:
+        return
+    if panel.shape == "plane":
+        corners = [panel.to_cells(*point) for point in mark.points]
+        (_outline if mark.lasso else _frame)(canvas, panel, corners)
+    elif panel.shape != "steps":
+        glyphs = canvas.glyphs.scale_left, canvas.glyphs.scale_right
+        for x, glyph in zip(_end_columns(panel, mark), glyphs, strict=True):
+            for y in range(panel.y, panel.y + panel.height):
+                canvas.put(x, y, glyph, canvas.theme.truth, bold=True)
 
 
 def _frame(canvas: Canvas, panel: PlotArea, corners: list[Point]) -> None:
@@ -83,17 +112,6 @@ def _frame(canvas: Canvas, panel: PlotArea, corners: list[Point]) -> None:
         corner = edge and column in (left, right)
         glyph = "+" if corner else glyphs.horizontal if edge else glyphs.vertical
         canvas.put(column, row, glyph, canvas.theme.truth, bold=True)
-
-
-def _ground(canvas: Canvas, panel: PlotArea, mark: BrushShape) -> None:
-    """A highlighted ground between bold ends, as high as the panel."""
-    last = panel.x + panel.width - 1
-    ends = [int(panel.to_cells(end, 0.0)[0]) for end in mark_range(mark)]
-    low, high = (min(max(end, panel.x), last) for end in ends)
-    canvas.fill(low, panel.y, high - low + 1, panel.height, canvas.theme.highlight)
-    for x, glyph in ((low, canvas.glyphs.scale_left), (high, canvas.glyphs.scale_right)):
-        for y in range(panel.y, panel.y + panel.height):
-            canvas.put(x, y, glyph, canvas.theme.truth, bold=True)
 
 
 def _outline(canvas: Canvas, panel: PlotArea, corners: list[Point]) -> None:

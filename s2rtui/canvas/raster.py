@@ -54,29 +54,25 @@ def _area(source: NDArray[np.generic], height: int, width: int) -> Floats:
     return np.asarray(data, dtype=np.float32)
 
 
-def draw_half_blocks(canvas: Canvas, x: int, y: int, pixels: Pixels) -> None:
-    """Draw an image (2h, w, 3) uint8 as h rows of half blocks from (x, y), clipped."""
-    rows, columns = pixels.shape[0] // 2, pixels.shape[1]
+def half_blocks(pixels: Pixels) -> BlockCells:
+    """An image (2h, w, 3) as h rows of half blocks."""
+    upper, lower = pixels[: len(pixels) // 2 * 2 : 2], pixels[1::2]
+    return BlockCells(np.full(upper.shape[:2], "▀"), upper, lower)
+
+
+def draw_blocks(canvas: Canvas, cells: BlockCells, x: int = 0, y: int = 0) -> None:
+    """Draw cells from (x, y), clipped."""
+    rows, columns = cells.char.shape
     left, top = max(0, x), max(0, y)
     right, bottom = min(canvas.width, x + columns), min(canvas.height, y + rows)
     if left >= right or top >= bottom:
         return
-    part = pixels[2 * (top - y) : 2 * (bottom - y), left - x : right - x]
+    part = (slice(top - y, bottom - y), slice(left - x, right - x))
     into = (slice(top, bottom), slice(left, right))
-    canvas.char[into] = "▀"
+    canvas.char[into] = cells.char[part]
     canvas.bold[into] = False
-    canvas.fg[into] = part[0::2]
-    canvas.bg[into] = part[1::2]
-
-
-def draw_blocks(canvas: Canvas, cells: BlockCells) -> None:
-    """Draw cells from the upper left corner of a canvas, clipped."""
-    rows, columns = min(canvas.height, cells.char.shape[0]), min(canvas.width, cells.char.shape[1])
-    into = (slice(0, rows), slice(0, columns))
-    canvas.char[into] = cells.char[into]
-    canvas.bold[into] = False
-    canvas.fg[into] = cells.fg[into]
-    canvas.bg[into] = cells.bg[into]
+    canvas.fg[into] = cells.fg[part]
+    canvas.bg[into] = cells.bg[part]
 
 
 def limit_ground(canvas: Canvas) -> None:
@@ -90,38 +86,31 @@ def limit_ground(canvas: Canvas) -> None:
 
 
 def draw_shades(
-    canvas: Canvas, x: int, y: int, levels: ArrayLike, ramp: str, colours: Pixels | None = None
+    canvas: Canvas, levels: ArrayLike, ramp: str, colours: Pixels | None = None
 ) -> None:
     """Draw numbers 0 .. 1 (h, w) as glyphs of a ramp, light to dense; NaN draws nothing."""
-    values = np.asarray(levels, dtype=np.float32)
-    rows, columns = values.shape
-    left, top = max(0, x), max(0, y)
-    right, bottom = min(canvas.width, x + columns), min(canvas.height, y + rows)
-    if left >= right or top >= bottom:
-        return
-    part = (slice(top - y, bottom - y), slice(left - x, right - x))
-    into = (slice(top, bottom), slice(left, right))
-    shown = np.isfinite(values[part])
-    index = np.clip(np.nan_to_num(values[part]) * len(ramp), 0, len(ramp) - 1).astype(np.intp)
-    glyphs = np.array(list(ramp))[index]
-    canvas.char[into] = np.where(shown, glyphs, canvas.char[into])
+    values = np.asarray(levels, dtype=np.float32)[: canvas.height, : canvas.width]
+    into = (slice(0, values.shape[0]), slice(0, values.shape[1]))
+    shown = np.isfinite(values)
+    index = np.clip(np.nan_to_num(values) * len(ramp), 0, len(ramp) - 1).astype(np.intp)
+    canvas.char[into] = np.where(shown, np.array(list(ramp))[index], canvas.char[into])
     if colours is not None:
-        canvas.fg[into] = np.where(shown[..., None], colours[part], canvas.fg[into])
+        canvas.fg[into] = np.where(shown[..., None], colours[into], canvas.fg[into])
 
 
-def draw_image(canvas: Canvas, x: int, y: int, pixels: Pixels) -> None:
+def draw_image(canvas: Canvas, pixels: Pixels) -> None:
     """Draw an image (2h, w, 3) as half blocks, or as shades where half blocks are missing.
 
     On a light theme the shades are inverted, so that dense glyphs are dark.
     """
     if canvas.options.supports_images:
-        draw_half_blocks(canvas, x, y, pixels)
+        draw_blocks(canvas, half_blocks(pixels))
         return
     paired = pixels[: pixels.shape[0] // 2 * 2].reshape(-1, 2, pixels.shape[1], 3).mean(axis=1)
     levels = luma(paired)
     if not canvas.theme.dark:
         levels = 1 - levels
-    draw_shades(canvas, x, y, levels, canvas.glyphs.shades, np.rint(paired).astype(np.uint8))
+    draw_shades(canvas, levels, canvas.glyphs.shades, np.rint(paired).astype(np.uint8))
 
 
 def put_glyphs(

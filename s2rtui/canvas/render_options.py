@@ -35,8 +35,6 @@ class Glyphs:
     interval: str
     horizontal: str
     vertical: str
-    tick: str
-    corner: str
     scale_left: str
     scale_right: str
     pointer: str
@@ -49,70 +47,39 @@ class Glyphs:
     shades: str
 
 
-UNICODE = Glyphs(
-    sim="◆",
-    real="◇",
-    truth="•",
-    both="◈",
-    selected="●",
-    several="■",
-    unselected="·",
-    trained="○",
-    cursor="◉",
-    passed="●",
-    failed="▲",
-    inconclusive="○",
-    skipped="·",
-    baseline="┊",
-    bar="━",
-    interval="─",
-    horizontal="─",
-    vertical="│",
-    tick="┴",
-    corner="└",
-    scale_left="├",
-    scale_right="┤",
-    pointer="▶",
-    planned="→",
-    below="▼",
-    above="▲",
-    ellipsis="…",
-    degree="°",
-    arrows="→↘↓↙←↖↑↗",
-    shades=" ░▒▓█",
-)
-ASCII = Glyphs(
-    sim="S",
-    real="R",
-    truth="o",
-    both="B",
-    selected="*",
-    several="*",
-    unselected=",",
-    trained="t",
-    cursor="@",
-    passed="o",
-    failed="X",
-    inconclusive="?",
-    skipped=".",
-    baseline=":",
-    bar="=",
-    interval="-",
-    horizontal="-",
-    vertical="|",
-    tick="+",
-    corner="+",
-    scale_left="|",
-    scale_right="|",
-    pointer=">",
-    planned=">",
-    below="-",
-    above="+",
-    ellipsis="~",
-    degree="d",
-    arrows=">\\v/<\\^/",
-    shades=" .:-=+*#%@",
-)
+_GLYPHS = {
+    "sim": ("◆", "S"),
+    "real": ("◇", "R"),
+    "truth": ("•", "o"),
+    "both": ("◈", "B"),
+    "selected": ("●", "*"),
+    "several": ("■", "*"),
+    "unselected": ("·", ","),
+    "trained": ("○", "t"),
+    "cursor": ("◉", "@"),
+    "passed": ("●", "o"),
+    "failed": ("▲", "X"),
+    "inconclusive": ("○", "?"),
+    "skipped": ("·", "."),
+    "baseline": ("┊", ":"),
+    "bar": ("━", "="),
+    "interval": ("─", "-"),
+    "horizontal": ("─", "-"),
+    "vertical": ("│", "|"),
+    "scale_left": ("├", "|"),
+    "scale_right": ("┤", "|"),
+    "pointer": ("▶", ">"),
+    "planned": ("→", ">"),
+    "below": ("▼", "-"),
+    "above": ("▲", "+"),
+    "ellipsis": ("…", "~"),
+    "degree": ("°", "d"),
+    "arrows": ("→↘↓↙←↖↑↗", ">\\v/<\\^/"),
+    "shades": (" ░▒▓█", " .:-=+*#%@"),
+}
+"""Each glyph in Unicode and in ASCII."""
+UNICODE = Glyphs(**{name: glyphs[0] for name, glyphs in _GLYPHS.items()})
+ASCII = Glyphs(**{name: glyphs[1] for name, glyphs in _GLYPHS.items()})
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from s2rstore.records import SIDES, Side
 from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.binning import Bins, Bools, bin_values, median_selected, selection_indices
-from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.charts.mark_expressions import cell_width, number_text, range_expression, round_to_cell
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.view import DrawingView, Table
+from s2rtui.charts.shared.positions import cursor_phrases, valid_cursor
+from s2rtui.charts.view import Table, View
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Bars, Dots, Mark, Phrase, Plot, Rule
 from s2rtui.drawing.scale import Floats, Scale, short_number
@@ -116,12 +117,11 @@ def errors_plots(model: ErrorsModel, cursor: dict[Side, float]) -> tuple[Plot, .
     return tuple(plots)
 
 
-class ErrorsView(DrawingView):
+class ErrorsView(View):
     name = "errors"
     key = "7"
     description = "histogram of the position errors"
     title = "position errors in simulation and in reality"
-    narrow_ratio = 1.1
 
     def subtitle(self, scene: Scene) -> str:
         return "position error of the selection"
@@ -133,19 +133,19 @@ class ErrorsView(DrawingView):
 
     def _cursor(self, scene: Scene) -> dict[Side, float]:
         """The errors of the cursor's instance, if it is in view."""
-        cursor = scene.state.cursor
-        if cursor is None or not scene.state.base[cursor]:
+        cursor = valid_cursor(scene.state.cursor, scene.state.base)
+        if cursor is None:
             return {}
         return dict(
             zip(SIDES, (float(side[cursor]) for side in self.input(scene)[:2]), strict=True)
         )
 
-    def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        return identity_key(self.input(scene)), scene.state.cursor, scene.mark(self.name)
-
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         model = errors_model(*self.input(scene), max(1, columns))
-        return Drawing(errors_plots(model, self._cursor(scene)), brush=scene.mark(self.name))
+        legend = Phrase("grey: all instances"), Phrase("dashes: median", "text")
+        cursor = cursor_phrases(valid_cursor(scene.state.cursor, scene.state.base))
+        plots = errors_plots(model, self._cursor(scene))
+        return Drawing(plots, notes=((*legend, *cursor),), brush=scene.mark(self.name))
 
     def numbers(self, scene: Scene) -> Table:
         model = errors_model(*self.input(scene), _BINS)

@@ -39,8 +39,6 @@ class ExchangeView(StatisticsView):
     key = "$"
     description = "exchange rate: what simulated images add to real ones"
     title = "what simulated images are worth"
-    narrow_ratio = 1.6
-    wide_ratio = 0.7
 
     def subtitle(self, scene: Scene) -> str:
         return "mean real errors, and real images that simulation saves"

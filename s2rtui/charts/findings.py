@@ -6,7 +6,7 @@ from s2rstore.errors import sentence
 from s2rstore.findings import Finding, FindingReport
 from s2rtui.canvas import PlotArea, Point
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.view import DrawingView, Pane, Table
+from s2rtui.charts.view import Pane, Table, View
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.table import Cell, Column, Row, TableSpec
 from s2rtui.session import findings
@@ -42,7 +42,7 @@ def chosen_finding(report: FindingReport, chosen: int) -> Finding | None:
     return report.findings[chosen % len(report.findings)] if report.findings else None
 
 
-class FindingsView(DrawingView):
+class FindingsView(View):
     name = "findings"
     key = "I"
     pane: Pane = "centre"

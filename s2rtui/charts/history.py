@@ -17,7 +17,7 @@ from s2rstore.gap_history.gate_status import AxisStatus, axis_status, stored_sta
 from s2rstore.gap_history.reader import AxisFigures, History, Night
 from s2rstore.intervals import Interval
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.view import DrawingView, Pane, Table
+from s2rtui.charts.view import Pane, Table, View
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Dots, Ink, Line, Mark, Phrase, Plot, Sign
 from s2rtui.drawing.scale import Floats, Scale, short_number
@@ -154,15 +154,13 @@ def _title(track: Track) -> tuple[Phrase, ...]:
     )
 
 
-class HistoryView(DrawingView):
+class HistoryView(View):
     name = "history"
     needs_run = False
     key = "G"
     pane: Pane = "centre"
     description = "the gap over time, night by night"
     title = "the gap over time"
-    narrow_ratio = 1.6
-    wide_ratio = 0.8
     counts_instances = False
     brushable = False
     loads = ("history",)

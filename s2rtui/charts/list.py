@@ -15,7 +15,7 @@ from s2rtui.analysis.identity_cache import ArrayKey
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.canvas.marks import mark_rows
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.view import DrawingView, Pane, Table
+from s2rtui.charts.view import Pane, Table, View
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.table import Cell, Column, LazyRows, Row, TableSpec
 from s2rtui.session import instance_list
@@ -56,7 +56,7 @@ def list_columns(scene: Scene) -> list[ListColumn]:
 def _column(scene: Scene, name: str, rank: int = 0) -> ListColumn:
     truth = scene.store.instances
     if name == "iid":
-        return _texts(scene, name, str, 8, rank, value=int, right=True)
+        return _texts(scene, name, str, 8, rank, value=int, is_number=True)
     if name == instance_list.REMARK:
         return _texts(scene, name, scene.remark, 24, rank, "tags, note")
     if name == "split":
@@ -85,33 +85,34 @@ def _numbers(scene: Scene, name: str, rank: int) -> ListColumn:
             return "n/a"
         return f"{number:.0f}" if name in instance_list.COUNTS else f"{number:.2f}"
 
-    shown = _shown(scene, name, title, max(8, len(title) + 1), rank, True)
-    return ListColumn(name, shown, text, value)
+    return ListColumn(name, _shown(scene, name, title, max(8, len(title) + 1), rank), text, value)
 
 
 def _texts(
     scene: Scene, name: str, text: Callable[[int], str], width: int, rank: int, title: str = "",
-    value: Callable[[int], object] | None = None, right: bool = False,
+    value: Callable[[int], object] | None = None, is_number: bool = False,
 ) -> ListColumn:  # fmt: skip
-    shown = _shown(scene, name, title or name, width, rank, right)
+    shown = _shown(scene, name, title or name, width, rank, is_number)
     return ListColumn(name, shown, text, value or (lambda iid: text(iid) or None))
 
 
-def _shown(scene: Scene, name: str, title: str, width: int, rank: int, right: bool) -> Column:
-    return Column(title, right=right, sorts=scene.state.sort == name, rank=rank, least=width)
+def _shown(
+    scene: Scene, name: str, title: str, width: int, rank: int, is_number: bool = True
+) -> Column:
+    return Column(title, right=is_number, sorts=scene.state.sort == name, rank=rank, least=width,
+                  is_cut=not is_number)  # fmt: skip
 
 
 def _named(codes: NDArray[np.int32], names: Sequence[str]) -> Callable[[int], str]:
     return lambda iid: names[codes[iid]] if codes[iid] >= 0 else ""
 
 
-class ListView(DrawingView):
+class ListView(View):
     name = "list"
     needs_run = False
     key = "8"
     pane: Pane = "centre"
     description = "the selection as a list"
-    narrow_ratio = 1.0
     needs_poses = False
     figure_size = (1600, 1200)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from s2rstore.files.planned_poses import PlannedPose
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN, SIDES, Bounds, Room, Side
 from s2rtui.analysis.binning import Bools
-from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import BrushShape
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.instance import SideView
@@ -27,10 +27,11 @@ from s2rtui.charts.shared.map_layers import (
     true_columns,
     value_range,
 )
-from s2rtui.charts.shared.positions import valid_cursor
-from s2rtui.charts.view import DrawingView, Pane, PointsView, Table
-from s2rtui.drawing.drawing import ColourBar, Drawing, Ramp
+from s2rtui.charts.shared.positions import cursor_phrases, valid_cursor
+from s2rtui.charts.view import Pane, PointsView, Table
+from s2rtui.drawing.drawing import ColourBar, Drawing
 from s2rtui.drawing.floor import heat_scale
+from s2rtui.drawing.heat_colours import RampName
 from s2rtui.drawing.plane_marks import Arcs, Columns, Floor, Place, Poses, Segments, Signs
 from s2rtui.drawing.plot import Mark, Phrase
 from s2rtui.drawing.scale import Floats
@@ -106,10 +107,11 @@ def map_drawing(
         legend += [Phrase(role, role, role) for role in ("sim", "real", "truth")]
     heat = data.floor.heat
     if heat is not None and (ends := heat_scale(heat, data.floor.heat_is_signed)) is not None:
-        ramp: Ramp = "signed heat" if data.floor.heat_is_signed else "heat"
+        ramp: RampName = "signed heat" if data.floor.heat_is_signed else "heat"
         legend.append(ColourBar(data.heat_label, data.heat_unit, ends, ramp=ramp))
     if data.planned:
         legend.append(Phrase(f"{len(data.planned)} planned poses", "planned", "planned"))
+    legend += cursor_phrases(valid_cursor(data.cursor, data.valid))
     return Drawing((map_plot(marks, area, data.y_down),), notes=(tuple(legend),), brush=brush)
 
 
@@ -167,14 +169,12 @@ def full_scale(sim: Columns, real: Columns, valid: Bools) -> float:
     return largest if largest > 0 else 1.0
 
 
-class MapView(PointsView, DrawingView):
+class MapView(PointsView):
     name = "map"
     needs_run = False
     key = "2"
     pane: Pane = "centre"
     description = "map: truth, predictions and heat on the floor plan"
-    narrow_ratio = 1.8
-    wide_ratio = 0.9
     aliases = ("geomap",)
     loads = ("floor plan", "heat on the map", "seen floor")
     figure_size = (1600, 1200)
@@ -219,18 +219,8 @@ class MapView(PointsView, DrawingView):
             live=_live_poses(scene), trained=state.marked, planned=state.planned,
         )  # fmt: skip
 
-    def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        return identity_key(self.input(scene)), scene.state.viewport, scene.mark(self.name)
-
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         return map_drawing(self.input(scene), scene.state.viewport, scene.mark(self.name))
-
-    def paper_drawing(self, scene: Scene) -> Drawing:
-        drawing = self.drawing(scene, self.paper_columns)
-        if (cursor := valid_cursor(scene.state.cursor, scene.state.base)) is None:
-            return drawing
-        (legend,) = drawing.notes
-        return replace(drawing, notes=((*legend, Phrase(f"ring: instance {cursor}")),))
 
     def heading(self, scene: Scene) -> tuple[str, str]:
         state, data = scene.state, self.input(scene)

@@ -13,13 +13,13 @@ from s2rstore.records import SIDES
 from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.binning import Bools, selection_indices
 from s2rtui.analysis.circular import mean_direction, turn_bins
-from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.canvas.marks import wrap_degrees
 from s2rtui.charts.mark_expressions import heading_expression
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.positions import valid_cursor
-from s2rtui.charts.view import DrawingView, Table
+from s2rtui.charts.shared.positions import cursor_phrases, valid_cursor
+from s2rtui.charts.view import Table, View
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Bars, Dots, Mark, Phrase, Plot
 from s2rtui.drawing.scale import Floats, Scale, short_number, tick_values
@@ -106,13 +106,12 @@ def orientation_plots(
     return tuple(plots)
 
 
-class OrientationView(DrawingView):
+class OrientationView(View):
     name = "orientation"
     key = "5"
     description = "headings in bins of 5 degrees: sim, truth, real"
     title = "headings in simulation, in truth and in reality"
     paper_columns = BINS
-    narrow_ratio = 2.4
     figure_size = (1600, 720)
 
     def subtitle(self, scene: Scene) -> str:
@@ -126,9 +125,6 @@ class OrientationView(DrawingView):
         sides = columns.sim.heading, scene.store.instances.heading, columns.real.heading
         return sides, state.selected, state.base
 
-    def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        return identity_key(self.input(scene)), scene.state.cursor, scene.mark(self.name)
-
     def _cursor(self, scene: Scene) -> dict[Name, float]:
         """The headings of the cursor's instance in degrees, if it is in view."""
         cursor = valid_cursor(scene.state.cursor, scene.state.base)
@@ -141,14 +137,17 @@ class OrientationView(DrawingView):
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         model = orientation_model(*self.input(scene), columns // max(1, columns // BINS))
         plots = orientation_plots(model, self._cursor(scene), scene.store.dataset.y_down)
-        return Drawing(plots, brush=scene.mark(self.name), beside=True)
+        cursor = cursor_phrases(valid_cursor(scene.state.cursor, scene.state.base))
+        notes = ((Phrase("grey: all instances"), *cursor),)
+        return Drawing(plots, notes=notes, brush=scene.mark(self.name), beside=True)
 
     def paper_drawing(self, scene: Scene) -> Drawing:
         model = orientation_model(*self.input(scene))
         note = f"bars: selected instances per 5°, rim = {model.peak}"
         if model.share < 1:
-            note += f"; grey: all instances, rim = {short_number(model.peak / model.share, 2)}"
-        return replace(self.drawing(scene, BINS), notes=(f"{note}; R: resultant length",))
+            note += f"; of grey bars, rim = {short_number(model.peak / model.share, 2)}"
+        drawing = self.drawing(scene, BINS)
+        return replace(drawing, notes=(*drawing.notes, f"{note}; R: resultant length"))
 
     def numbers(self, scene: Scene) -> Table:
         model = orientation_model(*self.input(scene))

@@ -53,8 +53,6 @@ class RecallView(StatisticsView):
     key = "Q"
     description = "recall: shares of instances within metres and degrees"
     title = "recall in simulation and in reality"
-    narrow_ratio = 1.9
-    wide_ratio = 0.65
 
     def subtitle(self, scene: Scene) -> str:
         return "share of instances within both thresholds"

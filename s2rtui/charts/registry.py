@@ -24,6 +24,7 @@ NAMES = (
     "recall",
     "risk",
     "exchange",
+    "timeline",
     "list",
     "compare",
     "history",

@@ -35,8 +35,6 @@ class RiskView(StatisticsView):
     key = "%"
     description = "risk: mean errors of the most certain, calibration of sigma, conformal radii"
     title = "mean error of the most certain instances"
-    narrow_ratio = 2.1
-    wide_ratio = 0.8
 
     def subtitle(self, scene: Scene) -> str:
         return "mean error of the instances with the smallest sigmas"

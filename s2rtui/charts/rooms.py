@@ -21,7 +21,7 @@ from s2rtui.canvas.marks import mark_rows
 from s2rtui.charts.mark_expressions import names_expression
 from s2rtui.charts.scene import LoadedGroups, Scene
 from s2rtui.charts.shared.positions import valid_cursor
-from s2rtui.charts.view import DrawingView, Table
+from s2rtui.charts.view import Table, View
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Ink
 from s2rtui.drawing.scale import Scale
@@ -186,12 +186,11 @@ def _bins(rooms: Codes, number: int) -> Bins:
     return Bins(np.where(inside, rooms, number).astype(kind), number + 1)
 
 
-class RoomsView(DrawingView):
+class RoomsView(View):
     name = "rooms"
     key = "6"
     description = "errors by room, heading, curvature or trajectory; instances per room"
     loads = ("groups",)
-    narrow_ratio = 1.2
 
     def subtitle(self, scene: Scene) -> str:
         if scene.state.grouping == COUNTS:

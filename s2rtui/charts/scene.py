@@ -20,6 +20,7 @@ from s2rstore.reader import Store
 from s2rstore.records import SPLITS, Direction, Side
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.canvas import BrushShape
+from s2rtui.canvas.fit_text import fit_text
 from s2rtui.charts.shared.instance import InstanceInput
 from s2rtui.session.provenance import (
     HeatProvenance,
@@ -32,6 +33,8 @@ from s2rtui.session.provenance import (
 from s2rtui.session.state import State
 from s2rtui.user_data.notebook import Notes
 
+_LONGEST = 32
+"""Most cells of the name of a run in a title."""
 FloorGrid = NDArray[np.float32]
 _UNKNOWN = Headline(0, 0, math.nan, math.nan, math.nan, "")
 
@@ -261,7 +264,7 @@ class Scene:
     @property
     def title(self) -> str:
         """What titles of figures begin with: the run, or the data set where there are no runs."""
-        return self.state.run or self.store.dataset.name
+        return fit_text(self.state.run or self.store.dataset.name, _LONGEST, "…")
 
     @property
     def caption(self) -> str:

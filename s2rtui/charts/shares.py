@@ -60,8 +60,6 @@ class SharesView(StatisticsView):
     key = "K"
     description = "shares of the gap: how many metres each factor causes"
     title = "what causes the gap"
-    narrow_ratio = 1.3
-    wide_ratio = 0.5
     figure_size = (1600, 700)
 
     def subtitle(self, scene: Scene) -> str:

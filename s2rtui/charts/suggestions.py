@@ -16,7 +16,7 @@ from s2rstore.suggestions import AIMS, Answer, SuggestReport, read_report
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import PlotArea, Point
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.view import DrawingView, Pane, Table
+from s2rtui.charts.view import Pane, Table, View
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Dots, Line, Mark, Phrase, Plot, Rule, Sign
 from s2rtui.drawing.scale import Scale, non_empty
@@ -243,7 +243,7 @@ def paper_drawing(directions: Sequence[Direction]) -> Drawing:
     return Drawing(tuple(map(gain_plot, reports)), table, (*best, *missing, legend))
 
 
-class SuggestionsView(DrawingView):
+class SuggestionsView(View):
     name = "suggestions"
     key = "J"
     pane: Pane = "centre"
@@ -251,8 +251,6 @@ class SuggestionsView(DrawingView):
     title = "what would help"
     brushable = False
     counts_instances = False
-    narrow_ratio = 2.6
-    wide_ratio = 0.75
     figure_size = (1600, 1300)
 
     def subtitle(self, scene: Scene) -> str:

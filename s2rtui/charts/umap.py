@@ -13,8 +13,8 @@ from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
 from s2rtui.canvas import BrushShape, PlotArea
 from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.positions import known_point, stacked_points, valid_cursor
-from s2rtui.charts.view import DrawingView, PointsView, Table
+from s2rtui.charts.shared.positions import cursor_phrases, known_point, stacked_points, valid_cursor
+from s2rtui.charts.view import PointsView, Table
 from s2rtui.drawing.drawing import ColourBar, Drawing
 from s2rtui.drawing.plot import LEVELS, Phrase, Plot, Points
 from s2rtui.drawing.scale import Floats, Interval, Scale, percentile_range, scale_fraction
@@ -84,13 +84,11 @@ def distance_levels(values: Floats, scale: Interval) -> Codes:
     return np.nan_to_num(steps).astype(np.uint16)
 
 
-class UmapView(PointsView, DrawingView):
+class UmapView(PointsView):
     name = "umap"
     key = "4"
     description = "embeddings in the plane (UMAP), sim and real"
     title = "embeddings in simulation and in reality (UMAP)"
-    narrow_ratio = 2.2
-    wide_ratio = 0.55
     figure_size = (1600, 800)
 
     def subtitle(self, scene: Scene) -> str:
@@ -130,7 +128,9 @@ class UmapView(PointsView, DrawingView):
         plots = umap_plots(embeddings, distance_levels(values, scale), state.selected, state.base,
                            area, cursor, state.marked)  # fmt: skip
         bar = ColourBar("distance", "", scale, clipped=True)
-        return Drawing(plots, notes=((bar,),), brush=scene.mark(self.name), beside=True)
+        return Drawing(
+            plots, notes=((bar, *cursor_phrases(cursor)),), brush=scene.mark(self.name), beside=True
+        )
 
     def numbers(self, scene: Scene) -> Table:
         embeddings, selection = self.input(scene), np.flatnonzero(scene.state.selected)

@@ -50,21 +50,22 @@ class TableWindow:
 
 
 class View:
-    """One view of a scene, drawn in terminal cells and on paper.
+    """One view of a scene, whose `Drawing` is drawn in cells, in true pixels, on paper, as text.
 
     Class attributes:
         name: the view's name in commands, options and titles.
         key: the key that shows it.
         pane: its place on the screen: the overview's, the large centre, or a tab.
         description: a phrase for `--help` and the help screen.
+        title: what its figure shows, after the name of the run; by default the description.
         aliases: other names on the command line.
         loads: names of the background loads that deliver its data.
         from_store: whether a store holds everything that it shows.
         single_instance: whether it shows the cursor's instance alone.
         brushable: whether marks on its panels stand for expressions.
         figure_size: default size of its figure, pixels.
-        narrow_ratio, wide_ratio: height over width of its figure on pages of paper of less than
-            120 mm, and of more.
+        paper_columns: the columns of a plot on paper, where its marks depend on them, as bars do;
+            and of a dial.
         counts_instances: whether its numbers are those of the selected instances.
         needs_poses: whether it shows nothing of a data set without poses.
         needs_run: whether it shows nothing of a store without a computed run.
@@ -74,14 +75,14 @@ class View:
     key: str
     pane: Pane = "tab"
     description: str
+    title: str = ""
     aliases: tuple[str, ...] = ()
     loads: tuple[str, ...] = ()
     from_store: bool = True
     single_instance: bool = False
     brushable: bool = True
     figure_size: Pixels = (1600, 900)
-    narrow_ratio: float = 1.0
-    wide_ratio: float = 0.6
+    paper_columns: int = 60
     counts_instances: bool = True
     needs_poses: bool = True
     needs_run: bool = True
@@ -113,19 +114,47 @@ class View:
 
     def waiting(self, scene: Scene) -> str:
         """What a process is computing while the view has nothing to show; empty otherwise."""
-        return ""
+        computing = scene.loaded.computing
+        return f"{computing}; the view fills in" if computing and self.missing(scene) else ""
 
     def input(self, scene: Scene) -> Any:
         """The arrays and numbers that are drawn."""
         raise NotImplementedError
 
-    def cache_key(self, scene: Scene) -> tuple[object, ...] | None:
-        """Everything that the drawing depends on; None where it must be drawn every time."""
-        return (identity_key(self.input(scene)),)
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
+        """Everything that the drawing depends on: by default the input, the cursor, the marked
+        instances, the brush mark and the part of the plane in view.
+        """
+        state = scene.state
+        shown = state.cursor, scene.mark(self.name), state.viewport_of(self.name)
+        return identity_key((self.input(scene), state.marked)), *shown
+
+    def missing(self, scene: Scene) -> tuple[str, ...]:
+        """Lines that say why there is nothing to draw; empty if there is."""
+        return ()
+
+    def drawing(self, scene: Scene, columns: int) -> Drawing:
+        """The plots, the table and the notes, for plots that are `columns` cells wide."""
+        raise NotImplementedError
+
+    def paper_drawing(self, scene: Scene) -> Drawing:
+        """The drawing of its figure."""
+        return self.drawing(scene, self.paper_columns)
+
+    def _sized(self, scene: Scene, size: Size, options: RenderOptions) -> Drawing:
+        """The drawing for cells, whose layout says how many columns the plots have."""
+        if reasons := self.missing(scene):
+            waits = self.waiting(scene)
+            return Drawing(notes=(*reasons, waits) if waits else reasons)
+        drawing = self.drawing(scene, self.paper_columns)
+        places = drawing_layout(drawing, size, options).plots
+        if not places or places[0].plot.turns or places[0].width == self.paper_columns:
+            return drawing
+        return self.drawing(scene, places[0].width)
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         """Draw the view in `size` (columns, rows)."""
-        raise NotImplementedError
+        return draw_cells(self._sized(scene, size, options), size, options)
 
     def height(self, scene: Scene, width: int) -> int:
         """The preferred number of rows; 0 takes all that are free."""
@@ -133,7 +162,7 @@ class View:
 
     def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[PlotArea]:
         """The parts that take the mouse or a brush."""
-        return ()
+        return drawing_panels(self._sized(scene, size, options), size, options)
 
     def cursor_point(self, scene: Scene, panel: PlotArea) -> Point | None:
         """The cursor's place in a panel, where a brush drawn with keys begins."""
@@ -141,7 +170,11 @@ class View:
 
     def table_window(self, scene: Scene, size: Size, options: RenderOptions) -> TableWindow | None:
         """The visible rows of its table, which keys scroll; None where it shows no table."""
-        return None
+        drawing = self._sized(scene, size, options)
+        layout = drawing_table_layout(drawing, size, options)
+        if layout is None or drawing.table is None:
+            return None
+        return TableWindow(layout.first, layout.shown, len(drawing.table.rows))
 
     def zoom_plane(self, scene: Scene) -> ZoomPlane | None:
         """The plane that zoom and pan keys move; None where the view has none."""
@@ -162,6 +195,10 @@ class View:
         """Handle dragging to a point in data coordinates; False lets it draw a mark."""
         return False
 
+    def to_expression(self, scene: Scene, panel: PlotArea, mark: BrushShape) -> str:
+        """The expression that selects what a mark covers."""
+        raise NotImplementedError
+
     def numbers(self, scene: Scene) -> Table:
         """The figures of the view as a table: column names and rows; None and NaN are empty.
 
@@ -169,88 +206,27 @@ class View:
         """
         raise NotImplementedError
 
-    def summary(self, scene: Scene) -> str:
-        """One or two sentences with the most important figures."""
-        raise NotImplementedError
-
-    def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
-        """Draw the view on paper. Raises RequestError where there is nothing to draw."""
-        raise NotImplementedError
-
-    def to_expression(self, scene: Scene, panel: PlotArea, mark: BrushShape) -> str:
-        """The expression that selects what a mark covers."""
-        raise NotImplementedError
-
-
-class DrawingView(View):
-    """A view whose content is a `Drawing`, from which its cells, pixels, figure and text are made.
-
-    title: what its figure shows, after the name of the run; by default the description.
-    """
-
-    title: str = ""
-    paper_columns = 60
-    """The columns of a plot on paper, where its marks depend on them, as bars do; and of a dial."""
-
-    def missing(self, scene: Scene) -> tuple[str, ...]:
-        """Lines that say why there is nothing to draw; empty if there is."""
-        return ()
-
-    def waiting(self, scene: Scene) -> str:
-        computing = scene.loaded.computing
-        return f"{computing}; the view fills in" if computing and self.missing(scene) else ""
-
-    def drawing(self, scene: Scene, columns: int) -> Drawing:
-        """The plots, the table and the notes, for plots that are `columns` cells wide."""
-        raise NotImplementedError
-
-    def _sized(self, scene: Scene, size: Size, options: RenderOptions) -> Drawing:
-        """The drawing for cells, whose layout says how many columns the plots have."""
-        if reasons := self.missing(scene):
-            waits = self.waiting(scene)
-            return Drawing(notes=(*reasons, waits) if waits else reasons)
-        drawing = self.drawing(scene, self.paper_columns)
-        places = drawing_layout(drawing, size, options).plots
-        if not places or places[0].plot.turns or places[0].width == self.paper_columns:
-            return drawing
-        return self.drawing(scene, places[0].width)
-
-    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
-        return draw_cells(self._sized(scene, size, options), size, options)
-
-    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[PlotArea]:
-        return drawing_panels(self._sized(scene, size, options), size, options)
-
-    def table_window(self, scene: Scene, size: Size, options: RenderOptions) -> TableWindow | None:
-        drawing = self._sized(scene, size, options)
-        layout = drawing_table_layout(drawing, size, options)
-        if layout is None or drawing.table is None:
-            return None
-        return TableWindow(layout.first, layout.shown, len(drawing.table.rows))
-
-    def paper_drawing(self, scene: Scene) -> Drawing:
-        """The drawing of its figure."""
-        return self.drawing(scene, self.paper_columns)
-
     def heading(self, scene: Scene) -> tuple[str, str]:
         """The title of its figure and its text, and the subtitle of the figure."""
         return f"{scene.title}: {self.title or self.description}", scene.caption
 
+    def summary(self, scene: Scene) -> str:
+        """One or two sentences with the most important figures."""
+        title, _ = self.heading(scene)
+        reasons = self.missing(scene)
+        text = ". ".join(reasons) or self.drawing(scene, self.paper_columns).text
+        return f"{title}. {text}."
+
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
+        """Draw the view on paper. Raises RequestError where there is nothing to draw."""
         from s2rtui.drawing.paper import draw_paper
 
         if reasons := self.missing(scene):
             raise RequestError(f"--view {self.name}: {'; '.join(reasons)}")
         return draw_paper(self.paper_drawing(scene), size, theme, *self.heading(scene))
 
-    def summary(self, scene: Scene) -> str:
-        title, _ = self.heading(scene)
-        reasons = self.missing(scene)
-        text = ". ".join(reasons) or self.drawing(scene, self.paper_columns).text
-        return f"{title}. {text}."
 
-
-class StatisticsView(DrawingView):
+class StatisticsView(View):
     """A view of numbers with intervals: `model` computes them, `figures` and `plots` show them.
 
     The application computes the numbers in the background, and shows those of the selection before

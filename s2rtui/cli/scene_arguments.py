@@ -8,8 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-GROUPINGS = ("room", "heading", "curvature", "trajectory", "counts")
-"""As `session.error_groups.GROUPINGS`, without importing the session for `--help`."""
 MAP_VALUES = (
     "shift", "real.error", "sim.error", "gap", "share.lighting", "share.depth", "share.objects",
     "share.sensor", "share.camera",
@@ -32,9 +30,9 @@ def add_selection(parser: argparse.ArgumentParser) -> None:
     add("--side", choices=("sim", "real"), help="side of heatmaps, lines and comparisons")
     add("--sort", metavar="COLUMN",
         help="sort column of the list, such as gap, or of the rooms, such as real_m")  # fmt: skip
-    add("--group-by", choices=GROUPINGS, dest="group_by",
-        help="grouping of the rooms view (default room); counts compares predicted and true "
-        "rooms")  # fmt: skip
+    add("--group-by", type=_grouping, dest="group_by", metavar="G[,G]",
+        help="grouping of the rooms view, or two joined by a comma: room, heading, curvature, "
+        "trajectory (default room); counts compares predicted and true rooms")  # fmt: skip
     add("--ascending", action="store_true", help="sort the smallest value first")
     add_history(add)
 
@@ -56,6 +54,19 @@ def add_poses(add: Callable[..., argparse.Action]) -> None:
     """Add the option for planned poses, by the `add_argument` of a group."""
     add("--poses", type=Path, metavar="FILE",
         help="draw the planned poses of this CSV file of `s2r collect` on the map")  # fmt: skip
+
+
+def _grouping(text: str) -> str:
+    from s2rstore.errors import RequestError
+    from s2rstore.findings.groups import parts_of
+    from s2rtui.session.error_groups import COUNTS
+
+    if text == COUNTS:
+        return text
+    try:
+        return ",".join(parts_of(text))
+    except RequestError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def add_with_trained(add: Callable[..., argparse.Action]) -> None:

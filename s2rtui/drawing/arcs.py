@@ -17,9 +17,8 @@ from s2rtui.analysis.binning import (
 )
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.drawing.plane_marks import Arcs, Columns
-from s2rtui.drawing.points import cell_bins
-from s2rtui.drawing.scale import Floats, Scale
-from s2rtui.drawing.signs import Grid, selected_in_view
+from s2rtui.drawing.points import Grid, cell_bins, selected_in_view
+from s2rtui.drawing.scale import Floats
 
 SINGLES = 200
 """Above this number of visible selected instances, glyphs stand for blocks of cells."""
@@ -48,6 +47,7 @@ class ErrorGlyphs:
         return int(self.counts.sum()) > SINGLES
 
 
+@cached_by_identity(4)
 def error_glyphs(arcs: Arcs, grid: Grid, footprint: tuple[int, int]) -> ErrorGlyphs:
     """The glyphs of the selected instances in view, each on `footprint` cells (wide, high).
 
@@ -55,21 +55,10 @@ def error_glyphs(arcs: Arcs, grid: Grid, footprint: tuple[int, int]) -> ErrorGly
     more are combined by blocks of footprint size.
     """
     selection = selection_indices(arcs.selected, arcs.valid)
-    columns = arcs.x, arcs.y, arcs.sim, arcs.real, arcs.trained
-    return _glyphs(*columns, selection, *grid, footprint)
-
-
-@cached_by_identity(4)
-def _glyphs(
-    x: Floats, y: Floats, sim: Columns, real: Columns, trained: Bools | None,
-    selection: SelectionIndices, across: Scale, up: Scale, width: int, height: int,
-    footprint: tuple[int, int],
-) -> ErrorGlyphs:  # fmt: skip
-    grid = across, up, width, height
-    ids = selected_in_view(x, y, selection, grid, SINGLES)
+    ids = selected_in_view(arcs.x, arcs.y, selection, grid, SINGLES)
     if ids is None:
-        return _blocks(x, y, sim, real, trained, selection, grid, footprint)
-    places = np.stack([across.fraction(x[ids]) * width, (1 - up.fraction(y[ids])) * height], axis=1)
+        return _blocks(arcs, selection, grid, footprint)
+    places = grid.places(arcs.x[ids], arcs.y[ids])
     group = _clusters(places, footprint)
     number = int(group.max(initial=-1)) + 1
 
@@ -81,9 +70,10 @@ def _glyphs(
             return np.stack(axes, axis=1) / np.where(sizes > 0, sizes, np.nan)[:, None]
 
     held = np.zeros(number, dtype=np.bool_)
-    if trained is not None:
-        held[group[trained[ids]]] = True
-    errors = [mean(np.stack([part[ids] for part in side], axis=1)) for side in (sim, real)]
+    if arcs.trained is not None:
+        held[group[arcs.trained[ids]]] = True
+    sides = arcs.sim, arcs.real
+    errors = [mean(np.stack([part[ids] for part in side], axis=1)) for side in sides]
     sizes = np.bincount(group, minlength=number)
     return ErrorGlyphs(mean(places), sizes, errors[0], errors[1], held)
 
@@ -101,13 +91,12 @@ def _clusters(places: Vectors, footprint: tuple[int, int]) -> NDArray[np.intp]:
 
 
 def _blocks(
-    x: Floats, y: Floats, sim: Columns, real: Columns, trained: Bools | None,
-    selection: SelectionIndices, grid: Grid, footprint: tuple[int, int],
-) -> ErrorGlyphs:  # fmt: skip
+    arcs: Arcs, selection: SelectionIndices, grid: Grid, footprint: tuple[int, int]
+) -> ErrorGlyphs:
     """One glyph in the middle of each block of cells with a selected instance."""
     wide, high = footprint
-    across = -(-grid[2] // wide)
-    column = _block_codes(x, y, sim, real, *grid, footprint)
+    across = -(-grid.width // wide)
+    column = _block_codes(arcs.x, arcs.y, arcs.sim, arcs.real, grid, footprint)
     counts, _ = count_selected(column, selection)
     held = np.flatnonzero(counts)
     middles = np.stack([held % across * wide + wide / 2, held // across * high + high / 2], axis=1)
@@ -117,23 +106,22 @@ def _blocks(
         return np.stack(parts, axis=1) / counts[held, None]
 
     marked = np.zeros(len(held), dtype=np.bool_)
-    if trained is not None:
+    if arcs.trained is not None:
         members = selection.members
-        marked = np.isin(held, column.codes[members[trained[members]]])
-    return ErrorGlyphs(middles, counts[held], mean(sim), mean(real), marked)
+        marked = np.isin(held, column.codes[members[arcs.trained[members]]])
+    return ErrorGlyphs(middles, counts[held], mean(arcs.sim), mean(arcs.real), marked)
 
 
 @cached_by_identity(4)
 def _block_codes(
-    x: Floats, y: Floats, sim: Columns, real: Columns, across: Scale, up: Scale, width: int,
-    height: int, footprint: tuple[int, int],
-) -> Bins:  # fmt: skip
+    x: Floats, y: Floats, sim: Columns, real: Columns, grid: Grid, footprint: tuple[int, int]
+) -> Bins:
     """The block of each instance with known errors, as bins."""
-    wide, high = footprint
+    (wide, high), width, height = footprint, grid.width, grid.height
     count = -(-width // wide) * -(-height // high)
     rows, columns = np.divmod(np.arange(height * width), width)
     table = np.append(rows // high * -(-width // wide) + columns // wide, count)
-    codes = table.astype(np.uint16)[cell_bins(x, y, across, up, width, height).codes]
+    codes = table.astype(np.uint16)[cell_bins(x, y, grid).codes]
     for part in (*sim, *real):
         codes[~np.isfinite(part)] = count
     return Bins(codes, count)

@@ -12,8 +12,8 @@ from s2rtui.drawing.arcs import LARGEST, ErrorGlyphs, arc_degrees, arc_turns, er
 from s2rtui.drawing.legend import LegendPart, role_legend, text_part
 from s2rtui.drawing.plane_marks import Arcs, Signs
 from s2rtui.drawing.plot import Plot
+from s2rtui.drawing.points import canvas_grid, selected_count, sign_cells
 from s2rtui.drawing.scale import short_number
-from s2rtui.drawing.signs import Grid, selected_count, sign_cells
 from s2rtui.drawing.trained_marks import (
     TrainedForms,
     mark_trained,
@@ -30,18 +30,13 @@ _OCTANTS = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)
 """Columns and rows from the point to its arrow, in the order of `Glyphs.arrows`."""
 
 
-def cell_grid(canvas: Canvas, plot: Plot) -> Grid:
-    """The cells of a plot that fills a canvas."""
-    return plot.x, plot.y, canvas.width, canvas.height
-
-
 def draw_arcs(canvas: Canvas, plot: Plot, arcs: Arcs) -> None:
     """Errors as arcs in braille, or as arrows with letters and sizes without colours."""
     options = canvas.options
     footprint = ARC_FOOTPRINT if options.supports_images else ARROW_FOOTPRINT
-    glyphs = error_glyphs(arcs, cell_grid(canvas, plot), footprint)
+    glyphs = error_glyphs(arcs, canvas_grid(canvas, plot), footprint)
     dots = Signs(arcs.x, arcs.y, arcs.selected, arcs.valid, trained=arcs.trained)
-    cells = sign_cells(dots, cell_grid(canvas, plot))
+    cells = sign_cells(dots, canvas_grid(canvas, plot))
     glyph, colour = options.glyphs.truth, np.array(canvas.theme.truth)
     if glyphs.is_crowded:
         glyph = "." if options.ascii else "·"
@@ -70,7 +65,7 @@ def number_cells(canvas: Canvas, plot: Plot) -> Bools:
     """(h, w) the cells with numbers of arcs, which stay texts in true pixels."""
     cells = np.zeros(canvas.char.shape, dtype=np.bool_)
     for arcs in (mark for mark in plot.marks if isinstance(mark, Arcs)):
-        glyphs = error_glyphs(arcs, cell_grid(canvas, plot), ARC_FOOTPRINT)
+        glyphs = error_glyphs(arcs, canvas_grid(canvas, plot), ARC_FOOTPRINT)
         columns, rows, held = _middles(canvas, glyphs)
         is_number = canvas.char[rows, columns] != canvas.glyphs.cursor
         cells[rows, columns] = (glyphs.counts[held] > 1) & is_number

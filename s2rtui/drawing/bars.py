@@ -15,11 +15,11 @@ SOLID = 0.55
 """Strength of grey areas: paler than grey dots, so that highlighted bars stand out."""
 
 
-def draw_vertical_bars(canvas: Canvas, x: int, y: int, rows: int, bars: Bars, colour: Rgb) -> None:
-    """Draw a bar per column, upwards from the last of `rows`."""
-    highlighted, grey = (_steps(part, rows) for part in bars)
-    level = 8 * (rows - 1 - np.arange(rows))[:, None]
-    _stamp(canvas, x, y, highlighted[None] - level, grey[None] - level, UP, level == 0, colour)
+def draw_vertical_bars(canvas: Canvas, bars: Bars, colour: Rgb) -> None:
+    """Draw a bar per column, upwards from the last row."""
+    highlighted, grey = (_steps(part, canvas.height) for part in bars)
+    level = 8 * np.arange(canvas.height)[::-1, None]
+    _stamp(canvas, 0, 0, highlighted[None] - level, grey[None] - level, UP, level == 0, colour)
 
 
 def draw_horizontal_bars(

@@ -19,7 +19,7 @@ from s2rtui.canvas import (
     Theme,
 )
 from s2rtui.canvas.fit_text import fit_text
-from s2rtui.canvas.marks import draw_mark, wrap_degrees
+from s2rtui.canvas.marks import draw_ground, draw_mark, wrap_degrees
 from s2rtui.canvas.raster import limit_ground
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.drawing_layout import (
@@ -57,6 +57,7 @@ def draw_cells(drawing: Drawing, size: Size, options: RenderOptions = DEFAULT_OP
         end = draw_table(canvas, drawing.table, *layout.table)
         if drawing.brush is not None:
             for panel in table_panels(drawing.table, layout.table[0], size[0], layout.table[1]):
+                draw_ground(canvas, panel, drawing.brush)
                 draw_mark(canvas, panel, drawing.brush)
     draw_rows(canvas, 0, min(end, canvas.height - len(layout.notes)), layout.notes, GAP)
     return canvas
@@ -128,10 +129,17 @@ def _draw_plot(canvas: Canvas, place: PlotPlace, drawing: Drawing) -> None:
     if place.left > place.start:
         _draw_left(canvas, place)
     part = Canvas(place.width, place.rows, canvas.options)
-    texts = (draw_dial if plot.turns else draw_marks)(part, plot, drawing.brush)
+    panel = _panel(replace(place, left=0, top=0)) if plot.name and not plot.turns else None
+    if panel is not None:
+        draw_ground(part, panel, drawing.brush)
+    texts = None
+    if plot.turns:
+        draw_dial(part, plot, drawing.brush)
+    else:
+        texts = draw_marks(part, plot)
     marked = part.char.copy()
-    if plot.name and plot.shape == "plane":
-        draw_mark(part, _panel(replace(place, left=0, top=0)), drawing.brush)
+    if panel is not None:
+        draw_mark(part, panel, drawing.brush)
     if any(isinstance(mark, Floor) for mark in plot.marks):
         limit_ground(part)
     shows = plot.image is None and (drawing.brush is None or plot.shape == "plane")

@@ -6,14 +6,11 @@ A view makes it from its numbers; the renderers `cells` and `paper` draw it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 from s2rtui.canvas import BrushShape
-from s2rtui.drawing.image import ImageRamp
+from s2rtui.drawing.heat_colours import RampName
 from s2rtui.drawing.plot import Phrase, Plot
 from s2rtui.drawing.table import TableSpec
-
-Ramp = Literal["values", "heat", "signed heat", "changes"] | ImageRamp
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +24,7 @@ class ColourBar:
     unit: str
     scale: tuple[float, float]
     clipped: bool = False
-    ramp: Ramp = "values"
+    ramp: RampName = "values"
 
 
 Note = str | tuple[Phrase | ColourBar, ...]

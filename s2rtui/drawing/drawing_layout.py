@@ -10,10 +10,11 @@ from itertools import pairwise
 from rich.cells import cell_len
 
 from s2rtui.canvas import RenderOptions, Size
+from s2rtui.canvas.colour import NO_DEPTH
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.drawing.drawing import ColourBar, Drawing, Note
-from s2rtui.drawing.heat_colours import change_ramp, heat_glyphs, heat_ramp
-from s2rtui.drawing.image import is_image_ramp, ramp_colours, ramp_glyphs
+from s2rtui.drawing.heat_colours import IMAGE_RAMPS, ramp_colours, ramp_glyphs
+from s2rtui.drawing.image import ImageValues
 from s2rtui.drawing.image_cells import Box, arrange_images, visible_rows
 from s2rtui.drawing.legend import (
     LegendPart,
@@ -21,10 +22,9 @@ from s2rtui.drawing.legend import (
     cut_rows,
     fit_rows,
     point_colours,
-    ramp_for_values,
     text_part,
 )
-from s2rtui.drawing.plane_cells import change_glyphs, plane_legend
+from s2rtui.drawing.plane_cells import plane_legend
 from s2rtui.drawing.plane_marks import PlaneMark
 from s2rtui.drawing.plot import Phrase, Plot, Points
 from s2rtui.drawing.plot_cells import row_of
@@ -128,12 +128,8 @@ def drawing_layout(drawing: Drawing, size: Size, options: RenderOptions) -> Draw
         exact = _note_rows(texts, plots, (places[0].width, places[0].rows), *of_notes)
         notes = exact if len(exact) <= len(notes) else notes
     elif drawing.plots:
-        notes = _note_rows([_without_bars(note) for note in texts], (), (1, 1), *of_notes)
+        notes = _note_rows([note for note in texts if isinstance(note, str)], (), (1, 1), *of_notes)
     return DrawingLayout(places, (top, max(0, height - len(notes) - top)), notes)
-
-
-def _without_bars(note: Note) -> Note:
-    return note if isinstance(note, str) else tuple(p for p in note if isinstance(p, Phrase))
 
 
 def _around_dial(place: PlotPlace, options: RenderOptions) -> PlotPlace | None:
@@ -163,6 +159,9 @@ def _most_notes(drawing: Drawing, height: int) -> int:
     if drawing.table is None and not drawing.plots:
         return height
     least = int(height >= _FEWEST_WITH_NOTES)
+    if drawing.table is not None and any(plot.is_tight for plot in drawing.plots):
+        free = height - _FEWEST_ROWS - 2 - _KEPT_ROWS
+        return max(least, min(height // 2, free))
     if drawing.plots or drawing.table is None:
         return least * (height // 2)
     return max(least, min(height // 2, height - wanted_lines(drawing.table)))
@@ -190,7 +189,7 @@ def _note_rows(
             parts += points_legend(points[0], options)
         parts, marks = [*parts, *marks], []
         rows += fit_rows(parts, width)
-    return tuple(map(tuple, cut_rows(rows, width, most)))
+    return tuple(map(tuple, cut_rows(rows, width, most, options)))
 
 
 def _note_parts(
@@ -200,22 +199,20 @@ def _note_parts(
     if isinstance(item, Phrase):
         text = options.printable(item.whole(options.glyphs))
         return [text_part(((text, getattr(options.theme, item.ink)),))]
-    ramp, colours = ramp_for_values(options), point_colours(options.theme)
-    if item.ramp == "changes":
-        ramp, colours = ramp and change_glyphs(options), change_ramp
-    elif item.ramp in ("heat", "signed heat"):
-        is_signed = item.ramp == "signed heat"
-        ramp = None if options.supports_shading else heat_glyphs(options, is_signed)
-        colours = heat_ramp(is_signed)
+    ramp, colours = ramp_glyphs(item.ramp, options), ramp_colours(item.ramp)
+    if item.ramp == "values":
+        colours = ramp_colours("values", point_colours(options.theme))
+    is_of_image = item.ramp in IMAGE_RAMPS
     length = 10 if ramp else 8 if width < 60 else 16
-    if is_image_ramp(item.ramp):
-        colours, ramp = ramp_colours(item.ramp), ramp_glyphs(item.ramp, options)
+    if is_of_image:
         length = min(of_image, len(ramp)) if ramp else of_image
-    bar = colour_bar(
+    bars = colour_bar(
         options.printable(item.label), options.printable(item.unit), item.scale, options, length,
-        colours, ramp=ramp, room=width, clipped=item.clipped and not is_image_ramp(item.ramp),
+        colours, ramp=ramp, room=width, clipped=item.clipped and not is_of_image,
     )  # fmt: skip
-    return [bar]
+    if item.ramp == "depth" and options.supports_images:
+        return [*bars, text_part((("■ ", NO_DEPTH), ("no depth", options.theme.muted)))]
+    return list(bars)
 
 
 def _mark_parts(plots: Sequence[Plot], width: int, height: int, options: RenderOptions
@@ -342,10 +339,11 @@ def _around_images(
     Without room for all, the first row of images is left, then without bars, table and notes.
     """
     rows = visible_rows(drawing.plots, options)
-    bars = _image_bars(drawing, width, options)
+    bars = _image_bars(drawing, rows, width, options)
     lines = 0 if drawing.table is None else wanted_lines(drawing.table)
     head = int(height >= _WITH_TITLE)
-    for shown, above, below in ((rows, bars, lines), (rows[:1], bars[:1], lines)):
+    first = _image_bars(drawing, rows[:1], width, options)
+    for shown, above, below in ((rows, bars, lines), (rows[:1], first, lines)):
         space = height - head - len(above) - below
         if space >= _FEWEST_OF_IMAGE * len(shown):
             notes = _whole_notes(drawing.notes, shown, (width, space), options)
@@ -368,9 +366,16 @@ def _image_place(plot: Plot, box: Box, head: int) -> PlotPlace:
     return PlotPlace(plot, x, x, wide, head + y, high, 0 if head and y == 0 else None, None)
 
 
-def _image_bars(drawing: Drawing, width: int, options: RenderOptions) -> Rows:
-    """Rows of colour bars, so short that they fit into one row if they can."""
-    bars = [item for note in drawing.notes if not isinstance(note, str) for item in note]
+def _image_bars(
+    drawing: Drawing, shown: Sequence[Sequence[Plot]], width: int, options: RenderOptions
+) -> Rows:
+    """Rows of the colour bars of shown images, so short that they fit into one row if they can."""
+    images = [plot.image for row in shown for plot in row if plot.image is not None]
+    values = [each for image in images for each in (image.ground, image.overlay)]
+    ramps = {each.ramp for each in values if isinstance(each, ImageValues)}
+    notes = (note for note in drawing.notes if not isinstance(note, str))
+    bars = [item for note in notes for item in note
+            if isinstance(item, ColourBar) and item.ramp in ramps]  # fmt: skip
     for length in (16, 12, 8, 6, 12 if width >= 44 else 8):
         parts = [part for item in bars for part in _note_parts(item, width, options, length)]
         rows = tuple(map(tuple, fit_rows(parts, width)))

@@ -6,9 +6,6 @@ of the floor leaves every mark its contrast (see `Theme`). Results are kept for 
 
 from __future__ import annotations
 
-from dataclasses import fields
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -73,6 +70,7 @@ def _thinned(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return image[rows[:, None], columns]
 
 
+@cached_by_identity(8)
 def floor_pixels(
     floor: Floor, frame: MapFrame, theme: Theme, pixels: tuple[int, int] = PAIR
 ) -> Pixels:
@@ -80,15 +78,6 @@ def floor_pixels(
 
     Unseen floor is dimmed. Read-only.
     """
-    parts = tuple(getattr(floor, field.name) for field in fields(floor))
-    return _floor_pixels(parts, frame, theme, pixels)
-
-
-@cached_by_identity(8)
-def _floor_pixels(
-    parts: tuple[Any, ...], frame: MapFrame, theme: Theme, pixels: tuple[int, int]
-) -> Pixels:
-    floor = Floor(*parts)
     colours = plan_layer(floor, frame, pixels)
     if colours is not None and floor.plan is not None:
         layer = _floor_colours(colours, plan_tones(floor.plan, floor.bounds.width), theme)

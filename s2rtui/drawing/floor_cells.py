@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -69,16 +66,9 @@ def draw_outlines(canvas: Canvas, plot: Plot, outlines: Outlines) -> None:
     draw_braille(canvas, dots, canvas.theme.muted)
 
 
-def _block_cells(floor: Floor, frame: MapFrame, theme: Theme, symbols: SymbolSet) -> BlockCells:
-    parts = tuple(getattr(floor, field.name) for field in fields(floor))
-    return _fitted_blocks(parts, frame, theme, symbols)
-
-
 @cached_by_identity(8)
-def _fitted_blocks(
-    parts: tuple[Any, ...], frame: MapFrame, theme: Theme, symbols: SymbolSet
-) -> BlockCells:
-    layer = floor_pixels(Floor(*parts), frame, theme, (symbols.rows, symbols.columns))
+def _block_cells(floor: Floor, frame: MapFrame, theme: Theme, symbols: SymbolSet) -> BlockCells:
+    layer = floor_pixels(floor, frame, theme, (symbols.rows, symbols.columns))
     cells = fit_blocks(layer, symbols, theme.background)
     for array in (cells.char, cells.fg, cells.bg):
         array.setflags(write=False)
@@ -96,7 +86,7 @@ def _draw_glyphs(canvas: Canvas, floor: Floor, frame: MapFrame) -> None:
         if canvas.options.supports_images:
             colours[:] = ANSI_16[8 if canvas.theme.dark else 7]
         levels = bright if hidden is None else np.where(hidden, np.nan, bright)
-        draw_shades(canvas, 0, 0, levels, FLOOR_RAMPS[canvas.options.ascii], colours)
+        draw_shades(canvas, levels, FLOOR_RAMPS[canvas.options.ascii], colours)
     heat = heat_layer(floor, frame)
     if heat is not None:
         levels = _paired(heat)
@@ -105,7 +95,7 @@ def _draw_glyphs(canvas: Canvas, floor: Floor, frame: MapFrame) -> None:
         shown = shown if hidden is None else shown & ~hidden
         colours = legible(heat_ramp(is_signed)(levels), canvas.theme)
         ramp = heat_glyphs(canvas.options, is_signed)
-        draw_shades(canvas, 0, 0, np.where(shown, levels, np.nan), ramp, colours)
+        draw_shades(canvas, np.where(shown, levels, np.nan), ramp, colours)
 
 
 def _paired(pixels: NDArray[np.floating]) -> NDArray[np.float64]:

@@ -6,24 +6,46 @@ Signed heat has a scale that is symmetric about 0: blue below, orange above, tra
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from s2rtui.canvas import ColourMode, Pixels, RenderOptions, diverging, turbo
+from s2rtui.canvas import DIGITS, ColourMode, Pixels, RenderOptions, diverging, turbo
+from s2rtui.canvas.colour import depth_tint
 from s2rtui.drawing.scale import Floats, Interval, scale_fraction
 
 Ramp = Callable[[ArrayLike], Pixels]
+RampName = Literal[
+    "values", "heat", "signed heat", "changes", "depth", "overlay", "signed overlay"
+]  # fmt: skip
+"""What colours stand for: values of points, heat on a map, changes, shades of depth (near is
+light), and values that are laid over an image."""
 
 _ZERO = (236, 236, 236)
 """The colour of signed heat at 0, which only scales show."""
 _RAMPS = {True: "-=+*#%", False: "▒▓█"}
 _SIGNED_RAMPS = {True: "MWwmn-=+#%", False: "█▓▒▒▓█"}
+IMAGE_RAMPS: dict[RampName, str] = {
+    "depth": "", "overlay": ".123456789", "signed overlay": "ihgfedcba.123456789",
+}  # fmt: skip
+"""The glyphs of values over an image; signed ones go from the most negative through 0."""
+CHANGES = "-=+"
+"""A change below 0, one within the margin and one above 0, where there are no colours."""
 
 
 def heat_ramp(signed: bool, unsigned_colours: Ramp = turbo) -> Ramp:
     """The colours of a heat's scale, from fractions 0 .. 1 of it."""
     return _signed_colours if signed else unsigned_colours
+
+
+def ramp_colours(ramp: RampName, unsigned_colours: Ramp = turbo) -> Ramp:
+    """The colours of fractions 0 .. 1 of a scale."""
+    if ramp == "depth":
+        return depth_tint
+    if ramp == "changes":
+        return change_ramp
+    return heat_ramp(ramp.startswith("signed"), unsigned_colours)
 
 
 def _signed_colours(shares: ArrayLike) -> Pixels:
@@ -58,8 +80,20 @@ def map_opacity(shares: ArrayLike, signed: bool) -> Floats:
     return np.where(np.isfinite(np.asarray(shares)), opacity, 0.0)
 
 
+def ramp_glyphs(ramp: RampName, options: RenderOptions) -> str | None:
+    """The glyphs of the fractions 0 .. 1 of a scale; None where it has colours."""
+    if ramp in ("heat", "signed heat"):
+        return None if options.supports_shading else heat_glyphs(options, ramp == "signed heat")
+    if options.supports_images:
+        return None
+    if ramp == "depth":
+        shades = options.glyphs.shades
+        return shades[::-1] if options.theme.dark else shades
+    return CHANGES if ramp == "changes" else IMAGE_RAMPS.get(ramp, DIGITS)
+
+
 def heat_glyphs(options: RenderOptions, signed: bool) -> str:
-    """Glyphs of the fractions 0 .. 1 of a heat's scale, where there are no block characters.
+    """Glyphs of heat on a map, where there are no block characters.
 
     Without colours, those of negative heat are letters.
     """

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, TypeGuard, get_args
 
 import numpy as np
 
-from s2rtui.canvas import Pixels, RenderOptions, mix, turbo
+from s2rtui.canvas import Pixels, mix, turbo
 from s2rtui.canvas.colour import NO_DEPTH, depth_tint
 from s2rtui.canvas.raster import resample
-from s2rtui.drawing.heat_colours import Ramp, heat_colours, heat_ramp
+from s2rtui.drawing.heat_colours import Ramp, RampName, heat_colours
 from s2rtui.drawing.scale import Floats, Interval
 
-ImageRamp = Literal["depth", "overlay", "signed overlay"]
-"""Shades of depth, near is light; colours of values that are laid over an image."""
 Size = tuple[int, int]
-_DIGITS, _SIGNED_DIGITS = ".123456789", "ihgfedcba.123456789"
-"""Glyphs of values over an image; signed ones go from the most negative through 0."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,7 +24,7 @@ class ImageValues:
 
     values: Floats
     scale: Interval
-    ramp: ImageRamp
+    ramp: RampName
     name: str = ""
 
     @property
@@ -83,25 +78,3 @@ class Image:
         values = resample(np.asarray(over.values, dtype=np.float32), *size)
         colours, opacity = heat_colours(values, over.scale, over.is_signed, unsigned_colours)
         return mix(pixels, colours, opacity)
-
-
-def is_image_ramp(ramp: str) -> TypeGuard[ImageRamp]:
-    """Whether a ramp is that of depth or of values over an image."""
-    return ramp in get_args(ImageRamp)
-
-
-def ramp_colours(ramp: ImageRamp, unsigned_colours: Ramp = turbo) -> Ramp:
-    """The colours of fractions 0 .. 1 of a scale."""
-    if ramp == "depth":
-        return depth_tint
-    return heat_ramp(ramp == "signed overlay", unsigned_colours)
-
-
-def ramp_glyphs(ramp: ImageRamp, options: RenderOptions) -> str | None:
-    """The glyphs of a scale, from its low to its high end; None where images have colours."""
-    if options.supports_images:
-        return None
-    if ramp == "depth":
-        shades = options.glyphs.shades
-        return shades[::-1] if options.theme.dark else shades
-    return _SIGNED_DIGITS if ramp == "signed overlay" else _DIGITS

@@ -16,8 +16,8 @@ from s2rtui.canvas.colour import DEPTH_SHADES
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.raster import draw_image as draw_pixels
 from s2rtui.canvas.raster import draw_shades, resample
-from s2rtui.drawing.heat_colours import heat_colours
-from s2rtui.drawing.image import Image, ImageValues, ramp_glyphs
+from s2rtui.drawing.heat_colours import heat_colours, ramp_glyphs
+from s2rtui.drawing.image import Image, ImageValues
 from s2rtui.drawing.plot import Plot
 
 Box = tuple[int, int, int, int]
@@ -101,7 +101,7 @@ def draw_image(canvas: Canvas, image: Image) -> None:
 
 
 def _draw_ground(canvas: Canvas, image: Image) -> None:
-    draw_pixels(canvas, 0, 0, image.pixels((2 * canvas.height, canvas.width)))
+    draw_pixels(canvas, image.pixels((2 * canvas.height, canvas.width)))
     if canvas.options.supports_shading:
         true_pixels = partial(image.pixels, shades=DEPTH_SHADES)
         key = identity_key((image.ground, image.overlay))
@@ -116,4 +116,4 @@ def _draw_digits(canvas: Canvas, over: ImageValues) -> None:
     colours, _ = heat_colours(values, over.scale, over.is_signed)
     low, high = over.scale
     ramp = ramp_glyphs(over.ramp, canvas.options) or ""
-    draw_shades(canvas, 0, 0, (values - low) / (high - low), ramp, legible(colours, canvas.theme))
+    draw_shades(canvas, (values - low) / (high - low), ramp, legible(colours, canvas.theme))

@@ -3,88 +3,79 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.cells import cell_len
 
-from s2rtui.canvas import (
-    DIGITS,
-    Canvas,
-    ColourMode,
-    Pixels,
-    RenderOptions,
-    Rgb,
-    Theme,
-    legible,
-    turbo,
-)
+from s2rtui.canvas import Canvas, RenderOptions, Rgb, Theme, legible, turbo
 from s2rtui.canvas.fit_text import fit_text
+from s2rtui.drawing.heat_colours import Ramp
 from s2rtui.drawing.scale import Interval, short_number, tick_step
 
 NO_BREAK = "\u00a0"
 """A blank at which texts are not wrapped, as between a number and its unit."""
 _SHORTEST_BAR = 4
 """Cells of a colour bar beside its label at least."""
-Scale = Callable[[NDArray[np.float64]], Pixels]
+Piece = tuple[str, Rgb | None, Rgb | None]
+"""A text, its colour and that of its ground; None for those of the canvas."""
 
 
 @dataclass(frozen=True, slots=True)
 class LegendPart:
-    """A part of a legend: its width in cells, and a function that draws it at (x, y).
+    """A part of a legend: coloured texts, one after the other.
 
-    `wrap` splits it into parts of at most a width, which follow one another.
+    is_text: whether it can be wrapped between words.
     """
 
-    width: int
-    draw: Callable[[Canvas, int, int], None]
-    wrap: Callable[[int], list[LegendPart]] | None = None
+    pieces: tuple[Piece, ...]
+    is_text: bool = True
+
+    @property
+    def width(self) -> int:
+        """Its length in cells."""
+        return sum(cell_len(text) for text, *_ in self.pieces)
+
+    def lines(self, width: int) -> list[LegendPart]:
+        """The part in parts of at most `width` cells, which follow one another."""
+        if self.width <= width or not self.is_text:
+            return [self]
+        lines = []
+        for line in _wrapped(self.pieces, width):
+            last, ink, ground = line[-1]
+            lines.append(LegendPart((*line[:-1], (last.rstrip(), ink, ground))))
+        return lines
 
 
 def text_part(pieces: Sequence[tuple[str, Rgb]]) -> LegendPart:
-    """A part of coloured texts, one after the other; it can be wrapped between words."""
-
-    def draw(canvas: Canvas, x: int, y: int) -> None:
-        for text, colour in pieces:
-            x = canvas.text(x, y, text, colour)
-
-    def wrap(width: int) -> list[LegendPart]:
-        return [_text_line(line) for line in _wrapped(pieces, width)]
-
-    return LegendPart(sum(cell_len(text) for text, _ in pieces), draw, wrap)
+    """A part of coloured texts."""
+    return LegendPart(tuple((text, colour, None) for text, colour in pieces))
 
 
-def _text_line(pieces: Sequence[tuple[str, Rgb]]) -> LegendPart:
-    """A line of texts without the blanks at its end."""
-    last, colour = pieces[-1]
-    return text_part([*pieces[:-1], (last.rstrip(), colour)])
-
-
-def _wrapped(pieces: Sequence[tuple[str, Rgb]], width: int) -> list[list[tuple[str, Rgb]]]:
+def _wrapped(pieces: Sequence[Piece], width: int) -> list[list[Piece]]:
     """Distribute texts over lines of at most `width` cells; only a longer word is cut.
 
     A single character, such as a glyph, stays before the word that it explains, and `NO_BREAK`
     joins two words.
     """
-    words: list[list[tuple[str, Rgb]]] = [[]]
-    for text, colour in pieces:
+    words: list[list[Piece]] = [[]]
+    for text, ink, ground in pieces:
         for word in re.findall(" *[^ ]+ *| +", text):
-            words[-1].append((word, colour))
+            words[-1].append((word, ink, ground))
             if cell_len(word.strip()) != 1:
                 words.append([])
-    lines: list[list[tuple[str, Rgb]]] = []
+    lines: list[list[Piece]] = []
     free = -1
     for group in filter(None, words):
-        needed = cell_len("".join(text for text, _ in group).rstrip())
+        needed = cell_len("".join(text for text, *_ in group).rstrip())
         if not lines or needed > free:
             lines.append([])
             free = width
-        for word, colour in group:
+        for word, ink, ground in group:
             shown = word if cell_len(word.rstrip()) <= width else fit_text(word, width)
-            lines[-1].append((shown, colour))
+            lines[-1].append((shown, ink, ground))
             free -= cell_len(shown)
     return lines
 
@@ -106,18 +97,18 @@ def colour_bar(
     scale: Interval,
     options: RenderOptions,
     length: int = 12,
-    colours: Scale = turbo,
+    colours: Ramp = turbo,
     ramp: str | None = None,
     room: int | None = None,
     clipped: bool = False,
-) -> LegendPart:
+) -> tuple[LegendPart, ...]:
     """A part `label low [bar] high unit`; the bar is of colours, or of `ramp` without colours.
 
     If `clipped`, the ends are marked `p1` and `p99`: the 1st and the 99th percentile. To fit into
-    `room` cells the bar shrinks first; then the label gets lines of its own above the bar, and at
-    last these marks are left out.
+    `room` cells the bar shrinks first; then the label becomes a part of its own before the bar, and
+    at last these marks are left out.
     """
-    small = 0.005 * max(abs(scale[0]), abs(scale[1]))
+    small, muted = 0.005 * max(abs(scale[0]), abs(scale[1])), options.theme.muted
     low, high = (short_number(0.0 if abs(end) < small else end, 2) for end in scale)
     first, last = ("p1 ", "p99 ") if clipped else ("", "")
     texts = (
@@ -130,38 +121,21 @@ def colour_bar(
         widths = [sum(map(cell_len, pair)) for pair in texts]
         if label and widths[0] + _SHORTEST_BAR > room:
             bar = colour_bar("", unit, scale, options, length, colours, ramp, room, clipped)
-            name = text_part(((label, options.theme.muted),))
-            return LegendPart(
-                cell_len(label) + 1 + bar.width,
-                partial(_draw_beside, name, bar),
-                lambda width: [*(name.wrap(width) if name.wrap else ()), bar],
-            )
+            return text_part(((label, muted),)), *bar
         before, after = texts[1] if widths[1] + 2 <= room else texts[2]
         before, after = texts[0] if label else (before, after)
         length = max(1, min(length, room - cell_len(before) - cell_len(after)))
-
-    def draw(canvas: Canvas, x: int, y: int) -> None:
-        x = canvas.text(x, y, before, options.theme.muted)
-        shades = colours(np.linspace(0, 1, max(2, length)))
-        plain = options.supports_images and ramp is None
-        if not plain:
-            shades = legible(shades, options.theme)
-        glyphs = ramp or options.glyphs.shades
-        for place in range(length):
-            red, green, blue = (int(part) for part in shades[place])
-            if plain:
-                canvas.put(x + place, y, " ", bg=(red, green, blue))
-            else:
-                glyph = glyphs[min(len(glyphs) - 1, place * len(glyphs) // length)]
-                canvas.put(x + place, y, glyph, (red, green, blue))
-        canvas.text(x + length, y, after, options.theme.muted)
-
-    return LegendPart(cell_len(before) + length + cell_len(after), draw)
-
-
-def _draw_beside(first: LegendPart, second: LegendPart, canvas: Canvas, x: int, y: int) -> None:
-    first.draw(canvas, x, y)
-    second.draw(canvas, x + first.width + 1, y)
+    shades = colours(np.linspace(0, 1, max(2, length)))
+    is_plain = options.supports_images and ramp is None
+    shown = shades if is_plain else legible(shades, options.theme)
+    glyphs = ramp or options.glyphs.shades
+    cells: list[Piece] = []
+    for place, (red, green, blue) in enumerate(shown[:length].tolist()):
+        glyph = glyphs[min(len(glyphs) - 1, place * len(glyphs) // length)]
+        colour = red, green, blue
+        cells.append((" ", None, colour) if is_plain else (glyph, colour, None))
+    ends = (before, muted, None), (after, muted, None)
+    return (LegendPart((ends[0], *cells, ends[1]), is_text=False),)
 
 
 @lru_cache(64)
@@ -170,66 +144,44 @@ def scale_bar(metres_per_cell: float, room: int, options: RenderOptions) -> Lege
     length = tick_step(metres_per_cell * room, 1)
     if length > metres_per_cell * room * (1 + 1e-9):
         length = tick_step(metres_per_cell * room / 2.5, 1)
-    cells = max(2, round(length / metres_per_cell))
-    glyphs, label = options.glyphs, f" {short_number(length)} m"
-
-    def draw(canvas: Canvas, x: int, y: int) -> None:
-        canvas.hline(x, x + cells - 1, y, glyphs.horizontal, options.theme.text)
-        canvas.put(x, y, glyphs.scale_left, options.theme.text)
-        canvas.put(x + cells - 1, y, glyphs.scale_right, options.theme.text)
-        canvas.text(x + cells, y, label, options.theme.muted)
-
-    return LegendPart(cells + cell_len(label), draw)
+    cells, glyphs = max(2, round(length / metres_per_cell)), options.glyphs
+    bar = glyphs.scale_left + glyphs.horizontal * (cells - 2) + glyphs.scale_right
+    label = f" {short_number(length)} m"
+    pieces = (bar, options.theme.text, None), (label, options.theme.muted, None)
+    return LegendPart(pieces, is_text=False)
 
 
-def fit_rows(
-    parts: Sequence[LegendPart], width: int, gap: int = 2, most: int | None = None
-) -> list[list[LegendPart]]:
-    """Arrange parts in rows of at most `width` cells; wider parts are wrapped.
-
-    An ellipsis ends the last one of `most` rows where parts are left out for want of rows.
-    """
+def fit_rows(parts: Sequence[LegendPart], width: int, gap: int = 2) -> list[list[LegendPart]]:
+    """Arrange parts in rows of at most `width` cells; wider texts are wrapped."""
     rows: list[list[LegendPart]] = []
     free = -1
-    for part in _wrapped_parts(parts, width):
+    for part in (line for whole in parts for line in whole.lines(width)):
         if not rows or part.width + gap > free:
             rows.append([])
             free = width + gap
         rows[-1].append(part)
         free -= part.width + gap
-    return cut_rows(rows, width, most, gap)
+    return rows
 
 
 def cut_rows(
-    rows: list[list[LegendPart]], width: int, most: int | None, gap: int = 2
+    rows: list[list[LegendPart]], width: int, most: int | None, options: RenderOptions, gap: int = 2
 ) -> list[list[LegendPart]]:
-    """The first `most` rows; an ellipsis ends the last one where others are left out."""
-    kept = rows[:most]
-    if kept and len(kept) < len(rows):
-        kept[-1] = _with_ellipsis(kept[-1], width, gap)
+    """The first `most` rows; an ellipsis ends the last one where others are left out.
+
+    Its last parts, or last words, make room for it.
+    """
+    kept = [list(row) for row in rows[:most]]
+    if not kept or len(kept) == len(rows):
+        return kept
+    last = kept[-1]
+    while len(last) > 1 and sum(part.width + gap for part in last) + 1 > width:
+        last.pop()
+    if last and last[0].width + gap + 1 > width:
+        room = max(1, width - gap - 1)
+        last[:] = last[0].lines(room)[:1] if last[0].is_text else []
+    last.append(text_part(((options.glyphs.ellipsis, options.theme.muted),)))
     return kept
-
-
-def _wrapped_parts(parts: Sequence[LegendPart], width: int) -> Iterator[LegendPart]:
-    for part in parts:
-        if part.width <= width or part.wrap is None:
-            yield part
-        else:
-            yield from part.wrap(width)
-
-
-def _with_ellipsis(row: Sequence[LegendPart], width: int, gap: int) -> list[LegendPart]:
-    """A row that ends with an ellipsis, for which its last parts, or last words, make room."""
-    kept = list(row)
-    while len(kept) > 1 and sum(part.width + gap for part in kept) + 1 > width:
-        kept.pop()
-    if kept and kept[0].width + gap + 1 > width:
-        kept = kept[0].wrap(max(1, width - gap - 1))[:1] if kept[0].wrap else []
-
-    def draw(canvas: Canvas, x: int, y: int) -> None:
-        canvas.text(x, y, canvas.glyphs.ellipsis, canvas.theme.muted)
-
-    return [*kept, LegendPart(1, draw)]
 
 
 def draw_rows(
@@ -239,16 +191,12 @@ def draw_rows(
     for offset, row in enumerate(rows):
         at = x
         for part in row:
-            part.draw(canvas, at, y + offset)
-            at += part.width + gap
+            for text, ink, ground in part.pieces:
+                at = canvas.text(at, y + offset, text, ink, ground)
+            at += gap
 
 
 @lru_cache(4)
-def point_colours(theme: Theme) -> Scale:
+def point_colours(theme: Theme) -> Ramp:
     """The colours of points by value, 0 .. 1, as a theme shows them."""
     return lambda shares: legible(turbo(shares), theme)
-
-
-def ramp_for_values(options: RenderOptions) -> str | None:
-    """The digits that show values without colours or in ASCII, None otherwise."""
-    return DIGITS if options.ascii or options.mode is ColourMode.NONE else None

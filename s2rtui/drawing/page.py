@@ -20,6 +20,9 @@ from numpy.typing import ArrayLike
 from s2rstore.errors import RequestError
 from s2rtui.canvas import Pixels as ColourTable
 from s2rtui.canvas import Rgb, Theme, turbo
+from s2rtui.canvas.colour import NO_DEPTH
+from s2rtui.drawing.drawing import ColourBar
+from s2rtui.drawing.heat_colours import ramp_colours
 from s2rtui.drawing.scale import (
     Interval,
     short_number,
@@ -51,14 +54,17 @@ EMPTY_METADATA: dict[FileFormat, dict[str, None]] = {
 }
 """Metadata that each file format would contain by default, removed."""
 _SETTINGS = {
-    "font.family": "DejaVu Sans", "savefig.bbox": None, "path.simplify": True,
+    "font.family": ["DejaVu Sans"], "savefig.bbox": None, "path.simplify": True,
     "svg.hashsalt": "s2r", "svg.fonttype": "path", "pdf.fonttype": 42, "text.parse_math": False,
 }  # fmt: skip
 """Matplotlib's settings; names may contain dollar signs, so that mathematical text is off."""
+_OTHER_SCRIPTS = ("Noto Sans CJK SC", "Noto Sans CJK JP", "WenQuanYi Zen Hei", "PingFang SC",
+                  "Hiragino Sans", "Microsoft YaHei")  # fmt: skip
+"""Fonts for letters that the first font lacks, as far as they are installed."""
 COLOUR_MAPS = ("turbo", "viridis", "plasma", "inferno", "magma", "cividis")
 """Colour maps of continuous values: perceptually uniform ones, and turbo."""
-NARROW, SMALLEST = 4.5, 2.4
-"""Pages of fewer inches have smaller headings and legends below the drawing, or no legends."""
+NARROW = 4.5
+"""Pages of fewer inches have smaller headings and margins, and legends below the drawing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,10 +113,13 @@ def own_settings() -> Iterator[None]:
     The user's settings are restored at the end. As a decorator it covers drawing and saving.
     """
     from matplotlib import rc_context, rcdefaults, rcParams
+    from matplotlib.font_manager import fontManager
 
     with rc_context():
         rcdefaults()
         rcParams.update(_SETTINGS)
+        known = {font.name for font in fontManager.ttflist}
+        rcParams["font.family"] += [name for name in _OTHER_SCRIPTS if name in known]
         yield
 
 
@@ -161,11 +170,6 @@ class Page:
     top: float = 0.0
 
     @property
-    def is_paper(self) -> bool:
-        """Whether the page has a physical size."""
-        return _format.get().dpi is not None
-
-    @property
     def inches(self) -> tuple[float, float]:
         return self.width / self.figure.dpi, self.height / self.figure.dpi
 
@@ -201,8 +205,44 @@ class Page:
         return stream.getvalue()
 
 
-def new_page(size: Pixels, theme: Theme, title: str, subtitle: str = "") -> Page:
+def text_inches(text: str, points: float, weight: str = "normal") -> float:
+    """The width of a text in a font of `points`."""
+    from matplotlib.font_manager import FontProperties, fontManager, get_font
+
+    font = get_font(fontManager.findfont(FontProperties(family="DejaVu Sans", weight=weight)))
+    font.set_size(100, 72)
+    font.set_text(text, 0.0)
+    return float(font.get_width_height()[0]) / 64 / 100 * points / 72
+
+
+def wrapped_text(
+    text: str, inches: float, points: float, weight: str = "normal", most: int | None = None
+) -> list[str]:
+    """A text in lines of at most `inches`; an ellipsis ends the last one of `most`."""
+    letters = max(12, int(inches / (points * LETTER * (BOLD if weight == "bold" else 1.0))))
+    lines = textwrap.wrap(text, letters, max_lines=most, placeholder=" …")
+    while letters > 12 and any(text_inches(line, points, weight) > inches for line in lines):
+        letters -= 1
+        lines = textwrap.wrap(text, letters, max_lines=most, placeholder=" …")
+    return lines
+
+
+def margin(wide: float) -> float:
+    """Inches beside the texts of a page."""
+    return 0.15 if wide <= NARROW else 0.25
+
+
+def page_dpi(size: Pixels) -> float:
+    """Pixels per inch of a page of `size` pixels."""
+    form, (width, height) = _format.get(), size
+    scaled = math.sqrt(width * (height or width) * 4 / 3) / 10 * form.type_size
+    return form.dpi or max(SMALLEST_DPI, scaled)
+
+
+def new_page(size: Pixels, theme: Theme, title: str, subtitle: str = "", body: float = 0.0) -> Page:
     """A page of `size` pixels with a heading. Raises RequestError outside 16 .. 20000 pixels.
+
+    A page of height 0 becomes as high as the heading and `body` inches below it.
 
     The title is wrapped to at most two lines, the subtitle to three; the rest is cut; pages of
     paper (`FigureFormat.dpi`) have up to three and ten lines. Fonts of the other pages scale with
@@ -212,29 +252,27 @@ def new_page(size: Pixels, theme: Theme, title: str, subtitle: str = "") -> Page
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    width, height = size
-    if not (16 <= width <= 20000 and 16 <= height <= 20000):
-        raise RequestError(f"--size {width}x{height}: a figure has 16 to 20000 pixels a side")
-    form = _format.get()
-    scaled = math.sqrt(width * height * 4 / 3) / 10 * form.type_size
-    dpi = form.dpi or max(SMALLEST_DPI, scaled)
+    form, (width, height) = _format.get(), size
+    dpi = page_dpi(size)
+    wide = width / dpi
+    lines, y = list[tuple[float, str, dict[str, Any]]](), 0.2
     inks = Inks(theme)
-    figure = Figure(figsize=(width / dpi, height / dpi), dpi=dpi, facecolor=inks.background)
-    FigureCanvasAgg(figure)
-    page = Page(figure, width, height, theme, inks)
-    wide, y = page.inches
-    y -= 0.2
-    title = form.title or title
     for text, points, weight, ink, most in (
-        (title, 13 if wide > NARROW else 10, "bold", inks.text, 3 if form.dpi else 2),
+        (form.title or title, 13 if wide > NARROW else 10, "bold", inks.text, 3 if form.dpi else 2),
         (subtitle, 9 if wide > NARROW else 8, "normal", inks.muted, 10 if form.dpi else 3),
     ):
-        letter = points * LETTER * (BOLD if weight == "bold" else 1.0)
-        room = max(12, int((wide - 0.45) / letter))
-        for line in textwrap.wrap(text, room, max_lines=most, placeholder=" …"):
-            page.text(0.25, y, line, ink, points, va="top", fontweight=weight)
-            y -= 1.6 * points / 72
-    page.top = max(0.2, y - 0.1)
+        for line in wrapped_text(text, wide - 2 * margin(wide), points, weight, most):
+            lines.append((y, line, {"ink": ink, "size": points, "fontweight": weight}))
+            y += 1.6 * points / 72
+    height = height or round((y + 0.1 + body) * dpi)
+    if not (16 <= width <= 20000 and 16 <= height <= 20000):
+        raise RequestError(f"--size {width}x{height}: a figure has 16 to 20000 pixels a side")
+    high = height / dpi
+    figure = Figure(figsize=(wide, high), dpi=dpi, facecolor=inks.background)
+    FigureCanvasAgg(figure)
+    page = Page(figure, width, height, theme, inks, max(0.2, high - y - 0.1))
+    for below, line, style in lines:
+        page.text(margin(wide), high - below, line, va="top", **style)
     return page
 
 
@@ -254,22 +292,10 @@ def style_axes(axes: Axes, page: Page, grid: bool = False) -> None:
         axes.set_axisbelow(True)
 
 
-def draw_ring(axes: Axes, x: float, y: float, ink: Ink, size: float, order: int) -> None:
-    """Draw a ring of `size` square points around a point, whole where the point is in view."""
-    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    is_seen = left <= x <= right and min(low, high) <= y <= max(low, high)
-    axes.scatter([x], [y], s=size, facecolors="none", edgecolors=[ink], linewidths=1.6,
-                 zorder=order, clip_on=not is_seen)  # fmt: skip
-
-
-def wrapped_label(label: str, letters: int = 23) -> str:
-    """Wrap the label of a scale, by default to the width beside a map."""
+def wrapped_label(bar: ColourBar, letters: int) -> str:
+    """The label of a colour bar with its unit in parentheses, wrapped."""
+    label = f"{bar.label} ({bar.unit or 'no unit'})"
     return "\n".join(textwrap.wrap(label, letters, break_long_words=False)) or label
-
-
-def label_with_unit(label: str, unit: str) -> str:
-    """The label of a scale, with its unit in parentheses."""
-    return f"{label} ({unit or 'no unit'})"
 
 
 def colour_bar_ticks(
@@ -294,25 +320,34 @@ def colour_bar_ticks(
     return [low, *inner, high], labels
 
 
-def draw_colour_bar(
-    page: Page,
-    left: float,
-    bottom: float,
-    height: float,
-    scale: Interval,
-    label: str,
-    colours: Any,
-    clipped: bool = False,
-) -> None:
-    """Draw a vertical colour bar with its label above and `colour_bar_ticks` at the right."""
-    axes = page.axes(left, bottom, 0.16, height)
-    ramp = colours(np.linspace(0, 1, 256)[:, None])
-    extent = (0, 1, *scale)
-    axes.imshow(ramp, aspect="auto", origin="lower", extent=extent, interpolation="none")
-    axes.set_xticks([])
-    axes.yaxis.tick_right()
-    axes.set_yticks(*colour_bar_ticks(scale, height, clipped))
+def draw_colour_bar(page: Page, box: Box, bar: ColourBar, label: str) -> None:
+    """Draw a colour bar in a box (left, bottom, width, height), inches, with `colour_bar_ticks`.
+
+    An upright bar has its label above and its ticks at the right, the other both below. The bar of
+    depth is followed by the colour of unknown depth.
+    """
+    left, bottom, width, height = box
+    axes, (low, high) = page.axes(*box), bar.scale
+    colours = ramp_colours(bar.ramp, value_colours)(np.linspace(0, 1, 256))
+    style: dict[str, Any] = {"aspect": "auto", "origin": "lower", "interpolation": "none"}
     axes.tick_params(colors=page.inks.muted, labelsize=8, width=0.8, length=3)
     for spine in axes.spines.values():
         spine.set_visible(False)
-    axes.set_title(label, loc="left", fontsize=9, pad=8, color=page.inks.text)
+    is_upright = height > width
+    if is_upright:
+        axes.imshow(colours[:, None], extent=(0, 1, low, high), **style)
+        axes.set_xticks([])
+        axes.yaxis.tick_right()
+        axes.set_yticks(*colour_bar_ticks(bar.scale, height, bar.clipped))
+        axes.set_title(label, loc="left", fontsize=9, pad=8, color=page.inks.text)
+    else:
+        axes.imshow(colours[None], extent=(low, high, 0, 1), **style)
+        axes.set_yticks([])
+        axes.set_xticks(*colour_bar_ticks(bar.scale, width / 2.5, bar.clipped))
+        axes.set_xlabel(label, fontsize=8, color=page.inks.text)
+    if bar.ramp == "depth":
+        x, y = (
+            (left, bottom - 0.3) if is_upright else (left, bottom - 0.6 - 0.14 * label.count("\n"))
+        )
+        page.text(x, y, "■", rgb_fractions(NO_DEPTH), 9)
+        page.text(x + 0.18, y, "no depth", page.inks.muted, 8)

@@ -3,41 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
+from itertools import groupby
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from s2rtui.canvas import Pixels as Colours
 from s2rtui.canvas import Theme
 from s2rtui.drawing.drawing import ColourBar, Drawing, Note
 from s2rtui.drawing.drawing_layout import no_room_notes
-from s2rtui.drawing.heat_colours import change_ramp, heat_ramp
-from s2rtui.drawing.image_paper import draw_images
 from s2rtui.drawing.page import (
     LETTER,
     NARROW,
     Page,
     Pixels,
-    colour_bar_ticks,
     draw_colour_bar,
-    label_with_unit,
+    margin,
     new_page,
     own_settings,
-    value_colours,
+    page_dpi,
     wrapped_label,
 )
 from s2rtui.drawing.plane_marks import PlaneMark
 from s2rtui.drawing.plane_paper import plane_note
 from s2rtui.drawing.plot import Phrase, Plot, Points
 from s2rtui.drawing.plot_paper import LEGEND_COLUMNS, draw_plot, draw_sign
-from s2rtui.drawing.points_paper import points_note
-from s2rtui.drawing.polar_paper import draw_dials
-from s2rtui.drawing.table import TableSpec
+from s2rtui.drawing.polar_paper import dial_inches, draw_dials
 from s2rtui.drawing.table_paper import (
     LINE,
-    MARGIN,
     draw_table,
     page_layout,
     sentences,
@@ -45,91 +36,322 @@ from s2rtui.drawing.table_paper import (
     wrapped,
 )
 
-_BELOW, _LEFT, _RIGHT = 0.7, 0.75, 0.25
+_BELOW, _LEFT, _RIGHT = 0.55, 0.75, 0.25
 """Inches below the axes of a plot; at its left and at its right."""
-_TITLE, _LEGEND_LINE = 0.3, 0.2
-"""Inches of the title of a plot, and of a line of its legend."""
-_SMALLEST_FONT, _SMALLEST_TABLE_FONT = 4.0, 6.0
+_IMAGE_LEFT, _IMAGE_GAP = 0.42, 0.12
+"""Inches at the left of images, and between them."""
+_TITLE, _LEGEND_LINE, _ABOVE = 0.3, 0.2, 0.15
+"""Inches of the title of a plot, of a line of its legend, and above all plots."""
+_SMALLEST_FONT = 6.0
+"""Points of the smallest font of a table."""
 _NOTES = 1.0
 """Inches for notes below plots that are left out where not all have room."""
 _GAP = 4
 """Letters between phrases beside each other."""
-_SIDE, _BAR_BELOW = 1.4, 0.7
-"""Inches of a colour bar at the right of the plots, and below those of a narrow page."""
+_BAR_SIDE, _TEXT_SIDE = 1.5, 2.8
+"""Inches at the right of plots for a colour bar; for several, or a table and notes."""
+_BAR_HEIGHT, _BAR_ROOM, _BAR_ABOVE, _BAR_FOOT = 1.4, 1.3, 0.6, 0.45
+"""Height of an upright colour bar, its width with the labels, and what is above and below it."""
+_BAR_BELOW, _BAR_THICK = 0.75, 0.12
+"""Height of a colour bar that lies below plots with its labels, and of the bar alone, inches."""
 _BETWEEN, _TALLEST = 0.45, 1.25
 """Inches between plots beside each other; height over width of one with equal scales, at most."""
 _LEAST_SHARE, _TIGHT_SHARE, _LEAST_HEIGHT = 0.35, 0.65, 0.55
 """Share of the page below its heading that plots have at least, and those with the shape of their
 scales; least inches of each."""
+_SINGLE, _SEVERAL, _PLANE = 2.1, 1.0, 3.2
+"""Height of a plot, of each of several, and of a plane on a page that is as high as its parts."""
 
 
 @own_settings()
 def draw_paper(
     drawing: Drawing, size: Pixels, theme: Theme, title: str = "", subtitle: str = ""
 ) -> bytes:
-    """Draw the plots above the table and the notes, in `size` pixels.
+    """Draw the plots, their colour bars, the table and the notes in `size` pixels.
 
-    A table whose columns do not fit beside each other becomes sentences, or leaves out columns.
-    Rows that would leave the plots too little room are left out, and a line says so.
+    A page of height 0 becomes as high as its parts. Bars, table and notes are below the plots, or
+    at the right of plots with the shape of their scales that are larger so. A table whose columns
+    do not fit beside each other becomes sentences, or leaves out columns. Rows that would leave
+    the plots too little room are left out, and a line says so.
     """
-    page = new_page(size, theme, title, subtitle)
-    if any(plot.image is not None for plot in drawing.plots):
-        draw_images(page, drawing)
-        return page.encoded()
-    drawing = _without_lightest(page, drawing)
-    font = 8 if page.inches[0] <= NARROW else 9
-    letters = int((page.inches[0] - 2 * MARGIN) / (LETTER * font))
-    bars = _colour_bars(drawing)
-    below_all = [*_with_plane_notes(drawing), *map(points_note, _points(drawing)[:1])]
-    notes = [line for note in below_all for line in _lines(note, letters)]
-    table, texts = drawing.table, None
-    if table is not None and (texts := sentences(table, letters)) is not None:
-        table = None
-    top, below = page.top, 0.1 + (len(notes) + 1.5) * LINE
-    if drawing.plots:
-        least = max(_most_shared(page, drawing), _least_inches(page, drawing))
-        most = max(0.0, page.top - least - below)
-        if texts is not None and len(texts) * LINE > most:
-            kept = max(0, int(most / LINE) - 1)
-            texts = [*texts[:kept], f"and {len(texts) - kept} more lines: `s2r show`"]
-        height = (
-            table_inches(table, letters, font) if table is not None else LINE * len(texts or ())
-        )
-        below += min(height, most)
-        top = below
-        if bars and (page.inches[0] <= NARROW or _is_larger_above(page, drawing, below)):
-            below += _draw_bars_below(page, bars, below)
-            bars = []
-        _draw_plots(page, drawing, below, bars)
-    for row, text in enumerate(texts or ()):
-        page.text(MARGIN, top - (row + 1) * LINE, text, page.inks.muted, font)
-    if table is not None:
-        low = 0.1 + (len(notes) + (1.0 if notes else 0.5)) * LINE
-        top -= 0.5 * LINE * (not drawing.plots)
-        draw_table(page, table, top, low, _fitting_font(page, table, top - low, font))
-    for row, phrases in enumerate(reversed(notes)):
-        x = MARGIN
-        for phrase in phrases:
-            ink, indent = getattr(page.inks, phrase.ink), 0.0
-            if phrase.sign is not None:
-                indent = 2 * LETTER * font
-                draw_sign(page, x + indent / 3, 0.13 + row * LINE, phrase.sign, ink)
-            page.text(x + indent, 0.1 + row * LINE, phrase.text, ink, font)
-            x += indent + (len(phrase.text) + _GAP) * LETTER * font
+    if size[1]:
+        page = new_page(size, theme, title, subtitle)
+        parts = _largest(_without_lightest(drawing, page), page)
+    else:
+        parts = _natural(drawing, size[0] / page_dpi(size))
+        page = new_page(size, theme, title, subtitle, parts.height)
+    _draw(page, parts)
     return page.encoded()
 
 
-def _fitting_font(page: Page, table: TableSpec, room: float, font: float) -> float:
-    """The largest font of which no column is cut, and all texts fit into `room` inches."""
-    wraps = any(column.wraps for column in table.columns)
-    has_texts = wraps or any(row.notes for row in table.rows[:1])
-    while font > (_SMALLEST_FONT if wraps else _SMALLEST_TABLE_FONT):
-        letters = int((page.inches[0] - 2 * MARGIN) / (LETTER * font))
-        is_low = has_texts and table_inches(table, letters, font) > room
-        if not is_low and not page_layout(table, letters).is_tight:
+class _Parts:
+    """The parts of a drawing on a page of some width; lengths are inches.
+
+    columns: plots beside each other. side: width of bars, table and notes at the right of the
+    plots; 0 where these are below the plots.
+    """
+
+    def __init__(self, drawing: Drawing, wide: float, columns: int, side: float = 0.0) -> None:
+        self.drawing, self.wide, self.columns, self.side = drawing, wide, columns, side
+        self.plots = drawing.plots
+        self.rows = -(-len(self.plots) // columns)
+        self.has_images = any(plot.image is not None for plot in self.plots)
+        self.font = 8.0 if wide <= NARROW else 9.0
+        self.left = wide - side if side else margin(wide)
+        self.text_width = (side or wide - self.left) - margin(wide)
+        self.letters = int(self.text_width / (LETTER * self.font))
+        self.texts = [] if drawing.table is None else sentences(drawing.table, self.letters)
+        self.table = None if self.texts else drawing.table
+        self.bars = [
+            item for note in drawing.notes if not isinstance(note, str)
+            for item in note if isinstance(item, ColourBar)
+        ]  # fmt: skip
+        notes = _with_plane_notes(drawing)
+        self.notes = [line for note in notes for line in _lines(note, self.letters)]
+
+    @cached_property
+    def table_font(self) -> float:
+        """The largest font in which no column is left out; that of the page where there is none."""
+        font, wraps = self.font, any(row.wraps for row in self.table.columns) if self.table else 0
+        while self.table is not None and not wraps and font >= _SMALLEST_FONT:
+            layout = page_layout(self.table, self.letters_of(font))
+            if len(layout.columns) == len(self.table.columns) and not layout.is_tight:
+                return font
+            font -= 0.5
+        return self.font
+
+    def letters_of(self, font: float) -> int:
+        return int(self.text_width / (LETTER * font))
+
+    @property
+    def bars_height(self) -> float:
+        if self.side and self.bars:
+            return _BAR_ABOVE + _BAR_HEIGHT + _BAR_FOOT
+        lines = [label.count("\n") + (bar.ramp == "depth")
+                 for bar, label in zip(self.bars, self.bar_labels, strict=True)]  # fmt: skip
+        return _BAR_BELOW + LINE * max(lines) if lines else 0.0
+
+    @property
+    def bar_width(self) -> float:
+        """The length of each of the bars below plots, beside each other."""
+        return max(0.3, (self.wide - _LEFT - _RIGHT + _BETWEEN) / len(self.bars) - _BETWEEN)
+
+    @property
+    def bar_labels(self) -> list[str]:
+        room = 1.1 if self.side else self.bar_width if self.bars else 0.0
+        return [wrapped_label(bar, int(room / (LETTER * 8))) for bar in self.bars]
+
+    @cached_property
+    def table_height(self) -> float:
+        if self.table is None:
+            return LINE * len(self.texts)
+        return table_inches(self.table, self.letters_of(self.table_font), self.table_font)
+
+    @property
+    def notes_height(self) -> float:
+        return 0.1 + (len(self.notes) + 1.0) * LINE
+
+    def beyond_axes(self, place: int) -> tuple[float, float]:
+        """Inches above and below the axes of a plot; its axis of x has labels where it has some."""
+        plot, below = self.plots[place], place + self.columns
+        if plot.image is not None:
+            return _TITLE * (place < self.columns), _IMAGE_GAP
+        lines = math.ceil(len(plot.legend) / LEGEND_COLUMNS)
+        head = _TITLE if plot.title else lines * _LEGEND_LINE
+        return head, _BELOW if self.has_x(place) or below >= len(self.plots) else 0.12
+
+    def has_x(self, place: int) -> bool:
+        """Whether the plot below another one does not share its axis of x."""
+        below = place + self.columns
+        return below >= len(self.plots) or self.plots[place].x != self.plots[below].x
+
+    def heads_and_feet(self, row: int) -> tuple[float, float]:
+        places = range(row * self.columns, min(len(self.plots), (row + 1) * self.columns))
+        heads, feet = zip(*map(self.beyond_axes, places), strict=True)
+        return max(heads), max(feet)
+
+    @property
+    def beyond(self) -> float:
+        """Inches above and below the axes of all rows of plots."""
+        return _ABOVE + sum(sum(self.heads_and_feet(row)) for row in range(self.rows))
+
+    @property
+    def between(self) -> float:
+        return _IMAGE_GAP if self.has_images else _BETWEEN
+
+    @property
+    def start(self) -> float:
+        return _IMAGE_LEFT if self.has_images else _LEFT
+
+    def plot_size(self, room: float) -> tuple[float, float]:
+        """Width and height of each plot in a page whose plots have `room`, with what is around."""
+        free = self.wide - self.start - _RIGHT - self.side - self.between * (self.columns - 1)
+        width, height = free / self.columns, max(0.2, (room - self.beyond) / max(1, self.rows))
+        if self.plots and self.plots[0].has_own_shape:
+            return self.plots[0].tight(width, height)
+        if self.plots and self.plots[0].equal:
+            return width, min(height, _TALLEST * width)
+        return width, height
+
+    @property
+    def plots_height(self) -> float:
+        """The height of all plots on a page that is as high as its parts."""
+        if not self.plots:
+            return 0.0
+        first = self.plots[0]
+        if first.turns:
+            return self.rows * dial_inches(self.wide / self.columns)
+        width, height = self.plot_size(math.inf)
+        if first.equal and not first.has_own_shape:
+            height = min(height, max(0.6 * width, first.tight(width, math.inf)[1]))
+        elif not first.has_own_shape:
+            height = min(width, _PLANE) if first.shape == "plane" else _SEVERAL
+            height = _SINGLE if first.shape != "plane" and self.rows == 1 else height
+        return self.beyond + self.rows * height
+
+    @property
+    def texts_height(self) -> float:
+        """The height of bars, table and notes."""
+        return self.bars_height + self.table_height + self.notes_height
+
+    @property
+    def height(self) -> float:
+        """The height of all parts."""
+        if self.side:
+            return max(self.plots_height, _ABOVE + self.texts_height)
+        return self.plots_height + self.texts_height
+
+    @property
+    def least(self) -> float:
+        """The least height of the plots with their titles and axes."""
+        return self.beyond + _LEAST_HEIGHT * self.rows
+
+
+def _columns(drawing: Drawing, is_beside: bool) -> int:
+    """Plots beside each other: images of a row, else all or one."""
+    if drawing.plots and drawing.plots[0].image is not None:
+        return len(next(iter(list(row) for _, row in groupby(drawing.plots, lambda p: p.y.names))))
+    return max(1, len(drawing.plots)) if drawing.beside and is_beside else 1
+
+
+def _side(drawing: Drawing) -> float:
+    """The width that bars, table and notes have at the right of plots; 0 where they are below."""
+    if not drawing.plots or not drawing.plots[0].has_own_shape:
+        return 0.0
+    bars = _Parts(drawing, 2 * NARROW, 1).bars
+    return _TEXT_SIDE if drawing.table is not None or len(bars) > 1 else _BAR_SIDE
+
+
+def _natural(drawing: Drawing, wide: float) -> _Parts:
+    """The parts of a page that becomes as high as they are."""
+    columns = _columns(drawing, wide > NARROW)
+    is_side = wide > NARROW and (columns == 1 or drawing.plots[0].image is not None)
+    return _Parts(drawing, wide, columns, _side(drawing) if is_side else 0.0)
+
+
+def _largest(drawing: Drawing, page: Page) -> _Parts:
+    """The parts of a page in the arrangement in which its plots are the largest."""
+    wide = page.inches[0]
+    columns = _columns(drawing, page.top <= wide)
+    shown = [_Parts(drawing, wide, columns)]
+    if side := _side(drawing):
+        shown.append(_Parts(drawing, wide, columns, side))
+        if drawing.beside and columns > 1:
+            shown.append(_Parts(drawing, wide, -(-columns // 2)))
+    return max(shown, key=lambda parts: parts.plot_size(_room(page, parts)))
+
+
+def _room(page: Page, parts: _Parts) -> float:
+    """The height that plots have on a page; a table below them may lose rows for them."""
+    if parts.side:
+        return page.top - 0.1
+    tight = bool(parts.plots) and parts.plots[0].has_own_shape
+    share = _TIGHT_SHARE if tight else _LEAST_SHARE
+    least = max(min(share * page.top, parts.plots_height), parts.least)
+    return max(page.top - parts.texts_height, min(least, page.top - parts.notes_height))
+
+
+def _without_lightest(drawing: Drawing, page: Page) -> Drawing:
+    """Leave out the plots of the smallest weight while not all have room; a note names them."""
+    plots, left_out = list(drawing.plots), list[Plot]()
+    columns = _columns(drawing, page.top <= page.inches[0])
+    while plots and len(plots) > columns:
+        parts = _Parts(replace(drawing, plots=tuple(plots)), page.inches[0], columns)
+        lightest = min(plots, key=lambda plot: plot.weight)
+        if parts.least <= page.top - _NOTES or lightest.weight == max(p.weight for p in plots):
             break
-        font -= 0.5
-    return font
+        left_out.append(lightest)
+        plots.remove(lightest)
+    notes = (*drawing.notes, *no_room_notes(left_out))
+    return replace(drawing, plots=tuple(plots), notes=notes)
+
+
+def _draw(page: Page, parts: _Parts) -> None:
+    """Draw the plots, and at their right or below them bars, table and notes."""
+    room = _room(page, parts) if parts.plots else 0.0
+    top, low = page.top - room, parts.notes_height - LINE
+    if parts.side:
+        top = page.top - _ABOVE
+        low = max(low, top - parts.texts_height + parts.notes_height - LINE)
+    if parts.plots and parts.plots[0].turns:
+        draw_dials(page, parts.plots, page.top - room, parts.columns > 1)
+    else:
+        _draw_plots(page, parts, room)
+    _draw_bars(page, parts, top)
+    top -= parts.bars_height
+    texts = parts.texts
+    if len(texts) * LINE > top - low:
+        kept = max(0, int((top - low) / LINE) - 1)
+        texts = [*texts[:kept], f"and {len(texts) - kept} more lines: `s2r show`"]
+    for row, text in enumerate(texts):
+        page.text(parts.left, top - (row + 1) * LINE, text, page.inks.muted, parts.font)
+    if parts.table is not None:
+        font = parts.table_font
+        draw_table(page, parts.table, top, low, font, parts.left, parts.text_width)
+    for row, phrases in enumerate(reversed(parts.notes)):
+        _draw_phrases(page, parts, phrases, low - (len(parts.notes) - row) * LINE)
+
+
+def _draw_phrases(page: Page, parts: _Parts, phrases: list[Phrase], y: float) -> None:
+    x, letter = parts.left, LETTER * parts.font
+    for phrase in phrases:
+        ink, indent = getattr(page.inks, phrase.ink), 0.0
+        if phrase.sign is not None:
+            indent = 2 * letter
+            draw_sign(page, x + indent / 3, y + 0.03, phrase.sign, ink)
+        page.text(x + indent, y, phrase.text, ink, parts.font)
+        x += indent + (len(phrase.text) + _GAP) * letter
+
+
+def _draw_plots(page: Page, parts: _Parts, room: float) -> None:
+    """Plots of equal size in rows; neighbours with the same scale share its labels."""
+    width, height = parts.plot_size(room)
+    top = page.top - _ABOVE
+    for row in range(parts.rows):
+        head, foot = parts.heads_and_feet(row)
+        for column in range(min(parts.columns, len(parts.plots) - row * parts.columns)):
+            place = row * parts.columns + column
+            plot = parts.plots[place]
+            left = parts.start + column * (width + parts.between)
+            axes = page.axes(left, top - head - height, width, height)
+            alike = [at for at, other in enumerate(parts.plots) if other.y == plot.y]
+            has_name = not column and (parts.columns > 1 or place == alike[len(alike) // 2])
+            shown, has_title = plot.fitted(width, height), plot.image is None or not row
+            draw_plot(axes, page, shown, (width, height), parts.has_x(place), has_name, has_title)
+            if column and plot.y == parts.plots[place - 1].y:
+                axes.tick_params(labelleft=False)
+        top -= head + height + foot
+
+
+def _draw_bars(page: Page, parts: _Parts, top: float) -> None:
+    """Colour bars beside each other: upright ones at the right of the plots, or below these."""
+    for place, (bar, label) in enumerate(zip(parts.bars, parts.bar_labels, strict=True)):
+        if parts.side:
+            left, low = parts.left + place * _BAR_ROOM, top - _BAR_ABOVE - _BAR_HEIGHT
+            draw_colour_bar(page, (left, low, 0.16, _BAR_HEIGHT), bar, label)
+        else:
+            left = _LEFT + place * (parts.bar_width + _BETWEEN)
+            draw_colour_bar(page, (left, top - 0.2, parts.bar_width, _BAR_THICK), bar, label)
 
 
 def _lines(note: Note, letters: int) -> list[list[Phrase]]:
@@ -148,172 +370,14 @@ def _lines(note: Note, letters: int) -> list[list[Phrase]]:
     return lines
 
 
-def _colour_bars(drawing: Drawing) -> list[ColourBar]:
-    return [
-        item
-        for note in drawing.notes if not isinstance(note, str)
-        for item in note if isinstance(item, ColourBar)
-    ]  # fmt: skip
-
-
-def _points(drawing: Drawing) -> list[Points]:
-    return [mark for plot in drawing.plots for mark in plot.marks if isinstance(mark, Points)]
-
-
 def _with_plane_notes(drawing: Drawing) -> list[Note]:
     """The notes, and in the first one of phrases what each kind of mark of a plane shows."""
     found: dict[type, tuple[Phrase, ...]] = {}
     for mark in (mark for plot in drawing.plots for mark in plot.marks):
-        if isinstance(mark, PlaneMark) and not found.get(type(mark)):
+        if isinstance(mark, PlaneMark | Points) and not found.get(type(mark)):
             found[type(mark)] = plane_note(mark)
     phrases = tuple(dict.fromkeys(phrase for note in found.values() for phrase in note))
     notes = list(drawing.notes)
     place = next((at for at, note in enumerate(notes) if not isinstance(note, str)), len(notes))
     notes[place : place + 1] = [(*(notes[place] if place < len(notes) else ()), *phrases)]
     return notes
-
-
-def _bar_colours(bar: ColourBar) -> Callable[[ArrayLike], Colours]:
-    if bar.ramp == "values":
-        return value_colours
-    return change_ramp if bar.ramp == "changes" else heat_ramp(bar.ramp != "heat", value_colours)
-
-
-def _draw_bars_below(page: Page, bars: list[ColourBar], bottom: float) -> float:
-    """Horizontal colour bars beside each other with their ticks and labels below; their height."""
-    room = (page.inches[0] - _LEFT - _RIGHT + _SIDE / 2) / len(bars)
-    width = max(0.3, room - _SIDE / 2)
-    labels = [wrapped_label(label_with_unit(bar.label, bar.unit), int(width / (LETTER * 8)))
-              for bar in bars]  # fmt: skip
-    more = LINE * max(label.count("\n") for label in labels)
-    for place, (bar, label) in enumerate(zip(bars, labels, strict=True)):
-        axes = page.axes(_LEFT + place * room, bottom + 0.5 + more, width, 0.12)
-        low, high = bar.scale
-        axes.imshow(_bar_colours(bar)(np.linspace(0, 1, 256)[None]), aspect="auto",
-                    extent=(low, high, 0, 1), interpolation="none")  # fmt: skip
-        axes.set_yticks([])
-        axes.set_xticks(*colour_bar_ticks(bar.scale, width / 2.5, bar.clipped))
-        axes.tick_params(colors=page.inks.muted, labelsize=8, width=0.8, length=3)
-        for spine in axes.spines.values():
-            spine.set_visible(False)
-        axes.set_xlabel(label, fontsize=8, color=page.inks.text)
-    return _BAR_BELOW + more
-
-
-def _is_larger_above(page: Page, drawing: Drawing, below: float) -> bool:
-    """Whether plots beside each other are larger above their colour bars than beside these."""
-    if not (drawing.plots[0].is_tight and _is_beside(page, drawing)):
-        return False
-    above, beside = (
-        max(_beside_size(page, drawing.plots, foot, side, rows)[0] for rows in (1, 2))
-        for foot, side in ((below + _BAR_BELOW + LINE, 0.0), (below, _SIDE))
-    )
-    return above > beside
-
-
-def _most_shared(page: Page, drawing: Drawing) -> float:
-    """The height that plots have before a table has all of its rows, inches."""
-    plots = drawing.plots
-    if not plots[0].is_tight:
-        return _LEAST_SHARE * page.top
-    if not _is_beside(page, drawing):
-        return _TIGHT_SHARE * page.top
-    room = (page.inches[0] - _LEFT - _RIGHT - _BETWEEN * (len(plots) - 1)) / len(plots)
-    whole = plots[0].tight(room, math.inf)[1] + _TITLE + _BELOW + _BAR_BELOW + 2 * LINE
-    return min(_TIGHT_SHARE * page.top, whole)
-
-
-def _draw_plots(page: Page, drawing: Drawing, below: float, bars: list[ColourBar]) -> None:
-    """Plots of equal size above `below` inches; those with the same scale share its labels."""
-    plots, wide = drawing.plots, page.inches[0]
-    side, top = 0.0, page.top
-    for bar in bars:
-        side, high = _SIDE, min(2.0, 0.45 * (page.top - below) / (0.8 * len(bars) + 0.2))
-        label = wrapped_label(label_with_unit(bar.label, bar.unit), 14)
-        top -= 0.3 + high + 0.15 * (label.count("\n") + 1)
-        draw_colour_bar(page, wide - side + 0.25, top, high, bar.scale, label, _bar_colours(bar),
-                        bar.clipped)  # fmt: skip
-    if plots[0].turns:
-        draw_dials(page, plots, below, _is_beside(page, drawing))
-    elif _is_beside(page, drawing):
-        _draw_beside(page, plots, below, side)
-    else:
-        _draw_stacked(page, plots, below, side)
-
-
-def _without_lightest(page: Page, drawing: Drawing) -> Drawing:
-    """Leave out the plots of the smallest weight while not all have room; a note names them."""
-    plots, left_out = list(drawing.plots), list[Plot]()
-    while plots and _least_inches(page, replace(drawing, plots=tuple(plots))) > page.top - _NOTES:
-        lightest = min(plots, key=lambda plot: plot.weight)
-        if lightest.weight == max(plot.weight for plot in plots):
-            break
-        left_out.append(lightest)
-        plots.remove(lightest)
-    return replace(
-        drawing, plots=tuple(plots), notes=(*drawing.notes, *no_room_notes(left_out))
-    )  # fmt: skip
-
-
-def _is_beside(page: Page, drawing: Drawing) -> bool:
-    return drawing.beside and page.top <= page.inches[0]
-
-
-def _least_inches(page: Page, drawing: Drawing) -> float:
-    """The least height of the plots with their titles and axes."""
-    if _is_beside(page, drawing):
-        return _BELOW + _TITLE + 0.15 + _LEAST_HEIGHT
-    heads, feet, _ = _beyond_axes(drawing.plots)
-    return 0.15 + sum(heads) + sum(feet) + _LEAST_HEIGHT * len(drawing.plots)
-
-
-def _beyond_axes(plots: tuple[Plot, ...]) -> tuple[list[float], list[float], list[bool]]:
-    """Inches above and below each of stacked plots, and whether its axis of x is labelled."""
-    heads = [
-        _TITLE if plot.title else math.ceil(len(plot.legend) / LEGEND_COLUMNS) * _LEGEND_LINE
-        for plot in plots
-    ]
-    has_axis = [place == len(plots) - 1 or plot.x != plots[place + 1].x
-                for place, plot in enumerate(plots)]  # fmt: skip
-    return heads, [_BELOW if each else 0.12 for each in has_axis], has_axis
-
-
-def _draw_beside(page: Page, plots: tuple[Plot, ...], below: float, side: float) -> None:
-    """Plots in a row; those with the shape of their scales in as many rows as make them large."""
-    rows = {number: _beside_size(page, plots, below, side, number) for number in (1, 2)}
-    is_larger = plots[0].is_tight and rows[2][0] > rows[1][0]
-    columns = -(-len(plots) // 2) if is_larger else len(plots)
-    room, height = rows[2] if is_larger else rows[1]
-    for place, plot in enumerate(plots):
-        row, column = divmod(place, columns)
-        bottom = page.top - (row + 1) * (0.15 + _TITLE + height) - row * _BELOW
-        axes = page.axes(_LEFT + column * (room + _BETWEEN), bottom, room, height)
-        draw_plot(axes, page, plot.fitted(room, height), (room, height), True, not column)
-        if column and plot.y == plots[0].y:
-            axes.tick_params(labelleft=False)
-
-
-def _beside_size(
-    page: Page, plots: tuple[Plot, ...], below: float, side: float, rows: int
-) -> tuple[float, float]:
-    """Width and height of plots in `rows` rows, inches."""
-    columns = -(-len(plots) // rows)
-    room = (page.inches[0] - _LEFT - _RIGHT - side - _BETWEEN * (columns - 1)) / columns
-    height = max(0.2, (page.top - below) / rows - _BELOW - _TITLE - 0.15)
-    if plots[0].is_tight:
-        return plots[0].tight(room, height)
-    return room, min(height, _TALLEST * room) if plots[0].equal else height
-
-
-def _draw_stacked(page: Page, plots: tuple[Plot, ...], below: float, side: float) -> None:
-    """Plots of equal height above `below` inches; those with the same scale share its labels."""
-    heads, feet, has_axis = _beyond_axes(plots)
-    height = max(0.2, (page.top - below - 0.15 - sum(heads) - sum(feet)) / len(plots))
-    top, width = page.top - 0.15, page.inches[0] - _LEFT - _RIGHT - side
-    for place, (plot, head, foot) in enumerate(zip(plots, heads, feet, strict=True)):
-        size = plot.tight(width, height) if plot.is_tight else (width, height)
-        axes = page.axes(_LEFT, top - head - size[1], *size)
-        alike = [at for at, other in enumerate(plots) if other.y == plot.y]
-        has_name = place == alike[len(alike) // 2]  # one name for plots with the same scale of y
-        draw_plot(axes, page, plot.fitted(*size), size, has_axis[place], has_name)
-        top -= head + height + foot

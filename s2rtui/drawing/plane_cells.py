@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from rich.cells import cell_len
 
+from s2rstore.records import Room
 from s2rtui.analysis.binning import Bools, count_selected, selection_indices
+from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import Canvas, RenderOptions, Rgb, heading_arrow, legible
 from s2rtui.canvas.raster import braille_bits, draw_braille, line_dots, put_glyphs
-from s2rtui.drawing.arcs_cells import arcs_legend, cell_grid, draw_arcs
+from s2rtui.drawing.arcs_cells import arcs_legend, draw_arcs
 from s2rtui.drawing.floor import plane_frame
 from s2rtui.drawing.floor_cells import draw_floor, draw_outlines
-from s2rtui.drawing.heat_colours import change_colours
+from s2rtui.drawing.heat_colours import change_colours, ramp_glyphs
 from s2rtui.drawing.legend import (
     LegendPart,
     point_colours,
-    ramp_for_values,
     scale_bar,
     text_part,
 )
@@ -34,11 +37,11 @@ from s2rtui.drawing.plane_marks import (
     Unselected,
 )
 from s2rtui.drawing.plot import Plot
-from s2rtui.drawing.points import dot_bins
-from s2rtui.drawing.room_names import draw_room_names, mark_costs
-from s2rtui.drawing.signs import (
+from s2rtui.drawing.points import (
+    canvas_grid,
     change_cells,
     change_signs,
+    dot_bins,
     drawn_segments,
     selected_count,
     sign_cells,
@@ -103,7 +106,7 @@ def _draw_dots(canvas: Canvas, grid: Bools, colour: Rgb, glyph: str) -> None:
 
 
 def _draw_unselected(canvas: Canvas, plot: Plot, mark: Unselected) -> None:
-    dots = dot_bins(mark.x, mark.y, *cell_grid(canvas, plot))
+    dots = dot_bins(mark.x, mark.y, canvas_grid(canvas, plot))
     part, total = count_selected(dots, selection_indices(mark.selected, mark.valid))
     grid = (total > part).reshape(4 * canvas.height, 2 * canvas.width)
     _draw_dots(canvas, grid, canvas.theme.unselected, canvas.glyphs.unselected)
@@ -111,9 +114,9 @@ def _draw_unselected(canvas: Canvas, plot: Plot, mark: Unselected) -> None:
 
 def _draw_signs(canvas: Canvas, plot: Plot, signs: Signs) -> None:
     """A sign per cell; without colours digits show values, and cells of several are bold."""
-    cells, options = sign_cells(signs, cell_grid(canvas, plot)), canvas.options
+    cells, options = sign_cells(signs, canvas_grid(canvas, plot)), canvas.options
     columns, rows, many = cells.columns, cells.rows, cells.counts > 1
-    digits = ramp_for_values(options)
+    digits = ramp_glyphs("values", options)
     one = getattr(options.glyphs, signs.sign)
     colours = np.tile(np.array(getattr(canvas.theme, signs.ink), dtype=np.uint8), (len(rows), 1))
     known = np.isfinite(cells.shares)
@@ -132,7 +135,7 @@ def _draw_signs(canvas: Canvas, plot: Plot, signs: Signs) -> None:
 def _sign_forms(signs: Signs, options: RenderOptions) -> TrainedForms:
     """The forms of the glyphs of cells with trained instances."""
     one, mark = getattr(options.glyphs, signs.sign), options.glyphs.trained
-    if ramp_for_values(options) is not None:
+    if ramp_glyphs("values", options) is not None:
         return glyph_forms(one, mark) if signs.values is None else digit_forms(options)
     several = _SEVERAL.get(signs.sign, one)
     return glyph_forms(one + several, mark + SEVERAL_TRAINED, f"{mark} {SEVERAL_TRAINED}")
@@ -141,7 +144,7 @@ def _sign_forms(signs: Signs, options: RenderOptions) -> TrainedForms:
 def _several_part(options: RenderOptions, glyphs: str) -> LegendPart:
     """The part that explains cells with several instances, which have `glyphs`."""
     theme = options.theme
-    if ramp_for_values(options) is not None:
+    if ramp_glyphs("values", options) is not None:
         return text_part((("bold: several", theme.muted),))
     return text_part(((f"{glyphs} ", theme.text), ("several", theme.muted)))
 
@@ -158,12 +161,12 @@ def _signs_legend(signs: Signs, options: RenderOptions) -> list[LegendPart]:
 
 def change_glyphs(options: RenderOptions) -> str:
     """Three glyphs: a change below 0, one within the margin, one above 0."""
-    return "-=+" if ramp_for_values(options) is not None else _CHANGES
+    return ramp_glyphs("changes", options) or _CHANGES
 
 
 def _draw_changes(canvas: Canvas, plot: Plot, changes: Changes) -> None:
     """A glyph per cell in the colour of its mean, larger or bold for several instances."""
-    cells, glyphs = change_cells(changes, cell_grid(canvas, plot)), change_glyphs(canvas.options)
+    cells, glyphs = change_cells(changes, canvas_grid(canvas, plot)), change_glyphs(canvas.options)
     one = _ONE if glyphs == _CHANGES else glyphs
     sign, many = change_signs(cells.means, changes.margin) + 1, cells.counts > 1
     shown = np.where(many, np.array(list(glyphs))[sign], np.array(list(one))[sign])
@@ -199,14 +202,13 @@ def _changes_legend(changes: Changes, options: RenderOptions) -> list[LegendPart
 
 def _draw_segments(canvas: Canvas, plot: Plot, segments: Segments) -> None:
     """Lines in braille or in full stops."""
-    ids = drawn_segments(segments, cell_grid(canvas, plot), SEGMENTS_UP_TO)
-    x, y, width, height = cell_grid(canvas, plot)
-    lines = np.stack([
-        np.stack([x.fraction(end[0][ids]) * width, (1 - y.fraction(end[1][ids])) * height], axis=1)
-        for end in (segments.start, segments.end)
-    ], axis=1)  # fmt: skip
+    grid = canvas_grid(canvas, plot)
+    ids = drawn_segments(segments, grid, SEGMENTS_UP_TO)
+    ends = [grid.places(x[ids], y[ids]) for x, y in (segments.start, segments.end)]
+    lines = np.stack(ends, axis=1)
     known = lines[np.isfinite(lines).all(axis=(1, 2))].tolist()
-    _draw_dots(canvas, line_dots(known, width, height), getattr(canvas.theme, segments.ink), ".")
+    dots = line_dots(known, grid.width, grid.height)
+    _draw_dots(canvas, dots, getattr(canvas.theme, segments.ink), ".")
 
 
 def _segments_legend(segments: Segments, options: RenderOptions) -> list[LegendPart]:
@@ -217,13 +219,12 @@ def _segments_legend(segments: Segments, options: RenderOptions) -> list[LegendP
 
 def _draw_poses(canvas: Canvas, plot: Plot, poses: Poses) -> None:
     """The sign and, beside it, the arrow of each pose, or the arrows alone; the first on top."""
-    x, y, width, height = cell_grid(canvas, plot)
-    colour = getattr(canvas.theme, poses.ink)
-    for across, up, heading in reversed(poses.places):
-        place = np.array([float(x.fraction(across)), 1 - float(y.fraction(up))])
-        if not ((place >= 0) & (place < 1)).all():
+    grid, colour = canvas_grid(canvas, plot), getattr(canvas.theme, poses.ink)
+    for x, y, heading in reversed(poses.places):
+        (place,) = grid.places(np.array([x]), np.array([y]))
+        if not ((place >= 0) & (place < (grid.width, grid.height))).all():
             continue
-        column, row = (place * (width, height)).astype(int).tolist()
+        column, row = place.astype(int).tolist()
         if poses.sign is not None:
             canvas.put(column, row, getattr(canvas.glyphs, poses.sign), colour, bold=True)
         if heading is not None:
@@ -254,3 +255,59 @@ _LEGENDS: dict[type, Callable[[Any, RenderOptions], list[LegendPart]]] = {
     Floor: _floor_legend, Unselected: _unselected_legend, Signs: _signs_legend,
     Changes: _changes_legend, Segments: _segments_legend, Arcs: arcs_legend,
 }  # fmt: skip
+
+
+_UNSELECTED, _SELECTED, _CURSOR = 1, 20, 1000
+"""Costs of a name in a cell with unselected points, with a selected mark, with the cursor."""
+
+
+def mark_costs(before: Canvas, canvas: Canvas) -> NDArray[np.intp]:
+    """What a name costs in each cell (h, w); `before` is the canvas without selected marks."""
+    braille = (before.char >= "\u2801") & (before.char <= "\u28ff")
+    dots = braille | (before.char == canvas.glyphs.unselected)
+    costs = np.where(dots, _UNSELECTED, 0)
+    marked = (canvas.char != before.char) | (canvas.fg != before.fg).any(axis=-1)
+    costs[marked] = _SELECTED
+    costs[canvas.char == canvas.glyphs.cursor] = _CURSOR
+    return costs.astype(np.intp)
+
+
+def draw_room_names(
+    canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, costs: NDArray[np.intp]
+) -> None:
+    """Write each room's name once, on page colour and in front of points, where it fits.
+
+    Of all places in the room, the one of least cost (h, w) is taken that is nearest to its middle.
+    """
+    costs, named = costs.copy(), set[str]()
+    for room in rooms:
+        if room.room in named:
+            continue
+        named.add(room.room)
+        name = canvas.options.printable(room.room)
+        corners = frame.to_cells([[room.x0, room.y0], [room.x1, room.y1]])
+        place = _place(costs, corners.min(axis=0), corners.max(axis=0), cell_len(name))
+        if place is not None:
+            column, row = place
+            canvas.text(column, row, name, canvas.theme.muted, canvas.theme.background)
+            costs[row, column : column + cell_len(name)] = _CURSOR
+
+
+def _place(
+    costs: NDArray[np.intp], first: NDArray[np.float64], last: NDArray[np.float64], length: int
+) -> tuple[int, int] | None:
+    """The best column and row for `length` cells between two corners in cells, if they fit."""
+    height, width = costs.shape
+    left, top = (max(0, int(np.ceil(part))) for part in first)
+    right, bottom = min(width, int(last[0])), min(height, int(last[1]))
+    if length < 1 or right - left < length or bottom <= top:
+        return None
+    sums = np.cumsum(np.pad(costs[top:bottom, left:right], ((0, 0), (1, 0))), axis=1)
+    covered = sums[:, length:] - sums[:, :-length]
+    middle = (first + last) / 2
+    rows = np.arange(top, bottom) + 0.5 - middle[1]
+    columns = np.arange(left, right - length + 1) + length / 2 - middle[0]
+    distance = 2 * np.abs(rows)[:, None] + np.abs(columns)
+    order = np.lexsort((distance.ravel(), covered.ravel()))
+    row, column = divmod(int(order[0]), covered.shape[1])
+    return left + column, top + row

@@ -1,4 +1,4 @@
-"""Draw the marks of a plane on axes of matplotlib."""
+"""Draw the marks of a plane, and points, on axes of matplotlib."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from s2rtui.analysis.binning import selection_indices
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import Pixels, legible, mix
+from s2rtui.canvas.raster import cells_with_dots
 from s2rtui.drawing.arcs import LARGEST, ErrorGlyphs, arc_overlap, arc_spans, error_glyphs
 from s2rtui.drawing.floor import floor_pixels
 from s2rtui.drawing.heat_colours import change_colours
-from s2rtui.drawing.page import Ink, Page, draw_ring, value_colours
+from s2rtui.drawing.page import Ink, Page, value_colours
 from s2rtui.drawing.plane_marks import (
     Arcs,
     Changes,
@@ -27,21 +28,24 @@ from s2rtui.drawing.plane_marks import (
     Signs,
     Unselected,
 )
-from s2rtui.drawing.plot import Phrase, Plot
-from s2rtui.drawing.points import dot_bins
-from s2rtui.drawing.scale import Floats, scale_fraction, short_number, tick_step
-from s2rtui.drawing.signs import (
+from s2rtui.drawing.plot import Phrase, Plot, Points
+from s2rtui.drawing.points import (
     Grid,
     change_cells,
     change_signs,
+    dot_bins,
     drawn_segments,
+    point_cells,
     selected_count,
     sign_cells,
 )
+from s2rtui.drawing.scale import Floats, scale_fraction, short_number, tick_step
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+POINTS_UP_TO = 40_000
+"""Above this number of valid instances, cells are drawn in place of points."""
 CELLS_PER_INCH = 11
 """Cells of the screen of a terminal in an inch of its true pixels."""
 _FEW, _MANY = 5_000, 40_000
@@ -65,17 +69,17 @@ Size = tuple[float, float]
 
 
 def draw_plane_mark(
-    axes: Axes, page: Page, plot: Plot, mark: PlaneMark, inches: Size, is_page: bool
+    axes: Axes, page: Page, plot: Plot, mark: PlaneMark | Points, inches: Size, is_page: bool
 ) -> None:
     """Draw a mark of a plane of `inches`; on a page with the texts that a screen has in cells."""
     _DRAWINGS[type(mark)](_Sheet(axes, page, plot, inches, is_page), mark)
 
 
-def plane_note(mark: PlaneMark) -> tuple[Phrase, ...]:
+def plane_note(mark: PlaneMark | Points) -> tuple[Phrase, ...]:
     """What a mark shows, for the notes of a page."""
-    if isinstance(mark, Unselected):
+    if isinstance(mark, Unselected | Points):
         is_all = selected_count(mark.selected, mark.valid) == selected_count(mark.valid, mark.valid)
-        return () if is_all else (Phrase("grey: not selected"),)
+        return (*((Phrase("grey: not selected"),) * (not is_all)), *_trained_note(mark))
     if isinstance(mark, Arcs):
         wide = f"{LARGEST:g}° wide: {short_number(mark.full, 2)} m"
         phrases = [
@@ -96,8 +100,9 @@ def plane_note(mark: PlaneMark) -> tuple[Phrase, ...]:
     return ()
 
 
-def _trained_note(mark: Signs | Changes | Arcs) -> tuple[Phrase, ...]:
-    return () if mark.trained is None else (Phrase("hole: trained on"),)
+def _trained_note(mark: PlaneMark | Points) -> tuple[Phrase, ...]:
+    has_trained = getattr(mark, "trained", None) is not None
+    return (Phrase("hole: trained on"),) if has_trained else ()
 
 
 class _Sheet:
@@ -114,7 +119,7 @@ class _Sheet:
         """Cells of the plot, `shape` times as high as wide, of which an inch has `per_inch`."""
         width = max(1, round(self.inches[0] * per_inch))
         height = max(1, round(self.span[1] / self.span[0] * width / shape))
-        return self.plot.x, self.plot.y, width, height
+        return Grid(self.plot.x, self.plot.y, width, height)
 
     def places(self, cells: NDArray[np.float64], grid: Grid) -> NDArray[np.float64]:
         """The points (k, 2) at columns and rows of cells (k, 2)."""
@@ -132,7 +137,7 @@ class _Sheet:
         """
         if len(ids) <= _FEW:
             return ids
-        spots = dot_bins(x, y, *self.grid(72, 2.0))
+        spots = dot_bins(x, y, self.grid(72, 2.0))
         codes = spots.codes[ids][::-1]
         _, first = np.unique(codes, return_index=True)
         held = ids[np.sort(len(ids) - 1 - first)]
@@ -142,13 +147,24 @@ class _Sheet:
         self, x: Floats, y: Floats, size: float, colour: Any, order: float, edge: float = 0.0,
         marker: str = "o", rim: Ink | None = None,
     ) -> None:  # fmt: skip
-        """Markers of `size` square points with a rim that is `edge` points wide."""
-        self.axes.scatter(x, y, s=size, marker=marker, c=colour, linewidths=edge, zorder=order,
+        """Markers of `size` square points with a rim that is `edge` points wide.
+
+        Those in view are whole.
+        """
+        inside = np.ones(np.shape(x), dtype=np.bool_)
+        for values, scale in ((x, self.plot.x), (y, self.plot.y)):
+            inside &= (values >= min(scale.low, scale.high)) & (
+                values <= max(scale.low, scale.high)
+            )
+        if len(colour) > 1:
+            colour = np.asarray(colour)[inside]
+        self.axes.scatter(x[inside], y[inside], s=size, marker=marker, c=colour, linewidths=edge,
+                          zorder=order, clip_on=False,
                           edgecolors=[rim or self.inks.background])  # fmt: skip
 
     def cells(self, columns: Any, rows: Any, colours: Any, grid: Grid, order: float) -> None:
         """Cells of a grid in colours (k, 3), 0 .. 255."""
-        image = np.zeros((grid[3], grid[2], 4), dtype=np.uint8)
+        image = np.zeros((grid.height, grid.width, 4), dtype=np.uint8)
         image[rows, columns] = np.column_stack([colours, np.full(len(colours), 255)])
         self.image(image, order)
 
@@ -252,13 +268,48 @@ def _draw_signs(sheet: _Sheet, signs: Signs) -> None:
     _draw_holes(sheet, signs, members)
 
 
+def _draw_points(sheet: _Sheet, points: Points) -> None:
+    """Each instance, the highest level on top; where they are many, cells of their mean level."""
+    inks, selection = sheet.inks, selection_indices(points.selected, points.valid)
+    shares = (np.arange(points.depth) + 0.5) / points.depth
+    levels = [getattr(inks, ink) for ink in points.inks] or value_colours(shares) / 255.0
+    colours = np.vstack([[inks.muted], levels])
+    if selected_count(points.valid, points.valid) > POINTS_UP_TO:
+        grid = Grid(sheet.plot.x, sheet.plot.y, *(max(4, int(24 * side)) for side in sheet.inches))
+        cells = point_cells(points, grid)
+        image = np.zeros((grid.height, grid.width, 4))
+        image[cells_with_dots(cells.grey)] = (*inks.unselected, 0.6)
+        held = cells.level >= 0
+        image[held, :3] = colours[cells.level[held]]
+        share = np.log(cells.count[held]) / max(np.log(cells.count.max(initial=1)), 1e-9)
+        image[held, 3] = (
+            0.3 + 0.7 * share if points.inks else 1.0
+        )  # classes: the denser the stronger
+        sheet.image(np.rint(255 * image).astype(np.uint8), 2)
+    else:
+        members = selection.members
+        others = points.valid.copy()
+        others[members] = False
+        sheet.dots(points.x[others], points.y[others], 6, [inks.unselected], 2)
+        if not points.inks:
+            members = members[np.argsort(points.levels[members], kind="stable")]
+        x, y = points.x[members], points.y[members]
+        sheet.dots(x, y, 24, colours[points.levels[members]], 4, 0.5)
+        _draw_holes(sheet, points, members)
+    if points.cursor is not None:
+        place = float(points.x[points.cursor]), float(points.y[points.cursor]), None
+        _draw_poses(sheet, Poses((place,), "cursor", "cursor"))
+
+
 def _value_colours(sheet: _Sheet, shares: NDArray[np.float64]) -> Pixels:
     colours = sheet.shown(value_colours(shares))
     colours[~np.isfinite(shares)] = sheet.page.theme.muted
     return colours
 
 
-def _draw_holes(sheet: _Sheet, mark: Signs | Changes | Arcs, members: NDArray[np.intp]) -> None:
+def _draw_holes(
+    sheet: _Sheet, mark: Signs | Changes | Arcs | Points, members: NDArray[np.intp]
+) -> None:
     """A hole in the marks of the instances that the model was trained on."""
     if mark.trained is not None:
         held = sheet.last_per_spot(mark.x, mark.y, members[mark.trained[members]])
@@ -369,8 +420,8 @@ def _draw_poses(sheet: _Sheet, poses: Poses) -> None:
     """A ring where the pose has a sign, and an arrow in the direction of the heading."""
     ink = getattr(sheet.inks, poses.ink)
     if poses.sign is not None:
-        for x, y, _ in poses.places:
-            draw_ring(sheet.axes, x, y, ink, 70, 7)
+        x, y, _ = np.array(poses.places, dtype=float).reshape(-1, 3).T
+        sheet.dots(x, y, 70, ["none"], 7, 1.6, rim=ink)
     headed = [(x, y, turn) for x, y, turn in poses.places if turn is not None]
     if not headed:
         return
@@ -409,5 +460,5 @@ def _draw_scale_bar(sheet: _Sheet, bar: ScaleBar) -> None:
 _DRAWINGS: dict[type, Callable[[_Sheet, Any], None]] = {
     Floor: _draw_floor, Outlines: _draw_outlines, Unselected: _draw_unselected, Signs: _draw_signs,
     Changes: _draw_changes, Segments: _draw_segments, Arcs: _draw_arcs, Poses: _draw_poses,
-    ScaleBar: _draw_scale_bar,
+    ScaleBar: _draw_scale_bar, Points: _draw_points,
 }  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,6 +90,11 @@ class Dots:
     name: str = ""
     shift: float = 1.0
 
+    @property
+    def drawn_sign(self) -> Sign:
+        """The sign, by default that of the ink, which then is one of `ROLES`."""
+        return self.sign or cast(Sign, self.ink)
+
     @classmethod
     def of(cls, x: Floats, intervals: Sequence[Interval], ink: Ink, **style: Any) -> Dots:
         """The values (n,) of intervals with their bounds."""
@@ -164,6 +169,11 @@ class Plot:
     def image(self) -> Image | None:
         """The image that fills the plot, which has no axes; it has the shape of the scales."""
         return next((mark for mark in self.marks if isinstance(mark, Image)), None)
+
+    @property
+    def has_own_shape(self) -> bool:
+        """Whether a page gives the plot the shape of its scales."""
+        return self.is_tight or self.image is not None
 
     @property
     def legend(self) -> tuple[Line | Dots, ...]:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.geometry import angles
-from s2rtui.canvas import BrushShape, Canvas, Rgb
-from s2rtui.canvas.marks import mark_arc, mark_on_panel, mark_range, wrap_degrees
+from s2rtui.canvas import Canvas, Rgb
 from s2rtui.canvas.raster import dot_grid, draw_braille
 from s2rtui.drawing.arcs_cells import number_cells
 from s2rtui.drawing.bars import draw_vertical_bars, put_over_bar
@@ -25,16 +23,11 @@ _DASH = 4
 """Dots of a dash and its gap."""
 
 
-def draw_marks(canvas: Canvas, plot: Plot, brush: BrushShape | None) -> NDArray[np.bool_]:
-    """Draw the marks of a plot, and a range of x that is being brushed, on the whole canvas.
+def draw_marks(canvas: Canvas, plot: Plot) -> NDArray[np.bool_]:
+    """Draw the marks of a plot on the whole canvas.
 
     Returns the cells (h, w) whose characters stay texts over a picture of the marks.
     """
-    ends: tuple[int, ...] = ()
-    is_range = plot.name and plot.shape in ("range", "turn")
-    mark = mark_on_panel(brush, plot.name) if is_range else None
-    if mark is not None:
-        ends = _draw_range(canvas, plot, mark)
     ground: Canvas | None = None
     for each in plot.marks:
         if ground is None and not isinstance(each, GROUND):
@@ -54,34 +47,13 @@ def draw_marks(canvas: Canvas, plot: Plot, brush: BrushShape | None) -> NDArray[
             _draw_rule(canvas, plot, each)
         else:
             draw_plane_mark(canvas, plot, each)
-    texts = number_cells(canvas, plot) | draw_names(canvas, plot, ground or canvas)
-    glyphs = canvas.glyphs
-    for at, glyph in zip(ends, (glyphs.scale_left, glyphs.scale_right), strict=False):
-        for row in range(canvas.height):
-            canvas.put(at, row, glyph, canvas.theme.truth, bold=True)
-    return texts
+    return number_cells(canvas, plot) | draw_names(canvas, plot, ground or canvas)
 
 
 def _copy(canvas: Canvas) -> Canvas:
     copy = Canvas(canvas.width, canvas.height, canvas.options)
     copy.paste(canvas, 0, 0)
     return copy
-
-
-def _draw_range(canvas: Canvas, plot: Plot, mark: BrushShape) -> tuple[int, ...]:
-    """The ground of a range of x, which on a turn may pass its ends; returns the end columns."""
-    width, theme = canvas.width, canvas.theme
-    if plot.shape == "turn":
-        middle, half = mark_arc(mark)
-        degrees = plot.x.value((np.arange(width) + 0.5) / width)
-        canvas.bg[:, np.abs(angles.wrap_degrees(degrees - middle)) <= half] = theme.highlight
-        bounds = wrap_degrees(middle - half), wrap_degrees(middle + half)
-    else:
-        bounds = mark_range(mark)
-    ends = tuple(int(np.clip(column_of(plot.x, x, width), 0, width - 1)) for x in bounds)
-    if plot.shape != "turn":
-        canvas.fill(ends[0], 0, ends[1] - ends[0] + 1, canvas.height, theme.highlight)
-    return ends
 
 
 def _draw_cursor(canvas: Canvas, plot: Plot, points: Points) -> None:
@@ -127,7 +99,7 @@ def _draw_bars(canvas: Canvas, plot: Plot, bars: Bars) -> None:
     part, whole = (
         np.where(inside, plot.y.fraction(counts[held]), 0.0) for counts in (bars.part, bars.whole)
     )
-    draw_vertical_bars(canvas, 0, 0, canvas.height, (part, whole), _ink(canvas, bars.ink))
+    draw_vertical_bars(canvas, (part, whole), _ink(canvas, bars.ink))
 
 
 def _draw_line(canvas: Canvas, plot: Plot, line: Line) -> None:

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from rich.cells import cell_len
 
 from s2rtui.canvas import Pixels, Theme
+from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.drawing.image import Image
 from s2rtui.drawing.page import BOLD, LETTER, NARROW, Ink, Inks, Page, style_axes, value_colours
 from s2rtui.drawing.plane_marks import PlaneMark
 from s2rtui.drawing.plane_paper import CELLS_PER_INCH, draw_plane_mark
 from s2rtui.drawing.plot import Bars, Dots, Line, Plot, Points, Rule, Sign
-from s2rtui.drawing.points_paper import draw_points
 from s2rtui.drawing.scale import Scale, short_number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
 
 _X_TICKS, _Y_TICKS = 0.7, 0.35
 """Inches between ticks at least."""
@@ -30,9 +31,10 @@ _BESIDE = 0.2
 _SCREEN_DPI = 110.0
 """Pixels per inch of dials on the screen of a terminal with graphics."""
 LEGEND_COLUMNS = 2
-MARKERS: dict[Sign, tuple[str, bool]] = {
+_MARKERS: dict[Sign, tuple[str, bool]] = {
     "sim": ("D", True), "real": ("D", False), "truth": ("o", True), "both": ("s", True),
-    "cursor": ("^", True), "pointer": (">", True), "selected": ("o", True), "trained": ("o", False),
+    "cursor": ("o", False), "pointer": (">", True), "selected": ("o", True),
+    "trained": ("o", False),
     "baseline": ("|", True), "vertical": ("|", True), "passed": ("o", True), "failed": ("^", True),
     "inconclusive": ("o", False), "skipped": (".", True), "interval": ("_", True),
     "planned": (">", True),
@@ -42,21 +44,28 @@ MARKERS: dict[Sign, tuple[str, bool]] = {
 
 
 def draw_plot(
-    axes: Axes, page: Page, plot: Plot, inches: tuple[float, float], has_x: bool, has_y: bool
-) -> None:
+    axes: Axes, page: Page, plot: Plot, inches: tuple[float, float], has_x: bool, has_y: bool,
+    has_title: bool = True,
+) -> None:  # fmt: skip
     """Draw a plot in `inches` (width, height) with the labels of x and the name of y if wanted."""
     font = 8 if page.inches[0] <= NARROW else 9
+    if plot.image is not None:
+        _draw_image(axes, page, plot, plot.image)
+        axes.set_axis_off()
+        if has_y:
+            axes.text(-0.1 / inches[0], 0.5, axis_name(plot.y, inches[1]), rotation=90,
+                      transform=axes.transAxes, ha="right", va="center", fontsize=9,
+                      color=page.inks.muted)  # fmt: skip
+        if has_title and plot.title:
+            _draw_title(axes, page, plot, inches[0])
+        return
     width, height = inches
     style_axes(axes, page)
     for spine in axes.spines.values() if plot.is_tight else ():
         spine.set_visible(True)
     draw_marks(axes, page, plot, inches)
-    for axis, scale in ((axes.xaxis, plot.x), (axes.yaxis, plot.y)):
-        is_x = axis.axis_name == "x"
-        axis.set_ticks(*axis_ticks(scale, width if is_x else height, is_x))
-        axis.set_ticks([], minor=True)
-        if is_x:
-            _keep_on_page(axis, scale, width)
+    set_ticks(axes, page, plot.x, width)
+    set_ticks(axes, page, plot.y, height, is_x=False)
     if has_x:
         axes.set_xlabel(axis_name(plot.x, width))
     else:
@@ -64,18 +73,27 @@ def draw_plot(
     if has_y:
         axes.set_ylabel(axis_name(plot.y, height))
     if plot.title:
-        name, *others = plot.title
-        axes.set_title(name.text, loc="left", fontsize=font + 1, pad=5, fontweight="bold",
-                       color=getattr(page.inks, name.ink))  # fmt: skip
-        text = "   ".join(phrase.whole(UNICODE) for phrase in others)
-        if (BOLD * (font + 1) * len(name.text) + font * (len(text) + 2)) * LETTER > width:
-            text = ""
+        others = plot.title[1:]
+        room = width / LETTER - BOLD * (font + 1) * cell_len(_draw_title(axes, page, plot, width))
+        text = ""
+        for phrase in others:
+            longer = "   ".join(filter(None, (text, phrase.whole(UNICODE))))
+            text = longer if font * (cell_len(longer) + 2) <= room else text
         axes.set_title(text, loc="right", fontsize=font, pad=5, color=page.inks.text)
     elif plot.legend:
         axes.legend(
             loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0, ncols=LEGEND_COLUMNS,
             fontsize=font, frameon=False, labelcolor=page.inks.text,
         )  # fmt: skip
+
+
+def _draw_title(axes: Axes, page: Page, plot: Plot, width: float) -> str:
+    """Write the first text of the title, as far as it fits into `width` inches; returns it."""
+    title, font = plot.title[0], 9 if page.inches[0] <= NARROW else 10
+    text = fit_text(title.text, int(width / (LETTER * BOLD * font)), "…")
+    axes.set_title(text, loc="left", fontsize=font, pad=5, fontweight="bold",
+                   color=getattr(page.inks, title.ink))  # fmt: skip
+    return text
 
 
 def plot_pixels(plot: Plot, theme: Theme, size: tuple[int, int], columns: int) -> Pixels:
@@ -113,19 +131,39 @@ def draw_sign(page: Page, x: float, y: float, sign: Sign, ink: Ink) -> None:
     """Draw the marker of a sign at a place of the page in inches."""
     from matplotlib.lines import Line2D
 
-    (wide, high), (marker, is_filled) = page.inches, MARKERS[sign]
-    face = ink if is_filled else page.inks.background
-    page.figure.add_artist(Line2D([x / wide], [y / high], color=ink, marker=marker, markersize=5.5,
-                                  markerfacecolor=face, linestyle="none"))  # fmt: skip
+    wide, high = page.inches
+    page.figure.add_artist(Line2D([x / wide], [y / high], **marker_style(page, sign, ink)))
 
 
-def _keep_on_page(axis: Axis, scale: Scale, inches: float) -> None:
-    """Move the labels that would reach beyond the axis and the room beside it."""
-    for label, at in zip(axis.get_ticklabels(), axis.get_ticklocs(), strict=True):
-        beyond = len(label.get_text()) * LETTER * 8 / 2 - _BESIDE
-        place = float(scale.fraction(at)) * inches
-        if place + beyond > inches:
-            label.set_horizontalalignment("right")
+def marker_style(page: Page, sign: Sign, ink: Ink) -> dict[str, Any]:
+    """How matplotlib draws the marker of a sign."""
+    marker, is_filled = _MARKERS[sign]
+    return {"marker": marker, "markersize": 5.5, "color": ink, "linestyle": "none",
+            "markerfacecolor": ink if is_filled else page.inks.background}  # fmt: skip
+
+
+def set_ticks(axes: Axes, page: Page, scale: Scale, inches: float, is_x: bool = True) -> None:
+    """Set the ticks of an axis with labels that keep apart, as far as they reach beyond it."""
+    from matplotlib.transforms import ScaledTranslation
+
+    axis, moved = axes.xaxis if is_x else axes.yaxis, dict[str, float]()
+    letter = LETTER * 8
+    apart, gap, beyond = (_X_TICKS, letter, _BESIDE) if is_x else (_Y_TICKS, 0.0, math.inf)
+
+    def extent(text: str) -> float:
+        return letter * cell_len(text) if is_x else _LINE
+
+    most = max(2, int(inches / apart))
+    for start, at, text in scale.labels(inches, most, extent, gap, beyond):
+        moved[text] = start + extent(text) / 2 - at
+    ticks = scale.ticks(most)
+    texts = [text if text in moved else "" for _, text in ticks]
+    axis.set_ticks([value for value, _ in ticks], texts)
+    axis.set_ticks([], minor=True)
+    for label, text in zip(axis.get_ticklabels(), texts, strict=True):
+        if is_x and abs(moved.get(text, 0.0)) > 1e-6:
+            shift = ScaledTranslation(moved[text], 0.0, page.figure.dpi_scale_trans)
+            label.set_transform(label.get_transform() + shift)
 
 
 def draw_marks(
@@ -137,13 +175,9 @@ def draw_marks(
             getattr(axes, f"set_{name}scale")("log")
         axes.set(**{f"{name}lim": (scale.low, scale.high)})
     for mark in plot.marks:
-        if isinstance(mark, Points):
-            draw_points(axes, page, plot, mark, inches)
-        elif isinstance(mark, PlaneMark):
+        if isinstance(mark, PlaneMark | Points):
             draw_plane_mark(axes, page, plot, mark, inches, is_page)
-        elif isinstance(mark, Image):
-            _draw_image(axes, page, plot, mark)
-        else:
+        elif not isinstance(mark, Image):
             _draw_mark(axes, page, plot, mark)
 
 
@@ -161,21 +195,7 @@ def _draw_image(axes: Axes, page: Page, plot: Plot, image: Image) -> None:
 def axis_name(scale: Scale, width: float) -> str:
     """The name of an axis that fits into `width` inches."""
     names = scale.names or ("",)
-    return scale.name(width, lambda text: LETTER * 9 * len(text)) or names[-1]
-
-
-def axis_ticks(scale: Scale, inches: float, is_x: bool) -> tuple[list[float], list[str]]:
-    """The ticks of an axis and their labels, empty where they would collide."""
-    letter = LETTER * 8
-    apart, gap = (_X_TICKS, letter) if is_x else (_Y_TICKS, 0.0)
-
-    def extent(text: str) -> float:
-        return letter * len(text) if is_x else _LINE
-
-    most = max(2, int(inches / apart))
-    kept = {text for *_, text in scale.labels(inches, most, extent, gap)}
-    ticks = scale.ticks(most)
-    return [value for value, _ in ticks], [text if text in kept else "" for _, text in ticks]
+    return scale.name(width, lambda text: LETTER * 9 * cell_len(text)) or names[-1]
 
 
 def _draw_mark(axes: Axes, page: Page, plot: Plot, mark: Bars | Line | Dots | Rule) -> None:
@@ -209,15 +229,13 @@ def _draw_dots(axes: Axes, page: Page, plot: Plot, dots: Dots) -> None:
     """Markers with their intervals; an arrow with the number where y is beyond the scale."""
     ink = getattr(page.inks, dots.ink)
     at, low, high = dots.x * dots.shift, plot.y.low, plot.y.high
-    marker, is_filled = MARKERS[dots.sign or dots.ink]  # type: ignore[index]
     if dots.low is not None and dots.high is not None:
         known = np.isfinite(dots.low) & np.isfinite(dots.high)
         ends = np.clip([dots.low[known], dots.high[known]], low, high)
         axes.vlines(at[known], *ends, color=ink, linewidth=1.3)
     inside = (dots.y >= low) & (dots.y <= high)
-    axes.plot(at[inside], dots.y[inside], marker=marker, markersize=5.5, color=ink,
-              markerfacecolor=ink if is_filled else page.inks.background, linestyle="none",
-              zorder=5, clip_on=False, label=dots.name or None)  # fmt: skip
+    axes.plot(at[inside], dots.y[inside], zorder=5, clip_on=False, label=dots.name or None,
+              **marker_style(page, dots.drawn_sign, ink))  # fmt: skip
     bounds = np.empty((0, len(at)))
     if dots.low is not None and dots.high is not None:
         bounds = np.stack([dots.low, dots.high])

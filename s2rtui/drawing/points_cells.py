@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from s2rtui.canvas import UNICODE, Canvas, RenderOptions, legible, mix, turbo
 from s2rtui.canvas.raster import braille_bits, cells_with_dots
-from s2rtui.drawing.legend import LegendPart, ramp_for_values, text_part
+from s2rtui.drawing.heat_colours import ramp_glyphs
+from s2rtui.drawing.legend import LegendPart, text_part
 from s2rtui.drawing.plot import Plot, Points
-from s2rtui.drawing.points import PointCells, point_cells
+from s2rtui.drawing.points import PointCells, canvas_grid, point_cells
 from s2rtui.drawing.trained_marks import (
     TrainedForms,
     digit_forms,
@@ -50,7 +51,7 @@ def draw_points(canvas: Canvas, plot: Plot, points: Points) -> None:
 
     Cells with selected instances show these alone, in the colour of their mean level.
     """
-    cells = point_cells(points, plot.x, plot.y, canvas.width, canvas.height)
+    cells = point_cells(points, canvas_grid(canvas, plot))
     _draw_cells(canvas, points, cells)
     if points.trained is not None:
         if _names(points, canvas.options) is None:
@@ -95,7 +96,7 @@ def _inks(points: Points, options: RenderOptions) -> NDArray[np.uint8]:
 
 def _names(points: Points, options: RenderOptions) -> NDArray[np.str_] | None:
     """The glyph of each level where colours do not tell them apart."""
-    digits = ramp_for_values(options)
+    digits = ramp_glyphs("values", options)
     if digits is None:
         return None
     if points.inks:
@@ -105,7 +106,7 @@ def _names(points: Points, options: RenderOptions) -> NDArray[np.str_] | None:
 
 def _forms(points: Points, options: RenderOptions) -> TrainedForms:
     """The forms of trained instances: of digits that stand for values, or of numbers."""
-    if ramp_for_values(options) is None:
+    if ramp_glyphs("values", options) is None:
         return number_forms(options, options.glyphs.selected)
     if points.inks:
         signs = "".join(getattr(options.glyphs, ink) for ink in points.inks)
@@ -115,7 +116,7 @@ def _forms(points: Points, options: RenderOptions) -> TrainedForms:
 
 def points_legend(points: Points, options: RenderOptions) -> list[LegendPart]:
     """What a cell of points shows."""
-    theme, ramp = options.theme, ramp_for_values(options)
+    theme, ramp = options.theme, ramp_glyphs("values", options)
     parts = []
     if not points.inks:
         mean = "digit" if ramp else "colour"

@@ -11,13 +11,15 @@ from s2rtui.canvas import Pixels, Theme
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.drawing.page import BOLD, LETTER, NARROW, Page
 from s2rtui.drawing.plot import Bars, Dots, Plot
-from s2rtui.drawing.plot_paper import MARKERS, axis_ticks, drawn_pixels
+from s2rtui.drawing.plot_paper import drawn_pixels, marker_style, set_ticks
 from s2rtui.drawing.polar_cells import RING
 
 _LINE, _HEAD, _LABEL_FONT = 0.2, 0.25, 8
 """Inches of a label and of a title, and font size of labels."""
 _SIDE = 0.36
 """Inches beside a disc, for labels of x."""
+_LARGEST = 1.6
+"""Inches of a disc on a page that is as high as its parts."""
 _MARGIN, _PADDING = 0.15, 0.1
 """Inches at the left and right of a row of dials, and of each dial."""
 _BETWEEN = 12
@@ -33,6 +35,11 @@ def draw_dials(page: Page, plots: Sequence[Plot], below: float, is_beside: bool)
         column, row = place % columns, place // columns
         left, top = _MARGIN + column * width, page.top - row * height
         _draw_dial(page, plot, (left, top - height, width, height))
+
+
+def dial_inches(width: float) -> float:
+    """The height of a dial, with its title and labels, on a page that is as high as its parts."""
+    return min(width - 2 * _SIDE, _LARGEST) + _HEAD + 3 * _LINE
 
 
 def dial_pixels(plot: Plot, theme: Theme, size: tuple[int, int]) -> Pixels:
@@ -85,7 +92,7 @@ def _disc(page: Page, plot: Plot, box: tuple[float, float, float]) -> Any:
     axes.set_theta_direction(-1 if plot.turns == "clockwise" else 1)
     axes.set_rorigin(low - (high - low) * RING / (1 - RING))
     axes.set_rlim(low, high)
-    axes.set_yticks(*axis_ticks(plot.y, (1 - RING) * side / 2, is_x=False))
+    set_ticks(axes, page, plot.y, (1 - RING) * side / 2, is_x=False)
     ticks = {degrees % 360: f"{text}°".replace("-", "−") for degrees, text in plot.x.ticks(4)}
     axes.set_xticks(np.radians(list(ticks)), list(ticks.values()))
     axes.set_xlim(0, 2 * np.pi)
@@ -102,10 +109,9 @@ def _disc(page: Page, plot: Plot, box: tuple[float, float, float]) -> Any:
                      color=getattr(inks, mark.ink), zorder=3, **style)  # fmt: skip
         elif isinstance(mark, Dots):
             ink, turn = getattr(inks, mark.ink), np.radians(mark.x)
-            marker, _ = MARKERS[mark.sign or mark.ink]  # type: ignore[index]
             axes.vlines(turn, low, mark.y, color=ink, linewidth=1.1, zorder=5)
-            axes.plot(turn, mark.y, marker=marker, markersize=5.5, color=ink, linestyle="none",
-                      zorder=5, clip_on=False)  # fmt: skip
+            style = marker_style(page, mark.drawn_sign, ink)
+            axes.plot(turn, mark.y, zorder=5, clip_on=False, **style)
     return axes
 
 

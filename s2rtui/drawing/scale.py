@@ -77,17 +77,19 @@ class Scale:
         return next((name for name in self.names if extent(name) <= room), "")
 
     def labels(
-        self, length: float, most: int, extent: Callable[[str], float], gap: float
-    ) -> Iterator[tuple[float, float, str]]:
+        self, length: float, most: int, extent: Callable[[str], float], gap: float,
+        beyond: float = 0.0,
+    ) -> Iterator[tuple[float, float, str]]:  # fmt: skip
         """Yield (start, tick, label) of the ticks along an axis of some length.
 
-        `extent` is the length of a text. Labels are centred at their ticks, moved to lie within the
-        axis, and `gap` apart; one that would collide with the label before it is left out.
+        `extent` is the length of a text. Labels are centred at their ticks, moved to reach at most
+        `beyond` the axis, and `gap` apart; one that would collide with the label before it is left
+        out.
         """
-        free = 0.0
+        free = -math.inf
         for value, text in sorted(self.ticks(most), key=lambda tick: float(self.fraction(tick[0]))):
             tick, size = float(self.fraction(value)) * length, extent(text)
-            start = min(max(tick - size / 2, 0.0), length - size)
+            start = min(max(tick - size / 2, -beyond), length + beyond - size)
             if 0 <= tick <= length and start >= free - 1e-9:
                 yield start, tick, text
                 free = start + size + gap

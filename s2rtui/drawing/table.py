@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import overload
 
+from rich.cells import cell_len
+
 from s2rtui.drawing.plot import Ink, Rule, Sign
 from s2rtui.drawing.row_lines import RowLines
 from s2rtui.drawing.scale import Scale
@@ -65,6 +67,10 @@ class Cell:
     def whole(self) -> str:
         return f"{self.text} ({self.detail})" if self.detail else self.text
 
+    def in_room(self, room: int) -> str:
+        """The text, with its detail where that fits into `room` cells."""
+        return self.whole if cell_len(self.whole) <= room else self.text
+
 
 @dataclass(frozen=True, slots=True)
 class Column:
@@ -74,7 +80,8 @@ class Column:
     where the scale has a name. rules: lines across all its strips. sorts: whether the rows are
     sorted by it. rank: columns of the largest are left out first where there is no room. least:
     its least width in cells; a strip has it as long as columns of more than one rank can be left
-    out. wraps: whether its texts are wrapped into the room that the other columns leave. panel:
+    out. wraps: whether its texts are wrapped into the room that the other columns leave. is_cut:
+    whether its texts may be cut to its least width, as those of the first column always. panel:
     name of the panel in which its cells can be brushed.
     """
 
@@ -87,6 +94,7 @@ class Column:
     rank: int = 0
     least: int = 0
     wraps: bool = False
+    is_cut: bool = False
     panel: str = ""
 
 

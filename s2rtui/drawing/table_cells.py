@@ -120,7 +120,7 @@ def _draw_head(canvas: Canvas, table: TableSpec, layout: TableLayout) -> None:
     hidden = layout.shown < len(table.rows)
     for place, start, width in zip(layout.columns, layout.starts, layout.widths, strict=True):
         column = table.columns[place]
-        name = column.name
+        name = canvas.options.printable(column.name)
         if place == 0 and hidden:
             window = f"{layout.first + 1}-{layout.first + layout.shown}"
             name = next(
@@ -148,13 +148,15 @@ def _draw_line(
     for place, scale, start, length in layout.strips(table) if not is_last else ():
         marks = _marks(table.columns[place], row.cells[place], line)
         _draw_strip(canvas, scale, marks, (start, y, length))
-    for place, start, width in zip(layout.columns, layout.starts, layout.widths, strict=True):
+    shown = zip(layout.columns, layout.starts, layout.widths, layout.text_widths, strict=True)
+    for place, start, width, text in shown:
         column, cell = table.columns[place], row.cells[place]
         if column.wraps:
             ink = theme.muted if line.is_note else getattr(theme, row.ink)
             canvas.text(start, y, canvas.options.printable(line.text), ink)
         elif line.part == 0 and (cell.text or cell.detail):
-            _draw_text(canvas, row, column, cell, place, (start, y, width), layout, held)
+            room = width if column.scale is None else text
+            _draw_text(canvas, row, column, cell, place, (start + width - room, y, room), held)
         elif (
             line.is_note and place == 0 and not any(table.columns[p].wraps for p in layout.columns)
         ):
@@ -172,15 +174,15 @@ def _marks(column: Column, cell: Cell, line: TableLine) -> tuple[StripMark, ...]
 
 def _draw_text(
     canvas: Canvas, row: Row, column: Column, cell: Cell, place: int, at: tuple[int, int, int],
-    layout: TableLayout, held: bool,
+    held: bool,
 ) -> None:  # fmt: skip
     (start, y, width), theme, glyphs = at, canvas.theme, canvas.glyphs
     ink = getattr(theme, row.inks.get(place, row.ink))
-    detail = f"({cell.detail})" if layout.is_detailed and cell.detail else ""
+    detail = f"({cell.detail})" if cell.in_room(width) != cell.text else ""
     room = width - (cell_len(detail) + 1 if detail else 0)
     sign = f"{getattr(glyphs, row.sign)} " if row.sign and place == 0 else ""
     text = canvas.options.printable(sign + cell.text)
-    text = fit_text(text, room, "" if place else glyphs.ellipsis)
+    text = fit_text(text, room, glyphs.ellipsis)
     bold = row.bold or (held and not cell.strip)
     if column.right or column.scale is not None:
         whole = cell_len(text) + (cell_len(detail) + 1 if detail else 0)

@@ -48,7 +48,7 @@ class TableLayout:
     columns: places of the visible columns; starts, widths: of each. text_widths: of the texts
     behind strips. top: line of the first row; each: lines from a row with strips to the next one.
     first, shown: the visible rows. axis: line of the axis of strips, if any. is_detailed: whether
-    details are shown. is_tight: whether names are cut, or strips shorter than they should be.
+    all details have room. is_tight: whether names are cut, or strips shorter than they should be.
     """
 
     columns: tuple[int, ...]
@@ -104,7 +104,7 @@ def table_layout(
     measured = table.rows[first : first + room] if count > _MEASURED else list(table.rows)
     room_across = max(1, width - gutter)
     window = len(f"{count}-{count}/{count}") if has_window and top and count > room else 0
-    columns, widths, texts, choice = _columns(table, measured, room_across, window)
+    columns, widths, texts, is_detailed, is_tight = _columns(table, measured, room_across, window)
     if axis and not any(
         scale is not None and scale.names for scale in (table.columns[at].scale for at in columns)
     ):
@@ -136,8 +136,8 @@ def table_layout(
         x += taken + GAP
     return TableLayout(
         tuple(columns), tuple(starts), tuple(widths), tuple(texts), gutter, top, tuple(lines), each,
-        rows[0] if rows else 0, len(rows), top + len(lines) if axis else None, choice.details,
-        choice.is_tight,
+        rows[0] if rows else 0, len(rows), top + len(lines) if axis else None, is_detailed,
+        is_tight,
     )  # fmt: skip
 
 
@@ -158,23 +158,18 @@ def _first_row(table: TableSpec, shown: int) -> int:
 
 @dataclass(frozen=True, slots=True)
 class _Choice:
-    """What is shown: columns up to a rank, details, texts behind strips; and the least widths."""
+    """What is shown: columns up to a rank, texts behind strips; and the least widths."""
 
     rank: int
-    details: bool = False
     strip_texts: bool = True
     name: int = _SHORTEST_NAME
     strip: int = _SHORTEST_STRIP
 
-    @property
-    def is_tight(self) -> bool:
-        return self.strip < _SHORTEST_STRIP
-
 
 def _columns(
     table: TableSpec, rows: Sequence[Row], width: int, window: int
-) -> tuple[list[int], list[int], list[int], _Choice]:
-    """The visible columns, their widths, the widths of their texts, and what is shown of them.
+) -> tuple[list[int], list[int], list[int], bool, bool]:
+    """The visible columns, their widths, the widths of their texts, `is_detailed` and `is_tight`.
 
     window: letters of the numbers of the visible rows, in the head of the first column.
     """
@@ -183,7 +178,7 @@ def _columns(
     strips = [column.least for column in table.columns if column.scale is not None]
     wide = max([_SHORTEST_STRIP, *strips])
     choices = [
-        _Choice(ranks[0], True, strip=wide), *(_Choice(rank, strip=wide) for rank in ranks[:-1]),
+        *(_Choice(rank, strip=wide) for rank in (ranks[:-1] or ranks)),
         *map(_Choice, ranks), _Choice(ranks[-1], name=tight, strip=5),
         _Choice(ranks[-1], strip_texts=False, name=tight, strip=4),
     ]  # fmt: skip
@@ -197,16 +192,16 @@ def _columns(
         free = width - sum(least) - GAP * (len(places) - 1)
         if free >= 0:
             break
-    return places, _widths(table, places, texts, least, free), texts, choice
+    details = [max((cell_len(row.cells[at].whole) for row in rows), default=0) for at in places]
+    widths, is_detailed = _widths(table, places, texts, details, least, free)
+    return places, widths, texts, is_detailed, choice.strip < _SHORTEST_STRIP
 
 
 def _text_width(column: Column, place: int, rows: Sequence[Row], choice: _Choice) -> int:
     if column.scale is not None and not choice.strip_texts:
         return 0
-    cells = [row.cells[place] for row in rows]
     before = 2 if place == 0 and any(row.sign for row in rows) else 0
-    widths = (cell_len(cell.whole if choice.details else cell.text) for cell in cells)
-    return before + max(widths, default=0)
+    return before + max((cell_len(row.cells[place].text) for row in rows), default=0)
 
 
 def _least(column: Column, place: int, text: int, choice: _Choice) -> int:
@@ -216,28 +211,43 @@ def _least(column: Column, place: int, text: int, choice: _Choice) -> int:
         return _NARROWEST_TEXT
     if column.scale is not None:
         return choice.strip + (text + 1 if text else 0)
-    if place == 0 and not choice.details:
-        return min(max(head, text, column.least), max(choice.name, column.least))
+    if place == 0 or column.is_cut:
+        shortest = 0 if place else choice.name
+        return min(max(head, text, column.least), max(shortest, head, column.least))
     return max(head, text, column.least)
 
 
 def _widths(
-    table: TableSpec, places: list[int], texts: list[int], least: list[int], free: int
-) -> list[int]:
-    """The widths of columns: names have their whole length, the rest is for strips and texts."""
-    widths = list(least)
-    free = max(0, free)
-    if places and places[0] == 0:
-        more = min(free, max(0, texts[0] - widths[0]))
-        widths[0] += more
+    table: TableSpec, places: list[int], texts: list[int], details: list[int], least: list[int],
+    free: int,
+) -> tuple[list[int], bool]:  # fmt: skip
+    """The widths of columns: names have their whole length, then details as far as there is room,
+    for which those of `texts` grow; the rest is for strips and wrapped texts. Also returns whether
+    all details have room.
+    """
+    widths, free = list(least), max(0, free)
+    for at, place in enumerate(places):
+        if place == 0 or table.columns[place].is_cut:
+            more = min(free, max(0, texts[at] - widths[at]))
+            widths[at] += more
+            free -= more
+    wanted = {at: details[at] - max(texts[at], least[at] * (table.columns[place].scale is None))
+              for at, place in enumerate(places)
+              if texts[at] and not table.columns[place].wraps}  # fmt: skip
+    wanted = {at: more for at, more in wanted.items() if more > 0}
+    for left, (at, needed) in zip(range(len(wanted), 0, -1), wanted.items(), strict=True):
+        more = min(needed, free // left)
+        widths[at] += more
+        texts[at] += more
         free -= more
+        wanted[at] -= more
     wide = [
         at for at, place in enumerate(places)
         if table.columns[place].wraps or table.columns[place].scale is not None
     ]  # fmt: skip
     for number, at in enumerate(wide):
         widths[at] += free // len(wide) + (number < free % len(wide))
-    return widths
+    return widths, not any(wanted.values())
 
 
 def _entries(table: TableSpec, columns: list[int], widths: list[int], room: int) -> list[TableLine]:

@@ -13,7 +13,7 @@ from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.drawing.page import LETTER, Page, style_axes
 from s2rtui.drawing.plot import ROLES
-from s2rtui.drawing.plot_paper import MARKERS, axis_name, axis_ticks
+from s2rtui.drawing.plot_paper import axis_name, marker_style, set_ticks
 from s2rtui.drawing.row_lines_paper import draw_row_lines
 from s2rtui.drawing.table import Bar, Row, Span, StripMark, TableSpec, Text
 from s2rtui.drawing.table_layout import ALL_LINES, TableLayout, table_layout
@@ -23,23 +23,23 @@ if TYPE_CHECKING:
 
 LINE = 0.17
 """Height of a line of a table and of notes in inches."""
-MARGIN = 0.3
-"""Inches beside texts."""
 _AXIS = 0.42
 """Height of the axis of strips in inches."""
+_STEP, _STEP_WITH_LINES = 1.6, 2.8
+"""Lines from a row with strips to the next one, and with lines from strip to strip."""
 _BAR = 0.7
 """Height of a bar as a share of its row."""
 
 
-def sentences(table: TableSpec, letters: int) -> list[str] | None:
-    """The rows as sentences, where no column may be left out and they do not fit; else None."""
+def sentences(table: TableSpec, letters: int) -> list[str]:
+    """The rows as sentences, where no column may be left out and they do not fit; else none."""
     if any(column.rank or column.scale or column.wraps for column in table.columns):
-        return None
+        return []
     layout = page_layout(table, letters, len(table.rows) + 1)
     needed = max((start + width for start, width in zip(layout.starts, layout.widths, strict=True)),
                  default=0)  # fmt: skip
     if layout.is_detailed and needed <= letters:
-        return None
+        return []
     return [line for text in table.sentences("\u00a0") for line in wrapped(text, letters)]
 
 
@@ -53,18 +53,16 @@ def wrapped(text: str, letters: int) -> list[str]:
 
 
 def draw_table(
-    page: Page, table: TableSpec, top: float, bottom: float, font: float, margin: float = MARGIN,
-    width: float | None = None,
+    page: Page, table: TableSpec, top: float, bottom: float, font: float, margin: float,
+    width: float,
 ) -> None:  # fmt: skip
-    """Draw what fits between two heights of the page, in inches.
-
-    margin: at its left; width: by default that of the page between its margins.
-    """
+    """Draw what fits between two heights of the page in `width` inches, `margin` at its left."""
     height = line_height(font)
     letter = LETTER * font
-    letters = int((page.inches[0] - 2 * MARGIN if width is None else width) / letter)
+    letters = int(width / letter)
     has_axis = page_layout(table, letters).axis is not None
-    room = top - bottom - (_AXIS if has_axis else 0.0)
+    is_cut = _hidden_columns(table, page_layout(table, letters)) > 0
+    room = top - bottom - _AXIS * has_axis - LINE * is_cut
     lines = max(1, int(room / height + 1e-6))
     if not _has_notes(table) and any(column.scale is not None for column in table.columns):
         lines = min(lines, len(table.rows) + table.has_head)
@@ -94,10 +92,11 @@ def draw_table(
         row = table.rows[line.row]
         if line.row == table.chosen or row.marked:
             _highlight(page, y, step)
-        for place, start, wide, _ in shown:
+        for place, start, wide, texts in shown:
             column = table.columns[place]
             left, right = margin + start * letter, margin + (start + wide) * letter
-            text, ink = _text(table, layout, row, place, line.part, line.text)
+            room = wide if column.scale is None else texts
+            text, ink = _text(table, layout, row, place, line.part, line.text, room)
             if row.sign and place == 0 and line.part == 0:
                 text = f"{getattr(UNICODE, row.sign)} {text}"
             if line.is_note:
@@ -113,9 +112,10 @@ def draw_table(
             text = fit_text(printable(text), most + 1, "…")
             page.text(x, y, text, getattr(page.inks, ink), font, ha=side, va="center",
                       fontweight=weight)  # fmt: skip
-    hidden = len(table.rows) - layout.shown
-    if hidden > 0:
-        page.text(margin, bottom - 0.12, counted(hidden, "more row"), page.inks.muted, 8)
+    hidden = {"row": len(table.rows) - layout.shown, "column": _hidden_columns(table, layout)}
+    more = " and ".join(counted(count, f"more {what}") for what, count in hidden.items() if count)
+    if more:
+        page.text(margin, bottom + 0.03, more, page.inks.muted, 8)
 
 
 def line_height(font: float) -> float:
@@ -126,12 +126,18 @@ def line_height(font: float) -> float:
 def table_inches(table: TableSpec, letters: int, font: float) -> float:
     """The height of a table in inches, with a line for each row, and its wrapped texts."""
     layout = page_layout(table, letters)
-    has_axis = layout.axis is not None
+    has_axis, is_cut = layout.axis is not None, _hidden_columns(table, layout) > 0
+    around = _AXIS * has_axis + LINE * is_cut
     if _has_strips(table, layout) and not _has_notes(table):
-        return (layout.top + len(table.rows)) * 1.6 * line_height(font) + (
-            _AXIS if has_axis else 0.0
-        )
-    return (layout.top + len(layout.lines)) * line_height(font)
+        lines = (_STEP_WITH_LINES if table.lines else _STEP) * (layout.top + len(table.rows))
+        return lines * line_height(font) + around
+    return (layout.top + len(layout.lines)) * line_height(font) + around
+
+
+def _hidden_columns(table: TableSpec, layout: TableLayout) -> int:
+    """Columns that are left out; the name of a row that stands before its text is not."""
+    wraps = any(table.columns[place].wraps for place in layout.columns)
+    return 0 if wraps else len(table.columns) - len(layout.columns)
 
 
 def _has_notes(table: TableSpec) -> bool:
@@ -143,7 +149,7 @@ def _has_strips(table: TableSpec, layout: TableLayout) -> bool:
 
 
 def _text(
-    table: TableSpec, layout: TableLayout, row: Row, place: int, part: int, text: str
+    table: TableSpec, layout: TableLayout, row: Row, place: int, part: int, text: str, room: int
 ) -> tuple[str, str]:
     """The text of a cell in a line, and its ink."""
     column, cell = table.columns[place], row.cells[place]
@@ -153,7 +159,7 @@ def _text(
         return text, ink
     if part:
         return "", ink
-    return (cell.whole if layout.is_detailed else cell.text), ink
+    return cell.in_room(room), ink
 
 
 def _highlight(page: Page, y: float, height: float) -> None:
@@ -180,7 +186,7 @@ def _draw_strips(
     axes.set_ylim(max(count, 1) - 0.5, -0.5)
     axes.set_yticks([])
     if scale.names:
-        axes.set_xticks(*axis_ticks(scale, inches[0], True))
+        set_ticks(axes, page, scale, inches[0])
         axes.set_xlabel(axis_name(scale, inches[0]))
         axes.grid(axis="x", color=page.inks.faint, linewidth=0.6)
         axes.set_axisbelow(True)
@@ -214,7 +220,6 @@ def _draw_strip_mark(axes: Axes, page: Page, mark: StripMark, y: float) -> None:
         axes.annotate(mark.text, (0, y), xycoords=("axes fraction", "data"), va="center",
                       fontsize=8, color=ink, path_effects=page.halo(2), zorder=5)  # fmt: skip
     else:
-        (low, high), (marker, is_filled) = axes.get_xlim(), MARKERS[mark.sign]
-        axes.plot([min(max(mark.at, low), high)], [y], marker=marker, markersize=5.5, color=ink,
-                  markerfacecolor=ink if is_filled else page.inks.background, linestyle="none",
-                  zorder=5, clip_on=False)  # fmt: skip
+        low, high = axes.get_xlim()
+        axes.plot([min(max(mark.at, low), high)], [y], zorder=5, clip_on=False,
+                  **marker_style(page, mark.sign, ink))  # fmt: skip

@@ -26,7 +26,7 @@ DEFAULT_DPI = 300
 DEFAULT_MM = 160.0
 """Width of a page of which only the resolution is given."""
 NARROW_MM = 120.0
-"""Pages below this width have the narrow shape of their view."""
+"""Reports have figures of one column below this width of pages."""
 _MM_RANGE, _DPI_RANGE = (40.0, 420.0), (72, 1200)
 
 
@@ -72,13 +72,10 @@ class PageOptions:
         return DARK if self.dark else LIGHT
 
     def pixels(self, view: View) -> Pixels:
-        """The size of a view's figure in pixels."""
+        """The size of a view's figure in pixels; of height 0 where that of its parts counts."""
         if not self.is_physical:
             return self.size or view.figure_size
-        width = self.millimetres
-        wide = width / MM_PER_INCH * (self.dpi or DEFAULT_DPI)
-        ratio = view.narrow_ratio if width < NARROW_MM else view.wide_ratio
-        return round(wide), round(wide * ratio)
+        return round(self.millimetres / MM_PER_INCH * (self.dpi or DEFAULT_DPI)), 0
 
     @contextmanager
     def format(self, form: Form = "png", type_size: float = 1.0) -> Iterator[None]:

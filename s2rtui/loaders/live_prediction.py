@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from s2rstore.errors import RequestError
 from s2rstore.heatmap_kinds import heatmap_facts
 from s2rstore.reader import Store
-from s2rtui.charts.adjust.model import live_input
+from s2rtui.charts.adjust import live_input
 from s2rtui.loaders.loader import Fields, LoadContext
 from s2rtui.session import adjusting
 from s2rtui.session.heatmaps import without_blanks

@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +15,14 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files.image_header import floor_plan_bytes
 from s2rstore.findings import find_all
-from s2rstore.findings.groups import Grouping, group_errors, groups_of
+from s2rstore.findings.groups import group_errors, groups_of
 from s2rstore.gap_history import reader
 from s2rstore.index.population import Population
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN
 from s2rtui.canvas import Pixels
-from s2rtui.charts.instance.model import instance_input
-from s2rtui.charts.overview.model import overview_rows, translator_rows
+from s2rtui.charts.instance import instance_input
+from s2rtui.charts.overview import overview_rows, translator_rows
 from s2rtui.charts.scene import LoadedGroups, LoadedModel, RunAccuracies, model_source
 from s2rtui.charts.view import StatisticsView
 from s2rtui.drawing.floor import plan_tones
@@ -198,7 +197,7 @@ def groups_key(store: Store, state: State) -> Key | None:
 
 def read_groups(store: Store, state: State, context: LoadContext) -> Fields:
     """The errors of the groups of the rooms view, over the base population."""
-    grouped = groups_of(store, cast(Grouping, state.grouping))
+    grouped = groups_of(store, state.grouping)
     rows = group_errors(store, state.run, grouped, state.base)
     return {"groups": LoadedGroups(provenance.groups_key(state), grouped, rows)}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import get_args
 
-from s2rstore.findings.groups import Grouping
+from s2rstore.findings.groups import Grouping, crossed, parts_of
 from s2rtui.session.context import SessionContext
 from s2rtui.session.state import State
 from s2rtui.session.view_settings import unscrolled
@@ -45,10 +45,23 @@ COLUMN_NAMES = tuple(_BY_NAME)
 
 def change_grouping(context: SessionContext, state: State) -> State:
     """Group by the next of room, heading, curvature and trajectory; then compare room counts."""
-    grouping = GROUPINGS[(GROUPINGS.index(state.grouping) + 1) % len(GROUPINGS)]
+    first = state.grouping.partition(",")[0]
+    grouping = GROUPINGS[(GROUPINGS.index(first) + 1) % len(GROUPINGS)]
     message = f"errors by {grouping}"
     if grouping == COUNTS:
         message = "instances per room: predicted in sim, true, predicted in reality"
+    return unscrolled(state.updated(grouping=grouping, message=message), "rooms")
+
+
+def cross_grouping(context: SessionContext, state: State) -> State:
+    """Group by a second grouping within the first: the next one, then none."""
+    if state.grouping == COUNTS:
+        return state.with_message("counts have no second grouping; O shows errors")
+    first, *second = parts_of(state.grouping)
+    others = [None, *(other for other in get_args(Grouping) if other != first)]
+    following = others[(others.index(second[0] if second else None) + 1) % len(others)]
+    grouping = first if following is None else crossed(first, following)
+    message = f"errors by {' and '.join(parts_of(grouping))}"
     return unscrolled(state.updated(grouping=grouping, message=message), "rooms")
 
 

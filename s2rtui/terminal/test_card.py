@@ -9,7 +9,7 @@ import numpy as np
 
 from s2rtui.canvas import DEFAULT_OPTIONS, DIGITS, Canvas, RenderOptions, Size, turbo
 from s2rtui.canvas.block_symbols import SYMBOL_SETS, Symbols, symbol_stripes
-from s2rtui.canvas.raster import draw_braille, draw_half_blocks
+from s2rtui.canvas.raster import draw_blocks, draw_braille, half_blocks
 
 Rows = list[tuple[str, str]]
 LABEL = 22
@@ -81,7 +81,7 @@ def _picture(canvas: Canvas, x: int, y: int) -> None:
         return
     across = np.linspace(0, 1, 40)
     rows = np.stack([turbo(across), turbo(1 - across)])
-    draw_half_blocks(canvas, x, y, rows)
+    draw_blocks(canvas, half_blocks(rows), x, y)
 
 
 def _dots(canvas: Canvas, x: int, y: int) -> None:

@@ -14,7 +14,7 @@ from s2rstore.records import Bounds
 from s2rtui.app.titled_view import TitledView
 from s2rtui.canvas import Canvas, RenderOptions
 from s2rtui.canvas.marks import BrushShape
-from s2rtui.charts.instance.model import instance_input
+from s2rtui.charts.instance import instance_input
 from s2rtui.charts.registry import VIEWS
 from s2rtui.charts.scene import LoadedData, RunAccuracies, Scene, TranslatorRow
 from s2rtui.charts.view import View

@@ -62,6 +62,9 @@ async def test_the_rooms_view_groups_and_sorts_by_keys(tiny_store):
         for grouping in (*GROUPINGS[1:], GROUPINGS[0]):
             await press(app, pilot, "O")
             assert app.session.state.grouping == grouping
+        for second in (",heading", ",curvature", ",trajectory", ""):
+            await press(app, pilot, "asterisk")
+            assert app.session.state.grouping == f"room{second}"
         sort = app.session.state.sort
         for name in (*COLUMN_NAMES[1:], COLUMN_NAMES[0]):
             await press(app, pilot, "full_stop")

@@ -20,9 +20,9 @@ from s2rtui.charts.findings import findings_drawing
 from s2rtui.charts.history import history_model, history_plots
 from s2rtui.charts.map import MapInput, map_drawing
 from s2rtui.charts.orientation import BINS, Name, orientation_model, orientation_plots
-from s2rtui.charts.overview.view import overview_table
+from s2rtui.charts.overview import overview_table
 from s2rtui.charts.rooms import counts_table, groups_table, ordered, room_counts
-from s2rtui.charts.scatter.view import scatter_drawing
+from s2rtui.charts.scatter import scatter_drawing
 from s2rtui.charts.scene import OverviewRow
 from s2rtui.charts.shared.instance import InstanceInput, PoseNumbers, SideView
 from s2rtui.charts.umap import (

@@ -10,9 +10,10 @@ from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.raster import (
     braille_bits,
     dot_grid,
+    draw_blocks,
     draw_braille,
-    draw_half_blocks,
     draw_image,
+    half_blocks,
     limit_ground,
     resample,
 )
@@ -39,12 +40,11 @@ def test_a_number_that_does_not_fit_is_left_out_whole():
         assert canvas.lines()[0].strip() in {"", "u", "-10.5", "u -10.5"}
 
 
-def test_boxes_and_pasted_canvases_are_drawn():
-    canvas, small = Canvas(6, 4), Canvas(3, 2)
+def test_pasted_canvases_are_clipped():
+    canvas, small = Canvas(6, 3), Canvas(3, 2)
     small.text(0, 0, "xyz", DARK.real)
-    canvas.box(0, 0, 6, 4, ascii=True)
     canvas.paste(small, 4, 1)
-    assert canvas.lines() == ["+----+", "|   xy", "|     ", "+----+"]
+    assert canvas.lines() == ["      ", "    xy", "      "]
     assert tuple(canvas.fg[1, 4]) == DARK.real
 
 
@@ -128,7 +128,7 @@ def test_resampling_averages_the_known_pixels_or_takes_the_nearest():
 def test_half_blocks_combine_two_rows_and_are_clipped():
     pixels = np.arange(4 * 3 * 3, dtype=np.uint8).reshape(4, 3, 3)
     canvas = Canvas(3, 3)
-    draw_half_blocks(canvas, -1, 2, pixels)
+    draw_blocks(canvas, half_blocks(pixels), -1, 2)
     assert canvas.char[2].tolist() == ["▀", "▀", " "]
     assert canvas.fg[2, 0].tolist() == pixels[0, 1].tolist()
     assert canvas.bg[2, 0].tolist() == pixels[1, 1].tolist()
@@ -147,7 +147,7 @@ def test_dots_are_braille_and_those_outside_are_dropped():
 
 def test_a_glyph_gets_a_ground_that_it_stands_out_from_and_an_image_stays():
     canvas = Canvas(3, 1)
-    draw_half_blocks(canvas, 0, 0, np.full((2, 3, 3), 200, dtype=np.uint8))
+    draw_blocks(canvas, half_blocks(np.full((2, 3, 3), 200, dtype=np.uint8)))
     canvas.put(1, 0, "●", canvas.theme.real)
     limit_ground(canvas)
     assert contrast(canvas.fg[0, 1], canvas.bg[0, 1]) >= 3
@@ -161,6 +161,6 @@ def test_brightness_is_drawn_as_density_without_half_blocks(options):
     pixels = np.zeros((2, 3, 3), dtype=np.uint8)
     pixels[:, 1], pixels[:, 2] = 128, 255
     canvas = Canvas(3, 1, options)
-    draw_image(canvas, 0, 0, pixels)
+    draw_image(canvas, pixels)
     shades = options.glyphs.shades
     assert canvas.lines()[0] == shades[0] + shades[len(shades) // 2] + shades[-1]

@@ -18,6 +18,7 @@ from s2rtui.drawing.arcs import (
 )
 from s2rtui.drawing.drawing_layout import drawing_layout
 from s2rtui.drawing.plane_marks import Arcs
+from s2rtui.drawing.points import Grid
 from tests.charts.examples import draw_map, map_input, map_place, points_of
 
 SIZE = (80, 26)
@@ -27,7 +28,7 @@ def shown(view: MapInput, footprint: tuple[int, int] = (7, 3)) -> tuple[Arcs, Er
     """The arcs of a map in `SIZE` and their glyphs."""
     place = drawing_layout(map_drawing(view), SIZE, RenderOptions()).plots[0]
     (arcs,) = (mark for mark in place.plot.marks if isinstance(mark, Arcs))
-    grid = place.plot.x, place.plot.y, place.width, place.rows
+    grid = Grid(place.plot.x, place.plot.y, place.width, place.rows)
     return arcs, error_glyphs(arcs, grid, footprint)
 
 

@@ -119,7 +119,7 @@ def test_an_invalid_size_is_rejected():
 def test_many_points_are_drawn_as_cells(monkeypatch):
     drawings = umap_drawing(cursor=None), scatter_of()
     few = [draw_paper(drawing, (600, 300), LIGHT) for drawing in drawings]
-    monkeypatch.setattr("s2rtui.drawing.points_paper.POINTS_UP_TO", 10)
+    monkeypatch.setattr("s2rtui.drawing.plane_paper.POINTS_UP_TO", 10)
     for drawing, before in zip(drawings, few, strict=True):
         many = draw_paper(drawing, (600, 300), LIGHT)
         assert before != many

@@ -18,10 +18,10 @@ from s2rstore.reader import Store
 from s2rstore.records import ArrayRecord
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtui.canvas import LIGHT
-from s2rtui.charts.instance.model import _harm_note, connected_regions, place_in_image
+from s2rtui.charts.instance import _harm_note, connected_regions, place_in_image
 from s2rtui.charts.map import heat_facts, map_drawing
 from s2rtui.charts.shared.instance import heat_fields, instance_drawing
-from s2rtui.drawing import image_paper, paper
+from s2rtui.drawing import paper
 from s2rtui.drawing.cells import draw_cells
 from s2rtui.session.heatmaps import heatmap_choices
 from s2rtui.session.session import Session
@@ -61,14 +61,14 @@ def state(tiny_store: Path) -> State:
     return replace(Session(tiny_store).state, overlay="instance")
 
 
-def drawn_labels(monkeypatch: pytest.MonkeyPatch, module: object) -> list[str]:
+def drawn_labels(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """The labels of the colour bars that a figure draws, without line breaks."""
     labels: list[str] = []
 
-    def record(page, left, bottom, height, scale, label, *others, **options) -> None:
+    def record(page, box, bar, label) -> None:
         labels.append(label.replace("\n", " "))
 
-    monkeypatch.setattr(module, "draw_colour_bar", record)
+    monkeypatch.setattr(paper, "draw_colour_bar", record)
     return labels
 
 
@@ -76,7 +76,7 @@ def test_every_label_names_kind_mode_and_unit(store, state, monkeypatch):
     kinds = {kind.replace("_", " ") for kind in HEATMAP_KINDS}
     choices = heatmap_choices(store, RUN)
     assert {kind for kind, _ in choices} == set(HEATMAP_KINDS)
-    on_map, on_images = (drawn_labels(monkeypatch, module) for module in (paper, image_paper))
+    labels = drawn_labels(monkeypatch)
     for kind, mode in choices:
         heat = HeatChoice(kind, mode, "real")
         name = kind.replace("_", " ")
@@ -88,11 +88,12 @@ def test_every_label_names_kind_mode_and_unit(store, state, monkeypatch):
             heat=np.ones((4, 4)), heat_is_signed=is_signed, heat_label=label, heat_unit=unit
         )
         paper.draw_paper(map_drawing(view), (800, 600), LIGHT)
+        on_map = labels[-1]
         images = instance_drawing(instance_input(**heat_fields(store, RUN, heat)))
         paper.draw_paper(images, (800, 600), LIGHT)
         on_map_terminal = " ".join(draw_map(view, (150, 40)).lines()[-3:])
         on_instance_terminal = " ".join(draw_cells(images, (150, 40)).lines())
-        for label in (on_map[-1], on_images[-2], on_map_terminal, on_instance_terminal):
+        for label in (on_map, labels[-2], on_map_terminal, on_instance_terminal):
             assert name in label
             assert not mode or mode in label
             assert unit in label

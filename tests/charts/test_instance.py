@@ -10,7 +10,7 @@ import s2rstore
 from s2rstore.index.transaction import edit
 from s2rstore.records import SIDES
 from s2rtui.canvas import DARK, DEFAULT_OPTIONS
-from s2rtui.charts.instance.model import instance_input as stored_instance_input
+from s2rtui.charts.instance import instance_input as stored_instance_input
 from s2rtui.charts.map import VIEW as MAP
 from s2rtui.charts.map import MapInput
 from s2rtui.charts.registry import BY_NAME

@@ -14,6 +14,7 @@ from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.drawing.legend import (
     colour_bar,
+    cut_rows,
     draw_rows,
     fit_rows,
     role_legend,
@@ -28,7 +29,7 @@ labels = st.lists(words, min_size=1, max_size=8).map(" ".join)
 
 
 def drawn(parts: list, width: int, most: int | None = None) -> list[str]:
-    rows = fit_rows(parts, width, most=most)
+    rows = cut_rows(fit_rows(parts, width), width, most, OPTIONS)
     canvas = Canvas(width, max(1, len(rows)), OPTIONS)
     draw_rows(canvas, 0, 0, rows)
     return canvas.lines()
@@ -37,7 +38,7 @@ def drawn(parts: list, width: int, most: int | None = None) -> list[str]:
 @given(st.lists(labels, min_size=1, max_size=6), labels, st.integers(40, 160))
 def test_every_word_appears(texts, label, width):
     parts = [text_part(((text, DARK.muted),)) for text in texts]
-    parts.append(colour_bar(label, "m", (0.25, 17.5), OPTIONS, room=width, clipped=True))
+    parts += colour_bar(label, "m", (0.25, 17.5), OPTIONS, room=width, clipped=True)
     parts.append(role_legend(OPTIONS, sim="simulated", real="real", truth="true position"))
     shown = " ".join(drawn(parts, width)).split()
     wanted = " ".join([*texts, label, "p1 0.25 p99 18 m simulated real true position"]).split()

@@ -22,7 +22,7 @@ from s2rtui.drawing.heat_colours import map_opacity
 from s2rtui.drawing.paper import draw_paper
 from s2rtui.drawing.plane_cells import SEGMENTS_UP_TO
 from s2rtui.drawing.plane_marks import Segments
-from s2rtui.drawing.signs import drawn_segments
+from s2rtui.drawing.points import Grid, drawn_segments
 from tests.charts.examples import BOUNDS, draw_map, map_input, map_place, points_of
 
 SIZE = (80, 26)
@@ -141,7 +141,7 @@ def lines_of(view: MapInput, viewport: Bounds | None = None) -> Any:
     drawing = map_drawing(view, viewport)
     place = drawing_layout(drawing, SIZE, DEFAULT_OPTIONS).plots[0]
     (mark, _) = (mark for mark in place.plot.marks if isinstance(mark, Segments))
-    grid = place.plot.x, place.plot.y, place.width, place.rows
+    grid = Grid(place.plot.x, place.plot.y, place.width, place.rows)
     return drawn_segments(mark, grid, SEGMENTS_UP_TO)
 
 

@@ -12,8 +12,15 @@ from s2rtools.translator_evaluation.fit_into_store import FitRequest, fit_into_s
 from s2rtui.canvas import DARK, Canvas, ColourMode, RenderOptions
 from s2rtui.canvas.marks import BrushShape, PlotArea
 from s2rtui.canvas.render_options import UNICODE
-from s2rtui.charts.overview.model import MOST_READ, accuracy_scale, ordered, translator_rows
-from s2rtui.charts.overview.view import VIEW, overview_table, translator_notes
+from s2rtui.charts.overview import (
+    MOST_READ,
+    VIEW,
+    accuracy_scale,
+    ordered,
+    overview_table,
+    translator_notes,
+    translator_rows,
+)
 from s2rtui.charts.scene import (
     LoadedData,
     OverviewRow,

@@ -12,12 +12,17 @@ from matplotlib.path import Path as Polygon
 from s2rstore.language import mask, parse
 from s2rstore.records import Bounds
 from s2rtui.canvas import DARK, BrushShape, ColourMode, RenderOptions
-from s2rtui.charts.scatter.brush import box_expression, lasso_expression
-from s2rtui.charts.scatter.model import QUADRANTS, drawn_errors, error_scale, scatter_summary
-from s2rtui.charts.scatter.view import scatter_drawing
+from s2rtui.charts.mark_expressions import box_expression, lasso_expression
+from s2rtui.charts.scatter import (
+    QUADRANTS,
+    drawn_errors,
+    error_scale,
+    scatter_drawing,
+    scatter_summary,
+)
 from s2rtui.drawing.cells import draw_cells, drawing_panels
 from s2rtui.drawing.drawing import Drawing
-from s2rtui.drawing.points import point_cells
+from s2rtui.drawing.points import Grid, point_cells
 from tests.charts.examples import scatter_errors, scatter_of
 from tests.support.columns import mask_context
 
@@ -197,7 +202,7 @@ def test_a_zoomed_plot_shows_the_instances_in_view(sim, real, left, low, size):
     inside = (across >= 0) & (across < 1) & (up >= 0) & (up < 1)
     edges = np.stack([across, 1 - across, up, 1 - up])
     assume(not (np.abs(edges) < 1e-9).any())
-    cells = point_cells(plot.marks[-1], plot.x, plot.y, panel.width, panel.height)
+    cells = point_cells(plot.marks[-1], Grid(plot.x, plot.y, panel.width, panel.height))
     assert cells.total == inside.sum()
     for iid in np.flatnonzero(inside & (sim >= scale.low) & (real >= scale.low)):
         column, row = panel.to_cells(float(sim[iid]), float(real[iid]))
@@ -215,7 +220,7 @@ def test_a_box_over_a_zoomed_plot_selects_the_instances_in_view():
     cell = (0.4 / panel.width, 0.4 / panel.height)
     expression = box_expression(error_scale(sim, real), sim, real, mark, cell)
     chosen = mask(parse(expression), mask_context(60, sim_error=sim, real_error=real))
-    cells = point_cells(plot.marks[-1], plot.x, plot.y, panel.width, panel.height)
+    cells = point_cells(plot.marks[-1], Grid(plot.x, plot.y, panel.width, panel.height))
     assert 0 < chosen.sum() < 60
     assert (chosen & valid).sum() == cells.selected
 

@@ -13,8 +13,8 @@ from s2rstore.metrics.gap_shares import FactorShare, GapShares, mean_shares
 from s2rstore.records import GAP_FACTORS
 from s2rtools.adjustments import ADJUSTMENTS
 from s2rtui.canvas import RenderOptions
-from s2rtui.charts.adjust.view import VIEW as ADJUST
-from s2rtui.charts.adjust.view import sliders_drawing
+from s2rtui.charts.adjust import VIEW as ADJUST
+from s2rtui.charts.adjust import sliders_drawing
 from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.charts.shares import VIEW, SharesModel, shares_scale
 from s2rtui.drawing.cells import draw_cells, drawing_panels

@@ -11,7 +11,7 @@ from textual.strip import Strip
 
 from s2rtui.canvas import DARK, Canvas, ColourMode
 from s2rtui.canvas.glyph_masks import glyph_mask
-from s2rtui.canvas.raster import draw_half_blocks
+from s2rtui.canvas.raster import draw_blocks, half_blocks
 from s2rtui.export.screenshot import rasterize
 from s2rtui.terminal.strips import merge_similar_colours, to_strips
 
@@ -117,7 +117,7 @@ def test_merging_keeps_the_edge_between_image_and_background():
     pixels = np.zeros((2, 12, 3), dtype=np.uint8)
     pixels[:, :6] = canvas.theme.background
     pixels[:, 6:] = (red + 6, green + 6, blue + 6)
-    draw_half_blocks(canvas, 0, 0, pixels)
+    draw_blocks(canvas, half_blocks(pixels))
     merge_similar_colours(canvas, 12)
     assert (canvas.bg[0, :6] == canvas.theme.background).all()
     assert (canvas.bg[0, 6:] == pixels[0, 6:]).all()

@@ -10,6 +10,7 @@ from s2rtui.canvas import Canvas, ColourMode, RenderOptions
 from s2rtui.charts.map import map_drawing
 from s2rtui.charts.shared.instance import depth_scale, heat_scale, instance_drawing
 from s2rtui.drawing.cells import draw_cells
+from s2rtui.drawing.drawing import ColourBar
 from s2rtui.drawing.drawing_layout import drawing_layout
 from s2rtui.drawing.scale import Interval, short_number
 from tests.charts.examples import (
@@ -84,16 +85,17 @@ def ends(scale: Interval | None) -> tuple[str, str]:
 def test_both_ends_are_labelled(size, options):
     on_map = map_input(values=np.linspace(0.31, 7.7, 60))
     (legend,) = map_drawing(on_map).notes
-    values, heat = (ends(bar.scale) for bar in legend)
+    values, heat = (ends(bar.scale) for bar in legend if isinstance(bar, ColourBar))
     compared, pair = compare_input(), instance_input()
     embedded, of_pair = umap_drawing(), draw_cells(instance_drawing(pair), size, options)
     drawn = (
         (draw_map(on_map, size, options), values),
         (draw_cells(embedded, size, options), ends(embedded.notes[0][0].scale)),
-        (of_pair, ends(heat_scale(pair))),
     )  # fmt: skip
-    if any(place.plot.y.names == ("depth",) for place in
-           drawing_layout(instance_drawing(pair), size, options).plots):  # fmt: skip
+    places = drawing_layout(instance_drawing(pair), size, options).plots
+    if options.supports_images or any(place.plot.image.ground is None for place in places):
+        drawn += ((of_pair, ends(heat_scale(pair))),)
+    if any(place.plot.y.names == ("depth",) for place in places):
         drawn += ((of_pair, ends(depth_scale(pair))),)
     if size[1] >= 18:
         scale = compared.scale

@@ -17,7 +17,7 @@ from s2rtui.drawing.cells import draw_cells
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import LEVELS, Plot, Points
 from s2rtui.drawing.plot_cells import column_of, draw_marks, row_of
-from s2rtui.drawing.points import point_cells
+from s2rtui.drawing.points import Grid, point_cells
 from s2rtui.drawing.points_cells import SHADE_STEPS
 from s2rtui.drawing.scale import Scale
 
@@ -51,7 +51,7 @@ def drawn(mark: Points, options: RenderOptions = OPTIONS, size: tuple[int, int] 
 @given(coordinates, coordinates, levels, masks, masks, scales, scales)
 def test_cells_show_the_mean_level_of_selected_instances(x, y, level, selected, valid, across, up):
     mark = points(x, y, levels=level, selected=selected, valid=valid, trained=level > LEVELS // 2)
-    cells = point_cells(mark, across, up, WIDTH, HEIGHT)
+    cells = point_cells(mark, Grid(across, up, WIDTH, HEIGHT))
     places = np.stack([across.fraction(x) * WIDTH, HEIGHT - up.fraction(y) * HEIGHT], axis=1)
     members: dict[tuple[int, int], list[int]] = {}
     occupied = np.zeros((HEIGHT, WIDTH), dtype=np.bool_)

@@ -10,9 +10,16 @@ from s2rtui.canvas import Canvas
 from s2rtui.drawing.plane_cells import draw_plane_mark
 from s2rtui.drawing.plane_marks import Changes, Signs, Unselected
 from s2rtui.drawing.plot import Plot
-from s2rtui.drawing.points import cell_bins, dot_bins
+from s2rtui.drawing.points import (
+    LEVELS,
+    Grid,
+    cell_bins,
+    change_cells,
+    dot_bins,
+    level_shares,
+    sign_cells,
+)
 from s2rtui.drawing.scale import Scale
-from s2rtui.drawing.signs import LEVELS, change_cells, level_shares, sign_cells
 
 N = 30
 masks = arrays.arrays(np.bool_, N)
@@ -22,7 +29,6 @@ positions = arrays.arrays(
     elements=st.floats(-4, 14) | st.sampled_from([np.nan, np.inf, -np.inf, 1e300]),
 )
 values = arrays.arrays(np.float64, N, elements=st.floats(-1, 3) | st.just(np.nan))
-Grid = tuple[Scale, Scale, int, int]
 
 
 @st.composite
@@ -35,7 +41,7 @@ def grids(draw: st.DrawFn) -> Grid:
     x, y = draw(st.floats(-2, 2)), draw(st.floats(-2, 2))
     ends = (y, y + 2 * height * pitch)
     up = Scale(*(ends if draw(st.booleans()) else ends[::-1]))
-    return Scale(x, x + width * pitch), up, width, height
+    return Grid(Scale(x, x + width * pitch), up, width, height)
 
 
 def cells_of_points(grid: Grid, points: np.ndarray) -> list[tuple[int, int] | None]:
@@ -100,14 +106,14 @@ def test_unselected_instances_are_braille_dots(points, selected, valid, grid):
 
 def test_cell_codes_are_cached():
     x, y = np.random.default_rng(1).uniform(0, 5, (2, N))
-    grid = Scale(0.0, 5.0), Scale(5.0, 0.0), 10, 5
-    assert dot_bins(x, y, *grid) is dot_bins(x, y, *grid)
-    assert cell_bins(x, y, *grid) is cell_bins(x, y, *grid)
+    grid = Grid(Scale(0.0, 5.0), Scale(5.0, 0.0), 10, 5)
+    assert dot_bins(x, y, grid) is dot_bins(x, y, grid)
+    assert cell_bins(x, y, grid) is cell_bins(x, y, grid)
 
 
 @pytest.mark.parametrize("size", [(300, 600), (10, 4)])
 def test_cell_codes_of_large_planes_are_distinct(size):
     width, height = size
     x, y = np.array([0.5, width - 0.5]), np.array([0.5, height - 0.5])
-    bins = cell_bins(x, y, Scale(0.0, width), Scale(height, 0.0), width, height)
+    bins = cell_bins(x, y, Grid(Scale(0.0, width), Scale(height, 0.0), width, height))
     assert bins.codes.tolist() == [0, width * height - 1]

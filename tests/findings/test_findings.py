@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 import s2rstore
+from s2rstore.errors import RequestError
 from s2rstore.findings import Finding, FindingReport, costliest_factor, find_all, run_differences
 from s2rstore.findings import gap_drift as DRIFT
 from s2rstore.findings.groups import GROUPINGS, SECTORS, group_errors, groups_of
@@ -330,13 +331,17 @@ def pairs(store: Store, run: str) -> pd.DataFrame:
     )
 
 
-@pytest.mark.parametrize("grouping", GROUPINGS)
+CROSSED = (*GROUPINGS, "room,heading", "trajectory,curvature")
+
+
+@pytest.mark.parametrize("grouping", CROSSED)
 @pytest.mark.parametrize("run", ["vanilla", "dataaug"])
 def test_medians_and_counts_equal_those_of_pandas(marked, grouping, run):
     with s2rstore.open(marked) as store:
         new = run_metrics.population(store, run)
         rows = group_errors(store, run, groups_of(store, grouping), new)
-        table = pairs(store, run).groupby(grouping)
+        table = pairs(store, run)
+    table = table.groupby(table[grouping.split(",")].agg(", ".join, axis=1))
     assert {row.group.name: row.n for row in rows} == table.size().to_dict()
     for row in rows:
         expected = table.get_group(row.group.name)
@@ -345,7 +350,7 @@ def test_medians_and_counts_equal_those_of_pandas(marked, grouping, run):
         assert row.gap == pytest.approx(expected.gap.median())
 
 
-@pytest.mark.parametrize("grouping", GROUPINGS)
+@pytest.mark.parametrize("grouping", CROSSED)
 def test_the_expression_of_a_group_selects_exactly_its_instances(marked, grouping):
     with s2rstore.open(marked) as store:
         new = run_metrics.population(store, "vanilla")
@@ -353,6 +358,12 @@ def test_the_expression_of_a_group_selects_exactly_its_instances(marked, groupin
         for code, group in enumerate(grouped.groups):
             selected = evaluation.select(store, group.expression, "vanilla")
             assert np.array_equal(selected, new & (grouped.codes == code))
+
+
+@pytest.mark.parametrize("grouping", ["", "day", "room,room", "room,heading,curvature", "room,"])
+def test_unknown_groupings_are_refused(marked, grouping):
+    with s2rstore.open(marked) as store, pytest.raises(RequestError, match="one or two different"):
+        groups_of(store, grouping)
 
 
 def test_headings_on_the_edge_of_two_sectors_belong_to_one(tmp_path):

@@ -19,7 +19,7 @@ from s2rtools.datasets.scan import ScanOptions
 from s2rtools.datasets.writing.build import build
 from s2rtools.synthetic_world.factors import complete_severities
 from s2rtools.training import pretrained
-from s2rtui.charts.instance.model import instance_input
+from s2rtui.charts.instance import instance_input
 from s2rtui.cli import main
 from s2rtui.session import heatmaps
 from s2rtui.session.state import HeatChoice

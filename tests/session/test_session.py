@@ -9,9 +9,9 @@ import pytest
 
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
-from s2rtui.charts.instance.model import instance_input
+from s2rtui.charts.instance import instance_input
 from s2rtui.charts.map import VIEW as MAP
-from s2rtui.charts.overview.model import overview_rows
+from s2rtui.charts.overview import overview_rows
 from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.session import navigation, view_settings
 from s2rtui.session.heatmaps import heatmap_choices, instance_grid, run_grid

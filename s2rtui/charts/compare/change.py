@@ -28,6 +28,7 @@ from s2rtui.analysis.binning import (
 )
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.ranked_column import RankedColumn, ranked_column, select_ranks
+from s2rtui.canvas.fit_text import fit_text
 from s2rtui.drawing.scale import Floats
 
 EQUAL = 0.05
@@ -35,6 +36,8 @@ EQUAL = 0.05
 LARGE = 0.5
 """Metres; the share of instances that change by more is stated."""
 ALL = "all"
+_LONGEST = 32
+"""Most cells of the name of a run in a sentence."""
 NOT_EVIDENT, UNKNOWN = "no", "too few"
 _MOST_SORTED = 20_000
 """Most changes that an interval sorts; those of more are sorted once for all selections."""
@@ -249,7 +252,7 @@ def sentences(
     whole: Change, names: tuple[str, str], side: str, unit: str = "m", equal: float = EQUAL
 ) -> str:
     """The comparison of the runs `names` in sentences; `equal` as in `room_changes`."""
-    a, b = names
+    a, b = (fit_text(name, _LONGEST, "…") for name in names)
     head = f"{side.capitalize()} errors of {a} (A) and {b} (B)"
     if not whole.n:
         return f"{head}: no instance with both errors is selected."

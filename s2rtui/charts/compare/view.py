@@ -43,8 +43,8 @@ from s2rtui.charts.shared.map_layers import (
     true_columns,
     value_range,
 )
-from s2rtui.charts.shared.positions import valid_cursor
-from s2rtui.charts.view import DrawingView, Pane, PointsView, Table
+from s2rtui.charts.shared.positions import cursor_phrases, valid_cursor
+from s2rtui.charts.view import Pane, PointsView, Table
 from s2rtui.drawing.drawing import ColourBar, Drawing
 from s2rtui.drawing.legend import NO_BREAK
 from s2rtui.drawing.plane_marks import Changes, Columns, Floor, Poses, Signs
@@ -56,6 +56,8 @@ from s2rtui.session.view_settings import ZoomPlane, map_plane
 
 BASELINE = "baseline"
 """The name of the constant prediction where it takes the place of the other run."""
+_RANKS = {"95 % interval": 3, "n": 2, "A m": 1, "B m": 1}
+"""Columns of the table of rooms that are left out where there is no room."""
 _WIDEST = 16
 """Most letters of a run's name in the legend."""
 
@@ -141,9 +143,10 @@ def compare_drawing(
     title = (Phrase(f"{second} - {first}", "text"),)
     marks = (*ground, changes, *_cursor(data))
     plots.append(map_plot(marks, area, data.y_down, PANEL, title, weight=1.0))
-    legend = (
+    legend: tuple[Phrase | ColourBar, ...] = (
         ColourBar(f"{data.side} error", data.unit, (0.0, upper)),
         ColourBar(f"{second} - {first}", data.unit, (-data.scale, data.scale), ramp="changes"),
+        *cursor_phrases(valid_cursor(data.cursor, data.valid)),
     )
     return Drawing(tuple(plots), _table(data), (*notes, legend), brush, beside=True)
 
@@ -172,9 +175,7 @@ def _table(data: CompareInput) -> TableSpec | None:
         return None
     (*rooms, whole) = table_rows(changes.by_size, changes.whole)
     columns = [Column(HEADINGS[0], least=12)]
-    columns += [
-        Column(name, right=True, rank=int(name == "95 % interval")) for name in HEADINGS[1:]
-    ]
+    columns += [Column(name, right=True, rank=_RANKS.get(name, 0)) for name in HEADINGS[1:]]
     rows = tuple(
         Row(tuple(map(Cell, texts)), bold=texts[0] == ALL,
             inks={len(texts) - 1: "muted" if texts[-1] in (NOT_EVIDENT, UNKNOWN) else "truth"})
@@ -218,13 +219,11 @@ def constant_errors(x: Floats, y: Floats, valid: Bools, trained: Bools) -> NDArr
     return np.asarray(np.hypot(*(places - members.mean(axis=0)).T))
 
 
-class CompareView(PointsView, DrawingView):
+class CompareView(PointsView):
     name = "compare"
     key = "9"
     pane: Pane = "centre"
     description = "two runs, or a run and its baseline, compared on the selection"
-    narrow_ratio = 3.2
-    wide_ratio = 1.1
     loads = ("floor plan",)
     figure_size = (2100, 1200)
 

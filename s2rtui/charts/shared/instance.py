@@ -14,7 +14,8 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtui.canvas import Pixels
 from s2rtui.drawing.drawing import ColourBar, Drawing
-from s2rtui.drawing.image import Image, ImageRamp, ImageValues
+from s2rtui.drawing.heat_colours import RampName
+from s2rtui.drawing.image import Image, ImageValues
 from s2rtui.drawing.plot import Ink, Phrase, Plot
 from s2rtui.drawing.scale import Floats, Interval, Scale, non_empty, percentile_range
 from s2rtui.drawing.table import Cell, Column, Row, TableSpec
@@ -29,7 +30,7 @@ _MISSING: dict[Kind, str] = {
     "image": "no image", "original": "not translated", "depth": "no depth",
 }  # fmt: skip
 _COLUMNS = (Column(""), *(Column(name, right=True, rank=rank) for name, rank in (
-    ("x m", 1), ("y m", 1), ("deg", 3), ("err m", 0), ("err deg", 2),
+    ("x m", 1), ("y m", 1), ("deg", 3), ("err m", 0), ("err °", 2),
 )))  # fmt: skip
 
 
@@ -160,7 +161,7 @@ def depth_scale(data: InstanceInput) -> Interval | None:
     return (0.0, percentile_range(np.concatenate(maps), 1, 99)[1])
 
 
-def overlay_ramp(data: InstanceInput) -> ImageRamp:
+def overlay_ramp(data: InstanceInput) -> RampName:
     return "signed overlay" if data.signed else "overlay"
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from s2rstore.reader import Store
 from s2rtui.analysis.identity_cache import cached_by_identity
+from s2rtui.drawing.plot import Phrase
 from s2rtui.drawing.scale import Floats
 
 
@@ -27,6 +28,11 @@ def valid_cursor(cursor: int | None, valid: NDArray[np.bool_]) -> int | None:
     """The cursor if it is a valid iid, else None."""
     is_valid = cursor is not None and 0 <= cursor < len(valid) and valid[cursor]
     return cursor if is_valid else None
+
+
+def cursor_phrases(cursor: int | None) -> tuple[Phrase, ...]:
+    """What the sign of the cursor's instance means, for a legend; nothing without one."""
+    return () if cursor is None else (Phrase(f"instance {cursor}", "cursor", "cursor"),)
 
 
 def known_point(points: NDArray[np.floating[Any]], iid: int | None) -> tuple[float, float] | None:

@@ -95,7 +95,7 @@ def _translate(options: argparse.Namespace) -> int:
 
 
 def _list_translators(options: argparse.Namespace) -> None:
-    from s2rtui.charts.overview.model import translator_rows
+    from s2rtui.charts.overview import translator_rows
 
     with s2rstore.open(options.store) as store:
         found = {row.translator: row for row in translator_rows(store)}

@@ -40,10 +40,9 @@ def figure(
     if page.is_physical:
         size, is_wide = page.pixels(view), page.millimetres >= NARROW_MM
     with page.format("rgb", _WIDE_TYPE_SIZE if wide else _HALF_TYPE_SIZE):
-        figures = (
-            Image.frombytes("RGB", size, view.figure(scene, size, theme)) for theme in themes
-        )
-        uris = [_data_uri(figure) for figure in figures]
+        pixels = [view.figure(scene, size, theme) for theme in themes]
+    size = size[0], len(pixels[0]) // (3 * size[0])
+    uris = [_data_uri(Image.frombytes("RGB", size, figure)) for figure in pixels]
     return ReportImage(
         uris[0], size, view.summary(scene), dark=uris[1] if len(uris) > 1 else "", wide=is_wide,
         numbers=numbers, millimetres=page.millimetres if page.is_physical else None,

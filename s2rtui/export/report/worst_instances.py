@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from s2rstore.index.population import Population
-from s2rtui.charts.instance.model import instance_input
+from s2rtui.charts.instance import instance_input
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.instance import InstanceInput, Kind, depth_scale, heat_scale, images
 from s2rtui.drawing.scale import short_number

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Literal, get_args
+from typing import Any, Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore import intervals
+from s2rstore.errors import RequestError
 from s2rstore.findings.expressions import any_of
 from s2rstore.geometry.curvature import STRAIGHT_BELOW
 from s2rstore.geometry.rooms import NO_ROOM
@@ -43,7 +44,7 @@ class Group:
 class Groups:
     """Disjoint groups: `codes` (N,) index `groups`; -1 stands for none of them."""
 
-    grouping: Grouping
+    grouping: str
     groups: tuple[Group, ...]
     codes: Codes
 
@@ -63,8 +64,43 @@ class GroupErrors:
     gap: float
 
 
-def groups_of(store: Store, grouping: Grouping) -> Groups:
-    """All groups of a grouping, with the group of each instance."""
+def crossed(first: str, second: str) -> str:
+    """The grouping by two: `room,heading`."""
+    return f"{first},{second}"
+
+
+def parts_of(grouping: str) -> tuple[Grouping, ...]:
+    """The one or two groupings of `heading` or `room,heading`. Raises RequestError for others."""
+    parts = tuple(part.strip() for part in grouping.split(","))
+    known = [part for part in GROUPINGS if part in parts]
+    if len(parts) > 2 or len(set(parts)) < len(parts) or len(known) < len(parts):
+        allowed = ", ".join(GROUPINGS)
+        raise RequestError(f"{grouping!r}: expected one or two different ones of {allowed}")
+    return cast(tuple[Grouping, ...], parts)
+
+
+def groups_of(store: Store, grouping: str) -> Groups:
+    """All groups of a grouping, with the group of each instance.
+
+    Those of two groupings are the pairs that occur. Raises RequestError as `parts_of` does.
+    """
+    parts = [_single(store, part) for part in parts_of(grouping)]
+    if len(parts) == 1:
+        return parts[0]
+    first, second = parts
+    known = (first.codes >= 0) & (second.codes >= 0)
+    pairs = first.codes * len(second.groups) + second.codes
+    present, codes = np.unique(pairs[known], return_inverse=True)
+    every = np.full(known.shape, -1, dtype=np.intp)
+    every[known] = codes
+    groups = []
+    for pair in present.tolist():
+        a, b = first.groups[pair // len(second.groups)], second.groups[pair % len(second.groups)]
+        groups.append(Group(f"{a.name}, {b.name}", And(a.node, b.node)))
+    return Groups(grouping, tuple(groups), every)
+
+
+def _single(store: Store, grouping: Grouping) -> Groups:
     truth = store.instances
     if grouping == "room":
         rooms = [Group(name, Named(Field("room"), name)) for name in truth.room_names]

@@ -225,8 +225,8 @@ def _adjust(
         rate = Interval.unknown(reason=reason)
         return _Adjusted(real, codes, count, rate, correlation, reason=reason)
     folds = _folds(codes)
-    residual = real - _weights(real, sim, folds, math.inf) * (sim - sim.mean())
-    rate = _rate(real, residual, codes, level)
+    residual = real - _weights(real, sim, folds, math.inf, shrinks=False) * (sim - sim.mean())
+    rate = _rate(real, residual, codes, correlation, level)
     if not count:
         return _Adjusted(real, codes, 0, rate, correlation)
     error = _standard_error(simulated)
@@ -261,8 +261,13 @@ def _folds(codes: NDArray[np.intp]) -> NDArray[np.intp]:
     return np.asarray(place * FOLDS // codes.size, dtype=np.intp)
 
 
-def _weights(real: Floats, sim: Floats, folds: NDArray[np.intp], ratio: float) -> Floats:
-    """Weight (n,) of each row from the rows of other folds; `ratio`: simulated per real image."""
+def _weights(
+    real: Floats, sim: Floats, folds: NDArray[np.intp], ratio: float, shrinks: bool = True
+) -> Floats:
+    """Weight (n,) of each row from the rows of other folds; `ratio`: simulated per real image.
+
+    Where it `shrinks`, a weight that is mostly noise is made smaller.
+    """
     weights = np.zeros(real.size)
     for fold in np.unique(folds):
         others = folds != fold
@@ -272,7 +277,7 @@ def _weights(real: Floats, sim: Floats, folds: NDArray[np.intp], ratio: float) -
         variance = float(b @ b)
         if variance > 0:
             best = float(a @ b) / variance / (1 + 1 / ratio)
-            weights[folds == fold] = max(best, 0.0) * _shrinkage(a, b)
+            weights[folds == fold] = max(best, 0.0) * (_shrinkage(a, b) if shrinks else 1.0)
     return weights
 
 
@@ -326,10 +331,14 @@ def _variance_ratio(real: Floats, values: Floats, codes: NDArray[np.intp], extra
     return min([joined, *ratios[2:]])
 
 
-def _rate(real: Floats, residual: Floats, codes: NDArray[np.intp], level: float) -> Interval:
+def _rate(
+    real: Floats, residual: Floats, codes: NDArray[np.intp], correlation: Interval, level: float
+) -> Interval:
     """Variance of `real` (n,) in that of the `residual` (n,), among means of blocks of neighbours.
 
-    The interval is by the influence of a block on the logarithm of the ratio.
+    The interval is by the influence of a block on the logarithm of the ratio. It holds the rates of
+    all correlations up to the upper bound of the `correlation`, which rows that share little tell
+    better.
     """
     blocks, owners = _blocks(codes)
     sizes = np.bincount(blocks)
@@ -341,7 +350,14 @@ def _rate(real: Floats, residual: Floats, codes: NDArray[np.intp], level: float)
         minimum=MIN_PAIRS // BLOCK,
     )  # fmt: skip
     low, value, high = (math.exp(x) for x in (found.low, found.value, found.high))
+    if found.is_known and correlation.is_known:
+        high = max(high, _rate_of(correlation.high))
     return Interval(low, value, high, level, found.reason).at_least(1.0)
+
+
+def _rate_of(correlation: float) -> float:
+    """The exchange rate of independent rows with a correlation; 1 for a negative one."""
+    return 1 / max(1 - max(correlation, 0.0) ** 2, 1e-6)
 
 
 def _blocks(codes: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -287,7 +287,7 @@ def evaluate(
         differences = difference_figures(store, run, other, images_of(store, [run, other]))
         mean = differences[0].estimate
         plans.append(Plan(
-            f"to decide between {run} and {other} by their mean errors ({power:.0%} power)",
+            f"to decide between {run} and {other} by their mean errors ({100 * power:g} % power)",
             images_to_decide(mean.real_only, power),
             images_to_decide(mean.real_only, power, mean.rate.value),
         ))  # fmt: skip

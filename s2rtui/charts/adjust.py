@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
+from s2rstore.reader import Store
+from s2rstore.records import Side
 from s2rtui.canvas import Canvas, PlotArea, Point, RenderOptions, Size
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.instance import instance_drawing
+from s2rtui.charts.shared.instance import (
+    InstanceInput,
+    PoseNumbers,
+    SideView,
+    heat_fields,
+    instance_drawing,
+    truth_fields,
+)
 from s2rtui.charts.view import View
 from s2rtui.drawing.cells import draw_cells, drawing_panels
 from s2rtui.drawing.drawing import Drawing
@@ -16,7 +27,48 @@ from s2rtui.drawing.scale import Scale, short_number
 from s2rtui.drawing.table import Cell, Column, Dot, Row, Span, StripMark, TableSpec
 from s2rtui.session import adjusting
 from s2rtui.session.session import Session
-from s2rtui.session.state import Adjust, Slider
+from s2rtui.session.state import Adjust, HeatChoice, Slider, State
+
+if TYPE_CHECKING:
+    from s2rtools.interactive import LiveResult
+
+
+def live_input(
+    store: Store, state: State, result: LiveResult, heat: HeatChoice | None
+) -> InstanceInput:
+    """Images and predictions of a live result, with the change of the stored errors."""
+    iid = result.iid
+    return InstanceInput(
+        iid=iid,
+        sim=_side(result, "sim", heat),
+        real=_side(result, "real", heat),
+        **truth_fields(store, state.run, iid),
+        **heat_fields(store, state.run, heat),
+        notes=(_change(store, state, result, "sim"), _change(store, state, result, "real")),
+    )
+
+
+def _side(result: LiveResult, side: Side, heat: HeatChoice | None) -> SideView:
+    shown = result.side(side)
+    return SideView(
+        rgb=shown.rgb,
+        depth=shown.depth,
+        heat=None if heat is None else result.heatmap(heat.kind, side, heat.mode),
+        pose=None
+        if math.isnan(shown.x)
+        else PoseNumbers(shown.x, shown.y, shown.heading, shown.error, shown.heading_error),
+        original=shown.original,
+    )
+
+
+def _change(store: Store, state: State, result: LiveResult, side: Side) -> tuple[str, str]:
+    """The error of the stored run, the adjusted one, and their difference."""
+    before = float(store.run_columns(state.run).side(side).error[result.iid])
+    after = result.side(side).error
+    if not (math.isfinite(before) and math.isfinite(after)):
+        return side, "no prediction"
+    return side, f"error {before:.2f} m, now {after:.2f} m ({after - before:+.2f})"
+
 
 _IMAGE_ROWS = 16
 """Screen rows that the images and the table of errors need."""

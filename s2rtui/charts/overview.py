@@ -4,24 +4,105 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import islice
 
 import numpy as np
 
 from s2rstore.intervals import LEVEL_TEXT, Interval
 from s2rstore.language.canonical_text import string
+from s2rstore.metrics import run_metrics
+from s2rstore.metrics.recall import headline
+from s2rstore.reader import Store
 from s2rstore.records import SIDES
-from s2rtui.analysis.identity_cache import identity_key
+from s2rtui.analysis.binning import Bools
+from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.canvas.marks import mark_range
 from s2rtui.charts.mark_expressions import range_expression
-from s2rtui.charts.overview.model import accuracy_scale, ordered
-from s2rtui.charts.scene import OverviewRow, Scene, TranslatorRow
-from s2rtui.charts.view import DrawingView, Pane, Table
+from s2rtui.charts.scene import OverviewRow, Scene, TranslatorGain, TranslatorRow
+from s2rtui.charts.shared.positions import cursor_phrases
+from s2rtui.charts.view import Pane, Table, View
 from s2rtui.drawing.drawing import Drawing, Note
 from s2rtui.drawing.plot import Ink, Phrase, Rule
 from s2rtui.drawing.row_lines import BAND_TEXT, RowLines
+from s2rtui.drawing.scale import Floats, Scale, tick_step
 from s2rtui.drawing.table import Cell, Column, Dot, Row, Span, StripMark, TableSpec, Text
 from s2rtui.session.session import Session
+
+MOST_READ = 1000
+"""Most translators, and most gains, that are read from a store."""
+_GAINS = (
+    "SELECT translator, run, value, low, high, metric = 'trained_error_gain' "
+    "FROM translator_metric WHERE metric IN ('error_gain', 'trained_error_gain') "
+    "AND reference = 'translator' AND value IS NOT NULL "
+    f"ORDER BY metric, translator, run LIMIT {MOST_READ}"
+)
+
+
+def overview_rows(
+    store: Store, runs: Sequence[str] | None = None
+) -> tuple[list[OverviewRow], float]:
+    """A row per computed run, or per run in `runs`, and the baseline of the first run.
+
+    Accuracies leave out the instances that the model was trained on.
+    """
+    rows = []
+    for name in runs or [name for name, run in store.runs.items() if run.key]:
+        sim, real = (run_metrics.side_metrics(store, name, side) for side in ("sim", "real"))
+        note = real.accuracy.no_bounds if real.n else "the model was trained on every instance"
+        headlines = headline(store, name, "sim"), headline(store, name, "real")
+        rows.append(OverviewRow(name, sim.accuracy, real.accuracy, real.n, note, headlines))
+    return rows, run_metrics.baseline_accuracy(store, rows[0].run) if rows else math.nan
+
+
+def accuracy_scale(
+    rows: Sequence[OverviewRow], baseline: float, lines: RowLines | None, names: tuple[str, ...]
+) -> Scale:
+    """The scale of accuracies that holds all rows and the baseline, rounded outwards in 0 .. 1.
+
+    With lines it holds the 1st percentile of the valid instances of every run, and 1.
+    """
+    numbers = [baseline]
+    for accuracy in (side for row in rows for side in (row.sim, row.real)):
+        numbers += [accuracy.value, *(accuracy.bounds if accuracy.is_known else ())]
+    if lines is not None:
+        numbers += [1.0, *_lowest(lines.values, lines.valid)]
+    known = [value for value in numbers if math.isfinite(value)] or [0.0, 1.0]
+    step = tick_step(max(max(known) - min(known), 0.02), 4)
+    low = max(0.0, round(math.floor(min(known) / step + 1e-9) * step, 9))
+    high = max(low + step, round(math.ceil(max(known) / step - 1e-9) * step, 9))
+    return Scale(low, min(max(1.0, low + step), high), names, percent=True)
+
+
+@cached_by_identity(8)
+def _lowest(columns: tuple[Floats, ...], valid: Bools) -> list[float]:
+    """The 1st percentile of the valid known accuracies of each run."""
+    known = (column[valid & np.isfinite(column)] for column in columns)
+    return [float(np.percentile(column, 1)) for column in known if column.size]
+
+
+def translator_rows(store: Store) -> tuple[TranslatorRow, ...]:
+    """A row per translator with its gains, in the order of the store."""
+    gains: dict[str, list[TranslatorGain]] = {}
+    for name, run, value, low, high, trained in store.execute(_GAINS):
+        interval = None if low is None or high is None else (low, high)
+        gain = TranslatorGain(str(run), float(value), interval, bool(trained))
+        gains.setdefault(name, []).append(gain)
+    return tuple(
+        TranslatorRow(name, record.direction, record.accepted, tuple(gains.get(name, ())))
+        for name, record in islice(store.translators.items(), MOST_READ)
+    )
+
+
+def ordered(rows: Sequence[TranslatorRow], run: str) -> list[TranslatorRow]:
+    """Accepted translators first, then those with the largest gain on a run."""
+
+    def rank(row: TranslatorRow) -> tuple[bool, float]:
+        gains = [gain.value for gain in row.gains if gain.run == run and not gain.trained]
+        return row.accepted is not True, -max(gains, default=-math.inf)
+
+    return sorted(rows, key=rank)
+
 
 ROWS_PER_RUN = 3
 """Preferred number of rows per run, the lines to the next run included."""
@@ -48,7 +129,7 @@ def overview_table(
     rules = (Rule(baseline, ink="truth", dashed=True),) if math.isfinite(baseline) else ()
     scale = accuracy_scale(rows, baseline, lines, ("accuracy (%)", "%") if on_paper else ("",))
     name = "" if on_paper else "accuracy %"
-    strip = Column(name, scale=scale, rules=rules, least=SHORTEST_STRIP)
+    strip = Column(name, scale=scale, rules=rules, least=SHORTEST_STRIP - on_paper)
     columns = [Column("run"), strip, Column("sim", "sim", True, rank=1),
                Column("real", "real", True)]  # fmt: skip
     if on_paper:
@@ -103,12 +184,11 @@ def translator_notes(rows: Sequence[TranslatorRow], run: str) -> tuple[Note, ...
     return tuple(notes)
 
 
-class OverviewView(DrawingView):
+class OverviewView(View):
     name = "overview"
     key = "1"
     pane: Pane = "overview"
     description = "runs: median errors, recall and accuracy in simulation and in reality"
-    narrow_ratio = 1.7
     loads = ("rows", "lines")
 
     def subtitle(self, scene: Scene) -> str:
@@ -171,8 +251,7 @@ class OverviewView(DrawingView):
             legend += lines.legend
             if not np.array_equal(lines.selected & lines.valid, lines.valid):
                 legend.append(Phrase("not selected", "unselected"))
-            if lines.cursor is not None:
-                legend.append(Phrase(f"instance {lines.cursor}", "cursor", "cursor"))
+            legend += cursor_phrases(lines.cursor)
         table = overview_table(rows, baseline, scene.state.run, lines, on_paper=True)
         return Drawing(table=table, notes=(tuple(legend),))
 

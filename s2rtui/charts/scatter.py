@@ -2,37 +2,187 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+import math
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
+from s2rstore.metrics.top_k import top_k
 from s2rstore.records import Bounds
-from s2rtui.analysis.binning import Bools
-from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
+from s2rtui.analysis.binning import Bins, Bools, Codes, count_selected, selection_indices
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import BrushShape, PlotArea, Point
-from s2rtui.charts.scatter.brush import box_expression, lasso_expression
-from s2rtui.charts.scatter.model import (
-    LOG_RULE,
-    PERCENT,
-    QUADRANTS,
-    Limits,
-    ScatterSummary,
-    drawn_errors,
-    error_scale,
-    larger_side,
-    scatter_summary,
-)
+from s2rtui.charts.mark_expressions import box_expression, lasso_expression
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.positions import known_point, nearest_iid, stacked_points, valid_cursor
-from s2rtui.charts.view import DrawingView, PointsView, Table
-from s2rtui.drawing.drawing import Drawing, Note
+from s2rtui.charts.shared.positions import (
+    cursor_phrases,
+    known_point,
+    nearest_iid,
+    stacked_points,
+    valid_cursor,
+)
+from s2rtui.charts.view import PointsView, Table
+from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Line, Phrase, Plot, Points, Rule
 from s2rtui.drawing.plot import Mark as PlotMark
 from s2rtui.drawing.scale import Floats, Scale, short_number
 from s2rtui.session.population_values import population_values
 from s2rtui.session.view_settings import ZoomPlane
+
+PERCENT = 15
+"""Share of the base population: the worst 15 % of a side are called poor, the best 15 % good."""
+LOG_RATIO = 20.0
+"""Axes are logarithmic where the largest error is more than this many times a side's median."""
+LOG_RULE = f"the largest error is over {LOG_RATIO:g} times the median of a side"
+_MARGIN = 1.03
+"""Upper end of the axes over the largest error."""
+Rank = Literal["best", "worst"]
+SIM_LARGER, EQUAL, REAL_LARGER = 1, 2, 3
+"""Levels of instances by the larger of their errors; 0 where one is unknown."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quadrant:
+    """Instances that are extreme on both sides: `sim` and `real` say at which end."""
+
+    sim: Rank
+    real: Rank
+
+    @property
+    def name(self) -> str:
+        words = {"best": "good", "worst": "poor"}
+        if self.sim == self.real:
+            return f"{words[self.sim]} in both"
+        return f"{words[self.sim]} in sim, {words[self.real]} in real"
+
+    @property
+    def expression(self) -> str:
+        return f"{self.sim}({PERCENT}%, sim.error) & {self.real}{PERCENT}"
+
+
+QUADRANTS = (
+    Quadrant("worst", "best"), Quadrant("best", "worst"), Quadrant("worst", "worst"),
+    Quadrant("best", "best"),
+)  # fmt: skip
+"""The quadrants; in the first two the sides disagree."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Errors that separate the best and the worst 15 % of a side from the others; NaN for none.
+
+    best: the largest error of the best, worst: the smallest error of the worst.
+    """
+
+    best: float
+    worst: float
+
+
+@dataclass(frozen=True, slots=True)
+class ScatterSummary:
+    """Counts of instances: `total` in view, `selected` of them.
+
+    sim_larger, real_larger: selected instances by side of the diagonal. quadrants: per entry of
+    `QUADRANTS` the instances in view and the selected ones. below: instances in view with an error
+    below the axis. sim, real: limits of each side.
+    """
+
+    total: int
+    selected: int
+    sim_larger: int
+    real_larger: int
+    quadrants: tuple[tuple[int, int], ...]
+    below: int
+    sim: Limits
+    real: Limits
+
+
+def scatter_summary(sim: Floats, real: Floats, selected: Bools, valid: Bools) -> ScatterSummary:
+    """Count the instances (N,) by side of the diagonal and by quadrant; errors in metres."""
+    selection = selection_indices(selected, valid)
+    sides, _ = count_selected(Bins(larger_side(sim, real), 4), selection)
+    quadrants = [count_selected(mark, selection) for mark in _quadrant_marks(sim, real, valid)]
+    scale = error_scale(sim, real)
+    return ScatterSummary(
+        total=int(np.count_nonzero(valid)),
+        selected=int(sides[1:].sum()),
+        sim_larger=int(sides[SIM_LARGER]),
+        real_larger=int(sides[REAL_LARGER]),
+        quadrants=tuple((int(total[0]), int(chosen[0])) for chosen, total in quadrants),
+        below=_number_below(sim, real, valid, scale.low) if scale.log else 0,
+        sim=_limits(sim, valid),
+        real=_limits(real, valid),
+    )
+
+
+@cached_by_identity(8)
+def error_scale(sim: Floats, real: Floats) -> Scale:
+    """The axis in metres that holds every known error of both sides (N,).
+
+    Linear from 0, or logarithmic by `LOG_RATIO`; then its lower end is the 1st percentile of the
+    errors above 0, rounded down to 1, 2 or 5 times 10^n, where smaller errors are drawn.
+    """
+    sides = [errors[np.isfinite(errors)] for errors in (sim, real)]
+    above = np.concatenate([errors[errors > 0] for errors in sides])
+    if not above.size:
+        return Scale(0.0, 1.0)
+    high = float(above.max()) * _MARGIN
+    if above.max() <= LOG_RATIO * min(np.median(errors) for errors in sides if errors.size):
+        return Scale(0.0, high)
+    return Scale(_rounded_down(float(np.percentile(above, 1))), high, log=True)
+
+
+def _rounded_down(value: float) -> float:
+    """The largest 1, 2 or 5 times 10^n that is not above `value` > 0."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return max(factor * power for factor in (1, 2, 5) if factor * power <= value * (1 + 1e-9))
+
+
+@cached_by_identity(8)
+def drawn_errors(errors: Floats, scale: Scale) -> NDArray[np.float64]:
+    """The errors (N,) as they are drawn: those beyond the axis at its end; NaN stays NaN."""
+    return np.clip(np.asarray(errors, dtype=np.float64), scale.low, scale.high)
+
+
+@cached_by_identity(8)
+def larger_side(sim: Floats, real: Floats) -> Codes:
+    """Which error (N,) is larger: `SIM_LARGER`, `EQUAL` or `REAL_LARGER`; 0 where unknown."""
+    sign = np.sign(np.asarray(real, dtype=np.float64) - sim) + EQUAL
+    return np.nan_to_num(sign, nan=0.0).astype(np.uint16)
+
+
+@cached_by_identity(16)
+def extreme(errors: Floats, valid: Bools, rank: Rank) -> Bools:
+    """The best or worst 15 % of the valid instances (N,), as the selection language counts them."""
+    count = math.ceil(PERCENT * int(np.count_nonzero(valid)) / 100)
+    return top_k(np.asarray(errors, dtype=np.float64), valid, count, rank == "worst")
+
+
+@cached_by_identity(8)
+def _limits(errors: Floats, valid: Bools) -> Limits:
+    best, worst = (errors[extreme(errors, valid, rank)] for rank in ("best", "worst"))
+    return Limits(
+        float(best.max()) if best.size else math.nan,
+        float(worst.min()) if worst.size else math.nan,
+    )
+
+
+@cached_by_identity(4)
+def _quadrant_marks(sim: Floats, real: Floats, valid: Bools) -> tuple[Bins, ...]:
+    """One bin for each of `QUADRANTS`: the instances that belong to it."""
+    masks = (
+        extreme(sim, valid, quadrant.sim) & extreme(real, valid, quadrant.real)
+        for quadrant in QUADRANTS
+    )
+    return tuple(Bins(np.where(mask, 0, 1).astype(np.uint16), 1) for mask in masks)
+
+
+@cached_by_identity(8)
+def _number_below(sim: Floats, real: Floats, valid: Bools, low: float) -> int:
+    return int(np.count_nonzero(((sim < low) | (real < low)) & valid))
+
 
 PANEL = "errors"
 WHOLE = Bounds(0.0, 0.0, 1.0, 1.0)
@@ -62,7 +212,9 @@ def scatter_drawing(
         valid, ("sim", "both", "real"), trained, cursor,
     ))  # fmt: skip
     plot = Plot(x, y, tuple(marks), PANEL, shape="plane")
-    return Drawing((plot,), notes=tuple(_notes(summary, scale)), brush=brush)
+    return Drawing(
+        (plot,), notes=((*_notes(summary, scale), *cursor_phrases(cursor)),), brush=brush
+    )
 
 
 def _sides(
@@ -80,7 +232,7 @@ def _part(scale: Scale, first: float, last: float, side: str) -> Scale:
     return replace(scale, low=float(low), high=float(high), names=names)
 
 
-def _notes(summary: ScatterSummary, scale: Scale) -> Iterator[Note]:
+def _notes(summary: ScatterSummary, scale: Scale) -> list[Phrase]:
     """What colours and lines mean, with the counts of the quadrants."""
     phrases = [
         Phrase(f"real error larger (above the diagonal): {summary.real_larger}", "real", "real"),
@@ -96,20 +248,17 @@ def _notes(summary: ScatterSummary, scale: Scale) -> Iterator[Note]:
         if np.isfinite([each.best, each.worst]).all()
     )
     phrases.append(Phrase(f"lines: best and worst {PERCENT} % of {summary.total}{limits}"))
-    phrases += [
+    return phrases + [
         Phrase(f"{quadrant.name}: {total}")
         for quadrant, (total, _) in zip(QUADRANTS[:2], summary.quadrants, strict=False)
     ]
-    yield tuple(phrases)
 
 
-class ScatterView(PointsView, DrawingView):
+class ScatterView(PointsView):
     name = "scatter"
     key = "X"
     description = "sim error against real error of each instance"
     title = "error in simulation against error in reality"
-    narrow_ratio = 1.6
-    wide_ratio = 0.8
     figure_size = (1500, 1200)
 
     def subtitle(self, scene: Scene) -> str:
@@ -125,11 +274,6 @@ class ScatterView(PointsView, DrawingView):
             for side in (columns.sim, columns.real)
         )
         return sim, real, state.selected, state.base
-
-    def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        state = scene.state
-        arrays = identity_key((*self.input(scene), state.marked))
-        return arrays, state.cursor, scene.mark(self.name), state.viewport_of(self.name)
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         state = scene.state

@@ -1,0 +1,52 @@
+"""Plays through the selected instances, as along a trajectory."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from textual.timer import Timer
+
+from s2rtui.session import navigation
+
+if TYPE_CHECKING:
+    from s2rtui.app.app import S2RApp
+
+SPEEDS = (2, 5, 15)
+"""Instances per second, in the order in which the key goes through them."""
+
+
+class PlayerController:
+    """Moves the cursor to the next instance at a regular time, until the last one."""
+
+    def __init__(self, app: S2RApp) -> None:
+        self._app = app
+        self._timer: Timer | None = None
+        self._speed = 0
+
+    def change_speed(self) -> None:
+        """Play, play faster, and stop after the fastest speed."""
+        speed = next((speed for speed in SPEEDS if speed > self._speed), 0)
+        self.stop()
+        message = "playing has stopped"
+        if speed:
+            following = "stops" if speed == SPEEDS[-1] else "plays faster"
+            self._speed = speed
+            self._timer = self._app.set_interval(1 / speed, self.step)
+            message = f"playing {speed} instances a second; ' {following}"
+        self._app.session.show_message(message)
+
+    def step(self) -> None:
+        """Go to the next instance; stop at the last one."""
+        session = self._app.session
+        before = session.state.cursor
+        session.dispatch(navigation.move_cursor, 1)
+        after = session.state.cursor
+        if before is not None and (after is None or after <= before):
+            session.dispatch(navigation.move_to_end, True)
+            self.stop()
+        self._app.updater.refresh()
+
+    def stop(self) -> None:
+        if self._timer is not None:
+            self._timer.stop()
+        self._timer, self._speed = None, 0

@@ -1,1 +1,0 @@
-"""The scatter view."""

@@ -1,0 +1,1 @@
+"""Faults of recorded images and poses: blur, exposure, frozen frames, duplicates, jumps, depth."""
