@@ -26,11 +26,10 @@ from s2rtools.precompute.executors.local_executors import (
     SerialExecutor,
     WorkerPool,
 )
-from s2rtools.precompute.machine import Machine
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
-from s2rtools.precompute.receipts import Receipt
-from s2rtools.precompute.unit_computer import encoded
+from s2rtools.precompute.unit_computer import Machine, encoded
 from s2rtools.precompute.unit_plan import UnitPlan
+from s2rtools.precompute.unit_results import Receipt
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 
 _KINDS = ("feature_distance", "occlusion")

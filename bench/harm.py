@@ -32,7 +32,7 @@ from s2rtools.scoring.factor_shares import measure_shares
 from s2rtools.scoring.ground_truth import GroundTruth
 from s2rtools.scoring.harm_metrics import HarmScore, ScoredPairs, harm_score, pool_runs, pool_stores
 from s2rtools.scoring.object_gains import ObjectGains, measure_object_gains
-from s2rtools.scoring.weighted_statistics import weighted_pearson
+from s2rtools.scoring.statistics import weighted_pearson
 from s2rtools.synthetic_world.factors import FACTOR_GROUPS
 from s2rtools.training import pretrained
 

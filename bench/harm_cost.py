@@ -20,8 +20,8 @@ from s2rtools.counterfactual.gap_shares import gap_shares
 from s2rtools.heatmaps import PairBatch
 from s2rtools.heatmaps.harm import Harm, HarmFine
 from s2rtools.models.load_model import load_model
+from s2rtools.precompute.domain_calibration import load_alignment
 from s2rtools.precompute.frame_reader import read_pairs
-from s2rtools.precompute.rig_alignment import load_alignment
 from s2rtools.precompute.run_backends import RunBackends
 from s2rtools.precompute.tasks.network_outputs import side_batch
 from s2rtools.training import pretrained

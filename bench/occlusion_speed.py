@@ -10,7 +10,7 @@ import torch
 from bench.budget import BudgetRow, seconds
 from bench.measured_stores import lively
 from s2rtools.heatmaps import occlusion
-from s2rtools.incremental_inference import LocalGraph, cut_patches
+from s2rtools.incremental_inference import DifferenceGraph, LocalGraph, cut_patches
 from s2rtools.inference import Backend
 from s2rtools.models.pose_network import LoadedModel
 
@@ -25,10 +25,10 @@ def figures(threads: int) -> Iterator[BudgetRow]:
         x = torch.rand(2, *model.contract.shape) * 2 - 1
         other = x.flip(0).contiguous()
         patches = cut_patches(*model.contract.size)
-        graph = LocalGraph(backend.trunk)
+        graph = DifferenceGraph(LocalGraph(backend.trunk), "float32")
         with torch.inference_mode():
             local = seconds(
-                partial(occlusion._recompute_locally, backend, x, other, patches, graph), 3
+                partial(occlusion._recompute_differences, backend, x, other, patches, graph), 3
             )
             forwards = [
                 216 / batch * seconds(partial(_forward, backend, x[:1].repeat(batch, 1, 1, 1)), 3)

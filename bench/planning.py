@@ -15,7 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -32,19 +32,17 @@ from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.models.load_model import model_outline
 from s2rtools.precompute import (
     backend_choice,
-    depth_calibration,
+    domain_calibration,
     pipeline,
     publish_results,
-    rig_calibration,
     unit_results,
 )
 from s2rtools.precompute.input_hashes import InputHashes
-from s2rtools.precompute.machine import this_machine
-from s2rtools.precompute.receipts import Receipt
 from s2rtools.precompute.run_backends import BackendIdentity, RunBackends
 from s2rtools.precompute.run_stages import RunStages, model_run_stages
-from s2rtools.precompute.unit_computer import encoded
+from s2rtools.precompute.unit_computer import encoded, this_machine
 from s2rtools.precompute.unit_plan import UnitPlan
+from s2rtools.precompute.unit_results import Receipt
 from s2rtools.precompute.work_units import ArraySpec, Stage
 
 RUNS = 100
@@ -101,13 +99,12 @@ def _stages(store: Store, hashes: InputHashes, name: str) -> RunStages:
 
 def _create_arrays(root: Path, runs: int) -> int:
     """Create and list the arrays of all runs but the last; gives the number of files of one."""
-    offset = {"height": 0.0, "zoom": 1.0, "frames": 1, "version": rig_calibration.VERSION}
+    offset = {"height": 0.0, "zoom": 1.0, "frames": 1, "version": domain_calibration.VERSION}
     tolerance = asdict(DepthTolerance(0.02, 0.01, 0.3, 8.0))
     with edit(root) as draft:
         draft.set_provenance("alignment:sim|real", offset)
-        draft.set_provenance(
-            "depth_tolerance:sim|real", {**tolerance, "version": depth_calibration.VERSION}
-        )
+        version = domain_calibration.TOLERANCE_VERSION
+        draft.set_provenance("depth_tolerance:sim|real", {**tolerance, "version": version})
         draft.update("run", {"run": growth.linked_name(runs - 1)}, {"run": NEW_RUN})
     files = 0
     with s2rstore.open(root) as store, edit(root) as draft:
@@ -115,7 +112,7 @@ def _create_arrays(root: Path, runs: int) -> int:
         for name in store.runs:
             inputs = backend_choice._input_key(store, store.run(name))
             draft.set_provenance(
-                f"run:{name}", {"backend": _BACKENDS.record() | {"inputs": inputs}}
+                f"run:{name}", {"backend": replace(_BACKENDS, facts={"inputs": inputs}).record()}
             )
             if name == NEW_RUN:
                 continue

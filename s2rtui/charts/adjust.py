@@ -31,6 +31,8 @@ from s2rtui.session.state import Adjust, HeatChoice, Slider, State
 
 if TYPE_CHECKING:
     from s2rtools.interactive import LiveResult
+_IMAGE_ROWS = 16
+"""Screen rows that the images and the table of errors need."""
 
 
 def live_input(
@@ -68,10 +70,6 @@ def _change(store: Store, state: State, result: LiveResult, side: Side) -> tuple
     if not (math.isfinite(before) and math.isfinite(after)):
         return side, "no prediction"
     return side, f"error {before:.2f} m, now {after:.2f} m ({after - before:+.2f})"
-
-
-_IMAGE_ROWS = 16
-"""Screen rows that the images and the table of errors need."""
 
 
 class AdjustView(View):

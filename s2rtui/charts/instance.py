@@ -39,6 +39,10 @@ NEIGHBOURS = 5
 """Number of most similar instances that are listed and selected."""
 _PLACES = 4
 """Regions whose metres are listed."""
+_ROWS = ("top", "", "bottom")
+_COLUMNS = ("left", "", "right")
+_TEXT_ROWS = 16
+"""Rows of titles, colour bars, poses and notes."""
 
 
 def instance_input(
@@ -233,10 +237,6 @@ def _side(
     )
 
 
-_ROWS = ("top", "", "bottom")
-_COLUMNS = ("left", "", "right")
-
-
 def connected_regions(mask: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
     """The regions of a mask (h, w) whose cells touch by sides or corners, as masks (h, w).
 
@@ -264,10 +264,6 @@ def place_in_image(region: NDArray[np.bool_]) -> str:
     row = _ROWS[min(2, int(3 * (rows.mean() + 0.5) / height))]
     column = _COLUMNS[min(2, int(3 * (columns.mean() + 0.5) / width))]
     return " ".join(filter(None, (row, column))) or "middle"
-
-
-_TEXT_ROWS = 16
-"""Rows of titles, colour bars, poses and notes."""
 
 
 class InstanceView(View):

@@ -18,16 +18,17 @@ from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import BrushShape
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.instance import SideView
-from s2rtui.charts.shared.map_layers import (
+from s2rtui.charts.shared.planes import (
+    cursor_phrases,
     ground_marks,
     map_plot,
     place_of,
     shown_area,
     shown_rooms,
     true_columns,
+    valid_cursor,
     value_range,
 )
-from s2rtui.charts.shared.positions import cursor_phrases, valid_cursor
 from s2rtui.charts.view import Pane, PointsView, Table
 from s2rtui.drawing.drawing import ColourBar, Drawing
 from s2rtui.drawing.floor import heat_scale

@@ -13,6 +13,9 @@ from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.drawing.scale import Floats, Scale
 from s2rtui.session.brush_geometry import MAX_CORNERS
 
+_EDGE = 1e-9
+_DIGITS = 17
+
 
 def round_to_cell(value: float, cell: float) -> float:
     """Round a coordinate to the precision of a cell that is `cell` units wide."""
@@ -80,10 +83,6 @@ def number_text(value: float) -> str:
 
 def _heading(degrees: float) -> float:
     return angles.wrap_degrees(degrees) if abs(degrees) != 180 else degrees
-
-
-_EDGE = 1e-9
-_DIGITS = 17
 
 
 def box_expression(

@@ -18,7 +18,7 @@ from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.canvas.marks import wrap_degrees
 from s2rtui.charts.mark_expressions import heading_expression
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.positions import cursor_phrases, valid_cursor
+from s2rtui.charts.shared.planes import cursor_phrases, valid_cursor
 from s2rtui.charts.view import Table, View
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Bars, Dots, Mark, Phrase, Plot

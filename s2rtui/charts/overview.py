@@ -20,7 +20,7 @@ from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.canvas.marks import mark_range
 from s2rtui.charts.mark_expressions import range_expression
 from s2rtui.charts.scene import OverviewRow, Scene, TranslatorGain, TranslatorRow
-from s2rtui.charts.shared.positions import cursor_phrases
+from s2rtui.charts.shared.planes import cursor_phrases
 from s2rtui.charts.view import Pane, Table, View
 from s2rtui.drawing.drawing import Drawing, Note
 from s2rtui.drawing.plot import Ink, Phrase, Rule
@@ -37,6 +37,18 @@ _GAINS = (
     "AND reference = 'translator' AND value IS NOT NULL "
     f"ORDER BY metric, translator, run LIMIT {MOST_READ}"
 )
+ROWS_PER_RUN = 3
+"""Preferred number of rows per run, the lines to the next run included."""
+FRAME_ROWS = 3
+"""Rows of the header, the axis and the legend."""
+MOST_TRANSLATORS = 5
+SHORTEST_STRIP = 17
+"""Cells of a strip that the numbers of the cursor's instance leave."""
+NUMBERS = (
+    "run", "sim median_m", "sim heading_deg", "sim recall", "real median_m", "real heading_deg",
+    "real recall", "not localised", "sim accuracy", "sim low", "sim high", "real accuracy",
+    "real low", "real high", "n", "independent", "baseline", "note",
+)  # fmt: skip
 
 
 def overview_rows(
@@ -102,20 +114,6 @@ def ordered(rows: Sequence[TranslatorRow], run: str) -> list[TranslatorRow]:
         return row.accepted is not True, -max(gains, default=-math.inf)
 
     return sorted(rows, key=rank)
-
-
-ROWS_PER_RUN = 3
-"""Preferred number of rows per run, the lines to the next run included."""
-FRAME_ROWS = 3
-"""Rows of the header, the axis and the legend."""
-MOST_TRANSLATORS = 5
-SHORTEST_STRIP = 17
-"""Cells of a strip that the numbers of the cursor's instance leave."""
-NUMBERS = (
-    "run", "sim median_m", "sim heading_deg", "sim recall", "real median_m", "real heading_deg",
-    "real recall", "not localised", "sim accuracy", "sim low", "sim high", "real accuracy",
-    "real low", "real high", "n", "independent", "baseline", "note",
-)  # fmt: skip
 
 
 def overview_table(

@@ -20,7 +20,7 @@ from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.canvas.marks import mark_rows
 from s2rtui.charts.mark_expressions import names_expression
 from s2rtui.charts.scene import LoadedGroups, Scene
-from s2rtui.charts.shared.positions import valid_cursor
+from s2rtui.charts.shared.planes import valid_cursor
 from s2rtui.charts.view import Table, View
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Ink

@@ -16,7 +16,7 @@ from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.charts.mark_expressions import box_expression, lasso_expression
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.positions import (
+from s2rtui.charts.shared.planes import (
     cursor_phrases,
     known_point,
     nearest_iid,
@@ -41,6 +41,11 @@ _MARGIN = 1.03
 Rank = Literal["best", "worst"]
 SIM_LARGER, EQUAL, REAL_LARGER = 1, 2, 3
 """Levels of instances by the larger of their errors; 0 where one is unknown."""
+PANEL = "errors"
+WHOLE = Bounds(0.0, 0.0, 1.0, 1.0)
+"""All of the plane, as fractions of its axes."""
+_SAMPLES = 200
+"""Points of the diagonal, which is a curve between the ends of logarithmic axes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,13 +187,6 @@ def _quadrant_marks(sim: Floats, real: Floats, valid: Bools) -> tuple[Bins, ...]
 @cached_by_identity(8)
 def _number_below(sim: Floats, real: Floats, valid: Bools, low: float) -> int:
     return int(np.count_nonzero(((sim < low) | (real < low)) & valid))
-
-
-PANEL = "errors"
-WHOLE = Bounds(0.0, 0.0, 1.0, 1.0)
-"""All of the plane, as fractions of its axes."""
-_SAMPLES = 200
-"""Points of the diagonal, which is a curve between the ends of logarithmic axes."""
 
 
 def scatter_drawing(

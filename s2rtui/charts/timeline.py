@@ -14,7 +14,7 @@ from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.charts.mark_expressions import number_text
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.positions import valid_cursor
+from s2rtui.charts.shared.planes import valid_cursor
 from s2rtui.charts.view import Table, View
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Dots, Line, Mark, Phrase, Plot, Rule

@@ -13,7 +13,7 @@ from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
 from s2rtui.canvas import BrushShape, PlotArea
 from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.positions import cursor_phrases, known_point, stacked_points, valid_cursor
+from s2rtui.charts.shared.planes import cursor_phrases, known_point, stacked_points, valid_cursor
 from s2rtui.charts.view import PointsView, Table
 from s2rtui.drawing.drawing import ColourBar, Drawing
 from s2rtui.drawing.plot import LEVELS, Phrase, Plot, Points

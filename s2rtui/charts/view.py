@@ -16,7 +16,7 @@ from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
 from s2rtui.canvas import BrushShape, Canvas, PlotArea, Point, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene, model_source
-from s2rtui.charts.shared.positions import known_point, nearest_iid, true_positions
+from s2rtui.charts.shared.planes import known_point, nearest_iid, true_positions
 from s2rtui.drawing.cells import draw_cells, drawing_panels, drawing_table_layout
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.drawing_layout import drawing_layout

@@ -65,6 +65,8 @@ _OUTLINED = "▽○△", "▿◦▵"
 """The same for cells with trained instances."""
 _RINGED, _LETTERS = "⊖⊜⊕", "bea"
 """The same without colours, and in ASCII."""
+_UNSELECTED, _SELECTED, _CURSOR = 1, 20, 1000
+"""Costs of a name in a cell with unselected points, with a selected mark, with the cursor."""
 
 
 def draw_plane_mark(canvas: Canvas, plot: Plot, mark: PlaneMark) -> None:
@@ -255,10 +257,6 @@ _LEGENDS: dict[type, Callable[[Any, RenderOptions], list[LegendPart]]] = {
     Floor: _floor_legend, Unselected: _unselected_legend, Signs: _signs_legend,
     Changes: _changes_legend, Segments: _segments_legend, Arcs: arcs_legend,
 }  # fmt: skip
-
-
-_UNSELECTED, _SELECTED, _CURSOR = 1, 20, 1000
-"""Costs of a name in a cell with unselected points, with a selected mark, with the cursor."""
 
 
 def mark_costs(before: Canvas, canvas: Canvas) -> NDArray[np.intp]:

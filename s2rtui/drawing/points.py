@@ -27,6 +27,8 @@ from s2rtui.drawing.scale import Floats, Interval, Scale, scale_fraction
 
 _PIECE = 1 << 15
 """Points that are placed at a time, which fit into the processor's cache."""
+LEVELS = 60
+"""Steps of a value's scale; a multiple of ten, so that digits are exact."""
 
 
 class Grid(NamedTuple):
@@ -143,8 +145,6 @@ def _mean_level(table: NDArray[np.intp]) -> NDArray[np.intp]:
     return np.where(known > 0, mean, np.where(table[..., 0] > 0, 0, -1)).astype(np.intp)
 
 
-LEVELS = 60
-"""Steps of a value's scale; a multiple of ten, so that digits are exact."""
 Counts = NDArray[np.intp]
 
 

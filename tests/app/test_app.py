@@ -13,10 +13,10 @@ from textual.widgets import Input
 from s2rtui.app.action import key_label
 from s2rtui.app.app import S2RApp
 from s2rtui.app.key_bindings import ACTIONS, footer
-from s2rtui.app.pilot import settle, snapshot, take_screenshot
+from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.screens.help_content import help_lines
 from s2rtui.app.widgets.plot import PlotView
-from s2rtui.canvas import ColourMode, RenderOptions
+from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.marks import BrushShape
 from s2rtui.session import shared_selection
 from s2rtui.session.session import Session
@@ -187,11 +187,3 @@ async def test_ctrl_c_shows_the_key_that_quits(tiny_store):
         await press(app, pilot, "ctrl+c")
         assert "q quits" in take_screenshot(app).text
         assert not app._notifications
-
-
-def test_every_colour_mode_shows_the_same_text(tiny_store):
-    for mode in ColourMode:
-        text = snapshot(tiny_store, (120, 40), ["w"], RenderOptions(mode=mode)).text
-        assert "worst15" in text, mode
-        assert "vanilla" in text, mode
-        assert "6 of 40" in text, mode

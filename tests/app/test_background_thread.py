@@ -12,13 +12,11 @@ import pytest
 from textual import _time
 
 from bench.support.processes import wait_until
-from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
-from s2rtui.canvas import RenderOptions
 from s2rtui.jobs import background_thread
 from s2rtui.jobs.background_thread import LatestOnlyWorker
-from s2rtui.session.session import Session
 from s2rtui.terminal.textual_compat import call_after
+from tests.support.application import make_app, running
 
 
 class BlockingJob:
@@ -120,8 +118,7 @@ def test_a_worker_survives_a_failing_job():
 
 
 async def test_images_load_although_the_clock_jumps(tiny_store, monkeypatch):
-    app, ticks, clock = S2RApp(Session(tiny_store), RenderOptions()), count(), _time.get_time
-    app.load_scheduler.debounce_seconds = 0.001
+    app, ticks, clock = make_app(tiny_store), count(), _time.get_time
     async with app.run_test(size=(120, 40)) as pilot:
         monkeypatch.setattr(_time, "get_time", lambda: clock() + 0.01 * next(ticks))
         await asyncio.wait_for(settle(app, pilot), 20)
@@ -129,10 +126,11 @@ async def test_images_load_although_the_clock_jumps(tiny_store, monkeypatch):
 
 
 async def test_a_cancelled_call_never_runs(tiny_store):
-    app, calls = S2RApp(Session(tiny_store), RenderOptions()), []
-    async with app.run_test(size=(80, 24)) as pilot:
+    calls: list[str] = []
+    async with running(tiny_store, size=(80, 24)) as (app, pilot):
         call_after(app, 0, lambda: calls.append("dropped")).cancel()
         call_after(app, 0, lambda: calls.append("kept"))
-        await asyncio.sleep(0.01)
-        await pilot.pause()
+        async with asyncio.timeout(20):
+            while not calls:
+                await pilot.pause()
     assert calls == ["kept"]

@@ -64,34 +64,30 @@ async def test_a_session_moves_on_to_predictions_that_were_imported_again(store_
 ADDED = 5
 
 
-def test_every_view_draws_after_an_append(store_copy):
-    async def run() -> None:
-        async with running(store_copy) as (app, pilot):
-            append_trajectory(store_copy, "a0", ADDED)
-            app.store_updates.check_store()
-            await settle(app, pilot)
-            assert app.session.state.newest > app.session.state.generation
-            await press(app, pilot, "g")
-            assert "5 instances added" in app.session.state.message
-            for view in VIEWS:
-                if view.name == "adjust":  # the store has no weights
-                    continue
-                await press(app, pilot, view.key)
-                assert not app.session.state.is_error, (view.name, app.session.state.message)
-            assert app.session.state.selected.size == N + ADDED
-            assert "computed for 40 of 45 instances" in app.updater.status_text()
-            app.session.set_cursor(N)
-            app.updater.refresh()
-            await settle(app, pilot)
-            assert not app.session.state.is_error
-            notes = dict(app.loaded.pictures.notes)
-            assert notes["heat"] == (
-                "instance 40: feature_distance of run 'vanilla' is not computed; "
-                "run `s2r precompute`"
-            )
-            assert app.loaded.pictures.sim.rgb.size
-
-    asyncio.run(run())
+async def test_every_view_draws_after_an_append(store_copy):
+    async with running(store_copy) as (app, pilot):
+        append_trajectory(store_copy, "a0", ADDED)
+        app.store_updates.check_store()
+        await settle(app, pilot)
+        assert app.session.state.newest > app.session.state.generation
+        await press(app, pilot, "g")
+        assert "5 instances added" in app.session.state.message
+        for view in VIEWS:
+            if view.name == "adjust":  # the store has no weights
+                continue
+            await press(app, pilot, view.key)
+            assert not app.session.state.is_error, (view.name, app.session.state.message)
+        assert app.session.state.selected.size == N + ADDED
+        assert "computed for 40 of 45 instances" in app.updater.status_text()
+        app.session.set_cursor(N)
+        app.updater.refresh()
+        await settle(app, pilot)
+        assert not app.session.state.is_error
+        notes = dict(app.loaded.pictures.notes)
+        assert notes["heat"] == (
+            "instance 40: feature_distance of run 'vanilla' is not computed; run `s2r precompute`"
+        )
+        assert app.loaded.pictures.sim.rgb.size
 
 
 async def test_what_precompute_publishes_appears_by_itself(store_copy):

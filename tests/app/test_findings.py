@@ -151,20 +151,7 @@ async def test_keys_scroll_the_table_of_the_comparison(many_rooms):
         assert ("up, down", "rows") in footer(80, app.session.state)
 
 
-async def test_keys_scroll_the_groups_of_the_rooms_view(many_rooms):
-    async with running(many_rooms, size=(80, 12)) as (app, pilot):
-        await press(app, pilot, "c", "6")
-        before, count = take_screenshot(app).text, len(app.loaded.groups.rows)
-        assert f"1-7/{count}" in before
-        await press(app, pilot, "down", "down")
-        assert f"3-9/{count}" in take_screenshot(app).text
-        await press(app, pilot, "end")
-        assert f"{count - 6}-{count}/{count}" in take_screenshot(app).text
-        await press(app, pilot, "full_stop")
-        assert f"1-7/{count}" in take_screenshot(app).text
-
-
-async def test_the_mouse_wheel_scrolls_the_rooms(many_rooms):
+async def test_the_mouse_wheel_scrolls_the_rooms_and_sorting_scrolls_back(many_rooms):
     async with running(many_rooms, size=(80, 12)) as (app, pilot):
         await press(app, pilot, "c", "6")
         plot, count = app.updater.plot("rooms"), len(app.loaded.groups.rows)
@@ -173,6 +160,8 @@ async def test_the_mouse_wheel_scrolls_the_rooms(many_rooms):
             plot.post_message(turn.stop())
             await settle(app, pilot)
             assert f"{first}-{first + 6}/{count}" in take_screenshot(app).text
+        await press(app, pilot, "full_stop")
+        assert f"1-7/{count}" in take_screenshot(app).text
 
 
 async def test_the_room_of_the_cursor_is_shown(many_rooms):

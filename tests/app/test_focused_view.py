@@ -22,6 +22,19 @@ def shown(app: S2RApp) -> set[str]:
     return {str(view.id) for view in app.query(PlotView) if view.placed and view.region.area}
 
 
+def instance_cells(app: S2RApp, name: str) -> dict[int, tuple[int, int]]:
+    """A cell of each instance that a view shows, as column and row of its widget."""
+    view, top = BY_NAME[name], app.updater.title_rows(name)
+    panel = app.brush.panels(view)[0]
+    return {
+        iid: (column, row + top)
+        for row in range(panel.y, panel.y + panel.height)
+        for column in range(panel.x, panel.x + panel.width)
+        if (iid := view.instance_at(app.updater.scene, panel, (column + 0.5, row + 0.5)))
+        is not None
+    }
+
+
 async def test_zoom_and_pan_keys_move_the_focused_view_alone(tiny_store):
     async with running(tiny_store, size=SIZE) as (app, pilot):
         view, size = BY_NAME["umap"], (80, 20)
@@ -76,17 +89,9 @@ async def test_the_mouse_describes_the_instance_under_it(tiny_store):
     async with running(tiny_store) as (app, pilot):
         for name in ("map", "umap", "compare", "list", "overview"):
             await press(app, pilot, "c", BY_NAME[name].key)
-            scene, plot = app.updater.scene, app.query_one(f"#{name}", PlotView)
-            view = BY_NAME[name]
-            panel = app.brush.panels(view)[0]
-            found = {
-                (column, row): iid
-                for row in range(panel.y, panel.y + panel.height)
-                for column in range(panel.x, panel.x + panel.width)
-                if (iid := view.instance_at(scene, panel, (column + 0.5, row + 0.5))) is not None
-            }
-            cell, iid = next((c, i) for c, i in found.items() if i != app.session.state.cursor)
-            await pilot.hover(plot, offset=(cell[0], cell[1] + app.updater.title_rows(name)))
+            cells = instance_cells(app, name)
+            iid = next(iid for iid in cells if iid != app.session.state.cursor)
+            await pilot.hover(f"#{name}", offset=cells[iid])
             await settle(app, pilot)
             assert message(app) == instance_text(app.session.store, app.session.state, iid), name
             assert message(app).startswith(f"#{iid} "), name
@@ -153,22 +158,15 @@ async def test_a_drawn_brush_becomes_a_lasso_and_a_box_again(tiny_store):
 async def test_a_message_shows_while_the_mouse_rests_on_an_instance(tiny_store):
     async with running(tiny_store, size=SIZE) as (app, pilot):
         await press(app, pilot, "c", BY_NAME["map"].key)
-        view, plot = BY_NAME["map"], app.query_one("#map", PlotView)
-        panel, top = app.brush.panels(view)[0], app.updater.title_rows("map")
-        cells = {
-            iid: (column, row + top)
-            for row in range(panel.y, panel.y + panel.height)
-            for column in range(panel.x, panel.x + panel.width)
-            if (iid := view.instance_at(app.updater.scene, panel, (column + 0.5, row + 0.5)))
-        }
+        cells = instance_cells(app, "map")
         first, second = list(cells)[:2]
-        await pilot.hover(plot, offset=cells[first])
+        await pilot.hover("#map", offset=cells[first])
         await settle(app, pilot)
         assert message(app).startswith(f"#{first} ")
         for iid in (second, first):  # the second message has the same text
             app.session.select("none")
             app.updater.refresh()
             assert message(app).startswith("nothing is selected")
-            await pilot.hover(plot, offset=cells[iid])
+            await pilot.hover("#map", offset=cells[iid])
             await settle(app, pilot)
             assert message(app).startswith(f"#{iid} ")

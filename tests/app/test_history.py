@@ -45,12 +45,6 @@ async def test_screens(store):
             check(f"history-week-{size[0]}x{size[1]}", take_screenshot(app).text)
 
 
-def test_ascii_screen(store):
-    text = snapshot(store, (80, 24), ["G"], RenderOptions(ascii=True)).text
-    assert text.isascii()
-    check("history-week-ascii", text)
-
-
 async def test_an_added_night_appears_in_the_view(tmp_path, tiny_store):
     week = store_with_nights(tmp_path, tiny_store, 2, 2)
     async with running(week.config.store) as (app, pilot):

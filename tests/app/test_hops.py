@@ -22,7 +22,7 @@ def documented() -> list[tuple[str, str, str]]:
     """Module, function and type of each hop; the view is that of the errors."""
     return [
         (f"{'' if module.startswith('s2rstore') else 's2rtui.'}{module}"
-         .replace("<view>", "errors"), function.rsplit(".", 1)[-1], kind)
+         .replace("<view>", "errors"), function, kind)
         for module, function, kind in HOP.findall(PAGE.read_text(encoding="utf-8"))
     ]  # fmt: skip
 
@@ -50,15 +50,17 @@ def test_few_files_and_types_are_on_the_way():
 
 async def test_the_key_takes_the_documented_way(tiny_store):
     hops = documented()
-    places = {hop[:2]: place for place, hop in enumerate(hops)}
+    modules = {module: place for place, (module, _, _) in enumerate(hops)}
     entered: list[int] = []
     values: dict[int, set[str]] = {}
     passed: set[str] = set()
 
     def trace(frame: FrameType, event: str, argument: Any) -> None:
-        name = frame.f_code.co_qualname.split(".<locals>")[0].rsplit(".", 1)[-1]
-        place = places.get((frame.f_globals.get("__name__", ""), name))
+        place = modules.get(frame.f_globals.get("__name__", ""))
+        name = frame.f_code.co_qualname.split(".<locals>")[0]
         if place is None or event not in ("call", "return"):
+            return
+        if not f".{name}".endswith(f".{hops[place][1]}"):
             return
         if place not in entered:
             entered.append(place)

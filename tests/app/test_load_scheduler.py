@@ -21,7 +21,6 @@ from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas.marks import BrushShape
 from s2rtui.jobs.precompute_job import JobProgress
-from s2rtui.loaders import store_data
 from s2rtui.session import targets
 from s2rtui.session.session import Session
 from s2rtui.session.state import Brush, State, Target
@@ -347,15 +346,6 @@ def test_a_store_can_be_opened_at_an_earlier_generation(store_copy):
         assert "later" in newest.runs
     with pytest.raises(s2rstore.errors.RequestError, match="missing"):
         s2rstore.open(store_copy, generation=999)
-
-
-def test_the_floor_plan_key_reads_no_file(store, monkeypatch):
-    """The key of the floor plan is computed after every key press."""
-    session = Session(store)
-    monkeypatch.setattr(type(session.store), "floor_plan_path", lambda _: 1 / 0)
-    key = store_data.floor_plan_key(session.store, session.state)
-    assert (key is None) == (session.store.dataset.floor_plan is None)
-    session.close()
 
 
 def test_the_screen_of_a_state_uses_its_history(store, tmp_path, monkeypatch):

@@ -1,6 +1,7 @@
 """Quitting leaves no process; errors are shown in one line; a restricted session."""
 
 import asyncio
+import os
 import re
 import sys
 import threading
@@ -25,38 +26,28 @@ from s2rtui.loaders import LOADERS
 from s2rtui.session.session import Session
 from tests.support.application import press, running
 from tests.support.copies import copy_store
+from tests.support.terminals import open_application
 
 MAX_QUIT_SECONDS = 5.0
 """Upper limit on a busy machine; usually less than one second."""
-OpenScreen = Callable[..., Screen]
+OpenApplication = Callable[..., Screen]
 
 
 @pytest.fixture
-def open_screen(tmp_path: Path) -> Iterator[OpenScreen]:
-    open_application: list[Screen] = []
+def opened(tmp_path: Path) -> Iterator[OpenApplication]:
+    """Open the application, and close the tour of the first start."""
+    screens: list[Screen] = []
 
-    def start(*arguments: str, size: tuple[int, int] = (120, 40)) -> Screen:
-        environment = {
-            "XDG_DATA_HOME": str(tmp_path / "share"),
-            "PYTHONPATH": ":".join(path for path in sys.path if path),
-            "OMP_NUM_THREADS": "1",
-        }
-        command = [sys.executable, "-m", "s2rtui", *arguments]
-        open_application.append(Screen(command, size, environment))
-        return open_application[-1]
+    def start(store: Path, *options: str) -> Screen:
+        screens.append(open_application(store, tmp_path / "share", *options))
+        screens[-1].wait_for("any key begins")
+        screens[-1].press("\x1b")
+        screens[-1].wait_for("2 map")
+        return screens[-1]
 
     yield start
-    for screen in open_application:
+    for screen in screens:
         screen.close()
-
-
-def open_application(open_screen: OpenScreen, store: Path, *options: str) -> Screen:
-    """Open the application and close the tour of the first start."""
-    screen = open_screen("tui", *options, str(store))
-    screen.wait_for("any key begins")
-    screen.press("\x1b")
-    screen.wait_for("2 map")
-    return screen
 
 
 def quit_application(screen: Screen) -> str:
@@ -75,9 +66,9 @@ def output_after_exit(screen: Screen) -> str:
     return re.sub(r"\x1b\[[?<>=0-9;]*[a-zA-Z]", "", text).strip()
 
 
-def test_quit_while_a_run_is_saved(few_pairs_store, tmp_path, open_screen):
+def test_quit_while_a_run_is_saved(few_pairs_store, tmp_path, opened):
     path = copy_store(few_pairs_store, tmp_path / "own.s2r")
-    screen = open_application(open_screen, path, "--with-trained")
+    screen = opened(path, "--with-trained")
     screen.press("a")
     screen.wait_for("brightness")
     screen.press(RIGHT)
@@ -97,8 +88,8 @@ def test_quit_while_a_run_is_saved(few_pairs_store, tmp_path, open_screen):
     assert main(["precompute", str(path), "--run", "brighter", "--kinds", "activation"]) == 0
 
 
-def test_quit_while_a_model_loads(few_pairs_store, open_screen):
-    screen = open_application(open_screen, few_pairs_store, "--with-trained")
+def test_quit_while_a_model_loads(few_pairs_store, opened):
+    screen = opened(few_pairs_store, "--with-trained")
     screen.press("a")
     screen.wait_for("loading the model")
     assert quit_application(screen) == ""
@@ -131,7 +122,7 @@ async def test_quit_while_a_loader_reads(tiny_store, monkeypatch, loader):
         release.set()
 
 
-def test_an_unexpected_error_at_the_start_is_printed_in_one_line(tiny_store, tmp_path, open_screen):
+def test_an_unexpected_error_at_the_start_is_printed_in_one_line(tiny_store, tmp_path):
     folder = tmp_path / "broken"
     folder.mkdir()
     (folder / "sitecustomize.py").write_text(
@@ -140,12 +131,12 @@ def test_an_unexpected_error_at_the_start_is_printed_in_one_line(tiny_store, tmp
         "    raise KeyError('no such thing')\n"
         "S2RApp.on_mount = broken\n"
     )
-    sys.path.insert(0, str(folder))
+    path = os.pathsep.join([str(folder), *filter(None, sys.path)])
+    screen = open_application(tiny_store, tmp_path / "share", PYTHONPATH=path)
     try:
-        screen = open_screen("tui", str(tiny_store))
+        assert screen.wait_for_end(20) == 70
     finally:
-        sys.path.remove(str(folder))
-    assert screen.wait_for_end(20) == 70
+        screen.close()
     assert output_after_exit(screen) == (
         "s2r: internal error: KeyError: 'no such thing' (--debug shows the traceback)"
     )

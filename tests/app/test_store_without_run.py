@@ -64,6 +64,9 @@ async def test_views_of_predictions_name_the_command(store):
                 open_scene(store, SceneOptions(), view),
             ):
                 pass
+        await press(app, pilot, "J", "enter")
+        assert "s2r run add NAME --model" in app.session.state.message
+    assert app.fault is None
 
 
 async def test_no_key_fails(store):

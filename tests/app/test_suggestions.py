@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from s2rstore.index.transaction import edit
 from s2rtui.app.pilot import take_screenshot
 from s2rtui.charts.suggestions import VIEW
 from s2rtui.loaders.live_prediction import LivePredictor
@@ -95,13 +94,3 @@ async def test_the_finding_leads_to_the_view(store):
         app.session.set_state(replace(app.session.state, finding=finding))
         await press(app, pilot, "enter")
         assert app.session.state.view == "suggestions"
-
-
-async def test_a_store_without_a_run_says_so(store):
-    with edit(store) as draft:
-        for table in ("prediction", "projection", "zarr_array", "run"):
-            draft.delete(table)
-    async with running(store) as (app, pilot):
-        await press(app, pilot, "J", "enter", "down")
-        assert app.session.state.view == "suggestions"
-    assert app.fault is None

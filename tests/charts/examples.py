@@ -24,7 +24,8 @@ from s2rtui.charts.overview import overview_table
 from s2rtui.charts.rooms import counts_table, groups_table, ordered, room_counts
 from s2rtui.charts.scatter import scatter_drawing
 from s2rtui.charts.scene import OverviewRow
-from s2rtui.charts.shared.instance import InstanceInput, PoseNumbers, SideView
+from s2rtui.charts.shared.instance import InstanceInput, PoseNumbers, SideView, instance_drawing
+from s2rtui.charts.suggestions import suggestions_drawing
 from s2rtui.charts.umap import (
     distance_levels,
     distance_range,
@@ -39,6 +40,9 @@ from s2rtui.drawing.floor import plane_frame
 from s2rtui.drawing.plane_marks import Floor
 from s2rtui.drawing.row_lines import RowLines
 from s2rtui.drawing.table import Cell, Column, LazyRows, Row, TableSpec
+from tests.drawing import examples
+from tests.support import gaps
+from tests.support.suggestions import suggestions_input
 
 N = 60
 BOUNDS = Bounds(0.0, 0.0, 20.0, 10.0)
@@ -343,3 +347,40 @@ def finding_report(count: int = 4) -> FindingReport:
         for number in range(1, count + 1)
     )
     return FindingReport("vanilla", found, ("gap drift: fewer than two nights were measured",))
+
+
+_BOX = BrushShape("map", ((2.0, 2.0), (9.0, 5.0)))
+_LASSO = BrushShape("map", ((2.0, 2.0), (9.0, 5.0), (4.0, 8.0)), lasso=True)
+_IN_UMAP = BrushShape("real", ((-9.0, -9.0), (3.0, 3.0), (4.0, 9.0)), lasso=True)
+_IN_SCATTER = BrushShape("errors", ((0.5, 0.5), (9.0, 3.0), (1.0, -2.0)), lasso=True)
+_BARE_SIDES = {"sim": side(1, False, False), "real": side(2, False, False), "truth": None}
+_BARE_MAP = {"plan": None, "heat": None, "headings": None, "cursor": None}
+DRAWINGS: dict[str, Drawing] = {
+    "overview": overview_drawing(),
+    "overview lines": overview_drawing(
+        overview_lines(), brush=BrushShape("vanilla", ((0.6, 0.0), (0.8, 0.0)))
+    ),
+    "map": map_drawing(map_input()),
+    "full map": map_drawing(map_input(mode="full")),
+    "glyph map": map_drawing(map_input(mode="glyph", seen=np.eye(5)), brush=_BOX),
+    "bare map": map_drawing(map_input(**_BARE_MAP)),
+    "compare": compare_drawing(compare_input(), brush=_LASSO),
+    "instance": instance_drawing(instance_input()),
+    "bare instance": instance_drawing(instance_input(**_BARE_SIDES)),
+    "errors": errors_drawing(5, brush=BrushShape("real", ((0.2, 3.0), (99.0, -1.0)))),
+    "history": history_drawing(gaps.week(), 60),
+    "umap": umap_drawing(brush=_IN_UMAP),
+    "orientation": orientation_drawing(
+        cursor={"sim": 30.0}, brush=BrushShape("sim", ((170.0, 1.0), (-120.0, 9.0)))
+    ),
+    "scatter": scatter_of(cursor=5, brush=_IN_SCATTER),
+    "rooms": counts_drawing(BrushShape("truth", ((0.0, 1.0), (0.0, 9.0)))),
+    "groups": groups_drawing(brush=BrushShape("groups", ((0.0, 3.0), (0.0, 4.0)))),
+    "findings": findings_of(chosen=2),
+    "no findings": findings_of(0),
+    "suggestions": suggestions_drawing(suggestions_input()),
+    "no suggestions": suggestions_drawing(suggestions_input(real=0, sim=0)),
+    "list": list_drawing(7),
+    "drawing": examples.drawing(),
+}
+"""Drawings of the views, with a brush where they have one, and some with little in them."""

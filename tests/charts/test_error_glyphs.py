@@ -1,7 +1,5 @@
 """Error glyphs of the map: means, directions, sizes and distinguishability."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -159,11 +157,3 @@ def test_equal_arrows_are_merged_with_both_sizes():
     canvas = draw_map(view, SIZE, options)
     column, row = centre_of(view, options)
     assert "".join(canvas.char[row + 1, column : column + 4]) == "vB39"
-
-
-def test_the_legend_explains_scale_and_means():
-    text = "\n".join(draw_map(map_input(mode="glyph"), (120, 30)).lines())
-    assert "180° = " in text
-    assert "mean of n instances" in text
-    one_selected = replace(map_input(mode="glyph"), selected=np.arange(60) == 5)
-    assert "mean of n instances" not in "\n".join(draw_map(one_selected, (120, 30)).lines())

@@ -1,6 +1,5 @@
 """Figures have exactly the requested size, deterministic bytes and visible content."""
 
-from collections.abc import Callable
 from io import BytesIO
 
 import matplotlib
@@ -9,56 +8,25 @@ import pytest
 from PIL import Image
 
 from s2rstore.errors import RequestError
-from s2rtui.canvas import DARK, LIGHT, Theme
-from s2rtui.charts.compare.view import compare_drawing
+from s2rtui.canvas import DARK, LIGHT
 from s2rtui.charts.map import map_drawing
-from s2rtui.charts.shared.instance import instance_drawing
 from s2rtui.charts.suggestions import paper_drawing
 from s2rtui.drawing.page import colour_bar_ticks
 from s2rtui.drawing.paper import draw_paper
 from tests.charts.examples import (
-    compare_input,
-    counts_drawing,
+    DRAWINGS,
     errors_drawing,
-    findings_of,
-    groups_drawing,
-    instance_input,
     map_input,
     orientation_drawing,
     overview_drawing,
-    overview_lines,
     scatter_of,
-    side,
     umap_drawing,
 )
 from tests.support.suggestions import suggestions_input
 
-Draw = Callable[[tuple[int, int], Theme], bytes]
-
-
-def drawing(figure: Callable[..., bytes], data: object, *texts: str) -> Draw:
-    return lambda size, theme: figure(data, size, theme, *texts)
-
-
-FIGURES: dict[str, Draw] = {
-    "overview": drawing(draw_paper, overview_drawing()),
-    "overview lines": drawing(draw_paper, overview_drawing(overview_lines())),
-    "map": drawing(draw_paper, map_drawing(map_input()), "vanilla", "worst15"),
-    "full map": drawing(draw_paper, map_drawing(map_input(mode="full"))),
-    "glyph map": drawing(draw_paper, map_drawing(map_input(mode="glyph", seen=np.eye(5)))),
-    "compare": drawing(draw_paper, compare_drawing(compare_input())),
-    "instance": drawing(draw_paper, instance_drawing(instance_input()), "vanilla"),
-    "umap": drawing(draw_paper, umap_drawing()),
-    "orientation": drawing(draw_paper, orientation_drawing(cursor={"sim": 30.0})),
-    "rooms": drawing(draw_paper, counts_drawing()),
-    "scatter": drawing(draw_paper, scatter_of(cursor=5)),
-    "groups": drawing(draw_paper, groups_drawing(), "vanilla"),
-    "findings": drawing(draw_paper, findings_of(), "vanilla"),
-    "suggestions": drawing(draw_paper, paper_drawing(suggestions_input().directions), "vanilla"),
-    "errors": drawing(draw_paper, errors_drawing(5)),
-}
-
-
+FIGURES = DRAWINGS | {"suggestions": paper_drawing(suggestions_input().directions)}
+TEXTS = {"map": ("vanilla", "worst15"), "instance": ("vanilla",), "groups": ("vanilla",)}
+"""Title and subtitle of some figures."""
 USER = {
     "text.parse_math": True, "font.size": 31.0, "axes.linewidth": 7.0, "lines.linewidth": 9.0,
     "axes.facecolor": "red", "savefig.dpi": 33, "xtick.direction": "in", "image.cmap": "gray",
@@ -74,11 +42,9 @@ def decode(data: bytes) -> Image.Image:
 def test_empty_selections_and_missing_values_can_be_drawn():
     nobody, no_points = np.zeros(60, dtype=np.bool_), np.full((60, 2), np.nan)
     bare_map = map_input(selected=nobody, cursor=None, heat=None, plan=None, rooms=())
-    bare = instance_input(sim=side(1, False, False), real=side(2, False, False), truth=None)
     size = (300, 200)
     for figure in (
         draw_paper(map_drawing(bare_map), size, LIGHT),
-        draw_paper(instance_drawing(bare), size, LIGHT),
         draw_paper(umap_drawing(selected=nobody), size, LIGHT),
         draw_paper(umap_drawing({"sim": no_points, "real": no_points}, 1), size, LIGHT),
         draw_paper(orientation_drawing(selected=nobody, valid=nobody), size, LIGHT),
@@ -89,13 +55,15 @@ def test_empty_selections_and_missing_values_can_be_drawn():
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_figures_have_their_size_no_metadata_and_no_use_of_the_user_s_settings(name):
-    plain = FIGURES[name]((240, 180), LIGHT)
+    def draw(size: tuple[int, int]) -> bytes:
+        return draw_paper(FIGURES[name], size, LIGHT, *TEXTS.get(name, ()))
+
+    plain = draw((240, 180))
     with matplotlib.rc_context(USER):
         before = dict(matplotlib.rcParams)
-        figure = FIGURES[name]((240, 180), LIGHT)
+        assert draw((240, 180)) == plain
         assert dict(matplotlib.rcParams) == before
-    assert figure == plain
-    for size, data in (((240, 180), plain), ((65, 48), FIGURES[name]((65, 48), LIGHT))):
+    for size, data in (((240, 180), plain), ((65, 48), draw((65, 48)))):
         image = decode(data)
         assert image.size == size
         assert set(image.info) <= {"dpi"}
@@ -104,7 +72,8 @@ def test_figures_have_their_size_no_metadata_and_no_use_of_the_user_s_settings(n
 @pytest.mark.parametrize("theme", [LIGHT, DARK])
 @pytest.mark.parametrize("name", ["overview", "orientation", "rooms", "errors"])
 def test_the_background_and_the_colours_of_the_sides_appear(name, theme):
-    pixels = np.asarray(decode(FIGURES[name]((600, 400), theme)).convert("RGB")).astype(int)
+    pixels = np.asarray(decode(draw_paper(FIGURES[name], (600, 400), theme)).convert("RGB"))
+    pixels = pixels.astype(int)
     assert tuple(pixels[0, 0]) == theme.background
     truth = [] if name == "errors" else [theme.truth]
     for colour in (theme.sim, theme.real, *truth):

@@ -3,7 +3,6 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
@@ -21,7 +20,7 @@ from s2rtui.drawing.legend import (
     text_part,
 )
 from s2rtui.session.session import Session
-from tests.charts.examples import draw_map, finding_report, map_input
+from tests.charts.examples import finding_report
 
 OPTIONS = RenderOptions()
 words = st.text("abcdefgh", min_size=1, max_size=12)
@@ -64,18 +63,6 @@ def test_a_glyph_stays_beside_its_word_and_a_wide_word_is_cut():
         for line in drawn([part], width):
             assert not line.rstrip().endswith(tuple("\u25c6\u25c7\u2022"))
     assert cell_len(drawn([text_part((("a" * 30, DARK.muted),))], 20)[0].rstrip()) == 20
-
-
-@pytest.mark.parametrize("width", [40, 48, 66, 100])
-@pytest.mark.parametrize("height", [12, 20, 40])
-@pytest.mark.parametrize("mode", ["colour", "glyph", "full"])
-def test_the_legend_of_a_map_has_all_words_or_an_ellipsis(width, height, mode):
-    view = map_input(mode=mode, heat_label="feature distance of the selection, real")
-    lines = draw_map(view, (width, height), OPTIONS).lines()[-(height // 2) :]
-    text = " ".join(" ".join(lines).split())
-    names = {"colour": "shift", "glyph": "both", "full": "truth"}
-    wanted = (names[mode], "feature distance of the selection, real", "not selected", " m ")
-    assert "\u2026" in text or all(part in f"{text} " for part in wanted)
 
 
 def test_rows_of_findings_mark_bounds_beyond_all_values(tiny_store):

@@ -78,19 +78,6 @@ def test_room_names_and_outlines_are_optional():
     assert "hall" not in without_names
 
 
-def test_room_names_are_whole_and_avoid_the_points():
-    along = np.linspace(1.0, 9.0, 60)
-    truth = np.stack([along, np.full(60, 5.0)], axis=1)
-    room = (Room("corridor", 0, 0, 0, 10, 10),)
-    view = map_input(truth=truth, rooms=room, cursor=None, heat=None, plan=None)
-    all_selected = replace(view, selected=np.ones(60, dtype=np.bool_))
-    bare = draw_map(replace(all_selected, rooms=()), SIZE)
-    named = draw_map(all_selected, SIZE)
-    assert "corridor" in "\n".join(named.lines())
-    drawn = [np.isin(canvas.char, ("●", "■")).sum() for canvas in (named, bare)]
-    assert drawn[0] == drawn[1] > 20
-
-
 def test_a_room_name_in_a_full_room_is_drawn_in_front_of_the_points():
     across, down = np.meshgrid(np.linspace(0, 10, 200), np.linspace(0, 10, 200))
     truth = np.stack([across.ravel(), down.ravel()], axis=1)

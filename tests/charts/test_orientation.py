@@ -13,7 +13,6 @@ from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.marks import wrap_degrees
 from s2rtui.charts.orientation import BINS, orientation_model
 from s2rtui.charts.registry import BY_NAME
-from s2rtui.drawing.cells import draw_cells
 from s2rtui.drawing.plot import Bars
 from s2rtui.export.load_scene import SceneOptions, open_scene
 from tests.charts.examples import N, headings, orientation_drawing
@@ -80,15 +79,6 @@ def test_grey_bars_are_scaled_by_the_selected_share():
         assert max(bars.part.max(), bars.whole.max()) <= plot.y.high
     (bars, *_), all_selected = one_direction(10).plots[0].marks, one_direction(10).plots[0]
     assert all_selected.y.high == bars.whole.max() == N
-
-
-def test_scale_and_means_are_written():
-    lines = draw_cells(one_direction(-93), (50, 10)).lines()
-    assert lines[0].count(f"max {N}") == 3
-    assert lines[-1].count("-93° R 1.00") == 3
-    assert draw_cells(one_direction(5, selected=False), (50, 10)).lines()[-1].count("none") == 3
-    low = draw_cells(one_direction(-93), (80, 3)).lines()
-    assert [line.split()[1] for line in low] == ["sim", "truth", "real"]
 
 
 def test_bars_fit_into_the_columns_and_headings_at_the_cursor_are_shown(tiny_store):

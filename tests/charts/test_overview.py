@@ -107,13 +107,6 @@ def test_the_cursor_has_a_sign_and_a_number_in_each_row():
     assert line_of(canvas, "seen all")[1].split()[-1] == "n/a"
 
 
-def test_the_visible_rows_follow_the_selected_run():
-    rows = [OverviewRow(f"run{k}", Interval.unknown(0.9), Interval.unknown(0.8)) for k in range(40)]
-    for run in ("run0", "run17", "run39"):
-        drawing = Drawing(table=overview_table(rows, 0.7, run))
-        assert f"▶ {run} " in "\n".join(draw_cells(drawing, (60, 8)).lines())
-
-
 @pytest.mark.parametrize(
     "options", [RenderOptions(), RenderOptions(mode=ColourMode.NONE, ascii=True)]
 )

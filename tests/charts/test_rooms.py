@@ -12,7 +12,6 @@ from hypothesis.extra import numpy as arrays
 from s2rstore.findings.groups import Group, Groups
 from s2rstore.intervals import Interval, Sample
 from s2rstore.language.syntax_tree import Everything
-from s2rtui.canvas import DARK
 from s2rtui.canvas.marks import BrushShape
 from s2rtui.charts.rooms import _numbers, independent, ordered, room_counts, selected_per_group
 from s2rtui.drawing.cells import draw_cells, drawing_panels
@@ -94,14 +93,6 @@ def test_rows_mark_bounds_beyond_all_values():
     few = replace(unbounded, low=np.nan, high=np.nan, reason="n 7, a median needs 25", sample=None)
     row = _numbers(replace(group_errors()[0], real=few), GROUP_COUNTS)
     assert (row[7], row[-1]) == (None, "no interval: n 7, a median needs 25")
-
-
-def test_the_scale_shows_sim_and_real_in_their_colours():
-    canvas = draw_cells(groups_drawing(), (120, 9))
-    for glyph, colour in (("◇", DARK.real), ("◆", DARK.sim)):
-        places = np.argwhere(canvas.char[1:7] == glyph)
-        assert len(places) >= 3  # dots of one group may cover each other
-        assert {tuple(canvas.fg[y + 1, x]) for y, x in places} == {colour}
 
 
 def test_selected_instances_are_counted_per_group():

@@ -11,7 +11,7 @@ from matplotlib.path import Path as Polygon
 
 from s2rstore.language import mask, parse
 from s2rstore.records import Bounds
-from s2rtui.canvas import DARK, BrushShape, ColourMode, RenderOptions
+from s2rtui.canvas import BrushShape, ColourMode, RenderOptions
 from s2rtui.charts.mark_expressions import box_expression, lasso_expression
 from s2rtui.charts.scatter import (
     QUADRANTS,
@@ -180,14 +180,6 @@ def test_sides_have_glyphs_of_their_own(options):
     legend = "\n".join(canvas.lines()[panel.height :])
     assert f"{real} real error larger" in legend
     assert f"{sim} sim error larger" in legend
-
-
-def test_points_have_the_colour_of_the_larger_error():
-    drawing = view(np.array([1.0, 8.0, 9.0]), np.array([8.0, 1.0, 9.0]))
-    canvas, panel = draw_cells(drawing, SIZE), drawing_panels(drawing, SIZE)[0]
-    for x, y, ink in ((1.0, 8.0, DARK.real), (8.0, 1.0, DARK.sim), (9.0, 9.0, DARK.both)):
-        column, row = (int(place) for place in panel.to_cells(x, y))
-        assert tuple(canvas.fg[row, column]) == ink
 
 
 @given(errors, errors, st.floats(0, 0.7), st.floats(0, 0.7), st.floats(0.1, 0.4))

@@ -119,13 +119,6 @@ def test_show_prints_the_answers_of_the_run(store, capsys):
     assert f"s2r suggest {store.name} --run dataaug --for sim" in words
 
 
-def test_a_run_without_results_names_the_command(tiny_store, tmp_path, capsys):
-    figure = tmp_path / "f.png"
-    words = ["export", str(tiny_store), "--view", "suggestions", "--out", str(figure)]
-    assert main(words) == 2
-    assert "--for real` computes one" in capsys.readouterr().err
-
-
 def test_results_of_an_earlier_computation_and_invalid_ones_are_not_shown(store):
     with edit(store) as draft:
         broken = {**suggest_report("sim").as_json(), "answers": [], "best": 2}

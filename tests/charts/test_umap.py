@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rstore.records import Bounds
-from s2rtui.canvas.marks import BrushShape
 from s2rtui.charts.umap import distance_levels, distance_range, distances, umap_extent
 from s2rtui.drawing.cells import draw_cells, drawing_panels
 from s2rtui.drawing.plot import LEVELS
@@ -60,35 +59,7 @@ def test_all_points_are_in_view():
     assert umap_extent(*nothing.T, *nothing.T) == Bounds(0.0, 0.0, 1.0, 1.0)
 
 
-def test_the_cursor_is_marked_in_both_panels():
-    drawing, points = umap_drawing(cursor=17), umap_points()
-    canvas = draw_cells(drawing, SIZE)
-    for panel, side in zip(drawing_panels(drawing, SIZE), points.values(), strict=True):
-        column, row = (int(part) for part in panel.to_cells(*side[17]))
-        assert canvas.char[row, column] == "◉"
-    assert "".join(canvas.lines()).count("◉") == 2
-
-
-@pytest.mark.parametrize("width", [40, 60, 90, 120])
-def test_the_legend_says_what_a_cell_shows(width):
-    text = " ".join(" ".join(draw_cells(umap_drawing(), (width, 30)).lines()).split())
-    for words in ("distance", "mean of the selected", "none selected", "1 to 8", "+ per cell"):
-        assert words in text
-
-
 def test_missing_coordinates_show_a_message():
     no_points = np.full((N, 2), np.nan)
     drawing = umap_drawing(points={"sim": no_points, "real": no_points})
     assert "no coordinates" in draw_cells(drawing, SIZE).lines()[0]
-
-
-def test_a_pending_box_is_drawn_on_its_panel():
-    mark = BrushShape("real", ((0.0, 0.0), (4.0, 4.0)))
-    drawing = umap_drawing(brush=mark)
-    canvas = draw_cells(drawing, SIZE)
-    sim, real = drawing_panels(drawing, SIZE)
-    for point in mark.points:
-        column, row = (int(part) for part in real.to_cells(*point))
-        assert canvas.char[row, column] == "+"
-    left = canvas.char[sim.y : sim.y + sim.height, : sim.x + sim.width]
-    assert not (left == "+").any()

@@ -14,7 +14,7 @@ from s2rtui.drawing.drawing import ColourBar
 from s2rtui.drawing.drawing_layout import drawing_layout
 from s2rtui.drawing.scale import Interval, short_number
 from tests.charts.examples import (
-    N,
+    DRAWINGS,
     compare_input,
     draw_compare,
     draw_map,
@@ -22,7 +22,6 @@ from tests.charts.examples import (
     map_input,
     umap_drawing,
 )
-from tests.charts.test_every_size import VIEWS
 
 Written = list[tuple[Canvas, int, int, str]]
 
@@ -42,10 +41,10 @@ def written(monkeypatch: pytest.MonkeyPatch) -> Written:
     return texts
 
 
-@pytest.mark.parametrize("name", VIEWS)
+@pytest.mark.parametrize("name", DRAWINGS)
 def test_no_view_shows_a_part_of_a_number(name, written):
     for size in ((16, 6), (24, 10), (50, 14), (80, 23)):
-        VIEWS[name](size, RenderOptions())
+        draw_cells(DRAWINGS[name], size, RenderOptions())
         for canvas, x, y, text in written:
             for number in re.finditer(r"[-+]?\d[\d.]*", text):
                 columns = range(x + number.start(), x + number.end())
@@ -57,16 +56,6 @@ def test_no_view_shows_a_part_of_a_number(name, written):
                 ]
                 assert all(shown) or not any(shown), (size, text, canvas.lines()[y])
         written.clear()
-
-
-def test_the_numbers_at_a_umap_are_whole():
-    points = np.linspace(-12.5, -9.5, 2 * N).reshape(N, 2)
-    canvas = draw_cells(umap_drawing({"sim": points, "real": points}), (120, 40))
-    texts = {line[:5].strip() for line in canvas.lines()} - {""}
-    numbers = {float(text) for text in texts if re.fullmatch(r"-?[\d.]+", text)}
-    assert len(numbers) >= 2
-    assert all(not text.endswith(".") for text in texts)
-    assert len({round(step, 9) for step in np.diff(sorted(numbers))}) == 1
 
 
 SIZES = ((80, 20), (66, 33), (52, 14), (48, 20), (120, 36), (66, 50), (200, 56))

@@ -9,10 +9,8 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.findings import store_summary
 from s2rstore.index.transaction import edit
-from s2rtools.scoring import factor_effects
 from s2rtools.synthetic_world.dataset import WorldData
 from s2rtools.synthetic_world.factors import FACTORS
-from s2rtools.training import pretrained
 from s2rtui.cli import main
 from s2rtui.cli.commands import demo
 from tests.support.copies import copy_store
@@ -59,20 +57,6 @@ def test_stages_are_run_until_the_store_is_complete(demo_folder, capsys, monkeyp
     del commands[:]
     assert main([*DEMO_ARGUMENTS, str(demo_folder)]) == 0
     assert commands == ["model", "suggest"]
-
-
-@pytest.mark.deep
-def test_an_interrupted_demo_is_resumed_and_prints_findings(tmp_path, s2r, monkeypatch):
-    arguments = ["ingest", "world", "--instances", "4", "--store", str(tmp_path / "world.s2r")]
-    assert main(arguments) == 0
-    pretrained.add_pretrained_models(tmp_path / "world.s2r")
-    monkeypatch.setattr(factor_effects, "MAX_VIEWS", factor_effects.MIN_VIEWS)
-    assert main([*DEMO_ARGUMENTS, str(tmp_path)]) == 0
-    output = s2r(*DEMO_ARGUMENTS, tmp_path).checked()
-    for expected in ("4 runs", "best run: ", "costliest factor of vanilla",
-                 "best heatmap of vanilla: harmonised"):  # fmt: skip
-        assert expected in output.out
-    assert "s2r precompute" not in output.err
 
 
 def test_different_world_options_need_another_folder(demo_folder, s2r):

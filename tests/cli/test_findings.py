@@ -15,19 +15,6 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tiny.build(path, n=80, trained=("vanilla",))
 
 
-@pytest.mark.parametrize("run", ["vanilla", "dataaug"])
-def test_a_query_of_the_expression_gives_the_same_count(store, run, s2r):
-    report = s2r("findings", store, "--run", run, "--json").json
-    assert report["run"] == run
-    assert report["findings"]
-    for finding in report["findings"]:
-        if finding["expression"] is None:
-            continue
-        arguments = ["query", str(store), finding["expression"], "--run", finding["run"]]
-        assert int(s2r(*arguments, "--count").printed) == finding["n"]
-        assert len(s2r(*arguments, "--json").json) == finding["n"]
-
-
 def test_the_table_fits_into_80_columns(store, s2r, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     lines = s2r("findings", store).lines

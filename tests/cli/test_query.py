@@ -77,14 +77,6 @@ def test_json_and_parquet_contain_the_same_rows(tiny_store, tmp_path, s2r, noteb
     assert stored == {k: v if isinstance(v, str) else json.dumps(v) for k, v in metadata.items()}
 
 
-def test_the_expanded_expression_selects_the_same(tiny_store, s2r, notebook):
-    metadata = s2r("query", tiny_store, "@bad - @door", "--with-expression", "--json").json
-    repeated = s2r("query", tiny_store, metadata["expanded"], "--json").json
-    assert repeated == metadata["instances"]
-    count = s2r("query", tiny_store, "@bad - @door", "--count").printed
-    assert int(count) == metadata["count"]
-
-
 def test_columns_are_the_fields_of_the_selection_language(tiny_store, s2r, notebook):
     names = "iid,traj,real.room,real.heading,real.outlier,sim.rank,sim.split,gap,tags,note"
     arguments = ("ids(7..8)", "--columns", names, "--json", "--run", "dataaug")
@@ -152,6 +144,7 @@ def test_runs_without_shares_of_the_gap_are_named(tiny_store, tmp_path, s2r):
         "run dataaug has no shares of the gap; `s2r precompute"
         in s2r(*words, "--count").checked().err
     )
+    assert s2r("show", path, "shares", "--run", "dataaug", "--json").json == []
 
 
 @pytest.fixture(scope="module")

@@ -14,11 +14,10 @@ import numpy as np
 from s2rstore.files import layout
 from s2rstore.files.compute_environment import ComputeEnvironment
 from s2rtools.precompute import unit_results
-from s2rtools.precompute.machine import Machine
-from s2rtools.precompute.receipts import Receipt
 from s2rtools.precompute.tasks.map_grids import merge_grids
-from s2rtools.precompute.unit_computer import encoded
+from s2rtools.precompute.unit_computer import Machine, encoded
 from s2rtools.precompute.unit_plan import UnitPlan
+from s2rtools.precompute.unit_results import Receipt
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 from tests.support import tiny
 

@@ -1,7 +1,6 @@
 """Precompute in the jobs of a real SLURM with two nodes, each with its own mount of the store."""
 
 import shutil
-import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -31,7 +30,7 @@ log_folder = "{folder}/logs"
 store = "{mount}/{store}"
 prologue = [
     "export DASK_DISTRIBUTED__WORKER__PRELOAD='[\\"tests.cluster.worker_preload\\"]'",
-    "export S2R_TEST_UNIT_SECONDS={seconds} S2R_TEST_GATE={gate}",
+    "export S2R_TEST_GATE={gate}",
 ]
 """
 _SECONDS = 240
@@ -65,53 +64,6 @@ def _command(path: Path, *arguments: str) -> list[str]:
     return [*command, "--kinds", "feature_distance", "--backend", "torch", *arguments]
 
 
-class Precompute:
-    """A precompute of a copy of the store in SLURM jobs."""
-
-    def __init__(self, slurm: SlurmMachine, stores: Path, store: Path) -> None:
-        self.path, self._folder, self._slurm = store, stores, slurm
-        self.log = stores / f"{store.stem}.log"
-
-    def start(self, seconds: float = 0.0, gate: str = "") -> subprocess.Popen[bytes]:
-        settings = self._folder / f"{self.path.stem}.toml"
-        text = _SETTINGS.format(
-            folder=self._folder, mount=self._folder / "mount", store=self.path.name,
-            seconds=seconds, gate=gate,
-        )  # fmt: skip
-        settings.write_text(text)
-        command = _command(self.path, "--cluster", str(settings))
-        with self.log.open("wb") as log:
-            return subprocess.Popen(command, env=self._slurm.environment, stdout=log, stderr=log)
-
-    def finish(self, process: subprocess.Popen[bytes]) -> tuple[int, str]:
-        return process.wait(_SECONDS), self.log.read_text()
-
-    def received(self) -> set[Path]:
-        return {path for path in (self.path / "units").rglob("*") if path.name.isdigit()}
-
-    def wait_for_units(self, count: int, process: subprocess.Popen[bytes]) -> None:
-        def is_there() -> bool:
-            return len(self.received()) >= count or process.poll() is not None
-
-        assert wait_until(is_there, _SECONDS), self.log.read_text()
-        assert process.poll() is None, self.log.read_text()
-
-
-@pytest.fixture
-def precompute(
-    slurm: SlurmMachine, stores: Path, trained_store: Path, request: pytest.FixtureRequest
-) -> Precompute:
-    name = request.node.name.removeprefix("test_")[:24]
-    path = Path(shutil.copytree(trained_store, stores / f"{name}.s2r"))
-    return Precompute(slurm, stores, path)
-
-
-def _assert_complete(path: Path, serial: Path) -> None:
-    assert verify(path) == []
-    assert _shards(path) == _shards(serial)
-    assert not list((path / "units").iterdir())
-
-
 def _shards(path: Path) -> dict[str, str]:
     """The checksum of every computed file, as the ledger states it."""
     ledger = Ledger(path).by_path()
@@ -122,34 +74,25 @@ def _shards(path: Path) -> dict[str, str]:
     }  # fmt: skip
 
 
-def test_a_cancelled_job(precompute, slurm, serial, stores):
-    gate = stores / "gate"
+def test_a_cancelled_job(slurm, serial, stores, trained_store):
+    path = Path(shutil.copytree(trained_store, stores / "cancelled.s2r"))
+    gate, settings, log = (stores / name for name in ("gate", "slurm.toml", "precompute.log"))
     gate.mkdir()
-    process = precompute.start(gate=str(gate))
-    assert wait_until(lambda: len(list(gate.iterdir())) == 2, _SECONDS), precompute.log.read_text()
+    settings.write_text(
+        _SETTINGS.format(folder=stores, mount=stores / "mount", store=path.name, gate=gate)
+    )
+    command = _command(path, "--cluster", str(settings))
+    with log.open("wb") as out:
+        process = subprocess.Popen(command, env=slurm.environment, stdout=out, stderr=out)
+    assert wait_until(lambda: len(list(gate.iterdir())) == 2, _SECONDS), log.read_text()
     jobs = slurm.jobs()
     assert sorted(jobs.values()) in (["n1", "n1"], ["n1", "n2"], ["n2", "n2"])
     slurm.call("scancel", "--signal=KILL", "--full", next(iter(jobs)))
     (gate / "open").touch()
-    code, log = precompute.finish(process)
-    assert code == 0, log
-    assert "was lost; " in log
-    assert "published" in log
-    _assert_complete(precompute.path, serial)
+    assert process.wait(_SECONDS) == 0, log.read_text()
+    assert "was lost; " in log.read_text()
+    assert "published" in log.read_text()
+    assert verify(path) == []
+    assert _shards(path) == _shards(serial)
+    assert not list((path / "units").iterdir())
     assert wait_until(lambda: not slurm.jobs(), 30)
-
-
-@pytest.mark.deep
-def test_a_killed_driver(precompute, slurm, serial):
-    process = precompute.start(seconds=0.3)
-    precompute.wait_for_units(3, process)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    received = {path: path.stat().st_mtime_ns for path in precompute.received()}
-    assert len(received) >= 3
-    assert verify(precompute.path) == []
-    code, log = precompute.finish(precompute.start())
-    assert code == 0, log
-    left = 40 - 4 * len(received)
-    assert f"vanilla: forward: {left}/{left}, " in log
-    _assert_complete(precompute.path, serial)

@@ -1,4 +1,4 @@
-"""Depth images tell whether headings, handedness and depth scale are as declared."""
+"""Depth images tell whether headings, handedness, depth scale and order are as declared."""
 
 import json
 from dataclasses import replace
@@ -25,8 +25,8 @@ from s2rtools.datasets.conventions.convention_check import (
     check_conventions,
 )
 from s2rtools.datasets.conventions.convention_report import PICTURE, _moving, doubts
-from s2rtools.datasets.conventions.depth_frames import DepthFrames, DepthPoints
-from s2rtools.datasets.importers import synthetic_world
+from s2rtools.datasets.conventions.depth_frames import DepthFrames, DepthPoints, Order
+from s2rtools.datasets.importers import IMPORTERS, synthetic_world
 from s2rtools.datasets.scan import Scan, ScanOptions
 from s2rtools.datasets.writing.build import build
 from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
@@ -100,6 +100,7 @@ def test_conventions_are_distinct_and_have_their_own_names():
     assert len({str(convention) for convention in CONVENTIONS}) == len(CONVENTIONS)
     assert Convention(scale=5.0).finding == "depth looks 5 times too small"
     assert Convention(scale=0.5).finding == "depth looks 2 times too large"
+    assert Convention(-1, 1, True).finding == "x and y look swapped"
 
 
 def test_few_frames_decide_nothing():
@@ -134,6 +135,50 @@ def ingested(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]
     scan.trajectories["traj1"] = list(scan.trajectories["traj1"])[:CHECKED]
     build(scan, path, "test", True, lambda count: None, lines.append)
     return path, lines
+
+
+def doubts_of(scan: Scan, order: Order, count: int, folder: Path) -> dict[str, str]:
+    """What ingest doubts by domain where the images of a trajectory have poses in another order."""
+    ((name, records),) = scan.trajectories.items()
+    first = list(records)[:count]
+    others = [first[order.row(row, count)] for row in range(count)]
+    scan.trajectories[name] = [
+        replace(record, x=other.x, y=other.y, heading=other.heading)
+        for record, other in zip(first, others, strict=True)
+    ]
+    build(scan, folder / "a.s2r", "test", False, lambda count: None)
+    return {i.file: i.detail for i in scan.issues if i.kind == "convention doubtful"}
+
+
+@pytest.mark.parametrize(
+    ("error", "finding", "remedy"),
+    [
+        (Order(1), "numbering of poses looks shifted by 1", "the pose 1 row before that of the"),
+        (Order(-4), "numbering of poses looks shifted by 4", "the pose 4 rows behind that of the"),
+        (Order(is_reversed=True), "poses look listed in reverse order", "poses in reverse order"),
+    ],
+    ids=["next row", "earlier row", "reversed"],
+)
+def test_ingest_names_poses_of_other_rows(tmp_path, error, finding, remedy):
+    found = doubts_of(world_scan(count=COUNT), error, CHECKED, tmp_path)
+    assert set(found) == {"sim", "real"}
+    for detail in found.values():
+        assert detail.startswith(f"{finding}; images and poses of ")
+        assert f"agree best with {remedy}" in detail
+
+
+@pytest.mark.real
+@pytest.mark.parametrize(
+    ("error", "finding"),
+    [(DECLARED.order, None), (Order(-2), "numbering of poses looks shifted by 2;"),
+     (Order(is_reversed=True), "poses look listed in reverse order;")],
+    ids=["right", "earlier row", "reversed"],
+)  # fmt: skip
+def test_poses_of_other_rows_are_named_in_the_real_data(real_data, tmp_path, error, finding):
+    scan = IMPORTERS["sim2realviz"](real_data, ScanOptions(frame=(FRAME, FRAME)))
+    found = doubts_of(scan, error, 60, tmp_path)
+    assert set(found) == (set(scan.domains) if finding else set())
+    assert all(detail.startswith(str(finding)) for detail in found.values())
 
 
 def test_ingest_draws_and_reports_the_check(ingested):

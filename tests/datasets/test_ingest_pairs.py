@@ -20,7 +20,7 @@ from s2rtools.datasets.layouts import LAYOUTS
 from s2rtools.datasets.pairing.pair_matching import PoseTolerance
 from s2rtools.datasets.pairing.paired_recordings import PairOptions, scan_pairs
 from s2rtools.datasets.recording import PinholeCamera, Recording, SourceImage
-from s2rtools.datasets.recordings.recorded_frame_source import CameraImages
+from s2rtools.datasets.recordings.recorded_frame_source import read_undistorted
 from s2rtui.cli import main
 from tests.support import recordings
 from tests.support.recordings import Side
@@ -239,7 +239,7 @@ def test_a_fisheye_lens_without_coefficients_is_undistorted():
         def read(self) -> SourceImage:
             return SourceImage(image, "", 8)
 
-    found = CameraImages(camera).read(Image(), cv2.INTER_LINEAR)  # type: ignore[arg-type]
+    found = read_undistorted(Image(), camera, cv2.INTER_LINEAR)  # type: ignore[arg-type]
     assert isinstance(found, SourceImage)
     radius = int(found.pixels[48, 48:, 0].argmax())
     assert radius == pytest.approx(focal * math.tan(angle), abs=2)

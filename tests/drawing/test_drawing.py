@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from s2rtui.canvas import DARK, LIGHT, RenderOptions
+from s2rtui.canvas import DARK, LIGHT
 from s2rtui.canvas.marks import BrushShape
 from s2rtui.drawing.cells import draw_cells
 from s2rtui.drawing.drawing import Drawing
@@ -64,11 +64,6 @@ def test_details_and_rows_without_room_are_left_out_and_said_to_be():
     assert any("/12" in line for line in crowded)
 
 
-def test_without_a_plot_the_table_begins_at_the_top():
-    lines = draw_cells(replace(examples.drawing(), plots=()), (60, 9)).lines()
-    assert lines[0].split() == ["◆", "sim", "◇", "real"]
-
-
 @pytest.mark.parametrize("width", [85, 170])
 def test_a_page_holds_the_whole_drawing(width):
     """No mark, label or text reaches the edge of a page."""
@@ -82,11 +77,6 @@ def test_a_page_holds_the_whole_drawing(width):
     rows, columns = np.flatnonzero(inked.any(axis=1)), np.flatnonzero(inked.any(axis=0))
     assert 5 < rows[0] < rows[-1] < size[1] - 5
     assert 5 < columns[0] < columns[-1] < size[0] - 5
-
-
-def test_ascii_draws_ascii_alone():
-    lines = draw_cells(examples.drawing(), (80, 24), RenderOptions(ascii=True)).lines()
-    assert "".join(lines).isascii()
 
 
 def test_terminals_with_graphics_get_plots_in_true_pixels_while_nothing_is_brushed():

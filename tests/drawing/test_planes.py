@@ -39,7 +39,7 @@ def test_equal_scales_are_widened_in_their_direction(y):
 def drawn(mark: PlaneMark, y: Scale = DOWN, *others: PlaneMark) -> Canvas:
     """The marks in cells of one metre by two."""
     canvas = Canvas(40, 10, OPTIONS)
-    draw_marks(canvas, plane(*others, mark, y=y), None)
+    draw_marks(canvas, plane(*others, mark, y=y))
     return canvas
 
 

@@ -43,7 +43,7 @@ def drawn(mark: Points, options: RenderOptions = OPTIONS, size: tuple[int, int] 
     """The plot on 0 .. 10, and the cell of each point."""
     plot = Plot(Scale(0.0, 10.0), Scale(0.0, 10.0), (mark,))
     canvas = Canvas(*size, options)
-    draw_marks(canvas, plot, None)
+    draw_marks(canvas, plot)
     return canvas, lambda iid: (row_of(plot.y, float(mark.y[iid]), size[1]),
                                 column_of(plot.x, float(mark.x[iid]), size[0]))  # fmt: skip
 

@@ -15,7 +15,6 @@ from s2rtui.drawing.points import (
     Grid,
     cell_bins,
     change_cells,
-    dot_bins,
     level_shares,
     sign_cells,
 )
@@ -102,13 +101,6 @@ def test_unselected_instances_are_braille_dots(points, selected, valid, grid):
     assert {(row, column) for row, column in np.argwhere(canvas.char != " ").tolist()} == {
         cell for at, cell in enumerate(cells) if cell and valid[at] and not selected[at]
     }
-
-
-def test_cell_codes_are_cached():
-    x, y = np.random.default_rng(1).uniform(0, 5, (2, N))
-    grid = Grid(Scale(0.0, 5.0), Scale(5.0, 0.0), 10, 5)
-    assert dot_bins(x, y, grid) is dot_bins(x, y, grid)
-    assert cell_bins(x, y, grid) is cell_bins(x, y, grid)
 
 
 @pytest.mark.parametrize("size", [(300, 600), (10, 4)])

@@ -136,16 +136,6 @@ def test_the_chosen_entry_is_visible_and_highlighted_and_keeps_its_notes(chosen)
     assert {line.row for line in layout.lines if line.is_note} == {2}
 
 
-@given(st.integers(1, 14), st.integers(1, 12))
-def test_strips_are_drawn_in_every_size(width, height):
-    scale = Scale(0.0, 1.0, ("share", ""))
-    strip = Span(0.2, 0.9, "sim"), Dot(0.5, "sim", "selected")
-    rows = tuple(Row((Cell("a long name"), Cell("0.5", strip=strip))) for _ in range(3))
-    columns = Column("name"), Column("share", scale=scale)
-    canvas = draw_cells(Drawing(table=TableSpec(columns, rows, "rows")), (width, height))
-    assert (canvas.width, canvas.height) == (width, height)
-
-
 def test_an_axis_keeps_a_number_where_its_name_leaves_no_room():
     canvas = Canvas(40, 1)
     draw_axis(canvas, Scale(0.1, 0.95, ("a long name of it (m)",), log=True), 0, 0, 40, 4)

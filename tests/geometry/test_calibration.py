@@ -1,6 +1,5 @@
 """The packaged calibration compared with the real images."""
 
-import csv
 import math
 from dataclasses import replace
 from importlib import resources
@@ -92,16 +91,6 @@ def test_sim_and_sim_edit_depth_agree(views):
     assert valid.mean() > 0.5
     assert np.median(np.abs(error)) < 0.04
     assert abs(np.median(error)) < 0.01
-
-
-def test_match_csv_is_in_recording_order(real_data):
-    folder = real_data / "traj1"
-    with (folder / "sim" / "match.csv").open() as file:
-        pairs = [row["REAL_RGB"] for row in csv.DictReader(file)]
-    recorded = (folder / "real" / "chrono_list.txt").read_text().split()
-    position = {Path(line).name: number for number, line in enumerate(recorded)}
-    order = [position[name] for name in pairs]
-    assert order == sorted(order)
 
 
 def test_images_have_the_calibrated_sizes_and_grey_depth(real_data):

@@ -12,7 +12,7 @@ from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.geometry.reprojection import NearerSurface, Reprojection
 from s2rstore.records import Domain, Intrinsics
 from s2rtools.heatmaps.harmonization import ImageAlignment
-from s2rtools.precompute.rig_calibration import calibrate
+from s2rtools.precompute.domain_calibration import calibrate
 from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
 from s2rtools.synthetic_world.world import to_raw_depth
 

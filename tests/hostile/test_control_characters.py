@@ -1,7 +1,6 @@
 """Control characters in external texts are escaped, except in CSV and JSON written to a pipe."""
 
 import io
-import os
 import sys
 from pathlib import Path
 
@@ -11,7 +10,6 @@ from rich.console import Console
 from textual.screen import ModalScreen
 
 import s2rstore
-from bench.support.screen import Screen
 from s2rstore.errors import RequestError
 from s2rstore.language import complete, evaluation
 from s2rstore.language.canonical_text import string
@@ -29,6 +27,7 @@ from tests.support import hostile
 from tests.support.application import press, running
 from tests.support.copies import copy_store
 from tests.support.hostile import CLIPBOARD, HOSTILE, control_characters
+from tests.support.terminals import open_application
 
 FORBIDDEN = ("\x1b]52", "\x07", "\x9b", "\x85", "\u202e", "\u2066", "\u2028", "\x7f", "\x1b[31m")
 """Sequences that must never be written to a terminal."""
@@ -174,10 +173,8 @@ def test_the_terminal_receives_no_forbidden_sequence(hostile_store, user_data_fo
     entry = hostile.saved_entry(f'room:"{HOSTILE}"', run=HOSTILE)
     hostile.notebook(user_data_folder, selections={"mine": entry}, history=[HOSTILE])
     user_data_folder.joinpath("toured").touch()
-    environment = {"XDG_DATA_HOME": str(user_data_folder.parent), "COLORTERM": "truecolor",
-                   "PYTHONPATH": os.pathsep.join(sys.path)}  # fmt: skip
-    arguments = [sys.executable, "-m", "s2rtui", "tui", str(hostile_store), "--run", "vanilla"]
-    screen = Screen(arguments, (150, 44), environment)
+    options = "--run", "vanilla"
+    screen = open_application(hostile_store, user_data_folder.parent, *options, size=(150, 44))
     try:
         screen.wait_for("vanilla")
         screen.press("N")

@@ -102,6 +102,7 @@ INVALID_ROWS = {
     "a room without a position": "UPDATE room SET position = NULL WHERE room = 'right'",
     "a room of a million characters": "UPDATE room SET room = repeat('a', 1000000)",
     "a trajectory that is a path": "UPDATE trajectory SET trajectory = '../x'",
+    "a domain that is a path": "UPDATE domain SET domain = '../x' WHERE domain = 'sim'",
     "a kind of domain": "UPDATE domain SET kind = 'other'",
     "a focal length of 0": "UPDATE domain SET rgb_fx = 0",
     "sources that are no JSON": "UPDATE domain SET source = 'declared'",

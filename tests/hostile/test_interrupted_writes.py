@@ -147,10 +147,3 @@ def test_a_killed_worker_is_reported_in_one_line(tmp_path):
     assert process.stdout.startswith("2 ")
     assert "worker" in process.stdout
     assert process.stderr == ""
-
-
-def test_a_folder_in_place_of_a_lock_is_named(store_copy):
-    (store_copy / "ledger" / "compute.lock").unlink(missing_ok=True)
-    (store_copy / "ledger" / "compute.lock").mkdir()
-    with pytest.raises(RequestError, match=rf"{store_copy}: the compute lock cannot be opened"):
-        prune(store_copy)

@@ -10,15 +10,12 @@ from textual.widgets import Static
 import s2rtui
 from s2rtui.app.pilot import take_screenshot
 from s2rtui.app.status_line import TextBar
-from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import hostile
 from tests.support.application import running
-from tests.support.copies import copy_store
 
 SOURCES = Path(s2rtui.__file__).parent
 WIDGETS = {"Static", "Label", "Button", "Checkbox", "Link", "OptionList", "SelectionList"}
 TEXTS = {"Option", "Selection", "Toast", "Notification"}
-BAD_NAMES = ("[/", "[ @click=app.quit]CLICK", "[b")
 
 
 def calls() -> Iterator[tuple[str, str, ast.Call]]:
@@ -105,24 +102,6 @@ async def test_a_room_name_is_not_an_action(store_copy):
             await pilot.click(Static, offset=(column, 0))
         assert app.is_running
         assert app.fault is None
-
-
-async def test_names_of_folders_tags_and_selections_are_not_markup(tiny_store, tmp_path):
-    store = copy_store(tiny_store, tmp_path / "[ [@click=app.quit].s2r")
-    notebook = Notebook("0" * 64)
-    for name in BAD_NAMES:
-        notebook.save(name, SavedSelection("worst15", 1, "vanilla", 6))
-    notebook.toggle_tag([3], "[ tag")
-    async with running(store, size=(160, 44)) as (app, pilot):
-        assert "[ [@click=app.quit].s2r" in app.updater.status_text()
-        app.session.select('@"[b"')
-        app.updater.refresh()
-        await pilot.press("f")
-        await pilot.pause()
-        await pilot.press("escape", "slash", *"@", "tab", "tab")
-        await pilot.pause()
-        assert app.is_running
-    assert app.fault is None
 
 
 async def test_a_bar_shows_its_texts_verbatim():

@@ -8,12 +8,9 @@ from pathlib import Path
 import pytest
 
 from s2rtools.common.command_line.row_formats import csv_text
-from s2rtui.app.app import S2RApp
-from s2rtui.app.pilot import settle
-from s2rtui.canvas import RenderOptions
 from s2rtui.cli import main
-from s2rtui.session.session import Session
 from tests.support import hostile
+from tests.support.application import press, running
 
 FORMULA = '=HYPERLINK("http://evil", "x")'
 
@@ -75,13 +72,9 @@ def _number(cell: str) -> bool:
 
 @pytest.mark.parametrize("safe", [False, True])
 async def test_the_application_writes_safe_csv(formula_store, tmp_path, safe):
-    app = S2RApp(Session(formula_store), RenderOptions(), tmp_path)
-    app.export.safe_csv = safe
-    app.load_scheduler.debounce_seconds = 0.001
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
-        await pilot.press("c", "F", "enter")
-        await settle(app, pilot)
+    async with running(formula_store, folder=tmp_path) as (app, pilot):
+        app.export.safe_csv = safe
+        await press(app, pilot, "c", "F", "enter")
     (written,) = tmp_path.glob("s2r-selection*.csv")
     assert ("'=HYPERLINK" in written.read_text()) == safe
 

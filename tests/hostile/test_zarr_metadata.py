@@ -21,7 +21,6 @@ from s2rstore.maintenance.verify import verify
 from s2rstore.reader import Store
 
 ARRAY = "runs.zarr/vanilla/key0/activation.real"
-FRAMES = "frames.zarr/sim/a/rgb"
 
 
 def _change(path: Path, change: Callable[[dict[str, Any]], Any]) -> None:

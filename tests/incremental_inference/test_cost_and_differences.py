@@ -18,26 +18,47 @@ from s2rtools.models.pose_network import LoadedModel
 from tests.support import networks
 
 
-def poses_by_differences(model: LoadedModel, precision: str) -> tuple[np.ndarray, ...]:
-    """Poses of changed inputs by differences and in full, and those of the unchanged."""
+def poses_by_differences(
+    model: LoadedModel, precision: str, places: list[int] | None = None
+) -> tuple[np.ndarray, ...]:
+    """Poses (N, P, M, 3) of changed inputs by differences and in full, those of the unchanged.
+
+    `places` are the numbers of the patches, all by default.
+    """
     generator = torch.Generator().manual_seed(1)
     x = torch.rand(2, 4, *model.network.input_size, generator=generator) * 2 - 1
     other = x.flip(0).contiguous()
     backend = Backend(model)
     patches = cut_patches(*model.network.input_size)
+    if places is not None:
+        patches = [patches[place] for place in places]
     graph = DifferenceGraph(LocalGraph(backend.trunk), precision)
     with torch.inference_mode():
         before, changed = occlusion._recompute_differences(backend, x, other, patches, graph)
-        _, full = occlusion._recompute_fully(backend, x, other, patches)
+        repeated, full = occlusion._recompute_fully(backend, x, other, patches)
+    assert np.allclose(before, repeated, atol=1e-5)
     return changed, full, before
 
 
 @pytest.mark.parametrize("name", list(networks.local_trunks()))
 @pytest.mark.parametrize("size", [(37, 45)])
 def test_differences_in_float32_equal_full_inference(name, size):
-    model = networks.small_model(*networks.local_trunks()[name], size)
-    changed, full, before = poses_by_differences(model, "float32")
+    assert_equal_in_full(networks.small_model(*networks.local_trunks()[name], size))
+
+
+@pytest.mark.parametrize(
+    ("architecture", "places"),
+    [("resposenet", None), ("posest", [0, 3, 5, 14, 21, 35])],
+    ids=["every patch", "corner, edge and inner patches"],
+)
+def test_differences_of_architectures_equal_full_inference(architecture, places):
+    assert_equal_in_full(networks.build_model(architecture), places)
+
+
+def assert_equal_in_full(model: LoadedModel, places: list[int] | None = None) -> None:
+    changed, full, before = poses_by_differences(model, "float32", places)
     effect = np.abs(full - before[:, None, None]).max()
+    assert effect > 1e-3
     assert np.abs(changed - full).max() <= 1e-4 * max(effect, 1)
 
 

@@ -2,66 +2,18 @@
 
 import numpy as np
 import pytest
-import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rtools.heatmaps import occlusion
 from s2rtools.incremental_inference import (
-    LocalGraph,
     PixelRegion,
     SlidingWindow,
     cut_patches,
     non_local_reason,
 )
-from s2rtools.inference import Backend
-from s2rtools.inference.batch_norm_folding import fold_batch_norm
-from s2rtools.models.pose_network import LoadedModel
+from s2rtools.inference.trunk_rewriting import fold_batch_norm
 from tests.support import networks
-
-# Poses are compared relative to the change that the patches cause.
-TOLERANCE = 1e-4
-
-
-def incremental_and_full(
-    model: LoadedModel, patch_indices: list[int] | None = None
-) -> tuple[np.ndarray, ...]:
-    """Poses (N, P, M, 3) by incremental and by full inference, in both directions."""
-    height, width = model.network.input_size
-    generator = torch.Generator().manual_seed(1)
-    x = torch.rand(2, 4, height, width, generator=generator) * 2 - 1
-    other = x.flip(0).contiguous()
-    backend = Backend(model)
-    patches = cut_patches(height, width)
-    if patch_indices is not None:
-        patches = [patches[i] for i in patch_indices]
-    graph = LocalGraph(backend.trunk)
-    with torch.inference_mode():
-        before, local = occlusion._recompute_locally(backend, x, other, patches, graph)
-        repeated, full = occlusion._recompute_fully(backend, x, other, patches)
-    assert np.allclose(before, repeated, atol=1e-5)
-    return local, full, before
-
-
-def assert_equal_results(model: LoadedModel, patch_indices: list[int] | None = None) -> None:
-    local, full, before = incremental_and_full(model, patch_indices)
-    change = np.abs(full - before[:, None, None]).max()
-    assert change > 1e-3
-    assert np.abs(local - full).max() <= TOLERANCE * max(change, 1)
-
-
-@pytest.mark.parametrize("name", list(networks.local_trunks()))
-@pytest.mark.parametrize("size", [(37, 45)])
-def test_small_trunks_are_computed_incrementally(name, size):
-    assert_equal_results(networks.small_model(*networks.local_trunks()[name], size))
-
-
-def test_resposenet_every_patch_mode_and_direction():
-    assert_equal_results(networks.build_model("resposenet"))
-
-
-def test_posest_corner_edge_and_inner_patches():
-    assert_equal_results(networks.build_model("posest"), [0, 3, 5, 14, 21, 35])
 
 
 @pytest.mark.parametrize("name", list(networks.nonlocal_trunks()))

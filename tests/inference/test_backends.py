@@ -12,8 +12,7 @@ from torch import nn
 from s2rstore.errors import RequestError
 from s2rtools.inference import Backend, calibration, choose_backend, open_backend
 from s2rtools.inference.backend import Bfloat16Backend
-from s2rtools.inference.batch_norm_folding import fold_batch_norm
-from s2rtools.inference.first_convolution import split_first_convolution
+from s2rtools.inference.trunk_rewriting import fold_batch_norm, split_first_convolution
 from s2rtools.models.input_contract import InputContract
 from tests.support import networks
 

@@ -52,7 +52,6 @@ def test_precedence(text, explicit):
         ("worst15 &", 10, "ends too early"),
         ("real.eror > 1", 1, "real.error"),
         ("all all", 5, "unexpected"),
-        ("real_error_cm > 1", 1, "real.error"),
         ("worst(5%, sim_heading_error_rad)", 11, "could be sim.heading_error_deg"),
         ("box(1, 2)", 1, "x0, y0, x1, y1"),
         ("worst(120%)", 1, "0% .. 100%"),

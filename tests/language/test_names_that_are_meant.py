@@ -17,7 +17,6 @@ from s2rstore.language.parser import parse
         ("real_error", "could be real.error_m > 1"),
         ("real_room:kitchen", "could be real.room"),
         ("trajectory:traj1", "could be traj"),
-        ("worst(15%, sim_heading_error_rad)", "could be sim.heading_error_deg"),
     ],
 )
 def test_an_expression_names_the_field_alone(text, hint):

@@ -58,14 +58,6 @@ def test_a_unit_resets_mean_and_deviation(tmp_path):
     assert (contract.mean, contract.std) == ((0.0, 0.0, 0.0), (2.0, 3.0, 4.0))
 
 
-def test_a_contract_is_written_as_the_file_that_gives_it(tmp_path):
-    contract = InputContract("rgb", (8, 9), "bicubic", mean=(0.1, 0.2, 0.3), missing_depth=None)
-    other = InputContract("depth", depth_range=(0.5, 4.0), missing_depth=2.0, depth_std=0.25)
-    for each in (contract, other):
-        file = toml(tmp_path, each.to_toml())
-        assert read_override(file).applied(InputContract(size=(1, 1))) == each
-
-
 WRONG = {
     'channels = "rgbx"': "net.toml: channels: expected one of rgb, depth, rgbd, got 'rgbx'",
     "chanels = 'rgb'": "net.toml: chanels: unknown key; did you mean channels",

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +13,14 @@ from s2rstore.errors import RequestError
 from s2rtools.inference import MeasuredBackend, open_backend
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute import backend_choice, pipeline
+from s2rtools.precompute.executors import local_executors
 from s2rtools.precompute.executors.executor import Task
-from s2rtools.precompute.executors.local_executors import ProcessExecutor, WorkerPool
+from s2rtools.precompute.executors.local_executors import (
+    LocalExecutor,
+    ProcessExecutor,
+    SerialExecutor,
+    WorkerPool,
+)
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_backends import BackendIdentity, RunBackends
 from s2rtools.precompute.unit_computer import Computation
@@ -44,7 +51,7 @@ def compute(path: Path, backend: str = "auto", kinds: tuple[str, ...] = KINDS) -
     return reporter.lines
 
 
-def record(path: Path) -> dict[str, object]:
+def record(path: Path) -> dict[str, Any]:
     with s2rstore.open(path) as opened:
         return json.loads(opened.provenance("run:vanilla")["backend"])
 
@@ -55,8 +62,8 @@ def test_the_choice_is_reported_recorded_and_kept(store, monkeypatch):
     lines = compute(store)
     assert lines[0].startswith("vanilla: torch bfloat16, at most 0.4 mm and 0.02 degrees off")
     facts = record(store)
-    assert (facts["name"], facts["precision"]) == ("torch-bfloat16", "bfloat16")
-    assert {"metres", "radians", "library", "device"} <= set(facts)
+    assert facts["predictions"] == {"name": "torch-bfloat16", "precision": "bfloat16"}
+    assert {"metres", "radians", "library", "device"} <= set(facts["facts"])
 
     def never(*given: object) -> None:
         raise AssertionError("the recorded choice is kept")
@@ -69,23 +76,23 @@ def test_the_choice_is_reported_recorded_and_kept(store, monkeypatch):
 def test_a_run_in_float32_stays_in_float32_unless_a_backend_is_named(store):
     compute(store, "torch")
     assert compute(store) == ["vanilla: up to date"]
-    assert record(store)["name"] == "torch"
+    assert record(store)["predictions"]["name"] == "torch"
     compute(store, "torch-bfloat16")
-    assert record(store)["name"] == "torch-bfloat16"
+    assert record(store)["predictions"]["name"] == "torch-bfloat16"
 
 
 def test_heatmaps_stay_in_float32_where_reduced_precision_changes_them(store, monkeypatch):
     monkeypatch.setattr(backend_choice, "HEATMAP_ERROR", 0.0)
     compute(store, "torch-bfloat16")
     assert record(store)["heatmaps"] == {"name": "torch", "precision": "float32"}
-    assert record(store)["name"] == "torch-bfloat16"
+    assert record(store)["predictions"]["name"] == "torch-bfloat16"
 
 
 @pytest.mark.usefixtures("bfloat16_is_preferred")
 def test_predictions_come_from_the_passes_that_heatmaps_need(store, monkeypatch):
     monkeypatch.setattr(backend_choice, "HEATMAP_ERROR", 0.0)
     lines = compute(store)
-    assert record(store)["name"] == "torch"
+    assert record(store)["predictions"]["name"] == "torch"
     assert lines[0] == "vanilla: torch float32 (heatmaps in torch bfloat16 are too inaccurate)"
 
 
@@ -93,7 +100,7 @@ def test_predictions_come_from_the_passes_that_heatmaps_need(store, monkeypatch)
 def test_predictions_use_the_preferred_backend_where_no_heatmap_needs_passes(store, monkeypatch):
     monkeypatch.setattr(backend_choice, "HEATMAP_ERROR", 0.0)
     compute(store, kinds=("pixel_difference",))
-    assert record(store)["name"] == "torch-bfloat16"
+    assert record(store)["predictions"]["name"] == "torch-bfloat16"
 
 
 def test_the_recorded_precision_must_be_available():
@@ -105,7 +112,9 @@ def test_the_recorded_precision_must_be_available():
 
 
 def test_one_process_uses_the_gpu(monkeypatch):
-    monkeypatch.setattr(pipeline, "available_processors", lambda: 8)
+    monkeypatch.setattr(local_executors, "available_processors", lambda: 8)
+    for kind in (SerialExecutor, ProcessExecutor):
+        monkeypatch.setattr(kind, "run", lambda executor, tasks: [type(executor), *tasks])
     gpu, torch = BackendIdentity("cuda", "float32"), BackendIdentity("torch", "float32")
     spec = ArraySpec("heat", "sim", None, (2,), "float32", ("iid", "x"), "m", "a" * 16, 80)
     for backends, name, workers in (
@@ -118,10 +127,9 @@ def test_one_process_uses_the_gpu(monkeypatch):
         computation = Computation(Path(), 1, backends)
         units = [WorkUnit(Stage(name, "run", (spec,), 1), number, ()) for number in range(80)]
         tasks = [Task(computation, unit) for unit in units]
-        options = PrecomputeOptions(workers=8)
-        ((executor, assigned),) = pipeline._assigned(tasks, 80, options, WorkerPool())
-        assert isinstance(executor, ProcessExecutor) == (workers > 1)
-        assert assigned == tasks
+        executor, *computed = LocalExecutor(WorkerPool(), 8, None).run(tasks)
+        assert (executor is ProcessExecutor) == (workers > 1)
+        assert computed == tasks
 
 
 def test_keys_of_heatmaps_name_the_precision_of_differences():
@@ -180,7 +188,7 @@ def test_an_interrupted_run_continues_with_the_backend_that_it_began_with(store,
     machine[0] = "torch"
     monkeypatch.setattr(pipeline, "publish_run", publish)
     compute(store)
-    assert record(store)["name"] == "torch-bfloat16"
+    assert record(store)["predictions"]["name"] == "torch-bfloat16"
     assert record(store)["heatmaps"] == {"name": "torch-bfloat16", "precision": "bfloat16"}
 
 

@@ -19,6 +19,7 @@ from s2rstore.files.ledger import Ledger
 from s2rstore.files.store_files import LocalFiles
 from s2rstore.geometry import angles
 from s2rstore.index.transaction import IndexTransaction, edit
+from s2rstore.maintenance.prune import KEPT
 from s2rstore.maintenance.verify import verify
 from s2rstore.reader import Store
 from s2rstore.records import Run
@@ -199,8 +200,9 @@ def test_predictions_of_all_runs_are_published_before_any_heatmap(trained_store,
     path = copy_store(trained_store, tmp_path / "s.s2r")
     dim = {"sim": [], "real": [{"name": "brightness", "value": 0.8}]}
     add_run(path, "dim", "vanilla", None, None, dim)
-    reporter = _RoundsReporter(path)
+    reporter, before = _RoundsReporter(path), _generations(path)
     precompute(path, reporter, [], PrecomputeOptions(("feature_distance", "occlusion")))
+    assert len(_generations(path) - before) == KEPT
     stages = [stage for stage, _ in reporter.seen]
     heatmaps = next(kinds for stage, kinds in reporter.seen if stage == "vanilla: maps")
     occlusion = next(kinds for _, kinds in reporter.seen if "umap" in kinds["dim"])
@@ -210,6 +212,10 @@ def test_predictions_of_all_runs_are_published_before_any_heatmap(trained_store,
         assert {"feature_distance", "map:feature_distance", "umap"} <= kinds
         assert "occlusion" not in kinds
     assert compute_progress.read(LocalFiles(path)) is None
+
+
+def _generations(path: Path) -> set[Path]:
+    return set((path / "index").glob("*.duckdb"))
 
 
 def test_a_run_that_cannot_be_computed_stops_no_other_run(trained_store, tmp_path, monkeypatch):

@@ -17,9 +17,9 @@ from s2rstore.files.ledger import Ledger, LedgerEntry
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import verify
 from s2rtools.precompute import restart, unit_computer
-from s2rtools.precompute.machine import Machine, this_machine
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import add_run
+from s2rtools.precompute.unit_computer import Machine, this_machine
 from s2rtools.precompute.work_units import ArraySpec, Stage
 from tests.conftest import BuildOnce
 from tests.support.copies import copy_store

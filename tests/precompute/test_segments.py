@@ -23,15 +23,13 @@ from s2rstore.files import atomic_writes
 from s2rstore.files.compute_environment import ComputeEnvironment
 from s2rstore.files.ledger import Ledger
 from s2rstore.geometry.map_grid import AGGREGATES, aggregates, empty_totals
-from s2rtools.precompute import segments as segments_module
-from s2rtools.precompute import unit_results
+from s2rtools.precompute import segment_plan, unit_results
 from s2rtools.precompute.merged_arrays import merge_arrays
-from s2rtools.precompute.receipts import Receipt
-from s2rtools.precompute.segment_plan import label, plan_segments
-from s2rtools.precompute.segments import segments
+from s2rtools.precompute.segment_plan import label, plan_segments, segments
 from s2rtools.precompute.tasks.map_grids import merge_grids
 from s2rtools.precompute.unit_computer import encoded
 from s2rtools.precompute.unit_plan import UnitPlan, recorded_environments
+from s2rtools.precompute.unit_results import Receipt
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 
 SHARD_ROWS, COPIED_ROWS, UNIT_ROWS = 16, 2, 4
@@ -169,7 +167,7 @@ def small_shards() -> Iterator[Path]:
     """Shards of few rows, and an empty folder."""
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:
         patch.setattr(array_writer, "SHARD_ROWS", SHARD_ROWS)
-        patch.setattr(segments_module, "COPIED_ROWS", COPIED_ROWS)
+        patch.setattr(segment_plan, "COPIED_ROWS", COPIED_ROWS)
         yield Path(folder)
 
 

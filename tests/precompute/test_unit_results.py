@@ -15,10 +15,10 @@ from s2rstore.errors import RequestError
 from s2rstore.files.compute_environment import ComputeEnvironment
 from s2rstore.files.ledger import Ledger
 from s2rtools.precompute import unit_results
-from s2rtools.precompute.receipts import Receipt
 from s2rtools.precompute.tasks.map_grids import merge_grids
 from s2rtools.precompute.unit_computer import encoded
 from s2rtools.precompute.unit_plan import UnitPlan
+from s2rtools.precompute.unit_results import Receipt
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 
 HERE = ComputeEnvironment("processor", "float32", 2, {"numpy": "2.0"})

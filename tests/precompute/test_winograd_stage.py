@@ -69,7 +69,8 @@ def test_the_sides_differ_and_the_provenance_names_the_backend(store):
         )
         assert np.abs(sim - real).max() > 0.1 * sim.std()
         for name in BACKENDS:
-            assert opened.provenance_object(f"run:{name}", "backend")["name"] == name
+            found = opened.provenance_object(f"run:{name}", "backend")
+            assert found["predictions"]["name"] == name
 
 
 def test_workers_end_with_a_failed_request(store, monkeypatch):
@@ -81,8 +82,7 @@ def test_workers_end_with_a_failed_request(store, monkeypatch):
         raise RequestError("no backend suits")
 
     monkeypatch.setattr(local_executors, "available_processors", lambda: 2)
-    monkeypatch.setattr(pipeline, "available_processors", lambda: 2)
-    monkeypatch.setattr(pipeline, "default_workers", lambda instances: 2)
+    monkeypatch.setattr(local_executors, "default_workers", lambda instances: 2)
     monkeypatch.setattr(pipeline, "run_backends", refuse)
     with pytest.raises(RequestError, match="no backend suits"):
         precompute(store, QUIET, ["r"], PrecomputeOptions(KINDS))

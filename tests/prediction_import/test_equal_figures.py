@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,6 @@ from s2rstore.errors import RequestError
 from s2rstore.maintenance.verify import verify
 from s2rstore.records import SIDES
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
-from s2rtui.charts import registry
 from s2rtui.cli import main
 from tests.conftest import BuildOnce
 from tests.support.appended import append_trajectory
@@ -63,11 +61,6 @@ def _build(trained_store: Path, folder: Path) -> None:
     assert any("activation left out" in line for line in reporter.lines)
 
 
-def output(capsys: pytest.CaptureFixture[str], words: Sequence[str], run: str) -> str:
-    assert main([*words, "--run", run]) in (0, 3)
-    return capsys.readouterr().out.replace(run, "RUN")
-
-
 def test_all_arrays_without_a_network_are_equal(imported):
     with s2rstore.open(imported) as store:
         found = {(r.kind, r.side, r.mode): r for r in store.array_kinds("exported")}
@@ -106,15 +99,6 @@ def test_all_rows_are_equal(imported):
                 assert a == pytest.approx(b, rel=1e-4)
             else:
                 assert a == b, name
-
-
-@pytest.mark.parametrize("view", [name for name in registry.NAMES if name not in (
-    "adjust", "history", "overview", "umap", "list", "compare", "findings",
-    "suggestions")])  # fmt: skip
-def test_views_print_the_same(imported, view, capsys):
-    for more in (["--format", "csv"], ["--words"]):
-        words = ["show", str(imported), view, *more]
-        assert output(capsys, words, "exported") == output(capsys, words, "vanilla")
 
 
 @pytest.mark.parametrize("words", [

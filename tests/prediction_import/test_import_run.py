@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from itertools import product
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from s2rstore.errors import NotComputedError, RequestError
 from s2rstore.maintenance.verify import check, verify
 from s2rstore.metrics import pose_metrics
 from s2rstore.records import SIDES
+from s2rtools.common.input_issue import issue_lines
 from s2rtools.prediction_import.file_predictions import ReadingOptions
 from s2rtools.prediction_import.import_run import ImportReport, ImportRequest, import_run
 from s2rtools.prediction_import.pose_units import parse_units
@@ -64,7 +66,7 @@ def test_a_csv_by_iid_gives_the_metrics_of_its_poses(store, tmp_path):
     report = run_import(store, write_csv(tmp_path / "p.csv", made))
     assert report.counts == {"sim": N, "real": N, "both": N, "attempted": N, "not_localised": 0,
                              "absent": 0}  # fmt: skip
-    assert (report.issues.lines(), report.warnings) == ([], ())
+    assert (report.issues, report.warnings) == ([], ())
     assert "matched by iid; positions in m (recognised)" in report.lines[0]
     assert_equal(predicted(store), made)
     with s2rstore.open(store) as opened:
@@ -203,8 +205,8 @@ def test_rows_that_cannot_be_used_are_reported_with_their_lines(store, tmp_path)
     rows += [(0, "sim", 8, 8, 1), (1, "real", 8, 8, 1)]
     rows += [(1000 + k, "real", 1, 2, 1) for k in range(7)]
     report = run_import(store, write_rows(tmp_path / "p.csv", POSES, rows))
-    lines = report.issues.lines()
-    assert report.issues.counts == {
+    lines = issue_lines(report.issues)
+    assert Counter(issue.kind for issue in report.issues) == {
         "row of another side": 1, "unmatched row": 8, "out of range": 1, "duplicate row": 2,
         "incomplete pose, not localised": 3,
     }  # fmt: skip
@@ -238,7 +240,7 @@ def test_rows_of_a_tum_file_that_cannot_be_used(store, tmp_path):
         run_import(store, f"sim:{tmp_path}/s.tum")
     (tmp_path / "r.tum").write_text("0 1 2 0 0 0 0 1\n")
     report = run_import(store, f"sim:{tmp_path}/s.tum", f"real:{tmp_path}/r.tum")
-    text = "\n".join(report.issues.lines())
+    text = "\n".join(issue_lines(report.issues))
     assert "s.tum:2 7 values, expected 8" in text
     assert "s.tum:3 length 2" in text
     assert "s.tum:4 (sim) no number in " in text

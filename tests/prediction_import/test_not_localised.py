@@ -13,7 +13,8 @@ from s2rstore.records import RECALL_THRESHOLDS, SIDES
 from s2rtui.cli import main
 from tests.support.predictions import make, write_rows
 
-N, TRAJECTORY = 24, 12
+TRAJECTORY = 12
+"""Instances of either trajectory."""
 COLUMNS = ("iid", "side", "x", "y", "heading")
 
 

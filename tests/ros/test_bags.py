@@ -10,7 +10,8 @@ import pytest
 import s2rstore
 from bench.support.ros_programs import missing_ros
 from s2rstore.maintenance.verify import verify
-from s2rtools.datasets.writing.frame_cache import FrameCache
+from s2rtools.common.frame_resizing import resized_rgb
+from s2rtools.datasets.writing import image_instances
 from s2rtools.ros.ros_environment import SYSTEM_PACKAGES
 from s2rtools.translation.colour_maps import MklTranslator
 from s2rtui.cli import main
@@ -124,18 +125,17 @@ def test_replay_makes_a_store_of_images_and_translations(tmp_path, translator_fi
 
 def test_replay_to_a_store_holds_few_images_at_once(tmp_path, translator_file, monkeypatch):
     translated, stored, waiting = [], [], []
-    add = FrameCache.add
 
-    def counted(cache, source, frame):
-        stored.append(frame.rgb.shape)
-        return add(cache, source, frame)
+    def counted(rgb, size):
+        stored.append((*size, 3))
+        return resized_rgb(rgb, size)
 
     def translate(self, rgb):
         translated.append(rgb.shape)
         waiting.append(len(translated) - len(stored) // 2)
         return rgb
 
-    monkeypatch.setattr(FrameCache, "add", counted)
+    monkeypatch.setattr(image_instances, "resized_rgb", counted)
     monkeypatch.setattr(MklTranslator, "translate", translate)
     source = write_image_bag(tmp_path / "a.bag", [np.zeros((48, 640, 3), dtype=np.uint8)] * 40)
     result = tmp_path / "result.s2r"

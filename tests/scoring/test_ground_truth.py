@@ -19,7 +19,6 @@ from s2rtools.scoring.factor_effects import Counterfactuals
 from s2rtools.scoring.ground_truth import GroundTruth
 from s2rtools.scoring.heatmap_metrics import floor_truth
 from s2rtools.training import pretrained
-from s2rtools.training.train_into_store import TrainingRequest, train_into_store
 from s2rtui.cli import main
 from tests.conftest import BuildOnce
 from tests.support.copies import copy_store
@@ -103,25 +102,6 @@ def test_counterfactuals_start_and_end_at_the_stored_errors(world_with_all_facto
             assert row.gain.value == pytest.approx(
                 errors["real"][row.run].mean() - row.without.value, abs=1e-9
             )
-
-
-@pytest.mark.deep
-def test_training_instances_are_excluded(objects_only, tmp_path):
-    store_path = copy_store(objects_only, tmp_path / "own.s2r")
-    request = TrainingRequest("vanilla", name="mine", steps=1)
-    train_into_store(store_path, request, lambda *progress: None, "s2r train")
-    precompute(store_path, SilentReporter(), ["mine"], PrecomputeOptions(()))
-    scored = report.score(store_path, report.ScoreSettings(("mine",)), SilentReporter())
-    with s2rstore.open(store_path) as store:
-        held_out = int(run_metrics.population(store, "mine").sum())
-    if held_out:
-        assert {(row["n"], row["left_out"]) for row in scored["factors"]} == {
-            (held_out, 12 - held_out)
-        }
-    else:
-        assert scored["factors"] == []
-    assert held_out < 12
-    assert scored["objects"] == []
 
 
 def test_the_pretrained_models_have_the_documented_ranking(world_with_all_factors):

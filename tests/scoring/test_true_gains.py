@@ -104,16 +104,6 @@ def test_a_uniform_map_sums_to_the_covered_area(gains, size):
     assert np.isnan(gains.estimates("vanilla", "real", maps, in_metres=False)).all()
 
 
-def test_saved_gains_are_read_again(gains, tmp_path):
-    gains.save(tmp_path / "gains.npz")
-    again = ObjectGains.load(tmp_path / "gains.npz")
-    assert again.runs == gains.runs
-    assert again.frame == gains.frame
-    for run in RUNS:
-        assert np.array_equal(again.gain[run], gains.gain[run])
-        assert np.array_equal(again.pixels(run, "sim"), gains.pixels(run, "sim"))
-
-
 def test_fewer_instances_are_spread(truth, evaluated):
     few = measure_object_gains(truth, evaluated[:1], 4)
     assert few.iids.tolist() == [0, 3, 7, 11]

@@ -10,15 +10,13 @@ from hypothesis import strategies as st
 from s2rstore.errors import RequestError
 from s2rtui.app import key_bindings
 from s2rtui.app.action import Action
-from s2rtui.app.app import S2RApp
 from s2rtui.app.key_bindings import ACTIONS, find_action, footer, permitted_actions
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.screens.help_content import help_lines
-from s2rtui.canvas import RenderOptions
 from s2rtui.security import Permissions
 from s2rtui.session import view_settings
 from s2rtui.session.session import Session
-from tests.support.application import press
+from tests.support.application import press, running
 
 MODEL_ACTION = Action(
     "side", "d", "heat", "mist in the images", view_settings.change_side, "mist", needs="models"
@@ -89,12 +87,8 @@ def test_actions_are_found_by_their_call():
 
 
 @pytest.mark.usefixtures("action_that_loads_models")
-async def test_a_forbidden_action_shows_a_message(tiny_store, tmp_path):
-    app = S2RApp(
-        Session(tiny_store), RenderOptions(), access=Permissions(tiny_store, tmp_path, True)
-    )
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
+async def test_a_forbidden_action_shows_a_message(tiny_store):
+    async with running(tiny_store, restricted=True) as (app, pilot):
         before = app.session.state.heat
         for call in ("do('side')", "app.do('side')"):
             app.session.show_message("")
@@ -113,11 +107,7 @@ async def test_actions_of_textual_are_disabled(tiny_store, tmp_path, monkeypatch
     monkeypatch.chdir(tmp_path)
     calls = ("screenshot('a.svg', '.')", "app.suspend_process", "app.simulate_key('w')",
              "change_theme", "app.push_screen('x')", "app.toggle('animation_level')")  # fmt: skip
-    app = S2RApp(
-        Session(tiny_store), RenderOptions(), access=Permissions(tiny_store, tmp_path, True)
-    )
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(app, pilot)
+    async with running(tiny_store, restricted=True, size=(80, 24)) as (app, pilot):
         for call in calls:
             app.session.show_message("")
             await app.run_action(call)
@@ -125,4 +115,4 @@ async def test_actions_of_textual_are_disabled(tiny_store, tmp_path, monkeypatch
             assert "not in a restricted session" in app.session.state.message, call
         for key in ("w", "question_mark", "escape", "tab", "ctrl+z", "ctrl+p", "escape"):
             await press(app, pilot, key)
-    assert list(tmp_path.iterdir()) == []
+    assert [path.name for path in tmp_path.iterdir()] == ["share"]  # of the user's data

@@ -1,15 +1,14 @@
 """A restricted process: forbidden calls raise, and environment variables cannot re-enable them."""
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from bench.support.screen import Screen
 from s2rtui.security.restricted_process import WEB_DRIVER, clean_environment
+from tests.support.terminals import open_application
 
 _RESTRICTED_SCRIPT = """
 import json, os, socket, subprocess, sys
@@ -95,15 +94,13 @@ def test_dangerous_variables_are_removed():
 
 
 def test_the_application_works_in_a_restricted_process(tiny_store, tmp_path):
-    environment = {
-        "XDG_DATA_HOME": str(tmp_path / "data"), "COLORTERM": "truecolor",
-        "PYTHONPATH": os.pathsep.join(path for path in sys.path if path),
+    variables = {
         "TEXTUAL_LOG": str(tmp_path / "log"), "TEXTUAL_SCREENSHOT": "0",
         "TEXTUAL_SCREENSHOT_LOCATION": str(tmp_path), "TEXTUAL_PRESS": "q",
         "TEXTUAL_DRIVER": "nowhere:Driver",
     }  # fmt: skip
-    command = [sys.executable, "-m", "s2rtui", "tui", "--restricted", str(tiny_store)]
-    screen = Screen(command, (160, 45), environment)
+    share, size = tmp_path / "data", (160, 45)
+    screen = open_application(tiny_store, share, "--restricted", size=size, **variables)
     try:
         screen.wait_for("any key begins")
         screen.press(" ")

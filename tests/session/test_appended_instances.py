@@ -5,10 +5,8 @@ from pathlib import Path
 
 import pytest
 
-import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
-from s2rstore.language import evaluation
 from s2rstore.maintenance.verify import check
 from s2rtui.session import navigation, shared_selection
 from s2rtui.session.session import Session
@@ -66,15 +64,6 @@ def test_notes_tags_and_selections_are_found_again(store_copy, notebooks):
     session.close()
 
 
-def test_a_selection_of_another_store_is_refused(store_copy):
-    append_trajectory(store_copy, "a0", 5)
-    session = Session(store_copy)
-    line = f"all  # data set {'1' * 12}, generation 1, run vanilla, 3 instances"
-    with pytest.raises(RequestError, match="belongs to data set 111111111111"):
-        session.dispatch(shared_selection.select_text, line)
-    session.close()
-
-
 def test_another_data_set_in_the_place_of_the_store_is_refused(store_copy):
     session = Session(store_copy)
     with edit(store_copy) as draft:
@@ -82,18 +71,6 @@ def test_another_data_set_in_the_place_of_the_store_is_refused(store_copy):
     state = session.open_newest_generation()
     assert "holds another data set" in state.message
     session.close()
-
-
-def test_both_back_ends_leave_out_instances_that_are_not_computed(store_copy):
-    append_trajectory(store_copy, "a0", 5)
-    with s2rstore.open(store_copy) as store:
-        assert [t.trajectory for t in store.trajectories] == ["a", "b", "a0"]
-        for expression in ("all", "worst(20%, real.error)", "traj:a0", "x > 2", "!curved"):
-            mask = evaluation.select(store, expression, "vanilla")
-            text, parameters = evaluation.sql(store, expression, "vanilla")
-            rows = [row[0] for row in store.execute(text, parameters)]
-            assert sorted(rows) == mask.nonzero()[0].tolist()
-            assert not mask[N:].any()
 
 
 def test_verify_notes_runs_of_fewer_parts_and_finds_missing_rows(store_copy):

@@ -63,13 +63,6 @@ def test_an_error_is_kept_when_nothing_changes(session):
     assert (session.state.message, session.state.is_error) == ("an error", True)
 
 
-def test_the_sort_message_is_shown_until_the_next_change(session):
-    KEYS["sort"](session)
-    assert session.state.message.startswith("sorted by ")
-    KEYS["another view"](session)
-    assert session.state.message == ""
-
-
 def test_m_says_that_a_run_has_no_trained_instances(session):
     state = session.dispatch(navigation.toggle_trained)
     assert state.message.startswith("nothing to include: ")

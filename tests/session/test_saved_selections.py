@@ -196,13 +196,3 @@ def test_a_notebook_whose_lock_was_taken_over_is_not_written(session, monkeypatc
     with pytest.raises(RequestError, match="writing lock was taken over"):
         session.writable_notebook.note(3, "second")
     assert path.read_bytes() == before
-
-
-def test_a_shared_line_of_another_generation_shows_a_message(session):
-    session.select("worst15")
-    line = shared_line(session).replace("generation 2", "generation 7")
-    session.select("all")
-    past = len(session.state.past)
-    state = session.dispatch(shared_selection.select_text, line)
-    assert "6 on vanilla, generation 2; saved: 6 on vanilla, generation 7" in state.message
-    assert len(state.past) == past + 1

@@ -2,16 +2,14 @@
 
 import subprocess
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from bench.support.processes import applications_below, commands_below, wait_until
-from bench.support.screen import CTRL_C, CTRL_P, CTRL_Z, ESCAPE, Screen
+from bench.support.screen import CTRL_C, CTRL_P, CTRL_Z, ESCAPE
 from bench.support.sshd import Sshd
 
-OpenScreen = Callable[..., Screen]
 _SHELLS = {"sh", "bash", "dash", "zsh", "-sh", "-bash"}
 
 

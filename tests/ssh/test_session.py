@@ -4,15 +4,13 @@ import re
 import shlex
 import shutil
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
 
 from bench.support.processes import applications_below, is_alive, wait_until
-from bench.support.screen import Screen
 from bench.support.sshd import Sshd, application
 
-OpenScreen = Callable[..., Screen]
 _COLOUR = re.compile(rb"\x1b\[(?:[0-9;]*;)?(?:[34][0-8]|9[0-7]|10[0-7])(?:;[0-9;]*)?m")
 
 

@@ -3,7 +3,6 @@
 import sys
 from io import BytesIO
 
-import numpy as np
 import pytest
 from PIL import Image
 
@@ -63,16 +62,6 @@ def test_the_description_names_data_set_domains_and_medians(tiny_store):
             assert f"real {median:.2f} m" in line
             assert f"<td>{median:.2f}</td>" in store._repr_html_()
     assert repr(store).startswith("<closed store")
-
-
-def test_trained_instances_are_left_out_of_the_description(tiny_store):
-    with s2rstore.open(tiny_store) as store:
-        columns = store.run_columns("vanilla")
-        new = run_metrics.population(store, "vanilla")
-        trained = int(np.count_nonzero(columns.valid) - np.count_nonzero(new))
-        (line,) = (line for line in repr(store).splitlines() if "vanilla" in line)
-    assert f"n {np.count_nonzero(new)}" in line
-    assert (f"{trained} trained left out" in line) == (trained > 0)
 
 
 def test_runs_without_results_are_not_computed(trained_store):

@@ -48,7 +48,9 @@ def compute_file(root: Path) -> Path:
     return root / "ledger" / "compute.lock"
 
 
-def assert_held(root: Path, clock: LockClock, timeout: float = 0.0, match: str = "") -> None:
+def assert_held(
+    root: Path, clock: LockClock, timeout: float = 0.0, match: str | None = None
+) -> None:
     """Check that the compute lock cannot be taken within some seconds."""
     with (
         pytest.raises(StoreBusyError, match=match),

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 import s2rstore
-from s2rstore.findings import find_all, store_summary
 from s2rstore.geometry import angles
 from s2rstore.index.transaction import edit
 from s2rstore.metrics import pose_metrics, run_metrics
@@ -71,20 +70,6 @@ def test_metrics_exclude_training_instances(trained_tiny):
         assert np.isclose(
             run_metrics.baseline_accuracy(store, "vanilla"), np.maximum(0, 1 - distance / 12).mean()
         )
-
-
-def test_the_summary_names_the_worst_room(tmp_path):
-    with s2rstore.open(tiny.build(tmp_path / "s.s2r", n=120, trained=tiny.RUNS)) as store:
-        (worst, *_) = find_all(store, "vanilla").findings
-        medians = store.execute(
-            """SELECT room, median(real_error_m), count(*) FROM pair
-               WHERE run = 'vanilla' AND sim_split = 'test' AND room IS NOT NULL GROUP BY room
-               HAVING count(*) >= 5 ORDER BY 2 DESC"""
-        )
-        assert (worst.values["room"], worst.n) == (medians[0][0], medians[0][2])
-        assert np.isclose(worst.values["median_real_error_m"], medians[0][1])
-        lines = store_summary.summary_lines(store)
-        assert any(line == f"worst room of vanilla: {worst.line}" for line in lines)
 
 
 def test_the_baseline_is_measured_from_the_poses_of_the_images_of_a_side(trained_tiny, tmp_path):

@@ -14,7 +14,7 @@ from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout
 from s2rstore.index import schema
 from s2rstore.index.transaction import edit
-from s2rstore.maintenance.prune import prune
+from s2rstore.maintenance.prune import prune, remove_superseded
 from s2rstore.maintenance.verify import verify
 
 
@@ -167,6 +167,24 @@ def test_prune_keeps_data_of_retained_generations(store_copy):
     assert verify(store_copy) == []
     with s2rstore.open(store_copy) as store:
         assert store.heatmap("vanilla", "occlusion", "real", 3).shape == (6, 6)
+
+
+def test_superseded_generations_are_removed_and_open_ones_stay_readable(store_copy):
+    made = []
+    with s2rstore.open(store_copy) as before:
+        for number in range(5):
+            with edit(store_copy) as draft:
+                draft.set_provenance("n", {"number": number})
+            made.append(draft.generation)
+            if number == 0:
+                first = s2rstore.open(store_copy)
+        remove_superseded(store_copy, made)
+        assert first.provenance("n") == {"number": "0"}
+        first.close()
+        with pytest.raises(RequestError):
+            s2rstore.open(store_copy, generation=made[1])
+        for kept in (before.generation, *made[2:]):
+            s2rstore.open(store_copy, generation=kept).close()
 
 
 def test_sql_cannot_access_other_files(tiny_store, tmp_path):

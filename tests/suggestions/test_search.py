@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rtools.suggestions import image_mismatch
-from s2rtools.suggestions.pareto_front import net_gain, pareto_front, preferred
-from s2rtools.suggestions.search import Candidate, Search
+from s2rtools.suggestions.search import Candidate, Search, net_gain, pareto_front, preferred
 from s2rtools.suggestions.sliders import TRANSLATOR, Slider
 
 N = 12

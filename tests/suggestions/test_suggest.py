@@ -21,12 +21,11 @@ from s2rtools.precompute.run_registration import insert_run
 from s2rtools.suggestions import simulator_match
 from s2rtools.suggestions.held_out_split import split_instances
 from s2rtools.suggestions.search import Candidate, FactorFit, SearchResult
-from s2rtools.suggestions.settings import SuggestSettings, parse_duration, parse_share
+from s2rtools.suggestions.settings import SuggestSettings, TimeBudget, parse_duration, parse_share
 from s2rtools.suggestions.simulator_match import SimulatorMatch
 from s2rtools.suggestions.sliders import Slider, sliders_of
 from s2rtools.suggestions.stored_reports import apply_answer, save_report
 from s2rtools.suggestions.suggest import _on_whole_frames, suggest
-from s2rtools.suggestions.time_budget import TimeBudget
 from s2rtools.synthetic_world.factors import parse_factors
 from s2rtui.cli import main
 from tests.conftest import BuildOnce

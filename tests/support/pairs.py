@@ -7,6 +7,19 @@ import cv2
 import numpy as np
 
 WIDTH, HEIGHT = 64, 48
+_DOMAIN = """
+[domains.{name}]
+kind = "{kind}"
+width = 64
+height = 48
+rgb = {{ {rgb} }}
+depth = {{ hfov = 80.0 }}
+camera_height = {height}
+depth_scale = 0.0392156862745098
+depth_raw_min = 6
+depth_raw_max = 249
+"""
+SIM_EDIT = _DOMAIN.format(name="sim_edit", kind="sim", rgb="hfov = 80.0", height=0.6)
 HEADER = """
 name = "small"
 y_down = true
@@ -22,39 +35,9 @@ rectangles = [[0.0, 0.0, 4.0, 6.0]]
 [[rooms]]
 room = "east"
 rectangles = [[4.0, 0.0, 8.0, 6.0]]
-[domains.sim]
-kind = "sim"
-width = 64
-height = 48
-rgb = { hfov = 80.0 }
-depth = { hfov = 80.0 }
-camera_height = 0.6
-depth_scale = 0.0392156862745098
-depth_raw_min = 6
-depth_raw_max = 249
-[domains.real]
-kind = "real"
-width = 64
-height = 48
-rgb = { hfov = 70.0, pitch = 2.0 }
-depth = { hfov = 80.0 }
-camera_height = 0.5
-depth_scale = 0.0392156862745098
-depth_raw_min = 6
-depth_raw_max = 249
 """
-SIM_EDIT = """
-[domains.sim_edit]
-kind = "sim"
-width = 64
-height = 48
-rgb = { hfov = 80.0 }
-depth = { hfov = 80.0 }
-camera_height = 0.6
-depth_scale = 0.0392156862745098
-depth_raw_min = 6
-depth_raw_max = 249
-"""
+HEADER += _DOMAIN.format(name="sim", kind="sim", rgb="hfov = 80.0", height=0.6)
+HEADER += _DOMAIN.format(name="real", kind="real", rgb="hfov = 70.0, pitch = 2.0", height=0.5)
 
 
 def render_pair(x: float, y: float, heading: float, seed: int) -> tuple[np.ndarray, np.ndarray]:

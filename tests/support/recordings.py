@@ -16,7 +16,7 @@ from s2rtools.datasets.recording import (
     RecordedTrajectory,
     Recording,
 )
-from s2rtools.datasets.recordings.recorded_files import DepthImageFile, RgbImageFile
+from s2rtools.datasets.recordings.recorded_files import ImageFile
 
 CAMERA = PinholeCamera(32, 24, 30.0, 30.0, 16.0, 12.0)
 HEIGHT = 0.6
@@ -95,8 +95,12 @@ def _read(path: Path, options: ReadOptions) -> Recording:
     for name, poses in facts["poses"].items():
         frames = [
             RecordedFrame(
-                RgbImageFile(path / name / f"{image}.png", f"{name}/{image}.png"),
-                DepthImageFile(path / name / "depth" / f"{image}.png", f"{name}/depth/{image}.png")
+                ImageFile(path / name / f"{image}.png", f"{name}/{image}.png"),
+                ImageFile(
+                    path / name / "depth" / f"{image}.png",
+                    f"{name}/depth/{image}.png",
+                    is_depth=True,
+                )
                 if facts["depth"]
                 else None,
             )

@@ -1,13 +1,7 @@
 """Sixels, iTerm2's images and PNG, decoded by independent decoders."""
 
-import asyncio
-import sys
-import time
-from collections.abc import Callable, Iterator
-from copy import deepcopy
 from functools import partial
 from io import BytesIO
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,17 +12,16 @@ from PIL import Image
 from rich.console import Console
 
 from bench.support.processes import wait_until
-from bench.support.screen import RIGHT, Screen
-from s2rtui.canvas import Canvas, ColourMode, InlineImage, Pixels, RenderOptions, Size
-from s2rtui.charts.registry import BY_NAME
+from bench.support.screen import ESCAPE, PATIENCE
+from s2rtui.canvas import Canvas, ColourMode, InlineImage, Pixels, Size
 from s2rtui.terminal.graphics.drawn_images import SixelImages
 from s2rtui.terminal.graphics.image_manager import ImageManager
 from s2rtui.terminal.graphics.png import MOST, png
 from s2rtui.terminal.graphics.protocols import Graphics, GraphicsProtocol
 from s2rtui.terminal.graphics.sixel import MOST_COLUMNS, PaletteImage, quantised, sixels
 from s2rtui.terminal.strips import to_strips
-from tests.support.application import running
 from tests.support.pixel_screen import PixelScreen, decode_sixels
+from tests.support.terminals import open_application
 
 CELL = (10, 20)
 SIXEL_ANSWER = b"\x1b[?62;4;22c"
@@ -164,111 +157,36 @@ def test_columns_that_sixels_cannot_count_are_left_out():
 # --- the application -----------------------------------------------------------------------------
 
 
-def open_application(store: Path, share: Path, protocol: str) -> Screen:
-    environment = {
-        "XDG_DATA_HOME": str(share),
-        "PYTHONPATH": ":".join(path for path in sys.path if path),
-        "COLORTERM": "truecolor",
-        "OMP_NUM_THREADS": "1",
-    }
-    options = ["--graphics", protocol, "--cell-size", "10x20"]
-    command = [sys.executable, "-m", "s2rtui", "tui", str(store), *options]
-    return Screen(command, (120, 40), environment, draws=False)
+def test_a_modal_screen_hides_the_images_and_leaving_removes_them(tiny_store, tmp_path):
+    options = "--graphics", "sixel", "--cell-size", "10x20"
+    screen = open_application(tiny_store, tmp_path, *options, draws=False)
 
+    def shown(raw: bytes | None = None) -> PixelScreen:
+        """The pixels after all bytes, or after the sequences that arrived completely."""
+        raw = bytes(screen.raw[: screen.raw.rfind(b"\x1b")]) if raw is None else raw
+        return PixelScreen((120, 40), CELL).feed(raw)
 
-Boxes = tuple[Size, Size, NDArray[np.int16]]
-"""Position and size of the map in cells, and its picture."""
+    def share() -> float:
+        """The part of the screen that images cover."""
+        return float((shown().pixels >= 0).any(axis=-1).mean())
 
-
-@pytest.fixture(scope="module")
-def first_map(tiny_store: Path) -> Boxes:
-    """The map of the first screen as its view paints it."""
-
-    async def read() -> Boxes:
-        async with running(tiny_store) as (app, _pilot):
-            region = app.updater.plot("map").region
-            size = region.width, region.height - 1
-            canvas = BY_NAME["map"].draw(app.updater.scene, size, RenderOptions())
-            (image,) = canvas.images
-            place = region.x + image.x, region.y + 1 + image.y
-            pixels = image.pixels((image.height * CELL[1], image.width * CELL[0]))
-            covered = np.zeros(pixels.shape[:2], dtype=np.bool_)
-            if image.text is not None:
-                covered = np.repeat(np.repeat(image.text, CELL[1], axis=0), CELL[0], axis=1)
-            shown = quantised(pixels[: len(pixels) // 6 * 6]).pixels.astype(np.int16)
-            full = np.full(pixels.shape, -1, dtype=np.int16)
-            full[: len(shown)] = shown
-            full[covered] = -1
-            return place, (image.width, image.height), full
-
-    return asyncio.run(read())
-
-
-Visit = dict[str, PixelScreen]
-
-
-@pytest.fixture(scope="module")
-def visit(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Visit]:
-    """The pixels on the screen after each step of a session."""
-    screen = open_application(tiny_store, tmp_path_factory.mktemp("sixel"), "sixel")
-    shown: Visit = {}
-
-    pixels, fed = PixelScreen((120, 40), CELL), 0
-
-    def wait(condition: Callable[[PixelScreen, bytes], bool]) -> PixelScreen:
-        nonlocal fed
-        limit, before = time.monotonic() + 30, -1
-        while True:
-            raw = bytes(screen.raw)
-            if len(raw) == before:  # nothing arrived meanwhile, so no sequence is cut
-                pixels.feed(raw[fed:])
-                fed = len(raw)
-                if condition(pixels, raw):
-                    return deepcopy(pixels)
-            assert time.monotonic() < limit, raw[-300:]
-            before = len(raw)
-            time.sleep(0.3)
-
-    wait(lambda pixels, raw: QUESTION_END in raw)
+    assert wait_until(lambda: QUESTION_END in screen.raw, PATIENCE)
     screen.press(SIXEL_ANSWER)
-    wait(lambda pixels, raw: b"any key begins" in raw)
-    screen.press(b"\x1b")
-    shown["first"] = wait(lambda pixels, raw: pixels.received >= 5)
+    assert wait_until(lambda: b"any key begins" in screen.raw, PATIENCE)
+    screen.press(ESCAPE)
+    assert wait_until(lambda: shown().received >= 5, PATIENCE, interval=0.1)
+    first = share()
     screen.press("?")
-    shown["help"] = wait(lambda pixels, raw: raw.count(b"straight driving") > 0)
-    screen.press(b"\x1b")
-    shown["back"] = wait(lambda pixels, raw: pixels.received > shown["help"].received)
-    screen.press(RIGHT)
-    shown["moved"] = wait(lambda pixels, raw: pixels.received >= shown["back"].received + 5)
-    screen.press("9")
-    shown["compare"] = wait(lambda pixels, raw: pixels.received > shown["moved"].received)
+    assert wait_until(lambda: share() < 0.02 < first, PATIENCE, interval=0.1)
+    screen.press(ESCAPE)
+    assert wait_until(lambda: share() > 0.9 * first, PATIENCE, interval=0.1)
     screen.press("q")
     assert screen.wait_for_end() == 0
-    shown["left"] = pixels.feed(bytes(screen.raw)[fed:])
-    yield shown
+    assert (shown(bytes(screen.raw)).pixels == -1).all()
     screen.close()
 
 
-def test_the_map_on_the_screen_equals_the_picture(visit, first_map):
-    place, size, picture = first_map
-    np.testing.assert_array_equal(visit["first"].box(*place, *size), picture)
-
-
-def test_a_modal_screen_hides_the_images_and_they_return(visit):
-    hidden = (visit["help"].pixels >= 0).any(axis=-1).mean()
-    assert hidden < 0.02 < (visit["first"].pixels >= 0).any(axis=-1).mean()
-    np.testing.assert_array_equal(visit["back"].pixels, visit["first"].pixels)
-
-
-def test_images_follow_the_cursor(visit, first_map):
-    place, size, picture = first_map
-    moved = visit["moved"].box(*place, *size)
-    assert (moved != picture).any()
-    assert (moved >= 0).mean() > 0.8
-
-
-def test_leaving_the_application_removes_all_images(visit):
-    assert (visit["left"].pixels == -1).all()
+# --- PNG -----------------------------------------------------------------------------------------
 
 
 def decode(data: bytes) -> Pixels:

@@ -1,7 +1,6 @@
 """Inline images over a pseudo-terminal that answers like kitty."""
 
 import asyncio
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,16 +10,13 @@ import pytest
 
 import s2rstore
 from bench.support.screen import PATIENCE, RIGHT, Screen
-from s2rtui.app.app import S2RApp
 from s2rtui.app.inline_images import enable_inline_images
 from s2rtui.app.pilot import settle, take_screenshot
-from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.colour import DEPTH_SHADES
 from s2rtui.charts.shared.instance import InstanceInput, instance_drawing
-from s2rtui.session.session import Session
 from s2rtui.terminal.graphics.kitty_protocol import PLACEHOLDER
 from s2rtui.terminal.graphics.probe import parse_answer
-from tests.support.application import running
+from tests.support.application import make_app, running
 from tests.support.kitty import (
     ANSWER,
     ATTRIBUTES,
@@ -29,21 +25,11 @@ from tests.support.kitty import (
     box_cells,
     placed_cells,
 )
+from tests.support.terminals import open_application
 
 Visit = dict[str, bytes]
 IMAGES = 5
 """The map, and RGB and depth of both sides."""
-
-
-def open_application(store: Path, share: Path, *options: str) -> Screen:
-    environment = {
-        "XDG_DATA_HOME": str(share),
-        "PYTHONPATH": ":".join(path for path in sys.path if path),
-        "COLORTERM": "truecolor",
-        "OMP_NUM_THREADS": "1",
-    }
-    command = [sys.executable, "-m", "s2rtui", "tui", str(store), *options]
-    return Screen(command, (120, 40), environment)
 
 
 def wait_until_received(screen: Screen, condition: Callable[[bytes], bool]) -> None:
@@ -172,8 +158,7 @@ def test_images_are_deleted_before_leaving_the_screen(visit):
 
 
 async def test_a_terminal_without_graphics_shows_half_blocks(tiny_store):
-    app = S2RApp(Session(tiny_store), RenderOptions())
-    app.load_scheduler.debounce_seconds = 0.001
+    app = make_app(tiny_store)
     enable_inline_images(app, parse_answer(ATTRIBUTES))
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)

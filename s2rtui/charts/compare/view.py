@@ -33,17 +33,18 @@ from s2rtui.charts.compare.change import (
     table_rows,
 )
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.map_layers import (
+from s2rtui.charts.shared.planes import (
     PANEL,
+    cursor_phrases,
     ground_marks,
     map_plot,
     place_of,
     shown_area,
     shown_rooms,
     true_columns,
+    valid_cursor,
     value_range,
 )
-from s2rtui.charts.shared.positions import cursor_phrases, valid_cursor
 from s2rtui.charts.view import Pane, PointsView, Table
 from s2rtui.drawing.drawing import ColourBar, Drawing
 from s2rtui.drawing.legend import NO_BREAK

@@ -27,12 +27,14 @@ class IndexTransaction:
     """The index of the next generation, before it is published.
 
     Starts as a copy of the current one. Everything written here becomes visible at once when
-    the `edit` block ends, or never. `tables` are those whose rows are in files.
+    the `edit` block ends, or never. `tables` are those whose rows are in files. `generation` is 0
+    until it is published.
     """
 
     def __init__(self, connection: duckdb.DuckDBPyConnection, tables: FileTables) -> None:
         self._connection = connection
         self._tables = tables
+        self.generation = 0
 
     def insert(self, table: str, columns: ColumnData) -> None:
         """Append rows given as equally long columns; NaN and None become NULL.
@@ -139,7 +141,8 @@ def edit(root: Path, check: Check = lambda: None) -> Iterator[IndexTransaction]:
         tables = FileTables(connection, root)
         try:
             _begin(connection, root, building, base, tables)
-            yield IndexTransaction(connection, tables)
+            draft = IndexTransaction(connection, tables)
+            yield draft
             check_leases()  # a new holder of the lock has removed this index
             rows = connection.execute("SELECT hash FROM dataset").fetchall()
             moved = tables.move_large_tables()
@@ -156,6 +159,7 @@ def edit(root: Path, check: Check = lambda: None) -> Iterator[IndexTransaction]:
             dataset_hash = str(rows[0][0]) if rows else ""
             generation = _next_generation(root, base)
             _publish(root, finished, generation, dataset_hash, check_leases)
+            draft.generation = generation
         except duckdb.IOException as error:
             reason = " ".join(str(error).split())
             raise RequestError(f"{root}: the index cannot be written ({reason})") from error

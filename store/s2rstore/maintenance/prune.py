@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +26,8 @@ from s2rstore.index.trajectory_parts import trajectory_parts
 _IN_HISTORY = re.compile(rf"{layout.HISTORY}/\.(?P<name>[^/]*\.jsonl)(\.lock)?\.[^/]+\.partial")
 """An unfinished file of a gap history or its lock, with the name of the history's file."""
 _ROWS = f"{layout.INDEX}/{row_files.FOLDER}"
+KEPT = 3
+"""How many of the newest generations stay where no other number is given."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +42,7 @@ class PruneResult:
     links: tuple[str, ...] = ()
 
 
-def prune(root: Path, keep: int = 3, dry_run: bool = False) -> PruneResult:
+def prune(root: Path, keep: int = KEPT, dry_run: bool = False) -> PruneResult:
     """Keep the newest `keep` generations and what they reference; remove the rest.
 
     Takes the compute lock and the publish lock, so that no half-written file is removed. Where
@@ -66,8 +68,7 @@ def prune(root: Path, keep: int = 3, dry_run: bool = False) -> PruneResult:
         if safe_files.sha256(root, current.index) != current.sha256:
             raise RequestError(f"{path}: not what was published; run `s2r verify`, and restore it")
         indexes = _indexes(root)
-        published = sorted({number for number, _ in indexes if number <= current.generation})
-        needed = published[-max(1, keep) :]
+        needed = _newest(indexes, current, keep)
         removed = [path for number, path in indexes if number not in needed]
         removed += _unreferenced(root, [path for number, path in indexes if number in needed])
         appending = {
@@ -86,6 +87,25 @@ def prune(root: Path, keep: int = 3, dry_run: bool = False) -> PruneResult:
             publishing.check()
             _remove(root, files)
     return _with_beside(PruneResult(tuple(removed), size, links), beside, dry_run)
+
+
+def remove_superseded(root: Path, generations: Collection[int]) -> None:
+    """Remove those of some generations that are not among the newest `KEPT` of the store.
+
+    Stores that have one of them open can be read all the same: only indexes are removed, which are
+    open; files of rows and arrays stay until `prune`. Writers use the newest one alone.
+    """
+    indexes = _indexes(root)
+    kept = _newest(indexes, layout.read_current(root), KEPT)
+    for number, path in indexes:
+        if number in generations and number not in kept:
+            atomic_writes.remove(root, path)
+
+
+def _newest(indexes: list[tuple[int, str]], current: layout.Current, keep: int) -> list[int]:
+    """The newest `keep` of the published generations, one at least."""
+    published = sorted({number for number, _ in indexes if number <= current.generation})
+    return published[-max(1, keep) :]
 
 
 def _indexes(root: Path) -> list[tuple[int, str]]:

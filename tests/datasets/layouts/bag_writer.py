@@ -1,6 +1,7 @@
 """Bags of a walk."""
 
 import struct
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,10 @@ class CameraBag(BagFile):
         self.add(topic, kind, time + self.latency, self.make(kind, **fields))
 
 
+Message = Callable[[CameraBag, int, int], object]
+"""Adds messages of a time, ns, and a row to a bag."""
+
+
 def nanoseconds(scene: Walk) -> list[int]:
     return [round(time * 10) * 10**8 for time in scene.times]
 
@@ -54,13 +59,22 @@ def compressed_depth(pixels: np.ndarray, a: float = 0.0, b: float = 0.0) -> byte
     return struct.pack("<iff", int(a != 0), a, b) + png(pixels)
 
 
-def walk_bag(path: Path, scene: Walk, pose: str = "pose") -> CameraBag:
-    """A bag with raw RGB and 16-bit depth, CameraInfo, and poses of the camera."""
+def walk_bag(path: Path, scene: Walk, **messages: Message | None) -> CameraBag:
+    """A bag with RGB, depth, CameraInfo and a pose of the camera for each row of a walk.
+
+    `messages` replace what adds those of a row: `rgb`, `depth`, `info` or `pose`; None adds none.
+    """
+    usual: dict[str, Message | None] = {
+        "rgb": lambda bag, time, row: bag.image(RGB, time, scene.rgb[row], "rgb8"),
+        "depth": lambda bag, time, row: bag.image(
+            DEPTH, time + 3_000_000, scene.depth[row], "16UC1"
+        ),
+        "info": lambda bag, time, row: bag.info(INFO, time),
+        "pose": lambda bag, time, row: bag.pose("/pose", time, scene.poses[row]),
+    }
     bag = CameraBag(path)
     for row, time in enumerate(nanoseconds(scene)):
-        bag.image(RGB, time, scene.rgb[row], "rgb8")
-        bag.image(DEPTH, time + 3_000_000, scene.depth[row], "16UC1")
-        bag.info(INFO, time)
-        if pose == "pose":
-            bag.pose("/pose", time, scene.poses[row])
+        for add in (usual | messages).values():
+            if add is not None:
+                add(bag, time, row)
     return bag

@@ -3,6 +3,7 @@ import os
 import sqlite3
 from concurrent.futures import ThreadPoolExecutor
 from copy import deepcopy
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from tests.datasets.layouts.bag_writer import (
     RGB,
     CameraBag,
     K,
+    Message,
     compressed_depth,
     nanoseconds,
     png,
@@ -84,8 +86,8 @@ MOUNT[:3, 3] = 0.2, 0.01, 0.3
 OPTICAL = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
 
-def without_poses(path: Path, scene: Walk) -> CameraBag:
-    return walk_bag(path, scene, pose="")
+def odometry_of(scene: Walk, child: str) -> Message:
+    return lambda bag, time, row: bag.odometry("/odom", time, scene.poses[row], child)
 
 
 @pytest.mark.parametrize("kind", ["db3", "mcap"])
@@ -143,7 +145,7 @@ def test_compressed_bags(tmp_path, scene, name, compression):
 @pytest.mark.parametrize("name", FORMATS)
 def test_transforms_lead_from_the_world_to_the_cameras_optical_frame(tmp_path, scene, name):
     """The robot moves at 50 Hz between and beside the images' times; map to odom drifts."""
-    bag = without_poses(tmp_path / name, scene)
+    bag = walk_bag(tmp_path / name, scene, pose=None)
     times = nanoseconds(scene)
     bag.transform("/tf_static", times[0], "base_link", "camera_link", MOUNT)
     bag.transform("/tf_static", times[0], "camera_link", CAMERA, OPTICAL)
@@ -167,12 +169,12 @@ def test_transforms_lead_from_the_world_to_the_cameras_optical_frame(tmp_path, s
 
 
 def test_odometry_is_moved_from_the_robot_to_the_camera(tmp_path, scene):
-    bag = without_poses(tmp_path / "one.bag", scene)
-    times = nanoseconds(scene)
-    for row, time in enumerate(times):
+
+    def moved(bag, time, row):
         bag.odometry("/odom", time, level(0.1 * row, 0.05 * row), "base_link")
         bag.transform("/tf_static", time, "base_link", CAMERA, MOUNT @ OPTICAL)
-    bag.write()
+
+    walk_bag(tmp_path / "one.bag", scene, pose=moved).write()
     recording = read("bag", tmp_path / "one.bag")
     truth = [level(0.1 * row, 0.05 * row) @ MOUNT @ OPTICAL for row in range(len(scene))]
     assert_poses(recording, np.array(truth))
@@ -197,10 +199,11 @@ def test_poses_in_several_worlds_are_refused(tmp_path, scene):
 
 
 def test_transforms_that_do_not_move_the_camera_are_refused(tmp_path, scene):
-    bag = without_poses(tmp_path / "one.bag", scene)
-    for time in nanoseconds(scene):
+    def unjoined(bag, time, row):
         bag.transform("/tf_static", time, "base_link", CAMERA, MOUNT)
         bag.transform("/tf", time, "odom", "base_footprint", level(1.0, 0.5))
+
+    bag = walk_bag(tmp_path / "one.bag", scene, pose=unjoined)
     with pytest.raises(RequestError, match="no transform moves frame 'camera_optical_frame'"):
         read("bag", bag.write())
     with pytest.raises(RequestError, match=r"up to 'map' \(has: base_footprint, base_link"):
@@ -210,9 +213,7 @@ def test_transforms_that_do_not_move_the_camera_are_refused(tmp_path, scene):
 
 
 def test_odometry_without_transforms_needs_a_declared_frame(tmp_path, scene):
-    bag = without_poses(tmp_path / "one.bag", scene)
-    for row, time in enumerate(nanoseconds(scene)):
-        bag.odometry("/odom", time, scene.poses[row], "base_link")
+    bag = walk_bag(tmp_path / "one.bag", scene, pose=odometry_of(scene, "base_link"))
     bag.write()
     with pytest.raises(RequestError, match=r"no transforms from frame 'camera_optical_frame' up"):
         read("bag", tmp_path / "one.bag")
@@ -220,12 +221,17 @@ def test_odometry_without_transforms_needs_a_declared_frame(tmp_path, scene):
 
 
 def test_axes_that_look_forward_along_x_are_turned(tmp_path, scene):
-    bag = CameraBag(tmp_path / "one.bag")
-    for row, time in enumerate(nanoseconds(scene)):
-        bag.image(RGB, time, scene.rgb[row], "rgb8", frame="camera_link")
-        bag.info(INFO, time)
-        bag.covariant_pose("/pose", time, scene.poses[row] @ np.linalg.inv(OPTICAL))
-    bag.write()
+    walk_bag(
+        tmp_path / "one.bag",
+        scene,
+        rgb=lambda bag, time, row: bag.image(
+            RGB, time, scene.rgb[row], "rgb8", frame="camera_link"
+        ),
+        depth=None,
+        pose=lambda bag, time, row: bag.covariant_pose(
+            "/pose", time, scene.poses[row] @ np.linalg.inv(OPTICAL)
+        ),
+    ).write()
     assumed = read("bag", tmp_path / "one.bag")
     assert kinds(assumed) == {"axes assumed": 1}
     assert assumed.trajectories["one"].frames[0].depth is None
@@ -249,12 +255,10 @@ def colour_of(encoding: str, pixels: np.ndarray) -> np.ndarray:
     ("encoding", "padding"), [("rgb8", 0), ("bgr8", 5), ("8UC3", 0), ("rgba8", 5), ("rgb16", 5)]
 )
 def test_encodings_of_colour(tmp_path, scene, encoding, padding):
-    bag = CameraBag(tmp_path / "one.bag")
-    for row, time in enumerate(nanoseconds(scene)):
+    def encoded(bag, time, row):
         bag.image(RGB, time, colour_of(encoding, scene.rgb[row]), encoding, padding=padding)
-        bag.info(INFO, time)
-        bag.pose("/pose", time, scene.poses[row])
-    bag.write()
+
+    walk_bag(tmp_path / "one.bag", scene, rgb=encoded, depth=None).write()
     (trajectory,) = read("bag", tmp_path / "one.bag").trajectories.values()
     for frame, pixels in zip(trajectory.frames, scene.rgb, strict=True):
         found = image(frame.rgb.read())
@@ -271,12 +275,8 @@ def test_grey_and_bayer_patterns(tmp_path, scene):
         ("a.bag", "bayer_rggb8", mosaic, (200, 100, 30)),
         ("b.bag", "mono8", np.full((HEIGHT, WIDTH), 77, np.uint8), (77, 77, 77)),
     ):
-        bag = CameraBag(tmp_path / name)
-        time = nanoseconds(scene)[0]
-        bag.image(RGB, time, pixels, encoding)
-        bag.info(INFO, time)
-        bag.pose("/pose", time, scene.poses[0])
-        bag.write()
+        one = partial(CameraBag.image, topic=RGB, pixels=pixels, encoding=encoding)
+        walk_bag(tmp_path / name, walk(1), rgb=lambda b, t, _, one=one: one(b, time=t)).write()
         (trajectory,) = read("bag", tmp_path / name).trajectories.values()
         found = image(trajectory.frames[0].rgb.read()).pixels
         np.testing.assert_array_equal(found[2:-2, 2:-2].reshape(-1, 3).max(axis=0), colour)
@@ -289,14 +289,12 @@ def test_depth_in_metres_becomes_millimetres(tmp_path, scene):
     expected = scene.depth.copy()
     expected[:, 0, :6] = 0
     for name, order in (("a.bag", "<f4"), ("b.bag", ">f4")):
-        bag = CameraBag(tmp_path / name)
-        for row, time in enumerate(nanoseconds(scene)):
-            bag.image(RGB, time, scene.rgb[row], "rgb8")
+
+        def in_metres(bag, time, row, order=order):
             big = int(order == ">f4")
             bag.image(DEPTH, time, metres[row].astype(order), "32FC1", is_bigendian=big)
-            bag.info(INFO, time)
-            bag.pose("/pose", time, scene.poses[row])
-        bag.write()
+
+        walk_bag(tmp_path / name, scene, depth=in_metres).write()
         assert_images(
             read("bag", tmp_path / name), Walk(scene.rgb, expected, scene.poses, scene.times)
         )
@@ -311,9 +309,11 @@ def test_depth_in_metres_becomes_millimetres(tmp_path, scene):
 def test_compressed_images(tmp_path, scene, name, form):
     """Inverse depth as `compressed_depth_image_transport` writes it: v = a / depth + b."""
     a, b = np.float32(100 * 101), np.float32(1 - 100 * 101 / 10)
-    bag = CameraBag(tmp_path / name)
-    for row, time in enumerate(nanoseconds(scene)):
+
+    def rgb(bag, time, row):
         bag.compressed(f"{RGB}/compressed", time, png(scene.rgb[row]), "rgb8; png compressed bgr8")
+
+    def depth_image(bag, time, row):
         if form == "png":
             content = png(scene.depth[row])
         elif form.startswith("16UC1"):
@@ -323,8 +323,8 @@ def test_compressed_images(tmp_path, scene, name, form):
             inverse[0, 0] = 0
             content = compressed_depth(inverse, a, b)
         bag.compressed(f"{DEPTH}/compressedDepth", time, content, form)
-        bag.info(INFO, time)
-        bag.pose("/pose", time, scene.poses[row])
+
+    bag = walk_bag(tmp_path / name, scene, rgb=rgb, depth=depth_image)
     recording = read("bag", bag.write())
     assert_poses(recording, scene.poses)
     (trajectory,) = recording.trajectories.values()
@@ -345,18 +345,14 @@ def test_compressed_images(tmp_path, scene, name, form):
 
 
 def test_depth_that_is_compressed_otherwise_is_reported(tmp_path, scene):
-    bag = CameraBag(tmp_path / "one.bag")
-    time = nanoseconds(scene)[0]
-    bag.image(RGB, time, scene.rgb[0], "rgb8")
-    bag.compressed("/depth", time, compressed_depth(scene.depth[0]), "16UC1; compressedDepth png")
-    rvl = bytes(12) + bytes(40)
-    bag.compressed("/depth", time + 10**8, rvl, "16UC1; compressedDepth rvl")
-    bag.image(RGB, time + 10**8, scene.rgb[1], "rgb8")
-    bag.info(INFO, time)
-    for row in range(2):
-        bag.pose("/pose", time + row * 10**8, scene.poses[row])
+    contents = compressed_depth(scene.depth[0]), bytes(12) + bytes(40)
+
+    def compressed(bag, time, row):
+        form = f"16UC1; compressedDepth {('png', 'rvl')[row]}"
+        bag.compressed("/depth", time, contents[row], form)
+
+    bag = walk_bag(tmp_path / "one.bag", walk(2), depth=compressed)
     (trajectory,) = read("bag", bag.write()).trajectories.values()
-    assert trajectory.frames[0].depth is not None
     assert trajectory.frames[1].depth is not None
     issue = trajectory.frames[1].depth.read()
     assert isinstance(issue, InputIssue)
@@ -364,15 +360,14 @@ def test_depth_that_is_compressed_otherwise_is_reported(tmp_path, scene):
 
 
 def test_camera_info_with_distortion_binning_and_a_region(tmp_path, scene):
-    bag = CameraBag(tmp_path / "one.bag")
-    for row, time in enumerate(nanoseconds(scene)):
-        bag.image(RGB, time, scene.rgb[row], "rgb8")
+    def info(bag, time, row):
         bag.image("/cam/rgb/image_rect", time, scene.rgb[row], "rgb8")
         d = [0.1, -0.2, 0.003, 0.004, 0.05]
         bag.info(INFO, time, d=d, width=2 * WIDTH + 8, height=2 * HEIGHT, binning_x=2, binning_y=2)
         roi = bag.items[-1][3].roi
         roi.x_offset, roi.width, roi.height = 8, 2 * WIDTH, 2 * HEIGHT
-        bag.pose("/pose", time, scene.poses[row])
+
+    bag = walk_bag(tmp_path / "one.bag", scene, info=info, depth=None)
     bag.write()
     camera = read("bag", bag.path, ReadOptions({"rgb": RGB})).camera
     assert camera.distortion == (0.1, -0.2, 0.003, 0.004, 0.05)
@@ -384,11 +379,10 @@ def test_camera_info_with_distortion_binning_and_a_region(tmp_path, scene):
 
 
 def test_fisheye_cameras_and_stated_intrinsics(tmp_path, scene):
-    bag = CameraBag(tmp_path / "one.bag")
-    for row, time in enumerate(nanoseconds(scene)):
-        bag.image(RGB, time, scene.rgb[row], "rgb8")
-        bag.info(INFO, time, d=[0.1, 0.2, 0.3, 0.4], distortion_model="equidistant")
-        bag.pose("/pose", time, scene.poses[row])
+    lens = {"d": [0.1, 0.2, 0.3, 0.4], "distortion_model": "equidistant"}
+    bag = walk_bag(
+        tmp_path / "one.bag", scene, info=lambda b, time, row: b.info(INFO, time, **lens)
+    )
     bag.write()
     camera = read("bag", bag.path).camera
     assert camera.is_fisheye
@@ -457,12 +451,10 @@ def test_stamps_out_of_order_are_sorted_and_reported(tmp_path, scene):
 
 
 def test_headers_without_stamps_take_the_times_of_the_recording(tmp_path, scene):
-    bag = CameraBag(tmp_path / "one.bag")
-    for row, time in enumerate(nanoseconds(scene)):
-        bag.image(RGB, 0, scene.rgb[row], "rgb8")
-        bag.info(INFO, 0)
-        bag.pose("/pose", 0, scene.poses[row])
-        bag.items[-3:] = [(topic, kind, time, what) for topic, kind, _, what in bag.items[-3:]]
+    bag = walk_bag(tmp_path / "one.bag", scene, depth=None)
+    for number, (topic, kind, recorded, message) in enumerate(bag.items):
+        message.header.stamp.sec = message.header.stamp.nanosec = 0
+        bag.items[number] = topic, kind, recorded - bag.latency, message
     recording = read("bag", bag.write())
     assert_poses(recording, scene.poses)
     np.testing.assert_allclose(recording.trajectories["one"].timestamps, scene.times, atol=1e-6)
@@ -472,12 +464,12 @@ def test_headers_without_stamps_take_the_times_of_the_recording(tmp_path, scene)
 
 def test_images_without_pose_or_depth_are_reported(tmp_path, scene):
     """Poses 3 to 5 are not usable; 0.2 s of gap would need pose 4 to be interpolated."""
-    bag = CameraBag(tmp_path / "one.bag")
-    for row, time in enumerate(nanoseconds(scene)):
-        bag.image(RGB, time, scene.rgb[row], "rgb8")
+
+    def depth(bag, time, row):
         if row != 1:
             bag.image(DEPTH, time + 15_000_000, scene.depth[row], "16UC1")
-        bag.info(INFO, time)
+
+    def pose(bag, time, row):
         bag.pose("/pose", time, scene.poses[row])
         rotation = bag.items[-1][3].pose.orientation
         if row == 3:
@@ -486,7 +478,8 @@ def test_images_without_pose_or_depth_are_reported(tmp_path, scene):
             bag.items[-1][3].pose.position.x = float("nan")
         elif row == 5:
             rotation.w += 0.5
-    recording = read("bag", bag.write())
+
+    recording = read("bag", walk_bag(tmp_path / "one.bag", scene, depth=depth, pose=pose).write())
     expected = {"no depth image": 1, "no pose": 3, "bad pose": 1}
     assert kinds(recording) == expected
     (bad,) = [issue for issue in recording.issues if issue.kind == "bad pose"]
@@ -499,9 +492,7 @@ def test_images_without_pose_or_depth_are_reported(tmp_path, scene):
 
 
 def test_damaged_images_are_reported(tmp_path, scene):
-    bag = CameraBag(tmp_path / "one.bag")
-    times = nanoseconds(scene)
-    for row, time in enumerate(times):
+    def rgb(bag, time, row):
         content = png(scene.rgb[row])
         if row == 1:
             content = content[:-40]
@@ -509,13 +500,13 @@ def test_damaged_images_are_reported(tmp_path, scene):
             content = b"nothing"
         elif row == 3:
             content = png(scene.rgb[row][:, 1:])
-        bag.compressed("/rgb", time, content, "png")
-        bag.image(
-            "/depth", time, scene.depth[row], "16UC1",
-            **({"height": 10**6} if row == 4 else {"step": 3} if row == 5 else {}),
-        )  # fmt: skip
-        bag.info(INFO, time)
-        bag.pose("/pose", time, scene.poses[row])
+        bag.compressed(RGB, time, content, "png")
+
+    def depth(bag, time, row):
+        changes = {4: {"height": 10**6}, 5: {"step": 3}}.get(row, {})
+        bag.image(DEPTH, time, scene.depth[row], "16UC1", **changes)
+
+    bag = walk_bag(tmp_path / "one.bag", scene, rgb=rgb, depth=depth)
     (trajectory,) = read("bag", bag.write()).trajectories.values()
     found = [frame.rgb.read() for frame in trajectory.frames]
     assert [each.kind for each in found if isinstance(each, InputIssue)] == [
@@ -567,10 +558,7 @@ def test_a_folder_of_bags_has_a_trajectory_for_each(tmp_path, scene):
 
 def test_bags_with_odometry_have_worlds_of_their_own(tmp_path, scene):
     for name in ("first", "second"):
-        bag = without_poses(tmp_path / f"{name}.bag", scene)
-        for row, time in enumerate(nanoseconds(scene)):
-            bag.odometry("/odom", time, scene.poses[row], CAMERA)
-        bag.write()
+        walk_bag(tmp_path / f"{name}.bag", scene, pose=odometry_of(scene, CAMERA)).write()
     assert not read("bag", tmp_path).has_one_world
     assert read("bag", tmp_path / "first.bag").has_one_world
 
@@ -591,12 +579,11 @@ def test_images_are_found_in_any_order_with_little_memory(tmp_path, name, monkey
     scene = walk(24)
     monkeypatch.setattr(bag_messages, "_RECENT_BYTES", 2 * scene.rgb[0].nbytes)
     monkeypatch.setattr(bag_messages, "_AHEAD", 300_000_000)
-    bag = CameraBag(tmp_path / name)
-    for row, time in enumerate(nanoseconds(scene)):
-        bag.image(RGB, time, scene.rgb[row], "rgb8")
-        bag.image(DEPTH, time, scene.depth[row], "16UC1")
-        bag.info(INFO, time)
-        bag.pose("/pose", time, scene.poses[row])
+    bag = walk_bag(
+        tmp_path / name,
+        scene,
+        depth=lambda bag, time, row: bag.image(DEPTH, time, scene.depth[row], "16UC1"),
+    )
     (trajectory,) = read("bag", bag.write()).trajectories.values()
     rows = [*range(24), *range(23, -1, -1), 0, 2, 1, 5, 4, 20, 3]
     for row in rows:

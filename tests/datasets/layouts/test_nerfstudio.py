@@ -120,6 +120,9 @@ def test_an_angle_and_names_without_suffix_as_in_the_original_nerf_data(tmp_path
     assert recording.trajectories["val"].frames[0].depth is None
     chosen = read("nerfstudio", tmp_path, ReadOptions(trajectories=("val",)))
     assert list(chosen.trajectories) == ["val"]
+    lost = {**document, "frames": [{**document["frames"][0], "file_path": "lost"}]}
+    (tmp_path / "transforms_val.json").write_text(json.dumps(lost))
+    assert kinds(read("nerfstudio", tmp_path)) == {"missing image": 1, "empty trajectory": 1}
 
 
 def test_distortion_is_in_the_order_of_opencv(tmp_path):

@@ -72,6 +72,11 @@ class Blocks:
         return np.flatnonzero(np.repeat(marks, np.diff(self.start)))
 
 
+def evenly_spread(count: int, most: int) -> NDArray[np.intp]:
+    """At most `most` of the rows 0 .. count - 1, evenly spread, the first and the last included."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.intp))
+
+
 def split_into_blocks(trajectories: NDArray[np.integer], length: int = 0) -> Blocks:
     """Blocks of nearly equal size over rows in recording order; none spans two trajectories.
 

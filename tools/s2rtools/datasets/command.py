@@ -13,22 +13,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import s2rstore
-from s2rstore.errors import RequestError, counted, shortened
+from s2rstore.errors import RequestError, counted
 from s2rstore.files.ingest_folder import staging_folders
 from s2rstore.records import SIDES
 from s2rstore.security.printable_text import printable
 from s2rtools.common.command_line import store_argument
 from s2rtools.common.command_line.progress import reporter
+from s2rtools.common.input_issue import LISTED, InputIssue, issue_lines
 from s2rtools.datasets import pair_arguments
 
 if TYPE_CHECKING:
     from s2rtools.datasets.pairing.stored_worlds import StoredWorlds
 
-_LISTED_FILES = 5
 _LISTED_STRICT = 100
 """Number of issues of one kind that are listed when `--strict` refuses the input."""
-_MAX_TEXT = 300
-"""Characters of a file name, and of a reason, in the list of issues."""
 _DEFAULT_SIZE = 256
 _DEFAULT_SIZES = {"world": 128, "images": 320}
 EXAMPLE = "s2r ingest csv pairs.csv --calibration lab.toml --store lab.s2r"
@@ -269,15 +267,6 @@ def _command() -> str:
     return shlex.join(["s2r", *sys.argv[1:]])
 
 
-def _print_issues(issues: list[Any], is_strict: bool) -> None:
-    most = _LISTED_STRICT if is_strict else _LISTED_FILES
-    kinds: dict[str, list[Any]] = {}
-    for issue in issues:
-        kinds.setdefault(issue.kind, []).append(issue)
-    for kind, members in kinds.items():
-        print(f"{kind}: {len(members)}", file=sys.stderr)
-        for issue in members[:most]:
-            line = " ".join(shortened(text, _MAX_TEXT) for text in (issue.file, issue.detail))
-            print(printable(f"  {line}".rstrip()), file=sys.stderr)
-        if len(members) > most:
-            print(f"  ... and {len(members) - most} more", file=sys.stderr)
+def _print_issues(issues: list[InputIssue], is_strict: bool) -> None:
+    for line in issue_lines(issues, _LISTED_STRICT if is_strict else LISTED):
+        print(line, file=sys.stderr)

@@ -39,6 +39,7 @@ from s2rtools.common.image_files import MAX_PIXELS
 from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.floor.floor_plans import PlacedPlan, PointsTable, placed_plan
+from s2rtools.datasets.recording import PinholeCamera
 from s2rtools.datasets.scan import Scan
 
 Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]
@@ -100,12 +101,12 @@ class CameraTable(Struct, kw_only=True, forbid_unknown_fields=True):
         """fx, fy, cx, cy in pixels of the original image."""
         raise NotImplementedError
 
-    def scaled_to(self, frame: Size) -> Intrinsics:
-        """Intrinsics for frames of (height, width)."""
-        fx, fy, cx, cy = self.intrinsics()
-        columns, rows = frame[1] / self.width, frame[0] / self.height
-        pitch = math.radians(self.pitch)
-        return Intrinsics(fx * columns, fy * rows, cx * columns, cy * rows, pitch)
+    def pinhole(
+        self, distortion: tuple[float, ...] = (), is_fisheye: bool = False
+    ) -> PinholeCamera:
+        """The camera of the original images."""
+        height, width = self.size
+        return PinholeCamera(width, height, *self.intrinsics(), distortion, is_fisheye)
 
 
 class FieldOfViewCamera(CameraTable, kw_only=True, forbid_unknown_fields=True):
@@ -242,8 +243,8 @@ class DatasetConfig:
         return Domain(
             domain=checked_name(name, "domain"),
             kind="sim" if table.kind == "sim" else "real",
-            rgb=self._camera(name, "rgb").scaled_to(frame),
-            depth=self._camera(name, "depth").scaled_to(frame),
+            rgb=self._intrinsics(name, "rgb", frame),
+            depth=self._intrinsics(name, "depth", frame),
             camera_height=table.camera_height,
             forward_offset=table.forward_offset,
             depth_scale=table.depth_scale,
@@ -263,6 +264,10 @@ class DatasetConfig:
                 f"{self.path}: no [domains.{shortened(name)}] (has: {shortened(known)})"
             )
         return self.table.domains[name]
+
+    def _intrinsics(self, name: str, image: str, frame: Size) -> Intrinsics:
+        camera = self._camera(name, image)
+        return camera.pinhole().intrinsics(frame, math.radians(camera.pitch))
 
     def _camera(self, name: str, image: str) -> CameraTable:
         domain = self._domain_table(name)

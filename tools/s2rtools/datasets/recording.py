@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError, counted
+from s2rstore.records import Intrinsics
 from s2rtools.common.image_files import MAX_PIXELS
 from s2rtools.common.input_issue import InputIssue
 from s2rtools.common.lazy_sequence import chosen
@@ -91,6 +92,11 @@ class PinholeCamera:
             cx=self.cx * columns,
             cy=self.cy * rows,
         )
+
+    def intrinsics(self, frame: tuple[int, int], pitch: float) -> Intrinsics:
+        """The intrinsics for frames of (height, width); `pitch` in radians."""
+        camera = self.resized(frame)
+        return Intrinsics(camera.fx, camera.fy, camera.cx, camera.cy, pitch)
 
     @property
     def coefficients(self) -> NDArray[np.float64]:
@@ -211,6 +217,10 @@ class Recording:
         return len(self.trajectories) <= 1 or not self.has_own_worlds
 
     @property
+    def camera_of_depth(self) -> PinholeCamera:
+        return self.depth_camera or self.camera
+
+    @property
     def outside_folders(self) -> dict[str, int]:
         return self.containment.outside_folders
 
@@ -257,14 +267,17 @@ class Recording:
         raise RequestError(message)
 
     def finish(self, options: ReadOptions) -> Recording:
-        """Leave out frames whose poses are not usable, and report them and times in disorder.
+        """Keep the requested trajectories, and their frames whose poses are usable.
+
+        The other frames are reported, and times in disorder.
 
         Rotations become exact. Raises RequestError if a requested trajectory is unknown, if no
         frame is usable, and for cameras that cannot exist.
         """
-        if self.trajectories:
-            choose_trajectories(options.trajectories, self.trajectories, self.root)
-        trajectories = {name: self._usable(each) for name, each in self.trajectories.items()}
+        names = list(self.trajectories)
+        if names:
+            names = choose_trajectories(options.trajectories, names, self.root)
+        trajectories = {name: self._usable(self.trajectories[name]) for name in names}
         for name, trajectory in trajectories.items():
             if not len(trajectory.frames):
                 self.report("empty trajectory", name, "no usable image")

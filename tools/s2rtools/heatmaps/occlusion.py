@@ -26,7 +26,7 @@ from s2rtools.incremental_inference import (
     non_local_reason,
 )
 from s2rtools.inference import Backend
-from s2rtools.inference.batch_norm_folding import fold_batch_norm
+from s2rtools.inference.trunk_rewriting import fold_batch_norm
 from s2rtools.models.pose_network import LoadedModel, PoseNetwork
 
 _MODES: dict[str, tuple[Mode, ...]] = {
@@ -166,12 +166,8 @@ def _chosen_method(kind: Occlusion, backend: Backend) -> Recompute:
         method = kind.attributes(backend.model, key)["method"]
         recompute: Recompute = _recompute_fully
         if method.startswith(_BY_LOCALITY) and backend.trunk is not None:
-            given = backend.base_pass
-            local = LocalGraph(backend.trunk) if given is None else given.graph
-            recompute = partial(_recompute_locally, graph=local)
-            if key != "float32" or (backend.device.type == "cpu" and local.has_dense_3x3):
-                differences = DifferenceGraph(given or local, key)
-                recompute = partial(_recompute_differences, graph=differences)
+            graph = DifferenceGraph(backend.base_pass or LocalGraph(backend.trunk), key)
+            recompute = partial(_recompute_differences, graph=graph)
         _METHODS[backend] = key, recompute
     return _METHODS[backend][1]
 
@@ -219,37 +215,6 @@ def _poses(backend: Backend, features: Tensor) -> NDArray[np.float64]:
     return backend.pose(network.head(network.embed(features)))
 
 
-def _recompute_locally(
-    backend: Backend,
-    inputs: Tensor,
-    others: Tensor,
-    patches: list[PixelRegion],
-    graph: LocalGraph,
-    base: BaseOutputs | None = None,
-) -> Poses:
-    """Poses (N, 3) of the unchanged inputs and (N, P, M, 3) of the changed ones."""
-    if base is None:
-        base = graph.compute_base(inputs.contiguous(memory_format=torch.channels_last))
-    features = base.outputs[graph.output]
-    modes = len(occlusion_modes(backend.model))
-    poses = np.empty((len(inputs), len(patches), modes, 3))
-    regions = [graph.affected_regions(patch, base) for patch in patches]
-    for numbers in _batches(graph, regions):
-        content = [
-            _patch_content(backend.model, inputs, others, patches[number]) for number in numbers
-        ]
-        changed = graph.recompute(
-            base, torch.stack(content, dim=1), [regions[number] for number in numbers]
-        )
-        for position, number in enumerate(numbers):
-            target = regions[number][graph.output]
-            full = features[:, None].repeat(1, modes, 1, 1, 1)
-            full[..., target.r0 : target.r1, target.c0 : target.c1] = changed[:, position]
-            changed_poses = _poses(backend, full.flatten(0, 1))
-            poses[:, number] = changed_poses.reshape(len(inputs), modes, 3)
-    return _poses(backend, features), poses
-
-
 def _recompute_differences(
     backend: Backend,
     inputs: Tensor,
@@ -258,7 +223,10 @@ def _recompute_differences(
     graph: DifferenceGraph,
     base: BaseOutputs | None = None,
 ) -> Poses:
-    """Like `_recompute_locally`, by differences in the precision of the graph."""
+    """Poses (N, 3) of the unchanged inputs and (N, P, M, 3) of the changed ones.
+
+    Only what the patches change is computed, by differences in the precision of the graph.
+    """
     if base is None:
         base = graph.compute_base(inputs.contiguous(memory_format=torch.channels_last))
     output = graph.graph.output
@@ -338,7 +306,7 @@ def _recompute_fully(
     patches: list[PixelRegion],
     base: BaseOutputs | None = None,
 ) -> Poses:
-    """Like `_recompute_locally`, by running the whole network on every changed input."""
+    """Like `_recompute_differences`, by running the whole network on every changed input."""
     modes = len(occlusion_modes(backend.model))
     poses = np.empty((len(inputs), len(patches), modes, 3))
     for number, region in enumerate(patches):

@@ -1,4 +1,4 @@
-"""A trunk as a graph of local operations, and its incremental recomputation.
+"""A trunk as a graph of local operations, for its incremental recomputation.
 
 Supported operations are pointwise operations, sliding windows (convolution, pooling with a fixed
 window) and joins (add, channel concatenation). For these, a changed region of the input affects a
@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import operator
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -169,12 +169,11 @@ class LocalGraph:
         return self._input
 
     def compute_base(
-        self, x: Tensor, convolve: Convolve | None = None, finish: Finish = _finish_separately
+        self, x: Tensor, convolve: Convolve, finish: Finish = _finish_separately
     ) -> BaseOutputs:
         """Run the trunk on unchanged images, as the base of later calls.
 
-        With `convolve`, which computes the convolutions without bias, their outputs are kept;
-        `finish` computes what follows them.
+        `convolve` computes the convolutions without bias, `finish` what follows them.
         """
         outputs = {self._input: x}
         padded: dict[str, Tensor] = {}
@@ -188,7 +187,7 @@ class LocalGraph:
                 else:
                     values = [_pad(values[0], *step.windows, step.fill)]
                 padded[step.name] = values[0]
-            if convolve is not None and step.convolution is not None:
+            if step.convolution is not None:
                 result = convolve(step, values[0])
                 finished = finish(step, result) or _finish_separately(step, result)
                 kept[step.name], outputs[step.name], following = finished
@@ -229,62 +228,6 @@ class LocalGraph:
             source.r0 + rows.padding - target.r0 * rows.stride,
             source.c0 + cols.padding - target.c0 * cols.stride,
         )
-
-    def recompute(
-        self, base: BaseOutputs, patches: Tensor, regions: Sequence[dict[str, PixelRegion]]
-    ) -> Tensor:
-        """The changed part of the output for several patches of equal signature.
-
-        `patches` (N, P, M, C, h, w): for each of N base images and P places, M new contents of
-        the patch. Returns (N, P, M, C', h', w') at `regions[p][self.output]`.
-        """
-        lead = patches.shape[:3]
-        parts = {self._input: patches.flatten(0, 2)}
-        for step in self._steps:
-            if regions[0][step.name].empty:
-                channels = base.outputs[step.name].shape[1]
-                parts[step.name] = patches.new_empty((math.prod(lead), channels, 0, 0))
-                continue
-            crops = [
-                self._paste_changed_part(base, parts[name], step, name, regions, lead)
-                for name in step.inputs
-            ]
-            parts[step.name] = step.call(*crops)
-        return parts[self.output].unflatten(0, lead)
-
-    def _paste_changed_part(
-        self,
-        base: BaseOutputs,
-        part: Tensor,
-        step: Operation,
-        name: str,
-        regions: Sequence[dict[str, PixelRegion]],
-        lead: tuple[int, ...],
-    ) -> Tensor:
-        target = regions[0][step.name]
-        row, col = self.offset(step, regions[0], name)
-        required = [region[step.name] for region in regions]
-        if step.windows is None:
-            if part.shape[-2:] == target.shape:
-                return part
-            source = base.outputs[name]
-        else:
-            source = base.padded[step.name]
-            rows, cols = step.windows
-            required = [
-                PixelRegion(*rows.required_inputs(r.r0, r.r1), *cols.required_inputs(r.c0, r.c1))
-                for r in required
-            ]
-        size = (source.shape[1], *required[0].shape)
-        crop = torch.empty((math.prod(lead), *size), dtype=part.dtype, device=part.device,
-                           memory_format=torch.channels_last)  # fmt: skip
-        grouped = crop.unflatten(0, lead)
-        for place, r in enumerate(required):
-            grouped[:, place] = source[:, None, :, r.r0 : r.r1, r.c0 : r.c1]
-        top, left = max(row, 0), max(col, 0)
-        pasted = part[..., top - row : crop.shape[-2] - row, left - col : crop.shape[-1] - col]
-        crop[..., top : top + pasted.shape[-2], left : left + pasted.shape[-1]] = pasted
-        return crop
 
 
 def _fuse_operations(steps: list[Operation], output: str) -> tuple[list[Operation], str]:

@@ -16,8 +16,7 @@ from torch import Tensor, nn
 
 from s2rstore.errors import RequestError
 from s2rtools.incremental_inference import BaseOutputs, BasePass
-from s2rtools.inference.batch_norm_folding import fold_batch_norm
-from s2rtools.inference.first_convolution import split_first_convolution
+from s2rtools.inference.trunk_rewriting import fold_batch_norm, split_first_convolution
 from s2rtools.models.input_check import last_line
 from s2rtools.models.pose_network import LoadedModel
 

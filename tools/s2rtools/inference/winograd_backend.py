@@ -9,7 +9,7 @@ from s2rstore.errors import RequestError
 from s2rtools.incremental_inference import BaseOutputs, BasePass, LocalGraph
 from s2rtools.incremental_inference.graph import NotLocalError
 from s2rtools.inference.backend import BATCH, Backend
-from s2rtools.inference.batch_norm_folding import fold_batch_norm
+from s2rtools.inference.trunk_rewriting import fold_batch_norm
 from s2rtools.models.pose_network import LoadedModel
 
 _KEPT_PIXELS = BATCH * 256 * 256

@@ -25,6 +25,7 @@ from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch, SideBatch
 from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.inference import open_float32
 from s2rtools.models.load_model import load_model
+from s2rtools.precompute.domain_calibration import load_alignment
 from s2rtools.precompute.frame_reader import (
     FrameImages,
     Renderers,
@@ -32,9 +33,7 @@ from s2rtools.precompute.frame_reader import (
     SourceBlock,
     side_frames,
 )
-from s2rtools.precompute.rig_alignment import load_alignment
 from s2rtools.precompute.tasks.network_outputs import as_stored, side_batch
-from s2rtools.rendering import no_renderer_reason
 
 _FRAME_BYTES = 32 << 20
 _RESULT_BYTES = 64 << 20
@@ -146,11 +145,6 @@ class LiveModel:
 
     def close(self) -> None:
         self._store.close()
-
-    @property
-    def no_renderer_reason(self) -> str | None:
-        """Why adjustments that need a renderer are unavailable; None if they are available."""
-        return no_renderer_reason(self._store)
 
     @property
     def kinds(self) -> tuple[str, ...]:

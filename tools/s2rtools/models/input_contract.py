@@ -95,15 +95,6 @@ class InputContract:
         """The form that the index stores."""
         return json.dumps(asdict(self), sort_keys=True)
 
-    def to_toml(self) -> str:
-        """A file for `s2r model add --input` that gives this contract."""
-        lines = [f"{key} = {_toml(value)}" for key, value in asdict(self).items()]
-        return "\n".join(lines) + "\n"
-
-
-def _toml(value: Any) -> str:
-    return json.dumps(KEEP if value is None else value)
-
 
 Size = Annotated[int, Meta(ge=1, le=MAX_SIDE)]
 Number = Annotated[float, Meta(ge=-1e9, le=1e9)]

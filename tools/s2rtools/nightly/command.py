@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError
-from s2rtools.precompute.executors import slurm_job
+from s2rtools.precompute.executors import slurm_command
 
 if TYPE_CHECKING:
     from s2rtools.nightly.config import NightlyConfig
@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="accept a date more than a month before or a year after the newest night")  # fmt: skip
     add("--withdraw", metavar="YYYY-MM-DD",
         help="measure nothing; withdraw this night from the history")  # fmt: skip
-    slurm_job.add_arguments(parser)
+    slurm_command.add_arguments(parser)
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -35,9 +35,9 @@ def execute(options: argparse.Namespace) -> int:
     from s2rtools.nightly.run import nightly
 
     config = configs.read(options.config)
-    if slurm_job.is_requested(options):
+    if slurm_command.is_requested(options):
         arguments = command_arguments(options)
-        return slurm_job.SlurmJob(options).run(arguments)
+        return slurm_command.SlurmJob(options).run(arguments)
     if options.withdraw is not None:
         return _withdraw(config, options)
     result = nightly(config, _night(options.night), far=options.far_night)

@@ -13,7 +13,7 @@ from s2rstore.geometry.camera_offset import RenderChange
 from s2rstore.records import SIDES, Run, Side
 from s2rtools.counterfactual import gap_shares
 from s2rtools.heatmaps import HEATMAP_KINDS
-from s2rtools.precompute.depth_calibration import load_tolerance
+from s2rtools.precompute.domain_calibration import load_tolerance
 from s2rtools.precompute.input_hashes import InputHashes
 
 KEY_VERSION = 1

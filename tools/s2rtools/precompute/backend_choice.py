@@ -5,7 +5,6 @@ It follows from the machine, its packages, the model and the images; nothing is 
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -13,6 +12,7 @@ from functools import cached_property
 from importlib import metadata
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +20,7 @@ from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.input_files import parse_object
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
+from s2rtools.common.blocks import evenly_spread
 from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch
 from s2rtools.heatmaps.occlusion import Occlusion
 from s2rtools.inference import Backend, MeasuredBackend, choose_backend, open_backend, open_float32
@@ -35,6 +36,7 @@ from s2rtools.precompute.run_backends import (
     FLOAT32,
     REDUCED_DIFFERENCES,
     BackendIdentity,
+    Differences,
     RunBackends,
 )
 from s2rtools.precompute.tasks.network_outputs import side_batch
@@ -78,7 +80,7 @@ def run_backends(
         chosen = _with_differences(chosen, sample, named)
     if chosen != kept:
         report_line(f"{run.run}: {_summary(chosen)}")
-        content = json.dumps(chosen.record(), sort_keys=True).encode()
+        content = msgspec.json.encode(chosen)
         atomic_writes.write(store.path, _choice_file(run), content, check=check)
     return chosen
 
@@ -95,18 +97,18 @@ def _kept(store: Store, run: Run, requested: str, inputs: str) -> RunBackends | 
     backend. A choice by name that was not published holds for the same name, and for runs of which
     nothing is published.
     """
-    file = _choice_file(run)
-    records = [store.provenance_object(f"run:{run.run}", "backend")]
+    file, where = _choice_file(run), f"{store.path}: run {run.run}"
+    record = store.provenance_object(f"run:{run.run}", "backend")
+    records = [RunBackends.from_record(record, where)] if record else []
     if safe_files.kind(store.path, file) is not None:
         content = safe_files.read(store.path, file, _CHOICE_BYTES)
-        begun = parse_object(content.decode(errors="replace"), str(store.path / file))
-        if run.key is None or begun.get("requested") == requested:
+        found = parse_object(content.decode(errors="replace"), str(store.path / file))
+        begun = RunBackends.from_record(found, where)
+        if run.key is None or begun.facts.get("requested") == requested:
             records.insert(0, begun)
-    for record in records:
-        if record and record.get("inputs") == inputs:
-            kept = RunBackends.from_record(record, f"{store.path}: run {run.run}")
-            if requested in (AUTO, kept.predictions.name):
-                return kept
+    for kept in records:
+        if kept.facts.get("inputs") == inputs and requested in (AUTO, kept.predictions.name):
+            return kept
     return None
 
 
@@ -136,8 +138,7 @@ class _Sample:
         """First iid and frames of the pairs at each place."""
         if self._frames is None:
             contract, iids = self.model.contract, np.concatenate(self.ranges)
-            last = max(0, iids.size - _PAIRS_PER_PLACE)
-            starts = iids[np.unique(np.linspace(0, last, _PLACES).astype(int))]
+            starts = iids[evenly_spread(max(1, iids.size - _PAIRS_PER_PLACE + 1), _PLACES)]
             self._frames = [
                 batch
                 for start in starts
@@ -274,7 +275,8 @@ def _relative_error(values: NDArray[Any], expected: NDArray[Any]) -> float:
 
 def _with_differences(backends: RunBackends, sample: _Sample, requested: str) -> RunBackends:
     """Choose the precision of the differences from which occlusion is computed."""
-    precision, facts = FLOAT32, dict(backends.facts)
+    precision: Differences = FLOAT32
+    facts = dict(backends.facts)
     kind, model = Occlusion(), sample.model
     enough = sum(map(len, sample.ranges)) >= _FEWEST_INSTANCES
     if requested == AUTO and enough and kind.suits(model) and kind.is_local(model):
@@ -287,7 +289,7 @@ def _with_differences(backends: RunBackends, sample: _Sample, requested: str) ->
 
 def _reduced_differences(
     kind: Occlusion, sample: _Sample, backend: Backend
-) -> tuple[str, float] | None:
+) -> tuple[Differences, float] | None:
     """The fastest accurate precision of differences, and the error of occlusion by it.
 
     The error is the largest RMS error in deviations of the values. None where float32 is as fast:

@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
+import s2rstore
 from s2rstore.errors import RequestError, StoreBusyError
 from s2rstore.files import atomic_writes, layout, locks
 from s2rstore.files.lease import Lease
+from s2rstore.maintenance.prune import remove_superseded
 from s2rstore.reader import Store
 from s2rstore.records import Part, Run
 from s2rtools.common.command_line.progress import Reporter
-from s2rtools.common.processors import available_processors
-from s2rtools.heatmaps import HEATMAP_KINDS, IMAGE_KINDS
-from s2rtools.inference.cuda_backend import CudaBackend
+from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.models.load_model import model_outline
-from s2rtools.models.pose_network import LoadedModel
-from s2rtools.precompute import depth_calibration, rig_calibration
+from s2rtools.precompute import domain_calibration
 from s2rtools.precompute.backend_choice import run_backends
-from s2rtools.precompute.current_store import CurrentStore
-from s2rtools.precompute.executors.executor import Executor, Task, by_threads, largest_first
-from s2rtools.precompute.executors.local_executors import (
-    WorkerPool,
-    default_threads,
-    default_workers,
-    local_executor,
-)
+from s2rtools.precompute.chosen_kinds import default_kinds, kinds_without_network, usable_kinds
+from s2rtools.precompute.executors.executor import Executor, Task, largest_first
+from s2rtools.precompute.executors.local_executors import LocalExecutor, WorkerPool
+from s2rtools.precompute.input_hashes import InputHashes
 from s2rtools.precompute.merged_arrays import merge_arrays
 from s2rtools.precompute.publish_results import publish_run
 from s2rtools.precompute.restart import discard_incomplete
@@ -43,8 +38,7 @@ from s2rtools.precompute.shared_progress import SharedProgress
 from s2rtools.precompute.tasks.map_grids import merge_grids
 from s2rtools.precompute.unit_computer import Computation
 from s2rtools.precompute.unit_plan import UnitPlan
-from s2rtools.precompute.usable_kinds import usable_kinds
-from s2rtools.precompute.work_units import Stage, WorkUnit
+from s2rtools.precompute.work_units import Stage
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +48,8 @@ class PrecomputeOptions:
     `workers` is the number of processes, by default as many as pay off, and `threads` how many each
     computes with, by default so many that they use all processors; `executor` replaces both.
     `refit` fits projections on all instances again. `backend` names that of the predictions; `auto`
-    keeps the recorded one of a run, else it measures which is the fastest. `restart` begins arrays
-    again that are not complete.
+    keeps the recorded one of a run, else it takes the first that this machine has and that is
+    accurate (`backend_choice`). `restart` begins arrays again that are not complete.
     """
 
     kinds: tuple[str, ...] | None = None
@@ -77,7 +71,8 @@ def precompute(
     """Compute and publish the named runs (all by default); return those that were published.
 
     All runs are computed in rounds (`run_stages.ROUNDS`): first the predictions of all, then their
-    heatmaps, those that take the longest last. Each round of a run is published when it is done.
+    heatmaps, those that take the longest last. Each round of a run is published when it is done;
+    of the generations that this makes, the newest stay, see `prune.remove_superseded`.
 
     Arrays that are published or that the ledger records are not computed again. Raises
     StoreBusyError if another process computes, RequestError for unknown runs or kinds, and after
@@ -99,7 +94,8 @@ def precompute(
         if not names:
             raise RequestError(f"{root}: {store.no_run}")
         untrusted = [name for name in names if not options.trust and _needs_trust(store, name)]
-        call = _Call(current, options, progress, lease, pool)
+        local = LocalExecutor(pool, options.workers, options.threads)
+        call = _Call(current, options, progress, lease, local)
         computed = [_Run(call, name) for name in names if name not in untrusted]
         for number in range(len(ROUNDS)):
             for place, run in enumerate(computed, 1):
@@ -126,13 +122,18 @@ def _needs_trust(store: Store, name: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class _Call:
-    """What the runs of one call of `precompute` share; `lease` is that of the compute lock."""
+    """What the runs of one call of `precompute` share.
+
+    `lease` is that of the compute lock, `published` are the generations of this call. `local`
+    computes where the options name no executor.
+    """
 
     current: CurrentStore
     options: PrecomputeOptions
     reporter: Reporter
     lease: Lease
-    pool: WorkerPool
+    local: LocalExecutor
+    published: list[int] = field(default_factory=list)
 
 
 class _Run:
@@ -196,7 +197,7 @@ class _Run:
         kinds: Sequence[str] = tuple(HEATMAP_KINDS) if options.kinds is None else options.kinds
         say = call.reporter.say if is_new else lambda line: None
         if run.is_imported:
-            kinds = _without_network(self.name, kinds, say)
+            kinds = kinds_without_network(self.name, kinds, say)
         kinds = usable_kinds(store, run, kinds, say)
         if run.model is None:
             stages = self._imported_stages(run, kinds)
@@ -223,13 +224,12 @@ class _Run:
         call, options = self._call, self._call.options
         store = call.current.get()
         model = model_outline(store, run.network("precompute"), options.trust)
-        if run.key is None:
-            _start_workers(call.pool, len(store.instances), options)
+        if run.key is None and options.executor is None:
+            call.local.start(len(store.instances))
         _calibrate(call, run, kinds)
         allowed = [kind for kind in kinds if HEATMAP_KINDS[kind].suits(model)]
         if options.kinds is None:
-            allowed = _default_kinds(call.current.get(), self.name, model, allowed, say)
-        workers = options.workers or default_workers(len(store.instances))
+            allowed = default_kinds(call.current.get(), self.name, model, allowed, say)
         self._backends = run_backends(
             call.current.get(),
             run,
@@ -238,7 +238,7 @@ class _Run:
             options.backend,
             say,
             call.lease.check,
-            options.threads or default_threads(workers),
+            call.local.threads(len(store.instances)),
         )
         store = call.current.get()
         self._parts = store.parts
@@ -260,59 +260,31 @@ class _Run:
             )  # fmt: skip
 
     def _publish(self, store: Store, stages: RunStages, number: int) -> None:
-        """Publish a round with those before it, unless the index lists all of it already."""
+        """Publish a round with those before it, unless the index lists all of it already.
+
+        Generations of this call that are superseded by then are removed.
+        """
         call, published = self._call, stages.rounds[number].published
-        record = None if self._backends is None else self._backends.record()
         check = call.lease.check
-        if publish_run(store, self._run, published, record, check, stages.earlier):
+        generation = publish_run(store, self._run, published, self._backends, check, stages.earlier)
+        if generation is not None:
             self.is_published = True
-
-
-def _default_kinds(
-    store: Store,
-    run: str,
-    model: LoadedModel,
-    kinds: Sequence[str],
-    say: Callable[[str], None],
-) -> list[str]:
-    """Those kinds that are computed where none are named; `say` reports the others.
-
-    A kind that the run has already is computed for new instances, too.
-    """
-    published = {record.kind for record in store.array_parts(run)}
-    usual = [k for k in kinds if k in published or HEATMAP_KINDS[k].is_default(model)]
-    left_out = [kind for kind in kinds if kind not in usual]
-    if left_out:
-        say(
-            f"{run}: {', '.join(left_out)} left out, which take long for inputs of "
-            f"{model.contract.size[1]} x {model.contract.size[0]}; "
-            f"--kinds {','.join(left_out)} adds them"
-        )
-    return usual
+            call.published.append(generation)
+            remove_superseded(call.current.root, call.published)
 
 
 def _calibrate(call: _Call, run: Run, kinds: Sequence[str]) -> None:
     """Calibrate the run's pair of domains as far as the heatmap kinds need it."""
     current, check = call.current, call.lease.check
     pair = f"{run.sim_domain} | {run.real_domain}"
-    if any(HEATMAP_KINDS[kind].aligned for kind in kinds) and rig_calibration.ensure_calibrated(
+    if any(HEATMAP_KINDS[kind].aligned for kind in kinds) and domain_calibration.ensure_calibrated(
         current.get(), run, check
     ):
         call.reporter.say(f"{pair}: rigs calibrated")
     if any(HEATMAP_KINDS[kind].compares_depth for kind in kinds) and (
-        depth_calibration.ensure_depth_tolerance(current.get(), run, check)
+        domain_calibration.ensure_depth_tolerance(current.get(), run, check)
     ):
         call.reporter.say(f"{pair}: noise of the depth sensor estimated")
-
-
-def _without_network(
-    name: str, kinds: Sequence[str], say: Callable[[str], None]
-) -> tuple[str, ...]:
-    """Those of the heatmap kinds that need no network; reports the others."""
-    others = [kind for kind in kinds if kind not in IMAGE_KINDS]
-    if others:
-        say(f"{name}: imported predictions; {', '.join(others)} left out (no network)")
-    return tuple(kind for kind in kinds if kind in IMAGE_KINDS)
 
 
 def _compute_stages(call: _Call, stages: Sequence[Stage], backends: RunBackends | None) -> None:
@@ -333,45 +305,33 @@ def _compute_stages(call: _Call, stages: Sequence[Stage], backends: RunBackends 
             Task(computation, unit, plan.environment(unit, precision(unit.stage)))
             for unit in largest_first(plan.units)
         ]
-        for executor, some in _assigned(tasks, _passes(plan.units), options, call.pool):
-            for receipt in executor.run(some):
-                lease.raise_if_lost()
-                unit = plan.finish(receipt, is_checked=executor.is_remote)
-                call.reporter.advance(len(unit.instances))
+        executor = options.executor or call.local
+        for receipt in executor.run(tasks):
+            lease.raise_if_lost()
+            unit = plan.finish(receipt, is_checked=executor.is_remote)
+            call.reporter.advance(len(unit.instances))
         lease.check()
     plan.close()
 
 
-def _passes(units: Iterable[WorkUnit]) -> int:
-    """Instances of units; twice those of units with kinds that need one pass and many passes."""
-    return sum(
-        len(unit.instances) * len({_needs_many_passes(spec.kind) for spec in unit.missing})
-        for unit in units
-    )
+class CurrentStore:
+    """Keeps the published generation open and opens it again when there is a newer one."""
 
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self._store = s2rstore.open(root)
+        self.hashes = InputHashes(self._store)
 
-def _needs_many_passes(kind: str) -> bool:
-    return kind in HEATMAP_KINDS and HEATMAP_KINDS[kind].cost != "forward"
+    def __enter__(self) -> CurrentStore:
+        return self
 
+    def __exit__(self, *error: object) -> None:
+        self._store.close()
 
-def _start_workers(pool: WorkerPool, instances: int, options: PrecomputeOptions) -> None:
-    """Start the processes that will compute a new run, while its backends are measured."""
-    workers = min(options.workers or available_processors(), default_workers(instances))
-    if workers > 1 and options.executor is None and CudaBackend.unavailable_reason() is not None:
-        pool.start(workers)
-
-
-def _assigned(
-    tasks: Sequence[Task], instances: int, options: PrecomputeOptions, pool: WorkerPool
-) -> Iterator[tuple[Executor, list[Task]]]:
-    """Executors with the tasks that each computes, one after the other."""
-    if options.executor is not None:
-        yield options.executor, list(tasks)
-        return
-    workers = options.workers or default_workers(instances)
-    workers = min(workers, len(tasks), available_processors())
-    if any(task.computation.uses_gpu(task.unit.stage) for task in tasks):
-        workers = 1
-    groups = by_threads(tasks, options.threads, default_threads(workers))
-    for threads, some in groups.items():
-        yield local_executor(workers, threads, pool), some
+    def get(self) -> Store:
+        """The generation that is published now; the store of an earlier call may be closed."""
+        if self._store.latest_generation() != self._store.generation:
+            self._store.close()
+            self._store = s2rstore.open(self.root)
+            self.hashes = InputHashes(self._store, self.hashes)
+        return self._store

@@ -21,10 +21,12 @@ from s2rstore.index.schema import GAP_SHARES
 from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, ArrayRecord, Run
+from s2rtools.common.blocks import evenly_spread
 from s2rtools.counterfactual import gap_shares
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.precompute.array_keys import content_key
 from s2rtools.precompute.prediction_rows import NOT_ATTEMPTED, decode_split, prediction_columns
+from s2rtools.precompute.run_backends import RunBackends
 from s2rtools.precompute.tasks import outliers
 from s2rtools.precompute.tasks.umap_projection import SETTINGS
 from s2rtools.precompute.unit_plan import recorded_environments
@@ -40,13 +42,13 @@ def publish_run(
     store: Store,
     planned: Run,
     stages: Sequence[Stage],
-    backend: dict[str, Any] | None,
+    backends: RunBackends | None,
     check: Callable[[], None] = lambda: None,
     earlier: Collection[str] = (),
-) -> bool:
-    """Publish a run whose stages are complete; False if the index is already up to date.
+) -> int | None:
+    """Publish a run whose stages are complete; the new generation, None if the index is up to date.
 
-    `planned` is the run as the stages were planned. `backend` is None for imported predictions,
+    `planned` is the run as the stages were planned. `backends` is None for imported predictions,
     which may cover the first parts only. `check` is called before anything is published, see
     `edit`. Arrays of other heatmap kinds stay listed as long as they belong to the same
     predictions: those of the stages, or those of fewer instances at the `earlier` paths. Raises
@@ -58,17 +60,17 @@ def publish_run(
     predicted = {spec.path(run) for spec in specs if spec.kind == "prediction"}
     count = sum(spec.rows for spec in specs if spec.kind == "prediction") // len(SIDES)
     imaged = store.imaged(planned.sim_domain, planned.real_domain)
-    if backend is not None and count != np.count_nonzero(imaged):
+    if backends is not None and count != np.count_nonzero(imaged):
         raise RequestError(f"{store.path}: instances were added meanwhile; run the command again")
     listed = store.array_parts(run)
     same = any(
         record.kind == "prediction" and record.path in predicted.union(earlier) for record in listed
     )
-    if backend is None and not same:
+    if backends is None and not same:
         raise RequestError(f"run {run!r}: was imported again meanwhile; run the command again")
     listed = listed if same else []
     if _are_listed(store, run, specs, listed):
-        return False
+        return None
     root = store.path
     keeps_shares = any(record.kind == gap_shares.KIND for record in listed)
     columns = list(_instance_columns(store, planned, specs, keeps_shares))
@@ -80,7 +82,7 @@ def publish_run(
     other_arrays = [r for r in listed if (r.kind, r.side, r.mode) not in computed]
     with edit(root, check) as draft:
         _check_registered(draft, planned)
-        if backend is None:
+        if backends is None:
             _check_not_imported_again(draft, run, predicted)
         for table in ("prediction", "projection", "zarr_array"):
             draft.delete(table, run=run)
@@ -88,13 +90,14 @@ def publish_run(
             draft.insert(table, rows)
         draft.insert_rows("zarr_array", [asdict(record) for record in other_arrays])
         draft.insert_rows("zarr_array", [array_row(root, run, spec) for spec in specs])
-        if backend is not None:
-            draft.update("run", {"run": run}, {"key": key, "precision": backend["precision"]})
-        facts = _provenance(root, run, specs, backend, ranges, previous)
+        if backends is not None:
+            precision = backends.predictions.precision
+            draft.update("run", {"run": run}, {"key": key, "precision": precision})
+        facts = _provenance(root, run, specs, backends, ranges, previous)
         keys = {spec.key for spec in specs} | {r.path.split("/")[1] for r in other_arrays}
         facts[ARRAY_FACTS] = {key: each for key, each in facts[ARRAY_FACTS].items() if key in keys}
         draft.set_provenance(f"run:{run}", facts)
-    return True
+    return draft.generation
 
 
 def _check_registered(draft: IndexTransaction, run: Run) -> None:
@@ -234,7 +237,7 @@ def _heat_ranges(store: Store, run: str, specs: Sequence[ArraySpec]) -> dict[str
     parts: dict[str, list[np.ndarray]] = {}
     heatmaps = [spec for spec in specs if spec.kind in HEATMAP_KINDS]
     count = max((spec.first_iid + spec.rows for spec in heatmaps), default=0)
-    iids = np.unique(np.linspace(0, count - 1, min(count, _RANGE_ROWS)).astype(int))
+    iids = evenly_spread(count, _RANGE_ROWS)
     for spec in heatmaps:
         rows = iids[(iids >= spec.first_iid) & (iids < spec.first_iid + spec.rows)] - spec.first_iid
         values = np.asarray(spec.open_array(store.path, run).at(rows), dtype=np.float32)
@@ -275,7 +278,7 @@ def _provenance(
     root: Path,
     run: str,
     specs: Sequence[ArraySpec],
-    backend: dict[str, Any] | None,
+    backends: RunBackends | None,
     ranges: dict[str, list[float]],
     previous: dict[str, str],
 ) -> dict[str, Any]:
@@ -288,8 +291,8 @@ def _provenance(
         "packages": {name: metadata.version(name) for name in _PACKAGES},
         ARRAY_FACTS: _environments(root, run, specs, previous),
     }
-    if backend is not None:
-        facts["backend"] = backend
+    if backends is not None:
+        facts["backend"] = backends.record()
     kinds = sorted({spec.kind for spec in specs} & set(HEATMAP_KINDS))
     surfaces = {kind: HEATMAP_KINDS[kind].surface for kind in kinds if HEATMAP_KINDS[kind].aligned}
     facts["surfaces"] = parse_object(previous.get("surfaces", "{}"), "surfaces") | surfaces

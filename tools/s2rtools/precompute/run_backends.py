@@ -18,8 +18,9 @@ from s2rtools.inference.cuda_backend import CudaBackend
 from s2rtools.inference.winograd_backend import WinogradBackend
 from s2rtools.models.pose_network import LoadedModel
 
-FLOAT32 = "float32"
-REDUCED_DIFFERENCES = ("bfloat16-broad", "bfloat16")
+Differences = Literal["float32", "bfloat16", "bfloat16-broad"]
+FLOAT32: Differences = "float32"
+REDUCED_DIFFERENCES: tuple[Differences, ...] = ("bfloat16-broad", "bfloat16")
 """Precisions of differences below float32, the fastest first."""
 _OF_CHANGED_INPUTS = (Harm.name, gap_shares.KIND)
 """Kinds made of poses of changed inputs, which float32 backends of predictions compute, too."""
@@ -64,15 +65,6 @@ class BackendIdentity:
         return backend
 
 
-class _Record(msgspec.Struct, frozen=True):
-    """The entries of a record that choose backends; others describe them."""
-
-    name: str
-    precision: str
-    heatmaps: BackendIdentity
-    differences: Literal["float32", "bfloat16", "bfloat16-broad"] | None = None
-
-
 @dataclass(frozen=True, slots=True)
 class RunBackends:
     """What computes a run: predictions and embeddings, heatmaps, and differences in occlusion.
@@ -83,7 +75,7 @@ class RunBackends:
 
     predictions: BackendIdentity
     heatmaps: BackendIdentity
-    differences: str | None = None
+    differences: Differences | None = None
     facts: dict[str, Any] = field(default_factory=dict, compare=False)
 
     @classmethod
@@ -93,12 +85,9 @@ class RunBackends:
         Raises RequestError, which begins with `where`, for a malformed record.
         """
         try:
-            known = msgspec.convert(record, _Record)
+            return msgspec.convert(record, cls)
         except msgspec.ValidationError as error:
             raise RequestError(f"{where}: the backend is not valid ({error})") from error
-        predictions = BackendIdentity(known.name, known.precision)
-        facts = {k: v for k, v in record.items() if k not in ("name", "precision", "heatmaps")}
-        return cls(predictions, known.heatmaps, known.differences, facts)
 
     @property
     def heatmaps_reuse_activations(self) -> bool:
@@ -106,12 +95,9 @@ class RunBackends:
         return self.predictions == self.heatmaps and self.predictions.keeps_activations
 
     def record(self) -> dict[str, Any]:
-        return {
-            **self.predictions.facts(),
-            "heatmaps": self.heatmaps.facts(),
-            **self.facts,
-            "differences": self.differences,
-        }
+        """For the provenance of a run."""
+        record: dict[str, Any] = msgspec.to_builtins(self)
+        return record
 
     def kind_facts(self, kind: str) -> dict[str, str]:
         """What the key of a heatmap kind's arrays contains of the backend."""

@@ -14,6 +14,7 @@ from s2rtools.counterfactual import gap_shares
 from s2rtools.heatmaps import HEATMAP_KINDS, harm
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute.array_keys import ArrayKeys
+from s2rtools.precompute.chosen_kinds import domains_without_depth
 from s2rtools.precompute.imported_arrays import imported_stages
 from s2rtools.precompute.input_hashes import InputHashes
 from s2rtools.precompute.restart import is_complete
@@ -23,8 +24,8 @@ from s2rtools.precompute.segment_plan import (
     SegmentPlan,
     plan_segments,
     published_ranges,
+    segments,
 )
-from s2rtools.precompute.segments import segments
 from s2rtools.precompute.tasks import map_grids, outliers, rendered_frames, umap_projection
 from s2rtools.precompute.tasks.image_heatmaps import image_stages
 from s2rtools.precompute.tasks.map_grids import map_stages
@@ -32,7 +33,6 @@ from s2rtools.precompute.tasks.network_outputs import network_stages
 from s2rtools.precompute.tasks.outliers import outlier_stage
 from s2rtools.precompute.tasks.rendered_frames import frames_stages
 from s2rtools.precompute.tasks.umap_projection import projection_stage
-from s2rtools.precompute.usable_kinds import domains_without_depth
 from s2rtools.precompute.work_units import ArraySpec, Stage
 
 WORK: dict[str, float] = {

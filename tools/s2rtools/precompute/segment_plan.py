@@ -13,11 +13,16 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 
+from s2rstore.arrays import array_writer
 from s2rstore.errors import RequestError
 from s2rstore.files import layout, safe_files
 from s2rstore.files.ledger import Ledger
 from s2rstore.reader import Store
 from s2rtools.precompute.work_units import ArraySpec, Stage
+
+COPIED_ROWS = 32
+"""Earlier rows that may be copied for each later one."""
+
 
 Label = tuple[str, str | None, str | None]
 """Kind, side and mode of an array."""
@@ -97,6 +102,24 @@ def published_ranges(store: Store, runs: Iterable[str]) -> list[range]:
         if record.axes[:1] == ("iid",)
     }
     return sorted(ranges, key=lambda iids: (iids.start, iids.stop))
+
+
+def segments(parts: Iterable[range]) -> list[range]:
+    """The segments of parts, which are ascending ranges of instances.
+
+    Parts that do not adjoin are never merged.
+    """
+    merged: list[range] = []
+    for each in parts:
+        while merged and merged[-1].stop == each.start and _is_worth_merging(merged[-1], each):
+            each = range(merged.pop().start, each.stop)
+        merged.append(each)
+    return merged
+
+
+def _is_worth_merging(segment: range, part: range) -> bool:
+    """Whether a merge copies few rows of a segment for each row of the next part."""
+    return len(segment) % array_writer.SHARD_ROWS <= COPIED_ROWS * len(part)
 
 
 class _Holdings:

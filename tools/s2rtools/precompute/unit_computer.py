@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -19,23 +21,56 @@ from s2rstore.files import layout
 from s2rstore.files.compute_environment import ComputeEnvironment
 from s2rstore.files.process_identity import host_name
 from s2rstore.reader import Store
+from s2rstore.records import Run
 from s2rtools.common.freed_memory import keep_freed_memory
 from s2rtools.inference import Backend
+from s2rtools.inference.backend import processor_name
 from s2rtools.models.load_model import load_model
 from s2rtools.precompute import unit_results
-from s2rtools.precompute.frame_reader import Renderers, RunFrames
-from s2rtools.precompute.machine import Machine, this_machine
-from s2rtools.precompute.receipts import Receipt
+from s2rtools.precompute.frame_reader import Renderers
 from s2rtools.precompute.run_backends import BackendIdentity, RunBackends
-from s2rtools.precompute.tasks import (
-    image_heatmaps,
-    map_grids,
-    network_outputs,
-    outliers,
-    rendered_frames,
-    umap_projection,
-)
+from s2rtools.precompute.unit_results import Receipt
 from s2rtools.precompute.work_units import FORWARD, NUMPY, ArraySpec, Stage, WorkUnit
+
+_NUMERIC = (
+    "torch", "openvino", "numpy", "opencv-python-headless", "scipy", "scikit-learn", "umap-learn",
+    "numba",
+)  # fmt: skip
+"""Packages on whose version values depend."""
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """Models of the processor and of the GPU (empty without one), and versions of libraries."""
+
+    processor: str
+    gpu: str
+    versions: tuple[tuple[str, str], ...]
+
+    def environment(
+        self, precision: str, threads: int, uses_gpu: bool = False
+    ) -> ComputeEnvironment:
+        device = self.gpu if uses_gpu else self.processor
+        return ComputeEnvironment(device, precision, threads, dict(self.versions))
+
+
+@cache
+def this_machine() -> Machine:
+    """The machine that this process runs on."""
+    gpu = torch.cuda.get_device_name() if torch.cuda.is_available() else ""
+    return Machine(processor_name(), gpu, tuple(numeric_versions().items()))
+
+
+def numeric_versions() -> dict[str, str]:
+    """The versions of the installed packages on which values depend."""
+    versions = {}
+    for name in _NUMERIC:
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return versions
+
 
 GENERATION_SECONDS = 90.0
 """How long a host waits to see a published generation; NFS caches files for up to 60 s."""
@@ -87,15 +122,17 @@ class Computation:
 
 
 class UnitComputer:
-    """Computes work units of one store; models are loaded once per process."""
+    """Computes work units of one store, and keeps open what they share.
+
+    These are the `store`, the `renderers` by domain, and the networks of one model.
+    """
 
     def __init__(self, computation: Computation, threads: int) -> None:
-        self._computation, self._threads = computation, threads
-        self._root = computation.root
-        self._store = open_generation(computation.root, computation.generation)
-        self._machine = this_machine()
+        self._computation, self.threads = computation, threads
+        self.root = computation.root
+        self.store = open_generation(computation.root, computation.generation)
+        self.renderers: Renderers = {}
         self._backends: dict[str, tuple[Backend, Backend]] = {}
-        self._renderers: Renderers = {}
         self._layouts: dict[str, Layout] = {}
         torch.set_num_threads(threads)
         threadpool_limits(threads)
@@ -104,10 +141,11 @@ class UnitComputer:
     def __call__(self, unit: WorkUnit) -> Receipt:
         """Compute the missing arrays of a unit and write them under a unique name."""
         began = time.perf_counter()
-        chunks = encoded(unit, self._compute(unit), self._layout)
-        environment = self._computation.environment(unit.stage, self._machine, self._threads)
+        assert unit.stage.compute is not None
+        chunks = encoded(unit, unit.stage.compute(self, unit), self._layout)
+        environment = self._computation.environment(unit.stage, this_machine(), self.threads)
         path, size, checksum = unit_results.write_attempt(
-            self._root, unit, chunks, environment, self._computation.durable
+            self.root, unit, chunks, environment, self._computation.durable
         )
         name = unit_results.file_name(unit.stage, unit.number)
         seconds = time.perf_counter() - began
@@ -115,32 +153,18 @@ class UnitComputer:
 
     def _layout(self, path: str) -> Layout:
         if path not in self._layouts:
-            array = stored_array.open_read(self._root / layout.RUNS / path, self._root)
+            array = stored_array.open_read(self.root / layout.RUNS / path, self.root)
             self._layouts[path] = array.layout
         return self._layouts[path]
 
-    def _compute(self, unit: WorkUnit) -> dict[ArraySpec, Any]:
-        run = self._store.run(unit.stage.run)
-        if unit.stage.name == umap_projection.NAME:
-            return umap_projection.compute_projection(self._root, unit)
-        if unit.stage.name == outliers.NAME:
-            return dict(outliers.compute_distances(self._root, unit, self._threads))
-        if unit.stage.name == map_grids.STAGE:
-            return dict(
-                map_grids.compute_grids(self._store, run, unit.stage, unit.instances, unit.missing)
-            )
-        if unit.stage.name == rendered_frames.NAME:
-            frames = RunFrames(self._store, run, renderers=self._renderers)
-            return rendered_frames.render_frames(frames, unit)
-        if unit.stage.name == image_heatmaps.STAGE:
-            return dict(image_heatmaps.compute_heatmaps(self._store, run, unit))
-        name = run.network(unit.stage.name)
+    def backends(self, run: Run) -> tuple[Backend, Backend]:
+        """The backends of a run's predictions and of its heatmaps."""
+        name, chosen = run.network("precompute"), self._computation.backends
         if name not in self._backends:
-            backends = self._computation.backends
-            assert backends is not None
-            model = load_model(self._store, name, self._computation.trust)
-            self._backends = {name: backends.open(model, self._threads)}
-        return network_outputs.compute_outputs(self._store, run, *self._backends[name], unit)
+            assert chosen is not None
+            model = load_model(self.store, name, self._computation.trust)
+            self._backends = {name: chosen.open(model, self.threads)}
+        return self._backends[name]
 
 
 def encoded(

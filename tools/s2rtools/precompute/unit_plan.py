@@ -24,8 +24,7 @@ from s2rstore.files.compute_environment import ComputeEnvironment
 from s2rstore.files.ledger import Ledger, LedgerEntry, LedgerReader
 from s2rstore.geometry.map_grid import TOTALS
 from s2rtools.precompute import unit_results
-from s2rtools.precompute.receipts import Receipt
-from s2rtools.precompute.unit_results import ChunkSizes, UnitResult, decode_totals
+from s2rtools.precompute.unit_results import ChunkSizes, Receipt, UnitResult, decode_totals
 from s2rtools.precompute.work_units import NUMPY, ArraySpec, Stage, WorkUnit
 
 _FLUSHES_AT_ONCE = 4

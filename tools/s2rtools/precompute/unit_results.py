@@ -30,8 +30,26 @@ from s2rstore.arrays.stored_array import BLOSC_HEADER, check_chunk, codec
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.compute_environment import ComputeEnvironment
-from s2rtools.precompute.receipts import Receipt
 from s2rtools.precompute.work_units import Stage, WorkUnit
+
+
+class Receipt(msgspec.Struct, frozen=True):
+    """A unit whose result was written under a unique name and is not used yet.
+
+    `unit` is the file that the result shall become, `path` the one that was written, both inside
+    the store. `sha256` is that of the result's chunks, as its header states it, `bytes` the size of
+    the whole file. `seconds` were taken on `host`, in `environment`: its device, precision, threads
+    and versions of libraries.
+    """
+
+    unit: str
+    path: str
+    bytes: int
+    sha256: str
+    seconds: float
+    host: str
+    environment: ComputeEnvironment
+
 
 VISIBLE_SECONDS = 90.0
 """How long a result of another host is waited for; NFS caches folders for 60 s by default."""

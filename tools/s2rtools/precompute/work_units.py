@@ -7,11 +7,11 @@ arrays once a shard is complete (`unit_plan`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,9 @@ from s2rstore.files import layout
 from s2rstore.records import SIDES
 from s2rstore.run_inputs import FRAME_KINDS
 from s2rtools.heatmaps import HEATMAP_KINDS
+
+if TYPE_CHECKING:
+    from s2rtools.precompute.unit_computer import UnitComputer
 
 NUMPY = "numpy"
 """The precision of arrays that no network computes: that of their own type."""
@@ -79,7 +82,8 @@ class Stage:
 
     `sources` are the complete arrays of the same run that they are computed from. Where something
     is fitted, it is fitted on the instances [0, `fitted`). The rows of the arrays are instances,
-    or, if there are `aggregated` ones, aggregates over these.
+    or, if there are `aggregated` ones, aggregates over these. `compute` gives the values of the
+    missing arrays of a unit; None where the arrays exist.
     """
 
     name: str
@@ -89,6 +93,7 @@ class Stage:
     sources: tuple[ArraySpec, ...] = ()
     fitted: int = 0
     aggregated: range | None = None
+    compute: Compute | None = None
 
     @property
     def is_aggregate(self) -> bool:
@@ -178,6 +183,10 @@ class WorkUnit:
     @property
     def instances(self) -> range:
         return self.stage.unit_instances(self.number)
+
+
+Compute = Callable[["UnitComputer", WorkUnit], Mapping[ArraySpec, NDArray[Any]]]
+"""A function of a module, so that other processes can call it."""
 
 
 def open_parts(

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 import s2rstore
 from s2rtools.common.command_line import store_argument
+from s2rtools.common.input_issue import issue_lines
 
 EXAMPLE = """s2r run add bright --model mine --adjust real:brightness=1.15 --store lab.s2r
   s2r run import theirs --predictions theirs.csv --store lab.s2r"""
@@ -108,8 +109,8 @@ def _import(options: argparse.Namespace) -> int:
     report = import_run(options.store, options.name, request)
     for line in report.lines:
         print(printable(line))
-    for line in report.issues.lines():
-        print(printable(line), file=sys.stderr)
+    for line in issue_lines(report.issues):
+        print(line, file=sys.stderr)
     for warning in report.warnings:
         print(printable(f"warning: {warning}"), file=sys.stderr)
     counts, total = report.counts, report.instances

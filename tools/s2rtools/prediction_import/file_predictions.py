@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.index.row_check import MAX_COORDINATE
 from s2rstore.records import SIDES, SPLITS, Side
+from s2rtools.common.input_issue import InputIssue, issue_lines
 from s2rtools.motion_logs.tum_reader import yaw
 from s2rtools.precompute.prediction_rows import UNSEEN
 from s2rtools.prediction_import import instance_matching, pose_units, row_matching
@@ -146,7 +148,7 @@ def read_predictions(
         "used": len(entries.iids),
         "without_pose": lost,
         "with_sigma": int(with_sigma.sum()),
-        "not_used": dict(table.issues.counts),
+        "not_used": dict(Counter(issue.kind for issue in table.issues)),
         "length": length.name,
         "angle": angle.name,
         "heading": convention,
@@ -253,11 +255,8 @@ def _yaw(table: PredictionTable) -> Floats:
     quaternions = np.column_stack([table.numbers[name] for name in _QUATERNION])
     length = np.linalg.norm(quaternions, axis=1)
     is_unit = np.abs(length - 1) <= _LENGTH_TOLERANCE
-    table.issues.add_rows(
-        "quaternion not normalised",
-        np.flatnonzero(np.isfinite(length) & ~is_unit),
-        lambda row: f"{table.place(row)} length {length[row]:.4g}",
-    )
+    odd = np.flatnonzero(np.isfinite(length) & ~is_unit).tolist()
+    table.report("quaternion not normalised", odd, lambda row: f"length {length[row]:.4g}")
     heading, rows = np.full(len(length), np.nan), np.flatnonzero(is_unit)
     heading[rows] = yaw(quaternions[rows], table.place)
     return heading
@@ -320,13 +319,13 @@ def _usable(table: PredictionTable, entries: _Entries, is_wide: bool) -> _Entrie
     """
     is_named = (entries.iids != NONE) & (entries.sides != UNKNOWN)
     known, is_whole = np.isfinite(entries.numbers), _is_whole(entries.numbers)
-    table.issues.add_rows(
-        "incomplete pose, not localised",
-        np.flatnonzero(is_named & ~is_whole & known.any(axis=1)),
-        lambda k: (
-            f"{_place(table, entries, k)} no number in "
-            f"{', '.join(_number_columns(entries, k, is_wide))}"
-        ),
+    table.issues.extend(
+        InputIssue(
+            "incomplete pose, not localised",
+            _place(table, entries, k),
+            f"no number in {', '.join(_number_columns(entries, k, is_wide))}",
+        )
+        for k in np.flatnonzero(is_named & ~is_whole & known.any(axis=1)).tolist()
     )
     if not (is_named & is_whole).any():
         raise _unusable(table, _without_numbers(table, entries, is_wide))
@@ -335,7 +334,9 @@ def _usable(table: PredictionTable, entries: _Entries, is_wide: bool) -> _Entrie
 
 
 def _unusable(table: PredictionTable, without: Mapping[Side, str] | None = None) -> RequestError:
-    lines = [f"{side}: {text}" for side, text in (without or {}).items()] or table.issues.lines()
+    lines = [f"{side}: {text}" for side, text in (without or {}).items()] or issue_lines(
+        table.issues
+    )
     reasons = "; ".join(" ".join(text.split()) for text in lines[:2])
     return RequestError(f"{table.path}: no row can be used ({reasons})")
 
@@ -362,10 +363,10 @@ def _in_range(table: PredictionTable, entries: _Entries, poses: Floats) -> _Entr
     """
     is_far = (np.abs(poses[:, :2]) > MAX_COORDINATE).any(axis=1)
     is_far |= np.abs(poses[:, 2]) > MAX_HEADING
-    table.issues.add_rows(
-        "out of range",
-        np.flatnonzero(is_far),
-        lambda k: f"{_place(table, entries, k)} beyond {MAX_COORDINATE:g} m or {MAX_HEADING:g} rad",
+    limits = f"beyond {MAX_COORDINATE:g} m or {MAX_HEADING:g} rad"
+    table.issues.extend(
+        InputIssue("out of range", _place(table, entries, k), limits)
+        for k in np.flatnonzero(is_far).tolist()
     )
     if is_far.all():
         raise _unusable(table)
@@ -375,13 +376,13 @@ def _in_range(table: PredictionTable, entries: _Entries, poses: Floats) -> _Entr
 def _first_of_each(table: PredictionTable, entries: _Entries) -> _Entries:
     """The first entry of each instance and side; reports the others."""
     first, repeated = row_matching.first_of_each(2 * entries.iids + entries.sides)
-    table.issues.add_rows(
-        "duplicate row",
-        repeated,
-        lambda k: (
-            f"{_place(table, entries, k)} repeats instance {entries.iids[k]} of "
-            f"{_place(table, entries, repeated[k])}, which is used"
-        ),
+    table.issues.extend(
+        InputIssue(
+            "duplicate row",
+            _place(table, entries, k),
+            f"repeats instance {entries.iids[k]} of {_place(table, entries, used)}, which is used",
+        )
+        for k, used in repeated.items()
     )
     return entries.chosen(first)
 

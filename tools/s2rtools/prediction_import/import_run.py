@@ -18,6 +18,7 @@ from s2rstore.files.layout import checked_name
 from s2rstore.index.transaction import IndexTransaction, check_writable, edit
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
+from s2rtools.common.input_issue import InputIssue
 from s2rtools.precompute.imported_arrays import imported_specs, write_arrays
 from s2rtools.precompute.prediction_rows import (
     NOT_ATTEMPTED,
@@ -27,13 +28,12 @@ from s2rtools.precompute.prediction_rows import (
 )
 from s2rtools.precompute.publish_results import array_row, run_key
 from s2rtools.precompute.run_registration import find_domain, insert_run
-from s2rtools.precompute.segments import segments
+from s2rtools.precompute.segment_plan import segments
 from s2rtools.precompute.work_units import ArraySpec
 from s2rtools.prediction_import.embedding_file import InstanceEmbeddings
 from s2rtools.prediction_import.file_predictions import ReadingOptions, read_predictions
 from s2rtools.prediction_import.instance_matching import ImportTarget
 from s2rtools.prediction_import.prediction_table import read_table
-from s2rtools.prediction_import.row_issues import RowIssues
 from s2rtools.prediction_import.sided_files import PredictionFile, SidedFile, read_embeddings
 
 _TABLES = ("prediction", "projection", "zarr_array", "run")
@@ -77,7 +77,7 @@ class ImportReport:
 
     lines: tuple[str, ...]
     warnings: tuple[str, ...]
-    issues: RowIssues
+    issues: Sequence[InputIssue]
     counts: Mapping[str, int]
     instances: int
     width: int | None
@@ -150,26 +150,26 @@ def _no_pairs(files: Sequence[PredictionFile], counts: Mapping[str, int]) -> Req
 
 def _combined(
     files: Sequence[PredictionFile], count: int
-) -> tuple[RowIssues, Poses, Splits, Sigmas]:
+) -> tuple[list[InputIssue], Poses, Splits, Sigmas]:
     """Combine files: all issues, then poses (N, 3), splits (N,) and sigmas (N,) of each side.
 
     Missing poses and sigmas are NaN. The split of an instance without a row is `NOT_ATTEMPTED`.
     Where two files predict the same, the first counts.
     """
-    issues = RowIssues()
+    issues: list[InputIssue] = []
     poses: Poses = {side: np.full((count, 3), np.nan) for side in SIDES}
     splits: Splits = {side: np.full(count, NOT_ATTEMPTED, dtype=np.int8) for side in SIDES}
     sigmas: Sigmas = {side: np.full(count, np.nan) for side in SIDES}
     for each in files:
         file = each.predictions
-        issues.merge(file.table.issues)
+        issues += file.table.issues
         for code, side in enumerate(SIDES):
             chosen = np.flatnonzero(file.sides == code)
             is_repeated = splits[side][file.iids[chosen]] != NOT_ATTEMPTED
             for k in chosen[is_repeated].tolist():
                 place, iid = file.table.place(file.rows[k]), file.iids[k]
                 reason = f"({side}) instance {iid} is in an earlier file, which is used"
-                issues.add("duplicate row", place, reason)
+                issues.append(InputIssue("duplicate row", place, reason))
             chosen = chosen[~is_repeated]
             poses[side][file.iids[chosen]] = file.poses[chosen]
             splits[side][file.iids[chosen]] = file.splits[chosen]

@@ -72,10 +72,10 @@ def row_sides(table: PredictionTable, side: Side | None, target: ImportTarget) -
     values = table.texts[column]
     sides = np.array([codes.get(text, UNKNOWN) for text in values], dtype=np.int8)
     listed = " or ".join(codes)
-    table.issues.add_rows(
+    table.report(
         f"row of another {column}",
-        np.flatnonzero(sides == UNKNOWN),
-        lambda row: f"{table.place(row)} {column} {values[row]!r}, not {listed}",
+        np.flatnonzero(sides == UNKNOWN).tolist(),
+        lambda row: f"{column} {values[row]!r}, not {listed}",
     )
     return sides
 
@@ -114,11 +114,8 @@ def match_rows(
         )
     if trajectory is not None and named in ("iid", "image"):
         raise RequestError(f"{table.path}: rows are matched by {named}; do not name a trajectory")
-    table.issues.add_rows(
-        "unmatched row",
-        sorted(row for row in found.reasons if is_known[row]),
-        lambda row: f"{table.place(row)} {found.reasons[row]}",
-    )
+    unmatched = sorted(row for row in found.reasons if is_known[row])
+    table.report("unmatched row", unmatched, lambda row: found.reasons[row])
     return named, found, sides
 
 

@@ -7,7 +7,7 @@ other columns are ignored. A row of a TUM file is `timestamp tx ty tz qx qy qz q
 from __future__ import annotations
 
 from array import array
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,6 @@ from s2rstore.security.printable_text import printable
 from s2rtools.common.input_issue import InputIssue
 from s2rtools.common.tables.csv_rows import parse_float, read_rows
 from s2rtools.common.tables.numeric_rows import POSE_COLUMNS, read_numbers
-from s2rtools.prediction_import.row_issues import RowIssues
 
 NUMBERS: dict[str, str] = {
     "iid": "iid", "seq": "seq", "timestamp": "timestamp", "time": "timestamp",
@@ -66,7 +65,7 @@ class PredictionTable:
     texts: Mapping[str, NDArray[Any]]
     columns: tuple[str, ...]
     lines_are: str = "line"
-    issues: RowIssues = field(default_factory=RowIssues)
+    issues: list[InputIssue] = field(default_factory=list)
     found: tuple[str, ...] = ()
 
     @property
@@ -78,6 +77,10 @@ class PredictionTable:
 
     def __len__(self) -> int:
         return len(self.lines)
+
+    def report(self, kind: str, rows: Iterable[int], detail: Callable[[int], str]) -> None:
+        """Add an issue for each of `rows`."""
+        self.issues.extend(InputIssue(kind, self.place(row), detail(row)) for row in rows)
 
     def place(self, row: int) -> str:
         """Where a row is, such as `predictions.csv:12`."""
@@ -153,12 +156,7 @@ def _number(path: Path, line: int, name: str, text: str) -> float:
 def _read_parquet(path: Path) -> PredictionTable:
     columns = parquet_table.read_columns(path, NUMBERS, TEXTS)
     count = len(next(iter(columns.values()))) if columns else 0
-    return _table(
-        path,
-        np.arange(1, count + 1),
-        columns,
-        "row",
-    )
+    return _table(path, np.arange(1, count + 1), columns, "row")
 
 
 def _repeated(names: Collection[str]) -> set[str]:
@@ -193,11 +191,8 @@ def _table(
 
 
 def _read_tum(path: Path) -> PredictionTable:
-    found: list[InputIssue] = []
-    rows = read_numbers(path, path.name, len(POSE_COLUMNS), found, keep_bad=True)
-    issues = RowIssues()
-    for issue in found:
-        issues.add(issue.kind, issue.file, issue.detail)
+    issues: list[InputIssue] = []
+    rows = read_numbers(path, path.name, len(POSE_COLUMNS), issues, keep_bad=True)
     numbers = {_TUM[name]: rows.values[:, k] for k, name in enumerate(POSE_COLUMNS) if name in _TUM}
     return PredictionTable(path, rows.lines, numbers, {}, tuple(_TUM.values()), issues=issues)
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from s2rstore.intervals import Interval, mean, of_units, paired_difference, simultaneous_level
 from s2rstore.metrics import run_metrics
+from s2rtools.common.blocks import evenly_spread
 from s2rtools.scoring.counterfactual_errors import (
     CounterfactualErrors,
     Errors,
@@ -74,8 +75,7 @@ class Counterfactuals:
     def __init__(self, truth: GroundTruth, evaluated: EvaluatedRuns, instances: int) -> None:
         self._truth, self._errors = truth, CounterfactualErrors(truth, evaluated)
         n = len(truth.poses)
-        rows = np.unique(np.linspace(0, n - 1, min(n, instances)).astype(int))
-        self.iids = truth.store.in_recording_order(np.arange(n))[rows]
+        self.iids = truth.store.in_recording_order(np.arange(n))[evenly_spread(n, instances)]
         self.active = self._errors.active
 
     def factor_scores(self) -> list[FactorScore]:
@@ -166,8 +166,7 @@ class Counterfactuals:
         for number, share in zip(self._truth.changed, shares, strict=True):
             rows = np.flatnonzero(share >= MIN_SHARE)
             if rows.size:
-                spread = np.linspace(0, rows.size - 1, min(rows.size, MAX_VIEWS)).astype(int)
-                found[number] = rows[np.unique(spread)]
+                found[number] = rows[evenly_spread(rows.size, MAX_VIEWS)]
         return found
 
 

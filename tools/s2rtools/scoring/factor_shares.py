@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from s2rstore.intervals import Interval, mean, of_rows, proportion
 from s2rstore.metrics import run_metrics
+from s2rtools.common.blocks import evenly_spread
 from s2rtools.common.shapley import shapley_values
 from s2rtools.scoring.counterfactual_errors import CounterfactualErrors, EvaluatedRuns, Factors
 from s2rtools.scoring.ground_truth import GroundTruth
-from s2rtools.scoring.weighted_statistics import weighted_pearson
+from s2rtools.scoring.statistics import weighted_pearson
 from s2rtools.synthetic_world.factors import FACTOR_GROUPS, FACTORS
 
 LIGHTING = FACTOR_GROUPS.index("lighting")
@@ -65,8 +66,7 @@ def measure_shares(truth: GroundTruth, evaluated: EvaluatedRuns, instances: int)
     errors, store = CounterfactualErrors(truth, evaluated), truth.store
     is_new = {run: run_metrics.population(store, run) for run in errors.runs}
     rows = store.in_recording_order(np.any(list(is_new.values()), axis=0))
-    spread = np.linspace(0, len(rows) - 1, min(len(rows), instances)).astype(int)
-    iids = np.asarray(rows[np.unique(spread)] if len(rows) else rows, dtype=np.intp)
+    iids = np.asarray(rows[evenly_spread(len(rows), instances)], dtype=np.intp)
     members = _active_groups(errors.active)
     coalitions: dict[str, Factors] = {
         str(number): {

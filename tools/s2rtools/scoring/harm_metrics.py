@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.intervals import Interval, of_rows
-from s2rtools.scoring.weighted_statistics import weighted_mean, weighted_pearson
+from s2rtools.scoring.statistics import weighted_mean, weighted_pearson
 
 HARMFUL = 0.25
 """Metres from which a gain counts as harm, and an estimate as a claim of harm."""

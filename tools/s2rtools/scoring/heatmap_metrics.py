@@ -23,7 +23,7 @@ from s2rtools.scoring.ground_truth import (
     GroundTruth,
     to_cells,
 )
-from s2rtools.scoring.ranking_metrics import TOP_SHARE, RankedCells
+from s2rtools.scoring.statistics import TOP_SHARE, RankedCells
 
 Place = Literal["image", "floor"]
 

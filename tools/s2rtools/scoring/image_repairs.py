@@ -19,13 +19,14 @@ from s2rstore.intervals import Interval, paired_difference
 from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
+from s2rtools.common.blocks import evenly_spread
 from s2rtools.counterfactual.attribution import pose_errors
 from s2rtools.counterfactual.counterfactual_inputs import CounterfactualInputs
 from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch
 from s2rtools.inference import Backend, open_backend
 from s2rtools.models.load_model import load_model
+from s2rtools.precompute.domain_calibration import load_alignment
 from s2rtools.precompute.frame_reader import RunFrames, read_pairs
-from s2rtools.precompute.rig_alignment import load_alignment
 from s2rtools.precompute.tasks.network_outputs import side_batch
 from s2rtools.scoring.ground_truth import to_cells
 from s2rtools.scoring.harm_report import heatmaps_of, scored_modes
@@ -86,8 +87,7 @@ def score_image_repairs(
 def _new_instances(store: Store, run: str, count: int) -> NDArray[np.intp]:
     """At most `count` instances that are new to a run, evenly spread, in recording order."""
     rows = store.in_recording_order(run_metrics.population(store, run))
-    places = np.linspace(0, rows.size - 1, min(rows.size, count)).astype(int)
-    return np.asarray(rows[np.unique(places)], dtype=np.intp)
+    return np.asarray(rows[evenly_spread(rows.size, count)], dtype=np.intp)
 
 
 def _of_run(

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +11,7 @@ from numpy.typing import NDArray
 from s2rstore.geometry.camera_offset import RenderChange
 from s2rstore.metrics import run_metrics
 from s2rstore.records import SIDES, Side
+from s2rtools.common.blocks import evenly_spread
 from s2rtools.scoring.counterfactual_errors import BATCH, CounterfactualErrors, EvaluatedRuns
 from s2rtools.scoring.factor_effects import MIN_SHARE
 from s2rtools.scoring.ground_truth import GroundTruth, move_camera, overlap_shares
@@ -89,35 +88,6 @@ class ObjectGains:
             self.trajectory, in_metres,
         )  # fmt: skip
 
-    def save(self, path: Path) -> None:
-        """Write a NumPy archive that `load` reads."""
-        runs = self.runs
-        arrays: dict[str, NDArray[np.generic]] = {
-            "iids": self.iids, "trajectory": self.trajectory, "view": self.view, "item": self.item,
-            "frame": np.array(self.frame), "runs": np.array(json.dumps(runs)),
-        }  # fmt: skip
-        for number, run in enumerate(runs):
-            arrays |= {f"before{number}": self.before[run], f"gain{number}": self.gain[run],
-                       f"new{number}": self.is_new[run]}  # fmt: skip
-            arrays |= {f"{side}{number}": self.masks[run, side] for side in SIDES}
-        with path.open("wb") as file:
-            np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
-
-    @classmethod
-    def load(cls, path: Path) -> ObjectGains:
-        """Read what `save` wrote."""
-        with np.load(path, allow_pickle=False) as stored:
-            runs = json.loads(str(stored["runs"]))
-            height, width = (int(extent) for extent in stored["frame"])
-            before, gain, new = (
-                {run: stored[f"{name}{number}"] for number, run in enumerate(runs)}
-                for name in ("before", "gain", "new")
-            )
-            masks = {(run, side): stored[f"{side}{number}"]
-                     for number, run in enumerate(runs) for side in SIDES}  # fmt: skip
-            return cls(stored["iids"], stored["trajectory"], stored["view"], stored["item"],
-                       (height, width), before, gain, new, masks)  # fmt: skip
-
 
 def measure_object_gains(
     truth: GroundTruth, evaluated: EvaluatedRuns, instances: int = INSTANCES
@@ -135,7 +105,7 @@ def measure_object_gains(
     is_new = {run: np.isin(iids, rows) for run, rows in chosen.items()}
     cameras = {(run, side): truth.camera_moves(run)[side] for run in errors.runs for side in SIDES}
     real = {move for (_, side), move in cameras.items() if side == "real"}
-    visible = _visible_objects(truth, errors, iids, real)
+    visible = _visible_objects(truth, iids, real)
     view, place = np.nonzero(visible)
     item = np.array(truth.changed, dtype=np.intp)[place]
     packed = {
@@ -160,15 +130,11 @@ def measure_object_gains(
 def _spread_instances(truth: GroundTruth, run: str, count: int) -> NDArray[np.intp]:
     """At most `count` instances that are new to a run, evenly spread in recording order."""
     new = truth.store.in_recording_order(run_metrics.population(truth.store, run))
-    spread = np.linspace(0, len(new) - 1, min(len(new), count)).astype(int)
-    return np.asarray(new[np.unique(spread)] if len(new) else new, dtype=np.intp)
+    return np.asarray(new[evenly_spread(len(new), count)], dtype=np.intp)
 
 
 def _visible_objects(
-    truth: GroundTruth,
-    errors: CounterfactualErrors,
-    iids: NDArray[np.intp],
-    moves: set[RenderChange],
+    truth: GroundTruth, iids: NDArray[np.intp], moves: set[RenderChange]
 ) -> NDArray[np.bool_]:
     """(V, changed objects) whether an object covers enough of a real view in either scene."""
     shares = np.zeros((len(iids), len(truth.changed)))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.intervals import Interval, paired_difference
+from s2rtools.common.blocks import evenly_spread
 from s2rtools.scoring.counterfactual_errors import CounterfactualErrors, EvaluatedRuns
 from s2rtools.scoring.ground_truth import GroundTruth
 from s2rtools.scoring.object_gains import ObjectGains
@@ -63,9 +64,8 @@ def measure_repairs(
     """
     errors = CounterfactualErrors(truth, evaluated)
     candidates = _candidates(gains, errors.runs[0])
-    several = [view for view, pairs in enumerate(candidates) if len(pairs) >= 2]
-    spread = np.linspace(0, len(several) - 1, min(len(several), views)).astype(int)
-    chosen = np.array(several, dtype=np.intp)[np.unique(spread)] if several else np.zeros(0, int)
+    several = np.flatnonzero([len(pairs) >= 2 for pairs in candidates])
+    chosen = several[evenly_spread(several.size, views)]
     found: dict[str, list[dict[Subset, float]]] = {run: [] for run in errors.runs}
     for view in chosen:
         iid = gains.iids[view : view + 1]

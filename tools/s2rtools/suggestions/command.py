@@ -151,7 +151,7 @@ def _lines(report: SuggestReport, run: Run, store: str) -> list[str]:
     if report.answers:
         lines += ["", *_front(report), ""]
         for number, answer in enumerate(report.answers, 1):
-            lines += _details(report, number, answer)
+            lines += _details(number, answer)
         how = "apply with --apply N, or:"
         if report.is_unfinished:
             how = "not stored, because the search was not finished; apply all the same with:"
@@ -200,7 +200,7 @@ def _front(report: SuggestReport) -> list[str]:
     return output.table(names, rows).splitlines()
 
 
-def _details(report: SuggestReport, number: int, answer: Answer) -> list[str]:
+def _details(number: int, answer: Answer) -> list[str]:
     lines = []
     for change in answer.changes:
         if change.interval is None:

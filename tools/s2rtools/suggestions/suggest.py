@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -11,13 +12,15 @@ import numpy as np
 
 import s2rstore
 from s2rstore.errors import RequestError, counted
+from s2rstore.geometry import camera_offset
+from s2rstore.geometry.camera_offset import hfov
 from s2rstore.intervals import Interval
 from s2rstore.reader import Store
 from s2rstore.records import Run
+from s2rstore.run_inputs import run_render_change
 from s2rstore.suggestions import Agreement, Answer, Change, FactorGain, SuggestReport
 from s2rtools.common.command_line.progress import Reporter
 from s2rtools.suggestions.held_out_split import SplitPart, split_instances
-from s2rtools.suggestions.known_truth import true_values
 from s2rtools.suggestions.objective import (
     Floats,
     Objective,
@@ -25,12 +28,18 @@ from s2rtools.suggestions.objective import (
     PosePredictor,
     Values,
 )
-from s2rtools.suggestions.pareto_front import pareto_front, preferred
-from s2rtools.suggestions.search import Candidate, FactorFit, Search, SearchResult
-from s2rtools.suggestions.settings import SuggestSettings
+from s2rtools.suggestions.search import (
+    Candidate,
+    FactorFit,
+    Search,
+    SearchResult,
+    pareto_front,
+    preferred,
+)
+from s2rtools.suggestions.settings import SuggestSettings, TimeBudget
 from s2rtools.suggestions.simulator_match import SimulatorMatch
 from s2rtools.suggestions.sliders import Slider, changed_chain, sliders_of
-from s2rtools.suggestions.time_budget import TimeBudget
+from s2rtools.synthetic_world.dataset import WorldData
 
 _LEAST_SEARCH = 0.4
 """Share of the wall time that is left to the search where the judgement takes long."""
@@ -329,3 +338,23 @@ def _planned(sliders: Sequence[Slider], settings: SuggestSettings) -> int:
     """About how many evaluations a search makes."""
     joint = 2 * max(0, min(settings.changes, len(sliders)) - 1)
     return 10 * len(sliders) + joint * (settings.evaluations + 20)
+
+
+def true_values(store: Store, run: Run) -> dict[str, float]:
+    """True differences of the real camera from the declared sim camera, by adjustment.
+
+    Metres, degrees and degrees; adjustments of the run's real camera included. Empty where the
+    data was not generated.
+    """
+    data = WorldData.of_store(store)
+    if data is None:
+        return {}
+    move = run_render_change(store, run, "real")
+    sim = data.camera("sim")
+    real = data.camera("real").moved(move.height, move.pitch, move.zoom)
+    width = data.recipe.frame
+    return {
+        camera_offset.HEIGHT: round(real.height - sim.height, 6),
+        camera_offset.PITCH: round(math.degrees(real.lens.pitch - sim.lens.pitch), 6),
+        camera_offset.FOV: round(hfov(real.lens, width) - hfov(sim.lens, width), 6),
+    }

@@ -9,7 +9,7 @@ import sys
 from s2rstore.errors import RequestError
 from s2rtools.common.command_line import store_argument
 from s2rtools.common.command_line.progress import percent_callback, reporter
-from s2rtools.precompute.executors import slurm_job
+from s2rtools.precompute.executors import slurm_command
 
 EXAMPLE = "s2r train --recipe finetune --from vanilla --minutes 10 --store lab.s2r"
 
@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--minutes", type=float, default=2.0, help="training time (default 2)")
     add("--steps", type=int, help="number of batches, in place of --minutes")
     add("--seed", type=int, default=0, help="random seed (default 0)")
-    slurm_job.add_arguments(parser)
+    slurm_command.add_arguments(parser)
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -45,8 +45,8 @@ def execute(options: argparse.Namespace) -> int:
         options.recipe, options.name, options.start, options.arch, options.minutes, options.steps,
         options.seed, options.translator, options.force,
     )  # fmt: skip
-    if slurm_job.is_requested(options):
-        job = slurm_job.SlurmJob(options)
+    if slurm_command.is_requested(options):
+        job = slurm_command.SlurmJob(options)
         if not options.show_job_script:
             check_request(options.store, request)
         seconds = 60 * options.minutes if options.steps is None else 0.0

@@ -21,14 +21,8 @@ from numpy.typing import NDArray
 from s2rstore.files.image_header import read_header
 from s2rtools.common.image_files import MAX_PIXELS
 from s2rtools.common.input_issue import InputIssue
-from s2rtools.datasets.files.image_decoding import decode_image, size_text
+from s2rtools.datasets.files.image_decoding import decode_image, size_text, wrong_depth
 from s2rtools.datasets.recording import SourceImage
-from s2rtools.translation.image_codec import (
-    ENCODINGS,
-    RawLayout,
-    UndecodableImageError,
-    decode_raw,
-)
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 DEPTH_ENCODINGS = ("16UC1", "mono16", "32FC1")
@@ -44,7 +38,15 @@ class _Samples(NamedTuple):
     to_rgb: int | None
 
 
-_OTHER_COLOURS = {
+_COLOURS = {
+    "rgb8": _Samples("u1", 3, None),
+    "bgr8": _Samples("u1", 3, cv2.COLOR_BGR2RGB),
+    "rgba8": _Samples("u1", 4, cv2.COLOR_RGBA2RGB),
+    "bgra8": _Samples("u1", 4, cv2.COLOR_BGRA2RGB),
+    "mono8": _Samples("u1", 1, cv2.COLOR_GRAY2RGB),
+    "8UC1": _Samples("u1", 1, cv2.COLOR_GRAY2RGB),
+    "8UC3": _Samples("u1", 3, cv2.COLOR_BGR2RGB),
+    "8UC4": _Samples("u1", 4, cv2.COLOR_BGRA2RGB),
     "rgb16": _Samples("u2", 3, None),
     "bgr16": _Samples("u2", 3, cv2.COLOR_BGR2RGB),
     "mono16": _Samples("u2", 1, cv2.COLOR_GRAY2RGB),
@@ -113,21 +115,18 @@ def decode_rgb(message: Any, name: str, size: tuple[int, int]) -> SourceImage | 
         return _image(message, decode_image(message.data.tobytes(), name, mode, size))
     if (wrong := _wrong_size(message, name, size)) is not None:
         return wrong
-    encoding = message.encoding
+    samples = _COLOURS.get(message.encoding)
+    if samples is None:
+        detail = f"encoding {message.encoding[:40]!r} is not read"
+        return InputIssue("unreadable image", name, detail)
     try:
-        if encoding in ENCODINGS:
-            layout = RawLayout(encoding, *size, int(message.step))
-            return _image(message, (decode_raw(message.data.tobytes(), layout)[0], 8))
-        if encoding not in _OTHER_COLOURS:
-            raise UndecodableImageError(f"encoding {encoding[:40]!r} is not read")
-        samples = _OTHER_COLOURS[encoding]
         pixels = _raw(message, samples)
         bits = 8 * pixels.itemsize
         if bits == 16:
             pixels = (pixels >> 8).astype(np.uint8)
         if samples.to_rgb is not None:
             pixels = cv2.cvtColor(pixels, samples.to_rgb)
-    except (UndecodableImageError, cv2.error) as error:
+    except (ValueError, cv2.error) as error:
         reason = "it cannot be converted" if isinstance(error, cv2.error) else str(error)
         return InputIssue("unreadable image", name, reason)
     return _image(message, (pixels, bits))
@@ -144,7 +143,7 @@ def decode_depth(message: Any, name: str, size: tuple[int, int]) -> SourceImage 
             return InputIssue("not a depth image", name, detail)
         try:
             pixels = _raw(message, samples)
-        except UndecodableImageError as error:
+        except ValueError as error:
             return InputIssue("unreadable image", name, str(error))
         bits = 8 * pixels.itemsize
         return _image(message, (millimetres(pixels) if bits == 32 else pixels, bits))
@@ -154,8 +153,8 @@ def decode_depth(message: Any, name: str, size: tuple[int, int]) -> SourceImage 
     if isinstance(decoded, InputIssue):
         return decoded
     pixels, bits = decoded
-    if pixels.ndim != 2 or pixels.dtype not in (np.uint8, np.uint16):
-        return InputIssue("not a depth image", name, "expected 1 channel of 16 bits")
+    if (wrong := wrong_depth(pixels, name)) is not None:
+        return wrong
     if _is_inverse(message):
         _, a, b = _CONFIG.unpack_from(message.data.tobytes())
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
@@ -198,14 +197,14 @@ def _wrong_size(message: Any, name: str, size: tuple[int, int]) -> InputIssue | 
 
 
 def _raw(message: Any, samples: _Samples) -> NDArray[Any]:
-    """Samples (H, W) or (H, W, C) of a raw image. Raises UndecodableImageError."""
+    """Samples (H, W) or (H, W, C) of a raw image. Raises ValueError."""
     height, width, step = int(message.height), int(message.width), int(message.step)
     dtype = np.dtype((">" if message.is_bigendian else "<") + samples.kind)
     row = width * samples.channels * dtype.itemsize
     if not 0 < height * width <= MAX_PIXELS:
-        raise UndecodableImageError(f"{width}x{height} pixels; 1 to {MAX_PIXELS:,} are read")
+        raise ValueError(f"{width}x{height} pixels; 1 to {MAX_PIXELS:,} are read")
     if step < row or len(message.data) != height * step:
-        raise UndecodableImageError(
+        raise ValueError(
             f"{len(message.data)} bytes with step {step}, but {width}x{height} pixels of "
             f"{message.encoding} need {height} rows of {row} bytes"
         )

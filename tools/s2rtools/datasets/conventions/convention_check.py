@@ -1,4 +1,4 @@
-"""Check the declared conventions of headings, handedness and depth scale on depth images.
+"""Check the declared conventions of headings, handedness, depth scale and order on depth images.
 
 Points of several frames fall on the same cells of the floor where the conventions are right, and
 are scattered where they are not. For every convention the points of the same depth pixels are put
@@ -9,6 +9,10 @@ on the floor, and the measure is the mutual information of a point's cell and it
 H(cell) is the entropy of the histogram of all points. H(cell | frame), the mean entropy of those of
 single frames, hardly depends on heading and handedness, but makes depth scales comparable: smaller
 depths fill fewer cells in any case. The convention with the least I is the sharpest one.
+
+Frames whose poses are those of other rows of their trajectory are found in the same way. Of these
+orders only the sharpest one is compared with the conventions, and only if its I is clearly below
+that of the declared order: neighbouring orders are about as sharp as each other.
 """
 
 from __future__ import annotations
@@ -21,7 +25,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.geometry import angles
-from s2rtools.datasets.conventions.depth_frames import DepthFrames, DepthPoints
+from s2rtools.datasets.conventions.depth_frames import (
+    DECLARED_ORDER,
+    DepthFrames,
+    DepthPoints,
+    Order,
+)
 
 Floats = NDArray[np.float64]
 
@@ -40,6 +49,19 @@ _NEGATED = (
 _MIRRORED = (
     "y negated", "x and y exchanged", "x negated", "x and y exchanged and negated",
 )  # fmt: skip
+_SWAPPED = (
+    "y looks negated", "x and y look swapped", "x looks negated",
+    "x and y look swapped and negated",
+)  # fmt: skip
+_MOST_ROWS = 30
+"""Rows between an image and its pose that are searched."""
+_ORDER_STEP = 3
+"""Of the sampled depth pixels, every third one in each axis serves to search the order."""
+ORDERS = (
+    Order(is_reversed=True),
+    *(Order(sign * rows) for rows in range(1, _MOST_ROWS + 1) for sign in (1, -1)),
+)
+"""The orders of poses that are searched apart from the declared one."""
 SCALES = (0.1, 0.2, 0.5, 2.0, 5.0, 10.0)
 
 Verdict = Literal["as declared", "doubtful", "not decided"]
@@ -50,34 +72,39 @@ class Convention:
     """A change of the declared conventions.
 
     Headings h become `sign` h + `quarters` 90 degrees, `flipped` exchanges left and right in the
-    images, and depth is multiplied by `scale`.
+    images, and depth is multiplied by `scale`. `order` tells which pose an image has.
     """
 
     sign: int = 1
     quarters: int = 0
     flipped: bool = False
     scale: float = 1.0
+    order: Order = DECLARED_ORDER
 
     def on_floor(self, points: DepthPoints) -> tuple[Floats, Floats]:
         """x and y of depth points under this convention, (m,) each, metres."""
-        headings = self.sign * points.source.poses[:, 2] + self.quarters * angles.TURN / 4
-        return points.on_floor(headings, self.flipped, self.scale)
+        poses = points.source.orders.get(self.order, points.source.poses).copy()
+        poses[:, 2] = self.sign * poses[:, 2] + self.quarters * angles.TURN / 4
+        return points.on_floor(poses, self.flipped, self.scale)
 
     @property
     def finding(self) -> str:
         """How data looks for which this convention, and not the declared one, is right."""
+        if self.order != DECLARED_ORDER:
+            return self.order.finding
         if self.scale > 1.0:
             return f"depth looks {self.scale:g} times too small"
         if self.scale < 1.0:
             return f"depth looks {1 / self.scale:g} times too large"
         if self.flipped:
-            what = "positions look" if self.sign < 0 else "images look"
-            return f"{what} mirrored"
+            return _SWAPPED[self.quarters] if self.sign < 0 else "images look mirrored"
         if self.sign < 0:
             return "headings look counted in the other direction"
         return f"headings look turned by {90 * self.quarters} degrees"
 
     def __str__(self) -> str:
+        if self.order != DECLARED_ORDER:
+            return str(self.order)
         if self.scale != 1.0:
             return f"depth x {self.scale:g}"
         if self.flipped and self.sign < 0:
@@ -196,7 +223,15 @@ def check_conventions(frames: DepthFrames) -> ConventionCheck:
     points = DepthPoints(frames)
     enough = len(frames.poses) >= MIN_FRAMES and len(points) >= MIN_POINTS
     found = {each: sharpness(points, each) for each in CONVENTIONS} if enough else {}
-    return ConventionCheck(frames.domain.domain, len(frames.poses), len(points), found)
+    check = ConventionCheck(frames.domain.domain, len(frames.poses), len(points), found)
+    if found and frames.orders:
+        few = DepthPoints(frames, _ORDER_STEP)
+        orders = [Convention(order=order) for order in frames.orders]
+        best = min(orders, key=lambda each: sharpness(few, each).information)
+        in_order = sharpness(points, best)
+        if in_order.information <= found[DECLARED].information - check.margin:
+            found[best] = in_order
+    return check
 
 
 def _entropy(values: NDArray[np.int64]) -> float:

@@ -18,6 +18,7 @@ from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.conventions.convention_check import (
     DECLARED,
     MAX_FRAMES,
+    ORDERS,
     Convention,
     ConventionCheck,
     check_conventions,
@@ -84,7 +85,9 @@ def _compared(
     if not scan.has_poses:
         return []
     rows = _moving(islice(stored_rows(stored), _MAX_SEARCHED), lambda each: each.pose)
-    read = (read_depth(scan, domain, rows, root, folders) for domain in scan.domains.values())
+    read = (
+        read_depth(scan, domain, rows, root, folders, ORDERS) for domain in scan.domains.values()
+    )
     return [frames for frames in read if frames is not None]
 
 

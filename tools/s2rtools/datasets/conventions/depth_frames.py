@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.arrays import stored_array
+from s2rstore.errors import counted
 from s2rstore.files import layout, safe_files
 from s2rstore.geometry import camera
 from s2rstore.geometry.floor_grid import HEIGHTS
 from s2rstore.records import Bounds, Domain
 from s2rtools.datasets.scan import InstanceRecord, Scan
-from s2rtools.datasets.stored_instances import StoredRecords
+from s2rtools.datasets.stored_instances import StoredRecords, StoredTrajectory
 
 Floats = NDArray[np.float64]
+Pose = tuple[float, float, float]
 
 _SAMPLES = 48
 """Depth pixels along each axis of a frame."""
@@ -26,12 +28,41 @@ _BLOCK = 64
 """Records that are made together."""
 
 
+@dataclass(frozen=True, slots=True)
+class Order:
+    """The pose of a trajectory that an image has: `rows` behind its own, or in reverse order."""
+
+    rows: int = 0
+    is_reversed: bool = False
+
+    def row(self, row: int, count: int) -> int:
+        """The row of the pose of an image in a trajectory of `count` rows, which is a circle."""
+        return count - 1 - row if self.is_reversed else (row + self.rows) % count
+
+    @property
+    def finding(self) -> str:
+        """How data looks for which this order is right."""
+        if self.is_reversed:
+            return "poses look listed in reverse order"
+        return f"numbering of poses looks shifted by {abs(self.rows)}"
+
+    def __str__(self) -> str:
+        if self.is_reversed:
+            return "poses in reverse order"
+        where = "behind" if self.rows > 0 else "before"
+        return f"the pose {counted(abs(self.rows), 'row')} {where} that of the image"
+
+
+DECLARED_ORDER = Order()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class DepthFrames:
     """Samples of depth images of a domain.
 
     `raw` (n, r, c) are the raw values of images of (height, width) `size` at `r` by `c` pixels that
-    are evenly spread. `poses` (n, 3) are x, y in metres and heading in radians.
+    are evenly spread. `poses` (n, 3) are x, y in metres and heading in radians, `orders` those that
+    the frames would have in other orders.
     """
 
     domain: Domain
@@ -39,6 +70,7 @@ class DepthFrames:
     size: tuple[int, int]
     poses: Floats
     y_down: bool
+    orders: Mapping[Order, Floats] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -62,12 +94,17 @@ class StoredRow:
     trajectory: str
     row: int
     record: InstanceRecord
+    stored: StoredTrajectory
 
     @property
-    def pose(self) -> tuple[float, float, float]:
+    def pose(self) -> Pose:
         return self.record.x, self.record.y, self.record.heading
 
-    def pose_in(self, domain: str) -> tuple[float, float, float]:
+    def at(self, row: int) -> StoredRow:
+        """Another instance of the trajectory."""
+        return StoredRow(self.trajectory, row, self.stored.records(row, row + 1)[0], self.stored)
+
+    def pose_in(self, domain: str) -> Pose:
         """The pose of the frame of a domain, which in a loose pair is another one."""
         own = self.record.frame_poses.get(domain)
         return self.pose if own is None else (own.x, own.y, own.heading)
@@ -79,7 +116,7 @@ def stored_rows(stored: StoredRecords) -> Iterator[StoredRow]:
         for start in range(0, len(stored[name]), _BLOCK):
             records = stored[name].records(start, start + _BLOCK)
             for row, record in enumerate(records, start):
-                yield StoredRow(name, row, record)
+                yield StoredRow(name, row, record, stored[name])
 
 
 def spread_rows(stored: StoredRecords, count: int) -> Iterator[StoredRow]:
@@ -87,7 +124,7 @@ def spread_rows(stored: StoredRecords, count: int) -> Iterator[StoredRow]:
     step = max(1, -(-sum(map(len, stored.values())) // count))
     for name in sorted(stored):
         for row in range(0, len(stored[name]), step):
-            yield StoredRow(name, row, stored[name].records(row, row + 1)[0])
+            yield StoredRow(name, row, stored[name].records(row, row + 1)[0], stored[name])
 
 
 def read_depth(
@@ -96,12 +133,14 @@ def read_depth(
     rows: Iterable[StoredRow],
     root: Path,
     folders: Mapping[str, str] | None = None,
+    orders: Collection[Order] = (),
 ) -> DepthFrames | None:
     """The depth of instances whose frames lie below `root`; None for a domain without depth.
 
-    `folders` are those of trajectories whose folder has another name than the trajectory.
+    `folders` are those of trajectories whose folder has another name than the trajectory, `orders`
+    those of which the poses are given, too.
     """
-    raw, poses = [], []
+    raw, used = [], list[StoredRow]()
     size = 0, 0
     for each in rows:
         name = (folders or {}).get(each.trajectory, each.trajectory)
@@ -111,18 +150,31 @@ def read_depth(
         image = stored_array.open_read(root / folder, root).rows(each.row, each.row + 1)[0]
         size = image.shape
         raw.append(image[sampled_grid(size)])
-        poses.append(each.pose_in(domain.domain))
+        used.append(each)
     if not raw:
         return None
-    return DepthFrames(domain, np.stack(raw), size, np.array(poses), scan.y_down)
+    known: dict[tuple[str, int], Pose] = {}
+
+    def pose(each: StoredRow, order: Order) -> Pose:
+        row = order.row(each.row, len(each.stored))
+        if (each.trajectory, row) not in known:
+            known[each.trajectory, row] = each.at(row).pose_in(domain.domain)
+        return known[each.trajectory, row]
+
+    def poses(order: Order) -> Floats:
+        return np.array([pose(each, order) for each in used])
+
+    in_orders = {order: poses(order) for order in orders}
+    return DepthFrames(domain, np.stack(raw), size, poses(DECLARED_ORDER), scan.y_down, in_orders)
 
 
 class DepthPoints:
     """Samples of depth images whose points lie between `HEIGHTS` above the floor."""
 
-    def __init__(self, source: DepthFrames) -> None:
-        domain, raw = source.domain, source.raw
-        rows, cols = (part.ravel() + np.float64(0.5) for part in sampled_grid(source.size))
+    def __init__(self, source: DepthFrames, step: int = 1) -> None:
+        """Points of every `step`-th sample in each axis."""
+        domain, raw = source.domain, source.raw[:, ::step, ::step]
+        rows, cols = (part.ravel()[::step] + np.float64(0.5) for part in sampled_grid(source.size))
         self.source = source
         self._rays = camera.rays(domain.depth, rows, cols)
         self._metres = raw * np.float64(domain.depth_scale)
@@ -135,16 +187,14 @@ class DepthPoints:
         return len(self.frames)
 
     def on_floor(
-        self, headings: Floats | None = None, flipped: bool = False, scale: float = 1.0
+        self, poses: Floats | None = None, flipped: bool = False, scale: float = 1.0
     ) -> tuple[Floats, Floats]:
         """x and y of the points, (m,) each, metres.
 
-        Other conventions than the declared ones: `headings` (n,) in radians, left and right
-        exchanged if `flipped`, depth multiplied by `scale`. The samples stay the same.
+        Other conventions than the declared ones: `poses` (n, 3), left and right exchanged if
+        `flipped`, depth multiplied by `scale`. The samples stay the same.
         """
-        poses = self.source.poses.copy()
-        if headings is not None:
-            poses[:, 2] = headings
+        poses = self.source.poses if poses is None else poses
         y_down = self.source.y_down != flipped
         metres = self._metres if scale == 1.0 else self._metres * scale
         x, y, _ = camera.to_floor(self._rays, metres, self.source.domain, poses, y_down)

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, counted
 from s2rstore.files.image_header import ImageHeader, read_header
 from s2rstore.files.input_files import open_regular, read_bytes
 from s2rstore.records import Domain
@@ -34,131 +34,122 @@ _ASPECT_TOLERANCE = 0.02
 
 @dataclass(frozen=True, slots=True)
 class ImageFiles:
-    """The two source files of one frame and the (height, width) that each must have."""
+    """The source files of one frame and the (height, width) that each must have.
+
+    In a data set without poses there is no depth, and the orientation that the RGB file states may
+    exchange both edges. `name` is that of RGB in reports and in the index, by default its path.
+    """
 
     rgb: Path
-    depth: Path
+    depth: Path | None
     rgb_size: tuple[int, int]
-    depth_size: tuple[int, int]
+    depth_size: tuple[int, int] = (0, 0)
+    name: str | None = None
 
     @property
-    def paths(self) -> tuple[Path, Path]:
-        return self.rgb, self.depth
+    def paths(self) -> tuple[Path, ...]:
+        return (self.rgb,) if self.depth is None else (self.rgb, self.depth)
 
     @property
     def pixels(self) -> int:
         return max(height * width for height, width in (self.rgb_size, self.depth_size))
 
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
-        return scan.relative(self.rgb), scan.relative(self.depth)
+        depth = None if self.depth is None else scan.relative(self.depth)
+        return self.name or scan.relative(self.rgb), depth
 
     def origin(self) -> tuple[tuple[Path, ...], str]:
-        return self.paths, f"{self.rgb_size} {self.depth_size}"
+        return self.paths, f"{self.name!a} {self.rgb_size} {self.depth_size}"
 
     def declared_depth_type(self) -> str | None:
-        return declared_type(self.depth)
+        return None if self.depth is None else declared_type(self.depth)
 
     def checksum(self, scan: Scan, domain: Domain) -> str | None:
-        return _checksum((self.rgb, self.rgb_size), (self.depth, self.depth_size))
+        """SHA-256 over the bytes of both files; None where one is unreadable."""
+        digest = hashlib.sha256()
+        try:
+            for path, size in zip(self.paths, (self.rgb_size, self.depth_size), strict=False):
+                digest.update(read_bytes(path, _most_bytes(size)))
+        except RequestError:
+            return None
+        return digest.hexdigest()
 
     def decode(self, scan: Scan, domain: Domain) -> DecodedFrame | InputIssue:
-        """Read, check and resize one frame; an InputIssue names the unusable file.
-
-        The frame is for the screen, the map and comparisons: RGB is averaged over areas, depth
-        takes the nearest source pixel, so that every stored value occurs in the file and validity
-        needs no second mask. The images of another size are kept as they are, for networks.
-        """
-        digest = hashlib.sha256()
-        rgb = _read(scan, self.rgb, self.rgb_size, cv2.IMREAD_COLOR_RGB, digest)
+        """Read, check and resize one frame; an InputIssue names the unusable file."""
+        digest, may_turn = hashlib.sha256(), self.depth is None
+        name = self.name or scan.relative(self.rgb)
+        mode = cv2.IMREAD_COLOR_RGB
+        rgb = _read(self.rgb, name, self.rgb_size, mode, digest, may_turn)
         if isinstance(rgb, InputIssue):
             return rgb
-        colours, bits = rgb
-        small = resized_rgb(colours, scan.frame)
-        depth = _read(scan, self.depth, self.depth_size, cv2.IMREAD_UNCHANGED, digest)
-        if isinstance(depth, InputIssue):
-            return depth
-        pixels, name = depth[0], scan.relative(self.depth)
-        if pixels.ndim == 3:
-            if np.ptp(pixels[..., :3].astype(np.int16), axis=2).max() > _MAX_DEPTH_COLOUR_SPREAD:
-                return InputIssue("not a depth image", name, "it is a colour image")
-            pixels = pixels[..., 0]
-        pixels = np.ascontiguousarray(pixels)
-        if pixels.dtype not in (np.uint8, np.uint16):
-            return InputIssue("not a depth image", name, f"type {pixels.dtype}")
-        raw = resized_depth(pixels, scan.frame)
-        is_resized = (colours.shape[:2], pixels.shape) != (scan.frame, scan.frame)
-        source = SourceImages(colours, pixels) if is_resized else None
-        issues = _lost_bits(scan.relative(self.rgb), bits)
-        if source is not None and not source.is_storable:
-            source, detail = None, f"{size_text(colours.shape)}; networks see the stored frame"
-            issues += (InputIssue("image too large to be kept", scan.relative(self.rgb), detail),)
-        if _is_photo(raw, small):
-            return InputIssue("not a depth image", name, "it repeats the RGB image")
-        valid = (raw >= domain.depth_raw_min) & (raw <= domain.depth_raw_max)
-        return DecodedFrame(small, raw, digest.hexdigest(), float(valid.mean()), issues, source)
+        depth, depth_name = None, ""
+        if self.depth is not None:
+            depth_name = scan.relative(self.depth)
+            read = _read(self.depth, depth_name, self.depth_size, cv2.IMREAD_UNCHANGED, digest)
+            if isinstance(read, InputIssue):
+                return read
+            raw = _one_channel(read[0], depth_name)
+            if isinstance(raw, InputIssue):
+                return raw
+            depth = raw
+        frame = made_frame(scan, domain, rgb, depth, digest.hexdigest(), name)
+        if frame.depth is not None and _is_photo(frame.depth, frame.rgb):
+            return InputIssue("not a depth image", depth_name, "it repeats the RGB image")
+        return frame
 
 
-@dataclass(frozen=True, slots=True)
-class RgbFile:
-    """One image file without depth, of any size.
-
-    `size` (height, width) is what its header declares; the orientation that the file states may
-    exchange both. `name` is its name in reports and in the index.
-    """
-
-    path: Path
-    name: str
-    size: tuple[int, int]
-
-    @property
-    def pixels(self) -> int:
-        return self.size[0] * self.size[1]
-
-    def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
-        return self.name, None
-
-    def origin(self) -> tuple[tuple[Path, ...], str]:
-        return (self.path,), f"{self.name!a} {self.size}"
-
-    def checksum(self, scan: Scan, domain: Domain) -> str | None:
-        return _checksum((self.path, self.size))
-
-    def decode(self, scan: Scan, domain: Domain) -> DecodedFrame | InputIssue:
-        """Read and check the image, and resize it to the frame; an InputIssue names the file.
-
-        An image of another aspect ratio is stretched, and reported.
-        """
-        digest = hashlib.sha256()
-        read = _read(
-            scan, self.path, self.size, cv2.IMREAD_COLOR_RGB, digest, self.name, may_turn=True
-        )
-        if isinstance(read, InputIssue):
-            return read
-        rgb, bits = read
-        issues = _lost_bits(self.name, bits)
-        (height, width), (rows, columns) = rgb.shape[:2], scan.frame
-        if abs(width * rows / (height * columns) - 1) > _ASPECT_TOLERANCE:
-            detail = f"{size_text(rgb.shape)}; stretched to {size_text(scan.frame)}"
-            issues += (InputIssue("other aspect ratio", self.name, detail),)
-        small = resized_rgb(rgb, scan.frame)
-        return DecodedFrame(small, None, digest.hexdigest(), float("nan"), issues)
+def _one_channel(pixels: NDArray[Any], name: str) -> NDArray[Any] | InputIssue:
+    """A depth image (h, w), also of one that repeats its channel; `name` is that of its file."""
+    if pixels.ndim == 3:
+        if np.ptp(pixels[..., :3].astype(np.int16), axis=2).max() > _MAX_DEPTH_COLOUR_SPREAD:
+            return InputIssue("not a depth image", name, "it is a colour image")
+        pixels = pixels[..., 0]
+    return wrong_depth(pixels, name) or np.ascontiguousarray(pixels)
 
 
-def _lost_bits(name: str, bits: int) -> tuple[InputIssue, ...]:
-    if bits <= 8:
-        return ()
-    return (InputIssue("colours of more than 8 bits", name, f"{bits} bits; stored with 8"),)
-
-
-def _checksum(*files: tuple[Path, tuple[int, int]]) -> str | None:
-    """SHA-256 over the bytes of image files of (height, width); None where one is unreadable."""
-    digest = hashlib.sha256()
-    try:
-        for path, size in files:
-            digest.update(read_bytes(path, _most_bytes(size)))
-    except RequestError:
+def wrong_depth(pixels: NDArray[Any], name: str) -> InputIssue | None:
+    """Why pixels are no depth image of one channel of 8 or 16 bits; None if they are one."""
+    if pixels.ndim == 2 and pixels.dtype in (np.uint8, np.uint16):
         return None
-    return digest.hexdigest()
+    channels = pixels.shape[2] if pixels.ndim == 3 else 1
+    found = f"{counted(channels, 'channel')} of type {pixels.dtype}"
+    return InputIssue("not a depth image", name, f"{found}, expected 1 of 16 bits")
+
+
+def made_frame(
+    scan: Scan,
+    domain: Domain,
+    rgb: tuple[NDArray[Any], int],
+    depth: NDArray[Any] | None,
+    sha256: str,
+    name: str,
+) -> DecodedFrame:
+    """Resize the images of one frame, RGB with its bits per sample; `name` is that of RGB.
+
+    RGB is averaged over areas, depth takes the nearest source pixel, so that every stored value
+    occurs in the file and validity needs no second mask. The images of another size are kept as
+    they are, for networks; without poses, an image of another aspect ratio is reported.
+    """
+    colours, bits = rgb
+    issues, source = list[InputIssue](), None
+    if bits > 8:
+        detail = f"{bits} bits; stored with 8"
+        issues.append(InputIssue("colours of more than 8 bits", name, detail))
+    (height, width), (rows, columns) = colours.shape[:2], scan.frame
+    if scan.has_poses and {i.shape[:2] for i in (colours, depth) if i is not None} != {scan.frame}:
+        source = SourceImages(colours, depth)
+        if not source.is_storable:
+            source, detail = None, f"{size_text(colours.shape)}; networks see the stored frame"
+            issues.append(InputIssue("image too large to be kept", name, detail))
+    elif not scan.has_poses and abs(width * rows / (height * columns) - 1) > _ASPECT_TOLERANCE:
+        detail = f"{size_text(colours.shape)}; stretched to {size_text(scan.frame)}"
+        issues.append(InputIssue("other aspect ratio", name, detail))
+    raw, is_valid = None, np.array(np.nan)
+    if depth is not None:
+        raw = resized_depth(depth, scan.frame)
+        is_valid = (raw >= domain.depth_raw_min) & (raw <= domain.depth_raw_max)
+    small = resized_rgb(colours, scan.frame)
+    return DecodedFrame(small, raw, sha256, float(is_valid.mean()), tuple(issues), source)
 
 
 def _most_bytes(size: tuple[int, int]) -> int:
@@ -166,19 +157,12 @@ def _most_bytes(size: tuple[int, int]) -> int:
 
 
 def _read(
-    scan: Scan,
-    path: Path,
-    size: tuple[int, int],
-    mode: int,
-    digest: Any,
-    name: str = "",
-    may_turn: bool = False,
+    path: Path, name: str, size: tuple[int, int], mode: int, digest: Any, may_turn: bool = False
 ) -> tuple[NDArray[Any], int] | InputIssue:
     """Pixels and bits per sample of an image; other sizes than (height, width) are not decoded.
 
-    `name` stands for the path in reports. With `may_turn` the decoded image may be (width, height).
+    `name` is that of the file in reports. With `may_turn` the decoded image may be (width, height).
     """
-    name = name or scan.relative(path)
     try:
         content = read_bytes(path, _most_bytes(size))
     except RequestError as error:

@@ -8,8 +8,8 @@ whose z points up keeps its x and y; one whose y points up keeps x, and its -z b
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,38 +60,60 @@ class FloorOptions:
     metres_per_unit: float | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class FloorPoses:
     """The poses of a recording on the floor, by trajectory, a row for every frame.
 
     `poses` (N, 3) are x, y in metres and heading in radians in [-pi, pi), the direction of the
     optical axis on the floor; y grows to the left of x, so that maps have `y_down` = False. Rows
     of frames that look straight up or down are NaN and in `issues`. `cameras` (N, 4, 4) are the
-    full poses in the floor's axes, metres. `camera_height` is the median height above the floor,
-    NaN where it is unknown, `height_spread` the distance of the 5th and the 95th percentile.
-    `pitch` is the median, radians, positive where the camera looks upwards. `tilt_median` and
-    `tilt_max` are angles, in radians, between the cameras and level ones of that pitch.
-    `world_to_floor` (4, 4) maps points of the world; it scales them by `metres_per_unit`.
-    `up_source` says where the up axis comes from.
+    full poses in the floor's axes, metres. `median_height` is that of the cameras in these axes,
+    `camera_height` that above the floor, NaN where it is unknown, and `height_spread` the distance
+    of the 5th and the 95th percentile. `pitch` is the median, radians, positive where the camera
+    looks upwards. `tilt_median` and `tilt_max` are angles, in radians, between the cameras and
+    level ones of that pitch. `world_to_floor` (4, 4) maps points of the world; it scales them by
+    `metres_per_unit`. `up_source` says where the up axis comes from, `report` is for the user.
     """
 
-    poses: dict[str, Floats]
-    cameras: dict[str, Floats]
-    world_to_floor: Floats
-    up: Floats
-    up_source: str
-    metres_per_unit: float
-    camera_height: float
-    height_spread: float
-    pitch: float
-    tilt_median: float
-    tilt_max: float
-    report: tuple[str, ...]
-    issues: list[InputIssue] = field(default_factory=list)
+    def __init__(
+        self, recording: Recording, world_to_floor: Floats, metres_per_unit: float, up_source: str
+    ) -> None:
+        """Raises RequestError if no image has a pose, or all look straight up or down."""
+        if not any(len(t.poses) for t in recording.trajectories.values()):
+            raise RequestError(f"{recording.name}: no image has a pose")
+        self.world_to_floor, self.metres_per_unit = world_to_floor, metres_per_unit
+        self.up, self.up_source = world_to_floor[2, :3] / metres_per_unit, up_source
+        self.report: tuple[str, ...] = ()
+        self.cameras = {
+            name: _moved(trajectory.poses, world_to_floor, metres_per_unit)
+            for name, trajectory in recording.trajectories.items()
+        }
+        self.poses = {name: _on_floor(each) for name, each in self.cameras.items()}
+        everything = np.concatenate(list(self.cameras.values()))
+        self.pitch, tilt = _tilt(everything, np.concatenate(list(self.poses.values()))[:, 2])
+        heights = np.percentile(everything[:, 2, 3], [5, 50, 95])
+        self.camera_height = self.median_height = float(heights[1])
+        self.height_spread = float(heights[2] - heights[0])
+        self.tilt_median, self.tilt_max = float(np.median(tilt)), float(tilt.max())
+        self._tilt_text = (
+            f"tilt {math.degrees(self.tilt_median):.1f} degrees in the median, at most "
+            f"{math.degrees(self.tilt_max):.1f}"
+        )
+        self.issues = _without_heading(recording, self.poses)
+        if self.tilt_median > _TILT_MEDIAN or self.tilt_max > _TILT_MAX:
+            detail = f"{self._tilt_text}; roll and changes of pitch are not on the floor plan"
+            self.issues.append(InputIssue("camera not level", recording.name, detail))
 
     def usable(self, trajectory: str) -> NDArray[np.bool_]:
         """Which frames of a trajectory have a pose on the floor, (N,)."""
         return np.asarray(np.isfinite(self.poses[trajectory]).all(axis=1))
+
+    def camera_text(self, is_height_known: bool) -> str:
+        """Height, pitch and tilt of the cameras in words."""
+        height = f"{self.median_height:.3f} m above it" if is_height_known else "height unknown"
+        return (
+            f"camera {height} ({self.height_spread:.3f} m between the 5th and the 95th "
+            f"percentile), pitch {math.degrees(self.pitch):.2f} degrees, {self._tilt_text}"
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -175,37 +197,36 @@ def project_to_floor(
         ground_text += f" of {frames} frames"
         issues += _inclination(recording, up, all_poses, points, tolerance)
     world_to_floor = _world_to_floor(up, 0.0 if math.isnan(ground) else ground, unit)
-    moved = _MovedCameras(recording, world_to_floor, unit)
-    issues += moved.issues
-    camera_height = math.nan if math.isnan(ground) else moved.height
+    floor = FloorPoses(recording, world_to_floor, unit, how)
+    floor.issues[:0] = issues
+    if math.isnan(ground):
+        floor.camera_height = math.nan
     if stated is None and scale is None and recording.is_metric:
-        _refuse_implausible(recording.name, moved.cameras.values(), camera_height)
+        _refuse_implausible(recording.name, floor)
     if not recording.is_metric and unit == 1.0 and scale is None:
         own, name = recording.scale_option, recording.layout
         advice = f"option {own} of layout {name}" if own else "metres_per_unit"
         detail = f"the layout leaves it open; give {advice}"
-        issues.append(InputIssue("scale of the world not known", recording.name, detail))
-    report: tuple[str, ...] = (
+        floor.issues.append(InputIssue("scale of the world not known", recording.name, detail))
+    floor.report = (
         f"up {', '.join(f'{value:.4f}' for value in up)} ({how}); {ground_text}",
-        moved.text(camera_height),
+        floor.camera_text(not math.isnan(ground)),
     )
     if scale is not None:
-        report += (f"scale fitted to the pairs: {unit:.6g} metres per unit of the world",)
-    return FloorPoses(
-        moved.poses, moved.cameras, world_to_floor, up, how, unit, camera_height,
-        moved.height_spread, moved.pitch, moved.tilt_median, moved.tilt_max, report, issues,
-    )  # fmt: skip
+        floor.report += (f"scale fitted to the pairs: {unit:.6g} metres per unit of the world",)
+    return floor
 
 
-def _refuse_implausible(name: str, cameras: Iterable[Floats], camera_height: float) -> None:
+def _refuse_implausible(name: str, floor: FloorPoses) -> None:
     """Raise RequestError for positions that are hardly in metres, as those in millimetres."""
-    positions = [each[:, :2, 3] for each in cameras if len(each)]
+    positions = [each[:, :2, 3] for each in floor.cameras.values() if len(each)]
     edges = np.ptp(np.concatenate(positions), axis=0)
     steps = np.concatenate([np.linalg.norm(np.diff(each, axis=0), axis=1) for each in positions])
     step = float(np.median(steps)) if len(steps) else math.inf
     is_large = float(edges.max()) > _IMPLAUSIBLE_EXTENT and step > _IMPLAUSIBLE_STEP
-    if is_large or camera_height > _IMPLAUSIBLE_HEIGHT:
-        height = "" if math.isnan(camera_height) else f", {camera_height:.0f} m above the floor"
+    above = floor.camera_height
+    if is_large or above > _IMPLAUSIBLE_HEIGHT:
+        height = "" if math.isnan(above) else f", {above:.0f} m above the floor"
         raise RequestError(
             f"{name}: poses look like millimetres: they would cover {edges[0]:,.0f} m x "
             f"{edges[1]:,.0f} m{height}; give metres_per_unit=0.001 in --sim-floor or "
@@ -213,73 +234,33 @@ def _refuse_implausible(name: str, cameras: Iterable[Floats], camera_height: flo
         )
 
 
-def put_on_stored_floor(recording: Recording, floor: StoredFloor, side: str) -> FloorPoses:
+def put_on_stored_floor(recording: Recording, stored: StoredFloor, side: str) -> FloorPoses:
     """Put the poses of all trajectories on the floor of a world that they share with stored ones.
 
     Height and pitch of the camera are the stored ones. Raises RequestError where it stands on the
     floor in another way than the stored one: its world or the camera is another one.
     """
-    if not any(len(t.poses) for t in recording.trajectories.values()):
-        raise RequestError(f"{recording.name}: no image has a pose")
-    moved = _MovedCameras(recording, floor.world_to_floor, floor.metres_per_unit)
-    tilt, spread = floor.tilt_median, floor.height_spread
-    height_differs = abs(moved.height - floor.camera_height) > _SAME_HEIGHT + spread
+    how = "of the store"
+    floor = FloorPoses(recording, stored.world_to_floor, stored.metres_per_unit, how)
+    tilt, spread, height = stored.tilt_median, stored.height_spread, stored.camera_height
+    text = floor.camera_text(math.isfinite(height))
     differs = (
-        height_differs  # False where the stored height is NaN
-        or moved.height_spread > 2 * spread + 2 * _SAME_HEIGHT
-        or abs(moved.pitch - floor.pitch) > _SAME_ANGLE + tilt
-        or moved.tilt_median > _SAME_ANGLE + 2 * tilt
+        abs(floor.median_height - height) > _SAME_HEIGHT + spread  # False where height is NaN
+        or floor.height_spread > 2 * spread + 2 * _SAME_HEIGHT
+        or abs(floor.pitch - stored.pitch) > _SAME_ANGLE + tilt
+        or floor.tilt_median > _SAME_ANGLE + 2 * tilt
     )
     if differs:
-        stored_height = floor.camera_height
-        height = "height unknown" if math.isnan(stored_height) else f"{stored_height:.3f} m"
+        known = "height unknown" if math.isnan(height) else f"{height:.3f} m"
         raise RequestError(
-            f"{side} recording {recording.name}: on the floor of the store: "
-            f"{moved.text(stored_height)}; the stored camera: {height} ({spread:.3f} m), pitch "
-            f"{math.degrees(floor.pitch):.2f} degrees, tilt {math.degrees(tilt):.1f} degrees; "
-            "append what is recorded in the world of the store, by the same camera"
+            f"{side} recording {recording.name}: on the floor of the store: {text}; the stored "
+            f"camera: {known} ({spread:.3f} m), pitch {math.degrees(stored.pitch):.2f} degrees, "
+            f"tilt {math.degrees(tilt):.1f} degrees; append what is recorded in the world of the "
+            "store, by the same camera"
         )
-    up = floor.world_to_floor[2, :3] / floor.metres_per_unit
-    how = "of the store"
-    report = (f"floor {how}", moved.text(floor.camera_height))
-    return FloorPoses(
-        moved.poses, moved.cameras, floor.world_to_floor, up, how, floor.metres_per_unit,
-        floor.camera_height, moved.height_spread, floor.pitch, moved.tilt_median, moved.tilt_max,
-        report, moved.issues,
-    )  # fmt: skip
-
-
-class _MovedCameras:
-    """The cameras of a recording in the floor's axes, and how they stand on the floor."""
-
-    def __init__(self, recording: Recording, world_to_floor: Floats, unit: float) -> None:
-        self.cameras = {
-            name: _moved(trajectory.poses, world_to_floor, unit)
-            for name, trajectory in recording.trajectories.items()
-        }
-        self.poses = {name: _on_floor(each) for name, each in self.cameras.items()}
-        everything = np.concatenate(list(self.cameras.values()))
-        self.pitch, tilt = _tilt(everything, np.concatenate(list(self.poses.values()))[:, 2])
-        heights = np.percentile(everything[:, 2, 3], [5, 50, 95])
-        self.height, self.height_spread = float(heights[1]), float(heights[2] - heights[0])
-        self.tilt_median, self.tilt_max = float(np.median(tilt)), float(tilt.max())
-        self._tilt_text = (
-            f"tilt {math.degrees(self.tilt_median):.1f} degrees in the median, at most "
-            f"{math.degrees(self.tilt_max):.1f}"
-        )
-        self.issues = _without_heading(recording, self.poses)
-        if self.tilt_median > _TILT_MEDIAN or self.tilt_max > _TILT_MAX:
-            detail = f"{self._tilt_text}; roll and changes of pitch are not on the floor plan"
-            self.issues.append(InputIssue("camera not level", recording.name, detail))
-
-    def text(self, camera_height: float) -> str:
-        """Height, pitch and tilt in words; `camera_height` is NaN where the floor is not known."""
-        known = math.isfinite(camera_height)
-        height = f"{self.height:.3f} m above it" if known else "height unknown"
-        return (
-            f"camera {height} ({self.height_spread:.3f} m between the 5th and the 95th "
-            f"percentile), pitch {math.degrees(self.pitch):.2f} degrees, {self._tilt_text}"
-        )
+    floor.camera_height, floor.pitch = height, stored.pitch
+    floor.report = (f"floor {how}", text)
+    return floor
 
 
 def _without_heading(recording: Recording, poses: dict[str, Floats]) -> list[InputIssue]:

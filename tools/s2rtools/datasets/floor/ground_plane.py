@@ -126,7 +126,7 @@ def _image_points(
 ) -> Floats | None:
     """World points (m, 3) of one depth image; None if it is unusable."""
     image = depth.read()
-    camera = recording.depth_camera or recording.camera
+    camera = recording.camera_of_depth
     if isinstance(image, InputIssue) or image.pixels.shape != (camera.height, camera.width):
         return None
     rows, cols = (sample_pixels(_SAMPLES, extent) for extent in image.pixels.shape)

@@ -7,32 +7,26 @@ COLMAP leaves the scale of its world open.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
-
-import numpy as np
 
 from s2rstore.errors import RequestError
 from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recording import (
     Layout,
     ReadOptions,
-    RecordedTrajectory,
     Recording,
-    existing_folder,
     folder_name,
     natural_order,
     trajectory_name,
 )
-from s2rtools.datasets.recordings.colmap_model import ModelImage, holds_model, read_model
+from s2rtools.datasets.recordings.colmap_model import (
+    camera_poses,
+    find_images,
+    find_model,
+    read_model,
+)
+from s2rtools.datasets.recordings.frame_table import FrameTable
 from s2rtools.datasets.recordings.recorded_cameras import CAMERA_ID, choose_camera
-from s2rtools.datasets.recordings.recorded_files import FrameFiles
-from s2rtools.datasets.recordings.recorded_poses import poses_from_quaternions
-from s2rtools.datasets.scan import choose_trajectories
-
-_MODEL_FOLDERS = (".", "sparse", "colmap/sparse")
-_LEVELS = 4
-"""Folders above a model, with itself, in which `images` is looked for."""
 
 
 def read(path: Path, options: ReadOptions) -> Recording:
@@ -42,10 +36,10 @@ def read(path: Path, options: ReadOptions) -> Recording:
     model or its images are missing or damaged, if it has several cameras and the option chooses
     none, or if no image is usable.
     """
-    folder = _find_model(path)
+    folder = find_model(path)
     model = read_model(folder)
     recording = Recording.of_folder(
-        "colmap", _image_folder(folder, options.values.get("images")), options
+        "colmap", find_images(folder, options.values.get("images")), options
     )
     recording.name = folder_name(path)
     named = {str(number): camera for number, camera in model.cameras.items()}
@@ -57,8 +51,8 @@ def read(path: Path, options: ReadOptions) -> Recording:
     recording.depth_scale = options.positive("depth_scale", recording.depth_scale)
     images = [image for image in model.images if str(image.camera) in used]
     depth = _depth_folder(options, recording)
-    parts: dict[str, list[tuple[ModelImage, str | None]]] = {}
-    folders: dict[str, str] = {}
+    table, folders = FrameTable(recording), dict[str, str]()
+    table.size = recording.camera.height, recording.camera.width
     for image in sorted(images, key=lambda image: natural_order(image.name)):
         if recording.containment.find_file(image.name, str(folder)) is None:
             recording.report("missing image", image.name)
@@ -74,37 +68,19 @@ def read(path: Path, options: ReadOptions) -> Recording:
                 f"{recording.root}: folders {folders[name]!r} and {parent!r} would both be "
                 f"trajectory {name}"
             )
-        parts.setdefault(name, []).append((image, depth_name))
-    if not parts:
+        pose = *image.quaternion, *image.translation
+        table.add(image.name, depth_name, pose, trajectory=name)
+    if not len(table):
         raise RequestError(
             f"{recording.root}: none of the model's images; name their folder, images=FOLDER"
         )
-    for name in choose_trajectories(options.trajectories, parts, folder):
-        recording.trajectories[name] = _trajectory(parts[name], recording, scale)
+    table.fill(lambda values: camera_poses(values, scale))
     recording.provenance = {
         "model": str(folder),
         "cameras": remark or ", ".join(sorted(used)),
         "world_units_to_metres": scale,
     }
     return recording
-
-
-def _trajectory(
-    images: list[tuple[ModelImage, str | None]], recording: Recording, scale: float
-) -> RecordedTrajectory:
-    """Frames with poses from the camera to the world, positions times `scale`."""
-    files = FrameFiles(recording.root)
-    files.size = recording.camera.height, recording.camera.width
-    for image, depth_name in images:
-        files.append(image.name, depth_name)
-    w, x, y, z = np.array([image.quaternion for image, _ in images]).T
-    translations = np.array([image.translation for image, _ in images])
-    poses = poses_from_quaternions(translations, np.column_stack([x, y, z, w]))
-    inverse = np.swapaxes(poses[:, :3, :3], 1, 2).copy()
-    with np.errstate(over="ignore", invalid="ignore"):
-        poses[:, :3, 3] = -scale * np.einsum("nij,nj->ni", inverse, translations)
-    poses[:, :3, :3] = inverse
-    return RecordedTrajectory(files.frames(), poses, np.full(len(files), np.nan))
 
 
 def _depth_folder(options: ReadOptions, recording: Recording) -> PathContainment | None:
@@ -127,41 +103,6 @@ def _depth_name(depth: PathContainment, name: str, recording: Recording) -> str 
             relative = os.path.relpath(os.path.realpath(path), os.path.realpath(recording.root))
             return Path(relative).as_posix()
     return None
-
-
-def _find_model(path: Path) -> Path:
-    found = list(_models(existing_folder(path)))
-    if not found:
-        raise RequestError(f"{path}: no cameras.txt with images.txt (or .bin) in it or in sparse/0")
-    if len(found) > 1:
-        names = ", ".join(str(each) for each in found[:8])
-        raise RequestError(f"{path}: several models; give the path of one of {names}")
-    return found[0]
-
-
-def _models(path: Path) -> Iterator[Path]:
-    for name in _MODEL_FOLDERS:
-        folder = path / name
-        if holds_model(folder):
-            yield folder
-            return
-        if name != "." and folder.is_dir():
-            found = [each for each in sorted(folder.iterdir()) if holds_model(each)]
-            if found:
-                yield from found
-                return
-
-
-def _image_folder(model: Path, option: str | None) -> Path:
-    if option is not None:
-        if not Path(option).is_dir():
-            raise RequestError(f"option images={option}: no such folder")
-        return Path(option)
-    folders = [model.resolve(), *model.resolve().parents][:_LEVELS]
-    for folder in folders:
-        if (folder / "images").is_dir():
-            return folder / "images"
-    raise RequestError(f"{model}: no folder `images` beside the model; name it, images=FOLDER")
 
 
 LAYOUT = Layout(

@@ -18,59 +18,32 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-from msgspec import Meta, Struct
-from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rtools.common.documents import convert
-from s2rtools.common.yaml_files import read_yaml
 from s2rtools.datasets.recording import (
     Layout,
-    PinholeCamera,
     ReadOptions,
-    RecordedTrajectory,
     Recording,
     existing_folder,
 )
-from s2rtools.datasets.recordings.recorded_files import FrameFiles
-from s2rtools.datasets.recordings.recorded_poses import orthonormal, poses_at, usable_poses
+from s2rtools.datasets.recordings.frame_table import FrameTable
+from s2rtools.datasets.recordings.recorded_poses import poses_at
+from s2rtools.datasets.recordings.sensor_file import CameraSensor, Sensor, read_sensor
 from s2rtools.datasets.recordings.stamped_lists import (
     read_image_list,
     read_pose_list,
     report_none_near,
 )
-from s2rtools.datasets.recordings.stated_cameras import image_size, opencv_camera
+from s2rtools.datasets.recordings.stated_cameras import image_size
 
 MAX_GAP = 0.1
 """Seconds between two poses that are interpolated."""
 _RULE = "not between two poses at most 100 ms apart"
 _NANOSECONDS = 1e9
 _TRUTH = "state_groundtruth_estimate0"
-_MODELS = ("radial-tangential", "radtan", "plumb_bob", "equidistant", "none")
 _NAME = re.compile(r"[A-Za-z0-9_]{1,80}")
-
-
-class _Matrix(Struct):
-    data: Annotated[list[float], Meta(min_length=16, max_length=16)]
-
-
-class _Sensor(Struct):
-    """The part of a `sensor.yaml` that places the sensor."""
-
-    T_BS: _Matrix
-
-
-class _Camera(_Sensor):
-    """The `sensor.yaml` of a camera."""
-
-    camera_model: str
-    intrinsics: Annotated[list[float], Meta(min_length=4, max_length=4)]
-    distortion_model: str = "none"
-    distortion_coefficients: list[float] = []
-    resolution: Annotated[list[int], Meta(min_length=2, max_length=2)] | None = None
 
 
 def read(path: Path, options: ReadOptions) -> Recording:
@@ -84,29 +57,26 @@ def read(path: Path, options: ReadOptions) -> Recording:
     camera = _part(recording, f"cam{options.values.get('camera', '0')}", "camera")
     source = _part(recording, options.values.get("poses", _TRUTH), "poses")
     sensor_path = recording.resolve(f"mav0/{camera}/sensor.yaml")
-    sensor = convert(read_yaml(sensor_path), _Camera, str(sensor_path), check=False)
-    in_body = _mount(sensor, sensor_path)
+    sensor = read_sensor(sensor_path, CameraSensor)
+    in_body = sensor.mount(sensor_path)
     listed = f"mav0/{source}/data.csv"
     truth = read_pose_list(recording, listed, (5, 6, 7, 4), ",", _NANOSECONDS, more=True)
     body = truth.poses
     tracked = recording.resolve(f"mav0/{source}/sensor.yaml")
     if tracked.is_file():
-        placed = convert(read_yaml(tracked), _Sensor, str(tracked), check=False)
-        body = body @ np.linalg.inv(_mount(placed, tracked))
+        body = body @ np.linalg.inv(read_sensor(tracked, Sensor).mount(tracked))
     folder = f"mav0/{camera}/data/"
     images = read_image_list(recording, f"mav0/{camera}/data.csv", folder, ",", _NANOSECONDS)
     poses = poses_at(images.times, truth.times, body, MAX_GAP, max_hold=0)
     posed = np.isfinite(poses).all(axis=(1, 2))
     lost = [(images.name(row), images.times[row]) for row in np.flatnonzero(~posed).tolist()]
     report_none_near(recording, "no pose", lost, truth.times, _RULE)
-    files = FrameFiles(recording.root)
+    table = FrameTable(recording)
     for row in np.flatnonzero(posed).tolist():
-        files.append(images.name(row))
-    recording.trajectories[recording.only_name] = RecordedTrajectory(
-        files.frames(), poses[posed] @ in_body, images.times[posed]
-    )
+        table.add(images.name(row), None, (poses[row] @ in_body).ravel(), images.times[row])
+    table.fill()
     width, height = sensor.resolution or image_size(recording)[::-1]
-    recording.camera = _pinhole(sensor, (height, width), sensor_path)
+    recording.camera = sensor.pinhole((height, width), sensor_path)
     recording.up = (0.0, 0.0, 1.0)
     recording.provenance = {"camera": camera, "poses": source, "max_gap_s": MAX_GAP}
     return recording
@@ -123,30 +93,6 @@ def _part(recording: Recording, name: str, option: str) -> str:
             f"{mav / name}: no such folder; option {option} names one (has: {found})"
         )
     return name
-
-
-def _mount(sensor: _Sensor, path: Path) -> NDArray[np.float64]:
-    """The pose (4, 4) of a sensor in the body's axes. Raises RequestError unless it is one."""
-    pose = np.array(sensor.T_BS.data).reshape(1, 4, 4)
-    if not usable_poses(pose)[0]:
-        raise RequestError(f"{path}: T_BS: not a pose (rotation matrix and position in metres)")
-    return orthonormal(pose)[0]
-
-
-def _pinhole(sensor: _Camera, size: tuple[int, int], path: Path) -> PinholeCamera:
-    """The camera for images of (height, width)."""
-    if sensor.camera_model != "pinhole":
-        raise RequestError(f"{path}: camera_model {sensor.camera_model!r}: expected pinhole")
-    fx, fy, cx, cy = sensor.intrinsics
-    model = sensor.distortion_model.lower()
-    if model not in _MODELS:
-        raise RequestError(
-            f"{path}: distortion_model {sensor.distortion_model!r}: choose from "
-            f"{', '.join(_MODELS)}"
-        )
-    distortion = () if model == "none" else tuple(sensor.distortion_coefficients)
-    camera = opencv_camera(size, (fx, fy, cx, cy), distortion, model == "equidistant")
-    return camera.checked(str(path))
 
 
 LAYOUT = Layout(

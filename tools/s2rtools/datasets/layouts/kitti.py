@@ -14,29 +14,16 @@ as 0; the data set does not state it.
 from __future__ import annotations
 
 import re
-from array import array
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from s2rstore.errors import RequestError
-from s2rtools.common.tables.numeric_rows import NumericRows, read_numbers
-from s2rtools.common.tables.text_lines import read_lines
-from s2rtools.datasets.recording import (
-    Layout,
-    PinholeCamera,
-    ReadOptions,
-    RecordedTrajectory,
-    Recording,
-)
-from s2rtools.datasets.recordings.recorded_files import FrameFiles, NumberedFiles, commonest_size
-from s2rtools.datasets.recordings.recorded_poses import orthonormal, usable_poses
+from s2rtools.datasets.recording import Layout, PinholeCamera, ReadOptions, Recording
+from s2rtools.datasets.recordings.kitti_files import add_frames, read_projection
+from s2rtools.datasets.recordings.recorded_files import commonest_size
 from s2rtools.datasets.recordings.stated_cameras import opencv_camera
 from s2rtools.datasets.scan import choose_trajectories
 
 _SEQUENCE = re.compile(r"[0-9]{2,4}")
-_IMAGE = re.compile(r"([0-9]+)\.(?:png|jpg)", re.IGNORECASE)
 _CAMERAS = ("2", "0", "1", "3")
 """In order of preference: colour before grey, left before right."""
 
@@ -67,11 +54,10 @@ def read(path: Path, options: ReadOptions) -> Recording:
         raise RequestError(f"option camera={camera}: choose from {', '.join(sorted(_CAMERAS))}")
     cameras: dict[PinholeCamera, str] = {}
     for name in chosen:
-        matrix, place = _projection(recording, f"sequences/{name}/calib.txt", f"P{camera}")
-        trajectory = _trajectory(recording, name, camera, matrix)
-        recording.trajectories[name] = trajectory
-        if len(trajectory.frames):
-            size = commonest_size(trajectory.frames, root)
+        matrix, place = read_projection(recording, f"sequences/{name}/calib.txt", f"P{camera}")
+        add_frames(recording, name, camera, matrix)
+        if len(frames := recording.trajectories[name].frames):
+            size = commonest_size(frames, root)
             fx, fy, cx, cy = (float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
             cameras.setdefault(opencv_camera(size, (fx, fy, cx, cy)).checked(place), name)
     recording.require_frames()
@@ -98,72 +84,6 @@ def _first_camera(folder: Path) -> str:
         if (folder / f"image_{camera}").is_dir():
             return camera
     raise RequestError(f"{folder}: no folder image_0, image_1, image_2 or image_3")
-
-
-def _trajectory(
-    recording: Recording, name: str, camera: str, projection: NDArray[np.float64]
-) -> RecordedTrajectory:
-    """The images of a camera that have a pose and a time."""
-    folder = f"sequences/{name}/image_{camera}/"
-    listed = NumberedFiles(recording.resolve(folder), _IMAGE)
-    for repeated in listed.repeated:
-        recording.report("repeated image", folder + repeated, "another file has its number")
-    times = _rows(recording, f"sequences/{name}/times.txt", 1)
-    poses = _rows(recording, f"poses/{name}.txt", 12)
-    files, kept = FrameFiles(recording.root), array("q")
-    for number in listed.numbers.tolist():
-        file = f"{folder}{listed.name(number)}"
-        for kind, rows in (("no pose", poses), ("no time", times)):
-            if number >= len(rows.values) or not np.isfinite(rows.values[number]).any():
-                recording.report(kind, file, f"row {number + 1} of {rows.name}")
-                break
-        else:
-            if recording.has_image(file):
-                files.append(file)
-                kept.append(number)
-    count = max(len(times.values), len(poses.values))
-    for number in np.setdiff1d(np.arange(count), listed.numbers).tolist():
-        detail = f"row {number + 1} of {poses.name} or {times.name}"
-        recording.report("missing image", f"{folder}{number:06d}.png", detail)
-    numbers = np.asarray(kept, dtype=np.intp)
-    offset = np.eye(4)
-    offset[:3, 3] = -np.linalg.solve(projection[:, :3], projection[:, 3])
-    matrices = np.tile(np.eye(4), (len(numbers), 1, 1))
-    matrices[:, :3] = poses.values[numbers].reshape(-1, 3, 4)
-    usable = usable_poses(matrices)
-    matrices[usable] = orthonormal(matrices[usable]) @ offset
-    return RecordedTrajectory(
-        files.frames(),
-        matrices,
-        times.values[numbers, 0],
-        lambda row: poses.place(int(numbers[row])),
-    )
-
-
-def _rows(recording: Recording, name: str, columns: int) -> NumericRows:
-    """The rows of a file, one for each image; NaN for those that cannot be read."""
-    return read_numbers(recording.resolve(name), name, columns, recording.issues, keep_bad=True)
-
-
-def _projection(recording: Recording, name: str, key: str) -> tuple[NDArray[np.float64], str]:
-    """The matrix (3, 4) of a key in `calib.txt`, and its place."""
-    path = recording.resolve(name)
-    for number, line in read_lines(path):
-        label, _, text = line.partition(":")
-        if label.strip() != key:
-            continue
-        try:
-            values = np.array([float(field) for field in text.split()])
-        except ValueError as error:
-            raise RequestError(f"{path}:{number}: {error}") from error
-        if len(values) != 12 or not np.isfinite(values).all():
-            raise RequestError(f"{path}:{number}: {key} needs 12 finite numbers")
-        matrix = values.reshape(3, 4)
-        lower = np.abs(matrix[[1, 2, 2], [0, 0, 1]]).max()
-        if lower > 1e-6 or abs(matrix[2, 2] - 1) > 1e-6 or matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
-            raise RequestError(f"{path}:{number}: {key} is no projection of a rectified camera")
-        return matrix, f"{path}"
-    raise RequestError(f"{path}: no line {key}:")
 
 
 LAYOUT = Layout(

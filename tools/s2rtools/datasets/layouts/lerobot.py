@@ -6,18 +6,12 @@ entries of `observation.state` that are the robot's pose on the floor, or the ca
 
 from __future__ import annotations
 
-import os
-import re
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.index.parquet_table import read_columns, read_vectors
-from s2rtools.common.input_issue import InputIssue
 from s2rtools.common.lazy_sequence import LazySequence
-from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recording import (
     Layout,
     ReadOptions,
@@ -26,14 +20,14 @@ from s2rtools.datasets.recording import (
     Recording,
 )
 from s2rtools.datasets.recordings.lerobot_files import (
-    MAX_NUMBER,
+    STATE,
     Episode,
+    FrameNumbers,
     ImageStore,
-    Info,
-    ParquetImages,
     StoredImage,
-    VideoImages,
     episodes_of,
+    first_size,
+    image_store,
     read_info,
 )
 from s2rtools.datasets.recordings.recorded_poses import (
@@ -42,9 +36,6 @@ from s2rtools.datasets.recordings.recorded_poses import (
 )
 from s2rtools.datasets.recordings.stated_cameras import CAMERA_OPTION, camera_option
 from s2rtools.datasets.scan import choose_trajectories
-
-_STATE = "observation.state"
-_NUMBERS = ("episode_index", "frame_index", "timestamp")
 
 
 def read(path: Path, options: ReadOptions) -> Recording:
@@ -55,22 +46,18 @@ def read(path: Path, options: ReadOptions) -> Recording:
     """
     recording = Recording.of_folder("lerobot", path, options)
     info = read_info(path)
-    key = _image_key(path, info, options)
-    entries = _pose_entries(path, info, options)
+    key = info.image_key(path, options.values.get("rgb"))
+    entries = info.pose_entries(path, options.values.get("pose"))
     episodes = {f"episode_{each.number:06d}": each for each in episodes_of(path, info, key)}
     names = choose_trajectories(options.trajectories, episodes, path)
     if not names:
         raise RequestError(f"{path}: no episodes in it")
     feature, containment = info.features[key], recording.containment
-    images: ImageStore = (
-        VideoImages(containment, feature.codec)
-        if feature.dtype == "video"
-        else ParquetImages(containment, key)
-    )
-    data = _DataFiles(containment, entries)
+    images = image_store(containment, key, feature)
+    data = FrameNumbers(containment, entries)
     first = episodes[names[0]]
     start = first.first_frame if first.video else int(data.rows(first)[0])
-    size = _first_size(path, images, first, start, feature.codec)
+    size = first_size(path, images, first, start, feature.codec)
     camera = camera_option(options, "camera", size)
     if camera is None:
         raise RequestError(f"{path}: a LeRobot data set has no intrinsics; set camera=fx,fy,cx,cy")
@@ -95,39 +82,8 @@ def read(path: Path, options: ReadOptions) -> Recording:
     return recording
 
 
-class _DataFiles:
-    """Numbers of the frames of each episode; the file that was read last is kept."""
-
-    def __init__(self, containment: PathContainment, entries: list[int]) -> None:
-        self._containment, self._entries = containment, entries
-        self._file: str | None = None
-        self._numbers: dict[str, NDArray[np.float64]] = {}
-        self._state = np.zeros((0, len(entries)))
-
-    def rows(self, episode: Episode) -> NDArray[np.intp]:
-        """Rows of the episode in its file, by frame. Raises RequestError if it has none."""
-        if episode.data != self._file:
-            path = self._containment.resolve(episode.data, str(self._containment.folder))
-            self._numbers = read_columns(path, _NUMBERS, ())
-            if missing := [name for name in _NUMBERS if name not in self._numbers]:
-                raise RequestError(f"{path}: no column {missing[0]}")
-            self._state = read_vectors(path, _STATE, self._entries)
-            self._file = episode.data
-        rows = np.flatnonzero(self._numbers["episode_index"] == episode.number)
-        rows = rows[np.abs(self._numbers["frame_index"][rows]) <= MAX_NUMBER]
-        if not len(rows):
-            raise RequestError(f"{episode.data}: no frames of episode {episode.number}")
-        return rows[np.argsort(self._numbers["frame_index"][rows], kind="stable")]
-
-    def numbers(self, name: str, rows: NDArray[np.intp]) -> NDArray[np.float64]:
-        return self._numbers[name][rows]
-
-    def state(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
-        return self._state[rows]
-
-
 def _trajectory(
-    episode: Episode, data: _DataFiles, images: ImageStore, size: tuple[int, int], height: float
+    episode: Episode, data: FrameNumbers, images: ImageStore, size: tuple[int, int], height: float
 ) -> RecordedTrajectory:
     """An episode; states are x, y, heading of the robot, or the pose of the camera."""
     rows = data.rows(episode)
@@ -151,63 +107,11 @@ def _trajectory(
     )
 
 
-def _image_key(path: Path, info: Info, options: ReadOptions) -> str:
-    keys = [
-        name
-        for name, feature in info.features.items()
-        if feature.dtype in ("video", "image") and not feature.is_depth
-    ]
-    chosen = options.values.get("rgb")
-    listed = ", ".join(keys) or "none"
-    if chosen is not None and chosen not in keys:
-        raise RequestError(f"{path}: no images rgb={chosen} (has: {listed})")
-    if chosen is None and len(keys) != 1:
-        raise RequestError(f"{path}: {len(keys)} cameras; choose one with rgb= (has: {listed})")
-    return chosen or keys[0]
-
-
-def _pose_entries(path: Path, info: Info, options: ReadOptions) -> list[int]:
-    """Numbers of the entries of the state that the option `pose` names, by name or number."""
-    if _STATE not in info.features:
-        raise RequestError(f"{path}: no feature {_STATE}, in which poses would be")
-    feature = info.features[_STATE]
-    known, count = feature.entries(), int(np.prod(feature.shape)) if feature.shape else 0
-    listed = ", ".join(known) or f"0 to {count - 1}"
-    text = options.values.get("pose")
-    if text is None:
-        raise RequestError(f"{path}: name the entries of {_STATE}, pose=x,y,theta (has: {listed})")
-    entries = []
-    for name in text.split(","):
-        if name in known:
-            entries.append(known.index(name))
-        elif re.fullmatch(r"\d{1,4}", name) and int(name) < count:
-            entries.append(int(name))
-        else:
-            raise RequestError(f"{path}: no entry {name!r} in {_STATE} (has: {listed})")
-    if len(entries) not in (3, 7):
-        raise RequestError(f"option pose={text}: name x,y,heading or x,y,z,qx,qy,qz,qw")
-    return entries
-
-
-def _first_size(
-    path: Path, images: ImageStore, episode: Episode, number: int, codec: str
-) -> tuple[int, int]:
-    """(height, width) of an image. Raises RequestError if it cannot be decoded."""
-    image = images.read(episode.video or episode.data, number)
-    if isinstance(image, InputIssue):
-        advice = ""
-        if episode.video is not None and os.path.isfile(path / episode.video):
-            advice = f"; the videos are in {codec}, convert them to H.264: ffmpeg -c:v libx264"
-        raise RequestError(f"{image.file}: {image.kind} ({image.detail}){advice}")
-    height, width = image.pixels.shape[:2]
-    return height, width
-
-
 LAYOUT = Layout(
     read,
     "LeRobot data set of version 2 or 3",
     {
-        "pose": f"entries of {_STATE}: x,y,heading in radians, or x,y,z,qx,qy,qz,qw of the camera",
+        "pose": f"entries of {STATE}: x,y,heading in radians, or x,y,z,qx,qy,qz,qw of the camera",
         "height": "metres of the camera above the floor with pose=x,y,heading",
         "rgb": "feature of the images, if there are several",
         "camera": CAMERA_OPTION,

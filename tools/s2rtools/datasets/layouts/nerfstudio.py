@@ -12,26 +12,25 @@ world.
 from __future__ import annotations
 
 import os
-from pathlib import Path, PurePosixPath
-
-import numpy as np
+from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rtools.common.image_files import SUFFIXES
-from s2rtools.common.lazy_sequence import chosen
 from s2rtools.datasets.recording import (
     Layout,
-    PinholeCamera,
     ReadOptions,
-    RecordedTrajectory,
     Recording,
     existing_folder,
     folder_name,
     trajectory_name,
 )
-from s2rtools.datasets.recordings.recorded_cameras import CAMERA_ID, choose_camera
-from s2rtools.datasets.recordings.recorded_files import FrameFiles
-from s2rtools.datasets.recordings.transforms_file import Intrinsics, read_transforms
+from s2rtools.datasets.recordings.frame_table import FrameTable
+from s2rtools.datasets.recordings.recorded_cameras import CAMERA_ID
+from s2rtools.datasets.recordings.transforms_file import (
+    Intrinsics,
+    Transforms,
+    find_image,
+    read_transforms,
+)
 from s2rtools.datasets.scan import choose_trajectories
 
 
@@ -49,82 +48,52 @@ def read(path: Path, options: ReadOptions) -> Recording:
     root = path.parent if path.is_file() else path
     recording = Recording.of_folder("nerfstudio", root, options)
     parts = {
-        name: _Part(recording, files[name])
+        name: read_transforms(files[name])
         for name in choose_trajectories(options.trajectories, files, path)
     }
-    names: dict[PinholeCamera, str] = {}
-    images = [
-        names.setdefault(camera, str(len(names) + 1))
-        for part in parts.values()
-        for camera in part.cameras
-    ]
-    if not images:
-        recording.require_frames()
-    by_name = {name: camera for camera, name in names.items()}
-    option = options.values.get(CAMERA_ID)
-    recording.camera, used, remark = choose_camera(by_name, images, option, path)
+    table, scale = FrameTable(recording, list(parts)), recording.state_scale(options)
+    for name, document in parts.items():
+        _add_frames(table, name, document, files[name], scale)
+    remark = table.choose_camera(options, path)
     if remark:
         recording.report("several cameras", path.name, remark)
-    scale = recording.state_scale(options)
     recording.depth_in_world_units = "depth_scale" not in options.values
-    units = {part.document.depth_unit for part in parts.values() if part.document.has_depth}
+    units = {document.depth_unit for document in parts.values() if document.has_depth}
     if len(units) > 1 and recording.depth_in_world_units:
         raise RequestError(f"{path}: its files have different units of depth; set depth_scale")
     recording.depth_scale = options.positive("depth_scale", max(units, default=1e-3) * scale)
-    for name, part in parts.items():
-        kept = [row for row, camera in enumerate(part.cameras) if names[camera] in used]
-        poses = part.document.poses([part.numbers[row] for row in kept], part.path)
-        poses[:, :3, 3] *= scale
-        part.files.size = recording.camera.height, recording.camera.width
-        recording.trajectories[name] = RecordedTrajectory(
-            chosen(part.files.frames(), kept), poses, np.full(len(kept), np.nan)
-        )
+    table.size = recording.camera.height, recording.camera.width
+    table.fill()
     recording.provenance = {"cameras": remark or "one", "world_units_to_metres": scale}
     return recording
 
 
-class _Part:
-    """The frames of one file whose images exist, in recording order: `numbers` in the file."""
-
-    def __init__(self, recording: Recording, path: Path) -> None:
-        self.path, self.document = path, read_transforms(path)
-        self.numbers: list[int] = []
-        self.files = FrameFiles(recording.root)
-        self.cameras: list[PinholeCamera] = []
-        sizes: dict[Intrinsics, tuple[int, int]] = {}
-        for number in self.document.recording_order():
-            self._add(recording, number, sizes)
-
-    def _add(
-        self, recording: Recording, number: int, sizes: dict[Intrinsics, tuple[int, int]]
-    ) -> None:
-        document = self.document
-        frame, where = document.frames[number], f"{self.path}: frame {number + 1}"
-        rgb, depth = _find_image(recording, frame.file_path, where), None
+def _add_frames(
+    table: FrameTable, name: str, document: Transforms, path: Path, scale: float
+) -> None:
+    """Add the frames of one file whose images exist as trajectory `name`, in recording order."""
+    recording, order = table.recording, document.recording_order()
+    poses = document.poses(order, path)
+    poses[:, :3, 3] *= scale
+    sizes: dict[Intrinsics, tuple[int, int]] = {}
+    for number, pose in zip(order, poses, strict=True):
+        frame, where = document.frames[number], f"{path}: frame {number + 1}"
+        rgb, depth = find_image(recording.containment, frame.file_path, where), None
         if rgb is None:
             recording.report("missing image", frame.file_path)
-            return
+            continue
         if document.has_depth:
-            name = frame.depth_name
-            depth = recording.containment.find_file(name, where) if name else None
+            depth = recording.containment.find_file(frame.depth_name or "", where)
             if depth is None:
-                recording.report("no depth image", frame.file_path, name or "no depth_file_path")
-                return
-        names = [
+                detail = frame.depth_name or "no depth_file_path"
+                recording.report("no depth image", frame.file_path, detail)
+                continue
+        image, depth_image = (
             None if each is None else Path(os.path.relpath(each, recording.root)).as_posix()
             for each in (rgb, depth)
-        ]
-        self.cameras.append(document.camera(frame, rgb, sizes, where))
-        self.numbers.append(number)
-        self.files.append(str(names[0]), names[1])
-
-
-def _find_image(recording: Recording, name: str, where: str) -> Path | None:
-    """The image's path; files of the original NeRF data sets are named without their suffix."""
-    has_suffix = PurePosixPath(name).suffix.lower() in SUFFIXES
-    names = [name] if has_suffix else [name, *(name + suffix for suffix in SUFFIXES)]
-    found = (recording.containment.find_file(each, where) for each in names)
-    return next((path for path in found if path is not None), None)
+        )
+        camera = document.camera(frame, rgb, sizes, where)
+        table.add(str(image), depth_image, pose.ravel(), trajectory=name, camera=camera)
 
 
 def _files_in(folder: Path) -> dict[str, Path]:

@@ -16,7 +16,6 @@ Source: the section "Polycam's data format" of the documentation of polyform, Po
 from __future__ import annotations
 
 import re
-from array import array
 from pathlib import Path
 from typing import Any
 
@@ -25,16 +24,15 @@ import numpy as np
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import decode_json, read_bytes
-from s2rtools.common.lazy_sequence import chosen
 from s2rtools.datasets.recording import (
     Layout,
     PinholeCamera,
     ReadOptions,
-    RecordedTrajectory,
     Recording,
 )
-from s2rtools.datasets.recordings.recorded_cameras import CAMERA_ID, MEDIAN, choose_camera
-from s2rtools.datasets.recordings.recorded_files import FrameFiles, NumberedFiles
+from s2rtools.datasets.recordings.frame_table import FrameTable, matrices
+from s2rtools.datasets.recordings.recorded_cameras import CAMERA_ID, MEDIAN
+from s2rtools.datasets.recordings.recorded_files import NumberedFiles
 from s2rtools.datasets.recordings.stated_cameras import image_size
 
 _IMAGE = re.compile(r"([0-9]+)\.(?:jpg|jpeg|png)", re.IGNORECASE)
@@ -63,9 +61,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
         raise RequestError(f"option poses={poses_of}: choose from {', '.join(_PREFIXES)}")
     images, cameras = (f"keyframes/{_PREFIXES[poses_of]}{kind}/" for kind in ("images", "cameras"))
     has_depth = (path / "keyframes/depth").is_dir()
-    files, values, times = FrameFiles(path), array("d"), array("d")
-    names: dict[PinholeCamera, str] = {}
-    used: list[str] = []
+    table = FrameTable(recording)
     listed = NumberedFiles(path / images, _IMAGE)
     for number in listed.numbers.tolist():
         rgb = f"{images}{listed.name(number)}"
@@ -74,20 +70,15 @@ def read(path: Path, options: ReadOptions) -> Recording:
             recording.report("no depth image", rgb)
         elif recording.has_image(rgb) and (found := _camera(recording, cameras, rgb)):
             width, height, fx, fy, cx, cy, *pose = found
-            pinhole = PinholeCamera(width, height, fx, fy, cx, cy)
-            used.append(names.setdefault(pinhole, str(len(names) + 1)))
-            files.append(rgb, depth if has_depth else None)
-            values.extend((*pose, 0.0, 0.0, 0.0, 1.0))
-            times.append(number / _MICROSECONDS)
-    if not used:
-        recording.require_frames()
-    by_name, option = {n: each for each, n in names.items()}, options.values.get(CAMERA_ID, MEDIAN)
-    recording.camera, kept_cameras, remark = choose_camera(by_name, used, option, path)
-    kept = [row for row, name in enumerate(used) if name in kept_cameras]
-    poses = np.asarray(values).reshape(-1, 4, 4)[kept] * _TO_OPENCV
-    recording.trajectories[recording.only_name] = RecordedTrajectory(
-        chosen(files.frames(), kept), poses, np.asarray(times)[kept]
-    )
+            table.add(
+                rgb,
+                depth if has_depth else None,
+                (*pose, 0.0, 0.0, 0.0, 1.0),
+                number / _MICROSECONDS,
+                camera=PinholeCamera(width, height, fx, fy, cx, cy),
+            )
+    remark = table.choose_camera(options, path, MEDIAN)
+    table.fill(lambda values: matrices(values) * _TO_OPENCV)
     if has_depth:
         depth_size = image_size(recording, depth=True)
         recording.depth_camera = recording.camera.checked(str(path)).resized(depth_size)

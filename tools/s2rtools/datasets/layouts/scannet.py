@@ -49,7 +49,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
     files = {kind: each for kind, each in _FILES.items() if kind != "depth" or options.reads_depth}
     if options.reads_depth and not (path / "depth").is_dir():
         raise RequestError(f"{path / 'depth'}: no such folder; {WITHOUT_DEPTH}")
-    recording.trajectories[recording.only_name] = read_frames(recording, files)
+    read_frames(recording, files)
     recording.camera = _camera(recording, "color", image_size(recording))
     if options.reads_depth:
         recording.depth_camera = _camera(recording, "depth", image_size(recording, depth=True))

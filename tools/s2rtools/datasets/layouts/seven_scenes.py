@@ -61,7 +61,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
             for kind, pattern in _FILES.items()
             if kind != "depth" or options.reads_depth
         }
-        recording.trajectories[name] = read_frames(recording, patterns)
+        read_frames(recording, patterns, name)
     recording.camera = fitted_camera(recording, options, "camera", _COLOUR)
     if options.reads_depth:
         recording.depth_camera = fitted_camera(recording, options, "depth_camera", _DEPTH, True)

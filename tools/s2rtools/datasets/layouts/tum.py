@@ -26,10 +26,9 @@ from s2rtools.datasets.recording import (
     WITHOUT_DEPTH,
     Layout,
     ReadOptions,
-    RecordedTrajectory,
     Recording,
 )
-from s2rtools.datasets.recordings.recorded_files import FrameFiles
+from s2rtools.datasets.recordings.frame_table import FrameTable
 from s2rtools.datasets.recordings.recorded_poses import mutual_nearest, poses_near
 from s2rtools.datasets.recordings.stamped_lists import (
     read_image_list,
@@ -79,12 +78,11 @@ def read(path: Path, options: ReadOptions) -> Recording:
         images = [(rgb.name(row), rgb.times[row]) for row in np.flatnonzero(~found).tolist()]
         report_none_near(recording, kind, images, known, _RULE)
     usable = np.flatnonzero(posed & paired)
-    files = FrameFiles(path)
+    table = FrameTable(recording)
     for row in usable.tolist():
-        files.append(rgb.name(row), None if depth is None else depth.name(int(depth_rows[row])))
-    recording.trajectories[recording.only_name] = RecordedTrajectory(
-        files.frames(), poses[usable], rgb.times[usable]
-    )
+        depth_name = None if depth is None else depth.name(int(depth_rows[row]))
+        table.add(rgb.name(row), depth_name, poses[row].ravel(), rgb.times[row])
+    table.fill()
     sensor = _SENSOR.search(path.resolve().name)
     default = _CAMERAS[sensor[1]] if sensor else _ROS_DEFAULT
     source = f"freiburg{sensor[1]} of the benchmark" if sensor else "default of ROS"

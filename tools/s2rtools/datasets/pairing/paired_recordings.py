@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import read_document
 from s2rstore.files.layout import checked_name
-from s2rstore.records import SIDES, Bounds, Domain, Intrinsics, Side
+from s2rstore.records import Bounds, Domain, Intrinsics, Side
 from s2rtools.common.input_issue import InputIssue
 from s2rtools.common.lazy_sequence import LazySequence
 from s2rtools.datasets.dataset_config import DatasetConfig
@@ -40,7 +40,7 @@ from s2rtools.datasets.pairing.recording_pairs import (
 )
 from s2rtools.datasets.pairing.stored_worlds import StoredWorlds
 from s2rtools.datasets.recording import Recording
-from s2rtools.datasets.recordings.recorded_frame_source import CameraImages, RecordedFrameSource
+from s2rtools.datasets.recordings.recorded_frame_source import RecordedFrameSource
 from s2rtools.datasets.scan import FramePose, InstanceRecord, Scan
 
 MARGIN = 2.0
@@ -194,9 +194,8 @@ def _paired_scan(
     scan.issues += [issue.of_side(side.side) for side in sides for issue in side.floor.issues]
     scan.issues += pairing.issues
     scan.issues += [each.issue() for each in unmatched]
-    cameras = {each.side: _Cameras(each, options.frame) for each in sides}
-    scan.domains = {side: cameras[side].domain for side in SIDES}
-    _add_trajectories(scan, *sides, pairing, cameras)
+    scan.domains = {each.side: _domain(each, options.frame) for each in sides}
+    _add_trajectories(scan, *sides, pairing)
     tolerance = options.match, options.tolerance
     scan.part_provenance = pair_facts.provenance(*sides, pairing, tolerance, alignment)
     is_stored = options.stored is not None
@@ -290,52 +289,46 @@ def _refuse_camera(path: Path) -> None:
         )
 
 
-class _Cameras:
-    """The cameras of one side, and the domain that they make."""
-
-    def __init__(self, side: RecordedSide, frame: tuple[int, int]) -> None:
-        """Raises RequestError for unusable cameras."""
-        recording, floor = side.recording, side.floor
-        depth_scale = recording.metres_of_depth(floor.metres_per_unit)
-        name = f"{recording.layout}:{recording.name}"
-        has_depth = any(
-            each.depth is not None
-            for trajectory in recording.trajectories.values()
-            for each in trajectory.frames
+def _domain(side: RecordedSide, frame: tuple[int, int]) -> Domain:
+    """The domain of one side. Raises RequestError where depth cannot be put on the floor."""
+    recording, floor = side.recording, side.floor
+    has_depth = any(
+        each.depth is not None
+        for trajectory in recording.trajectories.values()
+        for each in trajectory.frames
+    )
+    if has_depth and not math.isfinite(floor.camera_height):
+        raise RequestError(
+            f"{recording.layout}:{recording.name}: the height of the camera above the floor is not "
+            f"known; give --{side.side}-floor camera_height=METRES"
         )
-        self.rgb = CameraImages(recording.camera)
-        own = recording.depth_camera or recording.camera
-        self.depth = CameraImages(own) if has_depth else None
-        if has_depth and not math.isfinite(floor.camera_height):
-            raise RequestError(
-                f"{name}: the height of the camera above the floor is not known; give "
-                f"--{side.side}-floor camera_height=METRES"
-            )
-        rgb = self.rgb.intrinsics(frame, floor.pitch)
-        depth = self.depth.intrinsics(frame, floor.pitch) if self.depth else _NO_CAMERA
-        self.domain = Domain(
-            domain=side.side,
-            kind=side.side,
-            rgb=rgb,
-            depth=depth,
-            camera_height=floor.camera_height,
-            forward_offset=0.0,
-            depth_scale=depth_scale if has_depth else math.nan,
-            depth_raw_min=1,
-            depth_raw_max=min(recording.depth_raw_max, _MAX_RAW) if has_depth else 0,
-            sources={"intrinsics": "declared", "camera_height": "estimated", "pitch": "estimated"},
-            has_depth=has_depth,
-        )
+    depth, scale, raw_max = _NO_CAMERA, math.nan, 0
+    if has_depth:
+        depth = recording.camera_of_depth.intrinsics(frame, floor.pitch)
+        scale = recording.metres_of_depth(floor.metres_per_unit)
+        raw_max = min(recording.depth_raw_max, _MAX_RAW)
+    return Domain(
+        domain=side.side,
+        kind=side.side,
+        rgb=recording.camera.intrinsics(frame, floor.pitch),
+        depth=depth,
+        camera_height=floor.camera_height,
+        forward_offset=0.0,
+        depth_scale=scale,
+        depth_raw_min=1,
+        depth_raw_max=raw_max,
+        sources={"intrinsics": "declared", "camera_height": "estimated", "pitch": "estimated"},
+        has_depth=has_depth,
+    )
 
 
-def _add_trajectories(
-    scan: Scan,
-    sim: RecordedSide,
-    real: RecordedSide,
-    pairing: Pairing,
-    cameras: Mapping[Side, _Cameras],
-) -> None:
+def _add_trajectories(scan: Scan, sim: RecordedSide, real: RecordedSide, pairing: Pairing) -> None:
     """Add the pairs, by the trajectories of the real side, in its recording order."""
+
+    def source(side: RecordedSide, number: int) -> RecordedFrameSource:
+        recording, has_depth = side.recording, scan.domains[side.side].has_depth
+        depth = recording.camera_of_depth if has_depth else None
+        return RecordedFrameSource(side.frame(number), recording.camera, depth)
 
     def records(sims: Rows, reals: Rows) -> LazySequence[InstanceRecord]:
         def record(row: int) -> InstanceRecord:
@@ -345,12 +338,7 @@ def _add_trajectories(
             time = float(real.times[numbers[1]])
             return InstanceRecord(
                 x, y, heading,
-                {
-                    side.side: RecordedFrameSource(
-                        side.frame(number), cameras[side.side].rgb, cameras[side.side].depth
-                    )
-                    for side, number in sides
-                },
+                {side.side: source(side, number) for side, number in sides},
                 timestamp=time if math.isfinite(time) else None,
                 frame_poses={side.side: _frame_pose(side, number) for side, number in sides},
             )  # fmt: skip

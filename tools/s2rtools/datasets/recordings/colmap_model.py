@@ -18,9 +18,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import open_regular, read_bytes, read_text
-from s2rtools.datasets.recording import PinholeCamera
+from s2rtools.datasets.recording import PinholeCamera, existing_folder
+from s2rtools.datasets.recordings.recorded_poses import poses_from_quaternions
 
 _MODELS = (
     ("SIMPLE_PINHOLE", "f cx cy"),
@@ -35,6 +39,9 @@ _MODELS = (
     ("RADIAL_FISHEYE", "f cx cy k1 k2"),
 )
 """Names and parameters by model number; without parameters, a model is not read."""
+_MODEL_FOLDERS = (".", "sparse", "colmap/sparse")
+_LEVELS = 4
+"""Folders above a model, with itself, in which `images` is looked for."""
 _MAX_CAMERA_BYTES = 256 << 20
 _MAX_LINE_BYTES = 64 << 20
 """Bytes of a line of 2D points."""
@@ -61,8 +68,47 @@ class Model:
     images: list[ModelImage]
 
 
-def holds_model(folder: Path) -> bool:
-    return any(_has(folder, suffix) for suffix in ("bin", "txt"))
+def find_model(path: Path) -> Path:
+    """The folder of the only model in a folder, its `sparse` or `sparse/N`.
+
+    Raises RequestError if there is none, or several.
+    """
+    found = list(_models(existing_folder(path)))
+    if not found:
+        raise RequestError(f"{path}: no cameras.txt with images.txt (or .bin) in it or in sparse/0")
+    if len(found) > 1:
+        names = ", ".join(str(each) for each in found[:8])
+        raise RequestError(f"{path}: several models; give the path of one of {names}")
+    return found[0]
+
+
+def _models(path: Path) -> Iterator[Path]:
+    for name in _MODEL_FOLDERS:
+        folder = path / name
+        if _holds_model(folder):
+            yield folder
+            return
+        if name != "." and folder.is_dir():
+            found = [each for each in sorted(folder.iterdir()) if _holds_model(each)]
+            if found:
+                yield from found
+                return
+
+
+def find_images(model: Path, option: str | None) -> Path:
+    """The folder of a model's images: the `option`, or the folder `images` beside the model.
+
+    Raises RequestError if there is none.
+    """
+    if option is not None:
+        if not Path(option).is_dir():
+            raise RequestError(f"option images={option}: no such folder")
+        return Path(option)
+    folders = [model.resolve(), *model.resolve().parents][:_LEVELS]
+    for folder in folders:
+        if (folder / "images").is_dir():
+            return folder / "images"
+    raise RequestError(f"{model}: no folder `images` beside the model; name it, images=FOLDER")
 
 
 def read_model(folder: Path) -> Model:
@@ -124,6 +170,20 @@ class _Camera:
             is_fisheye,
         )
         return camera.checked(self.where)
+
+
+def camera_poses(values: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
+    """Poses (N, 4, 4) of the camera in the world, positions times `scale`.
+
+    `values` (N, 7) are quaternions w, x, y, z and translations from the world to the camera.
+    """
+    translations = values[:, 4:]
+    poses = poses_from_quaternions(translations, values[:, [1, 2, 3, 0]])
+    inverse = np.swapaxes(poses[:, :3, :3], 1, 2).copy()
+    with np.errstate(over="ignore", invalid="ignore"):
+        poses[:, :3, 3] = -scale * np.einsum("nij,nj->ni", inverse, translations)
+    poses[:, :3, :3] = inverse
+    return poses
 
 
 def _text_cameras(path: Path) -> Iterator[tuple[int, _Camera]]:
@@ -234,6 +294,10 @@ def _exactly(file: io.BytesIO | io.BufferedReader, count: int, path: Path) -> by
 
 def _cut(path: Path) -> RequestError:
     return RequestError(f"{path}: it ends before its last entry; copy it again")
+
+
+def _holds_model(folder: Path) -> bool:
+    return any(_has(folder, suffix) for suffix in ("bin", "txt"))
 
 
 def _has(folder: Path, suffix: str) -> bool:

@@ -8,6 +8,7 @@ episodes in a file, which `meta/episodes` lists.
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 import threading
 from collections.abc import Iterator
@@ -22,16 +23,18 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import decode_json, open_regular, read_bytes
-from s2rstore.index.parquet_table import read_blobs, read_columns
+from s2rstore.index.parquet_table import read_blobs, read_columns, read_vectors
 from s2rtools.common.image_files import MAX_PIXELS
 from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.files.image_decoding import decode_image
 from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recording import SourceImage
 
+STATE = "observation.state"
+_NUMBERS = ("episode_index", "frame_index", "timestamp")
 _MAX_INFO_BYTES = 8 << 20
 _MAX_EPISODES = 100_000
-MAX_NUMBER = 1e12
+_MAX_NUMBER = 1e12
 """Largest number of an episode, a file or a frame, and time in seconds."""
 _FIELD = re.compile(r"\{(\w+)(?::0?(\d*)d)?\}")
 _MP4 = b"ftyp"
@@ -77,6 +80,43 @@ class Info(msgspec.Struct):
     features: dict[str, Feature]
     chunks_size: int = 1000
     video_path: str | None = None
+
+    def image_key(self, path: Path, chosen: str | None) -> str:
+        """The feature of the images, by default the only one. Raises RequestError otherwise."""
+        keys = [
+            name
+            for name, feature in self.features.items()
+            if feature.dtype in ("video", "image") and not feature.is_depth
+        ]
+        listed = ", ".join(keys) or "none"
+        if chosen is not None and chosen not in keys:
+            raise RequestError(f"{path}: no images rgb={chosen} (has: {listed})")
+        if chosen is None and len(keys) != 1:
+            raise RequestError(f"{path}: {len(keys)} cameras; choose one with rgb= (has: {listed})")
+        return chosen or keys[0]
+
+    def pose_entries(self, path: Path, text: str | None) -> list[int]:
+        """Numbers of the entries of the state that `text` names, by name or number, 3 or 7."""
+        if STATE not in self.features:
+            raise RequestError(f"{path}: no feature {STATE}, in which poses would be")
+        feature = self.features[STATE]
+        known, count = feature.entries(), int(np.prod(feature.shape)) if feature.shape else 0
+        listed = ", ".join(known) or f"0 to {count - 1}"
+        if text is None:
+            raise RequestError(
+                f"{path}: name the entries of {STATE}, pose=x,y,theta (has: {listed})"
+            )
+        entries = []
+        for name in text.split(","):
+            if name in known:
+                entries.append(known.index(name))
+            elif re.fullmatch(r"\d{1,4}", name) and int(name) < count:
+                entries.append(int(name))
+            else:
+                raise RequestError(f"{path}: no entry {name!r} in {STATE} (has: {listed})")
+        if len(entries) not in (3, 7):
+            raise RequestError(f"option pose={text}: name x,y,heading or x,y,z,qx,qy,qz,qw")
+        return entries
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +173,7 @@ def _listed_episodes(path: Path, info: Info, image: str, video: str | None) -> I
     if missing := [name for name in names if name not in columns]:
         raise RequestError(f"{path}: no column {missing[0]}")
     for row in np.column_stack([columns[name] for name in names]).tolist():
-        if not all(abs(value) <= MAX_NUMBER for value in row):
+        if not all(abs(value) <= _MAX_NUMBER for value in row):
             raise RequestError(f"{path}: an episode without a number in {', '.join(names)}")
         data = {"chunk_index": int(row[1]), "file_index": int(row[2])}
         source = _filled(info.data_path, data, path)
@@ -158,11 +198,56 @@ def _filled(template: str, values: dict[str, Any], where: Path) -> str:
     return _FIELD.sub(text, template)
 
 
+class FrameNumbers:
+    """Numbers of the frames of each episode; the file that was read last is kept."""
+
+    def __init__(self, containment: PathContainment, entries: list[int]) -> None:
+        self._containment, self._entries = containment, entries
+        self._file: str | None = None
+        self._numbers: dict[str, NDArray[np.float64]] = {}
+        self._state = np.zeros((0, len(entries)))
+
+    def rows(self, episode: Episode) -> NDArray[np.intp]:
+        """Rows of the episode in its file, by frame. Raises RequestError if it has none."""
+        if episode.data != self._file:
+            path = self._containment.resolve(episode.data, str(self._containment.folder))
+            self._numbers = read_columns(path, _NUMBERS, ())
+            if missing := [name for name in _NUMBERS if name not in self._numbers]:
+                raise RequestError(f"{path}: no column {missing[0]}")
+            self._state = read_vectors(path, STATE, self._entries)
+            self._file = episode.data
+        rows = np.flatnonzero(self._numbers["episode_index"] == episode.number)
+        rows = rows[np.abs(self._numbers["frame_index"][rows]) <= _MAX_NUMBER]
+        if not len(rows):
+            raise RequestError(f"{episode.data}: no frames of episode {episode.number}")
+        return rows[np.argsort(self._numbers["frame_index"][rows], kind="stable")]
+
+    def numbers(self, name: str, rows: NDArray[np.intp]) -> NDArray[np.float64]:
+        return self._numbers[name][rows]
+
+    def state(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
+        return self._state[rows]
+
+
 class ImageStore(Protocol):
     """Images by file and number, from any thread."""
 
     def read(self, file: str, number: int) -> SourceImage | InputIssue: ...
     def path(self, file: str) -> Path: ...
+
+
+def first_size(
+    path: Path, images: ImageStore, episode: Episode, number: int, codec: str
+) -> tuple[int, int]:
+    """(height, width) of an image. Raises RequestError if it cannot be decoded."""
+    image = images.read(episode.video or episode.data, number)
+    if isinstance(image, InputIssue):
+        advice = ""
+        if episode.video is not None and os.path.isfile(path / episode.video):
+            advice = f"; the videos are in {codec}, convert them to H.264: ffmpeg -c:v libx264"
+        raise RequestError(f"{image.file}: {image.kind} ({image.detail}){advice}")
+    height, width = image.pixels.shape[:2]
+    return height, width
 
 
 class VideoImages:
@@ -264,6 +349,13 @@ class ParquetImages:
                 self._key = key
             row = number % _BLOCK
             return self._block[row] if row < len(self._block) else b""
+
+
+def image_store(containment: PathContainment, key: str, feature: Feature) -> ImageStore:
+    """The images of a feature `key`, which are in videos or in Parquet."""
+    if feature.dtype == "video":
+        return VideoImages(containment, feature.codec)
+    return ParquetImages(containment, key)
 
 
 @dataclass(frozen=True, slots=True)

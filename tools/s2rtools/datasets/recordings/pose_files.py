@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from array import array
 from collections.abc import Mapping
 
 import numpy as np
@@ -11,16 +10,20 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rtools.common.tables.numeric_rows import read_matrix
-from s2rtools.datasets.recording import WITHOUT_DEPTH, RecordedTrajectory, Recording
-from s2rtools.datasets.recordings.recorded_files import FrameFiles, NumberedFiles
+from s2rtools.datasets.recording import WITHOUT_DEPTH, Recording
+from s2rtools.datasets.recordings.frame_table import FrameTable
+from s2rtools.datasets.recordings.recorded_files import NumberedFiles
 
 Pattern = tuple[str, re.Pattern[str]]
 """A folder relative to the recording, with a slash at its end or empty, and the names in it."""
 
 
-def read_frames(recording: Recording, patterns: Mapping[str, Pattern]) -> RecordedTrajectory:
-    """The frames with an RGB image, a depth image and a pose file, by number; others are reported.
+def read_frames(
+    recording: Recording, patterns: Mapping[str, Pattern], trajectory: str = ""
+) -> None:
+    """Add a trajectory, by default the only one, of numbered images with a depth and a pose file.
 
+    Images without these files are reported.
     `patterns` are those of `rgb`, `depth` and `pose`; without `depth`, only colour images are read.
     Each pose file holds a matrix (4, 4) from the camera's axes to the world's, metres. Raises
     RequestError if a folder is missing.
@@ -40,7 +43,7 @@ def read_frames(recording: Recording, patterns: Mapping[str, Pattern]) -> Record
             recording.report(f"repeated {what}", file, "another file has its number")
     images = [kind for kind in ("rgb", "depth") if kind in listed]
     advice = WITHOUT_DEPTH if any(not len(listed[kind]) for kind in images) else ""
-    frames, numbers, values = FrameFiles(recording.root), array("q"), array("d")
+    table = FrameTable(recording, [trajectory] if trajectory else ())
     for number in listed["rgb"].numbers.tolist():
         if any(listed[kind].name(number) is None for kind in images):
             recording.report("no depth image", path("rgb", number), advice)
@@ -51,18 +54,12 @@ def read_frames(recording: Recording, patterns: Mapping[str, Pattern]) -> Record
             found = [recording.has_image(name) for name in names]
             matrix = _read_pose(recording, path("pose", number))
             if all(found) and matrix is not None:
-                frames.append(*names)
-                values.extend(matrix.ravel().tolist())
-                numbers.append(number)
+                depth = names[1] if len(names) > 1 else None
+                table.add(names[0], depth, matrix.ravel(), place=path("pose", number))
     if "depth" in listed:
         for number in np.setdiff1d(listed["depth"].numbers, listed["rgb"].numbers).tolist():
             recording.report("no RGB image", path("depth", number))
-    return RecordedTrajectory(
-        frames.frames(),
-        np.asarray(values).reshape(-1, 4, 4),
-        np.full(len(numbers), np.nan),
-        lambda row: path("pose", numbers[row]),
-    )
+    table.fill()
 
 
 def _read_pose(recording: Recording, name: str) -> NDArray[np.float64] | None:

@@ -22,7 +22,6 @@ from s2rstore.errors import RequestError
 from s2rstore.files.input_files import read_bytes
 from s2rtools.common.image_files import MAX_PIXELS
 from s2rtools.common.input_issue import InputIssue
-from s2rtools.common.lazy_sequence import LazySequence, RowFile
 from s2rtools.datasets.files.image_decoding import (
     MAX_METADATA_BYTES,
     declared_size,
@@ -39,8 +38,8 @@ _COLOUR = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION
 
 
 @dataclass(frozen=True, slots=True)
-class _ImageFile:
-    """An image in a file; `name` is its path relative to the recording.
+class ImageFile:
+    """A colour or depth image in a file; `name` is its path relative to the recording.
 
     Images of another `size` (height, width) are reported instead of read, if it is given.
     """
@@ -48,6 +47,7 @@ class _ImageFile:
     path: Path
     name: str
     size: tuple[int, int] | None = None
+    is_depth: bool = False
 
     @property
     def pixels(self) -> int:
@@ -58,66 +58,27 @@ class _ImageFile:
     def files(self) -> tuple[Path, ...]:
         return (self.path,)
 
-    def checksum(self) -> str | None:
-        return _checksum(self.path)
-
-
-@dataclass(frozen=True, slots=True)
-class RgbImageFile(_ImageFile):
-    """A colour image in a file; fields as in `_ImageFile`."""
-
-    def read(self) -> SourceImage | InputIssue:
-        return _read(self.path, self.name, _COLOUR, self.size)
-
-
-@dataclass(frozen=True, slots=True)
-class DepthImageFile(_ImageFile):
-    """A depth image in a file, one channel of 8 or 16 bits; fields as in `_ImageFile`."""
-
     @property
     def declared_type(self) -> str | None:
         return declared_type(self.path)
 
+    def checksum(self) -> str | None:
+        try:
+            return hashlib.sha256(read_bytes(self.path, _MAX_BYTES)).hexdigest()
+        except RequestError:
+            return None
+
     def read(self) -> SourceImage | InputIssue:
-        image = _read(self.path, self.name, cv2.IMREAD_UNCHANGED, self.size)
-        if isinstance(image, InputIssue):
-            return image
-        if image.pixels.ndim != 2 or image.pixels.dtype not in (np.uint8, np.uint16):
-            channels = image.pixels.shape[2] if image.pixels.ndim == 3 else 1
-            found = f"{channels} channels of type {image.pixels.dtype}"
-            return InputIssue("not a depth image", self.name, f"{found}, expected 1 of 16 bits")
-        return image
-
-
-class FrameFiles:
-    """Names of the images of frames relative to a folder, in a temporary file.
-
-    A frame takes 8 bytes of memory. RGB images of another `size` (height, width) are reported
-    instead of read, if it is set.
-    """
-
-    def __init__(self, root: Path) -> None:
-        self.size: tuple[int, int] | None = None
-        self._root = root
-        self._names = RowFile()
-
-    def __len__(self) -> int:
-        return len(self._names)
-
-    def append(self, rgb: str, depth: str | None = None) -> None:
-        """Add a frame behind the others."""
-        self._names.append(rgb, depth)
-
-    def _frame(self, number: int) -> RecordedFrame:
-        rgb, depth = self._names[number]
-        return RecordedFrame(
-            RgbImageFile(self._root / rgb, rgb, self.size),
-            None if depth is None else DepthImageFile(self._root / depth, depth),
-        )
-
-    def frames(self) -> Sequence[RecordedFrame]:
-        """All frames; each is made when it is read."""
-        return LazySequence(len(self), self._frame)
+        try:
+            content = read_bytes(self.path, _MAX_BYTES)
+        except RequestError as error:
+            detail = str(error).removeprefix(f"{self.path}: ")
+            return InputIssue("unreadable image", self.name, detail)
+        mode = cv2.IMREAD_UNCHANGED if self.is_depth else _COLOUR
+        decoded = decode_image(content, self.name, mode, self.size)
+        if isinstance(decoded, InputIssue):
+            return decoded
+        return SourceImage(decoded[0], hashlib.sha256(content).hexdigest(), decoded[1])
 
 
 class NumberedFiles:
@@ -180,26 +141,6 @@ def commonest_size(
 
 def _size(frame: RecordedFrame, depth: bool) -> tuple[int, int] | None:
     image = frame.depth if depth else frame.rgb
-    if isinstance(image, RgbImageFile | DepthImageFile):
+    if isinstance(image, ImageFile):
         return declared_size(image.path)
     return None
-
-
-def _checksum(path: Path) -> str | None:
-    try:
-        return hashlib.sha256(read_bytes(path, _MAX_BYTES)).hexdigest()
-    except RequestError:
-        return None
-
-
-def _read(
-    path: Path, name: str, mode: int, size: tuple[int, int] | None
-) -> SourceImage | InputIssue:
-    try:
-        content = read_bytes(path, _MAX_BYTES)
-    except RequestError as error:
-        return InputIssue("unreadable image", name, str(error).removeprefix(f"{path}: "))
-    decoded = decode_image(content, name, mode, size)
-    if isinstance(decoded, InputIssue):
-        return decoded
-    return SourceImage(decoded[0], hashlib.sha256(content).hexdigest(), decoded[1])

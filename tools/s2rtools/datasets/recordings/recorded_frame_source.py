@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -12,72 +12,63 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.records import Domain, Intrinsics
-from s2rtools.common.frame_resizing import resized_depth, resized_rgb
+from s2rstore.records import Domain
 from s2rtools.common.input_issue import InputIssue
-from s2rtools.datasets.files.image_decoding import size_text
+from s2rtools.datasets.files.image_decoding import made_frame, size_text, wrong_depth
 from s2rtools.datasets.recording import PinholeCamera, RecordedFrame, RecordedImage, SourceImage
-from s2rtools.datasets.scan import DecodedFrame, Scan, SourceImages
+from s2rtools.datasets.scan import DecodedFrame, Scan
 
 
-class CameraImages:
-    """Checks the size of a camera's images and removes the distortion of its lens.
+def read_undistorted(
+    image: RecordedImage, camera: PinholeCamera, interpolation: int
+) -> SourceImage | InputIssue:
+    """An image without the distortion of the camera's lens; `interpolation` is that of OpenCV.
 
-    An undistorted image has the camera's own focal lengths, principal point and size; what lies
-    outside of the distorted image is 0, which is no valid depth.
+    It has the camera's own focal lengths, principal point and size; what lies outside of the
+    distorted image is 0, which is no valid depth. Images of another size are an InputIssue.
     """
+    read = image.read()
+    if isinstance(read, InputIssue):
+        return read
+    size = camera.height, camera.width
+    if read.pixels.shape[:2] != size:
+        detail = f"{size_text(read.pixels.shape)}, its camera has {size_text(size)}"
+        return InputIssue("wrong size", image.name, detail)
+    if camera.is_pinhole:
+        return read
+    maps = _undistortion(camera)
+    pixels = cv2.remap(read.pixels, *maps, interpolation, borderMode=cv2.BORDER_CONSTANT)
+    return replace(read, pixels=np.asarray(pixels))
 
-    def __init__(self, camera: PinholeCamera) -> None:
-        self.camera = camera
 
-    def intrinsics(self, frame: tuple[int, int], pitch: float) -> Intrinsics:
-        """The intrinsics for frames of (height, width); `pitch` in radians."""
-        camera = self.camera
-        columns, rows = frame[1] / camera.width, frame[0] / camera.height
-        return Intrinsics(
-            camera.fx * columns, camera.fy * rows, camera.cx * columns, camera.cy * rows, pitch
-        )
-
-    def read(self, image: RecordedImage, interpolation: int) -> SourceImage | InputIssue:
-        """The undistorted image; `interpolation` is that of OpenCV."""
-        read = image.read()
-        if isinstance(read, InputIssue):
-            return read
-        size = self.camera.height, self.camera.width
-        if read.pixels.shape[:2] != size:
-            detail = f"{size_text(read.pixels.shape)}, its camera has {size_text(size)}"
-            return InputIssue("wrong size", image.name, detail)
-        if self.camera.is_pinhole:
-            return read
-        pixels = cv2.remap(read.pixels, *self._maps, interpolation, borderMode=cv2.BORDER_CONSTANT)
-        return replace(read, pixels=np.asarray(pixels))
-
-    @cached_property
-    def _maps(self) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Where each pixel of the undistorted image lies in the distorted one."""
-        camera = self.camera
-        matrix = np.array(
-            [[camera.fx, 0, camera.cx - 0.5], [0, camera.fy, camera.cy - 0.5], [0, 0, 1]]
-        )  # OpenCV places the centre of pixel i at i
-        size = camera.width, camera.height
-        make = cv2.fisheye if camera.is_fisheye else cv2
-        maps = make.initUndistortRectifyMap(
-            matrix, camera.coefficients, np.eye(3), matrix, size, cv2.CV_32FC1
-        )
-        return maps[0], maps[1]
+@lru_cache(maxsize=4)
+def _undistortion(camera: PinholeCamera) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Where each pixel of the undistorted image lies in the distorted one."""
+    matrix = np.array(
+        [[camera.fx, 0, camera.cx - 0.5], [0, camera.fy, camera.cy - 0.5], [0, 0, 1]]
+    )  # OpenCV places the centre of pixel i at i
+    size = camera.width, camera.height
+    make = cv2.fisheye if camera.is_fisheye else cv2
+    maps = make.initUndistortRectifyMap(
+        matrix, camera.coefficients, np.eye(3), matrix, size, cv2.CV_32FC1
+    )
+    return maps[0], maps[1]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedFrameSource:
-    """A `FrameSource` of one frame of a recording; `depth` is None in one without depth."""
+    """A `FrameSource` of one frame of a recording.
+
+    `rgb` and `depth` are the cameras; `depth` is None in a recording without depth.
+    """
 
     frame: RecordedFrame
-    rgb: CameraImages
-    depth: CameraImages | None
+    rgb: PinholeCamera
+    depth: PinholeCamera | None
 
     @property
     def pixels(self) -> int:
-        cameras = [each.camera for each in (self.rgb, self.depth) if each is not None]
+        cameras = [each for each in (self.rgb, self.depth) if each is not None]
         return max(camera.width * camera.height for camera in cameras)
 
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
@@ -92,9 +83,9 @@ class RecordedFrameSource:
                 if (of_image := getattr(image, "files", None)) is None:
                     return None
                 files += of_image
-        cameras = self.rgb.camera, self.depth and self.depth.camera
         depth = self.frame.depth
-        return files, ascii((self.frame.rgb.name, depth and depth.name, cameras))
+        facts = self.frame.rgb.name, depth and depth.name, (self.rgb, self.depth)
+        return files, ascii(facts)
 
     def declared_depth_type(self) -> str | None:
         return getattr(self.frame.depth, "declared_type", None)
@@ -118,41 +109,26 @@ class RecordedFrameSource:
         return replace(frame, issues=tuple(each.of_side(domain.domain) for each in frame.issues))
 
     def _decode(self, scan: Scan, domain: Domain) -> DecodedFrame | InputIssue:
-        rgb = self.rgb.read(self.frame.rgb, cv2.INTER_LINEAR)
+        rgb = read_undistorted(self.frame.rgb, self.rgb, cv2.INTER_LINEAR)
         if isinstance(rgb, InputIssue):
             return rgb
-        issues = []
-        if rgb.bits > 8:
-            detail = f"{rgb.bits} bits; stored with 8"
-            issues.append(InputIssue("colours of more than 8 bits", self.frame.rgb.name, detail))
         depth = self._read_depth()
         if isinstance(depth, InputIssue):
             return depth
-        colours, raw = rgb.pixels, None if depth is None else depth.pixels
-        sizes = {image.shape[:2] for image in (colours, raw) if image is not None}
-        source = None if sizes == {scan.frame} else SourceImages(colours, raw)
-        if source is not None and not source.is_storable:
-            source, detail = None, f"{size_text(colours.shape)}; networks see the stored frame"
-            issues.append(InputIssue("image too large to be kept", self.frame.rgb.name, detail))
-        small, is_valid = resized_rgb(colours, scan.frame), np.array(np.nan)
-        digest = rgb.sha256
-        if depth is not None and raw is not None:
-            digest, raw = _joined(rgb.sha256, depth.sha256), resized_depth(raw, scan.frame)
-            is_valid = (raw >= domain.depth_raw_min) & (raw <= domain.depth_raw_max)
-        return DecodedFrame(small, raw, digest, float(is_valid.mean()), tuple(issues), source)
+        digest = rgb.sha256 if depth is None else _joined(rgb.sha256, depth.sha256)
+        raw = None if depth is None else depth.pixels
+        colours = rgb.pixels, rgb.bits
+        return made_frame(scan, domain, colours, raw, digest, self.frame.rgb.name)
 
     def _read_depth(self) -> SourceImage | InputIssue | None:
         if self.depth is None:
             return None
         if self.frame.depth is None:
             return InputIssue("missing depth", self.frame.rgb.name, "other frames have depth")
-        image = self.depth.read(self.frame.depth, cv2.INTER_NEAREST)
+        image = read_undistorted(self.frame.depth, self.depth, cv2.INTER_NEAREST)
         if isinstance(image, InputIssue):
             return image
-        if image.pixels.ndim != 2 or image.pixels.dtype not in (np.uint8, np.uint16):
-            found = f"{image.pixels.dtype} {image.pixels.shape}"
-            return InputIssue("not a depth image", self.frame.depth.name, found)
-        return image
+        return wrong_depth(image.pixels, self.frame.depth.name) or image
 
 
 def _joined(rgb: str, depth: str) -> str:

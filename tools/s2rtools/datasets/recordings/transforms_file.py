@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import decode_json, read_bytes
+from s2rtools.common.image_files import SUFFIXES
 from s2rtools.datasets.files.image_decoding import declared_size
+from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recording import PinholeCamera, natural_order
 
 _MAX_BYTES = 256 << 20
@@ -171,6 +173,14 @@ class Transforms(Intrinsics, kw_only=True, frozen=True):
 def read_transforms(path: Path) -> Transforms:
     """Raises RequestError unless the file is one of the layout."""
     return decode_json(read_bytes(path, _MAX_BYTES), Transforms, str(path))
+
+
+def find_image(containment: PathContainment, name: str, where: str) -> Path | None:
+    """The image's path; files of the original NeRF data sets are named without their suffix."""
+    has_suffix = PurePosixPath(name).suffix.lower() in SUFFIXES
+    names = [name] if has_suffix else [name, *(name + suffix for suffix in SUFFIXES)]
+    found = (containment.find_file(each, where) for each in names)
+    return next((path for path in found if path is not None), None)
 
 
 def _is_affine(matrix: Matrix) -> bool:

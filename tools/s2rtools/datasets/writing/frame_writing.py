@@ -14,6 +14,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
+import msgspec
+
+from s2rstore.files import layout
+from s2rstore.files.ledger import Ledger, LedgerEntry
 from s2rtools.common.input_issue import InputIssue
 from s2rtools.common.processors import available_processors
 from s2rtools.common.read_ahead import map_ahead
@@ -22,10 +26,8 @@ from s2rtools.datasets.stored_instances import StoredTrajectory
 from s2rtools.datasets.writing.ingest_journal import SHARD_ROWS, Block, IngestJournal
 from s2rtools.datasets.writing.trajectory_arrays import (
     CompressedImages,
-    Frames,
-    Sources,
-    TrajectoryArrays,
     compressed,
+    domain_arrays,
     sizes_of,
 )
 
@@ -37,6 +39,8 @@ _READ_AHEAD = 3
 """Instances that are decoded in advance for each thread."""
 
 ReportProgress = Callable[[int], None]
+Frames = Mapping[str, DecodedFrame]
+Sources = Mapping[str, CompressedImages]
 Decoded = tuple[Frames, Sources, list[InputIssue]]
 """The frames of a record and the images at the size of their source, both by domain, and the issues
 of unusable frames."""
@@ -125,11 +129,14 @@ class _TrajectoryWriter:
     def __init__(
         self, scan: Scan, root: Path, name: str, place: FramePlace, journal: IngestJournal | None
     ) -> None:
-        self._scan, self._name, self._place, self._journal = scan, name, place, journal
+        self._scan, self._root, self._place, self._journal = scan, root, place, journal
         self._records = scan.trajectories[name]
         self._types = _declared_depth_types(scan, self._records) | dict(place.depth_types)
-        domains, stored = list(self._records[0].sources), StoredTrajectory(self._records)
-        self._arrays = TrajectoryArrays(root, place.folder, domains, stored)
+        self._stored, self._recorded = StoredTrajectory(self._records), 0
+        self._arrays = {
+            domain: domain_arrays(root, f"{layout.FRAMES}/{domain}/{place.folder}")
+            for domain in self._records[0].sources
+        }
         self._source_sizes: dict[str, tuple[tuple[int, ...], ...]] = {}
         self._conversions: dict[int, tuple[InputIssue, ...]] = {}
         self._left_out: dict[int, list[InputIssue]] = {}
@@ -153,8 +160,15 @@ class _TrajectoryWriter:
         if converted := tuple(issue for frame in frames.values() for issue in frame.issues):
             self._scan.issues += converted
             self._conversions[row] = converted
-        self._arrays.add(row, frames, sources)
-        if self._arrays.pending_rows == SHARD_ROWS:
+        for domain, frame in frames.items():
+            arrays = self._arrays[domain]
+            for image, pixels in (("rgb", frame.rgb), ("depth", frame.depth)):
+                if pixels is not None:
+                    arrays[image].add(pixels, pixels.shape, str(pixels.dtype))
+            for image, each in sources[domain].items():
+                arrays[image].add(each.content, each.shape, each.dtype)
+        self._stored.add(row, frames)
+        if len(self._stored) - self._recorded == SHARD_ROWS:
             self._record_stored()
 
     def _differences(self, row: int, frames: Frames, sources: Sources) -> list[InputIssue]:
@@ -187,7 +201,14 @@ class _TrajectoryWriter:
         for domain, kind in block.types.items():
             self._types.setdefault(domain, kind)
         self._scan.issues += block.conversions.get(row, ())
-        self._arrays.take(row, block)
+        position = len(self._stored) - self._recorded
+        self._stored.add_checksums(row, block.checksums(position))
+        if position == 0:
+            for domain, shards in block.shards.items():
+                for image, shard in shards.items():
+                    self._arrays[domain][image].take(shard, len(block.rows))
+        if position == len(block.rows) - 1:
+            self._recorded = len(self._stored)
 
     @property
     def _frames(self) -> int:
@@ -199,7 +220,12 @@ class _TrajectoryWriter:
         block = Block(self._place.folder, self._frames)
         block.types, block.source_sizes = self._types, self._source_sizes
         block.conversions, self._conversions = self._conversions, {}
-        self._arrays.fill(block)
+        start, self._recorded = self._recorded, len(self._stored)
+        block.add_rows(self._stored, start)
+        if block.rows:
+            for domain, arrays in self._arrays.items():
+                written = {name: each for name, each in arrays.items() if not each.is_empty}
+                block.shards[domain] = {name: each.last_shard() for name, each in written.items()}
         self._record(block)
 
     def _record(self, block: Block) -> None:
@@ -210,10 +236,19 @@ class _TrajectoryWriter:
     def finish(self) -> StoredTrajectory | None:
         """Record the last instances and complete the arrays."""
         self._record_stored()
-        if not len(self._arrays.stored):
+        if not len(self._stored):
             return None
-        self._arrays.finish()
-        return self._arrays.stored
+        entries: list[LedgerEntry] = []
+        for domain, arrays in self._arrays.items():
+            key = f"frames:{domain}:{self._place.folder}"
+            files = [
+                (shard, msgspec.structs.replace(entry, key=f"{key}:{image}:{shard}"))
+                for image, each in arrays.items()
+                for shard, entry in enumerate(each.finish())
+            ]
+            entries += [entry for _, entry in sorted(files, key=lambda file: file[0])]
+        Ledger(self._root).add_entries(entries)
+        return self._stored
 
 
 def _declared_depth_types(scan: Scan, records: Sequence[InstanceRecord]) -> dict[str, str]:

@@ -26,7 +26,6 @@ from s2rtools.common.frame_resizing import resized_rgb
 from s2rtools.common.lazy_sequence import LazySequence, RowFile
 from s2rtools.datasets.scan import DecodedFrame, FrameSource, InstanceRecord, Scan
 from s2rtools.datasets.writing.build import build
-from s2rtools.datasets.writing.frame_cache import FrameCache
 
 LONG_EDGE = 320
 """Default of the longer edge of stored frames, pixels."""
@@ -48,12 +47,26 @@ class ImageInstance:
     name: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class _MadeImage:
-    """The origin of an image that a program made."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _CachedFrame:
+    """A `FrameSource` whose frame without depth is row `number` of a temporary file."""
 
+    images: RowFile
+    number: int
     name: str | None
     pixels: int
+    sha256: str
+
+    def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
+        return self.name, None
+
+    def checksum(self, scan: Scan, domain: Domain) -> str:
+        return self.sha256
+
+    def decode(self, scan: Scan, domain: Domain) -> DecodedFrame:
+        shape, rgb = self.images[self.number]
+        pixels = np.frombuffer(rgb, np.uint8).reshape(shape)
+        return DecodedFrame(pixels, None, self.sha256, math.nan)
 
 
 def empty_scan(name: str, root: Path, frame: tuple[int, int], domains: Mapping[str, Side]) -> Scan:
@@ -132,36 +145,37 @@ def build_from_images(
     if target.exists():
         raise RequestError(f"{target}: exists; choose another --store, or remove it")
     trajectories: dict[str, array[int]] = {}
-    stored, cache = RowFile(), FrameCache()
+    stored, images = RowFile(), RowFile()
     scan: Scan | None = None
     for instance in instances:
         if scan is None:
             first = next(iter(instance.images.values()))
             size = frame_size((first.shape[0], first.shape[1]), long_edge)
             scan = empty_scan(name, target.parent, size, domains)
-        frames: dict[str, int] = {}
+        frames: dict[str, tuple[int, str | None, int, str]] = {}
         for domain, rgb in instance.images.items():
-            origin = _MadeImage(instance.name, rgb.shape[0] * rgb.shape[1])
-            frames[domain] = cache.add(origin, _stored(rgb, scan.frame))
+            small, sha256 = _stored(rgb, scan.frame)
+            image = images.append(small.shape, small.tobytes())
+            frames[domain] = image, instance.name, rgb.shape[0] * rgb.shape[1], sha256
         number = stored.append(instance.timestamp, frames)
         trajectories.setdefault(instance.trajectory, array("i")).append(number)
     if scan is None:
         raise RequestError(f"{name}: no images; nothing was ingested")
     scan.provenance = dict(provenance or {})
     for trajectory, numbers in trajectories.items():
-        add_images(scan, trajectory, *_cached_instances(numbers, stored, cache))
+        add_images(scan, trajectory, *_cached_instances(numbers, stored, images))
     build(scan, target, command, False, lambda steps: None)
     return scan
 
 
 def _cached_instances(
-    numbers: array[int], stored: RowFile, cache: FrameCache
+    numbers: array[int], stored: RowFile, images: RowFile
 ) -> tuple[Sequence[Mapping[str, FrameSource]], Sequence[float | None]]:
     """The sources by domain and the times of some instances, read from temporary files."""
 
     def sources(row: int) -> Mapping[str, FrameSource]:
         _, frames = stored[numbers[row]]
-        return {domain: cache.source(frame) for domain, frame in frames.items()}
+        return {domain: _CachedFrame(images, *facts) for domain, facts in frames.items()}
 
     def timestamp(row: int) -> float | None:
         return stored[numbers[row]][0]
@@ -170,9 +184,8 @@ def _cached_instances(
     return LazySequence(count, sources), LazySequence(count, timestamp)
 
 
-def _stored(rgb: NDArray[np.uint8], frame: tuple[int, int]) -> DecodedFrame:
-    """The frame of an image; its checksum is that of the pixels as they were given."""
+def _stored(rgb: NDArray[np.uint8], frame: tuple[int, int]) -> tuple[NDArray[np.uint8], str]:
+    """The frame of an image, and the SHA-256 of the pixels as they were given."""
     if rgb.dtype != np.uint8 or rgb.ndim != 3 or rgb.shape[2] != 3 or not rgb.size:
         raise RequestError(f"an image of {rgb.dtype} {rgb.shape}: must be uint8 (h, w, 3)")
-    digest = hashlib.sha256(np.ascontiguousarray(rgb).data).hexdigest()
-    return DecodedFrame(resized_rgb(rgb, frame), None, digest, math.nan)
+    return resized_rgb(rgb, frame), hashlib.sha256(np.ascontiguousarray(rgb).data).hexdigest()

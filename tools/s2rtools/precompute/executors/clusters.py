@@ -19,15 +19,14 @@ from urllib.parse import urlsplit
 
 from s2rstore.errors import RequestError, first_line
 from s2rstore.security import working_folder
-from s2rtools.precompute.executors.executor import Executor, Task, by_threads
+from s2rtools.precompute.executors.executor import Executor, RequestedWorkers, Task, by_threads
 from s2rtools.precompute.executors.local_executors import (
     default_threads,
     defer_interrupts,
     start_resource_tracker,
 )
-from s2rtools.precompute.executors.requested_workers import RequestedWorkers
 from s2rtools.precompute.executors.slurm_settings import SlurmSettings, read_settings
-from s2rtools.precompute.receipts import Receipt
+from s2rtools.precompute.unit_results import Receipt
 
 ReportLine = Callable[[str], None]
 
@@ -46,8 +45,8 @@ _CONFIG = {
     # large arrays, and if Dask does not sample the stacks of the threads.
     "distributed.nanny.pre-spawn-environ.MALLOC_ARENA_MAX": "1",
     "distributed.worker.profile.enabled": False,
-    # A unit that ends its worker is recognised by the executor, which sees single workers.
-    "distributed.scheduler.allowed-failures": 20,
+    # The executor computes a unit alone after that.
+    "distributed.scheduler.allowed-failures": 1,
     # No page shows or changes anything of a cluster.
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
@@ -79,10 +78,12 @@ def open_cluster(
         count = local_workers(cluster or "")
         with ExitStack() as stack:
             if count is not None:
-                yield _LocalWorkers(count, threads, report_line, stack)
+                start = partial(_local, report_line, count)
+                yield _Started(start, threads, default_threads(count), stack)
             else:
                 settings = read_settings(Path(cluster or ""))
-                yield _StartedForTasks(partial(_slurm, settings, report_line), stack)
+                start = partial(_slurm, report_line, settings)
+                yield _Started(start, settings.cores, settings.cores, stack)
 
 
 def local_workers(cluster: str) -> int | None:
@@ -98,56 +99,35 @@ def local_workers(cluster: str) -> int | None:
     return int(match[1])
 
 
-class _StartedForTasks:
-    """The executor of a cluster that is started for the first task, and ends with `stack`."""
+class _Started:
+    """The executor of a cluster that is started for the first task, and ends with `stack`.
 
-    is_remote = True
-
-    def __init__(
-        self, start: Callable[[], AbstractContextManager[Executor]], stack: ExitStack
-    ) -> None:
-        self._start, self._stack = start, stack
-        self._started: Executor | None = None
-
-    def run(self, tasks: Iterable[Task]) -> Iterator[Receipt]:
-        """See `Executor`. Raises RequestError where the cluster cannot be started, too."""
-        tasks = list(tasks)
-        if not tasks:
-            return
-        if self._started is None:
-            self._started = self._stack.enter_context(self._start())
-        yield from self._started.run(tasks)
-
-
-class _LocalWorkers:
-    """The executor of workers of this machine.
-
-    Without a requested number of threads they are started again where an array that is begun needs
-    another number. They end with `stack`.
+    `start` starts workers with some threads each, again where other tasks need another number.
+    `threads` are those that are requested; without, an array that is begun keeps its own, and
+    others get the `usual` ones.
     """
 
     is_remote = True
 
     def __init__(
-        self, workers: int, threads: int | None, report_line: ReportLine, stack: ExitStack
+        self,
+        start: Callable[[int], AbstractContextManager[Executor]],
+        threads: int | None,
+        usual: int,
+        stack: ExitStack,
     ) -> None:
-        self._workers, self._threads, self._report_line = workers, threads, report_line
+        self._start, self._threads, self._usual = start, threads, usual
         self._stack = stack.enter_context(ExitStack())
         self._started: tuple[int, Executor] | None = None
 
     def run(self, tasks: Iterable[Task]) -> Iterator[Receipt]:
-        """See `Executor`."""
-        groups = by_threads(tasks, self._threads, default_threads(self._workers))
-        for threads, some in groups.items():
-            yield from self._with_threads(threads).run(some)
-
-    def _with_threads(self, threads: int) -> Executor:
-        if self._started is None or self._started[0] != threads:
-            self._started = None
-            self._stack.close()
-            cluster = _local(self._workers, threads, self._report_line)
-            self._started = threads, self._stack.enter_context(cluster)
-        return self._started[1]
+        """See `Executor`. Raises RequestError where the cluster cannot be started, too."""
+        for threads, some in by_threads(tasks, self._threads, self._usual).items():
+            if self._started is None or self._started[0] != threads:
+                self._started = None
+                self._stack.close()
+                self._started = threads, self._stack.enter_context(self._start(threads))
+            yield from self._started[1].run(some)
 
 
 def job_script(cluster: str) -> str:
@@ -220,7 +200,7 @@ def _is_protected(address: str) -> bool:
 
 
 @contextmanager
-def _local(workers: int, threads: int, report_line: ReportLine) -> Iterator[Executor]:
+def _local(report_line: ReportLine, workers: int, threads: int) -> Iterator[Executor]:
     from distributed import Client, LocalCluster, Security
 
     from s2rtools.precompute.executors.dask_executor import DaskExecutor
@@ -242,7 +222,8 @@ def _local(workers: int, threads: int, report_line: ReportLine) -> Iterator[Exec
 
 
 @contextmanager
-def _slurm(settings: SlurmSettings, report_line: ReportLine) -> Iterator[Executor]:
+def _slurm(report_line: ReportLine, settings: SlurmSettings, threads: int) -> Iterator[Executor]:
+    """`threads` are the cores of the settings."""
     from dask_jobqueue import SLURMCluster
     from distributed import Client
 

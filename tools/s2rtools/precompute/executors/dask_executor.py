@@ -1,8 +1,9 @@
 """Executor of a Dask cluster.
 
-This process assigns every task to a worker, a few at a time, so that it knows which one a lost
-worker was computing. It reads the list of workers twice a second: tasks of those that are gone are
-assigned again, and new ones are asked which machine they run on.
+Dask distributes the tasks; this process tells it which workers may compute them. It reads the list
+of workers twice a second: new ones are asked which machine they run on, and the arrays of a stage
+are computed by those of one environment. Tasks are submitted a few at a time, so that workers that
+connect later get some, too.
 """
 
 from __future__ import annotations
@@ -12,47 +13,73 @@ import uuid
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from distributed import Client, Future, as_completed
+from distributed import Client, Future, KilledWorker, as_completed
+from distributed.comm import CommClosedError
 
 from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.files.compute_environment import ComputeEnvironment
 from s2rtools.precompute import unit_results
 from s2rtools.precompute.executors import dask_worker
-from s2rtools.precompute.executors.connected_worker import (
-    ConnectedWorker,
-    error_of,
-    error_text,
-    is_loss,
-)
 from s2rtools.precompute.executors.dask_worker import StoreIdentity, WorkerFacts
-from s2rtools.precompute.executors.executor import Task
-from s2rtools.precompute.executors.requested_workers import RequestedWorkers
-from s2rtools.precompute.receipts import Receipt
+from s2rtools.precompute.executors.executor import RequestedWorkers, Task
+from s2rtools.precompute.unit_results import Receipt
 from s2rtools.precompute.work_units import WorkUnit
 
-IN_FLIGHT = 4
-"""The most tasks that a worker has at once: the one that it computes, and the next ones."""
-_AHEAD_SECONDS = 0.4
-"""Work that a worker has at least, so that it does not wait for this process between two tasks.
-
-Longer tasks are assigned one at a time: one that waited in a slow worker while others have nothing
-left to do would only delay the end.
-"""
-MOST_DEATHS = 4
-"""A unit during which this many workers were lost is not computed again."""
+IN_FLIGHT = 2
+"""Submitted tasks for each worker: the one that it computes, and the next one."""
+MOST_LOSSES = 3
+"""A unit with which workers were lost this often is not computed again."""
 NO_WORKERS_SECONDS = 60.0
 """How long a scheduler without workers is waited for, where none are known to be on their way."""
-_RUNNING, _ENDED = "running", ("closing", "closed", "failed")
+_FACTS_SECONDS = 30.0
+_ENDED = ("closing", "closed", "failed")
 """Names of `distributed.Status`."""
 _THREADS_HOW = " (`--threads` of local:N, `cores` of SLURM settings, `dask worker --nthreads`)"
 _POLL_SECONDS = 0.5
 _LONGEST_PAUSE = 0.02
+
+
+@dataclass(eq=False)
+class _Worker:
+    """A connected worker; `facts` are None until it has told them, `since` is when it was asked.
+
+    `problem` says why it computes nothing.
+    """
+
+    address: str
+    threads: int
+    since: float
+    facts: WorkerFacts | None = None
+    problem: str = ""
+
+    def __str__(self) -> str:
+        where = self.address.rpartition("/")[2]
+        return where if self.facts is None else f"{where} on {self.facts.host}"
+
+    @property
+    def is_usable(self) -> bool:
+        return self.facts is not None and not self.problem
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether it has not told its facts."""
+        return self.facts is None and not self.problem
+
+    @property
+    def is_asked(self) -> bool:
+        """Whether it may still tell its facts soon."""
+        return self.is_silent and time.monotonic() < self.since + _FACTS_SECONDS
+
+    def environment(self, task: Task) -> ComputeEnvironment:
+        """The environment in which this worker would compute a task."""
+        assert self.facts is not None
+        return task.computation.environment(task.unit.stage, self.facts.machine, self.threads)
 
 
 class DaskExecutor:
@@ -73,7 +100,7 @@ class DaskExecutor:
     ) -> None:
         self._client, self._report_line = client, report_line
         self._expected, self._worker_root = expected, worker_root
-        self._workers: dict[str, ConnectedWorker] = {}
+        self._workers: dict[str, _Worker] = {}
 
     def run(self, tasks: Iterable[Task]) -> Iterator[Receipt]:
         """See `Executor`. Raises RequestError for a lost scheduler, for workers that cannot compute
@@ -102,7 +129,7 @@ class _Dispatch:
         self,
         client: Client,
         tasks: Sequence[Task],
-        workers: dict[str, ConnectedWorker],
+        workers: dict[str, _Worker],
         report_line: Callable[[str], None],
         expected: RequestedWorkers | None,
         worker_root: Path,
@@ -121,11 +148,12 @@ class _Dispatch:
                 self._environments[folder] = task.environment
         self._left, self._received = len(tasks), 0
         self._refused: dict[tuple[str, str], str] = {}
-        self._seconds: dict[str, float] = {}
-        self._deaths: Counter[str] = Counter()
-        self._suspects: set[str] = set()
+        self._losses: Counter[str] = Counter()
+        self._suspects: deque[Task] = deque()
         self._failed: list[WorkUnit] = []
-        self._futures: dict[str, tuple[Future, ConnectedWorker]] = {}
+        self._futures: dict[str, Future] = {}
+        self._asked: dict[str, _Worker] = {}
+        self._submitted: dict[str, tuple[Task, frozenset[str]]] = {}
         self._finished = as_completed(loop=client.loop, with_results=True, raise_errors=False)
         self._waiting_since: float | None = None
 
@@ -136,7 +164,7 @@ class _Dispatch:
             if time.monotonic() >= next_poll:
                 self._poll()
                 next_poll = time.monotonic() + _POLL_SECONDS
-            self._assign()
+            self._submit_tasks()
             batch = self._finished.next_batch(block=False)
             for future, result in batch:
                 receipt = self._completed(future, result)
@@ -146,16 +174,14 @@ class _Dispatch:
             time.sleep(pause)
 
     def cancel(self) -> None:
-        """Cancel what is assigned; a unit that a worker computes at present is not used.
+        """Cancel what is submitted; a unit that a worker computes at present is not used.
 
         Workers that have not told their facts are forgotten, so that the next run asks them again.
         """
-        futures = [future for future, _ in self._futures.values()]
+        futures = list(self._futures.values())
         self._futures.clear()
-        for worker in [*self._workers.values()]:
-            worker.assigned.clear()
-            if worker.is_silent:
-                del self._workers[worker.address]
+        for worker in [worker for worker in self._workers.values() if worker.is_silent]:
+            del self._workers[worker.address]
         if futures and self._client.status == "running":
             with suppress(OSError, TimeoutError):
                 self._client.cancel(futures, force=True)
@@ -166,7 +192,7 @@ class _Dispatch:
             rows = unit.instances
             more = f" and {len(self._failed) - 1} other units" if self._failed[1:] else ""
             raise RequestError(
-                f"{self._root}: {MOST_DEATHS} workers were lost while they computed "
+                f"{self._root}: workers were lost repeatedly while they computed "
                 f"{unit.stage.run}: {unit.stage.name}, instances {rows.start} to {rows.stop - 1}"
                 f"{more} (out of memory?); all other units of this step are stored; run the "
                 "command again, with more memory for each worker"
@@ -185,13 +211,17 @@ class _Dispatch:
             raise self.lost_scheduler()
         connected = self._connected()
         for address in [each for each in self._workers if each not in connected]:
-            self._lose(self._workers.pop(address))
+            self._report_line(f"worker {self._workers.pop(address)} was lost")
+        for key, (_, addresses) in [*self._submitted.items()]:
+            if addresses.isdisjoint(connected):  # Dask would wait for one of them
+                self._client.cancel([self._futures.pop(key)], force=True)
+                self._suspect(self._submitted.pop(key)[0])
         for address in [each for each in connected if each not in self._workers]:
             threads = int(connected[address]["nthreads"])
-            worker = self._workers[address] = ConnectedWorker(address, threads, time.monotonic())
-            self._submit(worker, dask_worker.describe, self._worker_root, self._identity)
-        for address, worker in self._workers.items():
-            worker.accepts = connected[address]["status"] == _RUNNING
+            worker = self._workers[address] = _Worker(address, threads, time.monotonic())
+            facts = (self._worker_root, self._identity)
+            (key,) = self._submit([address], dask_worker.describe, *([each] for each in facts))
+            self._asked[key] = worker
         if self._expected is not None and (line := self._expected.news()):
             self._report_line(line)
         self._check_workers()
@@ -235,10 +265,10 @@ class _Dispatch:
         arriving = 1 if self._expected is None else self._expected.arriving
         if len(workers) < arriving or any(worker.is_asked for worker in workers):
             return
-        for folder, queue in self._queues.items():
-            refusals = [self._refused.get((w.address, folder)) for w in workers if w.is_usable]
-            if queue and all(refusals):
-                stage, reason = queue[0].unit.stage, str(refusals[0])
+        for task in [*(queue[0] for queue in self._queues.values() if queue), *self._suspects]:
+            refusals = [self._refusal(worker, task) for worker in workers if worker.is_usable]
+            if all(refusals):
+                stage, reason = task.unit.stage, refusals[0]
                 how = _THREADS_HOW if reason.startswith("threads ") else ""
                 raise RequestError(
                     f"{self._root}: no worker may compute {stage.run}: {stage.name}: {reason}, "
@@ -247,50 +277,41 @@ class _Dispatch:
                     "again"
                 )
 
-    def _assign(self) -> None:
-        """Give tasks to workers that have few; no worker gets its next one before all others."""
+    def _submit_tasks(self) -> None:
+        """Submit tasks for the workers that may compute them, `IN_FLIGHT` for each.
+
+        Those with which a worker was lost are computed alone, after all others: else one that
+        waited in the worker would be taken for the cause.
+        """
         if any(worker.is_asked for worker in self._workers.values()) and not self._received:
             return  # which kind of worker is the most common one is not known
-        for count in range(IN_FLIGHT):
-            for worker in self._workers.values():
-                if worker.is_usable and worker.accepts and len(worker.assigned) <= count:
-                    task = self._next_task(worker)
-                    if task is not None:
-                        computation = replace(
-                            task.computation, root=self._worker_root, durable=True
-                        )
-                        sent = replace(task, computation=computation)
-                        key = self._submit(worker, dask_worker.compute_here, sent)
-                        worker.assigned[key] = task
+        for queue in self._queues.values():
+            if queue and (able := self._able(queue[0])):
+                submitted = sum(not able.isdisjoint(each) for _, each in self._submitted.values())
+                count = min(len(queue), IN_FLIGHT * len(able) - submitted)
+                if count > 0:
+                    self._map([queue.popleft() for _ in range(count)], able)
+        if self._suspects and not self._submitted and (able := self._able(self._suspects[0])):
+            self._map([self._suspects.popleft()], able)
 
-    def _next_task(self, worker: ConnectedWorker) -> Task | None:
-        """The next task for a worker; units with which a worker was lost are computed alone.
+    def _map(self, tasks: Sequence[Task], able: frozenset[str]) -> None:
+        sent = [
+            replace(task, computation=replace(
+                task.computation, root=self._worker_root, durable=True
+            ))
+            for task in tasks
+        ]  # fmt: skip
+        keys = self._submit(sorted(able), dask_worker.compute_here, sent)
+        self._submitted |= {key: (task, able) for key, task in zip(keys, tasks, strict=True)}
 
-        Else one that was computed, but not received, would be taken for the cause of the loss.
-        """
-        if any(_name(task) in self._suspects for task in worker.assigned.values()):
-            return None
-        for folder, queue in self._queues.items():
-            if queue and not self._refusal(worker, folder, queue[0]):
-                if worker.assigned and _name(queue[0]) in self._suspects:
-                    return None
-                if worker.assigned and self._has_enough(worker):
-                    return None
-                return queue.popleft()
-        return None
+    def _able(self, task: Task) -> frozenset[str]:
+        """The addresses of the workers that may compute the arrays of a task's stage."""
+        workers = [worker for worker in self._workers.values() if worker.is_usable]
+        return frozenset(worker.address for worker in workers if not self._refusal(worker, task))
 
-    def _has_enough(self, worker: ConnectedWorker) -> bool:
-        """Whether the assigned tasks keep a worker busy for `_AHEAD_SECONDS`.
-
-        Of a stage of which none is computed yet, two do. The latest ones count most, because the
-        first one of a worker also loads what all need.
-        """
-        folders = (unit_results.folder(task.unit.stage) for task in worker.assigned.values())
-        expected = (self._seconds.get(folder, _AHEAD_SECONDS / 2) for folder in folders)
-        return sum(expected) >= _AHEAD_SECONDS
-
-    def _refusal(self, worker: ConnectedWorker, folder: str, task: Task) -> str:
+    def _refusal(self, worker: _Worker, task: Task) -> str:
         """Why a worker may not compute the arrays of a task's stage; empty where it may."""
+        folder = unit_results.folder(task.unit.stage)
         known = self._refused.get((worker.address, folder))
         if known is not None:
             return known
@@ -312,16 +333,16 @@ class _Dispatch:
         return max(able, key=able.count)
 
     def _submit(
-        self, worker: ConnectedWorker, function: Callable[..., Any], *arguments: Any
-    ) -> str:
-        """Let a worker call a function after all that it was given before; the future's key."""
-        future = self._client.submit(
-            function, *arguments, key=f"s2r-{uuid.uuid4().hex}", pure=False, fifo_timeout="0 ms",
-            workers=[worker.address], allow_other_workers=False,
-        )  # fmt: skip
-        self._futures[future.key] = future, worker
-        self._finished.add(future)
-        return str(future.key)
+        self, addresses: list[str], function: Callable[..., Any], *arguments: list[Any]
+    ) -> list[str]:
+        """Let workers call a function for each place of lists of arguments; keys of the futures."""
+        keys = [f"s2r-{uuid.uuid4().hex}" for _ in arguments[0]]
+        for future in self._client.map(
+            function, *arguments, key=keys, pure=False, workers=addresses, fifo_timeout="0 ms"
+        ):
+            self._futures[str(future.key)] = future
+            self._finished.add(future)
+        return keys
 
     def _completed(self, future: Future, result: Any) -> Receipt | None:
         """The receipt of a computed task; None for other results.
@@ -330,63 +351,47 @@ class _Dispatch:
         """
         if self._client.status != "running":
             raise self.lost_scheduler()
-        _, worker = self._futures.pop(future.key, (None, None))
-        if worker is None:  # it was lost, or all is cancelled
+        if self._futures.pop(future.key, None) is None:  # it is cancelled
             return None
-        task = worker.assigned.pop(future.key, None)
-        if future.status == "finished" and task is None:
-            self._learn(worker, result)
-        elif future.status == "finished":
+        if (worker := self._asked.pop(future.key, None)) is not None:
+            self._learn(worker, result if future.status == "finished" else _error_text(result))
+            return None
+        task, _ = self._submitted.pop(future.key)
+        if future.status == "finished":
+            assert isinstance(result, Receipt)
             self._left -= 1
             self._received += 1
-            assert task is not None
-            assert isinstance(result, Receipt)
-            folder = unit_results.folder(task.unit.stage)
-            self._seconds[folder] = (result.seconds + self._seconds.get(folder, result.seconds)) / 2
             return result
-        elif task is None:
-            self._exclude(worker, f"cannot load s2rtools {_version()} ({error_text(result)})")
-        elif future.status == "error" and not is_loss(result[1]):
-            raise error_of(result[1], worker)
-        else:
-            self._queues[unit_results.folder(task.unit.stage)].appendleft(task)
+        if future.status == "error" and not isinstance(result[1], KilledWorker | CommClosedError):
+            raise result[1]
+        self._suspect(task)
         return None
 
-    def _learn(self, worker: ConnectedWorker, facts: WorkerFacts) -> None:
-        worker.facts = facts
-        if facts.release != _version():
-            self._exclude(worker, f"has s2rtui {facts.release}, not {_version()}")
-        elif facts.problem:
-            self._exclude(worker, facts.problem)
+    def _learn(self, worker: _Worker, facts: WorkerFacts | str) -> None:
+        """Note the facts of a worker, or the error that it has told in their place."""
+        here = metadata.version("s2rtui")
+        if isinstance(facts, str):
+            worker.problem = f"cannot load s2rtools {here} ({facts})"
+        else:
+            worker.facts, worker.problem = facts, facts.problem
+            if facts.release != here:
+                worker.problem = f"has s2rtui {facts.release}, not {here}"
+        if worker.problem:
+            self._report_line(f"worker {worker} computes nothing: {worker.problem}")
 
-    def _exclude(self, worker: ConnectedWorker, problem: str) -> None:
-        worker.problem = problem
-        self._report_line(f"worker {worker} computes nothing: {problem}")
-
-    def _lose(self, worker: ConnectedWorker) -> None:
-        """Queue the tasks of a lost worker again, except one that too many were lost with."""
-        lost = [future for future, owner in self._futures.values() if owner is worker]
-        for future in lost:
-            del self._futures[future.key]
-        self._client.cancel(lost, force=True)
-        tasks = list(worker.assigned.values())
-        if tasks:
-            name = _name(tasks[0])
-            self._suspects |= {_name(task) for task in tasks}
-            self._deaths[name] += 1
-            if self._deaths[name] >= MOST_DEATHS:
-                self._failed.append(tasks[0].unit)
-                self._left -= 1
-                del tasks[0]
-        for task in reversed(tasks):
-            self._queues[unit_results.folder(task.unit.stage)].appendleft(task)
-        again = f"; {len(tasks)} units go to other workers" if tasks else ""
-        self._report_line(f"worker {worker} was lost{again}")
+    def _suspect(self, task: Task) -> None:
+        """Compute a task again with which a worker was lost, unless too many were."""
+        name = unit_results.file_name(task.unit.stage, task.unit.number)
+        self._losses[name] += 1
+        if self._losses[name] < MOST_LOSSES:
+            self._suspects.append(task)
+        else:
+            self._failed.append(task.unit)
+            self._left -= 1
 
 
-def _name(task: Task) -> str:
-    return unit_results.file_name(task.unit.stage, task.unit.number)
-
-
-def _version() -> str:
-    return metadata.version("s2rtui")
+def _error_text(result: Any) -> str:
+    """The error of a future, in one line."""
+    error = result[1] if isinstance(result, tuple) else result
+    lines = str(error).splitlines()
+    return f"{type(error).__name__}: {lines[-1]}" if lines else type(error).__name__

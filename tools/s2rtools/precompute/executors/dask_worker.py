@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from s2rtools.precompute.executors.executor import Task
-    from s2rtools.precompute.machine import Machine
-    from s2rtools.precompute.receipts import Receipt
+    from s2rtools.precompute.unit_computer import Machine
+    from s2rtools.precompute.unit_results import Receipt
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ def describe(root: Path, identity: StoreIdentity) -> WorkerFacts:
 
 
 def _describe(root: Path, identity: StoreIdentity) -> WorkerFacts:
-    from s2rtools.precompute.machine import this_machine
+    from s2rtools.precompute.unit_computer import this_machine
 
     problem = _problem(root, identity)
     return WorkerFacts(socket.gethostname(), this_machine(), metadata.version("s2rtui"), problem)
@@ -75,12 +75,18 @@ def compute_here(task: Task) -> Receipt:
     """Compute a task with the threads that this worker was given.
 
     One thread computes all tasks of a worker, one after the other, because libraries keep their
-    number of threads per thread.
+    number of threads per thread. Errors of the store or the request name the worker.
     """
     from distributed import get_worker
 
-    threads = get_worker().state.nthreads
-    return _computing_thread().submit(_compute, task, threads).result()
+    from s2rstore.errors import RequestError, S2RError
+
+    worker = get_worker()
+    try:
+        return _computing_thread().submit(_compute, task, worker.state.nthreads).result()
+    except (S2RError, OSError) as error:
+        where = f"{worker.address.rpartition('/')[2]} on {socket.gethostname()}"
+        raise RequestError(f"{error} (worker {where})") from error
 
 
 def _compute(task: Task, threads: int) -> Receipt:

@@ -1,15 +1,15 @@
-"""What all executors have in common: tasks, and the function that computes one in any process."""
+"""What executors have in common: tasks, the function that computes one in any process, workers."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from s2rstore.files.compute_environment import ComputeEnvironment
 from s2rtools.heatmaps import HEATMAP_KINDS
-from s2rtools.precompute.receipts import Receipt
 from s2rtools.precompute.unit_computer import Computation
+from s2rtools.precompute.unit_results import Receipt
 from s2rtools.precompute.work_units import WorkUnit
 
 
@@ -78,3 +78,32 @@ def largest_first(units: Iterable[WorkUnit]) -> list[WorkUnit]:
         return kind is None or kind.cost == "forward", -len(unit.instances)
 
     return sorted(units, key=key)
+
+
+@dataclass
+class RequestedWorkers:
+    """`count` workers, each by a job or process of its own.
+
+    `refused` are the errors of jobs that could not be submitted, by the names of their workers.
+    Another thread may change them meanwhile.
+    """
+
+    count: int
+    refused: dict[str, str] = field(default_factory=dict)
+    _told: int = 0
+
+    @property
+    def arriving(self) -> int:
+        """How many workers run or are on their way."""
+        return self.count - len(self.refused)
+
+    @property
+    def refusal(self) -> str:
+        """How many jobs were refused, with the last error; empty where none were."""
+        errors = [*self.refused.values()]
+        return f"{len(errors)} of {self.count} jobs were refused ({errors[-1]})" if errors else ""
+
+    def news(self) -> str:
+        """The refusal, where more jobs are refused than at the last call, else nothing."""
+        before, self._told = self._told, len(self.refused)
+        return self.refusal if self._told > before else ""

@@ -19,8 +19,10 @@ from threadpoolctl import threadpool_limits
 from s2rstore.errors import RequestError
 from s2rstore.security import working_folder
 from s2rtools.common.processors import available_memory, available_processors
-from s2rtools.precompute.executors.executor import Executor, Task, close, compute
-from s2rtools.precompute.receipts import Receipt
+from s2rtools.heatmaps import HEATMAP_KINDS
+from s2rtools.inference.cuda_backend import CudaBackend
+from s2rtools.precompute.executors.executor import Task, by_threads, close, compute
+from s2rtools.precompute.unit_results import Receipt
 
 _PR_SET_PDEATHSIG = 1
 _INSTANCES_PER_WORKER = 256
@@ -44,11 +46,6 @@ def default_workers(instances: int) -> int:
 def default_threads(workers: int) -> int:
     """How many threads each of some processes of this machine computes with."""
     return max(1, available_processors() // workers)
-
-
-def local_executor(workers: int, threads: int, pool: WorkerPool) -> Executor:
-    """The executor of some workers of this machine, which belong to `pool`."""
-    return SerialExecutor(threads) if workers == 1 else ProcessExecutor(workers, threads, pool)
 
 
 class WorkerPool:
@@ -163,6 +160,55 @@ class ProcessExecutor:
         finally:
             if not (is_complete and self._is_kept):
                 self._pool.close()
+
+
+class LocalExecutor:
+    """Computes tasks in as many processes of this machine as pay off, or in this one alone.
+
+    `workers` and `threads` are those that are requested, of `PrecomputeOptions`. The processes
+    belong to `pool`.
+    """
+
+    is_remote = False
+
+    def __init__(self, pool: WorkerPool, workers: int | None, threads: int | None) -> None:
+        self._pool, self._workers, self._threads = pool, workers, threads
+
+    def start(self, instances: int) -> None:
+        """Start the processes that will compute some new instances, while this one goes on."""
+        workers = min(self._workers or available_processors(), default_workers(instances))
+        if workers > 1 and CudaBackend.unavailable_reason() is not None:
+            self._pool.start(workers)
+
+    def threads(self, instances: int) -> int:
+        """The threads with which each process computes some instances."""
+        return self._threads or default_threads(self._workers or default_workers(instances))
+
+    def run(self, tasks: Iterable[Task]) -> Iterator[Receipt]:
+        tasks = list(tasks)
+        workers = self._workers or default_workers(_passes(tasks))
+        workers = min(workers, len(tasks), available_processors())
+        if any(task.computation.uses_gpu(task.unit.stage) for task in tasks):
+            workers = 1
+        groups = by_threads(tasks, self._threads, default_threads(workers))
+        for threads, some in groups.items():
+            if workers == 1:
+                yield from SerialExecutor(threads).run(some)
+            else:
+                yield from ProcessExecutor(workers, threads, self._pool).run(some)
+
+
+def _passes(tasks: Iterable[Task]) -> int:
+    """Instances of tasks; twice those of tasks with kinds that need one pass and many passes."""
+    return sum(
+        len(task.unit.instances)
+        * len({_needs_many_passes(spec.kind) for spec in task.unit.missing})
+        for task in tasks
+    )
+
+
+def _needs_many_passes(kind: str) -> bool:
+    return kind in HEATMAP_KINDS and HEATMAP_KINDS[kind].cost != "forward"
 
 
 def start_resource_tracker() -> None:

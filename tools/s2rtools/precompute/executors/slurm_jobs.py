@@ -9,7 +9,7 @@ from dask_jobqueue.slurm import SLURMCluster, SLURMJob
 from distributed import Status
 
 from s2rstore.errors import RequestError
-from s2rtools.precompute.executors.requested_workers import RequestedWorkers
+from s2rtools.precompute.executors.executor import RequestedWorkers
 from s2rtools.precompute.executors.slurm_settings import SlurmSettings, with_worker
 
 

@@ -1,5 +1,4 @@
-"""Tasks of a run, one module each: a function that declares its stages and one that computes them.
+"""Tasks of a run, one module each: what declares its stages, and the function that they carry.
 
-To add a task, write one module, add its stages to `pipeline._compute_run` and its function to
-`unit_computer.UnitComputer`.
+To add a task, write one module, and add its stages to `run_stages`.
 """

@@ -14,8 +14,9 @@ from s2rstore.records import SIDES, Run
 from s2rtools.heatmaps import IMAGE_KINDS
 from s2rtools.heatmaps.heatmap_method import ImageBatch, SideImages
 from s2rtools.precompute.array_keys import ArrayKeys
-from s2rtools.precompute.rig_alignment import load_alignment
+from s2rtools.precompute.domain_calibration import load_alignment
 from s2rtools.precompute.tasks.network_outputs import FORWARD_ROWS, as_stored, heatmap_specs
+from s2rtools.precompute.unit_computer import UnitComputer
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 
 STAGE = "images"
@@ -39,11 +40,14 @@ def image_stages(
             iids, kind, IMAGE_KINDS[kind].outputs(None), {}, *keys.heatmap(kind, {}, ()), has_depth
         )
     ]
-    return [Stage(STAGE, run.run, tuple(specs), FORWARD_ROWS)] if specs else []
+    if not specs:
+        return []
+    return [Stage(STAGE, run.run, tuple(specs), FORWARD_ROWS, compute=compute_heatmaps)]
 
 
-def compute_heatmaps(store: Store, run: Run, unit: WorkUnit) -> dict[ArraySpec, NDArray[Any]]:
+def compute_heatmaps(computer: UnitComputer, unit: WorkUnit) -> dict[ArraySpec, NDArray[Any]]:
     """The missing heatmaps of a unit's instances, of the frames as they are stored."""
+    store, run = computer.store, computer.store.run(unit.stage.run)
     alignment = load_alignment(store, run)
     kinds = dict.fromkeys(spec.kind for spec in unit.missing)
     batches: dict[ArraySpec, list[NDArray[Any]]] = {spec: [] for spec in unit.missing}

@@ -22,7 +22,8 @@ from s2rstore.run_inputs import run_domain
 from s2rtools.heatmaps import HEATMAP_KINDS, HeatmapKind
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.frame_reader import RunFrames
-from s2rtools.precompute.work_units import ArraySpec, Stage
+from s2rtools.precompute.unit_computer import UnitComputer
+from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 
 STAGE = "maps"
 """Name of the stages of map grids."""
@@ -62,7 +63,12 @@ def map_stages(
         return []
     sources = (*forward.specs_of_kind("prediction"), *heat, *forward.sources)
     iids = range(heat[0].first_iid, heat[0].first_iid + heat[0].rows)
-    return [Stage(STAGE, forward.run, tuple(specs), RANGE_INSTANCES, sources, aggregated=iids)]
+    return [
+        Stage(
+            STAGE, forward.run, tuple(specs), RANGE_INSTANCES, sources, aggregated=iids,
+            compute=compute_totals,
+        )
+    ]  # fmt: skip
 
 
 def _projected_sides(store: Store, run: Run, kind: str) -> list[Side]:
@@ -104,6 +110,12 @@ def merge_grids(
                 merged[spec] = totals.copy()
         del part  # freed before the next part is computed
     return {spec: aggregates(merged.pop(spec)) for spec in list(merged)}
+
+
+def compute_totals(computer: UnitComputer, unit: WorkUnit) -> Totals:
+    """The totals of a unit's instances."""
+    run = computer.store.run(unit.stage.run)
+    return compute_grids(computer.store, run, unit.stage, unit.instances, unit.missing)
 
 
 def compute_grids(

@@ -10,7 +10,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run, Side
 from s2rtools.counterfactual import gap_shares
 from s2rtools.counterfactual.factor_composites import FACTORS
@@ -21,9 +20,10 @@ from s2rtools.inference import Backend, ForwardOutput
 from s2rtools.models.input_contract import InputContract
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute.array_keys import ArrayKeys
+from s2rtools.precompute.domain_calibration import load_alignment
 from s2rtools.precompute.frame_reader import PairFrames, RunFrames, SideFrames, read_pairs
-from s2rtools.precompute.rig_alignment import load_alignment
 from s2rtools.precompute.run_backends import RunBackends
+from s2rtools.precompute.unit_computer import UnitComputer
 from s2rtools.precompute.work_units import FORWARD, ArraySpec, Stage, WorkUnit
 
 DEPTH_MODES = ("depth", "rgbd")
@@ -90,13 +90,14 @@ def network_stages(
         facts = backends.kind_facts(gap_shares.KIND)
         grouped[harm.STAGE].append(_share_spec(iids, keys.gap_shares(facts, rendered)))
     stages = [
-        Stage(name, run.run, tuple(of_stage), HEATMAP_ROWS, frames)
+        Stage(name, run.run, tuple(of_stage), HEATMAP_ROWS, frames, compute=compute_outputs)
         for name, of_stage in grouped.items()
     ]
     rows = FORWARD_ROWS
     if backends.predictions.keeps_activations:
         rows = min(rows, SMALL_ROWS if len(iids) <= _SMALL_PART else HEATMAP_ROWS)
-    return Stage(FORWARD, run.run, tuple(specs), rows, frames), stages
+    forward = Stage(FORWARD, run.run, tuple(specs), rows, frames, compute=compute_outputs)
+    return forward, stages
 
 
 def _share_spec(iids: range, key: str) -> ArraySpec:
@@ -138,13 +139,10 @@ def heatmap_specs(
     ]  # fmt: skip
 
 
-def compute_outputs(
-    store: Store, run: Run, backend: Backend, heatmap_backend: Backend, unit: WorkUnit
-) -> dict[ArraySpec, NDArray[Any]]:
-    """Predictions, embeddings and heatmaps of a unit's instances.
-
-    `backend` computes predictions and embeddings, `heatmap_backend` what heatmaps are made of.
-    """
+def compute_outputs(computer: UnitComputer, unit: WorkUnit) -> dict[ArraySpec, NDArray[Any]]:
+    """Predictions, embeddings and heatmaps of a unit's instances."""
+    store, run = computer.store, computer.store.run(unit.stage.run)
+    backend, heatmap_backend = computer.backends(run)
     alignment = load_alignment(store, run)
     truth = {side: store.poses(run.domain(side)) for side in SIDES}
     source = RunFrames(store, run, unit.stage.rendered_arrays(store.path))
@@ -169,7 +167,10 @@ def _batch_values(
     alignment: ImageAlignment | None,
     specs: Sequence[ArraySpec],
 ) -> dict[ArraySpec, NDArray[Any]]:
-    """The values of `specs` for a batch; activations that the passes kept are freed at the end."""
+    """The values of `specs` for a batch; activations that the passes kept are freed at the end.
+
+    `backend` computes predictions and embeddings, `heatmap_backend` what heatmaps are made of.
+    """
     kinds = {spec.kind for spec in specs} & set(HEATMAP_KINDS)
     is_shared = any(spec.kind == gap_shares.KIND for spec in specs)
     outputs: dict[Side, ForwardOutput] = {}

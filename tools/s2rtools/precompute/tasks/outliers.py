@@ -9,7 +9,6 @@ feasible for a million instances.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from s2rstore.records import SIDES
 from s2rtools.precompute.array_keys import content_key
 from s2rtools.precompute.tasks.umap_projection import sample_rows
+from s2rtools.precompute.unit_computer import UnitComputer
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 
 KIND = "neighbour_distance"
@@ -54,14 +54,17 @@ def outlier_stage(fit: Stage, projection: Stage) -> Stage:
     )  # fmt: skip
     predictions = (spec for spec in projection.sources if spec.kind == "prediction")
     sources = tuple(dict.fromkeys((*predictions, *fit.specs_of_kind("pca"), *components)))
-    return Stage(NAME, projection.run, specs, OUTLIER_ROWS, sources, projection.fitted)
+    return Stage(
+        NAME, projection.run, specs, OUTLIER_ROWS, sources, projection.fitted,
+        compute=compute_distances,
+    )  # fmt: skip
 
 
 def compute_distances(
-    root: Path, unit: WorkUnit, threads: int
+    computer: UnitComputer, unit: WorkUnit
 ) -> dict[ArraySpec, NDArray[np.float32]]:
     """Neighbour distances of a unit's instances, for each missing side."""
-    stage = unit.stage
+    root, stage = computer.root, unit.stage
     valid = stage.valid_instances(root, range(stage.fitted))
     sample = sample_rows(valid, SETTINGS.sample, SETTINGS.seed)
     iids = np.array(unit.instances)
@@ -69,7 +72,7 @@ def compute_distances(
     for spec in unit.missing:
         points = stage.source_array(root, "pca", spec.side)
         distances[spec] = neighbour_distance(
-            points.at(iids), iids, points.at(sample), sample, threads
+            points.at(iids), iids, points.at(sample), sample, computer.threads
         )
     return distances
 

@@ -12,6 +12,7 @@ from s2rstore.records import SIDES, Run
 from s2rstore.run_inputs import FRAME_KINDS, run_render_change
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.frame_reader import RunFrames
+from s2rtools.precompute.unit_computer import UnitComputer
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 from s2rtools.rendering import renderer_version
 
@@ -38,11 +39,15 @@ def frames_stages(store: Store, keys: ArrayKeys, run: Run, iids: range) -> list[
             ArraySpec(FRAME_KINDS["depth"], side, None, frame, depth, axes, "raw", key, n,
                       first_iid=first, is_shared=True),
         ]  # fmt: skip
-    return [Stage(NAME, run.run, tuple(specs), FRAME_ROWS)] if specs else []
+    if not specs:
+        return []
+    return [Stage(NAME, run.run, tuple(specs), FRAME_ROWS, compute=render_frames)]
 
 
-def render_frames(frames: RunFrames, unit: WorkUnit) -> dict[ArraySpec, NDArray[Any]]:
+def render_frames(computer: UnitComputer, unit: WorkUnit) -> dict[ArraySpec, NDArray[Any]]:
     """RGB and raw depth of a unit's instances, for each side that is missing."""
+    run = computer.store.run(unit.stage.run)
+    frames = RunFrames(computer.store, run, renderers=computer.renderers)
     values: dict[ArraySpec, NDArray[Any]] = {}
     for side in SIDES:
         specs = [spec for spec in unit.missing if spec.side == side]

@@ -26,6 +26,7 @@ from s2rstore.arrays.row_array import RowArray
 from s2rstore.errors import RequestError
 from s2rstore.records import SIDES
 from s2rtools.precompute.array_keys import content_key
+from s2rtools.precompute.unit_computer import UnitComputer
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 
 if TYPE_CHECKING:
@@ -71,11 +72,12 @@ def projection_stage(
     """
     fit = range(fitted)
     facts: dict[str, Any] = {"embedding": embedding_key(fit), **asdict(SETTINGS)}
-    if iids == fit:
-        return Stage(NAME, run, _specs(content_key(facts), fit), max(fitted, 1), sources, fitted)
-    key = content_key({**facts, "transformed": embedding_key(iids)})
-    sources += _specs(content_key(facts), fit)
-    return Stage(NAME, run, _specs(key, iids), len(iids), sources, fitted)
+    specs = _specs(content_key(facts), fit)
+    if iids != fit:
+        sources += specs
+        specs = _specs(content_key({**facts, "transformed": embedding_key(iids)}), iids)
+    rows = max(1, len(iids))
+    return Stage(NAME, run, specs, rows, sources, fitted, compute=compute_projection)
 
 
 def _specs(key: str, iids: range) -> tuple[ArraySpec, ...]:
@@ -89,13 +91,13 @@ def _specs(key: str, iids: range) -> tuple[ArraySpec, ...]:
     )  # fmt: skip
 
 
-def compute_projection(root: Path, unit: WorkUnit) -> dict[ArraySpec, NDArray[Any]]:
+def compute_projection(computer: UnitComputer, unit: WorkUnit) -> dict[ArraySpec, NDArray[Any]]:
     """Principal components and UMAP coordinates of both sides of the stage's instances.
 
     Those of instances that were appended after the fit take time that does not grow with the
     others, as the fit is repeated on its sample only.
     """
-    stage = unit.stage
+    root, stage = computer.root, unit.stage
     fitted = stage.valid_instances(root, range(stage.fitted))
     embeddings = [stage.source_array(root, "embedding", side) for side in SIDES]
     if stage.first_iid:

@@ -1,4 +1,4 @@
-"""What can be computed of a run whose pairs are loose, or whose domains have no depth."""
+"""Which heatmap kinds are computed of a run: by its predictions, images and model."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import numpy as np
 
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
-from s2rtools.heatmaps import HEATMAP_KINDS
+from s2rtools.heatmaps import HEATMAP_KINDS, IMAGE_KINDS
+from s2rtools.models.pose_network import LoadedModel
 
 
 def domains_without_depth(store: Store, run: Run) -> list[str]:
@@ -46,3 +47,36 @@ def usable_kinds(
             f"{', '.join(compared)} compare{'s' if len(compared) == 1 else ''} them all the same"
         )
     return usable
+
+
+def kinds_without_network(
+    name: str, kinds: Sequence[str], say: Callable[[str], None]
+) -> tuple[str, ...]:
+    """Those of the heatmap kinds that need no network; reports the others."""
+    others = [kind for kind in kinds if kind not in IMAGE_KINDS]
+    if others:
+        say(f"{name}: imported predictions; {', '.join(others)} left out (no network)")
+    return tuple(kind for kind in kinds if kind in IMAGE_KINDS)
+
+
+def default_kinds(
+    store: Store,
+    run: str,
+    model: LoadedModel,
+    kinds: Sequence[str],
+    say: Callable[[str], None],
+) -> list[str]:
+    """Those kinds that are computed where none are named; `say` reports the others.
+
+    A kind that the run has already is computed for new instances, too.
+    """
+    published = {record.kind for record in store.array_parts(run)}
+    usual = [k for k in kinds if k in published or HEATMAP_KINDS[k].is_default(model)]
+    left_out = [kind for kind in kinds if kind not in usual]
+    if left_out:
+        say(
+            f"{run}: {', '.join(left_out)} left out, which take long for inputs of "
+            f"{model.contract.size[1]} x {model.contract.size[0]}; "
+            f"--kinds {','.join(left_out)} adds them"
+        )
+    return usual

@@ -10,7 +10,7 @@ from sklearn.metrics import roc_auc_score
 
 from s2rtools.scoring.ground_truth import IMAGE_CELLS, to_cells
 from s2rtools.scoring.heatmap_metrics import TILE, score_heatmaps
-from s2rtools.scoring.ranking_metrics import RankedCells
+from s2rtools.scoring.statistics import RankedCells
 
 
 @given(st.integers(0, 10_000), st.integers(4, 60))

@@ -1,0 +1,116 @@
+"""Frames of a recording whose images lie in files, as a reader finds them row by row."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rtools.common.lazy_sequence import LazySequence, RowFile, chosen
+from s2rtools.datasets.recording import (
+    PinholeCamera,
+    ReadOptions,
+    RecordedFrame,
+    RecordedTrajectory,
+    Recording,
+)
+from s2rtools.datasets.recordings.recorded_cameras import CAMERA_ID, choose_camera
+from s2rtools.datasets.recordings.recorded_files import ImageFile
+
+Floats = NDArray[np.float64]
+
+
+def matrices(values: Floats) -> Floats:
+    """Poses (N, 4, 4) from rows of their elements (N, 16)."""
+    return values.reshape(-1, 4, 4)
+
+
+class FrameTable:
+    """Rows of images, numbers of a pose, time and camera, by trajectory in recording order.
+
+    `trajectories` are there without rows, too; the first of them, or else the only one of the
+    recording, is that of rows by default. Names of images lie in a temporary file. RGB images of
+    another `size` (height, width) are reported instead of read, if it is set.
+    """
+
+    def __init__(self, recording: Recording, trajectories: Sequence[str] = ()) -> None:
+        self.size: tuple[int, int] | None = None
+        self.recording = recording
+        self._names = RowFile()
+        self._values, self._times = array("d"), array("d")
+        self._default = trajectories[0] if trajectories else recording.only_name
+        self._trajectories = {name: array("q") for name in trajectories}
+        self._cameras: dict[PinholeCamera, str] = {}
+        self._used: list[str] = []
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def add(
+        self,
+        rgb: str,
+        depth: str | None,
+        pose: Iterable[float],
+        time: float = math.nan,
+        place: str = "",
+        trajectory: str = "",
+        camera: PinholeCamera | None = None,
+    ) -> None:
+        """Add a row with images relative to the recording's folder.
+
+        `pose` are the numbers that state it, as many in every row, and `place` is where they stand,
+        by default the image. The camera is given in all rows or in none.
+        """
+        self._trajectories.setdefault(trajectory or self._default, array("q")).append(len(self))
+        self._names.append(rgb, depth, place or rgb)
+        self._values.extend(pose)
+        self._times.append(time)
+        if camera is not None:
+            self._used.append(self._cameras.setdefault(camera, str(len(self._cameras) + 1)))
+
+    def choose_camera(self, options: ReadOptions, where: Path, default: str | None = None) -> str:
+        """Set the recording's camera, leave out the rows of others, and give a remark.
+
+        Cameras are numbered as they come. See `recorded_cameras.choose_camera`. Raises RequestError
+        if there are several and the option, or else `default`, chooses none, and without rows.
+        """
+        if not self._used:
+            self.recording.require_frames()
+        named = {name: camera for camera, name in self._cameras.items()}
+        option = options.values.get(CAMERA_ID, default)
+        self.recording.camera, kept, remark = choose_camera(named, self._used, option, where)
+        for name, rows in self._trajectories.items():
+            of_camera = (row for row in rows if self._used[row] in kept)
+            self._trajectories[name] = array("q", of_camera)
+        return remark
+
+    def fill(self, to_poses: Callable[[Floats], Floats] = matrices) -> None:
+        """Give the recording its trajectories.
+
+        `to_poses` makes poses (N, 4, 4) of the camera in the world, metres, from rows of numbers.
+        """
+        if not len(self):
+            self._trajectories.setdefault(self._default, array("q"))
+        values = np.asarray(self._values)
+        poses = to_poses(values.reshape(len(self), -1)) if len(self) else np.empty((0, 4, 4))
+        frames, times = LazySequence(len(self), self._frame), np.asarray(self._times)
+        for name, rows in self._trajectories.items():
+            kept = np.asarray(rows, dtype=np.intp)
+            self.recording.trajectories[name] = RecordedTrajectory(
+                chosen(frames, rows), poses[kept], times[kept], self._places(rows)
+            )
+
+    def _places(self, rows: array[int]) -> Callable[[int], str]:
+        return lambda row: str(self._names[rows[row]][2])
+
+    def _frame(self, number: int) -> RecordedFrame:
+        rgb, depth, _ = self._names[number]
+        root = self.recording.root
+        return RecordedFrame(
+            ImageFile(root / rgb, rgb, self.size),
+            None if depth is None else ImageFile(root / depth, depth, is_depth=True),
+        )
