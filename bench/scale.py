@@ -30,7 +30,8 @@ from bench.budget import BudgetRow
 from s2rtui.app.app import S2RApp
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import RenderOptions
-from s2rtui.session import Session, navigation
+from s2rtui.session import navigation
+from s2rtui.session.session import Session
 
 SIZES = (1_000, 1_000_000)
 NUMBERS, DRAWN = "selection change, state and all views' numbers", "selection change, drawn"

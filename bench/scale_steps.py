@@ -14,16 +14,9 @@ from s2rtui.drawing.plane_marks import Changes, Signs
 from s2rtui.drawing.plot import Points
 from s2rtui.drawing.points import Grid, change_cells, point_cells, sign_cells
 from s2rtui.drawing.row_lines import line_dots
-from s2rtui.session import (
-    Brush,
-    Session,
-    instance_list,
-    navigation,
-    selection,
-    undo_history,
-    view_settings,
-)
-from s2rtui.session.state import Operator
+from s2rtui.session import instance_list, navigation, selection, undo_history, view_settings
+from s2rtui.session.session import Session
+from s2rtui.session.state import Brush, Operator
 
 Step = Callable[[], object]
 SIZE = (200, 60)

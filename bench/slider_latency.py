@@ -15,7 +15,7 @@ from pathlib import Path
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
 from s2rtui.canvas import RenderOptions
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 
 _LOADING = 120.0
 

@@ -20,7 +20,7 @@ import asyncio, os, sys
 from pathlib import Path
 from s2rtui.app.app import S2RApp
 from s2rtui.canvas import RenderOptions
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 async def main():
     app = S2RApp(Session(Path(sys.argv[1])), RenderOptions())
     async with app.run_test(size=(120, 40)) as pilot:

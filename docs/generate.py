@@ -40,7 +40,7 @@ def first_paragraph(thing: object) -> str:
 
 def commands_page() -> str:
     """Every command with all its options, from the argparse parsers."""
-    from s2rtui.cli.command_parser import COMMANDS, command_module
+    from s2rtui.cli.command_parser import COMMANDS, load_command
 
     parts = [
         "# Commands\n",
@@ -54,7 +54,7 @@ def commands_page() -> str:
     ]
     for name, text in COMMANDS.items():
         parser = argparse.ArgumentParser(prog=f"s2r {name}")
-        command_module(name).add_arguments(parser)
+        load_command(name).add_arguments(parser)
         parts.append(f"## s2r {name} {{ #s2r-{name} }}\n")
         parts.append(f"{cell(text[:1].upper() + text[1:])}.\n")
         parts += _parser_parts(parser)

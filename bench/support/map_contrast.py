@@ -23,7 +23,7 @@ from s2rtui.drawing.cells import draw_cells
 from s2rtui.drawing.drawing_layout import drawing_layout
 from s2rtui.drawing.floor import plane_frame
 from s2rtui.drawing.plane_marks import Floor
-from s2rtui.export.rasterizer import HEIGHT, WIDTH, rasterize
+from s2rtui.export.screenshot import HEIGHT, WIDTH, rasterize
 from s2rtui.terminal.strips import to_strips
 
 Ratios = NDArray[np.float64]

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from examples.duckietown import lane_following, report
-from examples.duckietown.arms import parse_scopes, parse_sources
 from examples.duckietown.conditions import CONDITIONS, Condition, find_condition
 from examples.duckietown.line_detector import anti_instagram
 from examples.duckietown.rendered_folder import write_rendered
@@ -22,6 +21,7 @@ from examples.duckietown.road_images import RoadImages, read_road_images
 from examples.duckietown.segment_table import SegmentTable
 from examples.duckietown.study import StudySettings, run_study
 from examples.duckietown.tuning import tune, tuning_document, tuning_yaml
+from examples.duckietown.variants import parse_scopes, parse_sources
 from s2rstore.errors import RequestError
 from s2rstore.security.printable_text import printable
 from s2rtools.common.command_line.progress import Reporter, reporter
@@ -177,7 +177,7 @@ def _study(options: argparse.Namespace) -> None:
             write_all(
                 {
                     folder / "report.json": report.to_json(document).encode(),
-                    folder / "arms.csv": report.to_csv(document).encode(),
+                    folder / "variants.csv": report.to_csv(document).encode(),
                     folder / "figure.png": report.figure_png(study),
                     folder / "summary.txt": text.encode(),
                 }
@@ -278,10 +278,10 @@ def _drive(options: argparse.Namespace) -> None:
         thresholds = lane_following.tuned_thresholds(tuned_on, options.seed)
         progress.advance(1)
         progress.begin("drive", 2 * len(conditions) * len(seeds))
-        arms = lane_following.compare(
+        variants = lane_following.compare(
             conditions, seeds, translator, thresholds, options.strength, settings, progress.advance
         )
-        rows = [arm.summary() for arm in arms]
+        rows = [variant.summary() for variant in variants]
     if options.json:
         print(json.dumps(rows, indent=1))
         return

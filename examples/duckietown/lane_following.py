@@ -178,7 +178,7 @@ def _offset(path: Floats, at: int, x: float, y: float) -> tuple[float, int]:
 
 
 @dataclass(frozen=True, slots=True)
-class Arm:
+class TranslatedDrives:
     """Drives of all seeds in one light, with or without the translator."""
 
     condition: str
@@ -206,12 +206,12 @@ def compare(
     strength: float = 1.0,
     settings: DriveSettings = DriveSettings(),
     advance: Callable[[int], None] = lambda steps: None,
-) -> Iterator[Arm]:
-    """Drive in each light without and with the translator; both arms use the same seeds."""
+) -> Iterator[TranslatedDrives]:
+    """Drive in each light without and with the translator; both use the same seeds."""
     for condition in conditions:
         for used in (None, translator):
             drives = []
             for seed in seeds:
                 drives.append(follow_lane(condition, seed, thresholds, used, strength, settings))
                 advance(1)
-            yield Arm(condition.name, used is not None, tuple(drives))
+            yield TranslatedDrives(condition.name, used is not None, tuple(drives))

@@ -28,8 +28,9 @@ _BEST_SHOWN = 8
 _ABSENT = "false_pixels_of_absent_colours_per_image"
 _WITHIN = ", intervals within it, not between recordings"
 _CSV = (
-    "arm", "label_free", "group", "colour", "f1", "f1_low", "f1_high", "difference_to_default_ai",
-    "difference_low", "difference_high", "gap_closed", "false_pixels_of_absent_colours_per_image",
+    "variant", "label_free", "group", "colour", "f1", "f1_low", "f1_high",
+    "difference_to_default_ai", "difference_low", "difference_high", "gap_closed",
+    "false_pixels_of_absent_colours_per_image",
     "segment_precision", "segment_recall", "invented_per_image", "offset_error_m",
     "heading_error_rad", "ms_per_frame", "seed_spread",
 )  # fmt: skip
@@ -52,7 +53,7 @@ def to_document(study: Study) -> dict[str, Any]:
         "groups": {name: len(rows) for name, rows in study.groups.items()},
         "units": {name: study.unit(name) for name in study.groups},
         "true_colours": {name: _true_colours(study, name) for name in study.groups},
-        "verdicts": verdicts, "arms": rows, "skipped": study.skipped,
+        "verdicts": verdicts, "variants": rows, "skipped": study.skipped,
         "words": in_words(study),
     }  # fmt: skip
     finite: dict[str, Any] = _finite(document)
@@ -110,17 +111,17 @@ def _finite(value: Any) -> Any:
 
 
 def to_csv(document: dict[str, Any]) -> str:
-    """The rows of a document, one per arm, group and colour."""
+    """The rows of a document, one per variant, group and colour."""
     text = io.StringIO()
     writer = csv.DictWriter(text, _CSV, lineterminator="\n")
     writer.writeheader()
-    writer.writerows(document["arms"])
+    writer.writerows(document["variants"])
     return text.getvalue()
 
 
-def shown_arms(study: Study) -> list[str]:
-    """Arms of the table and the figure: baselines, the chosen one, the best label-free ones, and
-    those with labels."""
+def shown_variants(study: Study) -> list[str]:
+    """Variants of the table and the figure: baselines, the chosen one, the best label-free ones,
+    and those with labels."""
     names = study.scores
     free = sorted(
         (name for name, scores in names.items() if scores.label_free),
@@ -141,10 +142,10 @@ def to_table(study: Study) -> str:
             f"{_WITHIN if study.recordings(group) < 2 else ''}"
         )
         lines.append(
-            f"{'arm':<44} {'F1 (' + LEVEL_TEXT + ')':<19} {'to default+ai':<22} "
+            f"{'variant':<44} {'F1 (' + LEVEL_TEXT + ')':<19} {'to default+ai':<22} "
             f"{'gap':>5} {'abs.':>5} {'prec.':>5} {'rec.':>5} {'inv.':>5} {'pose':>11} {'ms':>5}"
         )
-        lines += [_line(study, name, group) for name in shown_arms(study)]
+        lines += [_line(study, name, group) for name in shown_variants(study)]
     lines.append(
         "\nF1: mean over the colours that have true lines in the group; gap: share of the gap from "
         "simulation-tuned to per-light oracle thresholds that is closed; abs.: false pixels per "
@@ -188,7 +189,7 @@ def in_words(study: Study) -> str:
     """The answer as sentences, one per group, and what limits it."""
     sentences = [f"Chosen without labels, on simulated lights: {study.chosen}."]
     plain = study.facts["lights_with_plausible_detections"]
-    if study.choice.arm.guarded and plain:
+    if study.choice.variant.guarded and plain:
         sentences.append(
             f"In {', '.join(plain)} {BASELINE} detects a plausible amount of white and yellow, so "
             "nothing is translated there."
@@ -262,12 +263,12 @@ def _limits(study: Study) -> list[str]:
 
 
 def figure_png(study: Study) -> bytes:
-    """F1 with intervals of the shown arms, a panel per group of lights."""
+    """F1 with intervals of the shown variants, a panel per group of lights."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     groups = [name for name in study.groups if name.endswith("lights")] or ["all"]
-    names = shown_arms(study)[::-1]
+    names = shown_variants(study)[::-1]
     figure = Figure(figsize=(3.2 + 3.4 * len(groups), 1.4 + 0.26 * len(names)))
     FigureCanvasAgg(figure)
     axes = figure.subplots(1, len(groups), sharey=True, squeeze=False)[0]

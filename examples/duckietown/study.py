@@ -1,10 +1,10 @@
 """Does translation spare the calibration of colour thresholds?
 
-Label-free arms (default and simulation-tuned thresholds, each alone and with every translator) are
-compared on labelled real images with thresholds that are tuned on labels. One label-free arm is
-chosen without any label of the real images, by its mean F1 on simulated images in simulated
-lights (`choose_arm`). The units of intervals are recordings, or pieces of them where there are too
-few; differences are paired.
+Label-free variants (default and simulation-tuned thresholds, each alone and with every translator)
+are compared on labelled real images with thresholds that are tuned on labels. One label-free
+variant is chosen without any label of the real images, by its mean F1 on simulated images in
+simulated lights (`choose_variant`). The units of intervals are recordings, or pieces of them where
+there are too few; differences are paired.
 """
 
 from __future__ import annotations
@@ -17,16 +17,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from examples.duckietown.arm_evaluation import Evaluation, Scores
-from examples.duckietown.arms import (
-    BASELINE,
-    FIT_SCOPES,
-    Arm,
-    Scope,
-    Source,
-    TranslatorCache,
-    arms_of,
-)
 from examples.duckietown.conditions import CONDITIONS
 from examples.duckietown.line_detector import COLOURS, Bools, Thresholds, anti_instagram
 from examples.duckietown.line_scores import f1, mean_f1, true_colours
@@ -38,6 +28,16 @@ from examples.duckietown.split import (
     split_images,
 )
 from examples.duckietown.tuning import tune
+from examples.duckietown.variant_evaluation import Evaluation, Scores
+from examples.duckietown.variants import (
+    BASELINE,
+    FIT_SCOPES,
+    Scope,
+    Source,
+    TranslatorCache,
+    Variant,
+    variants_of,
+)
 from s2rstore.errors import RequestError
 from s2rstore.intervals import Interval, of_units
 from s2rtools.common.blocks import Blocks, split_into_blocks
@@ -51,11 +51,11 @@ LABEL_COUNTS = (1, 2, 3, 4, 8)
 HARD_BELOW = 0.8
 """A light is hard where the default thresholds with anti-instagram stay below this F1."""
 _INDISTINCT = 0.02
-"""Difference of mean F1 on simulated lights that is no reason to prefer an arm."""
+"""Difference of mean F1 on simulated lights that is no reason to prefer a variant."""
 _ORDINARY = 0.6
 """F1 of simulation-tuned thresholds in a simulated light that is ordinary."""
 _HARMLESS = 0.02
-"""Loss of mean F1 in ordinary simulated lights that an arm may cause."""
+"""Loss of mean F1 in ordinary simulated lights that a variant may cause."""
 _MIN_GAP = 0.02
 """Distance of oracle and simulation-tuned thresholds below which no share of it is stated."""
 
@@ -74,17 +74,17 @@ class StudySettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Choice:
-    """The label-free arm that was chosen, the same without its guard, and the mean F1 of all
+    """The label-free variant that was chosen, the same without its guard, and the mean F1 of all
     candidates on simulated lights, best first."""
 
-    arm: Arm
-    unguarded: Arm
+    variant: Variant
+    unguarded: Variant
     candidates: dict[str, float]
 
 
 @dataclass(slots=True, eq=False)
 class Study:
-    """Scores of all arms on the judged images; `groups` are rows of the scores by name."""
+    """Scores of all variants on the judged images; `groups` are rows of the scores by name."""
 
     lights: NDArray[np.str_]
     sequences: NDArray[np.str_]
@@ -96,7 +96,7 @@ class Study:
 
     @property
     def chosen(self) -> str:
-        return self.choice.arm.name
+        return self.choice.variant.name
 
     def recordings(self, group: str) -> int:
         """Number of recordings of a group."""
@@ -111,11 +111,11 @@ class Study:
         return f"{pieces} of {'one recording' if recordings == 1 else f'{recordings} recordings'}"
 
     def true_colours(self, group: str) -> Bools:
-        """Which colours (colours,) have true pixels in a group; the same for all arms."""
+        """Which colours (colours,) have true pixels in a group; the same for all variants."""
         return true_colours(next(iter(self.scores.values())).pixels[self.groups[group]])
 
     def counts(self, name: str, group: str) -> Floats:
-        """Pixel counts (colours, 3) of an arm, summed over a group."""
+        """Pixel counts (colours, 3) of a variant, summed over a group."""
         return np.asarray(self.scores[name].pixels[self.groups[group]].sum(axis=0))
 
     def blocks(self, group: str) -> Blocks:
@@ -135,14 +135,14 @@ class Study:
         return np.asarray(units.sum(axis=0) - units)
 
     def f1(self, name: str, group: str, colour: str | None = None) -> Interval:
-        """F1 of an arm on a group: of a colour, or the mean over the group's true colours.
+        """F1 of a variant on a group: of a colour, or the mean over the group's true colours.
 
         There is no interval where one unit has all pixels of one of these colours.
         """
         return self._interval({name: 1.0}, group, colour, (0.0, 1.0))
 
     def difference(self, name: str, other: str, group: str, colour: str | None = None) -> Interval:
-        """Paired difference of F1 between two arms."""
+        """Paired difference of F1 between two variants."""
         if name == other:
             return Interval(0.0, 0.0, 0.0)
         return self._interval({name: 1.0, other: -1.0}, group, colour, (-1.0, 1.0))
@@ -179,27 +179,32 @@ def _score(counts: Floats, colour: str | None, colours: Bools) -> Floats:
 def run_study(
     sim: RoadImages, real: RoadImages, settings: StudySettings, progress: Reporter
 ) -> Study:
-    """Evaluate all arms. Raises RequestError where labels are missing or a method is not usable."""
+    """Evaluate all variants.
+
+    Raises RequestError where labels are missing or a method is not usable.
+    """
     if not sim.labelled.any():
         raise RequestError(f"{sim.name}: --sim has no labelled images")
     split = split_images(real)
     cache = TranslatorCache(settings.cache, progress.say)
-    choice = choose_arm(sim, settings, progress, split)
+    choice = choose_variant(sim, settings, progress, split)
     evaluation = Evaluation(
         split, sim, cache, sim_thresholds(sim), settings.minutes, settings.seeds
     )
-    arms = arms_of(list(settings.sources), len(split.lights), settings.scopes)
-    arms += [arm for arm in (choice.unguarded, choice.arm) if arm not in arms]
-    progress.begin("arms", len(arms) + 2 + 2 * len(LABEL_COUNTS))
+    variants = variants_of(list(settings.sources), len(split.lights), settings.scopes)
+    variants += [
+        variant for variant in (choice.unguarded, choice.variant) if variant not in variants
+    ]
+    progress.begin("variants", len(variants) + 2 + 2 * len(LABEL_COUNTS))
     scores: dict[str, Scores] = {}
     skipped: dict[str, str] = {}
-    for arm in arms:
+    for variant in variants:
         try:
-            scores[arm.name] = evaluation.arm(arm)
+            scores[variant.name] = evaluation.variant(variant)
         except RequestError as error:
-            if arm == choice.arm:
+            if variant == choice.variant:
                 raise
-            skipped[arm.name] = str(error)
+            skipped[variant.name] = str(error)
         progress.advance(1)
     for per_light in (False, True):
         oracle = evaluation.oracle(per_light)
@@ -233,79 +238,82 @@ def sim_thresholds(sim: RoadImages) -> dict[str, Thresholds]:
     }
 
 
-def choose_arm(
+def choose_variant(
     sim: RoadImages,
     settings: StudySettings,
     progress: Reporter,
     real: Split,
     draws: int = 2,
 ) -> Choice:
-    """A label-free arm by its F1 over simulated lights and its stability on real images.
+    """A label-free variant by its F1 over simulated lights and its stability on real images.
 
-    It is the arm with the best mean over all lights among those that do no harm in ordinary lights,
-    which are those that the simulation-tuned thresholds alone can deal with: there its mean is at
+    It is the variant with the best mean over all lights among those that do no harm in ordinary
+    lights, which the simulation-tuned thresholds alone can deal with: there its mean is at
     most `_HARMLESS` below that of these thresholds. Translators are fitted per simulated light on
-    another recording than the judged one. Of the arms within `_INDISTINCT` of the best mean, the
-    one is taken whose masks of unlabelled real images depend least on what is in view
+    another recording than the judged one. Of the variants within `_INDISTINCT` of the best mean,
+    the one is taken whose masks of unlabelled real images depend least on what is in view
     (`Evaluation.stability`). Learned methods and files take no part: they would need a fit per
     simulated light.
 
-    A chosen translator is guarded (`Arm.guarded`): where the plain detector works, as far as this
-    can be known without labels, no translator can help much, and it may harm.
+    A chosen translator is guarded (`Variant.guarded`): where the plain detector works, as far as
+    this can be known without labels, no translator can help much, and it may harm.
     """
     tuned = sim_thresholds(sim)
     sources = [each for each in settings.sources if not each.learned and each.file is None]
-    arms = [
-        arm
-        for arm in arms_of(sources, len(CONDITIONS))
-        if arm.direction == "none"
-        or (arm.direction == "real2sim" and arm.scope in ("light", "image")
-            and arm.thresholds == SIM_TUNED)
+    variants = [
+        variant
+        for variant in variants_of(sources, len(CONDITIONS))
+        if variant.direction == "none"
+        or (variant.direction == "real2sim" and variant.scope in ("light", "image")
+            and variant.thresholds == SIM_TUNED)
     ]  # fmt: skip
-    progress.begin("choice on simulated lights", draws * len(arms))
-    results: dict[Arm, list[list[float]]] = {arm: [] for arm in arms}
+    progress.begin("choice on simulated lights", draws * len(variants))
+    results: dict[Variant, list[list[float]]] = {variant: [] for variant in variants}
     for draw in range(draws):
         lit = simulated_lights(sim, draw)
         split = split_images(lit)
         evaluation = Evaluation(split, sim, TranslatorCache(None), tuned, pixels_only=True)
-        for arm in arms:
-            scores = evaluation.arm(arm)
+        for variant in variants:
+            scores = evaluation.variant(variant)
             by_light = [
                 float(mean_f1(scores.pixels[lit.conditions[split.judged] == light].sum(axis=0)))
                 for light in split.lights
             ]
-            results[arm].append(by_light)
+            results[variant].append(by_light)
             progress.advance(1)
-    by_light_of = {arm: np.nanmean(values, axis=0) for arm, values in results.items()}
+    by_light_of = {variant: np.nanmean(values, axis=0) for variant, values in results.items()}
     evaluation = Evaluation(real, sim, TranslatorCache(None), tuned)
-    return pick_arm(by_light_of, evaluation.stability)
+    return pick_variant(by_light_of, evaluation.stability)
 
 
-def pick_arm(by_light_of: Mapping[Arm, Floats], stability: Callable[[Arm], float]) -> Choice:
-    """The arm that `choose_arm` describes, from the F1 (lights,) of each arm on simulated lights;
-    `stability` is asked only for arms near the best. Simulation-tuned thresholds alone take part.
+def pick_variant(
+    by_light_of: Mapping[Variant, Floats], stability: Callable[[Variant], float]
+) -> Choice:
+    """The variant that `choose_variant` describes, from the F1 (lights,) of each on simulated
+    lights. `stability` is asked only for variants near the best. Simulation-tuned thresholds alone
+    take part.
     """
-    alone = by_light_of[Arm(SIM_TUNED)]
+    alone = by_light_of[Variant(SIM_TUNED)]
     ordinary = alone >= _ORDINARY
-    means = {arm: float(np.nanmean(values)) for arm, values in by_light_of.items()}
+    means = {variant: float(np.nanmean(values)) for variant, values in by_light_of.items()}
     harmless = [
-        arm
-        for arm, values in by_light_of.items()
+        variant
+        for variant, values in by_light_of.items()
         if not ordinary.any() or values[ordinary].mean() >= alone[ordinary].mean() - _HARMLESS
     ]
-    best = max(means[arm] for arm in harmless)
-    near = [arm for arm in harmless if means[arm] >= best - _INDISTINCT]
-    chosen = max(near, key=lambda arm: (stability(arm), means[arm]))
-    ranked = sorted(means, key=lambda arm: -means[arm])
+    best = max(means[variant] for variant in harmless)
+    near = [variant for variant in harmless if means[variant] >= best - _INDISTINCT]
+    chosen = max(near, key=lambda variant: (stability(variant), means[variant]))
+    ranked = sorted(means, key=lambda variant: -means[variant])
     guarded = chosen if chosen.source is None else replace(chosen, guarded=True)
-    return Choice(guarded, chosen, {arm.name: means[arm] for arm in ranked})
+    return Choice(guarded, chosen, {variant.name: means[variant] for variant in ranked})
 
 
 def _groups(lights: NDArray[np.str_], baseline: Scores) -> dict[str, Rows]:
     """All judged rows, those of each light, and those of ordinary and of hard lights.
 
     Hard lights are known by the baseline's F1 on the same rows: by chance alone its F1 in them is
-    too low, and the difference of another arm to it too high; in ordinary lights the reverse.
+    too low, and the difference of another variant to it too high; in ordinary lights the reverse.
     """
     groups = {"all": np.arange(len(lights))}
     hard = np.zeros(len(lights), dtype=np.bool_)
@@ -324,12 +332,12 @@ def _groups(lights: NDArray[np.str_], baseline: Scores) -> dict[str, Rows]:
 def verdict(
     study: Study, group: str, colour: str | None = None, name: str | None = None
 ) -> dict[str, Any]:
-    """Whether the chosen arm spares the calibration on a group.
+    """Whether the chosen variant spares the calibration on a group.
 
-    `spared` where the interval of the arm's F1 reaches the oracle's estimate; None below two
+    `spared` where the interval of the variant's F1 reaches the oracle's estimate; None below two
     recordings, and where there is no interval. `labels_tested` are the numbers of labelled images
     per light that were tried, `labels_that_win` is the smallest of them whose paired difference to
-    the arm is above zero; None where there is none, and below two recordings.
+    the variant is above zero; None where there is none, and below two recordings.
     """
     name = name or study.chosen
     of, oracle = study.f1(name, group, colour), study.f1(ORACLE, group, colour)
@@ -345,7 +353,7 @@ def verdict(
         if between and study.difference(labelled, name, group, colour).low > 0
     ]
     return {
-        "arm": name, "group": group, "colour": colour or "all", "f1": of.value,
+        "variant": name, "group": group, "colour": colour or "all", "f1": of.value,
         "low": of.low, "high": of.high, "oracle": oracle.value,
         "recordings": study.recordings(group), "unit": study.unit(group),
         "spared": bool(of.high >= oracle.value) if between and np.isfinite(of.high) else None,

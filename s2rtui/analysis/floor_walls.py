@@ -28,7 +28,7 @@ _LEAST_SHARE, _LEAST_PEAK = 0.005, 0.0005
 """Smallest share of the plan in the walls' colour, and in its most common shade; below them the
 plan has no walls."""
 _TOLERANCE = 14
-"""Difference of a channel from the walls' colour, as that of compressed images."""
+"""Difference of a channel from the walls' colour, as in compressed images."""
 _WINDOW, _LEAST_FILLED = 1.2, 0.08
 """Metres around a pixel of a wall, and the share of the walls' colour in them. Furniture has less
 of the colour, or smaller pieces."""
@@ -40,7 +40,7 @@ _FINEST = 0.02
 def plan_parts(floor_plan: NDArray[np.uint8], width: float) -> NDArray[np.uint8]:
     """Where a plan (H, W, 3) shows walls and where it is empty: (h, w, 2) of 0 and 1, read-only.
 
-    `width` is that of the plan in metres. Larger plans are reduced to pixels of 2 cm. Plans
+    `width` is the width of the plan in metres. Larger plans are reduced to pixels of 2 cm. Plans
     without a dark colour of their own have neither.
     """
     shrink = max(1, int(_FINEST / (width / floor_plan.shape[1])))

@@ -24,7 +24,7 @@ from s2rtui.analysis.binning import (
 )
 
 _RANK_BINS = 2048
-"""Most bins of ranks. With those of groups they fit into 16 bits, which sort and count fast."""
+"""Most bins of ranks. With the bins of groups they fit into 16 bits, which sort and count fast."""
 _CODES = 1 << 16
 _STEP_BITS = 18
 """First bits of a float32 that tell steps apart: 512 steps from a number to twice as much."""

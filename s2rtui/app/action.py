@@ -12,7 +12,7 @@ from textual.keys import KEY_NAME_REPLACEMENTS
 
 from s2rstore.index.catalog import NO_POSES
 from s2rtui.security import Capability
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 from s2rtui.session.state import State
 
 if TYPE_CHECKING:

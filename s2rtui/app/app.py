@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from textual import events
 from textual.app import ComposeResult, SystemCommand
@@ -14,7 +14,6 @@ from textual.binding import Binding, BindingType
 from textual.color import Color
 from textual.filter import LineFilter
 from textual.geometry import Size
-from textual.message import Message
 from textual.screen import Screen
 from textual.theme import Theme as TextualTheme
 from textual.widgets import Input
@@ -27,28 +26,18 @@ from s2rtui.app.controllers.annotations import AnnotationController
 from s2rtui.app.controllers.brush import BrushController
 from s2rtui.app.controllers.export import ExportController
 from s2rtui.app.controllers.hover import HoverController
-from s2rtui.app.controllers.load_results import LoadResultController
 from s2rtui.app.controllers.navigation import NavigationController
 from s2rtui.app.controllers.player import PlayerController
 from s2rtui.app.controllers.prompt import PromptController
 from s2rtui.app.controllers.store_updates import CHECK_SECONDS, StoreUpdateController
-from s2rtui.app.controllers.suggestions import SuggestionController
 from s2rtui.app.key_bindings import ACTIONS, BY_NAME, find_action, permitted_actions
 from s2rtui.app.load_scheduler import LoadScheduler
-from s2rtui.app.messages import (
-    AdjustmentProgressed,
-    BackgroundFailed,
-    ExportProgressed,
-    LoadCompleted,
-    LoadProgressed,
-    StoreChecked,
-)
 from s2rtui.app.process_signals import end_on_signals
 from s2rtui.app.screen_updater import ScreenUpdater
 from s2rtui.app.screens.doctor import DoctorScreen
 from s2rtui.app.screens.help import HelpScreen
 from s2rtui.app.screens.tour import TourScreen
-from s2rtui.app.status_line import Bar
+from s2rtui.app.status_line import TextBar
 from s2rtui.app.widgets.panes import Panes
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.app.widgets.query_input import QueryInput
@@ -58,7 +47,8 @@ from s2rtui.charts.scene import LoadedData
 from s2rtui.jobs import background_thread
 from s2rtui.jobs.background_thread import BackgroundJobs
 from s2rtui.security import Permissions
-from s2rtui.session import Session, view_settings
+from s2rtui.session import view_settings
+from s2rtui.session.session import Session
 from s2rtui.terminal.capabilities import Terminal
 from s2rtui.terminal.strips import AsciiFilter, ImageHost
 from s2rtui.terminal.textual_compat import call_after
@@ -84,7 +74,6 @@ class S2RApp(GuardedApp):
     adjust: AdjustController
     navigation: NavigationController
     player: PlayerController
-    suggestions: SuggestionController
 
     def __init__(
         self,
@@ -107,7 +96,7 @@ class S2RApp(GuardedApp):
         self.access = access or Permissions.for_store(session.store.path)
         self.output_folder = output_folder or self.access.output_dir
         self.loaded = LoadedData(models={})
-        self.jobs = BackgroundJobs(lambda text: self.post(BackgroundFailed(text)))
+        self.jobs = BackgroundJobs(partial(self.run_on_ui, self.show_error))
         self.load_scheduler = LoadScheduler(self)
         self.brush = BrushController(self)
         self.hover = HoverController(self)
@@ -117,8 +106,6 @@ class S2RApp(GuardedApp):
         self.adjust = AdjustController(self)
         self.navigation = NavigationController(self)
         self.player = PlayerController(self)
-        self.suggestions = SuggestionController(self)
-        self.load_results = LoadResultController(self)
         self.store_updates = StoreUpdateController(self)
         self.updater = ScreenUpdater(self)
         self.is_first_start = False
@@ -127,16 +114,16 @@ class S2RApp(GuardedApp):
         self._drawn_size = Size(0, 0)
 
     def compose(self) -> ComposeResult:
-        yield Bar("status")
+        yield TextBar("status")
         options = self.render_options
         views = [
             PlotView(view.name, options, _COLOUR_TOLERANCE.get(view.name, 0), self.image_host)
             for view in VIEWS
         ]
         yield Panes(views, self.updater.pane_rectangles)
-        yield Bar("message")
+        yield TextBar("message")
         yield QueryInput()
-        yield Bar("keys")
+        yield TextBar("keys")
 
     def on_mount(self) -> None:
         self._set_size(self.size)
@@ -200,10 +187,15 @@ class S2RApp(GuardedApp):
             text = str(error) if known else f"internal error: {type(error).__name__}: {error}"
             self.show_error(text)
 
-    def post(self, message: Message) -> None:
-        """Post a message from any thread; ignored once the application has ended."""
+    def run_on_ui(self, function: Callable[..., object], *arguments: Any) -> None:
+        """Call a function on the UI thread, from any thread; not once the application has ended."""
+
+        def call() -> None:
+            with self.surviving_errors():
+                function(*arguments)
+
         with contextlib.suppress(RuntimeError):  # the event loop is closed
-            self.post_message(message)
+            self.call_later(call)
 
     def get_line_filters(self) -> list[LineFilter]:
         """Textual's filters, and ASCII output if requested."""
@@ -219,24 +211,6 @@ class S2RApp(GuardedApp):
 
     def on_panes_arranged(self) -> None:
         self.updater.refresh()
-
-    def on_load_completed(self, message: LoadCompleted) -> None:
-        self.load_results.on_completed(message)
-
-    def on_load_progressed(self, message: LoadProgressed) -> None:
-        self.load_results.on_progressed(message)
-
-    def on_export_progressed(self, message: ExportProgressed) -> None:
-        self.export.on_progressed(message)
-
-    def on_adjustment_progressed(self, message: AdjustmentProgressed) -> None:
-        self.adjust.on_progressed(message)
-
-    def on_store_checked(self, message: StoreChecked) -> None:
-        self.store_updates.on_checked(message)
-
-    def on_background_failed(self, message: BackgroundFailed) -> None:
-        self.show_error(message.text)
 
     def on_plot_view_pressed(self, message: PlotView.Pressed) -> None:
         self.brush.on_pressed(message)
@@ -267,24 +241,22 @@ class S2RApp(GuardedApp):
         return super().check_action(action, parameters)
 
     def action_do(self, name: str) -> None:
-        """Run an action of the registry by its name."""
+        """Run an action of the registry by its name, and draw the state after it."""
         action = BY_NAME[name]
-        if reason := action.unavailable(self.session.store):
-            self.session.show_message(reason)
-            self.updater.refresh_message()
-            return
-        if action.command is not None:
-            action.command(self)
-            return
-        assert action.do is not None
         try:
-            action.do(self.session)
+            if reason := action.unavailable(self.session.store):
+                self.session.show_message(reason)
+            elif action.command is not None:
+                action.command(self)
+            elif action.do is not None:
+                action.do(self.session)
         except S2RError as error:
             self.session.show_message(str(error), is_error=True)
         self.updater.refresh()
 
     def action_view(self, name: str) -> None:
         self.navigation.show_view(name)
+        self.updater.refresh()
 
     def action_focus_next(self) -> None:
         """Textual binds tab to this; outside of modal screens it shows the next panel or view."""

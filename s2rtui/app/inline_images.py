@@ -7,7 +7,6 @@ from contextlib import suppress
 from textual.drivers.linux_driver import LinuxDriver
 
 from s2rtui.app.app import S2RApp
-from s2rtui.app.messages import BackgroundFailed
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.terminal.graphics.image_manager import ImageManager
 from s2rtui.terminal.graphics.protocols import Graphics
@@ -28,7 +27,7 @@ def enable_inline_images(app: S2RApp, graphics: Graphics) -> None:
             app.call_later(attach_all)
 
     def report_error(error: Exception) -> None:
-        app.post(BackgroundFailed(f"inline images: {type(error).__name__}: {error}"))
+        app.run_on_ui(app.show_error, f"inline images: {type(error).__name__}: {error}")
 
     images = ImageManager(graphics, app.write_to_terminal, on_ready, report_error)
 

@@ -12,8 +12,6 @@ from s2rtui.charts.instance import NEIGHBOURS
 from s2rtui.charts.registry import VIEWS
 from s2rtui.security import Permissions
 from s2rtui.session import (
-    Brush,
-    Session,
     adjusting,
     brush_geometry,
     error_groups,
@@ -21,12 +19,12 @@ from s2rtui.session import (
     instance_list,
     navigation,
     selection,
-    suggestions,
     undo_history,
     view_settings,
 )
 from s2rtui.session.context import Reducer, SessionContext
-from s2rtui.session.state import State
+from s2rtui.session.session import Session
+from s2rtui.session.state import Brush, State
 
 if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
@@ -294,12 +292,12 @@ ACTIONS: tuple[Action, ...] = (
     Action("open_finding", "enter", "select", "select the instances of the finding", None, "select",
            when="findings", command=lambda app: app.navigation.open_finding()),
     Action("next_answer", "down", "move", "next answer of the suggestions",
-           _do(suggestions.choose, 1), when="suggestions"),
+           _do(adjusting.choose_answer, 1), when="suggestions"),
     Action("previous_answer", "up", "move", "previous answer of the suggestions",
-           _do(suggestions.choose, -1), when="suggestions"),
+           _do(adjusting.choose_answer, -1), when="suggestions"),
     Action("apply_answer", "enter", "review",
            "apply the answer: adjust real images live; copy the command for the simulator",
-           None, "apply", when="suggestions", command=lambda app: app.suggestions.apply()),
+           None, "apply", when="suggestions", command=lambda app: app.adjust.apply_answer()),
     Action("other_run", "k", "review", "compare with the next run",
            _do(view_settings.change_other)),
     Action("note", "e", "review", "write a note on this instance",
@@ -350,7 +348,7 @@ def permitted_actions(access: Permissions | None = None) -> list[Action]:
 def footer(width: int, state: State, access: Permissions | None = None) -> list[tuple[str, str]]:
     """(key, label) pairs that fit into `width` columns; help and quit have priority.
 
-    The keys of the active view come before those of all views.
+    The keys of the active view come before the keys of all views.
     """
     applicable = [a for a in permitted_actions(access) if a.short and a.applies(state)]
     applicable.sort(key=lambda action: action.when not in _OF_ONE_VIEW)

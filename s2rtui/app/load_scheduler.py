@@ -1,17 +1,22 @@
-"""Run loaders in background threads, one per loader; the newest request wins."""
+"""Run loaders in background threads, one per loader, and show what they read.
+
+The newest request wins.
+"""
 
 from __future__ import annotations
 
 import traceback
 from asyncio import TimerHandle
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from s2rstore.errors import DamagedStoreError, S2RError
+from s2rstore.errors import DamagedStoreError, RequestError, S2RError
 from s2rstore.reader import Store
-from s2rtui.app.messages import BackgroundFailed, LoadCompleted, LoadProgressed
 from s2rtui.jobs.background_thread import LatestOnlyWorker
 from s2rtui.loaders import LOADERS, Fields, Key, LoadContext, Loader
+from s2rtui.session import navigation
 from s2rtui.session.state import State
 from s2rtui.terminal.textual_compat import call_after
 
@@ -113,16 +118,17 @@ class LoadScheduler:
             if not isinstance(error, S2RError | OSError | ValueError):
                 self.app.log.error(traceback.format_exc())
                 reason = f"{loader.name}: {reason}"
-            self.app.post(LoadCompleted(loader.name, ticket, cleared, " ".join(reason.split())))
+            error_text = " ".join(reason.split())
+            self.app.run_on_ui(self.complete, loader.name, ticket, cleared, error_text)
             return
-        self.app.post(LoadCompleted(loader.name, ticket, fields))
+        self.app.run_on_ui(self.complete, loader.name, ticket, fields)
 
     def _report_failure(self, loader: Loader, error: Exception) -> None:
         """Runs in the loader's thread, for errors outside of reading."""
-        self.app.post(BackgroundFailed(f"{loader.name}: {type(error).__name__}: {error}"))
+        self.app.run_on_ui(self.app.show_error, f"{loader.name}: {type(error).__name__}: {error}")
 
     def is_newest(self, loader: str, ticket: int) -> bool:
-        """Whether a ticket is that of the loader's newest request."""
+        """Whether a ticket belongs to the loader's newest request."""
         return ticket == self._ticket[loader]
 
     def stop(self) -> None:
@@ -131,13 +137,52 @@ class LoadScheduler:
             self._ticket[loader.name] += 1
             self._workers[loader.name].end(loader.release)
 
-    def accept(self, message: LoadCompleted) -> bool:
+    # --- results, on the UI thread ---------------------------------------------------------------
+
+    def complete(
+        self, loader: str, ticket: int, fields: Fields, error: str = "", is_partial: bool = False
+    ) -> None:
+        """Show fields of `LoadedData`, or the error that a loader ended with.
+
+        More fields follow if they are partial. A result that is no longer requested is dropped.
+        """
+        app, fresh = self.app, fields.pop("store", None)
+        if not self._accepts(loader, ticket, is_partial):
+            if fresh is not None:
+                fresh.close()
+            return
+        if loader == "run":
+            self._complete_pending(error, fresh)
+        elif error:
+            app.session.show_message(error, is_error=True)
+        app.loaded = app.loaded.with_loaded(loader, fields, error)
+        app.updater.refresh()
+
+    def _accepts(self, loader: str, ticket: int, is_partial: bool) -> bool:
         """Whether a result is still requested; a partial one may be outdated."""
-        if not self.is_newest(message.loader, message.ticket):
-            return message.partial and self._requested[message.loader] is not None
-        if not message.partial:
-            self._answered[message.loader] = message.ticket
+        if not self.is_newest(loader, ticket):
+            return is_partial and self._requested[loader] is not None
+        if not is_partial:
+            self._answered[loader] = ticket
         return True
+
+    def _complete_pending(self, error: str, fresh: Store | None) -> None:
+        """Show the pending target, or say why it cannot be loaded."""
+        session = self.app.session
+        try:
+            if error:
+                raise RequestError(error)
+            session.complete_pending(fresh)
+            self.app.adjust.announce()
+        except S2RError as reason:
+            session.dispatch(navigation.cancel_pending, str(reason))
+
+    def show_progress(self, loader: str, ticket: int, share: float) -> None:
+        """Show the share (0 .. 1) of a loader's work that is done."""
+        if self.is_newest(loader, ticket):
+            progress = {**self.app.loaded.progress, loader: share}
+            self.app.loaded = replace(self.app.loaded, progress=progress)
+            self.app.updater.refresh_message()
 
 
 class _RequestContext(LoadContext):
@@ -152,10 +197,13 @@ class _RequestContext(LoadContext):
     def report_progress(self, share: float) -> bool:
         is_current = self.is_current()
         if is_current and share < 1:
-            self._scheduler.app.post(LoadProgressed(self._loader.name, self._ticket, share))
+            self._on_ui(self._scheduler.show_progress, share)
         return is_current
 
     def publish(self, fields: Fields) -> None:
         if self._loader.shows_outdated or self.is_current():
-            message = LoadCompleted(self._loader.name, self._ticket, fields, partial=True)
-            self._scheduler.app.post(message)
+            self._on_ui(self._scheduler.complete, fields, "", True)
+
+    def _on_ui(self, function: Callable[..., object], *arguments: object) -> None:
+        run = self._scheduler.app.run_on_ui
+        run(function, self._loader.name, self._ticket, *arguments)

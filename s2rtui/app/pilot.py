@@ -13,9 +13,10 @@ from textual.pilot import Pilot
 
 from s2rstore.errors import DamagedStoreError, RequestError
 from s2rtui.app.app import S2RApp
-from s2rtui.app.screenshot import Screenshot
-from s2rtui.canvas import DARK, RenderOptions
-from s2rtui.session import Session, State
+from s2rtui.canvas import RenderOptions
+from s2rtui.export.screenshot import Screenshot
+from s2rtui.session.session import Session
+from s2rtui.session.state import State
 from s2rtui.user_data.notebook import ReadNotebook
 
 _TIMEOUT = 300.0
@@ -59,54 +60,32 @@ def snapshot(
     size: tuple[int, int],
     keys: Sequence[str] = (),
     options: RenderOptions | None = None,
+    state: State | None = None,
     run: str | None = None,
     with_trained: bool = False,
     poses: Path | None = None,
 ) -> Screenshot:
     """The screen of `size` columns and rows after pressing `keys`, with all data loaded.
 
-    `with_trained` includes the instances that the models were trained on; `poses` is a CSV file of
-    planned poses for the map. Raises DamagedStoreError where a file of the store that the screen
-    needs cannot be read.
+    It begins with a state of another session on the store, or on `run`. `with_trained` includes the
+    instances that the models were trained on; `poses` is a CSV file of planned poses for the map.
+    Raises DamagedStoreError where a file of the store that the screen needs cannot be read.
     """
-    used = options or RenderOptions(theme=DARK)
-    return asyncio.run(
-        _snapshot(path, size, keys, used, run, with_trained=with_trained, poses=poses)
-    )
-
-
-def screen_of(path: Path, state: State, size: tuple[int, int], options: RenderOptions) -> bytes:
-    """The screen of a state as PNG of `size` pixels, in cells of 10 x 20 pixels.
-
-    Raises DamagedStoreError as `snapshot`.
-    """
-    cells = (size[0] // 10, size[1] // 20)
-    shot = asyncio.run(_snapshot(path, cells, (), options, state.run, state))
-    return shot.png(options, size)
-
-
-async def _snapshot(
-    path: Path,
-    size: tuple[int, int],
-    keys: Sequence[str],
-    options: RenderOptions,
-    run: str | None,
-    state: State | None = None,
-    with_trained: bool = False,
-    poses: Path | None = None,
-) -> Screenshot:
-    history = state.history if state is not None else None
-    gap_history = None if history is None else history.path
-    session = Session(path, run, ReadNotebook, gap_history, with_trained, poses=poses)
+    history = None if state is None or state.history is None else state.history.path
+    session = Session(path, run, ReadNotebook, history, with_trained, poses=poses)
     if state is not None:
         session.set_state(state)
-    app = S2RApp(session, options)
+    app = S2RApp(session, options or RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
-    async with app.run_test(size=size) as pilot:
-        await settle(app, pilot)
-        for key in keys:
-            await pilot.press(key)
+
+    async def drive() -> Screenshot:
+        async with app.run_test(size=size) as pilot:
             await settle(app, pilot)
-        if app.load_scheduler.damage:
-            raise DamagedStoreError(app.load_scheduler.damage)
-        return take_screenshot(app)
+            for key in keys:
+                await pilot.press(key)
+                await settle(app, pilot)
+            if app.load_scheduler.damage:
+                raise DamagedStoreError(app.load_scheduler.damage)
+            return take_screenshot(app)
+
+    return asyncio.run(drive())

@@ -11,7 +11,7 @@ from s2rstore.reader import Store
 from s2rtui.app import layout
 from s2rtui.app.key_bindings import footer
 from s2rtui.app.layout import MIN_SIZE, SizeClass
-from s2rtui.app.status_line import Bar, Piece, message_text, part_columns, status_line
+from s2rtui.app.status_line import Piece, TextBar, message_text, part_columns, status_line
 from s2rtui.app.titled_view import TitledView
 from s2rtui.app.widgets.panes import Panes
 from s2rtui.app.widgets.plot import PlotView
@@ -56,7 +56,7 @@ class ScreenUpdater:
     def refresh(self) -> None:
         """Draw the state and request the data it needs."""
         app, state = self._app, self._app.session.state
-        bars = {str(bar.id): bar for bar in app.query(Bar)}
+        bars = {str(bar.id): bar for bar in app.query(TextBar)}
         if not bars:
             return  # the screen is being closed
         if self._size_class == "tiny":
@@ -83,7 +83,7 @@ class ScreenUpdater:
 
     def refresh_message(self) -> None:
         """Draw the message line alone."""
-        for bar in self._app.query("#message").results(Bar):
+        for bar in self._app.query("#message").results(TextBar):
             state = self._app.session.state
             hover = self._app.hover
             is_whole = self._app.prompt.is_open or (state.message and not hover.text)
@@ -143,7 +143,7 @@ class ScreenUpdater:
 
     def status_columns(self) -> dict[str, int]:
         """The columns of the screen where the parts of the status line begin."""
-        padding = self._app.query_one("#status", Bar).styles.padding.left
+        padding = self._app.query_one("#status", TextBar).styles.padding.left
         return {part: padding + at for part, at in part_columns(*self._status).items()}
 
     @property

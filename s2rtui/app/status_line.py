@@ -121,7 +121,7 @@ Piece = str | tuple[str, str]
 """Text, or text with a style such as `bold`."""
 
 
-class Bar(Static):
+class TextBar(Static):
     """Updates only when its content changes; no text in it is markup."""
 
     def __init__(self, name: str) -> None:

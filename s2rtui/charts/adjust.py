@@ -25,7 +25,8 @@ from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Ink
 from s2rtui.drawing.scale import Scale, short_number
 from s2rtui.drawing.table import Cell, Column, Dot, Row, Span, StripMark, TableSpec
-from s2rtui.session import Session, adjusting
+from s2rtui.session import adjusting
+from s2rtui.session.session import Session
 from s2rtui.session.state import Adjust, HeatChoice, Slider, State
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from s2rtui.drawing.figures import Figure, Figures
 from s2rtui.drawing.plot import Dots, Line, Mark, Plot
 from s2rtui.drawing.scale import Scale, non_empty
 from s2rtui.drawing.table import Cell, Column, Dot, Row, Span, StripMark, TableSpec
-from s2rtui.session import State
+from s2rtui.session.state import State
 
 _FEWEST, _MOST = 0.25, 16.0
 """Factors of the present number of images at the ends of the curve."""

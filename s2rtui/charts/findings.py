@@ -9,7 +9,8 @@ from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import Pane, Table, View
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.table import Cell, Column, Row, TableSpec
-from s2rtui.session import Session, findings
+from s2rtui.session import findings
+from s2rtui.session.session import Session
 
 PANEL = "findings"
 

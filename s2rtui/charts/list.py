@@ -18,7 +18,8 @@ from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import Pane, Table, View
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.table import Cell, Column, LazyRows, Row, TableSpec
-from s2rtui.session import Session, instance_list
+from s2rtui.session import instance_list
+from s2rtui.session.session import Session
 
 _SUMMARISED = 5
 """Number of instances in the summary."""

@@ -220,7 +220,7 @@ class MapView(PointsView):
         return MapInput(
             true_columns(store), (columns.sim.x, columns.sim.y), (columns.real.x, columns.real.y),
             true_columns(store, run.sim_domain), true_columns(store, run.real_domain),
-            map_values.column(columns, value), state.selected, state.base,
+            map_values.column(store, state.run, value), state.selected, state.base,
             Floor(
                 store.dataset.bounds, loaded.floor_plan, heat,
                 heat_is_signed=is_signed, seen=loaded.seen_on_map(state),

@@ -27,7 +27,7 @@ from s2rtui.drawing.plot import Ink, Phrase, Rule
 from s2rtui.drawing.row_lines import BAND_TEXT, RowLines
 from s2rtui.drawing.scale import Floats, Scale, tick_step
 from s2rtui.drawing.table import Cell, Column, Dot, Row, Span, StripMark, TableSpec, Text
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 
 MOST_READ = 1000
 """Most translators, and most gains, that are read from a store."""

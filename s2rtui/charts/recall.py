@@ -18,7 +18,7 @@ from s2rtui.charts.view import StatisticsView
 from s2rtui.drawing.figures import Figure, Figures
 from s2rtui.drawing.plot import Dots, Line, Mark, Plot, Rule
 from s2rtui.drawing.scale import Scale
-from s2rtui.session import State
+from s2rtui.session.state import State
 
 _BELOW, _BEYOND = 2.0, 8.0
 """Factors by which the axis reaches beyond the smallest and the largest threshold."""

@@ -24,7 +24,7 @@ from s2rtui.charts.view import StatisticsView
 from s2rtui.drawing.figures import Figure, Figures
 from s2rtui.drawing.plot import Line, Mark, Plot, Rule
 from s2rtui.drawing.scale import Scale
-from s2rtui.session import State
+from s2rtui.session.state import State
 
 RiskModel = dict[Side, SideUncertainty]
 

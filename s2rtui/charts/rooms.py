@@ -26,8 +26,8 @@ from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Ink
 from s2rtui.drawing.scale import Scale
 from s2rtui.drawing.table import Bar, Cell, Column, Dot, Row, Span, StripMark, TableSpec
-from s2rtui.session import Session
 from s2rtui.session.error_groups import COLUMN_NAMES, COUNTS
+from s2rtui.session.session import Session
 
 SIDES: tuple[Ink, ...] = ("sim", "truth", "real")
 _FIELDS = {"sim": "sim.room", "truth": "room", "real": "real.room"}

@@ -22,7 +22,6 @@ from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.canvas import BrushShape
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.charts.shared.instance import InstanceInput
-from s2rtui.session import State
 from s2rtui.session.provenance import (
     HeatProvenance,
     InstanceProvenance,
@@ -31,6 +30,7 @@ from s2rtui.session.provenance import (
     instance_provenance,
     visible_floor_key,
 )
+from s2rtui.session.state import State
 from s2rtui.user_data.notebook import Notes
 
 _LONGEST = 32

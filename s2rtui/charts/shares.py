@@ -15,7 +15,7 @@ from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import StatisticsView, Table
 from s2rtui.drawing.scale import Scale, non_empty
 from s2rtui.drawing.table import Bar, Cell, Column, Dot, Row, Span, TableSpec
-from s2rtui.session import State
+from s2rtui.session.state import State
 
 _MARGIN = 0.5
 """Space for bounds beside the means, as a share of the range of the means."""

@@ -21,7 +21,8 @@ from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Dots, Line, Mark, Phrase, Plot, Rule, Sign
 from s2rtui.drawing.scale import Scale, non_empty
 from s2rtui.drawing.table import Cell, Column, Dot, Row, Span, StripMark, TableSpec
-from s2rtui.session import Session, suggestions
+from s2rtui.session import adjusting
+from s2rtui.session.session import Session
 
 MARKS = {"suggested": "*", "not evident": "?", "": " "}
 _TITLES = {"real": "adapt the real images", "sim": "tune the simulator"}
@@ -279,7 +280,7 @@ class SuggestionsView(View):
     def click(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> None:
         data, row = self.input(scene), round(point[1])
         if data.chosen_index is not None and (place := answer_of_row(data, row)) is not None:
-            session.dispatch(suggestions.choose, place - data.chosen_index)
+            session.dispatch(adjusting.choose_answer, place - data.chosen_index)
 
     def numbers(self, scene: Scene) -> Table:
         return _COLUMNS, [_row(direction, number) for direction, number in self.input(scene).places]

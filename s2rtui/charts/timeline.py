@@ -19,7 +19,7 @@ from s2rtui.charts.view import Table, View
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Dots, Line, Mark, Phrase, Plot, Rule
 from s2rtui.drawing.scale import Floats, Scale, non_empty
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 
 PANEL = "timeline"
 Iids = NDArray[np.intp]

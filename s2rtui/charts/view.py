@@ -24,7 +24,8 @@ from s2rtui.drawing.figures import NUMBERS, Figures, figure_rows, figure_table
 from s2rtui.drawing.plot import Plot
 from s2rtui.drawing.scale import Floats
 from s2rtui.drawing.table import TableSpec
-from s2rtui.session import Session, State
+from s2rtui.session.session import Session
+from s2rtui.session.state import State
 from s2rtui.session.view_settings import ZoomPlane
 
 Pane = Literal["overview", "centre", "tab"]

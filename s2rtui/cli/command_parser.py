@@ -6,9 +6,8 @@ import argparse
 import importlib
 import os
 import sys
-from collections.abc import Collection
-from types import ModuleType
-from typing import Any, NoReturn
+from collections.abc import Callable, Collection
+from typing import Any, NamedTuple, NoReturn, cast
 
 COMMANDS: dict[str, str] = {
     "demo": "build a demo store from the synthetic world or your images, and open it",
@@ -33,7 +32,7 @@ COMMANDS: dict[str, str] = {
     "sysid": "identify the parameters of a simulator from recorded drives",
     "score": "score heatmaps and causes against ground truth",
     "suggest": "search the smallest change of images or simulator that closes the gap",
-    "ros": "translate camera images between ROS topics, or those of a bag",
+    "ros": "translate the camera images of ROS topics or of a bag",
     "nightly": "measure and judge the gap of one night; update history and reports",
     "show": "print the numbers of a view as a table",
     "export": "write a figure as PNG, SVG or PDF",
@@ -60,7 +59,19 @@ _TOOLS = {
     "ros": "ros",
     "nightly": "nightly",
 }
-"""Commands whose module is `command` of a package of s2rtools; the others are in `cli.commands`."""
+"""Commands whose module is `command` of a package of s2rtools."""
+_SHARED = {
+    "collect": "extended_tools",
+    "suggest": "extended_tools",
+    "translate": "extended_tools",
+    "model": "models",
+    "models": "models",
+    "prune": "maintenance",
+    "push": "maintenance",
+    "rooms": "maintenance",
+    "verify": "maintenance",
+}
+"""Modules of `cli.commands` with several commands; any other command is a module of its name."""
 _HELP_COLUMN = 28
 _COMMAND_WIDTH = 16
 """Width reserved for the names of commands, which argparse indents after it has measured them."""
@@ -110,11 +121,30 @@ def _plain_formatter(prog: str) -> argparse.HelpFormatter:
     return formatter
 
 
-def command_module(name: str) -> ModuleType:
-    """The module of a command: `EXAMPLE`, `add_arguments(parser)` and `execute(options)`."""
+class Command(NamedTuple):
+    """A command: an example for its help, the function that adds its arguments, and what it does.
+
+    `execute` gets the parsed options and returns the exit code.
+    """
+
+    example: str
+    add_arguments: Callable[[argparse.ArgumentParser], None]
+    execute: Callable[[argparse.Namespace], int]
+
+
+def load_command(name: str) -> Command:
+    """Import a command.
+
+    A module of several commands has them in `COMMANDS`, by name; a module of one command has
+    `EXAMPLE`, `add_arguments` and `execute`.
+    """
+    if name in _SHARED:
+        shared = importlib.import_module(f"s2rtui.cli.commands.{_SHARED[name]}")
+        return cast(Command, shared.COMMANDS[name])
     package = _TOOLS.get(name)
     path = f"s2rtools.{package}.command" if package else f"s2rtui.cli.commands.{name}"
-    return importlib.import_module(path)
+    module = importlib.import_module(path)
+    return Command(module.EXAMPLE, module.add_arguments, module.execute)
 
 
 def build_parser(commands: Collection[str] = ()) -> CommandParser:
@@ -133,19 +163,19 @@ def build_parser(commands: Collection[str] = ()) -> CommandParser:
         if name not in commands:
             subparsers.add_parser(name, help=summary)
             continue
-        module = command_module(name)
-        command = subparsers.add_parser(
+        command = load_command(name)
+        subparser = subparsers.add_parser(
             name,
             help=summary,
             description=_sentence(summary),
-            epilog=f"Example:\n  {module.EXAMPLE}",
+            epilog=f"Example:\n  {command.example}",
         )
-        command.add_argument(
+        subparser.add_argument(
             "--debug", action="store_true", help="show the traceback of an unexpected error"
         )
-        module.add_arguments(command)
-        command.set_defaults(execute=module.execute, command=name)
-        for actions in command._actions:
+        command.add_arguments(subparser)
+        subparser.set_defaults(execute=command.execute, command=name)
+        for actions in subparser._actions:
             if isinstance(actions, argparse._SubParsersAction):
                 for entry in actions._choices_actions:
                     actions.choices[entry.dest].description = _sentence(entry.help or "")

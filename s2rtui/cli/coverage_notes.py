@@ -7,17 +7,22 @@ from typing import TYPE_CHECKING
 
 from s2rstore.index.population import left_out_text
 from s2rstore.reader import Store
+from s2rtools.common.command_line.output import print_coverage
 
 if TYPE_CHECKING:
     from s2rstore.language import Query
     from s2rtui.charts.scene import Scene
 
 
-def print_population(scene: Scene) -> None:
-    """Print how many instances are selected, where the run's model was trained on some."""
+def print_notes(scene: Scene) -> None:
+    """Print for how many instances the runs of a scene are computed where these are not all.
+
+    Then how many instances are selected, where the run's model was trained on some.
+    """
     from s2rtui.session.evaluation import query_of
 
     state = scene.state
+    print_coverage(scene.store, (state.run, state.compared_run))
     if state.trained.any():
         print(f"{state.count_text} instances of run {state.run}", file=sys.stderr)
         print_left_out(query_of(scene.store, state, scene.notes))

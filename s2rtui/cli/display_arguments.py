@@ -6,7 +6,10 @@
 from __future__ import annotations
 
 import argparse
+import re
 from typing import TYPE_CHECKING, Any, cast
+
+from s2rstore.errors import RequestError
 
 if TYPE_CHECKING:
     from s2rtui.canvas.block_symbols import Symbols
@@ -43,6 +46,19 @@ def add_symbols(parser: argparse._ActionsContainer) -> None:
     """Add `--symbols` alone, without settings."""
     parser.add_argument("--symbols", choices=SYMBOL_NAMES, default="quadrant",
                         help=f"{_SYMBOLS_HELP} (default quadrant)")  # fmt: skip
+
+
+def size_argument(
+    option: str, text: str, lowest: tuple[int, int], largest: tuple[int, int], meaning: str
+) -> tuple[int, int]:
+    """Two whole numbers written `120x40`. Raises RequestError where they are out of bounds."""
+    found = re.fullmatch(r"([0-9]{1,5})x([0-9]{1,5})", text)
+    size = (int(found[1]), int(found[2])) if found else (-1, -1)
+    (low_x, low_y), (high_x, high_y) = lowest, largest
+    if not (low_x <= size[0] <= high_x and low_y <= size[1] <= high_y):
+        bounds = f"{lowest[0]}x{lowest[1]} to {largest[0]}x{largest[1]}"
+        raise RequestError(f"{option} {text}: must be {meaning} from {bounds}")
+    return size
 
 
 def detect_display(

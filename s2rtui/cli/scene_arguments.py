@@ -16,7 +16,6 @@ MAP_VALUES = (
 
 if TYPE_CHECKING:
     from s2rtui.export.load_scene import SceneOptions
-    from s2rtui.session import State
 
 
 def add_selection(parser: argparse.ArgumentParser) -> None:
@@ -35,7 +34,26 @@ def add_selection(parser: argparse.ArgumentParser) -> None:
         help="grouping of the rooms view, or two joined by a comma: room, heading, curvature, "
         "trajectory (default room); counts compares predicted and true rooms")  # fmt: skip
     add("--ascending", action="store_true", help="sort the smallest value first")
-    add("--history", type=Path, metavar="FILE", help="gap history (default: that of the store)")
+    add_history(add)
+
+
+def add_initial_state(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the application's first state: run, trained instances, planned poses."""
+    add = parser.add_argument
+    add("--run", help="initial run (default: the first)")
+    add_with_trained(add)
+    add_poses(add)
+
+
+def add_history(add: Callable[..., argparse.Action]) -> None:
+    """Add the option for another gap history, by the `add_argument` of a group."""
+    add("--history", type=Path, metavar="FILE", help="gap history (default: the store's own)")
+
+
+def add_poses(add: Callable[..., argparse.Action]) -> None:
+    """Add the option for planned poses, by the `add_argument` of a group."""
+    add("--poses", type=Path, metavar="FILE",
+        help="draw the planned poses of this CSV file of `s2r collect` on the map")  # fmt: skip
 
 
 def _grouping(text: str) -> str:
@@ -76,14 +94,8 @@ def add_drawing(parser: argparse.ArgumentParser) -> None:
     add("--value", dest="map_value", choices=MAP_VALUES, default="shift",
         help="map: what colours the instances (default shift)")  # fmt: skip
     add("--clip", action="store_true", help="dim map cells that no selected instance observed")
-    add("--poses", type=Path, metavar="FILE",
-        help="draw the planned poses of this CSV file of `s2r collect` on the map")  # fmt: skip
+    add_poses(add)
     add("--room-names", action="store_true", help="draw rooms with their names")
-
-
-def runs(state: State) -> tuple[str | None, ...]:
-    """The runs of a scene: the present one and the one that it is compared with."""
-    return state.run, state.compared_run
 
 
 def scene_options(options: argparse.Namespace) -> SceneOptions:

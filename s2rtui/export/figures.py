@@ -35,8 +35,8 @@ class PageOptions:
     """The page of a figure.
 
     title replaces the title of the view. width: millimetres on paper, where fonts have 8 to 10
-    points; dpi: pixels per inch of this width (default 300; without `width` that of a page of
-    160 mm). size: pixels of a page whose fonts scale with it; by default that of the view. cmap:
+    points; dpi: pixels per inch of this width (default 300; without `width` of a page of 160
+    mm). size: pixels of a page whose fonts scale with it; by default the size of the view. cmap:
     colour map of continuous values, one of `s2rtui.drawing.page.COLOUR_MAPS`. Raises
     RequestError for values out of range, and where `size` and a physical size are given.
     """

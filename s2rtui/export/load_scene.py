@@ -16,10 +16,11 @@ from s2rstore.records import Side, needs_network
 from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.charts.view import View
 from s2rtui.loaders import LOADERS, Fields, LoadContext
-from s2rtui.session import HeatChoice, Session, State, error_groups, instance_list
+from s2rtui.session import error_groups, instance_list
 from s2rtui.session.heatmaps import heatmap_choices, require_floor
 from s2rtui.session.map_values import SHIFT, require_available
-from s2rtui.session.state import Aggregate, MapMode, Overlay
+from s2rtui.session.session import Session
+from s2rtui.session.state import Aggregate, HeatChoice, MapMode, Overlay, State
 from s2rtui.user_data.notebook import ReadNotebook
 
 
@@ -150,7 +151,7 @@ def apply_options(session: Session, options: SceneOptions, *views: View) -> Stat
 def _sort_columns(
     session: Session, state: State, name: str | None, views: set[str]
 ) -> tuple[str, str]:
-    """The columns that sort the list and the groups; those of the state where `name` is None.
+    """The columns that sort the list and the groups; unchanged where `name` is None.
 
     Raises RequestError for a column that the sortable ones of `views` (by default all) lack.
     """

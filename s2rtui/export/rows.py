@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -47,52 +47,12 @@ _INTEGER_FIELDS = ("iid", "seq", "sim.rank", "real.rank")
 
 
 @dataclass(frozen=True, slots=True)
-class EvaluationFacts:
-    """Expression, run and data of an evaluation; `expanded` has no saved names in it.
-
-    `count` is the number of selected instances that count, `unpaired` says how many more lack an
-    image of a side. `in_view` counts the valid instances in view, `trained_on` those of them that
-    the run's model was trained on; these are left out unless `with_trained`. `note` says for how
-    many instances the run is computed where these are not all.
-    """
-
-    expression: str
-    expanded: str
-    run: str
-    trajectories: tuple[str, ...] | None
-    generation: int
-    dataset: str
-    dataset_name: str
-    count: int
-    in_view: int = 0
-    trained_on: int = 0
-    with_trained: bool = False
-    note: str = ""
-    unpaired: str = ""
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the facts without those that add no information."""
-        facts = asdict(self)
-        if self.expanded == self.expression:
-            del facts["expanded"]
-        if not self.trained_on:
-            for name in ("in_view", "trained_on", "with_trained"):
-                del facts[name]
-        if self.trajectories is None:
-            del facts["trajectories"]
-        for name in ("note", "unpaired"):
-            if not facts[name]:
-                del facts[name]
-        return facts
-
-
-@dataclass(frozen=True, slots=True)
 class SelectedRows:
-    """Rows ordered by iid."""
+    """Rows ordered by iid, and the facts of their evaluation; see `evaluation_facts`."""
 
     names: tuple[str, ...]
     rows: Sequence[Sequence[Any]]
-    facts: EvaluationFacts
+    facts: dict[str, Any]
 
 
 def selected_rows(
@@ -117,15 +77,40 @@ def selected_rows(
         names = map(fields.of_name, columns)
         readers = [_column(store, run, name, notes, population) for name in names]
         rows = [tuple(read(iid) for read in readers) for iid in iids.tolist()]
-    facts = EvaluationFacts(
-        to_text(query.node), to_text(query.expanded), run, population.trajectories or None,
-        store.generation, store.dataset.hash, store.dataset.name, query.count,
-        int(np.count_nonzero(query.in_view)), int(np.count_nonzero(query.trained)),
-        population.with_trained, store.coverage(run).note, query.unpaired_text,
-    )  # fmt: skip
     return SelectedRows(
-        tuple(column.split(" AS ")[-1] for column in columns or default), rows, facts
-    )
+        tuple(column.split(" AS ")[-1] for column in columns or default), rows,
+        evaluation_facts(store, query),
+    )  # fmt: skip
+
+
+def evaluation_facts(store: Store, query: Query) -> dict[str, Any]:
+    """Expression, run and data of an evaluation, without what adds no information.
+
+    `expanded` has no saved names in it. `in_view` counts the valid instances in view, `trained_on`
+    how many of them the run's model was trained on; these are left out unless `with_trained`.
+    `note` says for how many instances the run is computed where these are not all; `unpaired` says
+    how many more lack an image of a side.
+    """
+    run, population = query.context.run, query.context.population
+    expression, expanded = to_text(query.node), to_text(query.expanded)
+    facts: dict[str, Any] = {"expression": expression}
+    if expanded != expression:
+        facts["expanded"] = expanded
+    facts["run"] = run
+    if population.trajectories:
+        facts["trajectories"] = population.trajectories
+    facts |= {
+        "generation": store.generation, "dataset": store.dataset.hash,
+        "dataset_name": store.dataset.name, "count": query.count,
+    }  # fmt: skip
+    if trained := int(np.count_nonzero(query.trained)):
+        facts["in_view"] = int(np.count_nonzero(query.in_view))
+        facts |= {"trained_on": trained, "with_trained": population.with_trained}
+    if note := store.coverage(run).note:
+        facts["note"] = note
+    if query.unpaired_text:
+        facts["unpaired"] = query.unpaired_text
+    return facts
 
 
 def _rows_of(
@@ -164,30 +149,21 @@ def _column(
             "trajectories": truth.trajectory_names,
             "splits": SPLITS,
         }[text.vocabulary]
-        codes = _values(store, run, text.path)
+        codes = fields.column(text.path, truth, store.run_columns(run))
         return lambda iid: labels[codes[iid]] if codes[iid] >= 0 else None
-    if name not in fields.NUMERIC and (field := fields.meant(name)):
-        raise RequestError(f"--columns {name}: no such field; {field} is meant")
+    if name not in fields.NUMERIC and (meant := fields.meant(name)):
+        raise RequestError(f"--columns {name}: no such field; {meant} is meant")
     if name not in fields.NUMERIC:
         numeric = map(fields.with_unit, fields.NUMERIC)
         allowed = ", ".join((*numeric, *fields.TEXT, *NOTEBOOK_COLUMNS))
         raise RequestError(f"--columns {name}: must be one of {allowed}")
-    numbers, scale = _values(store, run, fields.NUMERIC[name].path), fields.NUMERIC[name].scale
+    field, run_columns = fields.NUMERIC[name], store.run_columns(run)
+    numbers = fields.column(field.path, store.instances, run_columns)
     if name in fields.RANKS:
-        numbers = population_ranks(population, store.run_columns(run), fields.RANKS[name])
+        numbers = population_ranks(population, run_columns, fields.RANKS[name])
     if name in _INTEGER_FIELDS:
         return lambda iid: int(numbers[iid]) if numbers[iid] or name in ("iid", "seq") else None
-    return lambda iid: None if np.isnan(numbers[iid]) else float(numbers[iid]) / scale
-
-
-def _values(store: Store, run: str, path: str) -> np.ndarray:
-    """Return the column (N,) at a path of the fields of the language."""
-    if path == "iid":
-        return np.arange(len(store.instances))
-    owner, _, attribute = path.rpartition(".")
-    columns = store.run_columns(run)
-    holder = {"instances": store.instances, "sim": columns.sim, "real": columns.real}.get(owner)
-    return np.asarray(getattr(holder or columns, attribute))
+    return lambda iid: None if np.isnan(numbers[iid]) else float(numbers[iid]) / field.scale
 
 
 def write_rows(

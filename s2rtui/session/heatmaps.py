@@ -22,7 +22,7 @@ from s2rtui.session.state import Aggregate, HeatChoice, State
 SIGNED = frozenset(kind for kind, facts in HEATMAPS.items() if facts.is_signed)
 _ORDER: dict[Side, tuple[Side, Side]] = {"sim": ("sim", "real"), "real": ("real", "sim")}
 _UNITS = {"m degrees": "m", "m m rad loss": "", "activation": "arb. units"}
-"""Units of shown values by those of stored arrays. Distances of a network's features have no
+"""Units of shown values by the units of stored arrays. Distances of a network's features have no
 physical unit; `activation` would be mistaken for the heatmap kind of this name."""
 _BLOCK = 32
 MAX_GATHERED = 2000

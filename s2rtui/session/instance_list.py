@@ -46,7 +46,7 @@ def columns(store: Store, notes: Notes) -> tuple[str, ...]:
 
 
 def stored_columns(store: Store) -> tuple[str, ...]:
-    """The columns that a store has values for, without those of the user."""
+    """The columns that a store has values for, without the columns of the user."""
     if not store.has_poses:
         return IMAGE_COLUMNS
     return TRUTH_COLUMNS if store.missing_run else COLUMNS
@@ -97,21 +97,13 @@ def _sorted(values: NDArray[Any], descending: bool) -> NDArray[np.intp]:
 def column(store: Store, state: State, name: str) -> NDArray[np.float64]:
     """(N,) values of a column in the units of the index; for names their alphabetical rank."""
     truth, run = store.instances, store.run_columns(state.run)
-    if name == "iid":
-        return np.arange(len(truth), dtype=np.float64)
     if name in NAMES:
         return _alphabetical_ranks(getattr(truth, name), getattr(truth, f"{name}_names"))
-    side, dot, rest = name.partition(".")
-    owner: object = run.side("sim" if side == "sim" else "real") if dot else run
-    if name in _TRUTH_COLUMNS:
-        owner = truth
-    values = np.asarray(getattr(owner, rest if dot else name), dtype=np.float64)
-    if rest == "rank":
-        ranks = population_ranks(state.population, run, "sim" if side == "sim" else "real")
-        values = ranks.astype(np.float64)
-    if name in COUNTS:
-        return np.where(values < (rest == "rank"), np.nan, values)
-    return values
+    if name in fields.RANKS:
+        ranks = population_ranks(state.population, run, fields.RANKS[name])
+        return np.where(ranks > 0, ranks, np.nan)
+    values = np.asarray(fields.column(fields.NUMERIC[name].path, truth, run), dtype=np.float64)
+    return np.where(values < 0, np.nan, values) if name in COUNTS else values
 
 
 def _alphabetical_ranks(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.index.columns import RunColumns, SideColumns
+from s2rstore.language import fields
 from s2rstore.metrics.gap_shares import has_shares
 from s2rstore.reader import Store
 from s2rstore.records import GAP_FACTORS, NO_RUN
@@ -66,13 +66,6 @@ def require_available(store: Store, run: str, name: str) -> None:
         )
 
 
-def column(columns: RunColumns, name: str) -> NDArray[np.float64]:
+def column(store: Store, run: str, name: str) -> NDArray[np.float64]:
     """The values (N,) of a run in metres; NaN where unknown."""
-    prefix, _, rest = name.rpartition(".")
-    owner: RunColumns | SideColumns = columns
-    if prefix == "share":
-        owner, rest = columns.real, f"share_{rest}"
-    elif prefix:
-        owner = columns.side("sim" if prefix == "sim" else "real")
-    values: NDArray[np.float64] = getattr(owner, rest)
-    return values
+    return fields.column(fields.NUMERIC[name].path, store.instances, store.run_columns(run))

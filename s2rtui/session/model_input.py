@@ -65,7 +65,7 @@ def model_input(store: Store, run: Run, side: Side, iid: int) -> ModelInput:
 def stored_image(store: Store, side: Side, iid: int) -> ModelInput:
     """An instance's image in the first domain of a kind that has one; for data sets without poses.
 
-    The title names other domains than that of the side. rgb has shape (0, 0, 3) without an image.
+    The title names domains other than the side's own. rgb has shape (0, 0, 3) without an image.
     """
     of_kind = (name for name, domain in store.domains.items() if domain.kind == side)
     imaged = [name for name in of_kind if store.is_imaged(iid, name)]

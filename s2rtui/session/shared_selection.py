@@ -48,8 +48,8 @@ def current_selection(state: State) -> SavedSelection:
 def shared_text(saved: SavedSelection, identity: str) -> str:
     """One line that `parse_shared` reads: the expression, and after a `#` its evaluation.
 
-    `identity` is that of the store, which appending instances does not change. Without the word
-    `new`, trained instances were included.
+    `identity` is the identity of the store, which appending instances does not change. Without the
+    word `new`, trained instances were included.
     """
     names = ", ".join(json.dumps(name, ensure_ascii=False) for name in saved.trajectories or ())
     return (

@@ -159,7 +159,7 @@ class Target:
 class State:
     """One state of the analysis.
 
-    `node` is the selected expression; its columns, for messages, are those of `expression`.
+    `node` is the selected expression.
     `selected` and `base` are (N,) masks: the expression's instances, and the base population that
     it was evaluated on. `chosen` (N,) are all instances of the expression: also those that lack an
     image of a side. Those are `unpaired` (N,), None without any, and `unpaired_text` says how many
@@ -169,7 +169,8 @@ class State:
     rectangles that zoomed planes show, by the name of the plane. `newest` is the published
     generation. `first_rows` are the first visible rows of scrolled tables, by the name of the view.
     `past` and `future` hold the steps before and after this one, the nearest last. `operator`
-    combines the next selection with this one. `other` is the run to compare with. `view` receives
+    combines the next selection with this one. `compared_run` is the run to compare
+    with. `view` receives
     the keys; `centre` and `tab` name the views shown in these panes. `pending` is the target to
     show once it is loaded; `keeps_message` says that the message outlives that. `suggested` is the
     expression that the message of an empty selection suggests.

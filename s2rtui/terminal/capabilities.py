@@ -14,7 +14,6 @@ from s2rtui.canvas.block_symbols import Symbols
 if TYPE_CHECKING:
     from s2rtui.terminal.graphics.protocols import Graphics
 
-COLOURS = ("auto", *(mode.value for mode in ColourMode))
 _STREAMS = (0, 1, 2)
 _LIGHT_BACKGROUNDS = (7, *range(9, 16))
 """Numbers of ANSI colours that are light; 8 is dark grey."""

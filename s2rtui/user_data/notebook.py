@@ -12,27 +12,23 @@ import os
 import stat
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
-
-import numpy as np
-from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.files.atomic_writes import write_file
 from s2rstore.files.layout import checked_hash
 from s2rstore.files.locks import file_lock
-from s2rstore.language import ExpressionError, Node, parse
+from s2rstore.language import ExpressionError, parse
 from s2rstore.language.canonical_text import quoted
 from s2rstore.language.syntax_tree import Ids, Like, Saved, leaves
 from s2rstore.records import Part
 from s2rstore.security.printable_text import printable
 from s2rtui.user_data import notebook_schema, user_data_dir
 from s2rtui.user_data.notebook_schema import (
+    Notes,
     Remark,
     SavedSelection,
-    UnreadableEntries,
     part_label,
     valid_name,
 )
@@ -45,40 +41,6 @@ _MAX_FILE_BYTES = 32 * 2**20
 """Largest size of the file; 100,000 tagged instances take a fifth of it."""
 _LOCK_SECONDS = 2.0
 """Longest wait for a change of another session."""
-
-
-@dataclass(frozen=True)
-class Notes:
-    """Immutable content of a notebook; `unread` holds the entries that cannot be read."""
-
-    selections: Mapping[str, SavedSelection] = field(default_factory=dict)
-    remarks: Mapping[int, Remark] = field(default_factory=dict)
-    history: tuple[str, ...] = ()
-    unread: UnreadableEntries = field(default_factory=UnreadableEntries)
-
-    @cached_property
-    def nodes(self) -> dict[str, Node]:
-        """Syntax trees of saved selections and tags by name, without unparsable expressions."""
-        tagged: dict[str, list[int]] = {}
-        for iid in sorted(self.remarks):
-            for tag in self.remarks[iid].tags:
-                tagged.setdefault(tag, []).append(iid)
-        nodes: dict[str, Node] = {
-            tag: Ids(tuple((iid, iid) for iid in iids)) for tag, iids in tagged.items()
-        }
-        for name, saved in self.selections.items():
-            nodes.pop(name, None)
-            with suppress(ExpressionError):
-                nodes[name] = parse(saved.expression)
-        return nodes
-
-    @cached_property
-    def remark_ranks(self) -> NDArray[np.intp]:
-        """Array (n, 2) of the iids with a remark, ascending, and its alphabetical rank."""
-        texts = {iid: self.remarks[iid].text.casefold() for iid in sorted(self.remarks)}
-        ranks = {text: rank for rank, text in enumerate(sorted(set(texts.values())))}
-        pairs = [(iid, ranks[text]) for iid, text in texts.items()]
-        return np.array(pairs, dtype=np.intp).reshape(-1, 2)
 
 
 class Notebook:
@@ -94,7 +56,7 @@ class Notebook:
         """Read the notebook of a store from `folder` (default: the user data folder).
 
         `store_identity` is `Store.identity`, which stays the same when instances are appended.
-        `parts` are those of the store, see `notes_for`.
+        `parts` are the parts of the store, see `notes_for`.
 
         Raises RequestError for an invalid identity, and for a damaged file unless `tolerant`: then
         the notebook is empty, `error` has the message, and changes fail until the file is repaired.
@@ -229,12 +191,8 @@ class Notebook:
             self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
             with file_lock(self.path, _LOCK_SECONDS) as lease:
                 notes = change(self._read(self._parts))
-                content = notes.selections, notes.remarks, notes.history, notes.unread
-                write_file(
-                    self.path,
-                    notebook_schema.encode(self._identity, *content, self._parts),
-                    lease.check,
-                )
+                content = notebook_schema.encode(self._identity, notes, self._parts)
+                write_file(self.path, content, lease.check)
         except OSError as error:
             raise RequestError(f"{self.path}: {error.strerror}") from error
         except RecursionError as error:
@@ -255,7 +213,7 @@ class Notebook:
             raise RequestError(message) from error
         if not notebook_schema.is_notebook(content, self._identity):
             raise RequestError(f"{self.path}: is not a notebook of this data set; move it away")
-        return Notes(*notebook_schema.decode(content, parts))
+        return notebook_schema.decode(content, parts)
 
     def _content(self) -> str:
         """Return the text of the file. Raises OSError, ValueError, RequestError."""

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from typing import Any, TypeVar
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
+from s2rstore.language import ExpressionError, Node, parse
+from s2rstore.language.syntax_tree import Ids
 from s2rstore.records import Part
 from s2rstore.security.printable_text import printable
 
@@ -72,7 +78,38 @@ class UnreadableEntries:
         return len(self.selections) + len(self.remarks) + len(self.others)
 
 
-Content = tuple[dict[str, SavedSelection], dict[int, Remark], tuple[str, ...], UnreadableEntries]
+@dataclass(frozen=True)
+class Notes:
+    """Immutable content of a notebook; `unread` holds the entries that cannot be read."""
+
+    selections: Mapping[str, SavedSelection] = field(default_factory=dict)
+    remarks: Mapping[int, Remark] = field(default_factory=dict)
+    history: tuple[str, ...] = ()
+    unread: UnreadableEntries = field(default_factory=UnreadableEntries)
+
+    @cached_property
+    def nodes(self) -> dict[str, Node]:
+        """Syntax trees of saved selections and tags by name, without unparsable expressions."""
+        tagged: dict[str, list[int]] = {}
+        for iid in sorted(self.remarks):
+            for tag in self.remarks[iid].tags:
+                tagged.setdefault(tag, []).append(iid)
+        nodes: dict[str, Node] = {
+            tag: Ids(tuple((iid, iid) for iid in iids)) for tag, iids in tagged.items()
+        }
+        for name, saved in self.selections.items():
+            nodes.pop(name, None)
+            with suppress(ExpressionError):
+                nodes[name] = parse(saved.expression)
+        return nodes
+
+    @cached_property
+    def remark_ranks(self) -> NDArray[np.intp]:
+        """Array (n, 2) of the iids with a remark, ascending, and its alphabetical rank."""
+        texts = {iid: self.remarks[iid].text.casefold() for iid in sorted(self.remarks)}
+        ranks = {text: rank for rank, text in enumerate(sorted(set(texts.values())))}
+        pairs = [(iid, ranks[text]) for iid, text in texts.items()]
+        return np.array(pairs, dtype=np.intp).reshape(-1, 2)
 
 
 def is_notebook(content: Any, store_identity: str) -> bool:
@@ -117,10 +154,10 @@ def _without_foreign(
     return own, foreign
 
 
-def decode(content: dict[str, Any], parts: Sequence[Part] = ()) -> Content:
-    """Return the selections, remarks and history of a file, and its other entries.
+def decode(content: dict[str, Any], parts: Sequence[Part] = ()) -> Notes:
+    """Return the content of a file.
 
-    `parts` are those of the store; without them, appended instances have no remarks.
+    `parts` are the parts of the store; without them, appended instances have no remarks.
     """
     others = {key: content[key] for key in content if key not in ("version", "dataset", *_SECTIONS)}
     sections = {key: content.get(key, {}) for key in _SECTIONS[:2]}
@@ -135,7 +172,7 @@ def decode(content: dict[str, Any], parts: Sequence[Part] = ()) -> Content:
     selections, other_selections = _entries(sections["selections"], _selection, reasons)
     remarks, other_remarks = _entries(sections["remarks"], _remark, reasons)
     unread = UnreadableEntries(other_selections, other_remarks, others, reasons, foreign)
-    return selections, remarks, tuple(_expression(str(text)) for text in history), unread
+    return Notes(selections, remarks, tuple(_expression(str(text)) for text in history), unread)
 
 
 def _entries(
@@ -189,15 +226,9 @@ def _expression(text: str) -> str:
     return "".join(c if c.isprintable() else printable(c).replace("\\", "\\\\") for c in text)
 
 
-def encode(
-    store_identity: str,
-    selections: Mapping[str, SavedSelection],
-    remarks: Mapping[int, Remark],
-    history: tuple[str, ...],
-    unread: UnreadableEntries,
-    parts: Sequence[Part] = (),
-) -> bytes:
+def encode(store_identity: str, notes: Notes, parts: Sequence[Part] = ()) -> bytes:
     """Return the content of the file, including the unreadable and the foreign entries."""
+    unread = notes.unread
     foreign = unread.foreign
     content: dict[str, Any] = {
         "version": VERSION,
@@ -205,14 +236,17 @@ def encode(
         "selections": {
             **foreign.get("selections", {}),
             **unread.selections,
-            **{name: _selection_entry(saved) for name, saved in selections.items()},
+            **{name: _selection_entry(saved) for name, saved in notes.selections.items()},
         },
         "remarks": {
             **foreign.get("remarks", {}),
             **unread.remarks,
-            **{_remark_key(iid, parts): asdict(remark) for iid, remark in sorted(remarks.items())},
+            **{
+                _remark_key(iid, parts): asdict(remark)
+                for iid, remark in sorted(notes.remarks.items())
+            },
         },
-        "history": list(history),
+        "history": list(notes.history),
     }  # fmt: skip
     for key, value in unread.others.items():
         content[f"unread {key}" if key in _SECTIONS else key] = value

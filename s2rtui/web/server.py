@@ -45,7 +45,7 @@ _HEARTBEAT_SECONDS = 15.0
 _REQUEST_TIMEOUT = 10.0
 """Time in seconds after which a connection without a complete request is dropped."""
 _MAX_CONNECTIONS = 64
-"""Concurrent connections beside those of the sessions."""
+"""Concurrent connections besides the connections of the sessions."""
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 

@@ -128,7 +128,7 @@ def _summary(store: Store, name: str) -> RunSummary:
     try:
         if store.run(name).key is None:
             return RunSummary(shown, None, None, 0, "not computed")
-        columns, new = store.run_columns(name), run_metrics.held_out(store, name)
+        columns, new = store.run_columns(name), run_metrics.population(store, name)
         count = int(new.sum())
         trained = int(columns.valid.sum()) - count
         notes = [store.coverage(name).summary, f"{trained} trained left out" if trained else ""]

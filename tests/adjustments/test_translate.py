@@ -19,7 +19,8 @@ from s2rtools.precompute.run_registration import add_run
 from s2rtools.translation import fit_split
 from s2rtools.translation.translator_file import load_translator
 from s2rtools.translator_evaluation.fit_into_store import FitRequest, fit_into_store, stored_split
-from s2rtui.session import Session, adjusting
+from s2rtui.session import adjusting
+from s2rtui.session.session import Session
 from tests.conftest import BuildOnce
 from tests.support.copies import copy_store
 

@@ -22,7 +22,8 @@ from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.jobs.precompute_job import JobProgress
 from s2rtui.loaders import live_prediction
-from s2rtui.session import Session, view_settings
+from s2rtui.session import view_settings
+from s2rtui.session.session import Session
 from s2rtui.session.state import Adjust
 from tests.support.application import make_app, press, running
 from tests.support.copies import copy_store

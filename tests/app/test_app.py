@@ -14,11 +14,13 @@ from s2rtui.app.action import key_label
 from s2rtui.app.app import S2RApp
 from s2rtui.app.key_bindings import ACTIONS, footer
 from s2rtui.app.pilot import settle, take_screenshot
-from s2rtui.app.screens.help_content import help_text
+from s2rtui.app.screens.help_content import help_lines
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.marks import BrushShape
-from s2rtui.session import Brush, Session, shared_selection
+from s2rtui.session import shared_selection
+from s2rtui.session.session import Session
+from s2rtui.session.state import Brush
 from s2rtui.terminal.strips import to_ascii
 from tests.support.application import make_app, press, running
 
@@ -117,7 +119,7 @@ def test_bindings_footer_and_help_use_the_same_actions(tiny_store):
     for action in ACTIONS:
         name = action.call.split("(")[0]
         assert hasattr(S2RApp, f"action_{name}"), name
-        assert action.description in help_text()
+        assert action.description in "\n".join(help_lines())
 
 
 def test_starting_the_application_loads_no_heavy_package(tiny_store):
@@ -141,7 +143,7 @@ def test_starting_the_application_loads_no_heavy_package(tiny_store):
 
 
 def test_key_labels_match_the_keyboard():
-    lines = {line.strip() for line in help_text().splitlines()}
+    lines = {line.strip() for line in "\n".join(help_lines()).splitlines()}
     assert any(line.startswith("z  +  =  ") for line in lines)
     for action in ACTIONS:
         for key in action.keys:

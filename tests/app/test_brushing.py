@@ -16,7 +16,8 @@ from s2rtui.app.screens.tour import TourScreen
 from s2rtui.canvas.marks import PlotArea
 from s2rtui.charts.errors import errors_model
 from s2rtui.charts.registry import BY_NAME, VIEWS
-from s2rtui.session import Session, instance_list
+from s2rtui.session import instance_list
+from s2rtui.session.session import Session
 from s2rtui.user_data.notebook import Notebook
 from tests.support.application import make_app, press, running
 

@@ -19,14 +19,14 @@ from s2rtui.charts.registry import VIEWS
 from s2rtui.charts.scene import LoadedData, RunAccuracies, Scene, TranslatorRow
 from s2rtui.charts.view import View
 from s2rtui.loaders import LoadContext, store_data
-from s2rtui.session import HeatChoice, Session, State
 from s2rtui.session.provenance import (
     HeatProvenance,
     heat_provenance,
     instance_provenance,
     visible_floor_key,
 )
-from s2rtui.session.state import Adjust, Brush, HistoryFile, Slider, Step, Target
+from s2rtui.session.session import Session
+from s2rtui.session.state import Adjust, Brush, HeatChoice, HistoryFile, Slider, State, Step, Target
 from s2rtui.user_data.notebook import Notes, Remark
 from tests.charts.examples import finding_report
 from tests.support import gaps, tiny

@@ -12,7 +12,6 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.language import evaluation
 from s2rtui.app.app import S2RApp
-from s2rtui.app.messages import BackgroundFailed
 from s2rtui.app.pilot import settle
 from s2rtui.app.widgets.query_input import QueryInput
 from s2rtui.canvas import RenderOptions
@@ -20,7 +19,7 @@ from s2rtui.cli import main
 from s2rtui.export import rows as exported_rows
 from s2rtui.export.exclusive_files import create_exclusive, numbered_paths
 from s2rtui.jobs.background_thread import wait_until_idle
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 from s2rtui.user_data.notebook import SavedSelection
 from tests.support.application import press, running
 from tests.support.small_figures import draw_small_figures
@@ -82,22 +81,21 @@ def test_the_rows_of_a_query_equal_those_of_the_sql_back_end(tiny_store, monkeyp
             text, parameters = evaluation.sql(store, expression)
             query = f"SELECT {columns} FROM pair JOIN ({text}) USING (iid) WHERE run = 'vanilla'"
             assert rows.rows == store.execute(f"{query} ORDER BY iid", parameters)
-            assert rows.facts.count == len(rows.rows)
+            assert rows.facts["count"] == len(rows.rows)
 
 
-def test_an_unexpected_error_is_shown_in_one_line(tiny_store):
+def test_an_unexpected_error_is_shown_in_one_line(tiny_store, monkeypatch):
+    messages: list[str] = []
+    monkeypatch.setattr(S2RApp, "call_later", lambda app, call: call())
+    monkeypatch.setattr(S2RApp, "show_error", lambda app, text: messages.append(text))
     app = S2RApp(Session(tiny_store), RenderOptions())
-    messages: list[BackgroundFailed] = []
-    app.post, app._running = messages.append, True
 
     def failing_job() -> None:
         raise MemoryError("out of memory\nadvice")
 
     app.jobs.start(failing_job, "a.csv is not written")
     assert wait_until_idle(5.0)
-    assert [message.text for message in messages] == [
-        "a.csv is not written (MemoryError: out of memory advice)"
-    ]
+    assert messages == ["a.csv is not written (MemoryError: out of memory advice)"]
 
 
 async def test_unusable_file_names_are_rejected(tiny_store, tmp_path):

@@ -10,8 +10,9 @@ from s2rstore.records import Room
 from s2rtui.app.key_bindings import footer
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.charts.rooms import VIEW
-from s2rtui.session import Session, navigation
+from s2rtui.session import navigation
 from s2rtui.session.error_groups import COLUMN_NAMES, GROUPINGS
+from s2rtui.session.session import Session
 from tests.app.test_focused_view import message
 from tests.support import tiny
 from tests.support.application import make_app, press, running

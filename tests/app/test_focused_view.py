@@ -5,7 +5,7 @@ import numpy as np
 from s2rtui.app.app import S2RApp
 from s2rtui.app.controllers.hover import instance_text
 from s2rtui.app.pilot import settle
-from s2rtui.app.status_line import Bar
+from s2rtui.app.status_line import TextBar
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.session import instance_list
@@ -15,7 +15,7 @@ SIZE = (120, 40)
 
 
 def message(app: S2RApp) -> str:
-    return str(app.query_one("#message", Bar).render())
+    return str(app.query_one("#message", TextBar).render())
 
 
 def shown(app: S2RApp) -> set[str]:

@@ -12,7 +12,7 @@ from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.cli import main
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 from tests.app.test_screen_snapshots import check
 from tests.support import gaps, nights
 from tests.support.application import press, running

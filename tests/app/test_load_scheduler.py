@@ -18,13 +18,12 @@ from s2rstore.language.syntax_tree import Everything
 from s2rtools.precompute.run_registration import add_run
 from s2rtui.app import pilot as headless
 from s2rtui.app.app import S2RApp
-from s2rtui.app.messages import AdjustmentProgressed
 from s2rtui.app.pilot import settle, take_screenshot
-from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.marks import BrushShape
 from s2rtui.jobs.precompute_job import JobProgress
-from s2rtui.session import Brush, Session, State, targets
-from s2rtui.session.state import Target
+from s2rtui.session import targets
+from s2rtui.session.session import Session
+from s2rtui.session.state import Brush, State, Target
 from tests.support import tiny
 from tests.support.application import make_app, running
 
@@ -215,7 +214,7 @@ async def test_a_saved_run_is_announced_after_its_generation_is_loaded(store_cop
     async with running(store_copy, size=(80, 24)) as (app, pilot):
         add_later_run(store_copy)
         progress = JobProgress(1.0, "published", "done")
-        app.post_message(AdjustmentProgressed("dataaug", progress))
+        app.adjust.show_progress("dataaug", progress)
         await settle(app, pilot)
         assert app.session.state.generation == app.session.state.newest > 1
         assert app.session.state.message == "run dataaug is saved: r shows it"
@@ -226,9 +225,7 @@ async def test_the_announced_key_selects_the_saved_run(four_runs):
         runs = app.session.state.runs
         for present, saved in ((0, 0), (0, 1), (0, 2), (0, 3), (3, 0), (3, 1), (2, 1)):
             app.session.set_run(runs[present])
-            app.post_message(
-                AdjustmentProgressed(runs[saved], JobProgress(1.0, "published", "done"))
-            )
+            app.adjust.show_progress(runs[saved], JobProgress(1.0, "published", "done"))
             await settle(app, pilot)
             message = app.session.state.message
             assert message.startswith(f"run {runs[saved]} is saved")
@@ -358,7 +355,7 @@ def test_the_screen_of_a_state_uses_its_history(store, tmp_path, monkeypatch):
     opened: list[Session] = []
     monkeypatch.setattr(headless, "S2RApp", lambda shown, _: opened.append(shown) or 1 / 0)
     with pytest.raises(ZeroDivisionError):
-        headless.screen_of(store, session.state, (800, 480), RenderOptions())
+        headless.snapshot(store, (80, 24), state=session.state)
     assert opened[0].state is session.state
     assert opened[0].store.in_use == {session.state.run}
     assert not opened[0].apply_updates(opened[0].read_updates())

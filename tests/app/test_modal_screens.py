@@ -8,11 +8,11 @@ from textual.widgets import OptionList, Static
 from s2rtui.app.app import S2RApp
 from s2rtui.app.key_bindings import ACTIONS, BY_NAME
 from s2rtui.app.pilot import settle, take_screenshot
-from s2rtui.app.screens.help_content import QUESTIONS, help_lines, help_text
+from s2rtui.app.screens.help_content import QUESTIONS, help_lines
 from s2rtui.app.screens.jump import JumpScreen
-from s2rtui.app.status_line import Bar
+from s2rtui.app.status_line import TextBar
 from s2rtui.canvas import RenderOptions
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support.application import press, running
 from tests.support.copies import copy_store
@@ -84,7 +84,7 @@ async def test_jump_letters_lie_on_their_parts_of_the_status_line(
         await settle(app, pilot)
         await pilot.press("space")
         assert isinstance(app.screen, JumpScreen)
-        bar = app.screen_stack[0].query_one("#status", Bar)
+        bar = app.screen_stack[0].query_one("#status", TextBar)
         line, padding = bar.render_line(0), bar.styles.padding.left
         targets = {
             target.action: line.crop(target.x - padding, 200).text
@@ -101,7 +101,7 @@ def test_the_search_finds_lines_with_all_words_and_keys_in_their_case():
     lines = [line for line in help_lines(searched="next Run") if line.startswith("  ")]
     assert len(lines) >= 2
     assert all("next" in line.lower() and "run" in line.lower() for line in lines)
-    assert all(line in help_text().splitlines() for line in lines)
+    assert all(line in help_lines() for line in lines)
     small, large = (help_lines(searched=key) for key in "wW")
     assert any(BY_NAME["worst_real"].description in line for line in small)
     assert not any(BY_NAME["worst_sim"].description in line for line in small)
@@ -126,8 +126,8 @@ async def test_typing_filters_and_enter_goes_to_the_first_match(tiny_store):
         assert shown
         assert all("lasso" in line for line in shown)
         await press(app, pilot, "enter")
-        assert str(text.render()) == help_text()
-        row = help_text().splitlines().index(shown[0])
+        assert str(text.render()) == "\n".join(help_lines())
+        row = help_lines().index(shown[0])
         area = app.screen.query_one("#help", VerticalScroll)
         assert area.scroll_offset.y <= row < area.scroll_offset.y + area.size.height
         await pilot.press("slash", "q", "escape")

@@ -9,7 +9,6 @@ from textual.pilot import Pilot
 
 from s2rtui.app import load_scheduler
 from s2rtui.app.app import S2RApp
-from s2rtui.app.messages import LoadCompleted, LoadProgressed
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.charts.instance import instance_input
 from s2rtui.charts.registry import BY_NAME
@@ -118,12 +117,12 @@ async def test_every_loader_reports_its_own_progress(tiny_store):
         await press(app, pilot, "c", "o", "C")
         tickets = app.load_scheduler._ticket
         for loader, share in (("heat on the map", 0.25), ("seen floor", 0.5)):
-            app.on_load_progressed(LoadProgressed(loader, tickets[loader], share))
-        app.on_load_progressed(LoadProgressed("live", -1, 0.9))
+            app.load_scheduler.show_progress(loader, tickets[loader], share)
+        app.load_scheduler.show_progress("live", -1, 0.9)
         await pilot.pause()
         text = take_screenshot(app).text
         assert "heat on the map 25%, seen floor 50%" in text
-        app.on_load_completed(LoadCompleted("seen floor", tickets["seen floor"], {}))
+        app.load_scheduler.complete("seen floor", tickets["seen floor"], {})
         assert app.loaded.progress == {"heat on the map": 0.25}
         await press(app, pilot, "A")
         assert app.loaded.progress == {}

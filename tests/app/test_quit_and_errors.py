@@ -23,7 +23,7 @@ from s2rtui.canvas import RenderOptions
 from s2rtui.charts.map import VIEW as MAP
 from s2rtui.cli import main
 from s2rtui.loaders import LOADERS
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 from tests.support.application import press, running
 from tests.support.copies import copy_store
 from tests.support.terminals import open_application

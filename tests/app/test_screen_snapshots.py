@@ -18,7 +18,7 @@ from s2rtui.canvas import RenderOptions
 from s2rtui.charts.instance import instance_input
 from s2rtui.charts.registry import VIEWS
 from s2rtui.loaders.live_prediction import LivePredictor
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 from s2rtui.terminal import diagnostics
 from s2rtui.terminal.diagnostics import PARTS
 from s2rtui.user_data.notebook import ReadNotebook

@@ -17,7 +17,7 @@ from s2rtui.app.status_line import status_line
 from s2rtui.app.titled_view import _divided, truncated
 from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.charts.registry import VIEWS
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 from s2rtui.terminal.capabilities import detect
 from s2rtui.terminal.test_card import card_height, draw_card
 from tests.support import tiny

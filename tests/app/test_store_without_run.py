@@ -17,7 +17,7 @@ from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.export.load_scene import SceneOptions, open_scene
 from s2rtui.export.report.build_report import render_report
 from s2rtui.export.report.report_request import ReportRequest
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 from tests.support import tiny
 from tests.support.application import make_app, press, running
 from tests.support.copies import copy_store

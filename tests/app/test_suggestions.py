@@ -8,8 +8,9 @@ import pytest
 from s2rtui.app.pilot import take_screenshot
 from s2rtui.charts.suggestions import VIEW
 from s2rtui.loaders.live_prediction import LivePredictor
-from s2rtui.session import Session, adjusting, suggestions
+from s2rtui.session import adjusting
 from s2rtui.session.adjusting import adjustment_chains
+from s2rtui.session.session import Session
 from tests.app.test_screen_snapshots import StoredPredictor
 from tests.support.application import make_app, press, running
 from tests.support.suggestions import store_reports, suggest_report
@@ -78,7 +79,7 @@ async def test_a_step_without_slider_is_not_applied(store):
     session.dispatch(adjusting.open_sliders, sliders, reason)
     before = session.state.adjust
     chain = [{"name": "brightness", "value": 0.9}, {"name": "translate:gone", "value": 1.0}]
-    state = session.dispatch(suggestions.adjust, "real", chain)
+    state = session.dispatch(adjusting.set_chain, "real", chain)
     assert state.adjust == before
     assert state.is_error
     assert "translate:gone" in state.message

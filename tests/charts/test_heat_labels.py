@@ -23,8 +23,8 @@ from s2rtui.charts.map import heat_facts, map_drawing
 from s2rtui.charts.shared.instance import heat_fields, instance_drawing
 from s2rtui.drawing import paper
 from s2rtui.drawing.cells import draw_cells
-from s2rtui.session import Session
 from s2rtui.session.heatmaps import heatmap_choices
+from s2rtui.session.session import Session
 from s2rtui.session.state import HeatChoice, State
 from tests.charts.examples import draw_map, instance_input, map_input
 from tests.support import networks

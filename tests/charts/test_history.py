@@ -15,7 +15,7 @@ from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.drawing_layout import drawing_layout
 from s2rtui.drawing.plot import Dots, Line
 from s2rtui.drawing.plot_cells import column_of, row_of
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 from tests.charts.examples import history_drawing
 from tests.support import gaps
 

@@ -17,7 +17,7 @@ from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.charts.shared.instance import heat_scale, instance_drawing, pose_rows
 from s2rtui.drawing.cells import draw_cells
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 from tests.charts.examples import draw_map, instance_input, points_of, side
 from tests.charts.test_error_glyphs import many_points
 from tests.charts.test_error_glyphs import shown as shown_arcs

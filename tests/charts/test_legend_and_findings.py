@@ -19,7 +19,7 @@ from s2rtui.drawing.legend import (
     role_legend,
     text_part,
 )
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 from tests.charts.examples import finding_report
 
 OPTIONS = RenderOptions()

@@ -31,7 +31,8 @@ from s2rtui.charts.scene import (
 )
 from s2rtui.drawing.cells import draw_cells, drawing_panels
 from s2rtui.drawing.drawing import Drawing
-from s2rtui.session import Session, view_settings
+from s2rtui.session import view_settings
+from s2rtui.session.session import Session
 from tests.charts.examples import ROWS, overview_drawing, overview_lines
 
 SIZE = (60, 16)

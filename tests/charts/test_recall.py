@@ -17,7 +17,7 @@ from s2rtui.canvas import DEFAULT_OPTIONS
 from s2rtui.charts.recall import VIEW
 from s2rtui.charts.scene import LoadedData, LoadedModel, Scene, model_source
 from s2rtui.cli import main
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 
 POSE = ("x", "y", "heading", "error", "heading_error", "loss", "accuracy", "rank")
 

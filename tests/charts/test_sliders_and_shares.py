@@ -19,7 +19,7 @@ from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.charts.shares import VIEW, SharesModel, shares_scale
 from s2rtui.drawing.cells import draw_cells, drawing_panels
 from s2rtui.drawing.drawing import Drawing
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 from s2rtui.session.state import Adjust, Slider
 
 SLIDERS = tuple(

@@ -12,7 +12,7 @@ from textual.strip import Strip
 from s2rtui.canvas import DARK, Canvas, ColourMode
 from s2rtui.canvas.glyph_masks import glyph_mask
 from s2rtui.canvas.raster import draw_blocks, half_blocks
-from s2rtui.export.rasterizer import rasterize
+from s2rtui.export.screenshot import rasterize
 from s2rtui.terminal.strips import merge_similar_colours, to_strips
 
 

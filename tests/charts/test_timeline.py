@@ -8,7 +8,7 @@ from s2rtui.app.controllers.player import SPEEDS
 from s2rtui.canvas import BrushShape, RenderOptions
 from s2rtui.charts.timeline import VIEW, timeline
 from s2rtui.export.load_scene import load_scene
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 from s2rtui.user_data.notebook import ReadNotebook
 from tests.support.application import press, running
 

@@ -41,7 +41,7 @@ def test_stages_are_run_until_the_store_is_complete(demo_folder, capsys, monkeyp
             hidden.rename(path)
         return 3 if words[0] == "suggest" else 0  # 3: nothing helps
 
-    monkeypatch.setattr("s2rtui.cli.main", record)
+    monkeypatch.setattr("s2rtui.cli.commands.demo.main", record)
     assert main([*DEMO_ARGUMENTS, str(demo_folder)]) == 0
     assert commands == ["ingest", "precompute", "score", "suggest"]
     output = capsys.readouterr()

@@ -14,6 +14,7 @@ from s2rtui.cli.display_arguments import (
     THEME_NAMES,
     add_display_options,
     detect_display,
+    size_argument,
 )
 from s2rtui.terminal.capabilities import Terminal, detect, refuse_unusable
 from s2rtui.user_data.display_settings import (
@@ -131,3 +132,9 @@ def test_the_environment_determines_the_colour_mode(environment, mode, ascii):
 def test_a_missing_terminal_is_rejected_with_advice():
     with pytest.raises(RequestError, match="s2r snapshot"):
         refuse_unusable({"TERM": "xterm"})
+
+
+@pytest.mark.parametrize("text", ["", "10", "10x", "0x20", "10x20x30", "-10x20", "1000x20"])
+def test_wrong_sizes_are_refused(text):
+    with pytest.raises(RequestError, match="must be pixels of a cell from 4x4 to 100x200"):
+        size_argument("--cell-size", text, (4, 4), (100, 200), "pixels of a cell")

@@ -110,9 +110,9 @@ def test_a_report_is_accessible_without_images(page):
 def test_the_numbers_equal_those_of_the_store(tiny_store, page):
     with s2rstore.open(tiny_store) as store:
         selected = evaluation.select(store, "worst15", "dataaug")
-        held_out_selected = selected & run_metrics.held_out(store, "dataaug")
+        held_out_selected = selected & run_metrics.population(store, "dataaug")
         columns, truth = store.run_columns("dataaug"), store.instances
-        held_out = run_metrics.held_out(store, "dataaug")
+        held_out = run_metrics.population(store, "dataaug")
         centre = truth.x[held_out].mean(), truth.y[held_out].mean()
         distances = np.hypot(
             truth.x[held_out_selected] - centre[0], truth.y[held_out_selected] - centre[1]

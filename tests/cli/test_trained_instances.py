@@ -26,7 +26,8 @@ from s2rtui.cli import main
 from s2rtui.export.load_scene import SceneOptions, open_scene
 from s2rtui.export.report.build_report import render_report
 from s2rtui.export.report.report_request import ReportRequest, RequestedSelection
-from s2rtui.session import Session, navigation, shared_selection, undo_history
+from s2rtui.session import navigation, shared_selection, undo_history
+from s2rtui.session.session import Session
 from s2rtui.user_data.notebook import Notebook
 from tests.support import tiny
 from tests.support.open_stores import kept_open
@@ -172,12 +173,12 @@ def test_runs_and_the_headline_population_agree_with_the_screen(stores, s2r):
     assert outputs[0] == outputs[1]
     with s2rstore.open(stores.absurd) as store:
         for run, trained in (("vanilla", 20), ("dataaug", 10)):
-            held_out = run_metrics.held_out(store, run)
+            held_out = run_metrics.population(store, run)
             assert held_out.sum() == N - trained
             np.testing.assert_array_equal(evaluation.select(store, "all", run), held_out)
     with open_scene(stores.absurd, options()) as scene:
         np.testing.assert_array_equal(
-            scene.state.base, run_metrics.held_out(scene.store, "vanilla")
+            scene.state.base, run_metrics.population(scene.store, "vanilla")
         )
 
 

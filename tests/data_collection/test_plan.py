@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.language import evaluation
-from s2rtools.data_collection.batch_choice import Coverage, choose_batch
+from s2rtools.data_collection.batch_choice import PoseCoverage, choose_batch
 from s2rtools.data_collection.candidates import CandidatePoses, find_candidates, is_free
 from s2rtools.data_collection.evidence import Evidence, read_evidence
 from s2rtools.data_collection.expected_reduction import METHODS, local_values
@@ -162,7 +162,7 @@ def test_gains_never_grow_and_equal_what_is_covered(seed, budget):
     usable[0, 0] = True
     candidates = replace(candidates, usable=usable)
     weights = rng.uniform(0, 3, usable.shape)
-    coverage = Coverage(candidates, weights, PoseSimilarity())
+    coverage = PoseCoverage(candidates, weights, PoseSimilarity())
     batch = choose_batch(coverage, candidates, budget)
     assert usable.flat[batch.cells].all()
     assert (np.diff(batch.gains) <= 1e-9).all()
@@ -173,8 +173,8 @@ def test_gains_never_grow_and_equal_what_is_covered(seed, budget):
 def test_the_greedy_batch_is_that_of_full_reevaluation():
     candidates, similarity = grid(8, 4), PoseSimilarity()
     weights = np.random.default_rng(5).uniform(0, 3, candidates.usable.shape)
-    batch = choose_batch(Coverage(candidates, weights, similarity), candidates, 6)
-    coverage = Coverage(candidates, weights, similarity)
+    batch = choose_batch(PoseCoverage(candidates, weights, similarity), candidates, 6)
+    coverage = PoseCoverage(candidates, weights, similarity)
     for cell in batch.cells.tolist():
         gains = [coverage.gain(other) for other in range(candidates.usable.size)]
         assert coverage.gain(cell) == pytest.approx(max(gains))

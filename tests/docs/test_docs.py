@@ -2,13 +2,14 @@
 
 import base64
 import importlib.util
-import operator
 import re
 import shlex
 import subprocess
 import sys
+import tomllib
 from io import BytesIO
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from PIL import Image
@@ -31,6 +32,15 @@ def generator():
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+def test_all_files_name_the_same_release():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    release, _, development = project["version"].partition(".dev")
+    heading = re.search("^## (.*)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)[1]
+    assert heading == (f"{release} (in development)" if development else release)
+    ros_package = ElementTree.parse(ROOT / "tools" / "s2rtools" / "ros" / "launch" / "package.xml")
+    assert ros_package.findtext("version") == release
 
 
 def shown_commands(text: str) -> list[list[str]]:
@@ -117,17 +127,6 @@ def test_registry_names_beside_their_files_exist():
             ):
                 missing.append((page.name, name, path))
     assert not missing
-
-
-def test_the_hops_of_an_expression_exist_and_are_few():
-    text = (DOCS / "architecture.md").read_text(encoding="utf-8")
-    hops = re.findall(r"^\| \d+ \| `([\w.<>]+)` `([\w.]+)` \|", text, re.MULTILINE)
-    assert 10 < len(hops) <= 15
-    for name, function in hops:
-        place = function if "<view>" not in name else f"VIEW.{function}"
-        name = name.replace("<view>", "errors")
-        module = importlib.import_module(name if name.startswith("s2rstore") else f"s2rtui.{name}")
-        operator.attrgetter(place)(module)  # raises where there is none
 
 
 def test_the_key_reference_and_the_cheat_sheet_list_every_action():

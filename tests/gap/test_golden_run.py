@@ -12,7 +12,7 @@ from msgspec import structs
 
 import s2rstore
 from s2rstore.errors import InconclusiveError, RequestError
-from s2rstore.metrics.run_metrics import held_out
+from s2rstore.metrics.run_metrics import population
 from s2rtools.gap.axis import Evidence, GapSettings
 from s2rtools.gap.gate import golden_run
 
@@ -30,12 +30,12 @@ def test_the_same_state_passes(evidence, tmp_path):
     comparison = golden_run.compare(evidence, golden_run.read(tmp_path / "g.json"), SETTINGS)
     assert comparison.outcome == "PASS"
     assert comparison.change.value == comparison.change.low == comparison.change.high == 0
-    assert comparison.n == int(held_out(evidence.store, "vanilla").sum()) == 80
+    assert comparison.n == int(population(evidence.store, "vanilla").sum()) == 80
 
 
 def test_training_instances_are_excluded(evidence):
     taken = set(golden_run.take(evidence).errors)
-    trained_on = set(np.flatnonzero(~held_out(evidence.store, "vanilla")).tolist())
+    trained_on = set(np.flatnonzero(~population(evidence.store, "vanilla")).tolist())
     assert trained_on
     assert taken.isdisjoint(trained_on)
 

@@ -92,7 +92,7 @@ from argparse import Namespace
 from pathlib import Path
 import numpy as np
 from s2rstore.arrays import array_writer
-from s2rtui.cli.main import execute_command
+from s2rtui.cli import execute_command
 
 root = Path(sys.argv[1])
 path = root / "runs.zarr/vanilla/key9/large"

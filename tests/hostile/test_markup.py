@@ -9,7 +9,7 @@ from textual.widgets import Static
 
 import s2rtui
 from s2rtui.app.pilot import take_screenshot
-from s2rtui.app.status_line import Bar
+from s2rtui.app.status_line import TextBar
 from tests.support import hostile
 from tests.support.application import running
 
@@ -105,7 +105,7 @@ async def test_a_room_name_is_not_an_action(store_copy):
 
 
 async def test_a_bar_shows_its_texts_verbatim():
-    content = Bar("status")
+    content = TextBar("status")
     content.show("[b]a[/b]", ("[ @click=app.quit]", "bold"), "\x1b[31m")
     shown = content.visual
     assert isinstance(shown, Content)

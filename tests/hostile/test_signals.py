@@ -134,13 +134,13 @@ def test_sigterm_ends_a_query(tiny_store):
 def test_an_interrupted_command_reports_what_is_retained(
     tmp_path, capsys, monkeypatch, command, expected
 ):
-    from s2rtui.cli.command_parser import command_module
+    from s2rtui.cli import command_parser
 
     def interrupted(options: object) -> int:
         raise KeyboardInterrupt
 
-    module = command_module(command)
-    monkeypatch.setattr(module, "execute", interrupted)
+    loaded = command_parser.load_command(command)._replace(execute=interrupted)
+    monkeypatch.setattr(command_parser, "load_command", lambda name: loaded)
     command_lines = {
         "ingest": ["ingest", "world", "--store", "s.s2r"],
         "precompute": ["precompute", "s.s2r"],

@@ -158,7 +158,7 @@ def test_intervals_equal_those_of_a_store_that_was_ingested_at_once(
     for path in stores:
         with s2rstore.open(path) as store:
             metrics = run_metrics.side_metrics(store, "plain", "real")
-            rows = store.in_recording_order(run_metrics.held_out(store, "plain"))
+            rows = store.in_recording_order(run_metrics.population(store, "plain"))
             errors = store.run_columns("plain").real.error[rows]
             found.append((metrics.accuracy, np.sort(errors), errors))
     (once, ordered, errors), (grown, ordered_grown, errors_grown) = found
@@ -200,7 +200,7 @@ def test_a_run_leaves_out_instances_that_one_of_its_domains_does_not_image(store
     with s2rstore.open(stores[0]) as once, s2rstore.open(path) as store:
         assert store.imaged(EDIT, "real").tolist() == covered.tolist()
         for run, known in (("edited", covered), ("plain", np.ones(iids.size, dtype=bool))):
-            assert run_metrics.held_out(store, run).tolist() == known.tolist()
+            assert run_metrics.population(store, run).tolist() == known.tolist()
             for side in SIDES:
                 found, expected = (
                     store.run_columns(run).side(side),

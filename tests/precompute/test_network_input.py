@@ -19,7 +19,7 @@ from s2rtools.datasets.writing.build import build
 from s2rtools.models.model_registration import add_model
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import add_run
-from s2rtui.cli.main import main
+from s2rtui.cli import main
 from tests.support import pairs
 from tests.support.silent_reporter import SilentReporter
 

@@ -96,7 +96,7 @@ def test_thresholds_come_from_the_data_set_and_trained_instances_are_left_out(st
         draft.update("prediction", {"run": "vanilla", "iid": 7}, {"split": "train"})
     with s2rstore.open(store_copy) as opened:
         columns, found = opened.run_columns("vanilla"), recall.side_recall(opened, "vanilla", "sim")
-        held_out = run_metrics.held_out(opened, "vanilla")
+        held_out = run_metrics.population(opened, "vanilla")
         errors = columns.sim.error[held_out], np.degrees(columns.sim.heading_error[held_out])
         assert (found.n, found.trained_on, found.headline.name) == (39, 1, "0.7 m, 20 deg")
         shares = [np.mean((errors[0] <= m) & (errors[1] <= d)) for m, d in ((0.7, 20), (3, 60))]

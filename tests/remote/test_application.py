@@ -16,7 +16,7 @@ from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import RenderOptions
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 from tests.support import gaps
 from tests.support.application import press
 

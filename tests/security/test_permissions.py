@@ -12,9 +12,10 @@ from s2rtui.app import key_bindings
 from s2rtui.app.action import Action
 from s2rtui.app.key_bindings import ACTIONS, find_action, footer, permitted_actions
 from s2rtui.app.pilot import settle, take_screenshot
-from s2rtui.app.screens.help_content import help_text
+from s2rtui.app.screens.help_content import help_lines
 from s2rtui.security import Permissions
-from s2rtui.session import Session, view_settings
+from s2rtui.session import view_settings
+from s2rtui.session.session import Session
 from tests.support.application import press, running
 
 MODEL_ACTION = Action(
@@ -72,10 +73,10 @@ def test_forbidden_actions_are_not_offered(tiny_store, tmp_path):
     assert MODEL_ACTION not in permitted_actions(access)
     assert {action.needs for action in permitted_actions(access)} == {""}
     assert "mist" not in [word for _, word in footer(900, session.state, access)]
-    assert "mist in the images" not in help_text(access)
+    assert "mist in the images" not in "".join(help_lines(access))
     unrestricted = Permissions(tmp_path, tmp_path)
     assert "mist" in [word for _, word in footer(900, session.state, unrestricted)]
-    assert "mist in the images" in help_text(unrestricted)
+    assert "mist in the images" in "".join(help_lines(unrestricted))
     session.close()
 
 

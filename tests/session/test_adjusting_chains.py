@@ -9,7 +9,8 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.records import Run
 from s2rtools.precompute.run_registration import add_run
-from s2rtui.session import Session, adjusting, navigation
+from s2rtui.session import adjusting, navigation
+from s2rtui.session.session import Session
 
 BRIGHT, FLAT = ({"name": name, "value": 0.8} for name in ("brightness", "contrast"))
 

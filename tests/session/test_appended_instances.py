@@ -8,7 +8,8 @@ import pytest
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import check
-from s2rtui.session import Session, navigation, shared_selection
+from s2rtui.session import navigation, shared_selection
+from s2rtui.session.session import Session
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support.appended import append_trajectory
 from tests.support.copies import copy_store

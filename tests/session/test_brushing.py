@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from s2rstore.language import parse
 from s2rtui.canvas.marks import BrushShape, PlotArea
 from s2rtui.charts.mark_expressions import range_expression
-from s2rtui.session import Brush, brush_geometry
+from s2rtui.session import brush_geometry
+from s2rtui.session.state import Brush
 
 
 def plane(y_down: bool = True) -> PlotArea:

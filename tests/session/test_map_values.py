@@ -5,7 +5,8 @@ import numpy as np
 import s2rstore
 from s2rstore.index.transaction import edit
 from s2rtui.cli import scene_arguments
-from s2rtui.session import Session, map_values, view_settings
+from s2rtui.session import map_values, view_settings
+from s2rtui.session.session import Session
 from tests.support.copies import copy_store
 
 
@@ -18,9 +19,8 @@ def test_columns_are_those_of_the_language(tiny_store, s2r):
     command = ["query", str(tiny_store), "all", "--run", "vanilla", "--format", "csv"]
     rows = s2r(*command, "--columns", ",".join(["iid", "shift", *names])).rows
     with s2rstore.open(tiny_store) as store:
-        columns = store.run_columns("vanilla")
         for name in ("shift", *names):
-            values = map_values.column(columns, name)
+            values = map_values.column(store, "vanilla", name)
             expected = [float(row[name]) for row in rows]
             found = values[[int(row["iid"]) for row in rows]]
             assert np.allclose(found, expected, rtol=1e-3, atol=1e-4), name

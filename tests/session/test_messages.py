@@ -9,8 +9,9 @@ import pytest
 from s2rstore.language import parse
 from s2rstore.language.syntax_tree import Everything
 from s2rtui.app.key_bindings import ACTIONS
-from s2rtui.session import Session, State, navigation, view_settings
-from s2rtui.session.state import Adjust, Slider, Step
+from s2rtui.session import navigation, view_settings
+from s2rtui.session.session import Session
+from s2rtui.session.state import Adjust, Slider, State, Step
 
 BEFORE = "message of an earlier key"
 MESSAGE_FIELDS = ("message", "is_error", "keeps_message")

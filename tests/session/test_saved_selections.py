@@ -13,7 +13,8 @@ from s2rstore.files.lock_file import LockFile
 from s2rstore.files.locks import file_lock
 from s2rstore.language.syntax_tree import Saved
 from s2rstore.records import Part
-from s2rtui.session import Session, navigation, shared_selection, undo_history
+from s2rtui.session import navigation, shared_selection, undo_history
+from s2rtui.session.session import Session
 from s2rtui.user_data import notebook
 from s2rtui.user_data.notebook import Notebook, Notes, SavedSelection
 from tests.support.shared_lines import shared_line

@@ -19,7 +19,6 @@ from s2rtui.charts.instance import NEIGHBOURS
 from s2rtui.charts.list import ListView
 from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.session import (
-    Session,
     evaluation,
     instance_list,
     navigation,
@@ -27,6 +26,7 @@ from s2rtui.session import (
     shared_selection,
     undo_history,
 )
+from s2rtui.session.session import Session
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import embeddings
 from tests.support.shared_lines import shared_line

@@ -8,7 +8,8 @@ import pytest
 
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
-from s2rtui.session import Session, navigation, view_settings
+from s2rtui.session import navigation, view_settings
+from s2rtui.session.session import Session
 from tests.support import tiny
 
 

@@ -15,7 +15,8 @@ from s2rstore.language.syntax_tree import Everything
 from s2rstore.metrics import nearest_neighbours
 from s2rtui.app.key_bindings import ACTIONS
 from s2rtui.loaders import store_data
-from s2rtui.session import Session, navigation, shared_selection, targets, undo_history
+from s2rtui.session import navigation, shared_selection, targets, undo_history
+from s2rtui.session.session import Session
 from s2rtui.session.state import State, Step
 from s2rtui.user_data.notebook import Notebook
 from tests.support import embeddings, tiny

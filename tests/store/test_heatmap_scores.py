@@ -13,7 +13,8 @@ from s2rstore.index.transaction import edit
 from s2rstore.metrics import heatmap_scores
 from s2rstore.reader import DEFAULT_MODES, NETWORK_KINDS
 from s2rtools.heatmaps import HEATMAP_KINDS, IMAGE_KINDS
-from s2rtui.session import Session, view_settings
+from s2rtui.session import view_settings
+from s2rtui.session.session import Session
 
 RUN = "vanilla"
 

@@ -13,7 +13,7 @@ import s2rstore
 from s2rstore.files import plain_paths
 from s2rstore.index import parquet_table, row_files
 from s2rtools.training.train_into_store import TrainingRequest, train_into_store
-from s2rtui.cli.main import main
+from s2rtui.cli import main
 from tests.support import pairs
 from tests.support.copies import copy_store
 

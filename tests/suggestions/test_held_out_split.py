@@ -9,7 +9,7 @@ from scipy import stats
 import s2rstore
 from s2rstore.errors import InconclusiveError
 from s2rstore.index.transaction import edit
-from s2rtools.suggestions.held_out_split import Part, split_instances
+from s2rtools.suggestions.held_out_split import SplitPart, split_instances
 from s2rtools.suggestions.simulator_match import SimulatorMatch
 from s2rtools.suggestions.sliders import Slider
 from tests.support import tiny
@@ -108,7 +108,7 @@ TRAJECTORIES = np.repeat(np.arange(4), 30)
 
 def test_the_mean_of_a_part_is_about_trajectories_like_its_own():
     """Student's interval of four levels, where the instances alone would be far more certain."""
-    part = Part(np.arange(120), TRAJECTORIES, TRAJECTORIES)
+    part = SplitPart(np.arange(120), TRAJECTORIES, TRAJECTORIES)
     found = part.mean(LEVELS[TRAJECTORIES])
     margin = stats.t.ppf(0.975, 3) * LEVELS.std(ddof=1) / 2
     assert found.high - found.low >= 2 * margin
@@ -125,7 +125,7 @@ class _Level:
 
 def test_intervals_of_fitted_values_are_over_the_units_of_the_fit():
     match = object.__new__(SimulatorMatch)
-    match._fit_part, match._whole = Part(np.arange(120), TRAJECTORIES, TRAJECTORIES), _Level()
+    match._fit_part, match._whole = SplitPart(np.arange(120), TRAJECTORIES, TRAJECTORIES), _Level()
     match._weights, match._chain = np.ones(1), dict
     level = Slider("level", "level", "m", 0.0, 0.0, 10.0, 3)
     found = match.intervals({"level": float(LEVELS.mean())}, [level])["level"]

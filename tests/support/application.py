@@ -11,7 +11,7 @@ from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
 from s2rtui.canvas import RenderOptions
 from s2rtui.security import Permissions
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 from s2rtui.user_data.notebook import Notebook
 
 

@@ -1,6 +1,6 @@
 """The text line with which a session shares its selection."""
 
-from s2rtui.session import Session
+from s2rtui.session.session import Session
 from s2rtui.session.shared_selection import current_selection, shared_text
 
 

@@ -13,12 +13,11 @@ from rich.console import Console
 from textual.strip import Strip
 
 from bench.support.processes import wait_until
-from s2rstore.errors import RequestError
 from s2rtui.canvas import Canvas, ColourMode, InlineImage, Size
 from s2rtui.canvas.colour import Pixels
 from s2rtui.terminal.capabilities import Terminal
 from s2rtui.terminal.graphics import kitty_protocol, probe
-from s2rtui.terminal.graphics.choice import choose_graphics, parse_cell_size
+from s2rtui.terminal.graphics.choice import choose_graphics
 from s2rtui.terminal.graphics.image_manager import ImageManager
 from s2rtui.terminal.graphics.kitty_images import NUMBERS
 from s2rtui.terminal.graphics.png import MAX_BYTES, MAX_DRAWN_PIXELS, MAX_PIXELS, reduced_size
@@ -181,14 +180,8 @@ def test_auto_decides_by_the_environment_and_never_over_ssh(monkeypatch, environ
 
 def test_a_given_cell_size_is_used():
     environment = {"TERM": "foot"}
-    chosen = choose_graphics("auto", TRUECOLOR_TERMINAL, parse_cell_size("9x18"), environment)
+    chosen = choose_graphics("auto", TRUECOLOR_TERMINAL, (9, 18), environment)
     assert chosen.cell_now() == (9, 18)
-
-
-@pytest.mark.parametrize("text", ["", "10", "10x", "0x20", "10x20x30", "-10x20", "1000x20"])
-def test_wrong_cell_sizes_are_refused(text):
-    with pytest.raises(RequestError, match="such as 10x20"):
-        parse_cell_size(text)
 
 
 @pytest.mark.parametrize(

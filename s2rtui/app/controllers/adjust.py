@@ -1,4 +1,7 @@
-"""Live adjustments: open the sliders, and save them as a run that is computed in the background."""
+"""Live adjustments: open the sliders, apply suggestions, and save a run.
+
+The run is computed in the background.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +12,11 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError, S2RError
-from s2rtui.app.messages import AdjustmentProgressed
+from s2rstore.suggestions import Answer
+from s2rtui.charts.suggestions import VIEW as SUGGESTIONS
 from s2rtui.jobs.precompute_job import JobProgress, PrecomputeJob, save_run
-from s2rtui.session import State, adjusting, view_settings
+from s2rtui.session import adjusting, view_settings
+from s2rtui.session.state import State
 
 if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
@@ -35,30 +40,67 @@ class AdjustController:
             if session.state.cursor is None:
                 session.show_message("no instance to adjust: select some")
             else:
-                self._load_sliders()
+                adjust = session.state.adjust
+                if adjust is None or adjust.missing:
+                    self._load_sliders()
                 session.dispatch(view_settings.show_view, "adjust", "tab")
-        self._app.updater.refresh()
 
-    def _load_sliders(self) -> None:
+    def _load_sliders(self) -> bool:
+        """Show the sliders of the present run; False where a package is missing, which is shown."""
         session = self._app.session
-        adjust = session.state.adjust
-        if adjust is not None and not adjust.missing:
-            return
         try:
             sliders, reason = adjusting.available_sliders(session.store, session.state.run)
         except ModuleNotFoundError as error:
             session.dispatch(adjusting.report_missing_package, str(error.name))
+            return False
+        session.dispatch(adjusting.open_sliders, sliders, reason)
+        return True
+
+    def apply_answer(self) -> None:
+        """Apply the chosen answer of the suggestions view, or say why there is none.
+
+        Answers for real images become live adjustments; the commands of others are copied.
+        """
+        session = self._app.session
+        reason = SUGGESTIONS.unavailable(session.store)
+        chosen = None if reason else SUGGESTIONS.input(self._app.updater.scene).chosen_answer
+        if reason:
+            session.show_message(reason)
+        elif chosen is None:
+            session.show_message("there is no answer to apply")
         else:
-            session.dispatch(adjusting.open_sliders, sliders, reason)
+            direction, number = chosen
+            if direction.side == "real" and self._app.access.allows("models"):
+                self._show_answer(direction.answers[number], number)
+            else:
+                command = direction.commands[number]
+                self._app.copy_to_clipboard(command)
+                session.show_message(f"copied, to be run in a shell: {command}")
+
+    def _show_answer(self, answer: Answer, number: int) -> None:
+        """Open the sliders of the run at the values of an answer for its real images."""
+        session = self._app.session
+        if session.state.cursor is None:
+            session.show_message("no instance to adjust: select some")
+            return
+        if not self._load_sliders():
+            self._app.navigation.show_view("adjust")
+            return
+        session.dispatch(adjusting.set_chain, "real", answer.chain)
+        if not session.state.is_error:
+            self._app.navigation.show_view("adjust")
+            unsure = "" if answer.evident else " (not shown to help)"
+            session.show_message(
+                f"answer {number + 1}{unsure}: {answer.changes_text}; S saves it as a run"
+            )
 
     def ask_name(self) -> None:
-        """Ask for the name under which the adjustments are saved as a run."""
+        """Ask for the name of a run to save. Raises RequestError while another one is saved."""
         adjust = self._app.session.state.adjust
         if adjust is None or not adjust.sliders:
             self._app.session.show_message("nothing to save: there are no sliders")
-            self._app.updater.refresh()
         elif self._refusal:
-            self._app.show_error(self._refusal)
+            raise RequestError(self._refusal)
         else:
             hint = "a name for the run with these adjustments"
             self._app.prompt.ask(self._save_adjustments, "", hint)
@@ -90,7 +132,7 @@ class AdjustController:
         if self._refusal:
             raise RequestError(self._refusal)
         self._saving = name
-        self._show_progress(f"run {name}: checking")
+        self._show_saving(f"run {name}: checking")
         path = str(self._app.session.store.path)
         command = shlex.join(["s2r", "precompute", path, "--run", name])
         missing = f"run {name} is not saved yet: `{command}` completes it"
@@ -104,13 +146,14 @@ class AdjustController:
             reason = str(error) or type(error).__name__
             if isinstance(error, ModuleNotFoundError):
                 reason = f"saving a run needs {error.name}: pip install 's2rtui[tools]'"
-            self._app.post(AdjustmentProgressed(name, JobProgress(0.0, "", "failed", reason)))
+            failed = JobProgress(0.0, "", "failed", reason)
+            self._app.run_on_ui(self.show_progress, name, failed)
             return
         self._job = job
         if self._is_closed:
             job.cancel()
         for progress in job.follow():
-            self._app.post(AdjustmentProgressed(job.run, progress))
+            self._app.run_on_ui(self.show_progress, job.run, progress)
         self._job = None
         if progress.outcome != "done" and self._is_closed:
             raise RequestError(f"run {name}: cancelled")
@@ -121,15 +164,15 @@ class AdjustController:
         if self._job is not None:
             self._job.cancel()
 
-    def on_progressed(self, message: AdjustmentProgressed) -> None:
-        """Show the progress, or the outcome."""
-        run, progress, session = message.run, message.progress, self._app.session
+    def show_progress(self, run: str, progress: JobProgress) -> None:
+        """Show how far the computation of a run is, or its outcome."""
+        session = self._app.session
         if progress.is_running:
-            self._show_progress(f"run {run}: {progress.fraction:.0%}, {progress.stage}")
+            self._show_saving(f"run {run}: {progress.fraction:.0%}, {progress.stage}")
             self._app.updater.refresh_message()
             return
         self._saving = None
-        self._show_progress("")
+        self._show_saving("")
         if progress.outcome == "done":
             self._unannounced = run
             try:
@@ -143,7 +186,7 @@ class AdjustController:
             session.show_message(f"run {run}: {reason}", is_error=progress.outcome == "failed")
         self._app.updater.refresh()
 
-    def _show_progress(self, text: str) -> None:
+    def _show_saving(self, text: str) -> None:
         self._app.loaded = replace(self._app.loaded, saving=text)
 
     def announce(self) -> None:

@@ -62,7 +62,6 @@ class AnnotationController:
         """The present instance; a message says so if there is none."""
         if (iid := self._app.session.state.cursor) is None:
             self._app.session.show_message(f"no instance for a {purpose}: select some")
-            self._app.updater.refresh()
         return iid
 
     def edit_note(self) -> None:

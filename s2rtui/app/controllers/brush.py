@@ -69,7 +69,6 @@ class BrushController:
 
     def _show(self, brush: Brush | None) -> None:
         self._app.session.dispatch(view_settings.set_brush, brush)
-        self._app.updater.refresh()
 
     # --- keys --------------------------------------------------------------------------------
 
@@ -82,7 +81,6 @@ class BrushController:
             self._app.session.show_message(
                 f"nothing to brush in {view.name}: choose the map or a chart"
             )
-            self._app.updater.refresh()
             return
         names = (state.side, state.run)
         self._start_on(view, next((p for p in panels if p.name in names), panels[0]))
@@ -121,23 +119,16 @@ class BrushController:
         """Switch between lasso and box; the brush that is drawn is converted."""
         present = self._present()
         self._app.session.dispatch(view_settings.toggle_lasso, present[1] if present else None)
-        self._app.updater.refresh()
 
-    def _select(self, brush: Brush, panel: PlotArea, operator: Operator | None = None) -> bool:
-        """Whether the mark could be selected; an error is shown, and the brush stays."""
+    def _select(self, brush: Brush, panel: PlotArea, operator: Operator | None = None) -> None:
+        """Select the instances inside; raises S2RError, and the brush stays."""
         view, mark = BY_NAME[brush.view], brush.mark
-        try:
-            if mark.lasso:
-                mark = replace(mark, points=brush_geometry.outline(brush))
-                if len(mark.points) < 3:
-                    raise RequestError("a lasso needs three corners: space sets one")
-            expression = view.to_expression(self._app.updater.scene, panel, mark)
-            self._app.session.select(expression, operator)
-        except S2RError as error:
-            self._app.show_error(str(error))
-            return False
-        self._app.updater.refresh()
-        return True
+        if mark.lasso:
+            mark = replace(mark, points=brush_geometry.outline(brush))
+            if len(mark.points) < 3:
+                raise RequestError("a lasso needs three corners: space sets one")
+        expression = view.to_expression(self._app.updater.scene, panel, mark)
+        self._app.session.select(expression, operator)
 
     # --- the mouse ---------------------------------------------------------------------------
 
@@ -198,18 +189,19 @@ class BrushController:
         session.dispatch(view_settings.activate, view.name)
         left, top = self.place_of(view, (0, 0))
         start, *trail = ((x + left, y + top) for x, y in (stroke.start, *stroke.trail))
-        if view.drag(session, self._app.updater.scene, panel, panel.to_data(*trail[-1])):
-            self._app.updater.refresh()
-            return
-        if not view.brushable:
-            return
-        lasso = (start, *trail) if session.state.lasso else ()
-        brush = brush_geometry.dragged(view.name, panel, start, trail[-1], lasso)
-        if not stroke.done:
-            self._show(brush)
-        elif not self._select(brush, panel):
-            session.dispatch(view_settings.drop_brush)
-            self._app.updater.refresh()
+        is_handled = view.drag(session, self._app.updater.scene, panel, panel.to_data(*trail[-1]))
+        if not is_handled and view.brushable:
+            lasso = (start, *trail) if session.state.lasso else ()
+            brush = brush_geometry.dragged(view.name, panel, start, trail[-1], lasso)
+            try:
+                if stroke.done:
+                    self._select(brush, panel)
+                else:
+                    self._show(brush)
+            except S2RError as error:
+                session.show_message(str(error), is_error=True)
+                session.dispatch(view_settings.drop_brush)
+        self._app.updater.refresh()
 
     def on_wheeled(self, message: PlotView.Wheeled) -> None:
         """Zoom the plane of the view, scroll its table, or move through the list."""

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError, S2RError
 from s2rstore.reader import Store
-from s2rtui.app.messages import ExportProgressed
-from s2rtui.app.screenshot import Screenshot
 from s2rtui.export.exclusive_files import create_exclusive, numbered_paths
-from s2rtui.session import Session, State, shared_selection
+from s2rtui.session import shared_selection
 from s2rtui.session.evaluation import query_of
+from s2rtui.session.session import Session
+from s2rtui.session.state import State
 from s2rtui.user_data.notebook import Notes
 
 if TYPE_CHECKING:
@@ -35,12 +35,12 @@ class ExportController:
         self.safe_csv = False
         """Whether cells of a CSV file are written so that spreadsheets run no formula."""
 
-    def on_progressed(self, message: ExportProgressed) -> None:
-        """Show how far an export is."""
-        if message.finished is not None:
-            self._in_progress.discard(message.finished)
-        if message.text:
-            self._app.session.show_message(message.text, message.is_error)
+    def _show(self, text: str, finished: Path | None = None, is_error: bool = False) -> None:
+        """Show how far an export is; `finished` is its target once it is written or has failed."""
+        if finished is not None:
+            self._in_progress.discard(finished)
+        if text:
+            self._app.session.show_message(text, is_error)
             self._app.updater.refresh_message()
 
     def copy_expression(self) -> None:
@@ -50,10 +50,11 @@ class ExportController:
         text = shared_selection.shared_text(saved, session.store.identity)
         self._app.copy_to_clipboard(text)
         session.show_message("copied the expression, with run, generation and count")
-        self._app.updater.refresh()
 
     def write_screenshot(self) -> None:
         """Write the screen as PNG; it is taken now and encoded in the background."""
+        from s2rtui.export.screenshot import Screenshot
+
         screen = Screenshot.of(self._app.screen)
         options = self._app.render_options
 
@@ -67,7 +68,6 @@ class ExportController:
         """Write the saved selections, or the present one if none is saved, as HTML."""
         if any(path.suffix == _REPORT for path in self._in_progress):
             self._app.session.show_message("a report is being written")
-            self._app.updater.refresh_message()
             return
         session = self._app.session
         write = partial(self._report, session.branch(), session.state, session.notes)
@@ -90,19 +90,17 @@ class ExportController:
         if not self._app.is_running:
             raise RequestError("the application was closed")
         if step:
-            self._app.post(ExportProgressed(f"report: {done} of {total}, {step}"))
+            self._app.run_on_ui(self._show, f"report: {done} of {total}, {step}")
 
     def ask_selection_file(self) -> None:
-        """Ask for a file name and write the selected rows there."""
-        try:
-            name = self._free_path("s2r-selection", ".csv").name
-        except RequestError as error:
-            self._app.show_error(str(error))
-            return
+        """Ask for a file name and write the selected rows there.
+
+        Raises RequestError if nothing may be written.
+        """
+        name = self._free_path("s2r-selection", ".csv").name
         hint = f"a file for the selection: {', '.join(ROW_FORMATS)}"
         self._app.session.show_message(hint)
         self._app.prompt.ask(self.write_selection, name, hint)
-        self._app.updater.refresh_message()
 
     def write_selection(self, text: str) -> None:
         """Write the selected rows; raises RequestError for a file that may not be written."""
@@ -134,7 +132,7 @@ class ExportController:
 
         query = query_of(store, state, notes)
         rows = selected_rows(store, query, notes)
-        write_rows(path, rows.names, rows.rows, rows.facts.as_dict(), self.safe_csv)
+        write_rows(path, rows.names, rows.rows, rows.facts, self.safe_csv)
         return f": {query.count_text} instances"
 
     def _free_path(self, stem: str, suffix: str) -> Path:
@@ -152,7 +150,6 @@ class ExportController:
         else:
             self._app.session.show_message(message)
             self._export(target, write, numbered_paths(self._app.output_folder, stem, suffix))
-        self._app.updater.refresh_message()
 
     def _export(self, target: Path, write: WriteFile, alternatives: Iterable[Path] = ()) -> None:
         """Write a file in a background thread; `alternatives` are used if the name is taken."""
@@ -171,7 +168,7 @@ class ExportController:
                 raise
             text = _reason(error)
         finally:
-            self._app.post(ExportProgressed(text, target, is_error))
+            self._app.run_on_ui(self._show, text, target, is_error)
 
 
 def _reason(error: Exception) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from s2rtui.app.key_bindings import BY_NAME as ACTIONS
-from s2rtui.app.screens.jump import JumpScreen, Target
+from s2rtui.app.screens.jump import JumpScreen, JumpTarget
 from s2rtui.charts.findings import chosen_finding
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.charts.view import View
@@ -31,7 +31,7 @@ def _can_zoom(view: View) -> bool:
 
 
 class NavigationController:
-    """Shows views and jumps to targets on the screen."""
+    """Shows views and jumps to targets on the screen; the caller draws the state."""
 
     def __init__(self, app: S2RApp) -> None:
         self._app = app
@@ -43,7 +43,6 @@ class NavigationController:
             session.dispatch(view_settings.activate, name)
         else:
             session.dispatch(view_settings.show_view, name, BY_NAME[name].pane)
-        self._app.updater.refresh()
 
     def show_next_view(self, steps: int) -> None:
         """Show the view `steps` keys after the active one."""
@@ -55,13 +54,11 @@ class NavigationController:
         """Zoom the active view at the cursor; factor 0 shows all of it."""
         if (plane := self._plane()) is not None:
             self._app.session.dispatch(view_settings.zoom, factor, None, plane)
-        self._app.updater.refresh()
 
     def pan(self, across: float, down: float) -> None:
         """Move what the active view shows by shares of its size."""
         if (plane := self._plane()) is not None:
             self._app.session.dispatch(view_settings.pan, across, down, plane)
-        self._app.updater.refresh()
 
     def _plane(self) -> ZoomPlane | None:
         """The plane of the active view; None after a message where it has none."""
@@ -86,7 +83,6 @@ class NavigationController:
             app.session.dispatch(
                 view_settings.scroll_table, view.name, window.first + rows, window.hidden
             )
-        app.updater.refresh()
 
     def fill_screen(self) -> None:
         """Fill the screen with the active view, or show all views again."""
@@ -95,7 +91,6 @@ class NavigationController:
             app.session.show_message("this screen has room for one view, which fills it already")
         else:
             app.session.dispatch(view_settings.toggle_full_screen)
-        app.updater.refresh()
 
     def open_finding(self) -> None:
         """Select the chosen finding's instances and show its view.
@@ -108,7 +103,6 @@ class NavigationController:
         finding = chosen_finding(report, scene.state.finding) if report is not None else None
         if finding is None:
             app.session.show_message("there is no finding to select")
-            app.updater.refresh()
             return
         app.session.dispatch(findings.open_finding, finding)
         stays = app.updater.is_placed("findings") and app.session.state.centre != "findings"
@@ -117,7 +111,6 @@ class NavigationController:
         if stays:
             app.session.dispatch(view_settings.activate, "findings")
         app.session.show_message(message)
-        app.updater.refresh()
 
     def select_row(self) -> None:
         """Select the row of the active view's table that holds the cursor's instance."""
@@ -134,18 +127,17 @@ class NavigationController:
             state = session.state
             if not state.message:
                 session.show_message(f"selected {state.expression}: {state.count_text}")
-        app.updater.refresh()
 
     def jump(self) -> None:
         """Put a letter on every view and part of the status line; the letter goes there."""
         self._app.push_screen(JumpScreen(self._targets()), self._jump_to)
 
-    def _targets(self) -> list[Target]:
+    def _targets(self) -> list[JumpTarget]:
         regions = self._app.updater.visible_regions()
-        targets = [Target(region.x, region.y, f"view('{name}')") for name, region in regions]
+        targets = [JumpTarget(region.x, region.y, f"view('{name}')") for name, region in regions]
         for part, column in self._app.updater.status_columns().items():
             if part in _STATUS_ACTIONS:
-                targets.append(Target(column, 0, f"do('{_STATUS_ACTIONS[part]}')"))
+                targets.append(JumpTarget(column, 0, f"do('{_STATUS_ACTIONS[part]}')"))
         return targets
 
     def _jump_to(self, action: str | None) -> None:

@@ -34,7 +34,6 @@ class PlayerController:
             self._timer = self._app.set_interval(1 / speed, self.step)
             message = f"playing {speed} instances a second; ' {following}"
         self._app.session.show_message(message)
-        self._app.updater.refresh()
 
     def step(self) -> None:
         """Go to the next instance; stop at the last one."""

@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import S2RError
-from s2rtui.app.messages import StoreChecked
 from s2rtui.jobs import background_thread
+from s2rtui.session.session import StoreUpdates
 
 if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
@@ -35,30 +35,32 @@ class StoreUpdateController:
         if app.load_scheduler.idle and not app.jobs.unfinished:
             session.close_retired_stores()
         if not session.store.files.is_remote:
-            self.on_checked(self._check())
+            self._apply(*self._check())
         elif not self._is_checking and time.monotonic() >= self._next_check:
             self._is_checking = True
-            background_thread.run_in_thread("store updates", lambda: app.post(self._check()))
+            background_thread.run_in_thread(
+                "store updates", lambda: app.run_on_ui(self._apply, *self._check())
+            )
 
-    def _check(self) -> StoreChecked:
-        """What is published now; for any thread."""
+    def _check(self) -> tuple[StoreUpdates | None, str]:
+        """What is published now, or an error; for any thread."""
         try:
-            return StoreChecked(self._app.session.read_updates())
+            return self._app.session.read_updates(), ""
         except (S2RError, OSError) as reason:
-            return StoreChecked(None, str(reason))
+            return None, str(reason)
 
-    def on_checked(self, message: StoreChecked) -> None:
+    def _apply(self, updates: StoreUpdates | None, error: str) -> None:
         """Show what is new, or why the store cannot be read."""
         self._is_checking = False
         self._next_check = time.monotonic() + self.remote_check_seconds
-        session, error, has_updates = self._app.session, message.error, False
-        if message.updates is not None:
+        session, has_updates = self._app.session, False
+        if updates is not None:
             try:
-                has_updates = session.apply_updates(message.updates)
-                has_updates |= session.follow(message.updates)
+                has_updates = session.apply_updates(updates)
+                has_updates |= session.follow(updates)
             except (S2RError, OSError) as reason:
                 error = str(reason)
-        has_updates |= self._show_computing(message.updates.computing if message.updates else "")
+        has_updates |= self._show_computing(updates.computing if updates else "")
         if error != self._error:
             self._show_error(error)
         if has_updates:

@@ -106,8 +106,3 @@ def _holds(entry: tuple[str, str, str], searched: str) -> bool:
         return searched in key.split()
     shown = f"{title} {key} {text}".lower()
     return all(word in shown for word in searched.lower().split())
-
-
-def help_text(access: Permissions | None = None) -> str:
-    """The lines of the help in plain text."""
-    return "\n".join(help_lines(access))

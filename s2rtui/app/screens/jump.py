@@ -16,7 +16,7 @@ LETTERS = "asdfghjklqwertyuiopzxcvbnm"
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
+class JumpTarget:
     """A cell of the screen, and the action that a jump to it runs."""
 
     x: int
@@ -27,7 +27,7 @@ class Target:
 class JumpScreen(ModalBase[str | None]):
     """Returns the action of the pressed letter, None for any other key."""
 
-    def __init__(self, targets: Sequence[Target]) -> None:
+    def __init__(self, targets: Sequence[JumpTarget]) -> None:
         super().__init__()
         self._targets = dict(zip(LETTERS, targets, strict=False))
 

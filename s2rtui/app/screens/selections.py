@@ -14,8 +14,9 @@ from textual.widgets.option_list import Option
 from s2rstore.errors import S2RError
 from s2rstore.security.printable_text import printable
 from s2rtui.app.screens import ModalBase
-from s2rtui.session import Session, selection
+from s2rtui.session import selection
 from s2rtui.session.saved_selection_diff import summary
+from s2rtui.session.session import Session
 from s2rtui.session.shared_selection import shared_text
 from s2rtui.user_data.notebook import reference
 

@@ -26,7 +26,7 @@ _RESIZE_REST = 0.15
 """Seconds without a resize until inline images are sent again."""
 
 
-class Drawing(Protocol):
+class Drawable(Protocol):
     """Something that a plot widget draws."""
 
     @property
@@ -146,7 +146,7 @@ class PlotView(Widget, can_focus=False):
         self._view = name
         self._options = options
         self._tolerance = tolerance
-        self._drawing: Drawing | None = None
+        self._drawing: Drawable | None = None
         self._cache_key: tuple[object, ...] | None = None
         self._canvas: Canvas | None = None
         self._strips: list[Strip] = []
@@ -158,8 +158,8 @@ class PlotView(Widget, can_focus=False):
         self._attach_timer: TimerHandle | None = None
         self._places: frozenset[ImagePlace] = frozenset()
 
-    def show(self, drawing: Drawing) -> None:
-        """Draw, unless the cache key is that of the last drawing."""
+    def show(self, drawing: Drawable) -> None:
+        """Draw, unless the cache key equals the last one."""
         cache_key = drawing.cache_key
         unchanged = cache_key is not None and cache_key == self._cache_key
         self._drawing, self._cache_key = drawing, cache_key
@@ -325,7 +325,7 @@ def changed_regions(
 ) -> list[Region]:
     """Spans of changed cells, one or several per row; near spans are merged.
 
-    Changes under an inline image that stays (`stay`) are ignored, except those of text on it. An
+    Changes under an inline image that stays (`stay`) are ignored, except changes of text on it. An
     image that lies on its cells is drawn again with the start of its first row.
     """
     differs = (before.char != after.char) | (before.bold != after.bold)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rtui.cli import main
 from s2rtui.jobs.background_demo import LOG, PAUSE, BackgroundDemo, start_compiling
 
 if TYPE_CHECKING:
@@ -114,8 +115,6 @@ def _complete(options: argparse.Namespace, store: Path, stages: Iterator[_Stage]
 
 def _run(stage: _Stage) -> int:
     """Run a command of the demo; returns 0, or the exit code with which it failed."""
-    from s2rtui.cli import main
-
     print(f"$ s2r {' '.join(stage.arguments)}", file=sys.stderr)
     code = main(list(stage.arguments))
     return 0 if code in stage.accepted else code
@@ -123,8 +122,6 @@ def _run(stage: _Stage) -> int:
 
 def _open_early(options: argparse.Namespace, store: Path, stages: Iterator[_Stage]) -> int:
     """Open the application once the predictions are published; another process goes on."""
-    from s2rtui.cli import main
-
     for stage in stages:
         if stage.is_late:
             break
@@ -365,8 +362,6 @@ def _read(store: Path, query: Callable[[Store], Any]) -> Any:
 
 def _export_pictures(out: Path, store: Path) -> None:
     """Write figures of the first run and a screenshot of the application."""
-    from s2rtui.cli import main
-
     for name, command, *options in (
         ("overview", "export", "--view", "overview"),
         ("geomap", "export", "--view", "geomap", "--select", "worst15"),

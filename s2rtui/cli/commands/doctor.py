@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 import argparse
+import os
+import platform
 from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
 
+import s2rstore
 from s2rtools.common.command_line import output
 from s2rtui.cli.display_arguments import add_display_options, detect_display
+from s2rtui.user_data import user_data_dir
 
+if TYPE_CHECKING:
+    from s2rtui.terminal.capabilities import Terminal
+
+Rows = list[tuple[str, str]]
 EXAMPLE = "s2r doctor lab.s2r --graphics"
 
 
@@ -27,9 +37,52 @@ def execute(options: argparse.Namespace) -> int:
         from s2rtui.terminal.graphics.probe import probe_terminal
 
         terminal = replace(terminal, graphics=probe_terminal(terminal))
-    rows = [*diagnostics.machine(), *diagnostics.terminal(terminal)]
-    rows += [*diagnostics.symbol_samples(terminal), *diagnostics.packages()]
+    rows = [*_machine(), *diagnostics.terminal(terminal)]
+    rows += [*_symbol_samples(terminal), *diagnostics.packages()]
     if options.store:
-        rows += diagnostics.of_store(options.store)
+        rows += _of_store(options.store)
     output.write(("what", "state"), rows, options)
     return 0
+
+
+def _machine() -> Rows:
+    """Interpreter, processor and the user's folder."""
+    flags = ""
+    if os.path.exists("/proc/cpuinfo"):
+        with open("/proc/cpuinfo") as file:
+            text = file.read()
+        present = [flag for flag in ("avx2", "avx512f", "avx512_bf16", "amx_bf16") if flag in text]
+        flags = f", {' '.join(present)}" if present else ""
+    return [
+        ("python", f"{platform.python_version()} on {platform.system()} {platform.machine()}"),
+        ("processors", f"{os.cpu_count()}{flags}"),
+        ("OMP_WAIT_POLICY", os.environ.get("OMP_WAIT_POLICY", "unset")),
+        ("data folder", str(user_data_dir())),
+    ]
+
+
+def _symbol_samples(detected: Terminal) -> Rows:
+    """Slanted stripes of each set of block characters, which a font without them breaks."""
+    from s2rtui.canvas.block_symbols import SYMBOL_SETS, symbol_stripes
+
+    if detected.ascii:
+        return []
+    samples = {name: symbol_stripes(symbols, 5) for name, symbols in SYMBOL_SETS.items()}
+    shown = [
+        # Python before 3.14 does not know octants, and such characters are escaped in output.
+        f"{name} {sample if sample.isprintable() else '(key D in the application)'}"
+        for name, sample in samples.items()
+    ]
+    return [("stripes", ", ".join(shown))]
+
+
+def _of_store(path: str | Path) -> Rows:
+    """Generation, size and runs of a store. Raises RequestError."""
+    with s2rstore.open(path) as store:
+        computed = [name for name, run in store.runs.items() if run.key]
+        writable = "writable" if os.access(path, os.W_OK) else "read-only"
+        return [
+            ("store", f"{path}: generation {store.generation}, {writable}"),
+            ("instances", str(len(store.instances))),
+            ("runs", f"{len(computed)} computed of {len(store.runs)}"),
+        ]

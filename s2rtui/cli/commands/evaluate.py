@@ -13,7 +13,7 @@ import s2rstore
 from s2rstore.errors import RequestError, counted
 from s2rstore.intervals import Interval
 from s2rtools.common.command_line import output, store_argument
-from s2rtools.common.command_line.coverage_line import print_coverage
+from s2rtools.common.command_line.output import print_coverage
 
 if TYPE_CHECKING:
     from s2rstore.intervals.simulation import WithSimulation

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import re
 from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rtools.common.command_line import output, store_argument
-from s2rtools.common.command_line.coverage_line import print_coverage
 from s2rtui.cli import display_arguments, scene_arguments
-from s2rtui.cli.coverage_notes import print_population
-from s2rtui.cli.display_arguments import add_theme
+from s2rtui.cli.coverage_notes import print_notes
+from s2rtui.cli.display_arguments import add_theme, size_argument
 
 Pixels = tuple[int, int]
 SCREEN = "workbench"
@@ -29,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="output file, *.png, *.svg or *.pdf")  # fmt: skip
     parser.add_argument("--size", metavar="WIDTHxHEIGHT", help="size in pixels, such as 1600x1200")
     page = display_arguments.add_page(parser, "page")
-    page.add_argument("--title", default="", help="title of the figure (default: that of the view)")
+    page.add_argument("--title", default="", help="title of the figure (default: the view's title)")
     add_theme(page, "light, for paper")
     scene_arguments.add_selection(parser)
     scene_arguments.add_drawing(parser)
@@ -51,21 +49,20 @@ def execute(options: argparse.Namespace) -> int:
     )
     scene_options = scene_arguments.scene_options(options)
     if options.view == SCREEN:
-        from s2rtui.app.pilot import screen_of
+        from s2rtui.app.pilot import snapshot
 
         if page.is_physical or page.title or page.cmap != "turbo":
             raise RequestError(f"--view {SCREEN}: takes none of --title, --width, --dpi, --cmap")
         with open_scene(options.store, scene_options) as scene:
-            print_coverage(scene.store, scene_arguments.runs(scene.state))
-            print_population(scene)
-            image = screen_of(
-                options.store, scene.state, page.size or _SCREEN_SIZE, RenderOptions(page.theme)
-            )
+            print_notes(scene)
+            pixels, render_options = page.size or _SCREEN_SIZE, RenderOptions(page.theme)
+            cells = pixels[0] // 10, pixels[1] // 20
+            shot = snapshot(options.store, cells, options=render_options, state=scene.state)
+            image = shot.png(render_options, pixels)
     else:
         view = STORED[options.view]
         with open_scene(options.store, scene_options, view) as scene:
-            print_coverage(scene.store, scene_arguments.runs(scene.state))
-            print_population(scene)
+            print_notes(scene)
             image = draw_figure(scene, view, page, form)
     output.write_file(options.out, image)
     return 0
@@ -74,7 +71,4 @@ def execute(options: argparse.Namespace) -> int:
 def _size(text: str | None) -> Pixels | None:
     if text is None:
         return None
-    size = re.fullmatch(r"([0-9]{3,5})x([0-9]{3,5})", text)
-    if not size or not all(200 <= int(part) <= 8000 for part in size.groups()):
-        raise RequestError(f"--size {text}: must be pixels from 200x200 to 8000x8000")
-    return int(size[1]), int(size[2])
+    return size_argument("--size", text, (200, 200), (8000, 8000), "pixels")

@@ -7,12 +7,12 @@ import json
 import shutil
 import sys
 import textwrap
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import s2rstore
 from s2rtools.common.command_line import store_argument
-from s2rtools.common.command_line.coverage_line import print_coverage
+from s2rtools.common.command_line.output import print_coverage
+from s2rtui.cli import scene_arguments
 
 if TYPE_CHECKING:
     from s2rstore.findings import FindingReport
@@ -24,8 +24,7 @@ _WIDEST = 100
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     store_argument.add_readable(parser)
     parser.add_argument("--run", help="run (default: the first)")
-    parser.add_argument("--history", type=Path, metavar="FILE",
-                        help="gap history (default: that of the store)")  # fmt: skip
+    scene_arguments.add_history(parser.add_argument)
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 

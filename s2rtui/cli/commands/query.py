@@ -10,7 +10,7 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.records import NO_RUN
 from s2rtools.common.command_line import output, store_argument
-from s2rtools.common.command_line.coverage_line import print_coverage
+from s2rtools.common.command_line.output import print_coverage
 from s2rtui.cli import scene_arguments
 from s2rtui.cli.coverage_notes import print_left_out, print_missing_shares
 
@@ -71,7 +71,7 @@ def execute(options: argparse.Namespace) -> int:
         columns = options.columns.split(",") if options.columns else None
         selection = selected_rows(store, query, notes, columns)
         _print_suggestions(store, query)
-    metadata = selection.facts.as_dict() if options.with_expression else None
+    metadata = selection.facts if options.with_expression else None
     output.write(selection.names, selection.rows, options, metadata)
     if (
         query.trained.any()

@@ -8,7 +8,7 @@ from pathlib import Path
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rtools.common.command_line import output, store_argument
-from s2rtools.common.command_line.coverage_line import print_coverage
+from s2rtools.common.command_line.output import print_coverage
 from s2rtools.common.command_line.progress import reporter
 from s2rtui.cli import display_arguments, scene_arguments
 from s2rtui.cli.display_arguments import add_theme

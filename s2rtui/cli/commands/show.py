@@ -6,9 +6,8 @@ import argparse
 
 from s2rstore.errors import sentence
 from s2rtools.common.command_line import output, store_argument
-from s2rtools.common.command_line.coverage_line import print_coverage
 from s2rtui.cli import scene_arguments
-from s2rtui.cli.coverage_notes import print_population
+from s2rtui.cli.coverage_notes import print_notes
 
 EXAMPLE = "s2r show lab.s2r rooms --select worst15 --format csv"
 
@@ -29,14 +28,12 @@ def execute(options: argparse.Namespace) -> int:
 
     view = STORED[options.view]
     with open_scene(options.store, scene_arguments.scene_options(options), view) as scene:
-        print_coverage(scene.store, scene_arguments.runs(scene.state))
+        print_notes(scene)
         if options.words:
             note = f" {sentence(scene.trained_note)}." if scene.trained_note else ""
             print(view.summary(scene) + note * view.counts_instances)
-            print_population(scene)
             return 0
         names, rows = view.numbers(scene)
-        print_population(scene)
         without_nan = [[None if value != value else value for value in row] for row in rows]
         output.write(names, without_nan, options)
     return 0

@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import argparse
-import re
 from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rtools.common.command_line import output, store_argument
 from s2rtui.cli import scene_arguments
-from s2rtui.cli.display_arguments import add_symbols, add_theme
+from s2rtui.cli.display_arguments import add_symbols, add_theme, size_argument
 
 EXAMPLE = "s2r snapshot lab.s2r --size 160x48 --keys w,right,space --out screen.png"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     store_argument.add_readable(parser)
-    parser.add_argument("--run", help="initial run (default: the first)")
-    scene_arguments.add_with_trained(parser.add_argument)
-    parser.add_argument("--poses", type=Path, metavar="FILE",
-                        help="draw the planned poses of this CSV file of `s2r collect` on the "
-                        "map")  # fmt: skip
+    scene_arguments.add_initial_state(parser)
     parser.add_argument("--keys", default="", metavar="KEY,...",
                         help="keys to press, for example w,&,right,space")  # fmt: skip
     parser.add_argument("--out", type=Path, required=True, help="output file, *.png or *.txt")
@@ -30,15 +25,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="size in characters (default 120x40)")  # fmt: skip
     add("--ascii", action="store_true", help="use ASCII characters only")
     add("--colour", default="truecolor", help="truecolor, 256, 16 or none (default truecolor)")
-    add_theme(screen, "that of the terminal, by COLORFGBG, else dark", "dark")
+    add_theme(screen, "the terminal's background, by COLORFGBG, else dark", "dark")
     add_symbols(screen)
 
 
 def execute(options: argparse.Namespace) -> int:
     from s2rtui.canvas import ColourMode, RenderOptions
-    from s2rtui.terminal.capabilities import detect
+    from s2rtui.terminal.capabilities import COLUMNS, ROWS, detect
 
-    size = _size(options.size)
+    size = size_argument("--size", options.size, (20, 5), (COLUMNS, ROWS), "columns x rows")
     if options.out.suffix not in (".png", ".txt"):
         raise RequestError(f"--out {options.out}: must end in .png or .txt")
     if options.colour not in ("truecolor", "256", "16", "none"):
@@ -55,18 +50,9 @@ def execute(options: argparse.Namespace) -> int:
             f"--keys {unknown[0]}: unknown key; use characters, or names such as enter, right, tab"
         )
     shot = snapshot(
-        options.store, size, keys, render_options, options.run, options.with_trained, options.poses
-    )
+        options.store, size, keys, render_options, run=options.run,
+        with_trained=options.with_trained, poses=options.poses,
+    )  # fmt: skip
     content = shot.text.encode() if options.out.suffix == ".txt" else shot.png(render_options)
     output.write_file(options.out, content)
     return 0
-
-
-def _size(text: str) -> tuple[int, int]:
-    from s2rtui.terminal.capabilities import COLUMNS, ROWS
-
-    size = re.fullmatch(r"([0-9]{1,4})x([0-9]{1,4})", text)
-    if not size or not (20 <= int(size[1]) <= COLUMNS and 5 <= int(size[2]) <= ROWS):
-        limits = f"20x5 to {COLUMNS}x{ROWS}"
-        raise RequestError(f"--size {text}: must be columns x rows from {limits}, such as 120x40")
-    return int(size[1]), int(size[2])

@@ -5,26 +5,21 @@ from __future__ import annotations
 import argparse
 import signal
 from dataclasses import replace
-from pathlib import Path
+from functools import partial
 
 from s2rstore.errors import RequestError
 from s2rstore.remote.store_url import StoreUrl
 from s2rtools.common.command_line import output, store_argument
 from s2rtui.cli import scene_arguments
-from s2rtui.cli.display_arguments import add_display_options, detect_display
+from s2rtui.cli.display_arguments import add_display_options, detect_display, size_argument
 
 EXAMPLE = "s2r tui lab.s2r --run finetune"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     store_argument.add_readable(parser)
-    parser.add_argument("--run", help="initial run (default: the first)")
-    scene_arguments.add_with_trained(parser.add_argument)
-    parser.add_argument("--history", type=Path, metavar="FILE",
-                        help="gap history (default: that of the store)")  # fmt: skip
-    parser.add_argument("--poses", type=Path, metavar="FILE",
-                        help="draw the planned poses of this CSV file of `s2r collect` on the "
-                        "map")  # fmt: skip
+    scene_arguments.add_initial_state(parser)
+    scene_arguments.add_history(parser.add_argument)
     output.add_safe_csv(parser)
     add = parser.add_argument_group("terminal").add_argument
     add("--ascii", action="store_true", help="use ASCII characters only")
@@ -74,16 +69,23 @@ def execute(options: argparse.Namespace) -> int:
         restrict_process(permissions)
     terminal = detect_display(options, options.colour, options.ascii)
     if options.graphics != "off":
-        from s2rtui.terminal.graphics.choice import choose_graphics, parse_cell_size
+        from s2rtui.terminal.graphics.choice import choose_graphics
 
-        cell = parse_cell_size(options.cell_size) if options.cell_size else None
+        cell = None
+        if options.cell_size:
+            cell = size_argument(
+                "--cell-size", options.cell_size, (4, 4), (100, 200), "pixels of a cell"
+            )
         graphics = choose_graphics(options.graphics, terminal, cell)
         terminal = replace(terminal, graphics=graphics)
     prepare_environment(terminal)
     from s2rtui.app.runner import run_app
+    from s2rtui.session.session import Session
+    from s2rtui.user_data.notebook import Notebook
 
-    run_app(
-        options.store, options.run, terminal, permissions, options.history, options.safe_csv,
-        options.with_trained, options.poses,
+    session = Session(
+        options.store, options.run, partial(Notebook, tolerant=True), options.history,
+        options.with_trained, poses=options.poses,
     )  # fmt: skip
+    run_app(session, terminal, permissions, options.safe_csv)
     return 0

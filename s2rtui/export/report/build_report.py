@@ -23,9 +23,10 @@ from s2rtui.export.report.html_page import render_page
 from s2rtui.export.report.report_model import Report, ReportImage, ReportTable, RunPart, Section
 from s2rtui.export.report.report_request import ReportRequest, RequestedSelection, StepCallback
 from s2rtui.export.report.worst_instances import worst_instances
-from s2rtui.session import Session, State
 from s2rtui.session.error_groups import COUNTS
 from s2rtui.session.evaluation import query_of
+from s2rtui.session.session import Session
+from s2rtui.session.state import State
 from s2rtui.user_data.notebook import ReadNotebook
 
 _SELECTION_VIEWS = ("map", "recall", "errors", "rooms", "orientation")
@@ -123,7 +124,7 @@ def _evaluated(
 def _finding_lines(
     session: Session, request: ReportRequest, selections: Sequence[EvaluatedSelection]
 ) -> list[str]:
-    """The findings of the selections, then those of their runs, then those of the first run."""
+    """The findings of the selections, of their runs, and of the first run, in this order."""
     store, trajectories = session.store, request.trajectories
     runs = list(dict.fromkeys(run for selection in selections for run in selection.runs))
     lines = [store_summary.store_line(store, runs[0])]

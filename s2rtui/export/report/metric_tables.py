@@ -98,7 +98,7 @@ def sides(store: Store, run: str, members: Members) -> ReportTable:
     names = ("", "median error", "median heading error", f"recall ({_headline_name(store)})",
              "skill", "accuracy", "baseline", "mean error", "largest error", "n",
              "not localised")  # fmt: skip
-    new = run_metrics.held_out(store, run) & members
+    new = run_metrics.population(store, run) & members
     rows = []
     for side in SIDES:
         metrics = run_metrics.side_metrics(store, run, side, members)

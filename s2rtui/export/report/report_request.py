@@ -34,7 +34,7 @@ class ReportRequest:
 
     Without `runs`, a saved selection uses the run of its saving, the others the first run.
     `with_trained` includes the instances that the models were trained on. `heat` is KIND[:MODE] for
-    the images of instances; `date` is printed unchanged. `theme` is that of page and figures;
+    the images of instances; `date` is printed unchanged. `theme` is the theme of page and figures;
     `auto` has both, for light and for dark screens. `page` is the page of the figures, without a
     title of its own.
     """

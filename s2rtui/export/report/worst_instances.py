@@ -13,7 +13,8 @@ from s2rtui.drawing.scale import short_number
 from s2rtui.export.report.data_uri_images import image
 from s2rtui.export.report.metric_tables import number
 from s2rtui.export.report.report_model import Example, ReportImage, ReportTable
-from s2rtui.session import HeatChoice, instance_list
+from s2rtui.session import instance_list
+from s2rtui.session.state import HeatChoice
 from s2rtui.user_data.notebook import Remark
 
 WORST_COUNT = 3

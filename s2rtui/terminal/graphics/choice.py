@@ -7,7 +7,6 @@ import re
 from collections.abc import Mapping
 from typing import get_args
 
-from s2rstore.errors import RequestError
 from s2rtui.canvas import Size
 from s2rtui.terminal.capabilities import Terminal
 from s2rtui.terminal.graphics.probe import (
@@ -18,7 +17,6 @@ from s2rtui.terminal.graphics.probe import (
 )
 from s2rtui.terminal.graphics.protocols import NAMES, Graphics, GraphicsProtocol, cell_pixels
 
-CHOICES = ("auto", *get_args(GraphicsProtocol), "off")
 _SSH = ("SSH_CONNECTION", "SSH_CLIENT", "SSH_TTY")
 _SIXEL_PROGRAMS = ("vscode", "mintty", "contour", "BlackBox")
 """Values of TERM_PROGRAM of terminals that draw sixels."""
@@ -71,15 +69,3 @@ def _protocol(env: Mapping[str, str]) -> GraphicsProtocol | None:
     if program in _SIXEL_PROGRAMS or _SIXEL_TERMS.match(term) or env.get("WT_SESSION"):
         return "sixel"
     return None
-
-
-def parse_cell_size(text: str) -> Size:
-    """Width and height of a cell in pixels, written `10x20`. Raises RequestError."""
-    found = re.fullmatch(r"(\d{1,3})x(\d{1,3})", text)
-    size = (int(found[1]), int(found[2])) if found else (0, 0)
-    if not (4 <= size[0] <= 100 and 4 <= size[1] <= 200):
-        raise RequestError(
-            f"--cell-size {text}: give width and height of a cell in pixels, such as 10x20 "
-            "(4 to 100 and 4 to 200)"
-        )
-    return size

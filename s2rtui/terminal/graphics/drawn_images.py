@@ -15,7 +15,7 @@ from hashlib import blake2b
 import numpy as np
 
 from s2rtui.canvas import InlineImage, Size
-from s2rtui.terminal.graphics.image_strips import Span, uncovered
+from s2rtui.terminal.graphics.image_strips import ImageSpan, uncovered
 from s2rtui.terminal.graphics.png import png_within_limit, reduced_size
 from s2rtui.terminal.graphics.sixel import BAND, MOST_COLUMNS, quantised, sixels
 
@@ -60,14 +60,14 @@ class DrawnImages:
         digest = blake2b(content + repr(cells).encode()).digest()
         return _Drawing(digest, content.decode("ascii"))
 
-    def spans(self, token: object, image: InlineImage) -> Iterator[tuple[int, Span]]:
+    def spans(self, token: object, image: InlineImage) -> Iterator[tuple[int, ImageSpan]]:
         """The drawing at the first cell of the box, and jumps over all cells without text."""
         assert isinstance(token, _Drawing)
         draw = partial(_draw, token.codes)
-        yield 0, Span(image.x, image.x, draw)
+        yield 0, ImageSpan(image.x, image.x, draw)
         for row in range(image.height):
             for start, end in uncovered(image, row):
-                yield row, Span(image.x + start, image.x + end, _skip, start)
+                yield row, ImageSpan(image.x + start, image.x + end, _skip, start)
 
     def delete_all(self) -> None:
         """The images disappear with the screen of the application."""
@@ -94,7 +94,7 @@ class Iterm2Images(DrawnImages):
     """Images as PNG files, which the terminal scales."""
 
     def size(self, image: InlineImage, cell: Size) -> Size:
-        """The image's own size, at most that of its box."""
+        """The image's own size, at most the size of its box."""
         return reduced_size(image, cell)
 
     def encode(self, image: InlineImage, size: Size) -> bytes:

@@ -14,7 +14,7 @@ from textual.strip import Strip
 from s2rtui.canvas import Canvas, InlineImage, Size
 from s2rtui.jobs.background_thread import LatestOnlyWorker, ReportError
 from s2rtui.terminal.graphics.drawn_images import Iterm2Images, SixelImages
-from s2rtui.terminal.graphics.image_strips import Span, with_spans
+from s2rtui.terminal.graphics.image_strips import ImageSpan, with_spans
 from s2rtui.terminal.graphics.kitty_images import KittyImages
 from s2rtui.terminal.graphics.protocols import Graphics
 from s2rtui.terminal.strips import ImagePlace, PaintedStrips
@@ -53,7 +53,7 @@ class ImageProtocol(Protocol):
         `shown` holds the tokens of all images on the screen. Equal tokens show equal pixels.
         """
 
-    def spans(self, token: object, image: InlineImage) -> Iterator[tuple[int, Span]]:
+    def spans(self, token: object, image: InlineImage) -> Iterator[tuple[int, ImageSpan]]:
         """The codes of the image's box by row, counted from its first."""
 
     def delete_all(self) -> None:
@@ -121,7 +121,7 @@ class ImageManager:
 
         Until then the previous images stay in their boxes.
         """
-        spans: dict[int, list[Span]] = {}
+        spans: dict[int, list[ImageSpan]] = {}
         places, missing = set(), []
         for index, image in enumerate(canvas.images):
             if not self._protocol.fits(image):

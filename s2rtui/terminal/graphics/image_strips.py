@@ -13,7 +13,7 @@ from s2rtui.terminal.strips import DeltaStrip, Runs, encoded
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class ImageSpan:
     """Cells `start` to `end` of a row; `codes(first, count)` gives the escape codes of some.
 
     `skipped` cells of the image's row lie at the left of it. A span without cells writes its codes
@@ -25,15 +25,15 @@ class Span:
     codes: Callable[[int, int], str]
     skipped: int = 0
 
-    def cut(self, start: int, end: int) -> Span | None:
+    def cut(self, start: int, end: int) -> ImageSpan | None:
         """The part within the cells from `start` to `end`; None if there is none."""
         if self.start == self.end:
             inside = start <= self.start < end
-            return Span(self.start - start, self.start - start, self.codes) if inside else None
+            return ImageSpan(self.start - start, self.start - start, self.codes) if inside else None
         first, last = max(self.start, start), min(self.end, end)
         if first >= last:
             return None
-        return Span(first - start, last - start, self.codes, self.skipped + first - self.start)
+        return ImageSpan(first - start, last - start, self.codes, self.skipped + first - self.start)
 
 
 class ImageStrip(DeltaStrip):
@@ -41,7 +41,7 @@ class ImageStrip(DeltaStrip):
 
     __slots__ = ("_spans",)
 
-    def __init__(self, runs: Runs, spans: Sequence[Span]) -> None:
+    def __init__(self, runs: Runs, spans: Sequence[ImageSpan]) -> None:
         """`spans` from left to right, without overlap."""
         super().__init__(runs)
         self._spans = tuple(spans)
@@ -68,7 +68,7 @@ class ImageStrip(DeltaStrip):
         return encoded(self.runs.cut(start, end)) if start < end else ""
 
 
-def with_spans(strip: Strip, spans: Sequence[Span]) -> Strip:
+def with_spans(strip: Strip, spans: Sequence[ImageSpan]) -> Strip:
     """Put image spans into a strip of a canvas."""
     if not spans or not isinstance(strip, DeltaStrip):
         return strip

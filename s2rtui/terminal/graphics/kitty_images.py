@@ -8,7 +8,7 @@ from secrets import choice
 
 from s2rtui.canvas import InlineImage, Size
 from s2rtui.terminal.graphics import kitty_protocol
-from s2rtui.terminal.graphics.image_strips import Span, uncovered
+from s2rtui.terminal.graphics.image_strips import ImageSpan, uncovered
 from s2rtui.terminal.graphics.png import png_within_limit, reduced_size
 
 NUMBERS = 32
@@ -37,7 +37,7 @@ class KittyImages:
         return max(image.width, image.height) <= len(kitty_protocol.NUMBERS)
 
     def size(self, image: InlineImage, cell: Size) -> Size:
-        """The image's own size, at most that of its box; the terminal scales it."""
+        """The image's own size, at most the size of its box; the terminal scales it."""
         return reduced_size(image, cell)
 
     def encode(self, image: InlineImage, size: Size) -> bytes:
@@ -51,13 +51,13 @@ class KittyImages:
         self._write(kitty_protocol.show(number, content, cells, self._in_tmux))
         return number
 
-    def spans(self, token: object, image: InlineImage) -> Iterator[tuple[int, Span]]:
+    def spans(self, token: object, image: InlineImage) -> Iterator[tuple[int, ImageSpan]]:
         """The placeholders of each row, between cells of text."""
         assert isinstance(token, int)
         for row in range(image.height):
             for start, end in uncovered(image, row):
                 codes = partial(kitty_protocol.placeholders, token, row)
-                yield row, Span(image.x + start, image.x + end, codes, start)
+                yield row, ImageSpan(image.x + start, image.x + end, codes, start)
 
     def delete_all(self) -> None:
         """Delete all images from the terminal."""

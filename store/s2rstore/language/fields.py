@@ -6,6 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.index.columns import InstanceColumns, RunColumns
 from s2rstore.index.pair_view import column_name as pair_column
 from s2rstore.records import GAP_FACTORS, SIDES, Side
 
@@ -169,6 +173,16 @@ WORDS: dict[str, str] = {
 
 RUN_WORDS = ("worst15", "best15", "paired", "new", "trained")
 """The words that may follow `run("name").`."""
+
+
+def column(path: str, instances: InstanceColumns, run: RunColumns) -> NDArray[Any]:
+    """The stored column (N,) at the path of a field, in the unit of the index."""
+    if path == "iid":
+        return np.arange(len(instances), dtype=np.float64)
+    owner: Any = run
+    for part in path.split("."):
+        owner = instances if part == "instances" else getattr(owner, part)
+    return np.asarray(owner)
 
 
 _SUFFIXES = {"m": "_m", "degrees": "_deg", "s": "_s"}

@@ -280,9 +280,4 @@ def _field_column(field: tree.Field, context: MaskContext) -> NDArray[Any]:
 
 
 def _column(path: str, run: str | None, context: MaskContext) -> NDArray[Any]:
-    if path == "iid":
-        return np.arange(len(context.instances), dtype=np.float64)
-    owner: Any = context.run_columns(run or context.run)
-    for part in path.split("."):
-        owner = context.instances if part == "instances" else getattr(owner, part)
-    return np.asarray(owner)
+    return fields.column(path, context.instances, context.run_columns(run or context.run))

@@ -33,11 +33,6 @@ class SideMetrics:
     median_error: float
 
 
-def held_out(store: Store, run: str) -> NDArray[np.bool_]:
-    """The valid instances that the model was neither fitted nor chosen on, shape (N,)."""
-    return population(store, run)
-
-
 def population(store: Store, *runs: str, only: Population = NEW_INSTANCES) -> NDArray[np.bool_]:
     """The instances that count in all of some computed runs, shape (N,); read-only.
 
@@ -67,7 +62,7 @@ def side_metrics(
     columns = store.run_columns(run)
     chosen = columns.valid if members is None else columns.valid & members
     part = columns.side(side)
-    keep = chosen & held_out(store, run)
+    keep = chosen & population(store, run)
     errors, ordered = part.error[keep], store.in_recording_order(keep)
     return SideMetrics(
         n=int(keep.sum()),
@@ -88,7 +83,7 @@ def baseline_accuracy(
     Positions are those of the side's images. With `members` (N,) the accuracy is over these alone;
     the position stays the mean of all.
     """
-    keep = held_out(store, run)
+    keep = population(store, run)
     values = pose_metrics.accuracy(constant_errors(store, run, side), store.dataset.accuracy_scale)
     values = values[keep if members is None else keep & members]
     return float(values.mean()) if values.size else float("nan")
@@ -99,7 +94,7 @@ def constant_errors(store: Store, run: str, side: Side) -> NDArray[np.float64]:
 
     Positions are those of the side's images; NaN without a held-out instance.
     """
-    keep = held_out(store, run)
+    keep = population(store, run)
     x, y = store.poses(store.run(run).domain(side))[:, :2].T
     if not keep.any():
         return np.full(x.size, np.nan)

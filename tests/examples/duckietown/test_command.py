@@ -31,10 +31,10 @@ def test_the_study_judges_real_images_and_rendered_lights(rendered_folder, tmp_p
     document = json.loads(capsys.readouterr().out)[rendered_folder.name]
     results = out / rendered_folder.name
     assert document == json.loads((results / "report.json").read_text())
-    names = {row["arm"] for row in document["arms"]}
+    names = {row["variant"] for row in document["variants"]}
     assert {"default+ai", "sim", "levels (light) > sim", "levels (others) > sim",
             "sim2real levels (light)", "oracle per light", document["chosen"]} <= names  # fmt: skip
-    for row in document["arms"]:
+    for row in document["variants"]:
         if row["f1_low"] is not None:
             assert 0 <= row["f1_low"] <= row["f1_high"] <= 1
     by_group = {each["group"]: each for each in document["verdicts"] if each["colour"] == "all"}
@@ -43,7 +43,7 @@ def test_the_study_judges_real_images_and_rendered_lights(rendered_folder, tmp_p
     assert (whole["recordings"], by_group["dark"]["recordings"]) == (2, 1)
     assert by_group["dark"]["spared"] is None
     assert (results / "figure.png").read_bytes().startswith(b"\x89PNG")
-    assert len((results / "arms.csv").read_text().splitlines()) == len(document["arms"]) + 1
+    assert len((results / "variants.csv").read_text().splitlines()) == len(document["variants"]) + 1
     assert "calibration" in (results / "summary.txt").read_text()
 
 

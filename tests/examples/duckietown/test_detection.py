@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from examples.duckietown.arm_evaluation import CAMERA
 from examples.duckietown.lane_pose import lane_pose
 from examples.duckietown.line_detector import (
     DEFAULT_THRESHOLDS,
@@ -22,6 +21,7 @@ from examples.duckietown.line_scores import (
 )
 from examples.duckietown.perception import LineModel
 from examples.duckietown.tuning import tune
+from examples.duckietown.variant_evaluation import CAMERA
 from s2rstore.errors import RequestError
 
 PAINT = {1: (230, 230, 230), 2: (230, 215, 20), 3: (200, 20, 30)}

@@ -1,19 +1,19 @@
-"""The threshold study: splits without leaks, and arms that are fitted without labels."""
+"""The threshold study: splits without leaks, and variants that are fitted without labels."""
 
 from dataclasses import replace
 
 import numpy as np
 
-from examples.duckietown.arm_evaluation import Evaluation
-from examples.duckietown.arms import (
-    Arm,
-    TranslatorCache,
-    arms_of,
-    parse_sources,
-)
 from examples.duckietown.line_scores import mean_f1
 from examples.duckietown.split import split_images
 from examples.duckietown.study import sim_thresholds
+from examples.duckietown.variant_evaluation import Evaluation
+from examples.duckietown.variants import (
+    TranslatorCache,
+    Variant,
+    parse_sources,
+    variants_of,
+)
 
 
 def test_recordings_for_fitting_are_never_judged(rendered):
@@ -41,13 +41,17 @@ def test_levels_recover_the_dark_without_labels(rendered, tmp_path):
     split = split_images(rendered.rows(rendered.conditions == "dark"))
     cache = TranslatorCache(tmp_path)
     evaluation = Evaluation(split, sim, cache, sim_thresholds(sim))
-    arms = arms_of(parse_sources("levels"), 1)
-    alone = mean_f1(evaluation.arm(Arm("sim")).pixels.sum(axis=0))
-    through = evaluation.arm(next(arm for arm in arms if arm.thresholds == "sim" and arm.source))
+    variants = variants_of(parse_sources("levels"), 1)
+    alone = mean_f1(evaluation.variant(Variant("sim")).pixels.sum(axis=0))
+    through = evaluation.variant(
+        next(variant for variant in variants if variant.thresholds == "sim" and variant.source)
+    )
     oracle = mean_f1(evaluation.oracle(per_light=True).pixels.sum(axis=0))
     assert mean_f1(through.pixels.sum(axis=0)) > alone + 0.3
     assert oracle > alone
     assert list(tmp_path.glob("levels-*.safetensors"))
     again = Evaluation(split, sim, TranslatorCache(tmp_path), sim_thresholds(sim))
-    repeated = again.arm(next(arm for arm in arms if arm.thresholds == "sim" and arm.source))
+    repeated = again.variant(
+        next(variant for variant in variants if variant.thresholds == "sim" and variant.source)
+    )
     assert np.array_equal(through.pixels, repeated.pixels)

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from examples.duckietown.arm_evaluation import Scores
-from examples.duckietown.arms import Arm, parse_sources
 from examples.duckietown.line_scores import agreement
 from examples.duckietown.report import in_words, to_table
 from examples.duckietown.road_images import RoadImages
 from examples.duckietown.split import split_images
-from examples.duckietown.study import Choice, Study, pick_arm, verdict
+from examples.duckietown.study import Choice, Study, pick_variant, verdict
+from examples.duckietown.variant_evaluation import Scores
+from examples.duckietown.variants import Variant, parse_sources
 
 TRUE = 100
 """True pixels per colour and image."""
@@ -32,13 +32,13 @@ def scores(name: str, hits: object, absent_red: int | None = None) -> Scores:
 
 
 def study(
-    arms: dict[str, object], recordings: int, images: int = 4, absent_red: int | None = None
+    variants: dict[str, object], recordings: int, images: int = 4, absent_red: int | None = None
 ) -> Study:
-    """An study on recordings of equal length; the chosen arm is `sim+ai`."""
+    """An study on recordings of equal length; the chosen variant is `sim+ai`."""
     count = recordings * images
     names = np.repeat([f"r{number}" for number in range(recordings)], images)
     defaults = {"default": 0.5, "default+ai": 0.5, "sim": 0.5, "sim+ai": 0.5}
-    all_arms = {**defaults, "oracle per light": 1.0, **arms}
+    all_variants = {**defaults, "oracle per light": 1.0, **variants}
     facts = {
         "fitted_on_judged_recordings": [], "fitted_on_judged_images": [],
         "lights_with_plausible_detections": [],
@@ -47,9 +47,9 @@ def study(
         np.full(count, "day"), names,
         {
             name: scores(name, TRUE * np.broadcast_to(share, count), absent_red)
-            for name, share in all_arms.items()
+            for name, share in all_variants.items()
         },
-        Choice(Arm("sim+ai"), Arm("sim+ai"), {}), {"all": np.arange(count)}, facts,
+        Choice(Variant("sim+ai"), Variant("sim+ai"), {}), {"all": np.arange(count)}, facts,
     )  # fmt: skip
 
 
@@ -161,18 +161,18 @@ def test_fits_on_judged_recordings_and_images_are_known():
     assert whole.lights_fitted_on_judged_images() == ["night"]
 
 
-def arm(text: str) -> Arm:
-    return Arm("sim", parse_sources(text)[0], "real2sim", "light")
+def variant(text: str) -> Variant:
+    return Variant("sim", parse_sources(text)[0], "real2sim", "light")
 
 
 def test_the_choice_is_the_best_mean_that_does_no_harm_in_ordinary_lights():
     results = {
-        Arm("sim"): np.array([0.95, 0.1]), arm("reinhard"): np.array([0.90, 0.9]),
-        arm("mkl"): np.array([0.94, 0.6]), arm("levels"): np.array([0.94, 0.5]),
+        Variant("sim"): np.array([0.95, 0.1]), variant("reinhard"): np.array([0.90, 0.9]),
+        variant("mkl"): np.array([0.94, 0.6]), variant("levels"): np.array([0.94, 0.5]),
     }  # fmt: skip
-    choice = pick_arm(results, lambda _: 1.0)
-    assert choice.unguarded == arm("mkl")
-    assert choice.arm == replace(arm("mkl"), guarded=True)
+    choice = pick_variant(results, lambda _: 1.0)
+    assert choice.unguarded == variant("mkl")
+    assert choice.variant == replace(variant("mkl"), guarded=True)
     assert list(choice.candidates) == [
         "reinhard (light) > sim", "mkl (light) > sim", "levels (light) > sim", "sim",
     ]  # fmt: skip

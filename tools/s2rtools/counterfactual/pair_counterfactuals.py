@@ -27,7 +27,7 @@ MAX_SIDE = 192
 """Pixels on the longer side of the images that are compared."""
 
 
-class Images(Protocol):
+class PairImages(Protocol):
     """RGB (B, H, W, 3), raw depth (B, H, W) and its validity (B, H, W) of one side."""
 
     @property
@@ -38,7 +38,7 @@ class Images(Protocol):
     def valid(self) -> NDArray[np.bool_]: ...
 
 
-class SideInput(Images, Protocol):
+class SideInput(PairImages, Protocol):
     """One side with the network's input x (B, C, h, w)."""
 
     @property
@@ -59,7 +59,7 @@ class PairCounterfactuals:
         )  # fmt: skip
 
     def inputs(
-        self, sim: Images, real: SideInput, contract: InputContract
+        self, sim: PairImages, real: SideInput, contract: InputContract
     ) -> list[CounterfactualInputs]:
         """The counterfactual of each pair of a batch as inputs of a network."""
         registration, scale = self.rigs.real, self._scales["real"]
@@ -87,7 +87,7 @@ class PairCounterfactuals:
             yield composite_inputs(*views, sim_x, made.real, made.contract)
 
     def in_sim_view(
-        self, sim: Images, maps: Sequence[NDArray[np.float32]]
+        self, sim: PairImages, maps: Sequence[NDArray[np.float32]]
     ) -> list[NDArray[np.float32]]:
         """Maps (n, rows, cols) over the real images of a batch, warped into the sim view.
 
@@ -108,7 +108,7 @@ class PairCounterfactuals:
         scale = self._scales[side]
         return np.where(images[2], images[1] * np.float32(scale), np.float32(0)).astype(np.float32)
 
-    def _resized(self, images: Images) -> Iterator[ImageArrays]:
+    def _resized(self, images: PairImages) -> Iterator[ImageArrays]:
         for rgb, depth, valid in zip(images.rgb, images.depth, images.valid, strict=True):
             yield resized_images(rgb, depth, valid, self._size)
 

@@ -38,7 +38,7 @@ class Batch:
     covered: float
 
 
-class Coverage:
+class PoseCoverage:
     """Coverage by images (P, H), 0 to 1, and weight of each candidate pose."""
 
     def __init__(
@@ -94,7 +94,7 @@ class Coverage:
         return float((self.covered * self.weight).sum())
 
 
-def choose_batch(coverage: Coverage, candidates: CandidatePoses, budget: int) -> Batch:
+def choose_batch(coverage: PoseCoverage, candidates: CandidatePoses, budget: int) -> Batch:
     """The greedy batch of at most `budget` usable candidates; deterministic."""
     before = coverage.covered_weight
     usable = np.flatnonzero(candidates.usable)
@@ -115,7 +115,7 @@ def choose_batch(coverage: Coverage, candidates: CandidatePoses, budget: int) ->
     return Batch(np.array(cells, dtype=np.intp), np.array(gains), total, before)
 
 
-def add_in_order(coverage: Coverage, cells: NDArray[np.intp]) -> Batch:
+def add_in_order(coverage: PoseCoverage, cells: NDArray[np.intp]) -> Batch:
     """The batch of candidates that were chosen in another way, with the gains that they have."""
     before, gains = coverage.covered_weight, []
     for cell in cells.tolist():

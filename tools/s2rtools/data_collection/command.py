@@ -14,7 +14,7 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files.planned_poses import COLUMNS, as_rows
 from s2rtools.common.command_line import output, store_argument
-from s2rtools.common.command_line.coverage_line import print_coverage
+from s2rtools.common.command_line.output import print_coverage
 from s2rtools.common.command_line.progress import reporter
 
 if TYPE_CHECKING:

@@ -50,7 +50,7 @@ def read_evidence(store: Store, run: str) -> Evidence:
     columns, truth = store.run_columns(run), store.instances
     poses = store.poses(store.run(run).real_domain)
     known = np.isfinite(poses).all(axis=1)
-    new = run_metrics.held_out(store, run) & known & np.isfinite(columns.real.error)
+    new = run_metrics.population(store, run) & known & np.isfinite(columns.real.error)
     if not new.any():
         raise RequestError(
             f"run {run}: trained on all instances, so no real error is known; "

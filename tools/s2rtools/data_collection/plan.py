@@ -15,7 +15,7 @@ from s2rstore.geometry import angles
 from s2rstore.language import to_text
 from s2rstore.language.syntax_tree import Ids
 from s2rstore.reader import Store
-from s2rtools.data_collection.batch_choice import Batch, Coverage, add_in_order, choose_batch
+from s2rtools.data_collection.batch_choice import Batch, PoseCoverage, add_in_order, choose_batch
 from s2rtools.data_collection.candidates import CandidatePoses, find_candidates
 from s2rtools.data_collection.evidence import Evidence, read_evidence
 from s2rtools.data_collection.expected_reduction import LocalValues, Method, local_values
@@ -140,7 +140,7 @@ def choose_poses(
 ) -> Batch:
     """The batch of the request's method; the gains of a random one are those of `combined`."""
     weighting: Method = "combined" if request.method == "random" else request.method
-    coverage = Coverage(candidates, values.reducible(weighting), request.similarity)
+    coverage = PoseCoverage(candidates, values.reducible(weighting), request.similarity)
     if request.method != "uniform":
         coverage.add_images(evidence.trained_poses, evidence.trained_rooms)
     if request.method != "random":

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rtools.common.command_line import store_argument
-from s2rtools.common.command_line.coverage_line import print_coverage
+from s2rtools.common.command_line.output import print_coverage
 
 if TYPE_CHECKING:
     from s2rtools.gap.gate.gate import GapRequest

@@ -32,7 +32,7 @@ def selected(evidence: Evidence) -> Iids:
 def held_out(evidence: Evidence) -> Iids:
     """Selected iids that both sides predicted and that the model was not trained on."""
     iids = selected(evidence)
-    return iids[run_metrics.held_out(evidence.store, evidence.run)[iids]]
+    return iids[run_metrics.population(evidence.store, evidence.run)[iids]]
 
 
 def poses_sha256(store: Store) -> str:

@@ -89,7 +89,7 @@ class Counterfactuals:
         level = simultaneous_level(len(names))
         scores = []
         for run in self._errors.runs:
-            fresh = run_metrics.held_out(self._truth.store, run)[self.iids]
+            fresh = run_metrics.population(self._truth.store, run)[self.iids]
             if not fresh.any():
                 continue
             trajectory = self._truth.store.instances.trajectory[self.iids][fresh]
@@ -120,7 +120,7 @@ class Counterfactuals:
         """
         changes = {item["object"]: item for item in labelled_changes(self._truth.data.world)}
         store, names = self._truth.store, self._errors.runs
-        fresh = [name for name in names if run_metrics.held_out(store, name).all()]
+        fresh = [name for name in names if run_metrics.population(store, name).all()]
         scores = []
         for number, before, after in self._restored():
             name, change = changes[number]["name"], changes[number]["change"]

@@ -64,7 +64,7 @@ def measure_shares(truth: GroundTruth, evaluated: EvaluatedRuns, instances: int)
     A group without an active factor has the share 0.
     """
     errors, store = CounterfactualErrors(truth, evaluated), truth.store
-    is_new = {run: run_metrics.held_out(store, run) for run in errors.runs}
+    is_new = {run: run_metrics.population(store, run) for run in errors.runs}
     rows = store.in_recording_order(np.any(list(is_new.values()), axis=0))
     iids = np.asarray(rows[evenly_spread(len(rows), instances)], dtype=np.intp)
     members = _active_groups(errors.active)

@@ -129,7 +129,7 @@ def measure_object_gains(
 
 def _spread_instances(truth: GroundTruth, run: str, count: int) -> NDArray[np.intp]:
     """At most `count` instances that are new to a run, evenly spread in recording order."""
-    new = truth.store.in_recording_order(run_metrics.held_out(truth.store, run))
+    new = truth.store.in_recording_order(run_metrics.population(truth.store, run))
     return np.asarray(new[evenly_spread(len(new), count)], dtype=np.intp)
 
 

@@ -19,7 +19,7 @@ _FEWEST_BLOCKS = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Part:
+class SplitPart:
     """Instances in recording order: `iids` (n,), and the codes (n,) of trajectory and unit of each.
 
     Units are what `split_instances` divides by: trajectories, else blocks of neighbours.
@@ -39,14 +39,16 @@ class Part:
         level = simultaneous_level(compared)
         return paired_difference(differences, self.trajectory, level=level)
 
-    def thinned(self, most: int) -> Part:
+    def thinned(self, most: int) -> SplitPart:
         """At most `most` of the instances, evenly spread."""
         n = self.iids.size
         rows = np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(np.intp))
-        return Part(self.iids[rows], self.trajectory[rows], self.units[rows])
+        return SplitPart(self.iids[rows], self.trajectory[rows], self.units[rows])
 
 
-def split_instances(store: Store, run: str, fitted: int, judged: int) -> tuple[Part, Part]:
+def split_instances(
+    store: Store, run: str, fitted: int, judged: int
+) -> tuple[SplitPart, SplitPart]:
     """At most `fitted` instances to fit on, and `judged` others to judge on.
 
     Where there are enough trajectories, by the rule of `Blocks.by_trajectory`, each of them is in
@@ -69,7 +71,7 @@ def split_instances(store: Store, run: str, fitted: int, judged: int) -> tuple[P
         units = np.repeat(np.arange(blocks.count), np.diff(blocks.start))
         is_fit = units % 2 == 0
     fit, judge = (
-        Part(iids[chosen], trajectories[chosen], units[chosen]) for chosen in (is_fit, ~is_fit)
+        SplitPart(iids[chosen], trajectories[chosen], units[chosen]) for chosen in (is_fit, ~is_fit)
     )
     return fit.thinned(fitted), judge.thinned(judged)
 

@@ -15,7 +15,7 @@ from s2rtools.adjustments import Chain
 from s2rtools.inference import Backend, open_float32
 from s2rtools.models.load_model import load_model
 from s2rtools.precompute.run_backends import RunBackends
-from s2rtools.suggestions.held_out_split import Part
+from s2rtools.suggestions.held_out_split import SplitPart
 from s2rtools.suggestions.side_images import SideImages
 from s2rtools.suggestions.sliders import changed_chain
 
@@ -74,7 +74,13 @@ class PoseErrors:
     """Position errors in metres of a run's model on changed images of one side."""
 
     def __init__(
-        self, store: Store, run: Run, side: Side, predictor: PosePredictor, fit: Part, judge: Part
+        self,
+        store: Store,
+        run: Run,
+        side: Side,
+        predictor: PosePredictor,
+        fit: SplitPart,
+        judge: SplitPart,
     ) -> None:
         self._store, self._run, self._side, self._predictor = store, run, side, predictor
         self._fit = SideImages(store, run, side, fit.iids)

@@ -13,7 +13,7 @@ from s2rstore.records import Domain, Run
 from s2rtools.adjustments import Chain
 from s2rtools.precompute.frame_reader import Renderers
 from s2rtools.suggestions import image_mismatch
-from s2rtools.suggestions.held_out_split import Part
+from s2rtools.suggestions.held_out_split import SplitPart
 from s2rtools.suggestions.objective import Floats, Values
 from s2rtools.suggestions.side_images import Adjusted, SideImages
 from s2rtools.suggestions.sliders import Slider, changed_chain
@@ -29,7 +29,7 @@ _STEPS = 4
 class SimulatorMatch:
     """Mismatch of the sim images under changed adjustments with the real images of the run."""
 
-    def __init__(self, store: Store, run: Run, fit: Part, judge: Part) -> None:
+    def __init__(self, store: Store, run: Run, fit: SplitPart, judge: SplitPart) -> None:
         self._store, self._run = store, run
         channels = store.models[run.network("suggestions")].channels
         self._channels: image_mismatch.Channels = channels  # type: ignore[assignment]

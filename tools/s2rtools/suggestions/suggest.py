@@ -20,7 +20,7 @@ from s2rstore.records import Run
 from s2rstore.run_inputs import run_render_change
 from s2rstore.suggestions import Agreement, Answer, Change, FactorGain, SuggestReport
 from s2rtools.common.command_line.progress import Reporter
-from s2rtools.suggestions.held_out_split import Part, split_instances
+from s2rtools.suggestions.held_out_split import SplitPart, split_instances
 from s2rtools.suggestions.objective import (
     Floats,
     Objective,
@@ -81,7 +81,7 @@ class _Judgement:
     """The search of one run, and what it is judged on."""
 
     def __init__(
-        self, store: Store, run: Run, settings: SuggestSettings, fit: Part, judge: Part,
+        self, store: Store, run: Run, settings: SuggestSettings, fit: SplitPart, judge: SplitPart,
         budget: TimeBudget,
     ) -> None:  # fmt: skip
         self._store, self._run, self._settings = store, run, settings

@@ -58,7 +58,7 @@ def _add_fit_arguments(fit: argparse.ArgumentParser) -> None:
         help="which images are translated (default sim2real)")  # fmt: skip
     add("--domains", metavar="SIM,REAL", help="names of both domains (default: the first of each)")
     add("--source", type=Path, metavar="DIR", help="folder of images to translate, without a store")
-    add("--target", type=Path, metavar="DIR", help="folder of images with the look to give")
+    add("--target", type=Path, metavar="DIR", help="folder of images of the target domain")
     add("--size", type=int, default=160, metavar="PX",
         help="longer edge of the images of the fit (default 160)")  # fmt: skip
     add("--lower", default="1", metavar="SHARE",
@@ -92,7 +92,7 @@ def _add_report_arguments(report: argparse.ArgumentParser) -> None:
     add = report.add_argument_group("images").add_argument
     add("--store", type=store_argument.folder, help="store that has the translators")
     add("--source", type=Path, metavar="DIR", help="folder of images to translate, without a store")
-    add("--target", type=Path, metavar="DIR", help="folder of images with the look to give")
+    add("--target", type=Path, metavar="DIR", help="folder of images of the target domain")
     add("--images", type=int, default=_IMAGES, metavar="N",
         help=f"most images on which translators are judged (default {_IMAGES})")  # fmt: skip
     add("--seed", type=int, default=1, help="random seed that draws images (default 1)")

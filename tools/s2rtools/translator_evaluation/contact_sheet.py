@@ -38,25 +38,31 @@ def store_sheet(
     drawn = np.sort(np.random.default_rng(seed).choice(chosen.source, count, replace=False))
     target = drawn if store.has_poses else chosen.target
     frames = load_frames(store, translator, JudgedInstances(drawn, target, chosen.held_out))
-    look = frames.target if frames.paired else _nearest(frames.source, frames.target)
+    target_images = frames.target if frames.paired else _nearest(frames.source, frames.target)
     columns = (
         (f"{translator.source} (source)", frames.source),
         (f"{translator.name} ({translator.stored.method})", frames.translated),
-        (f"{translator.target}, {'same pose' if frames.paired else 'nearest layout'}", look),
+        (
+            f"{translator.target}, {'same pose' if frames.paired else 'nearest layout'}",
+            target_images,
+        ),
     )
     return draw_sheet(columns, [f"instance {iid}" for iid in frames.iids], seed)
 
 
 def folder_sheet(source: Path, target: Path, translator: Translator, seed: int) -> Rgb:
     """Sheet of images of a folder, with the image of the target folder of the nearest layout."""
-    before, look = from_folder(source), from_folder(target)
+    before, target_images = from_folder(source), from_folder(target)
     count = min(ROWS, len(before))
     drawn = np.sort(np.random.default_rng(seed).choice(len(before), count, replace=False))
     images = before.images[drawn]
     columns = (
         (f"{before.name} (source)", images),
         (translator.method, translator.translate(images)),
-        (f"{look.name}, nearest layout", resize(_nearest(images, look.images), before.size)),
+        (
+            f"{target_images.name}, nearest layout",
+            resize(_nearest(images, target_images.images), before.size),
+        ),
     )
     return draw_sheet(columns, [before.names[row] for row in drawn], seed)
 

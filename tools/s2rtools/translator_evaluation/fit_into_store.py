@@ -124,12 +124,14 @@ def _checked_images(
 
 
 def _check_content(
-    translator: Translator, before: ImageSet | None, look: ImageSet | None
+    translator: Translator, before: ImageSet | None, target_images: ImageSet | None
 ) -> Verdict | None:
     """Judge the content of held-out images; None where there are too few."""
-    if before is None or look is None:
+    if before is None or target_images is None:
         return None
-    return judge(measure_content(before.images, translator.translate(before.images), look.images))
+    return judge(
+        measure_content(before.images, translator.translate(before.images), target_images.images)
+    )
 
 
 def _split_codes(store: Store, source: str, target: str) -> NDArray[np.int8]:
@@ -218,20 +220,22 @@ def fit_folders(source: Path, target: Path, request: FitRequest, out: Path) -> V
     method = find_method(request.method)
     _check_uses_pairs(method, request.settings)
     images = from_folder(source, long_edge=request.long_edge)
-    look = from_folder(target, images.size)
-    if request.settings.paired and images.names != look.names:
-        name = min(set(images.names) ^ set(look.names))
+    target_images = from_folder(target, images.size)
+    if request.settings.paired and images.names != target_images.names:
+        name = min(set(images.names) ^ set(target_images.names))
         raise RequestError(f"--paired: {name} is not in both {source} and {target}")
     checkpoint = out.with_name(f".{out.name}.checkpoint") if method.learned else None
     fitted = method.fit(
         _rows_of_fit(images, fit_split.FITTED, MAX_FITTED),
-        _rows_of_fit(look, fit_split.FITTED, MAX_FITTED),
+        _rows_of_fit(target_images, fit_split.FITTED, MAX_FITTED),
         replace(request.settings, checkpoint=checkpoint),
     )
-    held_out = [_rows_of_fit(each, fit_split.HELD_OUT, _CHECKED_IMAGES) for each in (images, look)]
+    held_out = [
+        _rows_of_fit(each, fit_split.HELD_OUT, _CHECKED_IMAGES) for each in (images, target_images)
+    ]
     enough = all(len(each) >= _MIN_CHECKED for each in held_out)
     verdict = _check_content(fitted.translator, *held_out) if enough else None
-    folders = names_digest(images), names_digest(look)
+    folders = names_digest(images), names_digest(target_images)
     stored = StoredTranslator(
         fitted.translator, source.name, target.name, images.size, folders=folders
     )

@@ -258,13 +258,13 @@ def evaluate_folders(
     held_out, rows = _held_out_rows(images, stored)
     chosen = [each[np.unique(np.linspace(0, len(each) - 1, max_images).astype(int))]
               for each in rows]  # fmt: skip
-    before, look = (each.images[kept] for each, kept in zip(images, chosen, strict=True))
-    if min(len(before), len(look)) < 4:
+    before, target_images = (each.images[kept] for each, kept in zip(images, chosen, strict=True))
+    if min(len(before), len(target_images)) < 4:
         raise RequestError(f"{source}, {target}: judging needs at least 4 images of each")
     translated = stored.translator.translate(before)
-    content = measure_content(before, translated, look)
+    content = measure_content(before, translated, target_images)
     figures = _content_rows(content) + distance_metrics.folder_distances(
-        translated, before, resize(look, (before.shape[1], before.shape[2]))
+        translated, before, resize(target_images, (before.shape[1], before.shape[2]))
     )
     if downstream is not None:
         names = [images[0].names[row] for row in chosen[0]]

@@ -129,7 +129,7 @@ def untrained_rows(store: Store, run: Run, iids: Iids) -> tuple[NDArray[np.intp]
             "poses"
         )
         return everything, note
-    rows = np.flatnonzero(run_metrics.held_out(store, run.run)[iids])
+    rows = np.flatnonzero(run_metrics.population(store, run.run)[iids])
     if rows.size < MIN_IMAGES:
         return everything, f"the network of run {run.run} was trained on most of these poses"
     return rows, None
@@ -199,7 +199,7 @@ def training_metrics(store: Store, run: str, name: str, held_out: Iids) -> list[
         recipe = store.provenance(f"model:{record.model}").get("recipe")
         if record.run == run or recipe != RECIPE or name not in used or record.key is None:
             continue
-        keep = run_metrics.held_out(store, run) & run_metrics.held_out(store, record.run)
+        keep = run_metrics.population(store, run) & run_metrics.population(store, record.run)
         keep &= np.isin(np.arange(len(keep)), held_out)
         compared = store.in_recording_order(keep)
         recording = store.instances.trajectory[compared]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from decimal import Decimal
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.cells import cell_len
 
@@ -22,6 +22,9 @@ from s2rtools.common.command_line.row_formats import (
     json_text,
     write_parquet,
 )
+
+if TYPE_CHECKING:
+    from s2rstore.reader import Store
 
 FORMATS = ("table", "csv", "json", "parquet")
 
@@ -110,3 +113,10 @@ def _cell(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.4g}" if abs(value) < 1e6 else f"{value:.6g}"
     return printable(str(value))
+
+
+def print_coverage(store: Store, runs: Iterable[str | None]) -> None:
+    """Print a line on standard error for each run that is computed for some instances only."""
+    for run in dict.fromkeys(runs):
+        if run and (note := store.coverage(run).note):
+            print(note, file=sys.stderr)

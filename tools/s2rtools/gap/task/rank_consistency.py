@@ -90,7 +90,7 @@ def rank_consistency(
     common = np.zeros(len(store.instances), dtype=np.bool_)
     common[iids] = True
     for run in runs:
-        common &= run_metrics.held_out(store, run)
+        common &= run_metrics.population(store, run)
     rows = store.in_recording_order(common)
     if rows.size < MIN_DIFFERENCE:
         raise InconclusiveError(

@@ -162,7 +162,7 @@ def _errors(evidence: Evidence) -> tuple[NDArray[np.int64], GroupErrors]:
     store, iids = evidence.store, instance_selection.held_out(evidence)
     columns = store.run_columns(evidence.run)
     instance_selection.require_instances(evidence, iids, MIN_DIFFERENCE)
-    every = run_metrics.held_out(store, evidence.run)
+    every = run_metrics.population(store, evidence.run)
     positions = store.poses(store.run(evidence.run).sim_domain)[:, :2]
     constant = np.hypot(*(positions[iids] - positions[every].mean(axis=0)).T)
     trajectory = store.instances.trajectory[iids]

@@ -1,4 +1,4 @@
-"""Arms of the threshold study: thresholds, translators in front of them, and their fits."""
+"""Variants of the threshold study: thresholds, translators in front of them, and their fits."""
 
 from __future__ import annotations
 
@@ -70,9 +70,9 @@ class Source:
 
 
 @dataclass(frozen=True, slots=True)
-class Arm:
+class Variant:
     """Thresholds, alone or with a translator of a direction; `scope` names the real images of its
-    fit. A `guarded` arm is `BASELINE` in lights in which the detections of that are plausible.
+    fit. A `guarded` variant is `BASELINE` in lights in which the detections of that are plausible.
     """
 
     thresholds: str
@@ -144,13 +144,13 @@ def parse_scopes(text: str | None) -> tuple[Scope, ...]:
     return tuple(scope for scope in FIT_SCOPES if scope in names)
 
 
-def arms_of(
+def variants_of(
     sources: list[Source], lights: int, fit_scopes: tuple[Scope, ...] = FIT_SCOPES
-) -> list[Arm]:
-    """Arms without labels of real images: every threshold alone, then each translator, fitted on
-    the images of each of `fit_scopes`; with a single light, on those of that light."""
-    arms = [Arm(kind) for kind in THRESHOLD_KINDS]
-    arms.append(Arm("sim+ai"))
+) -> list[Variant]:
+    """Variants without labels of real images: every threshold alone, then each translator, fitted
+    on the images of each of `fit_scopes`; with a single light, on those of that light."""
+    variants = [Variant(kind) for kind in THRESHOLD_KINDS]
+    variants.append(Variant("sim+ai"))
     for source in sources:
         if source.file is not None:
             scopes: tuple[Scope, ...] = ("file",)
@@ -159,10 +159,10 @@ def arms_of(
         else:
             scopes = fit_scopes if lights > 1 else ("light",)
         for scope in scopes:
-            arms += [Arm(kind, source, "real2sim", scope) for kind in THRESHOLD_KINDS]
+            variants += [Variant(kind, source, "real2sim", scope) for kind in THRESHOLD_KINDS]
         if not source.of_image and source.file is None:
-            arms += [Arm("sim", source, "sim2real", scope) for scope in scopes]
-    return arms
+            variants += [Variant("sim", source, "sim2real", scope) for scope in scopes]
+    return variants
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,8 +278,8 @@ def thresholds_of(kind: str, tuned: Mapping[str, Thresholds]) -> Thresholds:
 
 
 def fit_sets(
-    arm: Arm, real: RoadImages, sim: RoadImages
+    variant: Variant, real: RoadImages, sim: RoadImages
 ) -> tuple[ImageSet, ImageSet]:  # fmt: skip
-    """The source images and the target images on which the translator of an arm is fitted."""
+    """The source images and the target images on which the translator of a variant is fitted."""
     sets = real.image_set(), sim.image_set()
-    return sets if arm.direction == "real2sim" else (sets[1], sets[0])
+    return sets if variant.direction == "real2sim" else (sets[1], sets[0])

@@ -1,4 +1,4 @@
-"""Evaluate arms of the threshold study image by image."""
+"""Evaluate variants of the threshold study image by image."""
 
 from __future__ import annotations
 
@@ -10,16 +10,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from examples.duckietown.arms import (
-    BASELINE,
-    Arm,
-    FitRequest,
-    TranslatorCache,
-    fit_sets,
-    prepared,
-    thresholds_of,
-    translated,
-)
 from examples.duckietown.fisheye_camera import FisheyeCamera
 from examples.duckietown.lane_pose import lane_pose
 from examples.duckietown.line_detector import (
@@ -34,6 +24,16 @@ from examples.duckietown.road_images import RoadImages
 from examples.duckietown.road_renderer import Mask
 from examples.duckietown.split import Rows, Split
 from examples.duckietown.tuning import tune
+from examples.duckietown.variants import (
+    BASELINE,
+    FitRequest,
+    TranslatorCache,
+    Variant,
+    fit_sets,
+    prepared,
+    thresholds_of,
+    translated,
+)
 from s2rtools.translation.image_set import Rgb
 from s2rtools.translation.method import Translator
 
@@ -73,7 +73,7 @@ def is_plausible(detected: float, expected: float) -> bool:
 
 
 class Evaluation:
-    """Evaluates arms on the judged images of a split, with translators from a cache."""
+    """Evaluates variants on the judged images of a split, with translators from a cache."""
 
     def __init__(
         self,
@@ -96,21 +96,21 @@ class Evaluation:
         rows = np.flatnonzero(self.sim.labelled)
         return self.sim.rows(rows[:: max(1, len(rows) // _TUNING_IMAGES)])
 
-    def arm(self, arm: Arm) -> Scores:
-        """Scores of an arm without labels of real images.
+    def variant(self, variant: Variant) -> Scores:
+        """Scores of a variant without labels of real images.
 
         Raises RequestError where its method cannot be fitted.
         """
-        learned = arm.source is not None and arm.source.learned
-        runs = [self._arm(arm, seed) for seed in range(self.seeds if learned else 1)]
-        return _averaged(arm.name, True, runs)
+        learned = variant.source is not None and variant.source.learned
+        runs = [self._variant(variant, seed) for seed in range(self.seeds if learned else 1)]
+        return _averaged(variant.name, True, runs)
 
-    def _arm(self, arm: Arm, seed: int) -> Scores:
+    def _variant(self, variant: Variant, seed: int) -> Scores:
         split = self.split
         pieces = []
         elapsed: list[float] = []
         for light in split.lights:
-            used = Arm(BASELINE) if arm.guarded and self._is_plausible(light) else arm
+            used = Variant(BASELINE) if variant.guarded and self._is_plausible(light) else variant
             translator = self._translator(used, light, seed)
             rows = split.judged_in(light)
             images = split.images.images[rows]
@@ -124,18 +124,18 @@ class Evaluation:
                 seen = prepared(kind, self._translated[translator, light])
                 elapsed += [] if self.pixels_only else _times(translator, kind, thresholds, images)
             pieces.append((rows, self._scores(rows, seen, thresholds)))
-        result = _placed(arm.name, True, pieces, split)
+        result = _placed(variant.name, True, pieces, split)
         result.milliseconds = float(np.median(elapsed)) if elapsed else float("nan")
         return result
 
-    def _translator(self, arm: Arm, light: str, seed: int) -> Translator | None:
-        if arm.source is None:
+    def _translator(self, variant: Variant, light: str, seed: int) -> Translator | None:
+        if variant.source is None:
             return None
-        scope = "all" if arm.scope in ("image", "file") else arm.scope
+        scope = "all" if variant.scope in ("image", "file") else variant.scope
         real = self.split.images.rows(self.split.fit_rows(light, scope))
-        source, target = fit_sets(arm, real, self.sim)
+        source, target = fit_sets(variant, real, self.sim)
         return self.cache.get(
-            FitRequest(arm.source, arm.direction, seed, self.minutes), source, target
+            FitRequest(variant.source, variant.direction, seed, self.minutes), source, target
         )
 
     def plausible_lights(self) -> list[str]:
@@ -163,15 +163,15 @@ class Evaluation:
             )
         return self._plausible[light]
 
-    def stability(self, arm: Arm, images_per_light: int = 24) -> float:
+    def stability(self, variant: Variant, images_per_light: int = 24) -> float:
         """Agreement of two masks of the same images that should be equal, over all lights.
 
         The two come from fits on the two halves of the images for fitting of a light; where the
         statistics are those of each image, from the whole image and from its left and right half
         translated separately. A map that takes what is in view for light gives different masks. 1
-        for an arm without a translator.
+        for a variant without a translator.
         """
-        if arm.source is None:
+        if variant.source is None:
             return 1.0
         counts = np.zeros((len(COLOURS), 3))
         for light in self.split.lights:
@@ -179,20 +179,20 @@ class Evaluation:
             if len(rows) < 2:
                 continue
             images = self._images(rows[:: max(1, len(rows) // images_per_light)])
-            if arm.source.of_image:
-                translator = self._translator(arm, light, 0)
+            if variant.source.of_image:
+                translator = self._translator(variant, light, 0)
                 middle = images.shape[2] // 2
                 parts = images[:, :, :middle], images[:, :, middle:]
                 sides = [translated(translator, np.ascontiguousarray(part)) for part in parts]
                 pair = [translated(translator, images), np.concatenate(sides, axis=2)]
             else:
-                request = FitRequest(arm.source, arm.direction, 0, self.minutes)
+                request = FitRequest(variant.source, variant.direction, 0, self.minutes)
                 pair = []
                 for half in (rows[: len(rows) // 2], rows[len(rows) // 2 :]):
-                    source, target = fit_sets(arm, self.split.images.rows(half), self.sim)
+                    source, target = fit_sets(variant, self.split.images.rows(half), self.sim)
                     pair.append(translated(self.cache.get(request, source, target), images))
-            seen = [prepared(arm.thresholds, each) for each in pair]
-            ranges = thresholds_of(arm.thresholds, self.tuned)
+            seen = [prepared(variant.thresholds, each) for each in pair]
+            ranges = thresholds_of(variant.thresholds, self.tuned)
             for first, second in zip(*seen, strict=True):
                 one, other = colour_masks(first, ranges), colour_masks(second, ranges)
                 for index, colour in enumerate(COLOURS):

@@ -1,4 +1,4 @@
-"""Rasterization of the screen: lines of styled segments become pixels, cell by cell.
+"""Screenshots: the styled segments of the screen as text or, cell by cell, as pixels.
 
 Box, block and braille characters are drawn as geometry, all others with DejaVu Sans Mono from
 matplotlib. Equal lines give equal bytes.
@@ -7,10 +7,12 @@ matplotlib. Equal lines give equal bytes.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +21,13 @@ from rich.cells import get_character_cell_size
 from rich.color import Color, ColorType
 from rich.segment import Segment
 from rich.style import Style
+from textual.screen import Screen
 
 from s2rstore.errors import RequestError
+from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.colour import ANSI_16, DARK, Rgb, Theme
 from s2rtui.canvas.glyph_masks import glyph_mask
+from s2rtui.terminal.textual_compat import screen_strips
 
 WIDTH, HEIGHT = 10, 20
 """Size of a cell in pixels."""
@@ -140,7 +145,7 @@ def rasterize(
     """Draw lines (Textual strips or lists of rich segments) as an RGB image.
 
     `theme` provides default colours. `size` is the size of the image in pixels if it differs from
-    that of the cells, which are then in its upper left.
+    the size of the cells, which are then in its upper left.
     """
     rows = [list(line) for line in lines]
     columns = max((sum(part.cell_length for part in line) for line in rows), default=1)
@@ -154,10 +159,26 @@ def rasterize(
     return image
 
 
-def rasterize_png(
-    lines: Sequence[Iterable[Segment]], theme: Theme = DARK, size: tuple[int, int] | None = None
-) -> bytes:
-    """Return the image of `rasterize` as PNG bytes."""
-    stream = BytesIO()
-    rasterize(lines, theme, size).save(stream, format="PNG", compress_level=6)
-    return stream.getvalue()
+@dataclass(frozen=True, slots=True)
+class Screenshot:
+    """The lines of a screen as styled segments, taken on the UI thread and encoded anywhere."""
+
+    lines: tuple[tuple[Segment, ...], ...]
+
+    @classmethod
+    def of(cls, screen: Screen[Any]) -> Screenshot:
+        """Take the present content of a screen."""
+        return cls(tuple(tuple(strip) for strip in screen_strips(screen)))
+
+    @property
+    def text(self) -> str:
+        """The characters, without blanks at the ends of lines."""
+        rows = ("".join(segment.text for segment in line).rstrip() for line in self.lines)
+        return "\n".join(rows) + "\n"
+
+    def png(self, options: RenderOptions, size: tuple[int, int] | None = None) -> bytes:
+        """Encode as PNG, in the upper left of an image of `size` pixels if it is set."""
+        stream = BytesIO()
+        image = rasterize(self.lines, options.theme, size)
+        image.save(stream, format="PNG", compress_level=6)
+        return stream.getvalue()
