@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from s2rstore.errors import RequestError
-from s2rstore.intervals.simulation import MIN_PAIRS, WithSimulation
-from s2rstore.metrics.evaluation import images_of, run_figures
-from s2rstore.metrics.more_images import half_width
 from s2rstore.reader import Store
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import StatisticsView
@@ -20,6 +18,9 @@ from s2rtui.drawing.plot import Dots, Line, Mark, Plot
 from s2rtui.drawing.scale import Scale, non_empty
 from s2rtui.drawing.table import Cell, Column, Dot, Row, Span, StripMark, TableSpec
 from s2rtui.session.state import State
+
+if TYPE_CHECKING:
+    from s2rstore.intervals.simulation import WithSimulation
 
 _FEWEST, _MOST = 0.25, 16.0
 """Factors of the present number of images at the ends of the curve."""
@@ -44,6 +45,8 @@ class ExchangeView(StatisticsView):
         return "mean real errors, and real images that simulation saves"
 
     def model(self, store: Store, state: State) -> ExchangeModel | str:
+        from s2rstore.metrics.evaluation import images_of, run_figures
+
         means = {}
         for run in [each.run for each in store.runs.values() if each.key]:
             try:
@@ -75,6 +78,8 @@ class ExchangeView(StatisticsView):
         return TableSpec(columns, tuple(rows))
 
     def notes(self, model: ExchangeModel) -> tuple[str, ...]:
+        from s2rstore.intervals.simulation import MIN_PAIRS
+
         chosen = model.means.get(model.run) or next(iter(model.means.values()))
         further = (
             f"{chosen.simulated:,} further simulated images"
@@ -126,6 +131,8 @@ def _figures(run: str, mean: WithSimulation) -> Iterator[Figure]:
 
 def _plot(mean: WithSimulation) -> Plot:
     """Half the width of the interval against the number of real images."""
+    from s2rstore.metrics.more_images import half_width
+
     factors = np.geomspace(_FEWEST, _MOST, _SAMPLES)
     images = factors * mean.n
     alone = np.array([half_width(mean.real_only, factor) for factor in factors])
