@@ -54,13 +54,13 @@ def build(path: Path, n: int, seed: int = 11, runs: Sequence[str] = RUNS) -> Pat
                 "curvature": rng.normal(0, 12, n),
             },
         )
-        draft.insert("frame", _frames(n))
+        draft.insert("frame", frame_rows(n))
         for index, run in enumerate(runs):
             _run(draft, run, index, (x, y, heading), codes, rng)
     return path
 
 
-def _frames(n: int) -> dict[str, Any]:
+def frame_rows(n: int) -> dict[str, Any]:
     rng = np.random.default_rng(3)
     names = [f"walk/{iid:08d}.png" for iid in range(n)] * 2
     digests = rng.bytes(32 * 2 * n).hex()

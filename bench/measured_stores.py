@@ -9,6 +9,7 @@ import numpy as np
 from torch import Tensor, nn
 from torch.nn import functional
 
+from bench.index_store import frame_rows
 from s2rstore.arrays import array_writer
 from s2rstore.files import layout
 from s2rstore.files.ledger import Ledger
@@ -53,6 +54,7 @@ def frames_store(path: Path, n: int, size: int, network: PoseNetwork) -> Path:
     rng = np.random.default_rng(0)
     with edit(path) as draft:
         _tables(draft, n, size)
+        draft.insert("frame", frame_rows(n))
         register_model(path, draft, "m", pack_weights(network), network.convention)
         insert_run(draft, "r", "m", ("sim", "real"))
     block = _pictures(rng, min(n, SHARD), size)

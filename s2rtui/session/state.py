@@ -159,26 +159,23 @@ class Target:
 class State:
     """One state of the analysis.
 
-    `node` is the selected expression.
-    `selected` and `base` are (N,) masks: the expression's instances, and the base population that
-    it was evaluated on. `chosen` (N,) are all instances of the expression: also those that lack an
-    image of a side. Those are `unpaired` (N,), None without any, and `unpaired_text` says how many
-    there are; views of single instances show them, no figure counts them. `trained` (N,) marks the
-    instances in view that the run's model was trained on; they belong to `base` only if
-    `with_trained`. `trajectories` None means all. `cursor` is an iid. `viewports` are the
-    rectangles that zoomed planes show, by the name of the plane. `newest` is the published
-    generation. `first_rows` are the first visible rows of scrolled tables, by the name of the view.
-    `past` and `future` hold the steps before and after this one, the nearest last. `operator`
-    combines the next selection with this one. `compared_run` is the run to compare
-    with. `view` receives
-    the keys; `centre` and `tab` name the views shown in these panes. `pending` is the target to
-    show once it is loaded; `keeps_message` says that the message outlives that. `suggested` is the
-    expression that the message of an empty selection suggests.
+    `node` is the selected expression. `selected` and `base` are (N,) masks: the expression's
+    instances, and the base population that it was evaluated on. `chosen` (N,) are all instances of
+    the expression: also those that lack an image of a side. Those are `unpaired` (N,), None without
+    any, and `unpaired_text` says how many there are; views of single instances show them, no figure
+    counts them. `trained` (N,) marks the instances in view that the run's model was trained on;
+    they belong to `base` only if `with_trained`. `trajectories` None means all. `cursor` is an iid.
+    `viewports` are the rectangles that zoomed planes show, by the name of the plane. `newest` is
+    the published generation. `first_rows` are the first visible rows of scrolled tables, by the
+    name of the view. `past` and `future` hold the steps before and after this one, the nearest
+    last. `operator` combines the next selection with this one. `compared_run` is the run to compare
+    with. `view` receives the keys; `centre` and `tab` name the views shown in these panes.
+    `pending` is the target to show once it is loaded; `keeps_message` says that the message
+    outlives that. `suggested` is the expression that the message of an empty selection suggests.
     `grouping`, `group_sort` and `group_descending` belong to the rooms view, `finding` is the
     chosen row of the findings view, `suggestion` the chosen answer of the suggestions view.
-    `history` is None if the store has no gap history.
-    `fills_screen`: the active view takes the whole screen. `planned` are the poses of new images
-    that the map shows.
+    `history` is None if the store has no gap history. `fills_screen`: the active view takes the
+    whole screen. `planned` are the poses of new images that the map shows.
     """
 
     generation: int

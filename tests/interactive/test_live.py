@@ -16,7 +16,6 @@ from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.interactive import LiveModel, LiveResult
 from s2rtools.precompute.pipeline import precompute
 from s2rtools.precompute.run_registration import add_run
-from s2rtools.synthetic_world.stored_world import no_renderer_reason
 from s2rtui.session.heatmaps import heatmap_choices, instance_grid, without_blanks
 from s2rtui.session.model_input import model_input
 from s2rtui.session.state import HeatChoice

@@ -195,7 +195,7 @@ def test_the_command_reports_and_the_store_keeps_it(world_with_all_factors, tmp_
 def test_trained_instances_do_not_count(truth, evaluated, monkeypatch):
     """A run counts the instances that are new to it, among those rendered for the other."""
     known = {"vanilla": np.arange(12) % 2 == 0, "finetune": np.ones(12, bool)}
-    monkeypatch.setattr(run_metrics, "held_out", lambda store, run: known[run])
+    monkeypatch.setattr(run_metrics, "population", lambda store, run: known[run])
     part = measure_object_gains(truth, evaluated, 12)
     new = part.is_new["vanilla"][part.view]
     assert part.is_new["vanilla"].tolist() == known["vanilla"].tolist()
