@@ -169,13 +169,14 @@ class Coverage:
         """`computed for 40 of 45 instances`; unless that is partial, `imported` or empty.
 
         Instances that were not localised follow, and those without images in both domains:
-        `imported, 5 not localised`, `50 lack an image in one of its domains`.
+        `imported, 5 not localised`, `50 instances have no image on one side`.
         """
         verb = "imported" if self.is_imported else "computed"
         text = f"{verb} for {self.computed} of {self.instances} instances"
         text = text if self.is_partial else "imported" * self.is_imported
         lost = f"{self.not_localised} not localised" if self.not_localised else ""
-        lacking = f"{self.not_imaged} lack an image in one of its domains"
+        plural = "instance has" if self.not_imaged == 1 else "instances have"
+        lacking = f"{self.not_imaged} {plural} no image on one side"
         return ", ".join(filter(None, (text, lost, lacking if self.not_imaged else "")))
 
     @property

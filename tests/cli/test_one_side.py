@@ -20,7 +20,7 @@ COMMANDS = (
 )  # fmt: skip
 
 
-OF_STORE = ("lack an image", '"hash"', '"note"', '"generation"', '"dataset')
+OF_STORE = ("no image on one side", '"hash"', '"note"', '"generation"', '"dataset')
 """Words of lines about the store, which an append changes."""
 
 

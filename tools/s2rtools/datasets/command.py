@@ -297,7 +297,9 @@ def append_scan(scan: Any, target: Path, strict: bool) -> int:
         return 130
     with s2rstore.open(target) as store:
         count = len(store.instances)
-        computed = [run for run in store.runs.values() if run.key]
+        computed = [
+            run for run in store.runs.values() if run.key and store.coverage(run.run).is_partial
+        ]
     if added.domains:
         print(f"{target}: {', '.join(added.domains)} added")
     if not added.instances:
