@@ -88,9 +88,14 @@ def draw_plot(
 
 
 def _draw_title(axes: Axes, page: Page, plot: Plot, width: float) -> str:
-    """Write the first text of the title, as far as it fits into `width` inches; returns it."""
+    """Write the first text of the title, its short form, or what fits into `width` inches of it.
+
+    Returns the text.
+    """
     title, font = plot.title[0], 9 if page.inches[0] <= NARROW else 10
-    text = fit_text(title.text, int(width / (LETTER * BOLD * font)), "…")
+    letters = int(width / (LETTER * BOLD * font))
+    fits = cell_len(title.text) <= letters or not title.short
+    text = fit_text(title.text if fits else title.short, letters, "…")
     axes.set_title(text, loc="left", fontsize=font, pad=5, fontweight="bold",
                    color=getattr(page.inks, title.ink))  # fmt: skip
     return text

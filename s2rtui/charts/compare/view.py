@@ -141,7 +141,7 @@ def compare_drawing(
     )
     changes = Changes(*data.truth, *chosen, data.differences, data.equal, data.scale, texts,
                       data.trained)  # fmt: skip
-    title = (Phrase(f"{second} - {first}", "text"),)
+    title = (Phrase(f"{second} - {first}", "text", short="B - A"),)
     marks = (*ground, changes, *_cursor(data))
     plots.append(map_plot(marks, area, data.y_down, PANEL, title, weight=1.0))
     legend: tuple[Phrase | ColourBar, ...] = (
