@@ -139,7 +139,7 @@ def _plot(mean: WithSimulation) -> Plot:
     marks: list[Mark] = [Line(images, alone, "real", "real alone")]
     if mean.rate.is_known and math.isfinite(mean.rate.value):
         rate = mean.rate.value
-        halves = [half_width(mean.real_only, rate * factor) for factor in factors]
+        halves = [half_width(mean.real_only, factor, rate) for factor in factors]
         marks.append(Line(images, np.array(halves), "both", "with simulation"))
     marks.append(Dots(np.array([float(mean.n)]), np.array([_half(mean)]), "real", name="today"))
     x = Scale(images[0], images[-1], ("number of real images", "real images"), log=True)

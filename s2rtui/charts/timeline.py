@@ -95,8 +95,10 @@ class TimelineView(View):
         found = self.input(scene)
         assert found is not None
         cursor = valid_cursor(scene.state.cursor, scene.state.base)
-        notes = [Phrase(f"{np.count_nonzero(found.iids >= 0)} instances in view"),
-                 Phrase("dots: selected", "real")]  # fmt: skip
+        known = found.iids >= 0
+        notes = [Phrase(f"{np.count_nonzero(known)} instances in view")]
+        if not scene.state.selected[found.iids[known]].all():
+            notes.append(Phrase("dots: selected", "real"))
         if cursor is not None:
             notes.append(Phrase(f"line: instance {cursor}", "cursor"))
         plot = _plot(found, scene.state.selected, cursor)

@@ -35,7 +35,7 @@ instructions.
 Application = Callable[[Any, Any, Any], Awaitable[None]]
 _LOOPBACK = "127.0.0.1"
 MOST_ROWS = 500
-"""Most rows that one call returns."""
+"""Most rows that a call of `query`, `sql` or `view` returns."""
 
 
 class Commands:
@@ -139,7 +139,7 @@ def _add_tables(server: MCPServer, commands: Commands) -> None:
     def rooms(
         run: str | None = None, expression: str | None = None, group_by: str | None = None
     ) -> dict[str, Any]:
-        """Errors by room of the selected instances; `group_by`: heading, curvature, trajectory."""
+        """Errors of the selected instances by room, or by `group_by`, such as `room,heading`."""
         return commands.json("show", store, "rooms",
                              *_given(run=run, select=expression, group_by=group_by))  # fmt: skip
 

@@ -7,7 +7,10 @@ import pytest
 
 import s2rstore
 from s2rstore.index.transaction import edit
+from s2rstore.metrics import recall
+from s2rstore.metrics.evaluation import images_of, run_figures
 from tests.support import tiny
+from tests.support.copies import copy_store
 
 PAIRS, SIMULATED = 240, 360
 
@@ -90,3 +93,28 @@ def test_the_view_shows_the_same_numbers(store, s2r):
     )
     words = s2r("show", store, "exchange", "--run", "vanilla", "--words").printed
     assert "rate: what a real image is worth" in words
+
+
+def test_images_without_a_pose_are_failures_of_recall_and_median(store, tmp_path, s2r):
+    """A run that does not localise two of five images, on either side and without a real one."""
+    path = copy_store(store, tmp_path / "lost.s2r")
+    with edit(path) as draft:
+        draft.rows(
+            "UPDATE prediction SET x = NULL, y = NULL, heading = NULL, error = NULL, "
+            "heading_error = NULL WHERE run = 'vanilla' AND (iid * 7919) % 5 < 2"
+        )
+    with s2rstore.open(path) as opened:
+        expected = recall.side_recall(opened, "vanilla", "real")
+        images = images_of(opened, ["vanilla"])
+        sim = opened.run_columns("vanilla").sim.error[images.simulated]
+        figures = {each.name: each.estimate for each in run_figures(opened, "vanilla", images)}
+    assert images.simulated.size == SIMULATED
+    assert 0 < np.isnan(sim).sum() < SIMULATED
+    alone = figures["median error"].real_only
+    assert (alone.low, alone.value, alone.high) == (
+        expected.position.low, expected.position.value, expected.position.high
+    )  # fmt: skip
+    for point in expected.points:
+        share = figures[f"recall ({point.name})"]
+        assert share.real_only.value == pytest.approx(point.share.value)
+        assert share.combined.value <= 0.7  # two of five fail in simulation, too

@@ -7,7 +7,7 @@ import pytest
 
 from s2rstore import intervals
 from s2rstore.intervals import Interval, Sample
-from s2rstore.metrics.more_images import decided, images_for_width, images_to_decide
+from s2rstore.metrics.more_images import decided, half_width, images_for_width, images_to_decide
 
 
 def test_a_width_needs_its_square_in_images() -> None:
@@ -15,8 +15,14 @@ def test_a_width_needs_its_square_in_images() -> None:
     few = images_for_width(present, 0.5)
     assert 900 < few.images < 1200  # four times as many, with more degrees of freedom
     assert few.visits == 0
-    assert images_for_width(present, 0.5, rate=2.0).images == pytest.approx(few.images / 2 - 200, 1)
+    assert 0 < images_for_width(present, 0.5, rate=2.0).images < few.images / 2
     assert images_for_width(present, 1.0).images == 0
+
+
+def test_simulated_images_are_no_further_visits() -> None:
+    present = Interval(-1.0, 0.0, 1.0, sample=Sample(300, 300, 3))
+    assert half_width(present, 1.0, rate=4.0) == pytest.approx(half_width(present, 1.0) / 2)
+    assert half_width(present, 4.0) < half_width(present, 1.0) / 2  # twelve visits in place of 3
 
 
 def test_visits_are_planned_where_visits_differ() -> None:

@@ -117,6 +117,6 @@ def test_what_cannot_be_estimated_is_refused_with_the_reason() -> None:
     assert refused(sim=np.ones(120)) == "all simulated values are equal"
     assert refused(real=np.ones(120)) == "all real values are equal"
     assert refused(sim=np.full(120, np.nan)) == "a value is infinite or missing"
-    assert "unlike the pairs" in refused(drawn=np.full(500, 40.0))
+    assert "unlike those of the pairs" in refused(drawn=np.full(500, 40.0))
     with pytest.raises(ValueError, match="one shape"):
         simulation.mean(few, few[1:], Simulated.none())

@@ -98,8 +98,8 @@ def _table(figures: Sequence[Figure]) -> list[str]:
             _text(combined, digits) if estimate.simulated else None, _text(estimate.correlation),
             _text(estimate.rate, 1), None if math.isnan(effective) else round(effective),
         ))  # fmt: skip
-        unknown = (combined.reason, estimate.rate.reason, estimate.correlation.reason)
-        reasons += [f"{figure.name}: {reason}" for reason in unknown[:2] if reason]
+        every = (alone, combined, estimate.rate, estimate.correlation)
+        reasons += [f"{figure.name}: {each.reason}" for each in every if each.reason]
     return [*output.table(_NAMES, rows).splitlines(), *dict.fromkeys(reasons)]
 
 
@@ -126,10 +126,13 @@ def _worth(mean: WithSimulation) -> str:
 def _decision(found: Evaluation) -> str:
     """Which of two runs has the smaller mean error, as a sentence."""
     mean = found.differences[0].estimate
-    interval = mean.combined if mean.simulated and mean.combined.is_known else mean.real_only
+    by_simulation = mean.simulated and mean.combined.excludes_zero and mean.combined.is_known
+    interval = mean.combined if by_simulation else mean.real_only
     if not interval.is_known:
         return f"not decided: {interval.no_bounds}"
     if not interval.excludes_zero:
         return "not decided: the interval of the mean difference holds 0"
     better, worse = (found.other, found.run) if interval.is_positive else (found.run, found.other)
-    return f"decided: the mean error of {better} is smaller than that of {worse}"
+    alone = mean.real_only.excludes_zero
+    by = "" if alone else " with the simulated images; not by the real images alone"
+    return f"decided: the mean error of {better} is smaller than that of {worse}{by}"

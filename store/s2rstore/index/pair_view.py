@@ -112,7 +112,8 @@ def column_comments() -> dict[str, str]:
     comments["iid"] = "instance"
     for side in ("sim", "real"):
         for name, comment in _SIDE_COLUMNS.items():
-            comments[f"{side}_{name}"] = f"{side} prediction: {comment}"
+            what = f"{name.replace('_', ' ')}, " if comment in ("m", "rad") else ""
+            comments[f"{side}_{name}"] = f"{side} prediction: {what}{comment}"
         comments |= {f"{side}_{axis}": f"{side} side of the UMAP" for axis in "uv"}
     comments["gap"] = "real error - sim error, m"
     comments["shift"] = "distance between the sim and the real prediction, m"

@@ -41,6 +41,10 @@ MIN_PAIRS = 100
 FOLDS = 5
 BLOCK = 5
 """Neighbours whose means are compared for the exchange rate: single rows hide what they share."""
+_FEWEST_BLOCKS = 12
+"""Fewest blocks of neighbours of an exchange rate with an interval."""
+_DETERMINED = 1e-9
+"""Share of the variance that remains where simulation determines the real figure."""
 _UNLIKE_LEVEL = 0.999
 """Level at which the means of the pairs and of the simulated instances must not differ."""
 _SYMMETRIC_RATE = 1.1
@@ -308,11 +312,9 @@ def _unlike(sim: Floats, codes: NDArray[np.intp], simulated: Floats, error: floa
     parts = spreads(sim, codes, autocorrelation(sim, codes))
     paired = max(part.half_width(_UNLIKE_LEVEL) for part in parts)
     further = Spread(error, max(simulated.size - 1.0, 1.0)).half_width(_UNLIKE_LEVEL)
-    means = float(sim.mean()), float(simulated.mean())
-    if abs(means[0] - means[1]) <= math.hypot(paired, further):
+    if abs(float(sim.mean() - simulated.mean())) <= math.hypot(paired, further):
         return ""
-    return (f"the simulated instances are unlike the pairs: their mean in simulation is "
-            f"{means[1]:.2f}, that of the pairs {means[0]:.2f}")  # fmt: skip
+    return "the sim errors of the simulated instances are unlike those of the pairs"
 
 
 def _variance_ratio(real: Floats, values: Floats, codes: NDArray[np.intp], extra: float) -> float:
@@ -343,11 +345,14 @@ def _rate(
     blocks, owners = _blocks(codes)
     sizes = np.bincount(blocks)
     a, b = (np.square(np.bincount(blocks, each - each.mean()) / sizes) for each in (real, residual))
-    if not b.mean() > 0:
+    if not b.mean() > _DETERMINED * a.mean():
         return Interval.unknown(math.inf, "simulation determines the real figure")
+    if sizes.size < _FEWEST_BLOCKS:
+        reason = f"{sizes.size} blocks of {BLOCK} neighbours, an exchange rate needs"
+        return Interval.unknown(float(a.mean() / b.mean()), f"{reason} {_FEWEST_BLOCKS}")
     found = estimates.linear(
         float(np.log(a.mean() / b.mean())), a / a.mean() - b / b.mean(), owners, level=level,
-        minimum=MIN_PAIRS // BLOCK,
+        minimum=_FEWEST_BLOCKS,
     )  # fmt: skip
     low, value, high = (math.exp(x) for x in (found.low, found.value, found.high))
     if found.is_known and correlation.is_known:

@@ -24,7 +24,7 @@ from s2rstore.metrics.more_images import (
     images_for_width,
     images_to_decide,
 )
-from s2rstore.metrics.recall import severities, threshold_name
+from s2rstore.metrics.recall import beyond_all, severities, threshold_name, without_lost
 from s2rstore.reader import Store
 
 Floats = NDArray[np.float64]
@@ -65,7 +65,8 @@ def images_of(
         columns = store.run_columns(run)
         new = ~columns.trained
         pairs &= columns.attempted & new
-        simulated &= ~columns.attempted & new & ~np.isnan(columns.sim.error)
+        applied = (columns.sim.split >= 0) | ~np.isnan(columns.sim.error)
+        simulated &= ~columns.attempted & new & applied
     if not pairs.any():
         raise RequestError(
             f"{store.path}: no instance with both images is new to {' and '.join(runs)}"
@@ -113,13 +114,12 @@ def run_figures(store: Store, run: str, images: Images) -> list[Figure]:
     drawn = store.instances.trajectory[images.simulated]
     known = ~(np.isnan(errors.real) | np.isnan(errors.sim))
     known_drawn = ~np.isnan(errors.simulated)
+    mean = simulation.mean(
+        errors.real[known], errors.sim[known],
+        Simulated(errors.simulated[known_drawn], drawn[known_drawn]), codes[known],
+    )  # fmt: skip
     found = [
-        Figure("mean error", "m", simulation.mean(
-            errors.real[known], errors.sim[known],
-            Simulated(errors.simulated[known_drawn], drawn[known_drawn]), codes[known])),
-        Figure("median error", "m", simulation.median(
-            _largest(errors.real), _largest(errors.sim),
-            Simulated(_largest(errors.simulated), drawn), codes)),
+        Figure("mean error", "m", mean), Figure("median error", "m", _median(errors, drawn, codes)),
     ]  # fmt: skip
     for metres, degrees in store.dataset.recall_thresholds:
         real, sim, simulated = errors.severity(metres, degrees)
@@ -129,10 +129,18 @@ def run_figures(store: Store, run: str, images: Images) -> list[Figure]:
     return found
 
 
-def _largest(errors: Floats) -> Floats:
-    """Errors with a number above all others where an image is not localised."""
-    beyond = 2 * np.nanmax(errors, initial=0.0) + 1
-    return np.where(np.isnan(errors), beyond, errors)
+def _median(errors: _Errors, drawn: NDArray[Any], codes: NDArray[Any]) -> WithSimulation:
+    """The median error, in which an image without a pose has a larger error than all others."""
+    if np.isnan(errors.real).all():
+        nothing = Interval.unknown(np.inf, "no image is localised")
+        return WithSimulation(nothing, nothing, nothing, nothing, 0.0, codes.size, drawn.size)
+    beyond = beyond_all(errors.sim, errors.simulated)
+    sim, simulated = (np.where(np.isnan(x), beyond, x) for x in (errors.sim, errors.simulated))
+    real = np.where(np.isnan(errors.real), beyond_all(errors.real), errors.real)
+    found = simulation.median(real, sim, Simulated(simulated, drawn), codes)
+    largest = float(np.nanmax(errors.real))
+    return replace(found, real_only=without_lost(found.real_only, largest),
+                   combined=without_lost(found.combined, largest))  # fmt: skip
 
 
 def difference_figures(store: Store, run: str, other: str, images: Images) -> list[Figure]:

@@ -53,9 +53,9 @@ class MoreImages:
 def images_for_width(interval: Interval, most: float, rate: float = 1.0) -> MoreImages:
     """Images for an interval of at most `most` on either side, with a probability of one half.
 
-    `rate`: the exchange rate of the simulated images beside them.
+    `rate`: the exchange rate of unlimited simulated images beside them.
     """
-    return _smallest(interval, rate, lambda factor: half_width(interval, factor) <= most)
+    return _smallest(interval, rate, lambda factor: half_width(interval, factor, rate) <= most)
 
 
 def images_to_decide(interval: Interval, power: float = POWER, rate: float = 1.0) -> MoreImages:
@@ -66,19 +66,30 @@ def images_to_decide(interval: Interval, power: float = POWER, rate: float = 1.0
     Spiegelhalter, Freedman and Blackburn, "Monitoring clinical trials: conditional or predictive
     power?", Controlled Clinical Trials 7, 1986.
     """
-    return _smallest(interval, rate, lambda factor: decided(interval, factor) >= power)
+    return _smallest(interval, rate, lambda factor: decided(interval, factor, rate) >= power)
 
 
-def decided(interval: Interval, factor: float) -> float:
+def decided(interval: Interval, factor: float, rate: float = 1.0) -> float:
     """Probability that an interval of `factor` times the present images excludes 0."""
     error, freedom = _error(interval)
+    error /= math.sqrt(rate)
+    half = half_width(interval, factor, rate)
     if error == 0 or factor <= 1:
-        return float(interval.excludes_zero)
+        return float(abs(interval.value) > half)
     spread = error * math.sqrt((factor - 1) / factor)
-    half = half_width(interval, factor)
     above = stats.t.sf((half - interval.value) / spread, freedom)
     below = stats.t.sf((half + interval.value) / spread, freedom)
     return float(above + below)
+
+
+def half_width(interval: Interval, factor: float, rate: float = 1.0) -> float:
+    """Expected half of the width of the interval of `factor` times the present images.
+
+    Simulated images divide the variance by their exchange `rate`; they are no further visits.
+    """
+    error, _ = _error(interval)
+    critical = float(stats.t.ppf(0.5 + interval.level / 2, _freedom(interval, factor)))
+    return critical * error / math.sqrt(factor * rate)
 
 
 def _smallest(interval: Interval, rate: float, holds: Callable[[float], bool]) -> MoreImages:
@@ -87,19 +98,20 @@ def _smallest(interval: Interval, rate: float, holds: Callable[[float], bool]) -
         return MoreImages(0, 0, interval.no_bounds)
     if math.isinf(interval.low) or math.isinf(interval.high):
         return MoreImages(0, 0, "the interval is open: more images are needed before a plan")
+    if not math.isfinite(rate):
+        return MoreImages(0, 0, "the exchange rate is not known")
     sample = interval.sample
     if holds(1.0):
         return MoreImages(0, 0)
-    if not holds(MOST * rate):
+    if not holds(MOST):
         return MoreImages(0, 0, f"more than {MOST:g} times the present real images")
-    few, many = 1.0, MOST * rate
+    few, many = 1.0, MOST
     for _ in range(_STEPS):
         middle = (few + many) / 2
         few, many = (few, middle) if holds(middle) else (middle, many)
-    more = max(many / rate - 1.0, 0.0)
     population = sample.trajectories >= FEWEST_TRAJECTORIES
-    images = math.ceil(sample.n * more)
-    return MoreImages(images, math.ceil(sample.trajectories * more) if population else 0)
+    visits = math.ceil(sample.trajectories * (many - 1)) if population else 0
+    return MoreImages(math.ceil(sample.n * (many - 1)), visits)
 
 
 def _error(interval: Interval) -> tuple[float, float]:
@@ -107,13 +119,6 @@ def _error(interval: Interval) -> tuple[float, float]:
     freedom = _freedom(interval, 1.0)
     half = (interval.high - interval.low) / 2
     return half / float(stats.t.ppf(0.5 + interval.level / 2, freedom)), freedom
-
-
-def half_width(interval: Interval, factor: float) -> float:
-    """Expected half of the width of the interval of `factor` times the present images."""
-    error, _ = _error(interval)
-    critical = float(stats.t.ppf(0.5 + interval.level / 2, _freedom(interval, factor)))
-    return critical * error / math.sqrt(factor)
 
 
 def _freedom(interval: Interval, factor: float) -> float:

@@ -166,9 +166,22 @@ def median_error(errors: Floats, trajectories: Codes) -> Interval:
     if not known.size:
         value = math.inf if errors.size else math.nan
         return Interval.unknown(value, "no instance is localised" if errors.size else "n 0")
-    largest = float(known.max())
-    beyond = 2 * largest + 1  # stands for infinite errors, which cannot be interpolated
-    found = intervals.median(np.where(np.isnan(errors), beyond, errors), trajectories)
+    beyond = beyond_all(errors)
+    return without_lost(intervals.median(np.where(np.isnan(errors), beyond, errors), trajectories),
+                        float(known.max()))  # fmt: skip
+
+
+def beyond_all(*errors: Floats) -> float:
+    """A number above all errors, which stands for infinite ones: these cannot be interpolated."""
+    return 2 * max((float(np.nanmax(each, initial=0.0)) for each in errors), default=0.0) + 1
+
+
+def without_lost(found: Interval, largest: float) -> Interval:
+    """A median in which numbers above the `largest` error stand for images without a pose.
+
+    Median and upper bound are infinite where they lie among these; a lower bound there is the
+    largest error, and so is the upper one of `ends`.
+    """
     value, high = (math.inf if x > largest else x for x in (found.value, found.high))
     low = min(found.low, largest) if found.is_known else found.low
     ends = found.ends and (found.ends[0], largest)

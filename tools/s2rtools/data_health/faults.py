@@ -59,6 +59,16 @@ class Recorded:
         """(N,) whether the instance before is of the same trajectory."""
         found = np.zeros(len(self.trajectories), dtype=np.bool_)
         found[1:] = self.trajectories[1:] == self.trajectories[:-1]
+        return found & (self.trajectories >= 0)
+
+    def of_trajectory(self, values: Floats, statistic: Callable[[Floats], float]) -> Floats:
+        """(N,) a statistic of the known values (N,) of each instance's trajectory, NaN for none."""
+        found = np.full(values.size, np.nan)
+        for code in np.unique(self.trajectories):
+            rows = self.trajectories == code
+            known = values[rows & np.isfinite(values)]
+            if known.size:
+                found[rows] = statistic(known)
         return found
 
     def steps(self) -> tuple[Floats, Floats]:
@@ -154,16 +164,15 @@ def time_jumps(recorded: Recorded) -> Mask:
     steps = np.full(len(recorded.times), np.nan)
     steps[1:] = np.diff(recorded.times)
     steps[~recorded.follows] = np.nan
-    known = steps[np.isfinite(steps) & (steps > 0)]
-    most = TIME_JUMP * float(np.median(known)) if known.size else np.inf
-    return np.isfinite(steps) & ((steps <= 0) | (steps > most))
+    forward = np.where(steps > 0, steps, np.nan)
+    usual = recorded.of_trajectory(forward, lambda known: float(np.median(known)))
+    return np.isfinite(steps) & ((steps <= 0) | (steps > TIME_JUMP * usual))
 
 
 def pose_jumps(recorded: Recorded) -> Mask:
     moved, _ = recorded.steps()
-    known = moved[np.isfinite(moved)]
-    usual = float(np.percentile(known, 95)) if known.size else np.inf
-    return moved > max(POSE_JUMP * usual, SMALLEST_JUMP)
+    usual = recorded.of_trajectory(moved, lambda known: float(np.percentile(known, 95)))
+    return moved > np.maximum(POSE_JUMP * usual, SMALLEST_JUMP)
 
 
 Rule = Callable[[Recorded], Mask]
@@ -185,11 +194,11 @@ RULES: dict[str, tuple[Rule, str]] = {
 
 def faults(recorded: Recorded, domain: str) -> Iterator[Fault]:
     """The faults of the images of a domain, those of `RULES` that occur."""
-    count = int((recorded.images.content > 0).sum())
+    imaged = recorded.images.content > 0
     for name, (rule, meaning) in RULES.items():
-        iids = np.flatnonzero(rule(recorded))
+        iids = np.flatnonzero(rule(recorded) & imaged)
         if iids.size:
-            yield Fault(name, domain, iids, meaning, iids.size / max(count, 1))
+            yield Fault(name, domain, iids, meaning, iids.size / np.count_nonzero(imaged))
 
 
 def check_store(store: Store, domains: Sequence[str], progress: Reporter) -> list[Fault]:
@@ -199,7 +208,7 @@ def check_store(store: Store, domains: Sequence[str], progress: Reporter) -> lis
     """
     found: list[Fault] = []
     truth = store.instances
-    for domain in domains:
+    for domain in dict.fromkeys(domains):
         progress.begin(f"images of {domain}", sum(map(len, store.imaged_ranges(domain))))
         measures = measure_domain(store, domain, progress.advance)
         poses = store.poses(domain) if store.has_poses else np.full((len(truth), 3), np.nan)
@@ -228,7 +237,8 @@ def _distance(recorded: Recorded, first: int, second: int) -> float:
 def _equal_pairs(codes: NDArray[np.unsignedinteger]) -> Iterator[tuple[int, int]]:
     """Pairs of rows with the same code, each row with the first of its code; 0 is no code."""
     order = np.argsort(codes, kind="stable")
-    starts = np.flatnonzero(np.diff(codes[order], prepend=np.nan))
+    ordered = codes[order]
+    starts = np.flatnonzero(np.append(True, ordered[1:] != ordered[:-1]))
     for start, stop in zip(starts, [*starts[1:], codes.size], strict=True):
         if codes[order[start]]:
             yield from ((int(order[start]), int(row)) for row in order[start + 1 : stop])

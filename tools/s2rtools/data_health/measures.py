@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
-import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -28,7 +28,7 @@ class ImageMeasures:
 
     sharpness: see the function of this name. dark, bright: shares of pixels at the ends of the
     range. change: mean absolute change of the grey values from the image before in the store.
-    content: checksum of the image's bytes, 0 without one. signature (N, 2): 128 bits that similar
+    content: hash of the image's bytes, 0 without one. signature (N, 2): 128 bits that similar
     images share. holes: share of pixels without valid depth. saturated: share of valid depth at the
     end of its range.
     """
@@ -37,7 +37,7 @@ class ImageMeasures:
     dark: Floats
     bright: Floats
     change: Floats
-    content: NDArray[np.uint32]
+    content: NDArray[np.uint64]
     signature: NDArray[np.uint64]
     holes: Floats
     saturated: Floats
@@ -46,7 +46,7 @@ class ImageMeasures:
     def empty(cls, count: int) -> ImageMeasures:
         """Measures of no image of `count` instances."""
         sharpness, dark, bright, change, holes, saturated = np.full((6, count), np.nan)
-        content, signatures = np.zeros(count, np.uint32), np.zeros((count, 2), np.uint64)
+        content, signatures = np.zeros(count, np.uint64), np.zeros((count, 2), np.uint64)
         return cls(sharpness, dark, bright, change, content, signatures, holes, saturated)
 
     def measure(self, iid: int, rgb: NDArray[np.uint8], previous: Floats | None) -> Floats:
@@ -58,7 +58,8 @@ class ImageMeasures:
         self.bright[iid] = float((grey >= _BRIGHT).mean())
         if previous is not None and previous.shape == grey.shape:
             self.change[iid] = float(np.abs(grey - previous).mean())
-        self.content[iid] = zlib.crc32(np.ascontiguousarray(rgb).tobytes()) or 1
+        digest = hashlib.blake2b(np.ascontiguousarray(rgb).tobytes(), digest_size=8).digest()
+        self.content[iid] = int.from_bytes(digest, "big") or 1
         self.signature[iid] = signature(grey)
         return grey
 
@@ -126,4 +127,4 @@ def _ranges(store: Store, domain: str) -> Iterator[tuple[int, int]]:
 
 def _are_neighbours(store: Store, iid: int) -> bool:
     trajectory = store.instances.trajectory
-    return bool(trajectory[iid] == trajectory[iid - 1])
+    return bool(trajectory[iid] == trajectory[iid - 1] and trajectory[iid] >= 0)
