@@ -273,7 +273,8 @@ class StatisticsView(View):
         return Drawing(self.plots(model), self.table(model), self.notes(model))
 
     def numbers(self, scene: Scene) -> Table:
-        return NUMBERS, list(figure_rows(self.figures(self.input(scene))))
+        model = self.input(scene)
+        return NUMBERS, [] if isinstance(model, str) else list(figure_rows(self.figures(model)))
 
     def input(self, scene: Scene) -> Any:
         """The numbers; in the application None until the first ones of a run are computed."""

@@ -11,6 +11,7 @@ import contextlib
 import hmac
 import io
 import json
+import socket
 import tempfile
 import threading
 from collections.abc import Awaitable, Callable, Iterator
@@ -21,6 +22,7 @@ from mcp.server import MCPServer
 from mcp.server.mcpserver import Image
 from mcp.server.mcpserver.exceptions import ToolError
 
+from s2rstore.errors import RequestError
 from s2rtui.cli.command_parser import build_parser
 from s2rtui.cli.error_messages import describe
 
@@ -34,6 +36,8 @@ instructions.
 """
 Application = Callable[[Any, Any, Any], Awaitable[None]]
 _LOOPBACK = "127.0.0.1"
+_MOST_LETTERS = 500
+"""Letters after which the message of a failure is cut: arguments may be of any length."""
 MOST_ROWS = 500
 """Most rows that a call of `query`, `sql` or `view` returns."""
 
@@ -56,7 +60,7 @@ class Commands:
             except SystemExit:
                 raise ToolError(_last_line(notes.getvalue())) from None
             except Exception as error:  # any failure of a command is one line
-                raise ToolError(describe(error)[0]) from None
+                raise ToolError(_shortened(describe(error)[0])) from None
         lines = notes.getvalue().splitlines()
         if code == 2:
             raise ToolError(_last_line("\n".join(lines)))
@@ -87,7 +91,11 @@ class Commands:
 
 def _last_line(text: str) -> str:
     lines = text.strip().splitlines()
-    return lines[-1].removeprefix("s2r: ") if lines else "the command failed"
+    return _shortened(lines[-1].removeprefix("s2r: ")) if lines else "the command failed"
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= _MOST_LETTERS else f"{text[:_MOST_LETTERS]} ..."
 
 
 def _given(**options: str | int | None) -> Iterator[str]:
@@ -173,7 +181,7 @@ def _add_tables(server: MCPServer, commands: Commands) -> None:
 
         if text := text_of(topic):
             return text
-        raise ToolError(f"no word, function, field, column or view is called {topic!r}")
+        raise ToolError(_shortened(f"no word, function, field, column or view is called {topic!r}"))
 
 
 def _add_figures(server: MCPServer, commands: Commands) -> None:
@@ -213,21 +221,35 @@ def _add_notes(server: MCPServer, commands: Commands) -> None:
         return f"note of instance {iid} written"
 
 
-def serve_http(server: MCPServer, port: int, token: str) -> None:
-    """Serve streamable HTTP on the loopback interface until the process ends."""
+def bound(port: int) -> socket.socket:
+    """A socket of the loopback interface. Raises RequestError where the port is taken."""
+    found = socket.socket()
+    found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        found.bind((_LOOPBACK, port))
+    except OSError as error:
+        raise RequestError(f"--http {port}: {error.strerror}") from error
+    return found
+
+
+def serve_http(server: MCPServer, address: socket.socket, token: str) -> None:
+    """Serve streamable HTTP at a bound socket until the process ends."""
     import uvicorn
 
-    uvicorn.run(http_application(server, token), host=_LOOPBACK, port=port, log_level="error")
+    config = uvicorn.Config(http_application(server, token), log_level="error")
+    uvicorn.Server(config).run(sockets=[address])
 
 
 def http_application(server: MCPServer, token: str) -> Application:
     """The server as an ASGI application; a request needs `Authorization: Bearer TOKEN`."""
     application = server.streamable_http_app(host=_LOOPBACK)
-    expected = f"Bearer {token}".encode()
+    expected = token.encode()
 
     async def checked(scope: Any, receive: Any, send: Any) -> None:
-        given = dict(scope.get("headers", ())).get(b"authorization", b"")
-        if scope["type"] != "http" or hmac.compare_digest(given, expected):
+        header = dict(scope.get("headers", ())).get(b"authorization", b"")
+        scheme, _, given = header.partition(b" ")
+        is_known = scheme.lower() == b"bearer" and hmac.compare_digest(given, expected)
+        if scope["type"] != "http" or is_known:
             await application(scope, receive, send)
             return
         await send({"type": "http.response.start", "status": 401, "headers": []})

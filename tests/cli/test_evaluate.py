@@ -77,7 +77,9 @@ def test_wrong_requests_are_refused(store, s2r):
     s2r("evaluate", store, "--run", "nobody").assert_refused("nobody")
     s2r("evaluate", store, "--against", "vanilla").assert_refused("this is the evaluated run")
     s2r("evaluate", store, "--target", "-1").assert_refused("expected metres above 0")
-    s2r("evaluate", store, "--power", "1").assert_refused("between 0 and 1")
+    s2r("evaluate", store, "--power", "0.9").assert_refused("--against")
+    against = ("--run", "vanilla", "--against", "dataaug")
+    s2r("evaluate", store, *against, "--power", "1").assert_refused("between 0 and 1")
 
 
 def test_the_view_shows_the_same_numbers(store, s2r):
@@ -91,6 +93,7 @@ def test_the_view_shows_the_same_numbers(store, s2r):
     assert shown["exchange rate"]["value"] == pytest.approx(
         mean["exchange_rate"]["value"], abs=1e-5
     )
+    assert s2r("show", store, "exchange", "--select", "none", "--json").json == []
     words = s2r("show", store, "exchange", "--run", "vanilla", "--words").printed
     assert "rate: what a real image is worth" in words
 

@@ -88,6 +88,7 @@ def test_figures_and_instances_are_pictures(store):
         ("view", {"name": "--out"}, "invalid choice"),
         ("figure", {"name": "map", "run": "nobody"}, "nobody"),
         ("explain", {"topic": "weather"}, "no word, function, field"),
+        ("findings", {"run": "a" * 10_000}, "aaa ..."),
     ],
 )
 def test_failures_are_one_line(store, tool, arguments, message):
@@ -132,11 +133,14 @@ def test_the_command_speaks_over_standard_streams(store):
     assert "15%" in result.content[0].text
 
 
-@pytest.mark.parametrize(("token", "status"), [("secret", 404), ("wrong", 401), ("", 401)])
+@pytest.mark.parametrize(
+    ("token", "status"),
+    [("Bearer secret", 404), ("bearer secret", 404), ("Bearer wrong", 401), ("", 401)],
+)
 def test_http_needs_the_token(store, token, status):
     """A request that passes the check reaches the server, which knows no such path."""
     application = http_application(build_server(str(store)), "secret")
-    headers = [(b"authorization", f"Bearer {token}".encode())] if token else []
+    headers = [(b"authorization", token.encode())] if token else []
     sent: list[dict[str, Any]] = []
     scope = {"type": "http", "method": "GET", "path": "/nothing", "headers": headers,
              "query_string": b"", "root_path": ""}  # fmt: skip

@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--target", type=float, metavar="METRES",
         help="say how many more real images give the mean error an interval this wide on either "
         "side")  # fmt: skip
-    add("--power", type=float, default=0.8, metavar="P",
+    add("--power", type=float, metavar="P",
         help="probability with which the planned images decide between the two runs "
         "(default 0.8)")  # fmt: skip
     add("--rooms", action="store_true", help="list the rooms and where to take further images")
@@ -46,11 +46,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     from s2rstore.metrics.evaluation import evaluate
+    from s2rstore.metrics.more_images import POWER
 
     if options.target is not None and not 0 < options.target < math.inf:
         raise RequestError(f"--target {options.target:g}: expected metres above 0")
-    if not 0 < options.power < 1:
-        raise RequestError(f"--power {options.power:g}: expected a probability between 0 and 1")
+    if options.power is not None and options.against is None:
+        raise RequestError("--power: is about a comparison; name the other run by --against")
+    power = POWER if options.power is None else options.power
+    if not 0 < power < 1:
+        raise RequestError(f"--power {power:g}: expected a probability between 0 and 1")
     with s2rstore.open(options.store) as store:
         store.require_poses("evaluate")
         run = store.run_name(options.run)
@@ -58,7 +62,7 @@ def execute(options: argparse.Namespace) -> int:
         if other == run:
             raise RequestError(f"--against {other}: this is the evaluated run itself")
         print_coverage(store, [run, other])
-        found = evaluate(store, run, other, options.target, options.power)
+        found = evaluate(store, run, other, options.target, power)
     if options.json:
         json.dump(found.as_json(), sys.stdout, indent=1, allow_nan=False)
         sys.stdout.write("\n")

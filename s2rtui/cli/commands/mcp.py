@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import os
 import secrets
+import signal
 import sys
 
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rtools.common.command_line import store_argument
+from s2rtui.cli.interrupts import EXIT_CODE
 
 EXAMPLE = "s2r mcp lab.s2r"
 
@@ -25,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     try:
-        from s2rtui.cli.mcp_server import build_server, serve_http
+        from s2rtui.cli.mcp_server import bound, build_server, serve_http
     except ModuleNotFoundError as error:
         if error.name != "mcp":
             raise
@@ -37,10 +40,15 @@ def execute(options: argparse.Namespace) -> int:
     s2rstore.open(options.store).close()  # a store that cannot be read is told before any client
     server = build_server(str(options.store), options.allow_write == "notes")
     if options.http is None:
-        server.run("stdio")
+        signal.signal(signal.SIGINT, lambda *_: os._exit(EXIT_CODE))  # a thread waits for input
+        try:
+            server.run("stdio")
+        except* OSError:  # the client has closed its end
+            os._exit(0)
         return 0
+    address = bound(options.http)
     token = secrets.token_urlsafe(24)
     print(f"http://127.0.0.1:{options.http}/mcp", file=sys.stderr)
     print(f"Authorization: Bearer {token}", file=sys.stderr, flush=True)
-    serve_http(server, options.http, token)
+    serve_http(server, address, token)
     return 0

@@ -104,6 +104,8 @@ def execute(options: argparse.Namespace) -> int:
         frame = store.dataset.frame_height, store.dataset.frame_width
         y_down = store.dataset.y_down
     path = options.out or options.store.with_name(f"{options.store.stem}-frames")
+    if options.store.resolve() in path.resolve().parents:
+        raise RequestError(f"--out {path}: lies inside the store")
     code = _render(options, path, command, FrameCameras(domain, frame, y_down), requested)
     if options.frames_only:
         return code
@@ -178,7 +180,9 @@ def parameter_values(ready: Ready, assignments: list[str]) -> dict[str, float]:
     declared = {parameter.name: parameter for parameter in ready.parameters}
     values = {name: parameter.default for name, parameter in declared.items()}
     for assignment in assignments:
-        name, _, text = assignment.partition("=")
+        name, sign, text = assignment.partition("=")
+        if not sign:
+            raise RequestError(f"--set {assignment}: expected NAME=VALUE")
         if name not in declared:
             names = ", ".join(declared) or "none"
             raise RequestError(f"--set {assignment}: the renderer declares {names}")
