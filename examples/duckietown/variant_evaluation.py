@@ -97,7 +97,7 @@ class Evaluation:
         return self.sim.rows(rows[:: max(1, len(rows) // _TUNING_IMAGES)])
 
     def variant(self, variant: Variant) -> Scores:
-        """Scores of a variant without labels of real images.
+        """Scores of a variant that uses no labels of real images.
 
         Raises RequestError where its method cannot be fitted.
         """

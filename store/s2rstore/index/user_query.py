@@ -68,6 +68,10 @@ def relation(connection: duckdb.DuckDBPyConnection, sql: str) -> duckdb.DuckDBPy
 
 def _request_error(error: duckdb.Error) -> RequestError:
     """The error in one line."""
+    if "'pytz'" in str(error):
+        return RequestError(
+            "sql: a column is a time with time zone; cast it, as in now()::TIMESTAMP"
+        )
     reason = str(error).split("Traceback")[0]
     return RequestError(f"sql: {' '.join(reason.split())}")
 

@@ -123,7 +123,7 @@ def sql(
 
 
 def rows_of_run(store: Store, run: str) -> str:
-    """The relation of the instances of a run with their predictions.
+    """SQL text of the table of a run's instances and predictions, for a FROM clause.
 
     It is view `pair`, with rows for the instances that lack an image of a side, or one without
     predictions.

@@ -130,7 +130,7 @@ def run_figures(store: Store, run: str, images: Images) -> list[Figure]:
 
 
 def _median(errors: _Errors, drawn: NDArray[Any], codes: NDArray[Any]) -> WithSimulation:
-    """The median error, in which an image without a pose has a larger error than all others."""
+    """The median error; an image without a predicted pose counts as larger than every error."""
     if np.isnan(errors.real).all():
         nothing = Interval.unknown(np.inf, "no image is localised")
         return WithSimulation(nothing, nothing, nothing, nothing, 0.0, codes.size, drawn.size)

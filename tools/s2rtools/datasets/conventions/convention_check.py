@@ -54,7 +54,7 @@ _SWAPPED = (
     "x and y look swapped and negated",
 )  # fmt: skip
 _MOST_ROWS = 30
-"""Rows between an image and its pose that are searched."""
+"""Largest shift between the numbers of images and poses that is tried, in rows."""
 _ORDER_STEP = 3
 """Of the sampled depth pixels, every third one in each axis serves to search the order."""
 ORDERS = (

@@ -49,7 +49,7 @@ def scan_recording(
     options: MapOptions,
     stored_domain: Domain | None = None,
 ) -> RecordedScan:
-    """The data set of a recording as the images of one side.
+    """Scan a recording as a data set that has images of one side alone.
 
     With `options.stored` it is appended to a store, whose domain of the side is `stored_domain`;
     the recording then lies in the world of the stored recordings of its side. Where the store has
