@@ -60,6 +60,8 @@ def _forget(number: int, deleted_ref: object) -> None:
 
     Runs whenever an array is deleted, in any thread, so it must not wait for a lock.
     """
+    if _DELETED is None:  # the interpreter is closing
+        return
     _DELETED.append((number, deleted_ref))
     if _KEY_LOCK.acquire(blocking=False):
         try:
