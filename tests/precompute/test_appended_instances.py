@@ -150,23 +150,6 @@ def test_arrays_of_parts_are_merged_and_superseded_ones_pruned(stores, tmp_path)
     assert check(path).damages == check(path).notes == ()
 
 
-def test_intervals_equal_those_of_a_store_that_was_ingested_at_once(
-    stores,
-):
-    """Neighbours are those of the recordings, not of the iids."""
-    found = []
-    for path in stores:
-        with s2rstore.open(path) as store:
-            metrics = run_metrics.side_metrics(store, "plain", "real")
-            rows = store.in_recording_order(run_metrics.population(store, "plain"))
-            errors = store.run_columns("plain").real.error[rows]
-            found.append((metrics.accuracy, np.sort(errors), errors))
-    (once, ordered, errors), (grown, ordered_grown, errors_grown) = found
-    np.testing.assert_allclose(ordered_grown, ordered, atol=1e-6)
-    np.testing.assert_allclose(errors_grown, errors, atol=1e-6)
-    assert grown.value == pytest.approx(once.value)
-
-
 @pytest.fixture(scope="module")
 def gapped(
     stores: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory
