@@ -1,11 +1,9 @@
-"""Background threads run the newest waiting job; delayed calls run, cancelled ones never."""
+"""Background threads: their last job, failures and the end of the process; delayed calls."""
 
 import asyncio
-import gc
 import subprocess
 import sys
 import threading
-import weakref
 from itertools import count
 
 import pytest
@@ -25,7 +23,6 @@ class BlockingJob:
     def __init__(self) -> None:
         self.entered, self.open = threading.Event(), threading.Event()
         self.done: list[str] = []
-        self.threads: set[str] = set()
 
     def wait(self) -> None:
         self.entered.set()
@@ -33,21 +30,7 @@ class BlockingJob:
         self.note("first")
 
     def note(self, name: str) -> None:
-        self.threads.add(threading.current_thread().name)
         self.done.append(name)
-
-
-def test_only_the_newest_waiting_job_runs():
-    blocking, worker = BlockingJob(), LatestOnlyWorker("lane")
-    worker.put(blocking.wait)
-    assert blocking.entered.wait(60)
-    for name in "abcd":
-        worker.put(lambda name=name: blocking.note(name))
-    blocking.open.set()
-    assert background_thread.wait_until_idle(60)
-    assert blocking.done == ["first", "d"]
-    assert blocking.threads == {"lane"}
-    worker.end()
 
 
 def test_ending_a_worker_drops_waiting_jobs_and_runs_its_last_job():
@@ -77,24 +60,6 @@ def test_the_process_exits_while_a_job_runs():
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=120
     )
     assert (completed.returncode, completed.stdout, completed.stderr) == (70, "told\n", "")
-
-
-class JobOwner:
-    """An object that a job refers to."""
-
-    def work(self) -> None:
-        """Do nothing."""
-
-
-def test_an_idle_worker_keeps_no_reference_to_its_jobs():
-    worker, owner = LatestOnlyWorker("lane"), JobOwner()
-    owner_reference = weakref.ref(owner)
-    worker.put(owner.work)
-    del owner
-    assert wait_until(lambda: worker.idle)
-    gc.collect()
-    assert owner_reference() is None
-    worker.end()
 
 
 def test_a_worker_survives_a_failing_job():

@@ -136,22 +136,6 @@ async def test_the_scatter_view_is_clicked_and_selects_by_a_lasso(tiny_store):
         assert app.session.state.selected.sum() > 0
 
 
-async def test_the_heatmap_of_the_selection_is_aggregated(tiny_store):
-    from s2rtui.session.heatmaps import instance_grid
-
-    async with running(tiny_store) as (app, pilot):
-        await press(app, pilot, "slash")
-        app.query_line.value = "ids(5)"
-        await press(app, pilot, "enter", "o", "o")
-        state = app.session.state
-        assert state.overlay == "selection"
-        expected = instance_grid(app.session.store, "vanilla", state.heat, 5)
-        np.testing.assert_array_equal(app.loaded.floor_heat, expected)
-        await press(app, pilot, "C")
-        seen_floor = app.loaded.seen_floor
-        assert np.isfinite(seen_floor).sum() >= np.isfinite(expected).sum() > 0
-
-
 async def test_tab_cycles_through_views_and_panels(tiny_store):
     async with running(tiny_store, size=(200, 60)) as (app, pilot):
         await press(app, pilot, "1")
@@ -275,17 +259,6 @@ async def test_an_unreachable_store_is_reported_once(tiny_store, monkeypatch):
             app.session.show_message("the store is out of reach", is_error=True)
         app.store_updates.check_store()
         assert (app.session.state.message, app.session.state.is_error) == ("", False)
-
-
-async def test_selections_and_brushes_are_combined_by_the_operator(tiny_store):
-    """The example: large error in simulation but small in reality, inside a region of the map."""
-    example = ["W", "ampersand", "b", "x", "Z", "Z", "ampersand"]
-    assert len(example) < 10
-    async with running(tiny_store) as (app, pilot):
-        await press(app, pilot, *example)
-        state = app.session.state
-        assert state.expression.startswith("worst(15%, sim.error) & best15 & box(")
-        assert not state.is_error
 
 
 async def test_a_lasso_needs_three_corners_and_is_simplified(tiny_store):

@@ -19,7 +19,6 @@ from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.charts.registry import VIEWS
 from s2rtui.session.session import Session
 from s2rtui.terminal.capabilities import detect
-from s2rtui.terminal.test_card import card_height, draw_card
 from tests.support import tiny
 from tests.support.application import press, running
 
@@ -48,18 +47,6 @@ def test_the_status_line_fits_and_keeps_count_and_expression(
     for part in ("run vanilla", "traj 所有" if narrowed else "run vanilla"):
         if width >= 60:
             assert part in head
-
-
-def test_the_status_line_drops_the_least_important_parts_first(session):
-    state = replace(session.state, node=Saved("x" * 19), newest=session.state.generation + 1)
-    lines = [
-        "".join(status_line(session.store, state, width, RenderOptions()))
-        for width in range(30, 120)
-    ]
-    parts = ("traj all", "tiny.s2r", "available, press g", "run vanilla")
-    first = [next(i for i, line in enumerate(lines) if part in line) for part in parts]
-    assert first == sorted(first, reverse=True)
-    assert len(set(first)) == len(first)
 
 
 @pytest.mark.parametrize("size", [(40, 12), (80, 24)])
@@ -97,15 +84,6 @@ async def test_the_diagnostics_can_be_scrolled_to_the_end(tiny_store, size):
         assert "100x30" in take_screenshot(app).text
         await pilot.press("escape")
         assert not isinstance(app.screen, DoctorScreen)
-
-
-@given(st.integers(20, 120), st.lists(st.tuples(st.text("ab", max_size=9), st.text("ab c"))))
-def test_a_card_has_the_computed_height(width, rows):
-    height = card_height(rows, width)
-    drawn = draw_card(rows, (width, height + 5), RenderOptions())
-    lines = ["".join(line).rstrip() for line in drawn.char]
-    assert not any(lines[height:])
-    assert lines[height - 1] or width > 60
 
 
 def test_titles_and_tables_count_cells():
