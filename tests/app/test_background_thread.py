@@ -1,9 +1,11 @@
-"""Background threads: their last job, failures and the end of the process; delayed calls."""
+"""Background threads run the newest waiting job; delayed calls run, cancelled ones never."""
 
 import asyncio
+import gc
 import subprocess
 import sys
 import threading
+import weakref
 from itertools import count
 
 import pytest
@@ -33,6 +35,18 @@ class BlockingJob:
         self.done.append(name)
 
 
+def test_only_the_newest_waiting_job_runs():
+    blocking, worker = BlockingJob(), LatestOnlyWorker("lane")
+    worker.put(blocking.wait)
+    assert blocking.entered.wait(60)
+    for name in "abcd":
+        worker.put(lambda name=name: blocking.note(name))
+    blocking.open.set()
+    assert background_thread.wait_until_idle(60)
+    assert blocking.done == ["first", "d"]
+    worker.end()
+
+
 def test_ending_a_worker_drops_waiting_jobs_and_runs_its_last_job():
     blocking, worker = BlockingJob(), LatestOnlyWorker("lane")
     worker.put(blocking.wait)
@@ -60,6 +74,17 @@ def test_the_process_exits_while_a_job_runs():
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=120
     )
     assert (completed.returncode, completed.stdout, completed.stderr) == (70, "told\n", "")
+
+
+def test_an_idle_worker_keeps_no_reference_to_its_jobs():
+    worker, event = LatestOnlyWorker("lane"), threading.Event()
+    reference = weakref.ref(event)
+    worker.put(event.set)
+    del event
+    assert wait_until(lambda: worker.idle)
+    gc.collect()
+    assert reference() is None
+    worker.end()
 
 
 def test_a_worker_survives_a_failing_job():

@@ -49,6 +49,18 @@ def test_the_status_line_fits_and_keeps_count_and_expression(
             assert part in head
 
 
+def test_the_status_line_drops_the_least_important_parts_first(session):
+    state = replace(session.state, node=Saved("x" * 19), newest=session.state.generation + 1)
+    lines = [
+        "".join(status_line(session.store, state, width, RenderOptions()))
+        for width in range(30, 120)
+    ]
+    parts = ("traj all", "tiny.s2r", "available, press g", "run vanilla")
+    first = [next(i for i, line in enumerate(lines) if part in line) for part in parts]
+    assert first == sorted(first, reverse=True)
+    assert len(set(first)) == len(first)
+
+
 @pytest.mark.parametrize("size", [(40, 12), (80, 24)])
 async def test_long_errors_are_shown_completely(tiny_store, size):
     async with running(tiny_store, size=size) as (app, pilot):

@@ -73,6 +73,14 @@ def test_no_other_pattern_has_a_smaller_error(name, seed):
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_a_cell_of_one_colour_is_a_blank(name):
+    symbols = SYMBOL_SETS[name]
+    cells = fit_blocks(np.full((symbols.rows, symbols.columns, 3), 77, np.uint8), symbols, PAGE)
+    assert cells.char.tolist() == [[" "]]
+    assert cells.bg.tolist() == [[[77, 77, 77]]]
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_every_pattern_has_a_character_of_its_own_one_cell_wide(name):
     characters = SYMBOL_SETS[name].characters.tolist()
     assert len(set(characters)) == len(characters) == 1 << SYMBOL_SETS[name].pixels

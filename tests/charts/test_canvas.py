@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from rich.cells import cell_len
 
-from s2rtui.canvas import DARK, Canvas, RenderOptions
+from s2rtui.canvas import Canvas, RenderOptions
 from s2rtui.canvas.colour import ANSI_16, diverging, to_16, to_256, turbo
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.raster import braille_bits, dot_grid, draw_braille, resample
@@ -22,14 +22,6 @@ def test_text_is_clipped_aligned_and_has_no_control_characters():
     canvas.text(0, 2, "a\x1b[31m")
     assert canvas.lines()[:2] == ["    right", "   mid   "]
     assert "\x1b" not in canvas.lines()[2]
-
-
-def test_pasted_canvases_are_clipped():
-    canvas, small = Canvas(6, 3), Canvas(3, 2)
-    small.text(0, 0, "xyz", DARK.real)
-    canvas.paste(small, 4, 1)
-    assert canvas.lines() == ["      ", "    xy", "      "]
-    assert tuple(canvas.fg[1, 4]) == DARK.real
 
 
 def test_colours_of_16_and_256_keep_the_hue():

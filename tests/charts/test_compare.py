@@ -8,34 +8,25 @@ from hypothesis.extra import numpy as arrays
 
 from s2rstore import intervals
 from s2rstore.geometry.rooms import NO_ROOM
-from s2rtui.canvas import DEFAULT_OPTIONS, RenderOptions
 from s2rtui.charts.compare.change import room_changes, sentences
 from s2rtui.charts.compare.view import CompareInput, compare_drawing
 from s2rtui.drawing.plane_marks import Floor
-from tests.charts.examples import BOUNDS, N, columns, draw_compare, map_place, points_of
+from tests.charts.examples import BOUNDS, N, columns, draw_compare, map_place
 
 SIZE = (80, 26)
 errors = arrays.arrays(np.float64, N, elements=st.floats(0, 4) | st.just(np.nan))
 masks = arrays.arrays(np.bool_, N)
 
 
-def three_points() -> CompareInput:
-    """The second run is better at the left, the first in the middle, neither at the right."""
-    all_true = np.ones(3, dtype=np.bool_)
-    truth = columns([[4.0, 5.0], [10.0, 5.0], [16.0, 5.0]])
-    first, second = np.array([3.0, 0.5, 1.0]), np.array([1.0, 1.5, 1.04])
-    names = ("vanilla", "dataaug")
-    return CompareInput(truth, first, second, all_true, all_true, Floor(BOUNDS), names)
-
-
-def cells_of(view: CompareInput, options: RenderOptions = DEFAULT_OPTIONS) -> list[tuple[int, int]]:
-    """Row and column of every instance."""
-    return map_place(compare_drawing(view), SIZE, options).cells(points_of(view))
-
-
 def test_colours_diverge_at_zero():
-    canvas = draw_compare(three_points(), SIZE)
-    worse, better, equal = (canvas.fg[cell].astype(int) for cell in cells_of(three_points()))
+    """The second run is better at the left, the first in the middle, neither at the right."""
+    everyone, truth = np.ones(3, dtype=np.bool_), [[4.0, 5.0], [10.0, 5.0], [16.0, 5.0]]
+    view = CompareInput(
+        columns(truth), np.array([3.0, 0.5, 1.0]), np.array([1.0, 1.5, 1.04]), everyone, everyone,
+        Floor(BOUNDS), ("vanilla", "dataaug"),
+    )  # fmt: skip
+    canvas, place = draw_compare(view, SIZE), map_place(compare_drawing(view), SIZE)
+    worse, better, equal = (canvas.fg[cell].astype(int) for cell in place.cells(truth))
     assert better[0] > better[2] + 80
     assert worse[2] > worse[0] + 80
     assert np.ptp(equal) < 60

@@ -40,10 +40,10 @@ def glyph_map(truth: np.ndarray, sim: np.ndarray, real: np.ndarray, **changes: o
     )  # fmt: skip
 
 
-def one_point(sim: tuple[float, float], real: tuple[float, float], y_down: bool = True) -> MapInput:
+def one_point(sim: tuple[float, float], real: tuple[float, float]) -> MapInput:
     """One instance in the middle of the map with these error vectors."""
     truth = np.array([[10.0, 5.0]])
-    return glyph_map(truth, truth + sim, truth + real, y_down=y_down)
+    return glyph_map(truth, truth + sim, truth + real)
 
 
 def many_points(count: int, **changes: object) -> MapInput:

@@ -23,14 +23,6 @@ SIZE = (100, 50)
 WEEK = gaps.week()
 
 
-def test_all_tracks_share_one_scale():
-    assert history_model(WEEK, 90).scale == (0, 29)
-    assert not history_model(WEEK, 90).is_cut
-    with_outliers = history_model((gaps.night(1, {"task": 900.0, "visual": -300.0}),), 90)
-    assert with_outliers.scale == (-20.0, 120.0)
-    assert with_outliers.is_cut
-
-
 def test_a_missing_night_leaves_a_gap():
     nights = tuple(night for night in WEEK if night.night.day != 18)
     assert np.diff(history_model(nights, 90).days).tolist() == [1, 2, 1, 1, 1]

@@ -26,11 +26,9 @@ LEFT_HALF = np.array([[1, 1, 0, 0]] * 2)
 """Mask in which only the left half of the map is visible."""
 
 
-def cell_at(
-    view: MapInput, x: float, y: float, options: RenderOptions = DEFAULT_OPTIONS
-) -> tuple[int, int]:
+def cell_at(view: MapInput, x: float, y: float) -> tuple[int, int]:
     """Row and column of a point on a map."""
-    return map_place(map_drawing(view), SIZE, options).cells([[x, y]])[0]
+    return map_place(map_drawing(view), SIZE).cells([[x, y]])[0]
 
 
 @pytest.mark.parametrize(
