@@ -8,12 +8,9 @@ import pytest
 
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rtools.sysid.identify import Identification, SysidSettings, identify
-from s2rtools.sysid.parameter_space import space_of
-from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.report import record
 from s2rtools.sysid.simulators import Planar
 from s2rtools.sysid.synthetic_drives import SEVERITIES
-from s2rtools.sysid.windows import cut_windows
 from tests.sysid.conftest import QUICK, DriveFolder, StepCounter
 
 DEFAULTS = Planar().defaults()
@@ -60,27 +57,6 @@ def test_a_structural_mismatch_is_reported(identified_unequal_wheels):
     assert wheels.differs
     assert wheels.estimate == pytest.approx(SEVERITIES["wheels"][1], rel=0.2)
     assert any("wheels = 0.0" in line for line in identified_unequal_wheels.warnings)
-
-
-@pytest.mark.parametrize("severities", [{"mass": 1.0}, {"wheels": 1.0}])
-def test_the_refinement_never_fits_worse_than_its_start(drive_folder, severities):
-    """Also where the simulator cannot follow reality, and from a poor start."""
-    simulator = Planar()
-    windows = cut_windows(drive_folder(latency=0.8, **severities)[1], simulator, 3.0)
-    problem = PredictionError.of_windows(space_of(simulator, None, {}, True), windows)
-    start = problem.space.start()
-    refined, cube = problem.refined(start)
-    again = refined.refined(cube)
-    assert refined.cost(cube) < 0.5 * problem.cost(start)
-    assert again[0].cost(again[1]) == pytest.approx(refined.cost(cube), rel=1e-2)
-
-
-def test_no_mismatch_remains_once_the_parameter_is_searched(drive_folder):
-    names = ("mass", "friction", "damping", "drag", "wheels")
-    drives = drive_folder(latency=0.8, wheels=1.0)[1]
-    result = identify(drives, dataclasses.replace(QUICK, parameters=names), StepCounter())
-    assert not result.structure.mismatch
-    assert result.values["wheels"] == pytest.approx(SEVERITIES["wheels"][1], rel=0.05)
 
 
 SHORT = SysidSettings(parameters=("mass", "friction"), seeds=2, evaluations=10)

@@ -41,15 +41,6 @@ def test_structural_parameters_are_not_searched_unless_named():
     assert "wheels" in space_of(Planar(), ("mass", "wheels"), {}, True).names
 
 
-def test_unknown_torques_give_ratios_to_the_mass():
-    space = space_of(Planar(), ("mass", "damping"), {}, False)
-    assert space.names == ("gain/mass", "damping/mass", "latency")
-    assert space.lumped
-    values = space.values(space.cube({"gain/mass": 0.2, "damping/mass": 0.5, "latency": 0.1}))
-    assert values["gain"] / values["mass"] == pytest.approx(0.2)
-    assert values["damping"] / values["mass"] == pytest.approx(0.5)
-
-
 @pytest.mark.parametrize(
     ("names", "fixed", "line"),
     [

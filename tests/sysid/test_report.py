@@ -143,9 +143,3 @@ def test_coarse_logs_skip_only_the_residual_network(drive_folder, tmp_path, caps
     result = json.loads((out / "sysid.json").read_text())
     assert result["conclusive"]
     assert "residual" not in result
-
-
-def test_too_few_drives_exit_with_3_and_write_nothing(drive_folder, tmp_path):
-    drives, out = drive_folder(latency=0.8, mass=1.0)[0], tmp_path / "out"
-    assert main(["sysid", str(drives), "--out", str(out), "--held-out", "6"]) == 3
-    assert not out.exists()
