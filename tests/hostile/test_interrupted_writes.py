@@ -8,8 +8,6 @@ from pathlib import Path
 import pytest
 from msgspec import structs
 
-import s2rstore
-from s2rstore.errors import RequestError
 from s2rstore.files import process_identity
 from s2rstore.files.ingest_folder import staging_folder
 from s2rstore.files.locks import file_lock
@@ -68,22 +66,6 @@ def test_unfinished_histories_are_removed_unless_one_is_being_written(store_copy
     assert leftover.exists()
     assert prune(store_copy).paths == (f"history/{leftover.name}",)
     assert not leftover.exists()
-
-
-def test_errors_of_the_current_file_are_explained(store_copy):
-    current = store_copy / "CURRENT.json"
-    content = current.read_bytes()
-    current.unlink()
-    current.mkdir()
-    with pytest.raises(RequestError, match="a folder, not a regular file"):
-        s2rstore.open(store_copy)
-    current.rmdir()
-    current.write_bytes(content + b" " * 10**6)
-    with pytest.raises(RequestError, match="at most"):
-        s2rstore.open(store_copy)
-    current.write_bytes(b"{")
-    with pytest.raises(RequestError, match="damaged"):
-        s2rstore.open(store_copy)
 
 
 _FULL_DISK_SCRIPT = """

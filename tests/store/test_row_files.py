@@ -54,17 +54,6 @@ def test_tables_columns_and_selections_are_the_same(source, twin):
                     np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
 
 
-def test_verify_finds_nothing_and_the_store_can_be_moved(filed, tmp_path):
-    assert verify(filed) == []
-    moved = filed.rename(tmp_path / "it's [a] *new* side=left place.s2r")
-    assert verify(moved) == []
-    with s2rstore.open(moved) as store:
-        assert store.execute("SELECT count(*) FROM pair") == [(80,)]
-    with edit(moved) as draft:
-        draft.delete("prediction", run="dataaug")
-    assert {run for (run,) in _rows(moved, "(SELECT DISTINCT run FROM prediction)")} == {"vanilla"}
-
-
 def test_a_change_of_one_run_writes_the_files_of_that_run_alone(filed):
     before = row_files_of(filed)
     with edit(filed) as draft:
