@@ -5,15 +5,14 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
 from msgspec import structs
 
 from s2rstore.files import process_identity
-from s2rstore.files.ingest_folder import staging_folder
 from s2rstore.files.locks import file_lock
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import check
 from s2rtools.precompute.executors.local_executors import ProcessExecutor
+from tests.hostile.test_ingest_leftovers import ended_process_id, make_leftover
 
 LEFTOVERS = (
     "frames.zarr/sim/a/rgb/.c.0.0.0.0.0123456789abcdef.partial",
@@ -21,18 +20,12 @@ LEFTOVERS = (
     "index/.building-99999999.duckdb",
     ".CURRENT.json.0123456789abcdef.partial",
 )
-UNUSED_PROCESS_ID = 2**22 + 1
-"""A process id beyond the default maximum of Linux."""
 
 
 def leave_building_folder(store: Path) -> Path:
     """The folder of an ingest whose process has ended."""
-    ended = structs.replace(process_identity.this_process(), process=UNUSED_PROCESS_ID)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(process_identity, "this_process", lambda: ended)
-        folder = staging_folder(store)
-    (folder / "frames.zarr").mkdir(parents=True)
-    return folder
+    identity = process_identity.this_process()
+    return make_leftover(store, structs.replace(identity, process=ended_process_id()))
 
 
 def test_leftovers_are_reported_and_removed(store_copy):
