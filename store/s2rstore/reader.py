@@ -134,17 +134,25 @@ class Store(DatasetReader):
             return Coverage(run, computed, total, is_imported=True, not_localised=lost)
         imaged = sum(map(len, self.imaged_ranges(record.sim_domain, record.real_domain)))
         computed = self._computed_count(run) if count > 1 or record.key is None else imaged
-        return Coverage(run, computed, imaged, not_imaged=total - imaged)
+        lone = 0
+        if predicted := self._predicted(run):
+            missing = [self.imaged(record.domain(side)) & ~predicted[side] for side in SIDES]
+            lone = int(np.count_nonzero(missing[0] ^ missing[1]))
+        return Coverage(run, computed, imaged, not_imaged=total - imaged, not_predicted=lone)
+
+    def _predicted(self, run: str) -> dict[Side, NDArray[np.bool_]]:
+        """The instances that arrays of predictions hold, (N,) by side; empty without arrays."""
+        records = [record for record in self.array_parts(run) if record.kind == "prediction"]
+        predicted = {side: np.zeros(self.parts[-1].stop, dtype=np.bool_) for side in SIDES}
+        for record in records:
+            stop = record.first_iid + record.shape[0]
+            if record.side is not None:
+                predicted[record.side][record.first_iid : stop] = True
+        return predicted if records else {}
 
     def _computed_count(self, run: str) -> int:
         """The instances with predictions; an index of hand-made rows has no arrays of them."""
-        records = [record for record in self.array_parts(run) if record.kind == "prediction"]
-        if records:
-            predicted = {side: np.zeros(self.parts[-1].stop, dtype=np.bool_) for side in SIDES}
-            for record in records:
-                stop = record.first_iid + record.shape[0]
-                if record.side is not None:
-                    predicted[record.side][record.first_iid : stop] = True
+        if predicted := self._predicted(run):
             return int(np.count_nonzero(predicted["sim"] & predicted["real"]))
         query = "SELECT count(DISTINCT iid) FROM prediction WHERE run = ?"
         return int(self.execute(query, [run])[0][0])

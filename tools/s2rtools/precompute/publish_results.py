@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import asdict
 from importlib import metadata
@@ -148,8 +149,10 @@ def _are_listed(
 
 
 def run_key(specs: Sequence[ArraySpec]) -> str:
-    """The key of the predictions of all parts."""
-    keys = list(dict.fromkeys(spec.key for spec in specs if spec.kind == "prediction"))
+    """The key of the predictions of all parts; instances of one side do not change it."""
+    predictions = [spec for spec in specs if spec.kind == "prediction"]
+    sides = Counter(spec.key for spec in predictions)
+    keys = [key for key, count in sides.items() if count == len(SIDES)] or list(sides)
     return keys[0] if len(keys) == 1 else content_key({"parts": keys})
 
 
