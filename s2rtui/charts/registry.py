@@ -21,6 +21,7 @@ NAMES = (
     "errors",
     "scatter",
     "shares",
+    "objects",
     "recall",
     "risk",
     "exchange",

@@ -14,7 +14,7 @@ from s2rstore.suggestions import SuggestReport, from_json, read_report
 from s2rtools.suggestions import simulator_match
 from s2rtools.suggestions.held_out_split import split_instances
 from s2rtools.suggestions.search import Candidate, FactorFit, SearchResult
-from s2rtools.suggestions.settings import SuggestSettings, TimeBudget, parse_duration, parse_share
+from s2rtools.suggestions.settings import SuggestSettings, parse_duration, parse_share
 from s2rtools.suggestions.simulator_match import SimulatorMatch
 from s2rtools.suggestions.sliders import Slider, sliders_of
 from s2rtools.suggestions.stored_reports import apply_answer, save_report
@@ -238,16 +238,3 @@ def test_the_budget_is_kept(camera_world, monkeypatch, budget):
     assert 0.4 * budget < clock() <= budget
     assert not report.complete
     assert report.answers
-
-
-def test_a_step_that_would_end_too_late_does_not_fit():
-    now = [0.0]
-    budget = TimeBudget(10.0, lambda: now[0])
-    for taken in (4.0, 1.0, 2.0):
-        with budget.step("a"):
-            now[0] += taken
-    assert budget.seconds("a") == 2.0
-    assert budget.fits("a")
-    assert budget.fits("a", reserve=1.0)
-    assert not budget.fits("a", reserve=1.5)
-    assert budget.fits("b", reserve=3.0)

@@ -10,7 +10,7 @@ from collections.abc import Collection
 from s2rstore.index.table_definition import Table, statements_of, table_of
 from s2rstore.records import GAP_FACTORS
 
-VERSION = 3
+VERSION = 4
 """The schema number that every written index has, in `CURRENT.json`; others are refused.
 
 A new table or column needs a new number.
@@ -18,6 +18,10 @@ A new table or column needs a new number.
 
 CHECKSUMS = "checksums"
 """Value of `provenance.what`: `key` is a file's path inside the store, `value` its SHA-256."""
+
+LABELS = "labels"
+"""Value of `provenance.what`: `key` is a domain with label images, `value` the key of their arrays.
+"""
 
 CONVENTIONS = "conventions"
 """Value of `provenance.what`: `key` is a domain, or DOMAIN@PART for the instances of an appended
@@ -196,6 +200,32 @@ TABLES: tuple[Table, ...] = (
         ),
     ),
     table_of(
+        "label",
+        "objects in label images; values of one name are instances of one class",
+        "label",
+        ("label", "INTEGER", "value of the object's pixels, 1 .. 65535"),
+        ("name", "VARCHAR", "class"),
+    ),
+    table_of(
+        "frame_label",
+        "the objects that the label image of a frame shows; a frame without one has no rows",
+        "domain iid label",
+        ("iid", "INTEGER", "instance"),
+        ("domain", "VARCHAR", "domain"),
+        ("label", "INTEGER", "object"),
+        ("share", "FLOAT", "share of the pixels that show it"),
+    ),
+    table_of(
+        "label_gain",
+        "by how much the real error of a run would fall if a labelled object looked as in "
+        "simulation: the sum of heatmap harm over the pixels that show it",
+        "run iid label",
+        ("run", "VARCHAR", "run"),
+        ("iid", "INTEGER", "instance"),
+        ("label", "INTEGER", "object"),
+        ("gain", "DOUBLE", "m; negative = the error would rise"),
+    ),
+    table_of(
         "part",
         "instances that were ingested together, in order; without rows all instances are one part",
         "part",
@@ -265,8 +295,8 @@ TABLES: tuple[Table, ...] = (
         (
             "rank",
             "INTEGER",
-            "by error among all instances of the run's side, trained ones included, 1 = smallest, "
-            "ties by iid",
+            "by error among the pairs of the run, trained ones included, 1 = smallest, ties by "
+            "iid; NULL = no error, or an image of one side alone",
         ),
         (
             "split",
