@@ -26,14 +26,10 @@ def population_values(
 
 
 def population_ranks(population: Population, run: RunColumns, side: Side) -> NDArray[np.int32]:
-    """(N,) ranks by error among a side's instances that count in any trajectory; 0 for the others.
-
-    Where all instances count, they are the stored ranks.
-    """
-    part = run.side(side)
+    """As `pose_metrics.population_ranks`; the same columns give the same array."""
     if not population.leaves_out_trained(run):
-        return part.rank
-    return _ranks(population_values(population, run, part.error))
+        return run.side(side).rank
+    return _ranks(population, run, side)
 
 
 @cached_by_identity(16)
@@ -44,5 +40,5 @@ def _without(values: NDArray[Any], trained: BoolColumn) -> NDArray[np.float64]:
 
 
 @cached_by_identity(4)
-def _ranks(error: NDArray[np.float64]) -> NDArray[np.int32]:
-    return np.asarray(pose_metrics.rank(error), dtype=np.int32)
+def _ranks(population: Population, run: RunColumns, side: Side) -> NDArray[np.int32]:
+    return pose_metrics.population_ranks(population, run, side)

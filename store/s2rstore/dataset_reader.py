@@ -315,12 +315,17 @@ class DatasetReader(IndexCatalog):
         imaged = self.imaged_parts[self.domain(domain).domain]
         return all(part in imaged for part, _, _ in self._parts_of(iid, iid + 1))
 
-    def imaged_ranges(self, *domains: str) -> list[range]:
-        """Ranges of instances with images in all of the domains, each in one part of the store."""
+    def imaged_ranges(self, *domains: str, without: str | None = None) -> list[range]:
+        """Ranges of instances with images in all of the domains, each in one part of the store.
+
+        Those with an image in domain `without` are left out.
+        """
         ranges: list[range] = []
         previous = None
+        wanted = [self.imaged_parts[self.domain(each).domain] for each in domains]
+        unwanted = self.imaged_parts[without] if without else frozenset()
         for part in self.trajectory_parts:
-            if not all(part in self.imaged_parts[self.domain(each).domain] for each in domains):
+            if part in unwanted or not all(part in parts for parts in wanted):
                 continue
             if ranges and part.part == previous and ranges[-1].stop == part.first_iid:
                 ranges[-1] = range(ranges[-1].start, part.stop)

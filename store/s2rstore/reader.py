@@ -134,13 +134,26 @@ class Store(DatasetReader):
             return Coverage(run, computed, total, is_imported=True, not_localised=lost)
         imaged = sum(map(len, self.imaged_ranges(record.sim_domain, record.real_domain)))
         computed = self._computed_count(run) if count > 1 or record.key is None else imaged
-        return Coverage(run, computed, imaged, not_imaged=total - imaged)
+        lone = 0
+        if predicted := self._predicted(run):
+            missing = [self.imaged(record.domain(side)) & ~predicted[side] for side in SIDES]
+            lone = int(np.count_nonzero(missing[0] ^ missing[1]))
+        return Coverage(run, computed, imaged, not_imaged=total - imaged, not_predicted=lone)
+
+    def _predicted(self, run: str) -> dict[Side, NDArray[np.bool_]]:
+        """The instances that arrays of predictions hold, (N,) by side; empty without arrays."""
+        records = [record for record in self.array_parts(run) if record.kind == "prediction"]
+        predicted = {side: np.zeros(self.parts[-1].stop, dtype=np.bool_) for side in SIDES}
+        for record in records:
+            stop = record.first_iid + record.shape[0]
+            if record.side is not None:
+                predicted[record.side][record.first_iid : stop] = True
+        return predicted if records else {}
 
     def _computed_count(self, run: str) -> int:
         """The instances with predictions; an index of hand-made rows has no arrays of them."""
-        records = [record for record in self.array_parts(run) if record.kind == "prediction"]
-        if records:
-            return sum(record.shape[0] for record in records if record.side == "sim")
+        if predicted := self._predicted(run):
+            return int(np.count_nonzero(predicted["sim"] & predicted["real"]))
         query = "SELECT count(DISTINCT iid) FROM prediction WHERE run = ?"
         return int(self.execute(query, [run])[0][0])
 
@@ -291,16 +304,13 @@ class Store(DatasetReader):
         return merged_aggregate(grids, aggregate)
 
     def _covers_predictions(self, run: str, kind: str, side: Side, firsts: set[int]) -> bool:
-        """Whether heatmaps and map grids, which begin at `firsts`, exist for all predictions.
+        """Whether heatmaps and map grids, which begin at `firsts`, exist for all predicted pairs.
 
         A map grid does not state its instances: they are those of the heatmaps of its kind.
         """
-        predicted = self._records_of(run, "prediction", side, None)
         heat = [r for r in self.array_parts(run) if r.kind == kind and r.side in (side, None)]
         counts = {record.first_iid: record.shape[0] for record in heat}
-        return firsts == counts.keys() and sum(counts.values()) == sum(
-            record.shape[0] for record in predicted
-        )
+        return firsts == counts.keys() and sum(counts.values()) == self._computed_count(run)
 
 
 def _incomplete(run: str, kind: str) -> str:

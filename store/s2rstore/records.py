@@ -147,8 +147,9 @@ class Domain:
 class Coverage:
     """For how many of a store's instances a run is computed; appended ones may be missing.
 
-    `instances` are those with images in both domains of the run, `not_imaged` the others. Of a run
-    whose predictions were imported, `computed` is to how many instances both sides were applied;
+    `instances` are those with images in both domains of the run, `not_imaged` the others;
+    `not_predicted` of these have an image of one side, but no prediction of it. Of a run whose
+    predictions were imported, `computed` is to how many instances both sides were applied;
     `not_localised` of these have no pose on one of the sides.
     """
 
@@ -158,11 +159,17 @@ class Coverage:
     is_imported: bool = False
     not_localised: int = 0
     not_imaged: int = 0
+    not_predicted: int = 0
 
     @property
     def is_partial(self) -> bool:
         """Whether the run is computed for some instances, but not for all."""
         return 0 < self.computed < self.instances
+
+    @property
+    def is_outdated(self) -> bool:
+        """Whether `s2r precompute` would predict further images of the run."""
+        return self.computed > 0 and (self.is_partial or self.not_predicted > 0)
 
     @property
     def summary(self) -> str:
@@ -177,6 +184,8 @@ class Coverage:
         lost = f"{self.not_localised} not localised" if self.not_localised else ""
         plural = "instance has" if self.not_imaged == 1 else "instances have"
         lacking = f"{self.not_imaged} {plural} no image on one side"
+        if self.not_predicted:
+            lacking += f" ({self.not_predicted} not predicted)"
         return ", ".join(filter(None, (text, lost, lacking if self.not_imaged else "")))
 
     @property
@@ -187,7 +196,7 @@ class Coverage:
             advice = "; the others have no prediction on both sides"
         if not (self.is_partial or self.not_localised or self.not_imaged):
             return ""
-        return f"run {self.run}: {self.summary}{advice if self.is_partial else ''}"
+        return f"run {self.run}: {self.summary}{advice if self.is_outdated else ''}"
 
 
 @dataclass(frozen=True, slots=True)

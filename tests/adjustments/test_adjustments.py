@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -18,8 +17,6 @@ from s2rtools.adjustments import (
     make_chain,
     parse_adjustment,
 )
-from s2rtools.models import build_network
-from s2rtools.models.preprocessing import preprocess
 
 WITH_NUMBERS = [
     name for name, entry in ADJUSTMENTS.items() if not isinstance(entry, TranslatorAdjustment)
@@ -116,17 +113,6 @@ def test_images_of_a_batch_are_adjusted_independently(frames):
         single = apply_chain(*(image[index : index + 1] for image in frames), steps)
         np.testing.assert_array_equal(single[0][0], rgb[index])
         np.testing.assert_array_equal(single[1][0], depth[index])
-
-
-@pytest.mark.parametrize("architecture", ["posest", "resposenet"])
-def test_black_images_give_a_constant_prediction(frames, architecture):
-    network = build_network(architecture).eval()
-    rgb, depth = apply_chain(*frames, chain(black=1.0))
-    x = preprocess(rgb, depth, 10 / 255, network.contract)
-    assert np.unique(x).tolist() == [-1.0]
-    with torch.inference_mode():
-        output = network(torch.from_numpy(x))
-    torch.testing.assert_close(output, output[:1].expand_as(output), rtol=1e-5, atol=1e-5)
 
 
 def test_adjustments_are_parsed_from_the_command_line():

@@ -10,7 +10,6 @@ from s2rtools.incremental_inference import (
     DifferenceGraph,
     LocalGraph,
     cut_patches,
-    local_cost,
     winograd,
 )
 from s2rtools.inference import Backend
@@ -78,16 +77,6 @@ def test_the_method_depends_on_the_estimated_cost():
     assert kind.attributes(model) == {"method": "in full: locality does not save time"}
 
 
-def test_narrow_receptive_fields_cost_less():
-    patches = cut_patches(48, 48)
-    narrow, wide = (
-        local_cost(LocalGraph(nn.Sequential(nn.Conv2d(4, 8, k, padding=k // 2)).eval()),
-                   (4, 48, 48), patches)
-        for k in (3, 63)
-    )  # fmt: skip
-    assert narrow < 0.5 < wide
-
-
 @pytest.mark.parametrize("tile", winograd.TILES)
 @pytest.mark.parametrize("size", [(1, 1), (7, 7), (9, 14)])
 def test_winograd_equals_direct_convolution(tile, size):
@@ -99,15 +88,6 @@ def test_winograd_equals_direct_convolution(tile, size):
     assert found.shape == expected.shape
     error = (found - expected).square().mean().sqrt() / expected.std()
     assert error < 1e-4
-
-
-def test_winograd_is_chosen_for_many_channels_and_not_for_few():
-    wide, narrow = (
-        winograd.WinogradConvolution(torch.zeros(2 * channels, channels, 3, 3))
-        for channels in (256, 4)
-    )
-    assert wide.tile((14, 14)) is not None
-    assert narrow.tile((14, 14)) is None
 
 
 def test_differences_of_wide_convolutions_equal_full_inference():

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from s2rtools.heatmaps import occlusion
 from s2rtools.incremental_inference import (
-    PixelRegion,
     SlidingWindow,
     cut_patches,
     non_local_reason,
@@ -49,7 +48,3 @@ def test_affected_outputs_are_exact(extent, stride, padding, size, data):
         assert (low, high) == (affected[0], affected[-1] + 1)
     else:
         assert low == high
-
-
-def test_regions_can_be_united():
-    assert PixelRegion(1, 3, 4, 6).union(PixelRegion(2, 8, 0, 5)) == PixelRegion(1, 8, 0, 6)

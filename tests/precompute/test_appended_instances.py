@@ -150,23 +150,6 @@ def test_arrays_of_parts_are_merged_and_superseded_ones_pruned(stores, tmp_path)
     assert check(path).damages == check(path).notes == ()
 
 
-def test_intervals_equal_those_of_a_store_that_was_ingested_at_once(
-    stores,
-):
-    """Neighbours are those of the recordings, not of the iids."""
-    found = []
-    for path in stores:
-        with s2rstore.open(path) as store:
-            metrics = run_metrics.side_metrics(store, "plain", "real")
-            rows = store.in_recording_order(run_metrics.population(store, "plain"))
-            errors = store.run_columns("plain").real.error[rows]
-            found.append((metrics.accuracy, np.sort(errors), errors))
-    (once, ordered, errors), (grown, ordered_grown, errors_grown) = found
-    np.testing.assert_allclose(ordered_grown, ordered, atol=1e-6)
-    np.testing.assert_allclose(errors_grown, errors, atol=1e-6)
-    assert grown.value == pytest.approx(once.value)
-
-
 @pytest.fixture(scope="module")
 def gapped(
     stores: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory
@@ -206,7 +189,7 @@ def test_a_run_leaves_out_instances_that_one_of_its_domains_does_not_image(store
                     store.run_columns(run).side(side),
                     once.run_columns(run).side(side),
                 )
-                assert np.isfinite(found.error).tolist() == known.tolist()
+                assert np.isfinite(found.error).tolist() == found.imaged.tolist()
                 np.testing.assert_allclose(
                     found.error[known], expected.error[iids[known]], rtol=0, atol=1e-5
                 )
@@ -216,45 +199,69 @@ def test_a_run_leaves_out_instances_that_one_of_its_domains_does_not_image(store
                 np.testing.assert_allclose(heat, whole, rtol=1e-3, atol=1e-5)
                 assert store.map_grid(run, "pixel_difference", side, "rgb", "count").ndim == 2
         query = "SELECT count(*) FROM prediction WHERE run = 'edited' AND split IS NULL"
-        assert store.execute(query) == [(2 * 6,)]
+        assert store.execute(query) == [(6,)]
         with pytest.raises(NotComputedError, match="instance 4: "):
             store.heatmap("edited", "activation", "real", 4)
     assert check(path).damages == check(path).notes == ()
 
 
-def test_instances_of_one_side_are_not_computed_and_change_no_figure(stores, tmp_path):
-    """They come before the pairs and after them; a run is computed for the pairs between them."""
+def test_instances_of_one_side_are_predicted_and_change_no_figure_of_pairs(stores, tmp_path):
+    """They come before the pairs and after them, and are those of both sides in `pairs_alone`."""
     data = stores[0].parent / "data"
     options = ScanOptions(header=data / "calibration.toml", frame=(32, 32))
     scan = IMPORTERS["sim2realviz"](data, options)
     pairs_alone, mixed = tmp_path / "pairs.s2r", tmp_path / "mixed.s2r"
+    later = part_of(scan, {"a": 4}, SIDES)
+    later.trajectories = {"c": later.trajectories["a"]}
+    real_only = replace(later, trajectories={"c": [
+        replace(r, sources={"real": r.sources["real"]}) for r in later.trajectories["c"]
+    ]})  # fmt: skip
+    real_only.domains = {"real": scan.domains["real"]}
     build(part_of(scan, {"b": N}, SIDES), pairs_alone, "s2r ingest", True, lambda steps: None)
     build(part_of(scan, {"a": N}, ("sim",)), mixed, "s2r ingest", True, lambda steps: None)
     append(part_of(scan, {"b": N}, SIDES), mixed, "s2r ingest", True, lambda steps: None)
     for store in (pairs_alone, mixed):
         add_run(store, "plain", "sim")
         compute(store, "plain")
-    later = part_of(scan, {"a": 4}, ("real",))
-    later.trajectories = {"c": later.trajectories["a"]}
-    append(later, mixed, "s2r ingest", True, lambda steps: None)
+    append(real_only, mixed, "s2r ingest", True, lambda steps: None)
     before = array_files(mixed)
     compute(mixed, "plain")
-    assert array_files(mixed) == before
+    after = array_files(mixed)
+    assert before.items() <= after.items()
+    assert len(after) - len(before) == 2  # the predictions of one side, and their metadata
     assert check(mixed).damages == ()
     with s2rstore.open(pairs_alone) as alone, s2rstore.open(mixed) as store:
-        paired = store.run_columns("plain").paired
+        columns = store.run_columns("plain")
+        paired = columns.paired
         assert np.flatnonzero(paired).tolist() == list(range(N, 2 * N))
         for side in SIDES:
-            found, expected = (s.run_columns("plain").side(side) for s in (store, alone))
-            for name in ("x", "heading", "error", "u", "v", "outlier", "rank"):
+            found, expected = columns.side(side), alone.run_columns("plain").side(side)
+            for name in ("x", "heading", "error", "u", "v", "outlier", "rank", "split"):
                 values = getattr(found, name)
                 np.testing.assert_allclose(values[paired], getattr(expected, name), rtol=1e-5)
+            for values in (found.u, found.outlier, found.rank):
                 assert not (values[~paired] > 0).any()
+            np.testing.assert_array_equal(np.isfinite(found.error), found.imaged)
             grids = (s.map_grid("plain", "pixel_difference", side, "rgb") for s in (store, alone))
             np.testing.assert_allclose(*grids)
         assert store.coverage("plain").not_imaged == N + 4
+        assert store.coverage("plain").computed == N
         with pytest.raises(RequestError, match=r"domain real has no images of trajectory a"):
             store.frame(0, "real")
+        _assert_as_paired(scan, store, tmp_path)
+
+
+def _assert_as_paired(scan: Scan, store: Store, folder: Path) -> None:
+    """Images of one side get the predictions that they get in pairs of trajectory a."""
+    whole = folder / "whole.s2r"
+    build(part_of(scan, {"a": N}, SIDES), whole, "s2r ingest", True, lambda steps: None)
+    add_run(whole, "plain", "sim")
+    compute(whole, "plain")
+    with s2rstore.open(whole) as both:
+        for side, trajectory, count in (("sim", "a", N), ("real", "c", 4)):
+            found = store.run_columns("plain").side(side).error[store.iids_of(trajectory)]
+            expected = both.run_columns("plain").side(side).error[:count]
+            np.testing.assert_allclose(found, expected, rtol=1e-5)
 
 
 def test_a_trajectory_whose_missing_images_are_added_is_computed(stores, tmp_path):

@@ -13,17 +13,13 @@ from s2rstore.records import SIDES
 from s2rtools.models.load_model import load_model
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.input_hashes import InputHashes
-from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_backends import BackendIdentity, RunBackends
 from s2rtools.precompute.tasks import map_grids
 from s2rtools.precompute.tasks.map_grids import compute_grids, map_stages, merge_grids
 from s2rtools.precompute.tasks.network_outputs import network_stages
 from s2rtools.precompute.tasks.rendered_frames import frames_stages
-from s2rtools.precompute.unit_plan import UnitPlan
 from s2rtools.precompute.work_units import Stage
-from tests.support.copies import copy_store
 from tests.support.plain_maps import plain_map_grid
-from tests.support.silent_reporter import SilentReporter
 
 KINDS = ("feature_distance", "pixel_difference", "harmonised_distance")
 
@@ -128,18 +124,3 @@ def test_a_range_without_valid_instances_adds_nothing(store, monkeypatch):
         nothing = merge_grids(parts[1:])[spec]
         assert np.isnan(nothing[:3]).all()
         assert (nothing[3] == 0).all()
-
-
-def test_missing_arrays_alone_are_computed(moved_camera_store, tmp_path):
-    path = copy_store(moved_camera_store, tmp_path / "s.s2r")
-    with s2rstore.open(path) as opened:
-        before = {s: s.open_array(path, "up")[:] for s in map_stage(opened, "up").specs}
-        stage = map_stage(opened, "up")
-        lost = stage.specs[4]
-        (path / lost.open_array(path, "up").file(0)).unlink()
-        published = {record.path for record in opened.array_parts("up")}
-        (unit,) = UnitPlan(path, [stage], published, merge_grids).units
-        assert unit.missing == (lost,)
-    precompute(path, SilentReporter(), ["up"], PrecomputeOptions(KINDS))
-    for spec, values in before.items():
-        np.testing.assert_allclose(spec.open_array(path, "up")[:], values, rtol=1e-6, atol=1e-6)

@@ -119,22 +119,6 @@ def values(store: Store, kind: str, side: str | None, mode: str | None = None) -
     return np.asarray(store.array("vanilla", kind, side, mode)[1])
 
 
-def test_arrays_of_parts_equal_those_of_one_part(whole, parted):
-    with s2rstore.open(whole) as one, s2rstore.open(parted) as two:
-        assert len(two.array_kinds("vanilla")) == len(one.array_kinds("vanilla"))
-        assert len(two.array_parts("vanilla")) == 2 * len(one.array_kinds("vanilla"))
-        for record in one.array_kinds("vanilla"):
-            if record.axes[0] == "iid" and record.kind in ("prediction", "embedding", *KINDS):
-                names = record.kind, record.side, record.mode
-                np.testing.assert_allclose(
-                    values(two, *names), values(one, *names), rtol=1e-3, atol=1e-5
-                )
-        for side in SIDES:
-            of_one, of_two = (store.run_columns("vanilla").side(side) for store in (one, two))
-            np.testing.assert_allclose(of_two.error, of_one.error, atol=1e-5)
-            np.testing.assert_array_equal(of_two.rank, of_one.rank)
-
-
 def test_map_grids_of_parts_are_merged(whole, parted):
     with s2rstore.open(whole) as one, s2rstore.open(parted) as two:
         for aggregate in ("mean", "max", "sum", "count"):
@@ -152,17 +136,6 @@ def test_map_grids_of_modes_in_one_array_equal_a_plain_computation(whole, mode):
         for aggregate, expected in plain.items():
             grid = store.map_grid("vanilla", "activation", "real", mode, aggregate)
             np.testing.assert_allclose(grid, expected, rtol=1e-5, atol=1e-5)
-
-
-def test_later_parts_are_projected_by_the_fit_of_the_first(parted):
-    with s2rstore.open(parted) as store:
-        for side in SIDES:
-            plane = values(store, "umap", side)
-            assert plane.shape == (40, 2)
-            assert np.isfinite(plane).all()
-            low, high = plane[:FIRST].min(axis=0), plane[:FIRST].max(axis=0)
-            assert ((plane[FIRST:] > low - 5) & (plane[FIRST:] < high + 5)).all()
-            assert np.isfinite(values(store, "neighbour_distance", side)).all()
 
 
 def test_a_further_precompute_keeps_the_projection_unless_it_is_fitted_again(

@@ -11,11 +11,8 @@ from s2rstore.errors import RequestError
 from s2rstore.findings import store_summary
 from s2rstore.index.transaction import edit
 from s2rstore.metrics import run_metrics
-from s2rtools.inference import open_backend
-from s2rtools.models.load_model import load_model
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.scoring import report
-from s2rtools.scoring.factor_effects import Counterfactuals
 from s2rtools.scoring.ground_truth import GroundTruth
 from s2rtools.scoring.heatmap_metrics import floor_truth
 from s2rtools.training import pretrained
@@ -77,31 +74,6 @@ def test_only_the_active_factor_has_a_cost(objects_scored):
     assert row["factor"] == "objects"
     assert row["cost"] == pytest.approx(row["gain"])
     assert objects_scored["objects"]
-
-
-@pytest.mark.deep
-def test_counterfactuals_start_and_end_at_the_stored_errors(world_with_all_factors):
-    """Without factors the error is that of sim, with all factors that of real."""
-    with s2rstore.open(world_with_all_factors) as store:
-        backends = [
-            (store.run(name), open_backend(load_model(store, name), "torch"))
-            for name in ("vanilla", "finetune")
-        ]
-        table = Counterfactuals(GroundTruth(store), backends, 3)
-        errors = table.errors({"sim": {}, "real": table.active})
-        for name in ("vanilla", "finetune"):
-            columns = store.run_columns(name)
-            for side in ("sim", "real"):
-                stored = columns.side(side).error[table.iids]
-                assert np.allclose(errors[side][name], stored, atol=1e-4)
-        for row in table.factor_scores():
-            assert row.n == len(table.iids)
-            assert row.cost.value == pytest.approx(
-                row.alone.value - errors["sim"][row.run].mean(), abs=1e-9
-            )
-            assert row.gain.value == pytest.approx(
-                errors["real"][row.run].mean() - row.without.value, abs=1e-9
-            )
 
 
 def test_the_pretrained_models_have_the_documented_ranking(world_with_all_factors):

@@ -69,12 +69,6 @@ def test_views_are_reproducible_and_finite(data):
     assert np.array_equal(single.rgb[0], first.rgb[7])
 
 
-def test_worlds_are_shared_per_seed_and_read_only(data):
-    assert data.world is WorldData(WorldRecipe(count=3)).world
-    assert data.world.objects == World(data.recipe.seed).objects
-    assert not data.poses["traj1"].flags.writeable
-
-
 def test_without_factors_real_equals_sim():
     data = WorldData(WorldRecipe(count=4, frame=32, factors=parse_factors("none")))
     poses = data.poses["traj2"]

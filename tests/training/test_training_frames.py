@@ -1,6 +1,7 @@
 """Training images outside of memory, and the recipe that trains on translated images."""
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -108,6 +109,15 @@ def test_images_without_a_partner_are_trained_on_and_missing_ones_belong_to_no_s
     assert (sim[photos] == NO_SPLIT).all()
     assert (real[renders] == NO_SPLIT).all()
     assert (real[photos] == UNSEEN).all()
+    alone = TrainingRequest("vanilla", name="w", steps=3, expression="has:sim - paired")
+    train_into_store(store_copy, alone, print, "s2r train")
+    with Store(store_copy) as store:
+        learned = decode_split(store.provenance("model:w")["split:sim"], count)
+    assert (learned[: pairs.size] == UNSEEN).all()
+    assert learned[renders].tolist() == sim[renders].tolist()
+    nothing = replace(alone, name="n", expression="has:real & has:sim - paired")
+    with pytest.raises(RequestError, match="selects no instance"):
+        train_into_store(store_copy, nothing, print, "s2r train")
 
 
 def train_translated(root: Path, **settings: object) -> str:

@@ -90,8 +90,9 @@ def _lines(found: Evaluation, with_rooms: bool) -> list[str]:
 
 
 def _table(figures: Sequence[Figure]) -> list[str]:
-    """Figures as a table, and the reasons of intervals that are not known."""
-    rows, reasons = [], []
+    """Figures as a table, and why intervals are not known, each with the figures that have none."""
+    rows: list[tuple[object, ...]] = []
+    figures_of: dict[str, list[str]] = {}
     for figure in figures:
         estimate, scale = figure.estimate, 100.0 if figure.unit == "%" else 1.0
         digits = 1 if figure.unit == "%" else 2
@@ -103,8 +104,10 @@ def _table(figures: Sequence[Figure]) -> list[str]:
             _text(estimate.rate, 1), None if math.isnan(effective) else round(effective),
         ))  # fmt: skip
         every = (alone, combined, estimate.rate, estimate.correlation)
-        reasons += [f"{figure.name}: {each.reason}" for each in every if each.reason]
-    return [*output.table(_NAMES, rows).splitlines(), *dict.fromkeys(reasons)]
+        if reason := next((each.reason for each in every if each.reason), None):
+            figures_of.setdefault(reason, []).append(figure.name)
+    reasons = [f"{', '.join(names)}: {reason}" for reason, names in figures_of.items()]
+    return [*output.table(_NAMES, rows).splitlines(), *reasons]
 
 
 def _text(interval: Interval, digits: int = 2) -> str | None:

@@ -295,8 +295,8 @@ TABLES: tuple[Table, ...] = (
         (
             "rank",
             "INTEGER",
-            "by error among all instances of the run's side, trained ones included, 1 = smallest, "
-            "ties by iid",
+            "by error among the pairs of the run, trained ones included, 1 = smallest, ties by "
+            "iid; NULL = no error, or an image of one side alone",
         ),
         (
             "split",

@@ -84,7 +84,7 @@ def _ranked(context: SqlContext, ranks: Sequence[str]) -> str:
     replaced = []
     for side in (fields.RANKS[name] for name in ranks):
         error = f"p.{side}_error_m"
-        counts = f"({new_to_run('p')} AND {_known(error)})"
+        counts = f"({new_to_run('p')} AND p.{side}_rank IS NOT NULL)"
         order = f"PARTITION BY p.run, {counts} ORDER BY {error}, p.iid"
         place = f"CASE WHEN {counts} THEN row_number() OVER ({order}) END"
         replaced.append(f"{place} AS {side}_rank")

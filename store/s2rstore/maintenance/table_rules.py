@@ -146,16 +146,23 @@ _FORMULAS = (
 )
 _TOLERANCE = 1e-9
 """Relative; absolute for figures below 1."""
-_FIGURES = """WITH figures AS (
+_FIGURES = """WITH imaged AS (
+    SELECT iid FROM frame JOIN run ON domain IN (sim_domain, real_domain)
+    WHERE run = $1 GROUP BY iid HAVING count(DISTINCT domain) = 2),
+ranked AS (
+    FROM imaged UNION SELECT iid FROM prediction
+    WHERE run = $1 AND error IS NOT NULL GROUP BY iid HAVING count(*) = 2),
+figures AS (
     SELECT p.error, p.loss, p.accuracy, p.rank, p.heading_error AS turn,
            p.x - coalesce(f.x, i.x) AS dx, p.y - coalesce(f.y, i.y) AS dy,
            (SELECT accuracy_scale FROM dataset) AS scale,
-           CASE WHEN p.error IS NOT NULL THEN row_number() OVER (
-               PARTITION BY p.side ORDER BY p.error NULLS LAST, p.iid) END AS place
-    FROM prediction p JOIN instance i USING (iid)
+           CASE WHEN p.error IS NOT NULL AND ranked.iid IS NOT NULL THEN row_number() OVER (
+               PARTITION BY p.side, ranked.iid IS NULL ORDER BY p.error NULLS LAST, p.iid)
+           END AS place
+    FROM prediction p JOIN instance i USING (iid) LEFT JOIN ranked USING (iid)
     JOIN run r ON r.run = p.run LEFT JOIN frame_pose f ON f.iid = p.iid
     AND f.domain = CASE WHEN p.side = 'sim' THEN r.sim_domain ELSE r.real_domain END
-    WHERE p.run = ?)
+    WHERE p.run = $1)
     SELECT """
 """The figures of the predictions of a run, from the true pose of each frame."""
 

@@ -48,9 +48,9 @@ def rank(error: NDArray[np.float64]) -> NDArray[np.int32]:
 def population_ranks(population: Population, run: RunColumns, side: Side) -> NDArray[np.int32]:
     """(N,) ranks by a side's error among the instances that count in any trajectory, else 0.
 
-    Where all instances count, they are the stored ranks.
+    Where all instances count, they are the stored ranks, which only pairs have.
     """
     part = run.side(side)
     if not population.leaves_out_trained(run):
         return part.rank
-    return rank(np.where(run.trained, np.nan, part.error))
+    return rank(np.where(run.trained | (part.rank == 0), np.nan, part.error))

@@ -303,7 +303,7 @@ def append_scan(scan: Any, target: Path, strict: bool) -> int:
     with s2rstore.open(target) as store:
         count = len(store.instances)
         computed = [
-            run for run in store.runs.values() if run.key and store.coverage(run.run).is_partial
+            run for run in store.runs.values() if run.key and store.coverage(run.run).is_outdated
         ]
     if added.domains:
         print(f"{target}: {', '.join(added.domains)} added")

@@ -28,10 +28,16 @@ def content_key(facts: Facts) -> str:
 
 
 class ArrayKeys:
-    """The keys of a run's arrays for some instances, which are whole parts of the data set."""
+    """The keys of a run's arrays for some instances, which are whole parts of the data set.
 
-    def __init__(self, hashes: InputHashes, run: Run, iids: range) -> None:
+    `sides` are those of which the instances have images.
+    """
+
+    def __init__(
+        self, hashes: InputHashes, run: Run, iids: range, sides: Sequence[Side] = SIDES
+    ) -> None:
         self._store, self._hashes, self._run, self._iids = hashes.store, hashes, run, iids
+        self._sides = sides
 
     def frames(self, side: Side, move: RenderChange, renderer: Any) -> str:
         """The key of rendered frames, which all runs share."""
@@ -107,10 +113,10 @@ class ArrayKeys:
         return None if tolerance is None else asdict(tolerance)
 
     def _images(self, rendered: Sequence[str]) -> Facts:
-        domains = self._run.sim_domain, self._run.real_domain
+        domains = [self._run.domain(side) for side in self._sides]
         return {
             "frames": [self._hashes.frames(domain, self._iids) for domain in domains],
-            "adjustments": [_without_names(self._run.adjustments(side)) for side in SIDES],
+            "adjustments": [_without_names(self._run.adjustments(side)) for side in self._sides],
             "rendered": sorted(set(rendered)),
         }
 
@@ -141,7 +147,7 @@ class ArrayKeys:
 
         Empty where they are the stored frames; a list where they differ between parts.
         """
-        domains = [self._run.domain(side) for side in SIDES]
+        domains = [self._run.domain(side) for side in self._sides]
         sizes = [
             [self._store.source_size(domain, part.first_iid) for domain in domains]
             for part in self._store.trajectory_parts

@@ -138,10 +138,12 @@ def read_pairs(
     stop: int,
     batch: int,
     frames: RunFrames | None = None,
+    sides: Sequence[Side] = SIDES,
 ) -> Iterator[tuple[int, PairFrames]]:
-    """Batches of at most `batch` pairs of iids [start, stop), each with its first iid.
+    """Batches of at most `batch` instances of iids [start, stop), each with its first iid.
 
-    A thread reads and prepares the next block while the caller computes.
+    They hold the frames of `sides`, by default pairs. A thread reads and prepares the next block
+    while the caller computes.
     """
     source = frames or RunFrames(store, run)
 
@@ -152,13 +154,13 @@ def read_pairs(
                 source.read(side, low, high), store.domain(run.domain(side)),
                 run.adjustments(side), contract, store.path, source.read_source(side, low, high),
             )
-            for side in SIDES
+            for side in sides
         }  # fmt: skip
 
     with ThreadPoolExecutor(1, thread_name_prefix="frames") as pool:
         blocks = range(start, stop, _READ_ROWS)
         for low, block in zip(blocks, map_ahead(pool, prepare, blocks, window=1), strict=True):
-            for offset in range(0, len(block["sim"].x), batch):
+            for offset in range(0, len(next(iter(block.values())).x), batch):
                 rows = slice(offset, offset + batch)
                 yield low + offset, {side: frames.rows(rows) for side, frames in block.items()}
 

@@ -27,6 +27,7 @@ def prediction_columns(
     accuracy_scale: float,
     split: NDArray[np.int8],
     outlier: NDArray[np.float64],
+    ranked: NDArray[np.bool_],
     shares: NDArray[np.float32] | None = None,
     sigmas: NDArray[np.float64] | None = None,
 ) -> dict[str, Any]:
@@ -34,7 +35,8 @@ def prediction_columns(
 
     `poses` (n, 3) of the first n instances and `truth` (N, 3), as `Store.poses` gives it for the
     side's domain: x and y in metres, heading in radians. A pose that is not finite is a missing
-    prediction: its metrics are NaN and its rank is 0 (both become NULL). `split` is -1 where the
+    prediction: its metrics are NaN and its rank is 0 (both become NULL). The rank of instances that
+    are not `ranked` (N,) is 0, too, see `ranked_instances`. `split` is -1 where the
     run was not applied to the instance; then it becomes NULL. `shares` (n, 5) of the gap
     by `records.GAP_FACTORS` in metres, where they are computed. `sigmas` (n,) in metres, where the
     predictions state them, NaN for instances without one; a missing prediction has none.
@@ -46,7 +48,7 @@ def prediction_columns(
     dx, dy = x - truth[:n, 0], y - truth[:n, 1]
     error = np.sqrt(dx * dx + dy * dy)
     heading_error = pose_metrics.heading_error(heading, truth[:n, 2])
-    rank = pose_metrics.rank(error)
+    rank = pose_metrics.rank(np.where(ranked[:n], error, np.nan))
     stated = np.full(n, np.nan) if sigmas is None else np.where(known.ravel(), sigmas, np.nan)
     return {
         "run": np.full(n, run, dtype=object),
@@ -65,6 +67,19 @@ def prediction_columns(
         "outlier": outlier,
         **_share_columns(shares, n),
     }
+
+
+def ranked_instances(paired: NDArray[np.bool_], *poses: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(N,) the instances whose errors are ranked: `paired` (N,), or predicted on both sides.
+
+    So further images of one side do not change the ranks of pairs. `poses` (n, 3) of each side are
+    those of the first n instances.
+    """
+    ranked = paired.copy()
+    n = min(map(len, poses))
+    known = [np.isfinite(of_side[:n]).all(axis=1) for of_side in poses]
+    ranked[:n] |= np.logical_and.reduce(known)
+    return ranked
 
 
 def _share_columns(shares: NDArray[np.float32] | None, n: int) -> dict[str, Any]:

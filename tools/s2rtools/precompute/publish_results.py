@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import asdict
 from importlib import metadata
@@ -25,7 +26,12 @@ from s2rtools.common.blocks import evenly_spread
 from s2rtools.counterfactual import gap_shares
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.precompute.array_keys import content_key
-from s2rtools.precompute.prediction_rows import NOT_ATTEMPTED, decode_split, prediction_columns
+from s2rtools.precompute.prediction_rows import (
+    NOT_ATTEMPTED,
+    decode_split,
+    prediction_columns,
+    ranked_instances,
+)
 from s2rtools.precompute.run_backends import RunBackends
 from s2rtools.precompute.tasks import outliers
 from s2rtools.precompute.tasks.umap_projection import SETTINGS
@@ -58,9 +64,7 @@ def publish_run(
     specs = [spec for stage in stages for spec in stage.specs]
     key = run_key(specs)
     predicted = {spec.path(run) for spec in specs if spec.kind == "prediction"}
-    count = sum(spec.rows for spec in specs if spec.kind == "prediction") // len(SIDES)
-    imaged = store.imaged(planned.sim_domain, planned.real_domain)
-    if backends is not None and count != np.count_nonzero(imaged):
+    if backends is not None and not _are_all_predicted(store, planned, specs):
         raise RequestError(f"{store.path}: instances were added meanwhile; run the command again")
     listed = store.array_parts(run)
     same = any(
@@ -100,6 +104,15 @@ def publish_run(
     return draft.generation
 
 
+def _are_all_predicted(store: Store, run: Run, specs: Sequence[ArraySpec]) -> bool:
+    """Whether there are as many predictions of each side as images."""
+    return all(
+        sum(spec.rows for spec in specs if (spec.kind, spec.side) == ("prediction", side))
+        == np.count_nonzero(store.imaged(run.domain(side)))
+        for side in SIDES
+    )
+
+
 def _check_registered(draft: IndexTransaction, run: Run) -> None:
     """Raise RequestError unless the run has the model, domains and adjustments of `run`."""
     names = ("model", "sim_domain", "real_domain", "sim_adjustments", "real_adjustments")
@@ -136,8 +149,10 @@ def _are_listed(
 
 
 def run_key(specs: Sequence[ArraySpec]) -> str:
-    """The key of the predictions of all parts."""
-    keys = list(dict.fromkeys(spec.key for spec in specs if spec.kind == "prediction"))
+    """The key of the predictions of all parts; instances of one side do not change it."""
+    predictions = [spec for spec in specs if spec.kind == "prediction"]
+    sides = Counter(spec.key for spec in predictions)
+    keys = [key for key, count in sides.items() if count == len(SIDES)] or list(sides)
     return keys[0] if len(keys) == 1 else content_key({"parts": keys})
 
 
@@ -147,23 +162,30 @@ def _instance_columns(
     """Columns of the tables `prediction` and `projection`, each with its table.
 
     Imported predictions may be those of the first parts alone, and without embeddings; their
-    published sigmas stay, which no array has. A model is not applied to instances that one of its
-    domains does not image. With `keeps_shares`, published shares of the gap stay where `specs`
+    published sigmas stay, which no array has. A model is not applied to instances that the domain
+    of the side does not image. With `keeps_shares`, published shares of the gap stay where `specs`
     have none.
     """
     run = record.run
     splits = store.provenance(f"run:{run}" if record.is_imported else f"model:{record.model}")
     n = len(store.instances)
     shares = _gap_shares(store, run, specs, keeps_shares)
-    for side in SIDES:
-        arrays = {
+    arrays_of = {
+        side: {
             kind: _of_instances(of_kind, store.path, run, 0 if record.is_imported else n)
             for kind in ("prediction", outliers.KIND, "umap")
             if (of_kind := [s for s in specs if (s.kind, s.side) == (kind, side)])
         }
+        for side in SIDES
+    }
+    ranked = ranked_instances(
+        store.imaged(record.sim_domain, record.real_domain),
+        *(arrays["prediction"] for arrays in arrays_of.values()),
+    )
+    for side, arrays in arrays_of.items():
         split = decode_split(splits.get(f"split:{record.domain(side)}"), n)
         if not record.is_imported:
-            split[~store.imaged(record.sim_domain, record.real_domain)] = NOT_ATTEMPTED
+            split[~store.imaged(record.domain(side))] = NOT_ATTEMPTED
         poses = arrays["prediction"]
         scores = np.full(len(poses), np.nan)
         if outliers.KIND in arrays:
@@ -173,7 +195,7 @@ def _instance_columns(
             sigmas = store.run_columns(run).side(side).sigma[: len(poses)]
         columns = prediction_columns(
             run, side, poses, store.poses(record.domain(side)), store.dataset.accuracy_scale, split,
-            scores, shares if side == "real" else None, sigmas,
+            scores, ranked, shares if side == "real" else None, sigmas,
         )  # fmt: skip
         yield "prediction", columns
         if "umap" in arrays:

@@ -29,7 +29,11 @@ from s2rtools.precompute.segment_plan import (
 from s2rtools.precompute.tasks import map_grids, outliers, rendered_frames, umap_projection
 from s2rtools.precompute.tasks.image_heatmaps import image_stages
 from s2rtools.precompute.tasks.map_grids import map_stages
-from s2rtools.precompute.tasks.network_outputs import network_stages
+from s2rtools.precompute.tasks.network_outputs import (
+    imaged_sides,
+    network_stages,
+    one_sided_stage,
+)
 from s2rtools.precompute.tasks.outliers import outlier_stage
 from s2rtools.precompute.tasks.rendered_frames import frames_stages
 from s2rtools.precompute.tasks.umap_projection import projection_stage
@@ -86,20 +90,32 @@ def model_run_stages(
     kinds: Sequence[str],
     refit: bool,
 ) -> RunStages:
-    """The stages of a run of a model; projections are fitted again with `refit`."""
+    """The stages of a run of a model; projections are fitted again with `refit`.
+
+    Projections and heatmaps are those of pairs; instances with images of one side have predictions.
+    """
     has_depth = not domains_without_depth(store, run)
 
     @cache
-    def stages_of(iids: range) -> list[Stage]:
+    def of_pairs(iids: range) -> list[Stage]:
         keys = ArrayKeys(hashes, run, iids)
         rendered = frames_stages(store, keys, run, iids)
         frames = tuple(spec for stage in rendered for spec in stage.specs)
         forward, others = network_stages(keys, run, iids, model, backends, kinds, frames, has_depth)
         return [*rendered, forward, *others, *map_stages(store, keys, forward, others)]
 
+    def stages_of(iids: range) -> list[Stage]:
+        sides = imaged_sides(store, run, iids)
+        if len(sides) > 1:
+            return of_pairs(iids)
+        keys = ArrayKeys(hashes, run, iids, sides)
+        rendered = frames_stages(store, keys, run, iids, sides)
+        frames = tuple(spec for stage in rendered for spec in stage.specs)
+        return [*rendered, one_sided_stage(keys, run, iids, sides[0], backends, frames)]
+
     def embedding_key(iids: range) -> str:
         return next(
-            spec.key for stage in stages_of(iids) for spec in stage.specs_of_kind("embedding")
+            spec.key for stage in of_pairs(iids) for spec in stage.specs_of_kind("embedding")
         )
 
     parts = store.imaged_ranges(run.sim_domain, run.real_domain)
@@ -110,14 +126,20 @@ def model_run_stages(
         )
     network = plan_segments(store, run.run, stages_of, parts, segments(parts))
     computed = [spec for stage in network.computed for spec in stage.specs]
+    one_sided = SegmentPlan()
+    domains = run.sim_domain, run.real_domain
+    for domain, other in (domains, reversed(domains)):
+        lone = store.imaged_ranges(domain, without=other)
+        one_sided = one_sided + plan_segments(store, run.run, stages_of, lone, segments(lone))
     projections = _projections(store, run, computed, _adjoining(parts), embedding_key, refit)
     earlier = frozenset(
         spec.path(run.run)
         for iids in published_ranges(store, [run.run])
+        if imaged_sides(store, run, iids)
         for stage in stages_of(iids)
         for spec in stage.specs_of_kind("prediction")
     )
-    return _run_stages(run.run, network, projections, earlier)
+    return _run_stages(run.run, network + one_sided, projections, earlier)
 
 
 def imported_run_stages(

@@ -49,6 +49,13 @@ class SegmentPlan:
     merges: list[ArrayMerge] = field(default_factory=list)
     published: list[Stage] = field(default_factory=list)
 
+    def __add__(self, other: SegmentPlan) -> SegmentPlan:
+        return SegmentPlan(
+            self.computed + other.computed,
+            self.merges + other.merges,
+            self.published + other.published,
+        )
+
     @property
     def rows_of(self) -> dict[Label, list[ArraySpec]]:
         """For each kind, side and mode the computed arrays, which hold all rows once."""

@@ -25,6 +25,7 @@ from s2rtools.precompute.prediction_rows import (
     UNSEEN,
     encode_split,
     prediction_columns,
+    ranked_instances,
 )
 from s2rtools.precompute.publish_results import array_row, run_key
 from s2rtools.precompute.run_registration import find_domain, insert_run
@@ -251,6 +252,8 @@ def _publish(
         changes = {"key": run_key(specs), **({"created_at": created_at} if created_at else {})}
         draft.update("run", {"run": name}, changes)
         scale, no_scores = store.dataset.accuracy_scale, np.full(len(store.instances), np.nan)
+        paired = store.imaged(*target.domains.values())
+        ranked = ranked_instances(paired, *poses.values())
         for side in SIDES:
             columns = prediction_columns(
                 name,
@@ -260,6 +263,7 @@ def _publish(
                 scale,
                 splits[side],
                 no_scores,
+                ranked,
                 sigmas=sigmas[side],
             )
             draft.insert("prediction", columns)

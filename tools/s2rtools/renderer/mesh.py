@@ -51,8 +51,10 @@ class MeshScene:
     def __init__(self, path: Path, placement: NDArray[np.float64]) -> None:
         """Raises RequestError where the file holds no surface."""
         from vtkmodules import vtkRenderingOpenGL2  # noqa: F401
+        from vtkmodules.vtkCommonCore import vtkLogger
         from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
 
+        vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # it warns that there is no screen
         self._renderer, self._window = vtkRenderer(), vtkRenderWindow()
         self._window.SetOffScreenRendering(True)
         self._window.SetMultiSamples(0)

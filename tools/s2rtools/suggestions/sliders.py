@@ -32,7 +32,7 @@ RANGES = {
 """Ranges of search that are narrower than those of the adjustments."""
 DEGRADING = ("black", "depth_noise", "depth_holes")
 """Adjustments that only remove information, and so are no remedy for real images."""
-_NEVER = ("black",)
+NEVER = ("black",)
 _SCREENED = (-0.3, -0.12, -0.05, 0.05, 0.12, 0.3)
 _STRENGTHS = (0.5, 1.0)
 
@@ -93,7 +93,7 @@ def sliders_of(store: Store, run: Run, side: Side) -> list[Slider]:
         raise RequestError(f"run {run.run}: applies an adjustment twice; suggest needs one of each")
     base = {str(step["name"]): float(step["value"]) for step in chain}
     channels = store.models[run.network("suggestions")].channels
-    left_out = (*_NEVER, *DEGRADING) if side == "real" else _NEVER
+    left_out = (*NEVER, *DEGRADING) if side == "real" else NEVER
     sliders = []
     for adjustment in ADJUSTMENTS.values():
         if isinstance(adjustment, TranslatorAdjustment):
@@ -105,11 +105,12 @@ def sliders_of(store: Store, run: Run, side: Side) -> list[Slider]:
             continue
         if adjustment.needs_renderer and (side == "real" or no_renderer_reason(store) is not None):
             continue
-        sliders.append(_slider(adjustment, base.get(adjustment.name, adjustment.neutral)))
+        sliders.append(slider_of(adjustment, base.get(adjustment.name, adjustment.neutral)))
     return sliders
 
 
-def _slider(adjustment: Adjustment, base: float) -> Slider:
+def slider_of(adjustment: Adjustment, base: float) -> Slider:
+    """The slider of an adjustment whose value is `base`."""
     low, high = RANGES.get(adjustment.name, (adjustment.lowest, adjustment.highest))
     low, high = min(low, base), max(high, base)
     logarithmic = adjustment.neutral == 1 and low > 0

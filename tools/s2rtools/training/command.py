@@ -25,6 +25,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--from", dest="start", metavar="RUN", help="continue with the model of this run")
     add("--translator", metavar="T", help="translator of the sim images (recipe translated)")
     add("--force", action="store_true", help="use a translator that failed a check of its content")
+    add("--select", metavar="EXPR",
+        help="learn from these instances alone, such as '!paired': those with images of one side; "
+        "the others stay new to the model")  # fmt: skip
     add("--name", help="name of the model and its run (default: the recipe)")
     add("--arch", default="resposenet", help="architecture (default resposenet)")
     add = parser.add_argument_group("budget").add_argument
@@ -43,7 +46,7 @@ def execute(options: argparse.Namespace) -> int:
         raise RequestError("--seed: must be 0 to 2147483647")
     request = TrainingRequest(
         options.recipe, options.name, options.start, options.arch, options.minutes, options.steps,
-        options.seed, options.translator, options.force,
+        options.seed, options.translator, options.force, options.select,
     )  # fmt: skip
     if slurm_command.is_requested(options):
         job = slurm_command.SlurmJob(options)
@@ -65,8 +68,9 @@ def command_arguments(options: argparse.Namespace, store: str) -> list[str]:
     """The arguments of `s2r` that train the same on the store in another folder."""
     values = {
         "store": store, "recipe": options.recipe, "from": options.start,
-        "translator": options.translator, "name": options.name, "arch": options.arch,
-        "minutes": options.minutes, "steps": options.steps, "seed": options.seed,
+        "translator": options.translator, "select": options.select, "name": options.name,
+        "arch": options.arch, "minutes": options.minutes, "steps": options.steps,
+        "seed": options.seed,
     }  # fmt: skip
     given = [f"--{name}={value}" for name, value in values.items() if value is not None]
     flags = ["--force"] if options.force else []

@@ -13,13 +13,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files.layout import checked_name
 from s2rstore.index.transaction import check_writable, edit
+from s2rstore.language import evaluation
 from s2rstore.reader import Store
-from s2rstore.records import Domain
+from s2rstore.records import NO_RUN, Domain
 from s2rtools.adjustments.adjustment import Images
 from s2rtools.models import build_network
 from s2rtools.models.input_contract import InputContract
@@ -47,6 +49,7 @@ class TrainingRequest:
     """`start` names the run whose model is trained further; `name` defaults to the recipe's.
 
     `translator` changes the sim images; `force` allows one that failed a check of its content.
+    `expression` selects the instances to learn from, by default all.
     """
 
     recipe: str
@@ -58,6 +61,7 @@ class TrainingRequest:
     seed: int = 0
     translator: str | None = None
     force: bool = False
+    expression: str | None = None
 
 
 def train_into_store(
@@ -85,6 +89,7 @@ def train_into_store(
             report=report,
             checkpoint=checkpoint,
             adjustments=chain,
+            selected=plan.selected,
         )
     splits = {**(start_splits or {}), **result.splits}
     _publish(root, plan.name, result, contract, splits, domains, chain, command)
@@ -100,7 +105,10 @@ def check_request(root: Path, request: TrainingRequest) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """What a request means in a store; `start_splits` are the splits of `start` by domain."""
+    """What a request means in a store.
+
+    `start_splits` are the splits of `start` by domain, `selected` (N,) the instances to learn from.
+    """
 
     name: str
     recipe: TrainingRecipe
@@ -109,6 +117,7 @@ class _Plan:
     contract: InputContract
     domains: tuple[str, str]
     chain: list[dict[str, Any]]
+    selected: NDArray[np.bool_] | None
 
 
 def _plan(store: Store, root: Path, request: TrainingRequest) -> _Plan:
@@ -133,7 +142,21 @@ def _plan(store: Store, root: Path, request: TrainingRequest) -> _Plan:
     if contract.has_depth:
         store.require_depth(domains, f"architecture {request.architecture}")
     chain = _translation(store, recipe, request, domains[0])
-    return _Plan(name, recipe, start, start_splits, contract, domains, chain)
+    selected = _selected(store, request)
+    return _Plan(name, recipe, start, start_splits, contract, domains, chain, selected)
+
+
+def _selected(store: Store, request: TrainingRequest) -> NDArray[np.bool_] | None:
+    """(N,) the instances to learn from; None for all."""
+    if request.expression is None:
+        return None
+    names = [request.start] if request.start else list(store.runs)
+    run = next((name for name in names if store.run(name).key), NO_RUN)
+    asked = evaluation.query(store, request.expression, run, with_trained=True)
+    evaluation.require_predictions(store, asked)
+    if not asked.instances.any():
+        raise RequestError(f"--select {request.expression}: selects no instance")
+    return asked.instances
 
 
 def _translation(

@@ -80,6 +80,7 @@ def train(
     report: ReportProgress | None = None,
     checkpoint: Path | None = None,
     adjustments: Sequence[Mapping[str, Any]] = (),
+    selected: NDArray[np.bool_] | None = None,
 ) -> TrainingResult:
     """Train by a recipe, on a GPU where there is one.
 
@@ -88,13 +89,14 @@ def train(
 
     `start` is the model to train further, with its splits. With `checkpoint` the state is saved
     there every few seconds and a later call continues from it. `adjustments` of the
-    `frames` are among the facts of the checkpoint. Raises RequestError for unknown names, a missing
+    `frames` are among the facts of the checkpoint. Where `selected` (N,) is given, the other
+    instances are in no split of this training. Raises RequestError for unknown names, a missing
     start and too few images.
     """
     chosen = find_recipe(recipe)
     if chosen.needs_start and start is None:
         raise RequestError(f"recipe {recipe}: needs a trained model to begin with; name its run")
-    splits = _splits(frames, chosen, start_splits)
+    splits = _splits(frames, chosen, start_splits, selected)
     trainer = _Trainer(frames, chosen, splits, architecture, budget or Budget(), seed, start,
                        adjustments)  # fmt: skip
     trainer.run(report or (lambda fraction, loss, seconds: None), checkpoint)
@@ -106,15 +108,23 @@ def train(
     return TrainingResult(network, trainer.convention, splits, history, metrics, provenance)
 
 
-def _splits(frames: TrainingFrames, recipe: TrainingRecipe, start_splits: Splits | None) -> Splits:
+def _splits(
+    frames: TrainingFrames,
+    recipe: TrainingRecipe,
+    start_splits: Splits | None,
+    selected: NDArray[np.bool_] | None = None,
+) -> Splits:
     """Split of the instances of each domain, including what the start model was trained on.
 
     What the start model has learned from never becomes a test. Instances that were appended after
-    its training are split by the rules.
+    its training are split by the rules, those that are not `selected` (N,) are unseen.
     """
     splits: Splits = {}
     for name, domain in frames.domains.items():
         imaged = frames.imaged.get(name, np.ones(len(frames), dtype=np.bool_))
+        others = imaged[:0]
+        if selected is not None and domain.kind in recipe.learns_from:
+            imaged, others = imaged & selected, imaged & ~selected
         rows, before = frames.trajectory[imaged], (start_splits or {}).get(name)
         before = None if before is None else before[imaged]
         if domain.kind not in recipe.learns_from:
@@ -129,6 +139,9 @@ def _splits(frames: TrainingFrames, recipe: TrainingRecipe, start_splits: Splits
             codes = split_rules.split_by_blocks(rows)
         splits[name] = np.full(len(frames), split_rules.NO_SPLIT, dtype=np.int8)
         splits[name][imaged] = codes
+        if others.any():
+            unseen = np.full(len(frames), split_rules.UNSEEN, dtype=np.int8)
+            splits[name][others] = (start_splits or {}).get(name, unseen)[others]
     return splits
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run, Side
 from s2rtools.counterfactual import gap_shares
 from s2rtools.counterfactual.factor_composites import FACTORS
@@ -47,7 +48,7 @@ def network_stages(
     frames: tuple[ArraySpec, ...] = (),
     has_depth: bool = True,
 ) -> tuple[Stage, list[Stage]]:
-    """The forward stage of some instances, and the stages of heatmap kinds that need many passes.
+    """The forward stage of some pairs, and the stages of heatmap kinds that need many passes.
 
     The forward stage computes predictions, embeddings, every heatmap kind that needs one pass
     only, and those that go on from that pass. The shares of the gap belong to the stage of the
@@ -57,25 +58,12 @@ def network_stages(
     rendered = [spec.key for spec in frames]
     key = keys.prediction(backends.predictions.facts(), rendered)
     size = model.network.embedding_size
-    specs = [
-        ArraySpec(
-            kind,
-            side,
-            None,
-            item,
-            dtype,
-            ("iid", axis),
-            unit,
-            key,
-            len(iids),
-            first_iid=iids.start,
-        )
-        for kind, item, dtype, axis, unit in (
-            ("prediction", (3,), "float64", "x y heading", "m m rad"),
-            ("embedding", (size,), "float16", "feature", ""),
-        )
+    specs = [_prediction_spec(iids, side, key) for side in SIDES]
+    specs += [
+        ArraySpec("embedding", side, None, (size,), "float16", ("iid", "feature"), "", key,
+                  len(iids), first_iid=iids.start)
         for side in SIDES
-    ]
+    ]  # fmt: skip
     grouped: dict[str, list[ArraySpec]] = {}
     for kind in kinds:
         described = _described(HEATMAP_KINDS[kind], model, backends.differences or "float32")
@@ -98,6 +86,26 @@ def network_stages(
         rows = min(rows, SMALL_ROWS if len(iids) <= _SMALL_PART else HEATMAP_ROWS)
     forward = Stage(FORWARD, run.run, tuple(specs), rows, frames, compute=compute_outputs)
     return forward, stages
+
+
+def one_sided_stage(
+    keys: ArrayKeys,
+    run: Run,
+    iids: range,
+    side: Side,
+    backends: RunBackends,
+    frames: tuple[ArraySpec, ...] = (),
+) -> Stage:
+    """The forward stage of instances with images of one side alone: their predictions."""
+    key = keys.prediction(backends.predictions.facts(), [spec.key for spec in frames])
+    specs = (_prediction_spec(iids, side, key),)
+    return Stage(FORWARD, run.run, specs, FORWARD_ROWS, frames, compute=compute_outputs)
+
+
+def _prediction_spec(iids: range, side: Side, key: str) -> ArraySpec:
+    """The array of the poses (x, y, heading) that a side predicts for some instances."""
+    return ArraySpec("prediction", side, None, (3,), "float64", ("iid", "x y heading"), "m m rad",
+                     key, len(iids), first_iid=iids.start)  # fmt: skip
 
 
 def _share_spec(iids: range, key: str) -> ArraySpec:
@@ -139,19 +147,28 @@ def heatmap_specs(
     ]  # fmt: skip
 
 
+def imaged_sides(store: Store, run: Run, iids: range) -> list[Side]:
+    """The sides of a run of which instances have images; all of `iids` have the same."""
+    return [side for side in SIDES if store.is_imaged(iids.start, run.domain(side))]
+
+
 def compute_outputs(computer: UnitComputer, unit: WorkUnit) -> dict[ArraySpec, NDArray[Any]]:
-    """Predictions, embeddings and heatmaps of a unit's instances."""
+    """Predictions, embeddings and heatmaps of a unit's instances.
+
+    Of the images of one side alone there are predictions only.
+    """
     store, run = computer.store, computer.store.run(unit.stage.run)
     backend, heatmap_backend = computer.backends(run)
     alignment = load_alignment(store, run)
     truth = {side: store.poses(run.domain(side)) for side in SIDES}
     source = RunFrames(store, run, unit.stage.rendered_arrays(store.path))
     rows, contract = unit.instances, backend.model.contract
+    sides = imaged_sides(store, run, rows)
     batches: dict[ArraySpec, list[NDArray[Any]]] = {spec: [] for spec in unit.missing}
     for iid, frames in read_pairs(
-        store, run, contract, rows.start, rows.stop, backend.batch, source
+        store, run, contract, rows.start, rows.stop, backend.batch, source, sides
     ):
-        of_batch = slice(iid, iid + len(frames["sim"].x))
+        of_batch = slice(iid, iid + len(frames[sides[0]].x))
         poses = {side: truth[side][of_batch] for side in SIDES}
         values = _batch_values(backend, heatmap_backend, frames, poses, alignment, unit.missing)
         for spec, part in batches.items():
@@ -175,7 +192,7 @@ def _batch_values(
     is_shared = any(spec.kind == gap_shares.KIND for spec in specs)
     outputs: dict[Side, ForwardOutput] = {}
     if any(spec.kind in ("prediction", "embedding") for spec in specs):
-        outputs = {side: backend.forward_all(frames[side].x) for side in SIDES}
+        outputs = {side: backend.forward_all(of_side.x) for side, of_side in frames.items()}
     heatmaps: dict[str, Any] = {}
     if kinds or is_shared:
         given = outputs if heatmap_backend is backend else {}

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from numpy.typing import NDArray
 
 from s2rstore.geometry.camera_offset import UNCHANGED
 from s2rstore.reader import Store
-from s2rstore.records import SIDES, Run
+from s2rstore.records import SIDES, Run, Side
 from s2rstore.run_inputs import FRAME_KINDS, run_render_change
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.frame_reader import RunFrames
@@ -21,10 +22,12 @@ NAME = "frames"
 FRAME_ROWS = 32
 
 
-def frames_stages(store: Store, keys: ArrayKeys, run: Run, iids: range) -> list[Stage]:
-    """One stage for the sides whose cameras are moved; none if no camera is moved."""
+def frames_stages(
+    store: Store, keys: ArrayKeys, run: Run, iids: range, sides: Sequence[Side] = SIDES
+) -> list[Stage]:
+    """One stage for those of `sides` whose cameras are moved; none if no camera is moved."""
     specs = []
-    for side in SIDES:
+    for side in sides:
         domain, move = store.domain(run.domain(side)), run_render_change(store, run, side)
         if move == UNCHANGED:
             continue
