@@ -1,5 +1,8 @@
 """Image adjustments: neutral values, chains, and the effect of each adjustment."""
 
+from pathlib import Path
+
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,7 +10,7 @@ from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry import camera_offset
-from s2rstore.records import SIDES
+from s2rstore.records import SIDES, Domain, Intrinsics
 from s2rtools.adjustments import (
     ADJUSTMENTS,
     ImageAdjustment,
@@ -17,6 +20,7 @@ from s2rtools.adjustments import (
     make_chain,
     parse_adjustment,
 )
+from s2rtools.precompute.frame_reader import adjusted_images
 
 WITH_NUMBERS = [
     name for name, entry in ADJUSTMENTS.items() if not isinstance(entry, TranslatorAdjustment)
@@ -208,3 +212,72 @@ def test_depth_holes_remove_their_share_of_the_valid_depth():
     lost = (depth > 0) & (holes == 0)
     assert lost.sum() / (depth > 0).sum() == pytest.approx(0.2, abs=0.02)
     np.testing.assert_array_equal(holes[~lost], depth[~lost])
+
+
+_LENS = Intrinsics(50.0, 50.0, 50.0, 30.0)
+
+
+def _picture(height: int, width: int):
+    """A smooth image, and depth that is missing on the left."""
+    rows, columns = np.mgrid[:height, :width]
+    rgb = np.stack([rows * 2, columns * 2, rows + columns], axis=2).astype(np.uint8)[None]
+    depth = np.full((1, height, width), 2000, dtype=np.uint16)
+    depth[:, :, : width // 3] = 0
+    return rgb, depth
+
+
+@pytest.mark.parametrize("value", [-0.14, -0.05, 0.1, 0.3])
+def test_distortion_is_the_first_radial_coefficient_of_opencv(value):
+    height, width = 60, 100
+    rgb, depth = _picture(height, width)
+    seen, near = apply_chain(rgb, depth, depth > 0, chain(distortion=value))
+    focal = np.hypot(height, width) / 2
+    lens = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
+    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
+    pixels = pixels.reshape(-1, 1, 2).astype(np.float64)
+    exact = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 300, 1e-9)
+    shown = cv2.undistortImagePoints(pixels, lens, np.array([value, 0, 0, 0]), None, exact)
+    shown = shown.reshape(height, width, 2).astype(np.float32)
+    expected = cv2.remap(rgb[0], shown[..., 0], shown[..., 1], cv2.INTER_LINEAR)
+    inside = (shown >= 0).all(axis=2) & (shown <= [width - 1, height - 1]).all(axis=2)
+    np.testing.assert_allclose(seen[0][inside], expected[inside], atol=1)
+    border = shown[..., 0] - (width // 3 - 0.5)
+    assert (near[0][inside & (border > 0.01)] == 2000).all()
+    assert (near[0][border < -0.01] == 0).all()
+
+
+def test_pixels_that_a_lens_moves_take_their_validity_along():
+    rgb, depth = _picture(60, 100)
+    domain = Domain("real", "real", _LENS, _LENS, 1.0, 0.0, 0.001, 1, 5000)
+    steps = chain(distortion=-0.1, depth_range=1.5)
+    _, near, valid = adjusted_images({"rgb": rgb, "depth": depth}, domain, steps, Path())
+    assert set(np.unique(near)) == {0, 3000}
+    np.testing.assert_array_equal(valid, near > 0)
+
+
+@pytest.mark.parametrize("length", [3, 5, 9])
+def test_motion_blur_is_a_mean_along_the_rows(frames, length):
+    rgb, depth = apply_chain(*frames, chain(motion_blur=length - 1))
+    for image, source in zip(rgb, frames[0], strict=True):
+        expected = cv2.blur(source, (length, 1), borderType=cv2.BORDER_REPLICATE)
+        np.testing.assert_allclose(image, expected, atol=1)
+    assert depth is frames[1]
+
+
+def test_a_rolling_shutter_shears_the_rows():
+    rgb = np.zeros((1, 41, 60, 3), dtype=np.uint8)
+    rgb[:, :, 30] = 255
+    sheared, _ = apply_chain(rgb, np.zeros((1, 4, 4), np.uint8), np.zeros((1, 4, 4), bool),
+                             chain(rolling_shutter=8.0))  # fmt: skip
+    assert [int(sheared[0, row, :, 0].argmax()) for row in (0, 20, 40)] == [26, 30, 34]
+
+
+def test_depth_steps_round_to_levels_by_shares():
+    depth = np.arange(1000, 5000, dtype=np.uint16).reshape(1, 40, 100)
+    rgb = np.zeros((1, 40, 100, 3), dtype=np.uint8)
+    _, rounded = apply_chain(rgb, depth, depth < 4900, chain(depth_steps=0.05))
+    valid = depth < 4900
+    levels = np.unique(rounded[valid]).astype(float)
+    np.testing.assert_allclose(levels[1:] / levels[:-1], 1.05, atol=2e-3)
+    assert np.abs(rounded[valid] / depth[valid] - 1).max() < 0.026
+    np.testing.assert_array_equal(rounded[~valid], depth[~valid])

@@ -88,13 +88,14 @@ def test_a_table_without_rows_is_no_view(filed):
         draft.delete("projection")
         draft.delete("prediction", side="real")
         draft.delete("prediction", side="sim")
+        draft.delete("label_gain")
     with s2rstore.open(filed) as store:
-        assert set(store.row_files) == {"frame"}
+        assert set(store.row_files) == {"frame", "frame_label"}
         assert store.execute("SELECT count(*) FROM prediction") == [(0,)]
     with edit(filed) as draft:
         draft.insert("prediction", {"run": ["vanilla"], "iid": [0], "side": ["sim"]})
     with s2rstore.open(filed) as store:
-        assert set(store.row_files) == {"frame", "prediction"}
+        assert set(store.row_files) == {"frame", "frame_label", "prediction"}
 
 
 _CHANGES = st.lists(
@@ -304,7 +305,7 @@ def test_a_list_of_files_that_no_store_has_is_refused(filed, statement):
 
 
 def test_another_number_of_rows_than_listed_is_refused(filed):
-    edited(filed, ["UPDATE row_file SET row_count = 81 WHERE run = 'vanilla'"])
+    edited(filed, ["UPDATE row_file SET row_count = 81 WHERE table_name = 'prediction'"])
     with pytest.raises(RequestError, match="80 rows instead of 81"):
         s2rstore.open(filed)
 

@@ -15,7 +15,7 @@ from typing import Any
 from s2rstore.errors import RequestError
 from s2rstore.plugins import Registry, instance_of
 from s2rstore.records import Side, TranslatorRecord
-from s2rtools.adjustments import camera, image_adjustments, translation
+from s2rtools.adjustments import camera, image_adjustments, sensor_models, translation
 from s2rtools.adjustments.adjustment import (
     Adjustment,
     Depth,
@@ -55,6 +55,10 @@ _OWN = (
     image_adjustments.VIGNETTE,
     image_adjustments.DEPTH_NOISE,
     image_adjustments.DEPTH_HOLES,
+    sensor_models.DISTORTION,
+    sensor_models.MOTION_BLUR,
+    sensor_models.ROLLING_SHUTTER,
+    sensor_models.DEPTH_STEPS,
     camera.LAMPS,
     camera.WINDOWS,
     camera.HEIGHT,
@@ -96,6 +100,8 @@ def apply_chain(
         elif isinstance(adjustment, ImageAdjustment):
             size = value * enlargement if adjustment.in_pixels else value
             rgb, depth_raw = adjustment.apply(rgb, depth_raw, valid, size)
+            if adjustment.moves_pixels:
+                valid = depth_raw > 0
     return rgb, depth_raw
 
 
