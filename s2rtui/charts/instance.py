@@ -72,6 +72,7 @@ def instance_input(
         heats, missing = dict.fromkeys(SIDES), (("heat", str(error)),)
         if not all(store.is_imaged(iid, shown.domain(side)) for side in SIDES):
             missing = (("heat", f"needs images in {shown.sim_domain} and {shown.real_domain}"),)
+    harm = _harm_note(heat, heats["real"], float(store.run_columns(run).real.error[iid]))
     return InstanceInput(
         iid=iid,
         sim=_side(store, run, iid, "sim", heats["sim"], sim),
@@ -81,8 +82,8 @@ def instance_input(
         notes=(
             *missing,
             *_heat_note(store, run, None if missing else heat),
-            *_harm_note(heat, heats["real"], float(store.run_columns(run).real.error[iid])),
-            *_objects_note(store, run, iid),
+            *harm,
+            *(_objects_note(store, run, iid) if harm else ()),
             ("where", f"{trajectory} {truth.seq[iid]}, {_named(truth.room_names, int(room))}"),
             *_pair_note(store, iid),
             *_predicted_notes(store, run, iid, population),

@@ -61,10 +61,15 @@ def _row(each: ObjectGain) -> Row:
     if gain.is_known:
         strip.append(Span(gain.low, gain.high, "text"))
     bounds = "..".join(gain.bound_texts("{:.2f}".format)) if gain.is_known else "too few"
-    cells = (Cell(each.name), Cell(f"{gain.value:+.2f}"), Cell(bounds), Cell(f"{each.images}"),
-             Cell(f"{each.harmed}"), Cell(f"{each.total:+.1f}"),
+    cells = (Cell(each.name), Cell(_number(gain.value, 2)), Cell(bounds), Cell(f"{each.images}"),
+             Cell(f"{each.harmed}"), Cell(_number(each.total, 1)),
              Cell(strip=tuple(strip)))  # fmt: skip
     return Row(cells, "text" if gain.excludes_zero else "muted")
+
+
+def _number(value: float, digits: int) -> str:
+    """A number with its sign; that of 0 is `+`, whatever is rounded to it."""
+    return f"{round(value, digits) + 0.0:+.{digits}f}"
 
 
 def objects_notes(model: ObjectGains) -> tuple[str, ...]:

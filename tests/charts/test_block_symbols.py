@@ -81,15 +81,6 @@ def test_a_cell_of_one_colour_is_a_blank(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_colour_nearer_to_the_page_is_the_background(name):
-    symbols = SYMBOL_SETS[name]
-    pixels = np.full((symbols.rows, symbols.columns, 3), 20, np.uint8)
-    pixels[0] = 220
-    for page, ground in (((0, 0, 0), 20), ((255, 255, 255), 220)):
-        assert fit_blocks(pixels, symbols, page).bg[0, 0].tolist() == [ground] * 3
-
-
-@pytest.mark.parametrize("name", NAMES)
 def test_every_pattern_has_a_character_of_its_own_one_cell_wide(name):
     characters = SYMBOL_SETS[name].characters.tolist()
     assert len(set(characters)) == len(characters) == 1 << SYMBOL_SETS[name].pixels

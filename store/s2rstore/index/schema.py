@@ -379,8 +379,8 @@ TABLES: tuple[Table, ...] = (
         "Parquet files that hold all rows of a table, which is then a view over them; a table "
         "without files holds its rows itself",
         "table_name run path",
-        ("table_name", "VARCHAR", "prediction, projection or frame"),
-        ("run", "VARCHAR", "run whose rows it holds; NULL in table frame"),
+        ("table_name", "VARCHAR", "table whose rows it holds"),
+        ("run", "VARCHAR", "run whose rows it holds; NULL in a table without runs"),
         ("path", "VARCHAR", "relative to the folder of the index"),
         ("sha256", "VARCHAR", "of the file"),
         ("bytes", "BIGINT", "size of the file"),

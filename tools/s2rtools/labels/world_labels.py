@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,9 @@ from s2rstore.records import SIDES
 from s2rtools.labels.label_sources import LabelImage, LabelSource
 from s2rtools.labels.write_labels import write_labels
 from s2rtools.synthetic_world.dataset import WorldData
+
+_KEPT = 1024
+"""Rendered label images that are kept in memory: 32 MB of 128 x 128 pixels."""
 
 
 def label_world(root: Path, command: str) -> None:
@@ -29,6 +32,7 @@ def world_source(store: Store, domain: str) -> LabelSource:
     poses, camera, renderer = store.poses(domain), data.camera(side), data.renderer(side)
     names = {number: item.name for number, item in enumerate(data.world.objects, 1)}
 
+    @lru_cache(_KEPT)  # every image is read twice
     def read(iid: int) -> LabelImage:
         views = renderer.render(poses[iid : iid + 1], camera, samples=0)
         return views.identity[0].astype(np.uint16)

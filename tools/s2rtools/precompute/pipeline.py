@@ -105,7 +105,8 @@ def precompute(
                 count = len(current.get().instances)
                 progress.expect(number, count, len(computed) - place, len(computed))
                 run.try_to_compute(number)
-        update_label_gains(root, lease.check)
+        if labelled := update_label_gains(root, lease.check):
+            reporter.say(f"gains of labelled objects: {', '.join(labelled)}")
         for run in computed:
             if run.error is not None:
                 raise run.error

@@ -230,7 +230,7 @@ def _check_budget(options: argparse.Namespace) -> None:
 def _request(
     options: argparse.Namespace, method: str, name: str, report: ReportProgress
 ) -> FitRequest:
-    from s2rtools.translation import find_method
+    from s2rtools.translation import METHODS
     from s2rtools.translation.method import FitSettings, lower_share
     from s2rtools.translator_evaluation.fit_into_store import FitRequest
 
@@ -240,7 +240,7 @@ def _request(
         if not equals:
             raise RequestError(f"--option {text}: expected NAME=VALUE")
         texts[key] = value
-    find_method(method).parse(texts)
+    METHODS.find(method).parse(texts)
     settings = FitSettings(
         seed=options.seed, steps=options.steps, minutes=options.minutes, paired=options.paired,
         options=texts, report=report, lower=lower_share(options.lower, "--lower"),

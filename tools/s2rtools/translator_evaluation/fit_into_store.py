@@ -23,7 +23,7 @@ from s2rstore.records import DIRECTIONS, SIDES, Direction
 from s2rtools.models.model_registration import check_name_free
 from s2rtools.precompute.prediction_rows import decode_split, encode_split
 from s2rtools.precompute.run_registration import find_domain
-from s2rtools.translation import METHODS, find_method, fit_split
+from s2rtools.translation import METHODS, fit_split
 from s2rtools.translation.depth_noise import DepthNoise, measure
 from s2rtools.translation.image_set import (
     ImageSet,
@@ -74,7 +74,7 @@ def fit_into_store(root: Path, request: FitRequest, command: str) -> Verdict | N
     names that exist already.
     """
     name = layout.checked_name(request.name, "translator")
-    method = find_method(request.method)
+    method = METHODS.find(request.method)
     if request.direction not in DIRECTIONS:
         raise RequestError(f"--direction {request.direction}: one of {', '.join(DIRECTIONS)}")
     _check_uses_pairs(method, request.settings)
@@ -217,7 +217,7 @@ def fit_folders(source: Path, target: Path, request: FitRequest, out: Path) -> V
     """
     if out.exists():
         raise RequestError(f"{out}: exists already; choose another name")
-    method = find_method(request.method)
+    method = METHODS.find(request.method)
     _check_uses_pairs(method, request.settings)
     images = from_folder(source, long_edge=request.long_edge)
     target_images = from_folder(target, images.size)
