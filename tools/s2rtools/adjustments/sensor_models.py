@@ -80,7 +80,7 @@ def _depth_steps(rgb: Rgb, depth: Depth, valid: Mask, value: float) -> Images:
 
 
 DISTORTION = ImageAdjustment(
-    "distortion", -0.14, 0.3, 0.0, 0.01, "1", "radial distortion of the lens, at the corners",
+    "distortion", -0.14, 0.3, 0.0, 0.01, "share", "corners moved outwards by the lens",
     _distortion, moves_pixels=True,
 )  # fmt: skip
 MOTION_BLUR = ImageAdjustment(
