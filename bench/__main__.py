@@ -37,6 +37,7 @@ from bench import (
     scale,
     startup,
     suggest,
+    suggest_renderer,
     terminal_bytes,
     time_delay,
     true_pixels,
@@ -66,7 +67,9 @@ _MEASUREMENTS = (
     "harm_cost",
     "end_to_end",
 )
-_ON_REQUEST = ("harm", "suggest", "collect", "intervals", "exchange", "verdicts")
+_ON_REQUEST = (
+    "harm", "suggest", "suggest_renderer", "collect", "intervals", "exchange", "verdicts",
+)  # fmt: skip
 """Measurements of more than ten minutes, which run only where they are named."""
 
 
@@ -93,7 +96,7 @@ def main() -> int:
     parser.add_argument(
         "--seeds", type=int,
         help=f"seeds of collect (default {collect.SEEDS}), worlds of each factor for suggest "
-        f"(default {suggest.SEEDS})",
+        f"(default {suggest.SEEDS}), rooms of suggest_renderer (default {suggest_renderer.SEEDS})",
     )  # fmt: skip
     parser.add_argument(
         "--repeats", type=int, default=intervals.REPEATS,
@@ -167,6 +170,8 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
         yield from verdicts.figures(options.repeats)
     if "suggest" in selected:
         yield from suggest.figures(options.seeds or suggest.SEEDS)
+    if "suggest_renderer" in selected:
+        yield from suggest_renderer.figures(options.seeds or suggest_renderer.SEEDS)
     if "end_to_end" in selected:
         yield from _end_to_end(options)
 

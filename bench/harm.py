@@ -41,7 +41,12 @@ SEEDS = (21, 22, 23)
 VIEWS = 200
 SHARE_VIEWS = 60
 _UNTRAINED = "untrained"
-_BUDGETS = {"harm": (0.90, 0.78, 0.85, 0.60, 0.65)}
+_STORED = "stored gains of labels"
+"""Stands for table `label_gain`, made of harm and stored label images, in place of a kind."""
+_BUDGETS = {
+    "harm": (0.90, 0.78, 0.85, 0.60, 0.65),
+    _STORED: (0.90, 0.80, None, None, None),
+}
 """Least AUROC and rank correlation, pooled and of each run and building; share of right claims."""
 
 _SHARE_BUDGETS = {"lighting": 0.90, "depth": 0.80, "objects": 0.60}
@@ -118,6 +123,11 @@ def _measure(path: Path, seed: int, views: int, kinds: Sequence[str]) -> Buildin
                     for estimates in (made.of_run, made.of_other_run)
                 )
                 untrained[mode] = _untrained(store, gains, mode) if made.of_other_run else {}
+        labelled = {run: _stored_gains(store, gains, run) for run in gains.runs}
+        if any(estimate.any() for estimate in labelled.values()):
+            mode = _STORED, None
+            own[mode] = {run: gains.pairs(run, e, in_metres=True) for run, e in labelled.items()}
+            foreign[mode], untrained[mode] = {}, {}
         true = measure_shares(truth, evaluated, min(SHARE_VIEWS, views))
         shares: dict[str, list[SharePair]] = {}
         for run in names:
@@ -159,6 +169,14 @@ def _untrained(store: Store, gains: ObjectGains, mode: Mode) -> dict[str, Scored
         run: gains.pairs(run, gains.estimates(run, "real", maps, in_metres), in_metres)
         for run in gains.runs
     }
+
+
+def _stored_gains(store: Store, gains: ObjectGains, run: str) -> NDArray[np.float64]:
+    """The stored gain (K,) of the object of each pair, 0 where its image does not show it."""
+    query = "SELECT iid, label, gain FROM label_gain WHERE run = ?"
+    known = {(iid, label): gain for iid, label, gain in store.execute(query, [run])}
+    pairs = zip(gains.iids[gains.view].tolist(), gains.item.tolist(), strict=True)
+    return np.array([known.get(pair, 0.0) for pair in pairs], dtype=np.float64)
 
 
 def _share_rows(buildings: Sequence[Building]) -> Iterator[BudgetRow]:

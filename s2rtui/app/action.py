@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Group = Literal["select", "brush", "move", "heat", "map", "adjust", "review", "views", "program"]
 When = Literal[
     "always", "begun", "still", "plain", "brushing", "list", "adjust", "rooms", "not rooms",
-    "findings", "suggestions", "table", "elsewhere",
+    "findings", "suggestions", "objects", "table", "elsewhere",
 ]  # fmt: skip
 
 GROUPS: dict[Group, str] = {group: group.capitalize() for group in get_args(Group)}
@@ -102,9 +102,11 @@ class Action:
             "not rooms": state.view != "rooms",
             "findings": not brushing and state.view == "findings",
             "suggestions": not brushing and state.view == "suggestions",
+            "objects": not brushing and state.view == "objects",
             "table": not brushing and state.view in _TABLES,
             "elsewhere": not brushing
-            and state.view not in ("list", "adjust", "findings", "suggestions", *_TABLES),
+            and state.view
+            not in ("list", "adjust", "findings", "suggestions", "objects", *_TABLES),
         }[self.when]
 
 

@@ -14,6 +14,7 @@ from s2rstore.index.columns import RunColumns
 from s2rstore.index.population import NEW_INSTANCES, Population
 from s2rstore.metrics import nearest_neighbours
 from s2rstore.metrics.heatmap_scores import trust_line
+from s2rstore.metrics.object_gains import instance_gains
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN, SIDES, SPLITS, Side
 from s2rstore.security.printable_text import printable
@@ -71,6 +72,7 @@ def instance_input(
         heats, missing = dict.fromkeys(SIDES), (("heat", str(error)),)
         if not all(store.is_imaged(iid, shown.domain(side)) for side in SIDES):
             missing = (("heat", f"needs images in {shown.sim_domain} and {shown.real_domain}"),)
+    harm = _harm_note(heat, heats["real"], float(store.run_columns(run).real.error[iid]))
     return InstanceInput(
         iid=iid,
         sim=_side(store, run, iid, "sim", heats["sim"], sim),
@@ -80,7 +82,8 @@ def instance_input(
         notes=(
             *missing,
             *_heat_note(store, run, None if missing else heat),
-            *_harm_note(heat, heats["real"]),
+            *harm,
+            *(_objects_note(store, run, iid) if harm else ()),
             ("where", f"{trajectory} {truth.seq[iid]}, {_named(truth.room_names, int(room))}"),
             *_pair_note(store, iid),
             *_predicted_notes(store, run, iid, population),
@@ -109,12 +112,13 @@ def _heat_note(store: Store, run: str, heat: HeatChoice | None) -> list[tuple[st
 
 
 def _harm_note(
-    choice: HeatChoice | None, heat: NDArray[np.float32] | None
+    choice: HeatChoice | None, heat: NDArray[np.float32] | None, error: float
 ) -> list[tuple[str, str]]:
     """A line on how many metres each changed part of the real image costs; empty for other heat.
 
     Parts in the same place of the image are added up, the largest sums first; fine heat has no
-    parts. Positive metres make the estimate worse.
+    parts. Positive metres make the estimate worse. `error` is the real error in metres, of which
+    the line says what the sum of the heat leaves.
     """
     if choice is None or heat is None or not heatmap_facts(choice.kind).sums_up:
         return []
@@ -122,6 +126,8 @@ def _harm_note(
         return []
     values = np.nan_to_num(np.asarray(heat, dtype=np.float64))
     total = f"changes cost {values.sum():+.2f} m"
+    if values.any() and math.isfinite(error):
+        total += f", without these {error:.2f} -> {max(0.0, error - values.sum()):.2f} m"
     if choice.kind == "harm_fine":
         return [("harm", total)]
     gains: dict[str, float] = {}
@@ -132,6 +138,14 @@ def _harm_note(
     shown = [f"{gains[place]:+.2f} m {place}" for place in places[:_PLACES]]
     more = f", {len(places) - _PLACES} more" if len(places) > _PLACES else ""
     return [("harm", f"{total}: {', '.join(shown)}{more}" if shown else "no changed part")]
+
+
+def _objects_note(store: Store, run: str, iid: int) -> list[tuple[str, str]]:
+    """The labelled objects that cost or save the most metres; nothing without any."""
+    gains = [(name, gain) for name, gain in instance_gains(store, run, iid) if abs(gain) >= 0.005]
+    shown = [f"{gain:+.2f} m {name}" for name, gain in gains[:_PLACES]]
+    more = [f"{len(gains) - _PLACES} more"] if len(gains) > _PLACES else []
+    return [("objects", ", ".join([*shown, *more]))] if shown else []
 
 
 def _split_note(columns: RunColumns, iid: int) -> list[tuple[str, str]]:

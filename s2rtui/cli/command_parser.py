@@ -26,6 +26,8 @@ COMMANDS: dict[str, str] = {
     "evaluate": "say what real images decide about a run, what simulation adds, and what to add",
     "render": "render sim frames at new poses with your own simulator",
     "collect": "choose where to take new real images, for a fixed number of them",
+    "labels": "import label images, which name the objects that images show",
+    "objects": "rank labelled objects by the metres that they cost the real prediction",
     "query": "list the instances that an expression selects",
     "sql": "run a read-only SQL query on the index of a store",
     "gap": "measure the reality gap of a run and judge it",
@@ -52,6 +54,7 @@ _TOOLS = {
     "run": "prediction_import",
     "precompute": "precompute",
     "check": "data_health",
+    "labels": "labels",
     "render": "simulated_frames",
     "gap": "gap",
     "sysid": "sysid",
@@ -172,6 +175,9 @@ def build_parser(commands: Collection[str] = ()) -> CommandParser:
         )
         subparser.add_argument(
             "--debug", action="store_true", help="show the traceback of an unexpected error"
+        )
+        subparser.add_argument(
+            "--no-plugins", action="store_true", help="use no parts of other installed packages"
         )
         command.add_arguments(subparser)
         subparser.set_defaults(execute=command.execute, command=name)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -139,8 +139,10 @@ def _column(
     if run == NO_RUN and store.has_poses and is_field and not fields.is_truth(name):
         raise RequestError(f"--columns {name}: needs predictions: {store.no_run}")
     if name == "has":
-        imaged = {domain: store.imaged(domain) for domain in store.domains}
-        return lambda iid: " ".join(domain for domain, mask in imaged.items() if mask[iid])
+        return _names_of({domain: store.imaged(domain) for domain in store.domains})
+    if name == "label":
+        classes = dict.fromkeys(store.label_names.values())
+        return _names_of({each: store.instances.labelled(each) for each in classes})
     if name in fields.TEXT:
         text = fields.TEXT[name]
         truth = store.instances
@@ -164,6 +166,11 @@ def _column(
     if name in _INTEGER_FIELDS:
         return lambda iid: int(numbers[iid]) if numbers[iid] or name in ("iid", "seq") else None
     return lambda iid: None if np.isnan(numbers[iid]) else float(numbers[iid]) / field.scale
+
+
+def _names_of(masks: Mapping[str, NDArray[np.bool_]]) -> Callable[[int], str]:
+    """Return a function from iid to the names, joined, whose mask (N,) holds it."""
+    return lambda iid: " ".join(name for name, mask in masks.items() if mask[iid])
 
 
 def write_rows(

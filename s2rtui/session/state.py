@@ -173,7 +173,8 @@ class State:
     `pending` is the target to show once it is loaded; `keeps_message` says that the message
     outlives that. `suggested` is the expression that the message of an empty selection suggests.
     `grouping`, `group_sort` and `group_descending` belong to the rooms view, `finding` is the
-    chosen row of the findings view, `suggestion` the chosen answer of the suggestions view.
+    chosen row of the findings view, `suggestion` the chosen answer of the suggestions view,
+    `label` the chosen class of the objects view.
     `history` is None if the store has no gap history. `fills_screen`: the active view takes the
     whole screen. `planned` are the poses of new images that the map shows.
     """
@@ -213,6 +214,7 @@ class State:
     group_descending: bool = True
     finding: int = 0
     suggestion: int = 0
+    label: str = ""
     viewports: tuple[tuple[str, Bounds], ...] = ()
     first_rows: tuple[tuple[str, int], ...] = ()
     fills_screen: bool = False

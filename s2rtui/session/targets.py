@@ -10,7 +10,16 @@ from s2rstore.errors import RequestError
 from s2rstore.language import Node, evaluation, expand
 from s2rstore.language.fields import NUMERIC, TEXT
 from s2rstore.language.name_resolution import used_fields
-from s2rstore.language.syntax_tree import Everything, Extreme, Field, Like, Paired, Training, leaves
+from s2rstore.language.syntax_tree import (
+    Everything,
+    Extreme,
+    Field,
+    LabelGain,
+    Like,
+    Paired,
+    Training,
+    leaves,
+)
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtui.session.context import SessionContext
@@ -45,8 +54,8 @@ def expression_is_loaded(store: Store, run: str, node: Node) -> bool:
 
 
 def _leaf_is_loaded(store: Store, run: str, leaf: Node) -> bool:
-    if isinstance(leaf, Like):
-        return False  # compares embeddings
+    if isinstance(leaf, Like | LabelGain):
+        return False  # compares embeddings, or reads the gains of a label
     if isinstance(leaf, Training | Paired):
         return store.has_loaded(leaf.run or run, None, _POPULATION_COLUMNS)
     if isinstance(leaf, Extreme):  # ranks within the base population

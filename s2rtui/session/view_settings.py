@@ -185,6 +185,11 @@ def _with_viewport(state: State, plane: ZoomPlane, view: Bounds | None) -> State
     return state.updated(viewports=tuple(viewports.items()), message=message)
 
 
+def choose_label(context: SessionContext, state: State, label: str) -> State:
+    """Choose a class of the objects view."""
+    return state.updated(label=label)
+
+
 def scroll_table(
     context: SessionContext, state: State, view: str, first: int, hidden: int
 ) -> State:

@@ -18,7 +18,7 @@ from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.errors import DamagedStoreError, RequestError
 from s2rstore.files import layout
 from s2rstore.files.store_files import StoreFiles
-from s2rstore.index import column_loader
+from s2rstore.index import column_loader, schema
 from s2rstore.index.catalog import IndexCatalog
 from s2rstore.index.columns import InstanceColumns
 from s2rstore.index.trajectory_parts import check_contiguous, trajectory_parts
@@ -27,6 +27,9 @@ from s2rstore.records import Domain, TrajectoryPart
 
 SOURCE_IMAGES = {"rgb": "source_rgb", "depth": "source_depth"}
 """Arrays of images at the size of their source, where that is not the frame size."""
+
+UNLABELLED = 0
+"""The value of pixels of label images that show no labelled object."""
 
 LOOSE_METRES, LOOSE_DEGREES = 1e-3, 0.01
 _COMPARABLE_METRES, _COMPARABLE_DEGREES = 0.02, 0.5
@@ -249,6 +252,43 @@ class DatasetReader(IndexCatalog):
                 self._arrays[relative] = array
             return self._arrays[relative]
 
+    @property
+    def label_keys(self) -> dict[str, str]:
+        """The domains that have label images, with the key of their arrays."""
+        return self.provenance(schema.LABELS)
+
+    def labels_folder(self, domain: str, part: TrajectoryPart) -> str | None:
+        """The folder of the label images of a part of a trajectory, inside the store; or None."""
+        folder = labels_folder(domain, part.folder, self.label_keys.get(domain, ""))
+        return folder if f"{folder}/{stored_array.METADATA}" in self.checksums else None
+
+    def labels_array(self, part: TrajectoryPart, folder: str) -> StoredArray:
+        """The label images (n, H, W) of a part of a trajectory in its `labels_folder`."""
+        with self._lock:
+            if folder not in self._arrays:
+                array = stored_array.open_array(self.files, folder)
+                size = self.dataset.frame_height, self.dataset.frame_width
+                expected = self.checksums.get(f"{folder}/{stored_array.METADATA}")
+                check_metadata(array, (part.instances, *size), ("uint16",), expected)
+                self._arrays[folder] = array
+            return self._arrays[folder]
+
+    def label_images(self, domain: str, start: int, stop: int) -> NDArray[np.uint16]:
+        """Label images of iids [start, stop) at the frame size, (n, H, W).
+
+        A pixel holds the value of the object in `label_names`, or `UNLABELLED`; so do all pixels of
+        a frame without a label image.
+        """
+        _check_order("label_images(domain, start, stop)", domain, start, stop)
+        self.domain(domain)
+        size = self.dataset.frame_height, self.dataset.frame_width
+        images = np.full((stop - start, *size), UNLABELLED, dtype=np.uint16)
+        for part, low, high in self._parts_of(start, stop):
+            if folder := self.labels_folder(domain, part):
+                rows = low - part.first_iid, high - part.first_iid
+                images[low - start : high - start] = self.labels_array(part, folder).rows(*rows)
+        return images
+
     @cached_property
     def imaged_parts(self) -> dict[str, frozenset[TrajectoryPart]]:
         """The parts of trajectories of which each domain has images, by table `frame`.
@@ -364,6 +404,11 @@ class DatasetReader(IndexCatalog):
             documents = (f"{folder}/{stored_array.METADATA}" for folder in folders)
             self._with_frames[domain] = any(map(self.files.kind, documents))
         return self._with_frames[domain]
+
+
+def labels_folder(domain: str, part: str, key: str) -> str:
+    """The folder of the label images of a part of a trajectory, inside the store."""
+    return f"{layout.FRAMES}/{domain}/{part}/{layout.LABEL_IMAGES}{key}"
 
 
 def check_metadata(

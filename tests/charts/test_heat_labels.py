@@ -1,5 +1,6 @@
 """Labels of heat name kind, mode and unit; the metres of changed regions are listed."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -135,22 +136,24 @@ def test_the_metres_of_each_place_are_listed_largest_first():
     heat = np.zeros((12, 12), dtype=np.float32)
     heat[0:2, 0:2] = 0.42 / 4
     heat[9:12, 9:12] = -0.9 / 9
-    ((name, text),) = _harm_note(HeatChoice("harm", "position"), heat)
+    ((name, text),) = _harm_note(HeatChoice("harm", "position"), heat, 3.0)
     assert name == "harm"
-    assert text == "changes cost -0.48 m: -0.90 m bottom right, +0.42 m top left"
+    total = "changes cost -0.48 m, without these 3.00 -> 3.48 m"
+    assert text == f"{total}: -0.90 m bottom right, +0.42 m top left"
     for corner in (0, 5, 11):
         heat[5, corner] += 0.1
-    assert _harm_note(HeatChoice("harm", "position"), heat)[0][1].endswith(", 1 more")
+    assert _harm_note(HeatChoice("harm", "position"), heat, math.nan)[0][1].endswith(", 1 more")
 
 
 def test_fine_heat_is_summed_and_other_kinds_and_modes_have_no_metres():
     heat, none = np.array([[0.5, -0.2], [0.1, np.nan]], dtype=np.float32), np.zeros((4, 4))
     position = HeatChoice("harm", "position")
-    assert _harm_note(HeatChoice("harm_fine", None), heat) == [("harm", "changes cost +0.40 m")]
-    assert _harm_note(position, none) == [("harm", "no changed part")]
-    assert _harm_note(position, None) == _harm_note(None, heat) == []
+    note = ("harm", "changes cost +0.40 m, without these 0.30 -> 0.00 m")
+    assert _harm_note(HeatChoice("harm_fine", None), heat, 0.3) == [note]
+    assert _harm_note(position, none, 1.0) == [("harm", "no changed part")]
+    assert _harm_note(position, None, 1.0) == _harm_note(None, heat, 1.0) == []
     for choice in (("occlusion", "rgb"), ("harm", "heading"), ("harm", "loss")):
-        assert _harm_note(HeatChoice(*choice), heat) == []
+        assert _harm_note(HeatChoice(*choice), heat, 1.0) == []
 
 
 def test_only_heat_in_metres_is_said_to_sum_to_metres(tiny_store):

@@ -91,13 +91,3 @@ def test_sim_and_sim_edit_depth_agree(views):
     assert valid.mean() > 0.5
     assert np.median(np.abs(error)) < 0.04
     assert abs(np.median(error)) < 0.01
-
-
-def test_images_have_the_calibrated_sizes_and_grey_depth(real_data):
-    scan = IMPORTERS["sim2realviz"](real_data, ScanOptions(("traj1",)))
-    for row in scan.trajectories["traj1"][::60]:
-        for images in row.sources.values():
-            depth = cv2.imread(str(images.depth), cv2.IMREAD_UNCHANGED)
-            assert depth.dtype == np.uint8
-            assert depth.shape[:2] == images.depth_size
-            assert cv2.imread(str(images.rgb)).shape[:2] == images.rgb_size

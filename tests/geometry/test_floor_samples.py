@@ -7,7 +7,7 @@ import pytest
 
 from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.geometry.floor_grid import FloorHeat, Projector
-from s2rstore.geometry.map_grid import AGGREGATES, MapGrid, add_totals, aggregates, empty_totals
+from s2rstore.geometry.map_grid import MapGrid
 from s2rstore.geometry.reprojection import NearerSurface
 from s2rstore.records import Bounds, Dataset, Domain, Intrinsics
 
@@ -79,35 +79,3 @@ def test_the_nearer_surface_needs_the_depth_of_the_other_side():
     floor_heat = FloorHeat(SIM, REAL, DATASET, "sim", OFFSET, "nearer")
     with pytest.raises(ValueError, match="depth of both sides"):
         floor_heat.samples(depths(1), None, POSES, MapGrid(BOUNDS))
-
-
-def test_the_nearer_surface_of_some_pixels_equals_that_of_all():
-    own, other = depths(1), depths(2)
-    whole = NearerSurface(SIM, REAL, FRAME)(own, other)
-    assert (whole != own).any()
-    pixels = np.array([0, 7, 9_000, FRAME[0] * FRAME[1] - 1, 9_000])
-    some = NearerSurface(SIM, REAL, FRAME, pixels)(own.reshape(4, -1)[:, pixels], other)
-    np.testing.assert_array_equal(some, whole.reshape(4, -1)[:, pixels])
-    assert some.dtype == own.dtype
-
-
-def test_merged_totals_equal_those_of_all_values_at_once():
-    rng = np.random.default_rng(5)
-    whole, parts = MapGrid(BOUNDS, 20), []
-    for count in (300, 0, 50):
-        part = MapGrid(BOUNDS, 20)
-        cells = rng.integers(0, part.rows * part.cols, count)
-        values = rng.normal(-5, 1, count)
-        for grid in (whole, part):
-            grid.add(cells, values)
-        parts.append(part.totals())
-    merged = empty_totals(whole.rows, whole.cols)
-    for part_totals in parts:
-        add_totals(merged, part_totals)
-    np.testing.assert_allclose(merged, whole.totals(), rtol=1e-12)
-    np.testing.assert_array_equal(parts[1], empty_totals(whole.rows, whole.cols))
-    np.testing.assert_allclose(aggregates(merged), whole.aggregates(), rtol=1e-6)
-    planes = dict(zip(AGGREGATES, aggregates(merged), strict=True))
-    assert (planes["count"] == 0).any()
-    for name in ("mean", "max", "sum"):
-        assert (np.isnan(planes[name]) == (planes["count"] == 0)).all()

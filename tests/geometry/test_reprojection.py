@@ -111,27 +111,6 @@ def test_a_wall_ahead_is_a_perpendicular_line(x, y, heading, raw, hfov):
     assert right[0, 0, -1] > 0 > right[0, 0, 0]
 
 
-@given(
-    pitch=st.floats(-0.3, 0.3), height=st.floats(-0.5, 2.5), low=st.floats(-1, 1),
-    band=st.floats(0.01, 2), first=st.integers(0, 255), extra=st.integers(0, 255),
-)  # fmt: skip
-def test_points_are_valid_by_depth_and_height(pitch, height, low, band, first, extra):
-    record = domain(pitch=pitch, camera_height=height, depth_raw_min=first)
-    record = replace(record, depth_raw_max=min(first + extra, 255))
-    depth = np.random.default_rng(3).integers(0, 256, (1, *FRAME)).astype(np.uint8)
-    heights = low, low + band
-    _, _, point_heights, valid = Projector(record, FRAME, True, heights).points(
-        depth, np.zeros((1, 3))
-    )
-    raw = depth[:, 1::2, 1::2]
-    expected = (raw >= record.depth_raw_min) & (raw <= record.depth_raw_max)
-    expected &= (point_heights >= heights[0]) & (point_heights <= heights[1])
-    is_unambiguous = (
-        np.minimum(abs(point_heights - heights[0]), abs(point_heights - heights[1])) > 1e-9
-    )
-    assert (valid == expected)[is_unambiguous].all()
-
-
 @pytest.mark.parametrize(("height", "is_visible"), [(0.6, True), (0.05, False), (2.5, False)])
 def test_a_level_ray_has_the_height_of_the_camera(height, is_visible):
     record = domain(camera_height=height)

@@ -170,3 +170,10 @@ def test_a_non_local_network_is_computed_in_full():
 def test_the_store_knows_the_kinds_that_need_a_network():
     assert HEATMAP_KINDS.keys() - IMAGE_KINDS.keys() == NETWORK_KINDS
     assert IMAGE_KINDS.keys() == {name for name, kind in HEATMAP_KINDS.items() if kind.model_free}
+
+
+@pytest.mark.parametrize(("size", "usual"), [(128, True), (160, True), (256, False)])
+def test_harm_is_a_default_for_small_inputs_alone(size, usual):
+    model = replace(model_of("rgbd"), registered=InputContract(size=(size, size)))
+    for name, kind in HEATMAP_KINDS.items():
+        assert kind.is_default(model) == (usual or name not in ("harm", "harm_fine"))

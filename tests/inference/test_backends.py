@@ -1,7 +1,6 @@
 """Inference backends: batch norm folding and reduced precision."""
 
 import importlib.util
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -35,7 +34,7 @@ def test_folding_does_not_change_the_outputs(architecture):
     assert "BatchNorm2d" not in names
 
 
-@pytest.mark.parametrize("name", ["torch-bfloat16", "openvino-float32"])
+@pytest.mark.parametrize("name", ["torch-bfloat16", "openvino", "openvino-float32"])
 def test_reduced_networks_take_the_channels_of_their_contract(name):
     if name.startswith("openvino") and importlib.util.find_spec("openvino") is None:
         pytest.skip("openvino is not installed")
@@ -108,40 +107,10 @@ def test_auto_takes_the_first_backend_that_the_machine_has_and_that_is_accurate(
     assert choose_backend(model, batch(model), "auto").backend.name == expected
 
 
-def test_the_choice_does_not_depend_on_the_load_of_the_machine(monkeypatch):
-    """By one clock all passes take the same time, by the other each is faster than the last."""
-    model = networks.build_model("resposenet")
-    x, chosen = batch(model), []
-    for shrink in (1.0, 0.5):
-        now, step = [0.0], [1.0]
-
-        def clock(now=now, step=step, shrink=shrink) -> float:
-            now[0] += step[0]
-            step[0] *= shrink
-            return now[0]
-
-        monkeypatch.setattr(time, "perf_counter", clock)
-        monkeypatch.setattr(time, "process_time", clock)
-        chosen.append(choose_backend(model, x, "auto").backend.name)
-    assert chosen[0] == chosen[1]
-
-
 def test_unknown_and_missing_backends_are_named():
     model = networks.build_model("resposenet")
     with pytest.raises(RequestError, match="torch-bfloat16"):
         open_backend(model, "abacus")
-
-
-@pytest.mark.skipif(importlib.util.find_spec("openvino") is None, reason="openvino not installed")
-def test_openvino_gives_the_same_poses():
-    model = networks.build_model("resposenet")
-    x = batch(model)
-    reference, result = (
-        Backend(model).forward_all(x),
-        open_backend(model, "openvino").forward_all(x),
-    )
-    assert np.allclose(result.pose, reference.pose, atol=0.05)
-    assert result.features.shape == reference.features.shape
 
 
 @pytest.mark.parametrize("architecture", ["posest", "resposenet"])

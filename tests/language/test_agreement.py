@@ -41,6 +41,7 @@ def _named_strategy() -> st.SearchStrategy[n.Node]:
         "trajectories": st.sampled_from(["a", "b"]),
         "splits": st.sampled_from(["train", "validation", "test", "unseen"]),
         "domains": st.sampled_from(["sim", "real"]),
+        "labels": st.sampled_from(["chair", "fire door"]),
     }
     return st.sampled_from(sorted(fields.TEXT)).flatmap(
         lambda name: st.builds(
@@ -85,6 +86,10 @@ LEAVES = st.one_of(
             n.Field(plane[0], run), n.Field(plane[1], run), tuple(corners)
         ),
         PLANES, RUN_NAMES, CORNERS,
+    ),
+    st.builds(
+        n.LabelGain, st.sampled_from(["chair", "fire door"]), st.sampled_from(["<", "!=", ">="]),
+        NUMBERS, RUN_NAMES,
     ),
     st.builds(
         n.Like, st.sampled_from(["sim", "real"]), st.integers(0, 47), st.integers(1, 60), RUN_NAMES

@@ -31,12 +31,6 @@ def test_a_square_contains_only_its_left_and_lower_edge():
     assert (points_inside(GRID, square[::-1]) == points_inside(GRID, square)).all()
 
 
-def test_points_enclosed_twice_are_outside():
-    star = tuple((float(np.cos(a)), float(np.sin(a))) for a in np.arange(5) * 4 * np.pi / 5)
-    points = np.array([(0.0, 0.0), (0.7, 0.0), (0.0, 2.0)])
-    assert points_inside(points, star).tolist() == [False, True, False]
-
-
 @given(
     corners=st.lists(st.tuples(INTEGERS, INTEGERS), min_size=3, max_size=9),
     point=st.integers(0, 120),

@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import struct
 from pathlib import Path
 
 import pytest
@@ -93,7 +94,9 @@ def test_a_pickle_with_code_is_rejected_without_running_it(tmp_path):
     assert not created_file.exists()
 
 
-@pytest.mark.parametrize("content", [None, b"", b"no tensors", b"PK\x03\x04 broken"])
+@pytest.mark.parametrize(
+    "content", [None, b"", b"no tensors", b"PK\x03\x04 broken", struct.pack("<Q", 1 << 60) + b"{}"]
+)
 @pytest.mark.parametrize("suffix", [".pth", ".safetensors"])
 def test_damaged_files_are_rejected_by_name(tmp_path, content, suffix):
     file = tmp_path / f"broken{suffix}"

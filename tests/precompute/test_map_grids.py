@@ -1,6 +1,5 @@
 """Map grids: equal to a plain computation, from one pass over the images, merged from ranges."""
 
-from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -9,21 +8,15 @@ import pytest
 import s2rstore
 from s2rstore.geometry.map_grid import AGGREGATES
 from s2rstore.reader import Store
-from s2rstore.records import SIDES
 from s2rtools.models.load_model import load_model
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.input_hashes import InputHashes
-from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_backends import BackendIdentity, RunBackends
-from s2rtools.precompute.tasks import map_grids
 from s2rtools.precompute.tasks.map_grids import compute_grids, map_stages, merge_grids
 from s2rtools.precompute.tasks.network_outputs import network_stages
 from s2rtools.precompute.tasks.rendered_frames import frames_stages
-from s2rtools.precompute.unit_plan import UnitPlan
 from s2rtools.precompute.work_units import Stage
-from tests.support.copies import copy_store
 from tests.support.plain_maps import plain_map_grid
-from tests.support.silent_reporter import SilentReporter
 
 KINDS = ("feature_distance", "pixel_difference", "harmonised_distance")
 
@@ -59,33 +52,6 @@ def test_published_grids_equal_a_plain_computation(store, run):
             np.testing.assert_allclose(
                 found, plain[aggregate], rtol=1e-5, atol=1e-6, err_msg=f"{record} {aggregate}"
             )
-
-
-@pytest.mark.parametrize("run", ["vanilla", "low"])
-def test_each_depth_image_and_heatmap_is_read_once(store, run, monkeypatch):
-    stage, images, heat = map_stage(store, run), Counter(), Counter()
-    read_frames, source_array = map_grids.RunFrames.read, Stage.source_array
-
-    def count_frames(self, side, start, stop, names):
-        images.update((side, name, iid) for name in names for iid in range(start, stop))
-        return read_frames(self, side, start, stop, names)
-
-    def count_arrays(self, root, kind, side, mode=None):
-        heat[kind, side, mode] += 1
-        return source_array(self, root, kind, side, mode)
-
-    monkeypatch.setattr(map_grids.RunFrames, "read", count_frames)
-    monkeypatch.setattr(Stage, "source_array", count_arrays)
-    n = len(store.instances)
-    compute_grids(store, store.run(run), stage, range(n), stage.specs)
-    assert images == Counter({(side, "depth", iid): 1 for side in SIDES for iid in range(n)})
-    assert {key: number for key, number in heat.items() if key[0] in KINDS} == {
-        ("feature_distance", None, None): 1,
-        ("pixel_difference", None, "rgb"): 1,
-        ("pixel_difference", None, "depth"): 1,
-        ("harmonised_distance", "sim", None): 1,
-        ("harmonised_distance", "real", None): 1,
-    }
 
 
 @pytest.mark.parametrize("stops", [(8,), (3, 8), (1, 2, 5, 8)])
@@ -128,18 +94,3 @@ def test_a_range_without_valid_instances_adds_nothing(store, monkeypatch):
         nothing = merge_grids(parts[1:])[spec]
         assert np.isnan(nothing[:3]).all()
         assert (nothing[3] == 0).all()
-
-
-def test_missing_arrays_alone_are_computed(moved_camera_store, tmp_path):
-    path = copy_store(moved_camera_store, tmp_path / "s.s2r")
-    with s2rstore.open(path) as opened:
-        before = {s: s.open_array(path, "up")[:] for s in map_stage(opened, "up").specs}
-        stage = map_stage(opened, "up")
-        lost = stage.specs[4]
-        (path / lost.open_array(path, "up").file(0)).unlink()
-        published = {record.path for record in opened.array_parts("up")}
-        (unit,) = UnitPlan(path, [stage], published, merge_grids).units
-        assert unit.missing == (lost,)
-    precompute(path, SilentReporter(), ["up"], PrecomputeOptions(KINDS))
-    for spec, values in before.items():
-        np.testing.assert_allclose(spec.open_array(path, "up")[:], values, rtol=1e-6, atol=1e-6)

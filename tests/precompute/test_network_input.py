@@ -20,35 +20,13 @@ from s2rtools.models.model_registration import add_model
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import add_run
 from s2rtui.cli import main
-from tests.support import pairs
+from tests.support import networks, pairs
 from tests.support.silent_reporter import SilentReporter
 
 PAIRS = 2
 """Per trajectory; few enough that the projection needs no fit."""
 Images = list[tuple[Path, Path]]
 Load = Callable[[Path, Path], np.ndarray]
-
-
-class PlainPosEst(nn.Module):
-    """The network of the Sim2RealViz authors, written down from its paper and state dict."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        widths, pools = (4, 16, 32, 64, 128, 256, 512, 256), (0, 1, 3, 5)
-        layers: list[nn.Module] = []
-        for k in range(7):
-            layers += [nn.Conv2d(widths[k], widths[k + 1], 3, padding=1),
-                       nn.BatchNorm2d(widths[k + 1]), nn.ReLU()]  # fmt: skip
-            if k in pools:
-                layers.append(nn.MaxPool2d(2))
-        self.conv_head = nn.Sequential(*layers)
-        self.avgpool = nn.AdaptiveAvgPool2d(4)
-        self.fc1 = nn.Linear(4096, 256)
-        self.fc3 = nn.Linear(256, 3)
-
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        pooled = self.avgpool(self.conv_head(x)).flatten(1)
-        return self.fc3(torch.relu(self.fc1(pooled)))
 
 
 def load_as_authors(rgb: Path, depth: Path) -> np.ndarray:
@@ -147,7 +125,7 @@ def test_posest_predicts_as_a_plain_script_does(real_subset, tmp_path):
     store = ingested(real_subset, tmp_path / "s.s2r")
     files = {name: source_files(real_subset, store, name) for name in ("sim", "sim_edit", "real")}
     torch.manual_seed(1)
-    network = lively(PlainPosEst(), [*files["sim"], *files["real"]], load_as_authors, 60.0)
+    network = lively(networks.PlainPosEst(), [*files["sim"], *files["real"]], load_as_authors, 60.0)
     torch.save(network.state_dict(), tmp_path / "posest.pth")
     add_model(store, "authors", tmp_path / "posest.pth", "posest", None, False)
     for name, domain in (("plain", "sim"), ("edited", "sim_edit")):

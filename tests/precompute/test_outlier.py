@@ -88,7 +88,10 @@ def test_the_index_contains_the_outlier_scores(computed):
         assert heatmap_choices(store, "vanilla") == [("feature_distance", None)]
 
 
-def test_only_missing_scores_are_computed(computed, tmp_path):
+@pytest.mark.parametrize("rows", [outliers.OUTLIER_ROWS, 32])
+def test_only_missing_scores_are_computed(computed, tmp_path, monkeypatch, rows):
+    """In one work unit or in several."""
+    monkeypatch.setattr(outliers, "OUTLIER_ROWS", rows)
     path = copy_store(computed, tmp_path / "s.s2r")
     with s2rstore.open(path) as store:
         before = store.execute("SELECT * FROM pair ORDER BY iid")
@@ -108,18 +111,3 @@ def test_only_missing_scores_are_computed(computed, tmp_path):
         assert {record.path for record in store.array_kinds("vanilla")} == arrays
     assert verify(path) == []
     assert precompute(path, reporter, ["vanilla"], FEATURE_DISTANCE_ONLY) == []
-
-
-def test_several_work_units_give_the_same_scores(computed, tmp_path, monkeypatch):
-    path = copy_store(computed, tmp_path / "s.s2r")
-    with s2rstore.open(path) as store:
-        scores_at_once = store.run_columns("vanilla").sim.outlier
-    for folder in path.glob(f"runs.zarr/*/*/{outliers.KIND}.*"):
-        shutil.rmtree(folder)
-    with edit(path) as draft:
-        draft.delete("zarr_array", kind=outliers.KIND)
-    monkeypatch.setattr("s2rtools.precompute.tasks.outliers.OUTLIER_ROWS", 32)
-    precompute(path, SilentReporter(), ["vanilla"], FEATURE_DISTANCE_ONLY)
-    with s2rstore.open(path) as store:
-        assert np.allclose(store.run_columns("vanilla").sim.outlier, scores_at_once, rtol=1e-6)
-    assert verify(path) == []

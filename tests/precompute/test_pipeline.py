@@ -10,21 +10,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 
 import s2rstore
 from s2rstore.errors import RequestError, StoreBusyError
-from s2rstore.files import compute_progress, layout
+from s2rstore.files import compute_progress
 from s2rstore.files.ledger import Ledger
 from s2rstore.files.store_files import LocalFiles
-from s2rstore.geometry import angles
 from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.maintenance.prune import KEPT
 from s2rstore.maintenance.verify import verify
 from s2rstore.reader import Store
 from s2rstore.records import Run
-from s2rtools.models.load_model import load_model
-from s2rtools.models.preprocessing import preprocess
 from s2rtools.precompute import pipeline, publish_results
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_backends import RunBackends
@@ -33,26 +29,6 @@ from tests.support.copies import copy_store
 from tests.support.silent_reporter import SilentReporter
 
 KINDS = ("feature_distance",)
-
-
-def test_predictions_equal_the_network_output(computed_store):
-    with s2rstore.open(computed_store) as store:
-        model = load_model(store, "vanilla")
-        columns = store.run_columns("vanilla")
-        truth = store.instances
-        for iid in (0, 21, 39):
-            for side in ("sim", "real"):
-                ((_, images),) = store.source_frames(side, iid, iid + 1)
-                x = preprocess(images["rgb"], images["depth"], 10 / 255, model.contract)
-                with torch.no_grad():
-                    raw = model.network(torch.from_numpy(x))
-                px, py, heading = model.convention.decode(raw)[0].tolist()
-                part = columns.side(side)
-                assert [part.x[iid], part.y[iid]] == pytest.approx([px, py], abs=1e-4)
-                assert angles.distance(part.heading[iid], heading) < 1e-4
-                distance = np.hypot(px - truth.x[iid], py - truth.y[iid])
-                assert part.error[iid] == pytest.approx(distance, abs=1e-4)
-    assert verify(computed_store) == []
 
 
 def test_black_input_gives_a_constant_prediction(computed_store):
@@ -77,12 +53,7 @@ def test_every_array_is_complete_and_finite(computed_store):
             if not record.kind.startswith(sparse):
                 assert np.isfinite(values).all(), record
             assert np.ptp(np.nan_to_num(values)) > 0, record
-        counts = store.map_grid("vanilla", "feature_distance", "sim", aggregate="count")
-        mean = store.map_grid("vanilla", "feature_distance", "sim")
-        total = store.map_grid("vanilla", "feature_distance", "sim", aggregate="sum")
-        has_values = counts > 0
-        assert (np.isnan(mean) == ~has_values).all()
-        assert np.allclose(mean[has_values], total[has_values] / counts[has_values], rtol=1e-4)
+    assert verify(computed_store) == []
 
 
 def test_training_instances_are_marked(computed_store):
@@ -95,14 +66,6 @@ def test_training_instances_are_marked(computed_store):
     assert counts["realunseen"] == 40
     assert counts["simtrain"] + counts["simvalidation"] + counts["simtest"] == 40
     assert min(counts.values()) > 0
-
-
-def test_nothing_is_computed_twice(computed_store, tmp_path):
-    generation = layout.read_current(computed_store).generation
-    reporter = SilentReporter()
-    assert precompute(computed_store, reporter, ["vanilla"]) == []
-    assert (reporter.steps, reporter.lines) == (0, ["vanilla: up to date"])
-    assert layout.read_current(computed_store).generation == generation
 
 
 def test_several_workers_give_the_same_values(small_store, small_copy, tmp_path):

@@ -1,6 +1,7 @@
-"""Data sets with few instances, and simultaneous requests for one run name."""
+"""Projections of few and of many instances, and simultaneous requests for one run name."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from s2rstore.errors import RequestError
 from s2rstore.maintenance.verify import verify
 from s2rtools.precompute.prediction_rows import decode_split, encode_split
 from s2rtools.precompute.run_registration import add_run
-from s2rtools.precompute.tasks.umap_projection import joint_umap, principal_components
+from s2rtools.precompute.tasks.umap_projection import SETTINGS, joint_umap, principal_components
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 10, 30, 49, 60])
@@ -23,6 +24,24 @@ def test_few_instances_have_a_projection(n):
     for plane in joint_umap((sim, real), valid):
         assert plane.shape == (n, 2)
         assert np.isfinite(plane).all()
+
+
+@pytest.mark.usefixtures("real_umap")
+def test_a_projection_separates_clusters_and_is_repeatable():
+    rng = np.random.default_rng(0)
+    cluster = np.arange(40) % 2
+    sim, real = (rng.normal(20 * cluster[:, None], 1, (40, 5)).astype(np.float32) for _ in "ab")
+    valid = np.arange(40) != 7
+    settings = replace(SETTINGS, fit_instances=60)
+    planes = joint_umap((sim, real), valid, settings)
+    again = joint_umap((sim, real), valid, settings)
+    for plane, repeated in zip(planes, again, strict=True):
+        np.testing.assert_array_equal(plane, repeated)
+        assert np.isnan(plane[7]).all()
+        first, second = plane[valid & (cluster == 0)], plane[valid & (cluster == 1)]
+        centres = np.linalg.norm(first.mean(0) - second.mean(0))
+        assert centres > 3 * max(first.std(0).max(), second.std(0).max())
+    assert np.linalg.norm(planes[0][valid].mean(0) - planes[1][valid].mean(0)) < centres
 
 
 def test_without_valid_instances_there_is_no_projection():

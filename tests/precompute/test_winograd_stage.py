@@ -36,30 +36,21 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.parametrize("side", SIDES)
-def test_predictions_and_embeddings_equal_those_of_torch(store, side):
+@pytest.mark.parametrize(
+    ("kind", "tolerance"),
+    [("prediction", 1e-5), ("embedding", 2e-3), *((kind, 5e-3) for kind in KINDS)],
+)
+def test_arrays_equal_those_of_torch(store, kind, tolerance):
     with s2rstore.open(store) as opened:
-        for kind, tolerance in (("prediction", 1e-5), ("embedding", 2e-3)):
+        records = [each for each in opened.array_kinds("torch") if each.kind == kind]
+        assert records
+        for each in records:
             exact, found = (
-                np.asarray(opened.array(run, kind, side)[1][:], np.float64) for run in BACKENDS
+                np.asarray(opened.array(run, kind, each.side, each.mode)[1][:], np.float64)
+                for run in BACKENDS
             )
             assert exact.std() > 0
             np.testing.assert_allclose(found, exact, rtol=0, atol=tolerance * exact.std())
-
-
-@pytest.mark.parametrize("side", SIDES)
-@pytest.mark.parametrize(
-    ("kind", "mode"),
-    [
-        ("occlusion", "rgb"), ("occlusion", "depth"), ("occlusion", "rgbd"),
-        ("activation", "loss"), ("feature_distance", None),
-    ],
-)  # fmt: skip
-def test_heatmaps_equal_those_of_torch(store, kind, mode, side):
-    with s2rstore.open(store) as opened:
-        exact, found = (opened.heatmaps(run, kind, side, 0, INSTANCES, mode) for run in BACKENDS)
-    assert exact.std() > 0
-    np.testing.assert_allclose(found, exact, rtol=0, atol=5e-3 * exact.std())
 
 
 def test_the_sides_differ_and_the_provenance_names_the_backend(store):

@@ -1,12 +1,9 @@
 """A textured mesh as a renderer: colours, depth and place of what stands before the camera."""
 
-import json
-import struct
-
-import cv2
 import numpy as np
 import pytest
 
+from examples.phone_scan import write_glb
 from s2rstore.records import Domain, Intrinsics
 from s2rtools.renderer.mesh import PARAMETERS, mesh_renderer, placement_of
 from s2rtools.renderer.protocol import Hello
@@ -29,39 +26,11 @@ def wall(tmp_path_factory):
     Left is y > 0 as seen from x = 0. glTF's axes: x as that of the map, y up, z = -y of the map.
     """
     path = tmp_path_factory.mktemp("mesh") / "wall.glb"
-    corners = [(3, 0, -2), (3, 0, 2), (3, 2, 2), (3, 2, -2)]
-    uv = [(0, 1), (1, 1), (1, 0), (0, 0)]
     texture = np.zeros((8, 8, 3), np.uint8)
-    texture[:, :4] = (40, 60, 200)  # OpenCV's order: blue, green, red
-    texture[:, 4:] = (220, 80, 30)
+    texture[:, :4] = (200, 60, 40)
+    texture[:, 4:] = (30, 80, 220)
     texture[:4, :, 1] += 100
-    png = cv2.imencode(".png", texture)[1].tobytes()
-    blocks = [np.float32(corners).tobytes(), np.float32(uv).tobytes(),
-              np.uint16([0, 1, 2, 0, 2, 3]).tobytes(), png]  # fmt: skip
-    views, content = [], b""
-    for block in blocks:
-        views.append({"buffer": 0, "byteOffset": len(content), "byteLength": len(block)})
-        content += block + b"\0" * (-len(block) % 4)
-    accessor = {"componentType": 5126, "count": 4}
-    document = {
-        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [
-            {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}]}],
-        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
-        "textures": [{"source": 0, "sampler": 0}],
-        "images": [{"bufferView": 3, "mimeType": "image/png"}],
-        "samplers": [{"magFilter": 9728, "minFilter": 9728}],
-        "accessors": [
-            {**accessor, "bufferView": 0, "type": "VEC3", "min": [3, 0, -2], "max": [3, 2, 2]},
-            {**accessor, "bufferView": 1, "type": "VEC2"},
-            {"bufferView": 2, "componentType": 5123, "count": 6, "type": "SCALAR"}],
-        "bufferViews": views, "buffers": [{"byteLength": len(content)}],
-    }  # fmt: skip
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text
-    chunks += struct.pack("<II", len(content), 0x004E4942) + content
-    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+    write_glb(path, [(np.array([(3, 0, -2), (3, 0, 2), (3, 2, 2), (3, 2, -2)]), texture)])
     return path
 
 

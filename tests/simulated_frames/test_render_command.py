@@ -8,7 +8,7 @@ import pytest
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rtools.datasets.layouts import read
-from s2rtools.simulated_frames.command import renderer_command
+from s2rtools.simulated_frames.pose_renderer import renderer_command
 from s2rtools.simulated_frames.requested_poses import poses_on_grid, random_poses
 from tests.support.perl_renderer import depth_of, perl_command, rgb_of
 

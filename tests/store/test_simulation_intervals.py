@@ -111,6 +111,13 @@ def refused(**changes: Floats) -> str:
     return found.combined.reason
 
 
+def test_errors_that_fall_where_simulated_ones_rise_make_simulation_worth_nothing() -> None:
+    rng = np.random.default_rng(0)
+    sim = rng.gamma(2, 1, 200)
+    rate = simulation.mean(sim.max() - sim + rng.gamma(2, 1, 200), sim, Simulated(sim)).rate
+    assert (rate.low, rate.value, rate.high) == (1, 1, 1)
+
+
 def test_what_cannot_be_estimated_is_refused_with_the_reason() -> None:
     few = np.arange(99.0)
     assert refused(real=few, sim=few) == "n 99, an interval with simulation needs 100 pairs"

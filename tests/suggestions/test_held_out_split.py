@@ -10,7 +10,7 @@ import s2rstore
 from s2rstore.errors import InconclusiveError
 from s2rstore.index.transaction import edit
 from s2rtools.suggestions.held_out_split import SplitPart, split_instances
-from s2rtools.suggestions.simulator_match import SimulatorMatch
+from s2rtools.suggestions.robust_fit import RobustFit
 from s2rtools.suggestions.sliders import Slider
 from tests.support import tiny
 from tests.support.copies import copy_store
@@ -116,17 +116,14 @@ def test_the_mean_of_a_part_is_about_trajectories_like_its_own():
     assert part.mean(LEVELS[TRAJECTORIES], 4).low < found.low
 
 
-class _Level:
+def test_intervals_of_fitted_values_are_over_the_units_of_the_fit():
     """Residuals (n, 1) of a value that each trajectory has another truth of."""
 
-    def residuals(self, values) -> np.ndarray:
+    def residuals(values) -> np.ndarray:
         return 1e-3 * (values["level"] - LEVELS[TRAJECTORIES])[:, None]
 
-
-def test_intervals_of_fitted_values_are_over_the_units_of_the_fit():
-    match = object.__new__(SimulatorMatch)
-    match._fit_part, match._whole = SplitPart(np.arange(120), TRAJECTORIES, TRAJECTORIES), _Level()
-    match._weights, match._chain = np.ones(1), dict
+    part = SplitPart(np.arange(120), TRAJECTORIES, TRAJECTORIES)
+    match = RobustFit(residuals, np.ones(1), part.unit_blocks)
     level = Slider("level", "level", "m", 0.0, 0.0, 10.0, 3)
     found = match.intervals({"level": float(LEVELS.mean())}, [level])["level"]
     margin = stats.t.ppf(0.975, 3) * LEVELS.std(ddof=1) / 2

@@ -212,14 +212,6 @@ def test_missing_depth_counts_as_missing_and_not_as_wrong(images):
     assert found["depth"] == 0
 
 
-def test_shares_of_valid_pixels_are_by_cell():
-    valid = np.ones((1, SIZE, SIZE), dtype=bool)
-    valid[0, : SIZE // 4] = False
-    shares = image_mismatch._valid_shares(valid).reshape(4, 4)
-    np.testing.assert_array_equal(shares[0], 0)
-    np.testing.assert_array_equal(shares[1:], 1)
-
-
 def test_models_without_a_channel_compare_the_others_only(images):
     rgb, depth, valid = images
     other = rgb, depth * 2, valid

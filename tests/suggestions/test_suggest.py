@@ -11,43 +11,17 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.suggestions import SuggestReport, from_json, read_report
-from s2rtools.datasets.importers import IMPORTERS
-from s2rtools.datasets.scan import ScanOptions
-from s2rtools.datasets.writing.build import build
-from s2rtools.models import build_network
-from s2rtools.models.model_registration import pack_weights, register_model
-from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
-from s2rtools.precompute.run_registration import insert_run
 from s2rtools.suggestions import simulator_match
 from s2rtools.suggestions.held_out_split import split_instances
 from s2rtools.suggestions.search import Candidate, FactorFit, SearchResult
-from s2rtools.suggestions.settings import SuggestSettings, TimeBudget, parse_duration, parse_share
+from s2rtools.suggestions.settings import SuggestSettings, parse_duration, parse_share
 from s2rtools.suggestions.simulator_match import SimulatorMatch
 from s2rtools.suggestions.sliders import Slider, sliders_of
 from s2rtools.suggestions.stored_reports import apply_answer, save_report
 from s2rtools.suggestions.suggest import _on_whole_frames, suggest
-from s2rtools.synthetic_world.factors import parse_factors
 from s2rtui.cli import main
-from tests.conftest import BuildOnce
 from tests.support.copies import copy_store
 from tests.support.silent_reporter import SilentReporter
-
-PIXELS = 32
-
-
-def world(path: Path, factors: str) -> None:
-    """A small world with a computed run `r` of an untrained network."""
-    import torch
-
-    recipe = {"seed": 2, "count": 56, "survey": 0, "factors": parse_factors(factors)}
-    scan = IMPORTERS["world"](Path(), ScanOptions(frame=(PIXELS, PIXELS), world=recipe))
-    build(scan, path, "test", False, lambda steps: None)
-    torch.manual_seed(0)
-    network = build_network("resposenet")
-    with edit(path) as draft:
-        register_model(path, draft, "m", pack_weights(network), network.convention)
-        insert_run(draft, "r", "m", ("sim", "real"))
-    precompute(path, SilentReporter(), ["r"], PrecomputeOptions((), workers=1))
 
 
 def searched(path: Path, **more) -> SuggestReport:
@@ -57,18 +31,8 @@ def searched(path: Path, **more) -> SuggestReport:
 
 
 @pytest.fixture(scope="module")
-def camera_world(build_once: BuildOnce) -> Path:
-    return build_once("camera-world.s2r", lambda path: world(path, "camera"))
-
-
-@pytest.fixture(scope="module")
 def report(camera_world: Path) -> SuggestReport:
     return searched(camera_world)
-
-
-@pytest.fixture(scope="module")
-def null_world(build_once: BuildOnce) -> Path:
-    return build_once("null-world.s2r", lambda path: world(path, "none"))
 
 
 def test_a_moved_camera_is_found_with_its_values(report):
@@ -98,19 +62,19 @@ def test_the_front_grows_with_the_number_of_changes(report):
 def test_the_gain_on_the_fit_is_that_of_the_values_shown(camera_world, report):
     with s2rstore.open(camera_world) as store:
         match = SimulatorMatch(store, store.run("r"), *split_instances(store, "r", 8, 16))
-        start = match.whole_cost({})
+        start = match.whole.cost({})
         shown = [
             ({change.name: change.value for change in answer.changes}, answer.fitted)
             for answer in report.answers
         ] + [(each.values, each.fitted) for each in report.factors]
         for values, fitted in shown:
-            assert fitted == pytest.approx(1 - match.whole_cost(values) / start, abs=1e-9)
+            assert fitted == pytest.approx(1 - match.whole.cost(values) / start, abs=1e-9)
 
 
 class _Bowl:
     """A match whose whole frames have the minimum at a=0.5, b=0, and a cost of 1 there."""
 
-    def whole_cost(self, values) -> float:
+    def cost(self, values) -> float:
         return 1 + (values.get("a", 0.0) - 0.5) ** 2 + values.get("b", 0.0) ** 2
 
     def refined(self, values, sliders, has_time):
@@ -274,16 +238,3 @@ def test_the_budget_is_kept(camera_world, monkeypatch, budget):
     assert 0.4 * budget < clock() <= budget
     assert not report.complete
     assert report.answers
-
-
-def test_a_step_that_would_end_too_late_does_not_fit():
-    now = [0.0]
-    budget = TimeBudget(10.0, lambda: now[0])
-    for taken in (4.0, 1.0, 2.0):
-        with budget.step("a"):
-            now[0] += taken
-    assert budget.seconds("a") == 2.0
-    assert budget.fits("a")
-    assert budget.fits("a", reserve=1.0)
-    assert not budget.fits("a", reserve=1.5)
-    assert budget.fits("b", reserve=3.0)

@@ -1,4 +1,4 @@
-"""Small networks with random weights, with and without local trunks."""
+"""Small networks with random weights, with and without local trunks, and a published one."""
 
 from typing import ClassVar
 
@@ -159,3 +159,25 @@ def build_model(architecture: str) -> LoadedModel:
     randomize_weights(network)
     heading = "cos_sin" if architecture == "resposenet" else "radians"
     return LoadedModel(architecture, architecture, network, OutputConvention(heading), "0" * 64)
+
+
+class PlainPosEst(nn.Module):
+    """The network of the Sim2RealViz authors, written down from its paper and state dict."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        widths, pools = (4, 16, 32, 64, 128, 256, 512, 256), (0, 1, 3, 5)
+        layers: list[nn.Module] = []
+        for k in range(7):
+            layers += [nn.Conv2d(widths[k], widths[k + 1], 3, padding=1),
+                       nn.BatchNorm2d(widths[k + 1]), nn.ReLU()]  # fmt: skip
+            if k in pools:
+                layers.append(nn.MaxPool2d(2))
+        self.conv_head = nn.Sequential(*layers)
+        self.avgpool = nn.AdaptiveAvgPool2d(4)
+        self.fc1 = nn.Linear(4096, 256)
+        self.fc3 = nn.Linear(256, 3)
+
+    def forward(self, x: Tensor) -> Tensor:
+        pooled = self.avgpool(self.conv_head(x)).flatten(1)
+        return self.fc3(torch.relu(self.fc1(pooled)))

@@ -70,6 +70,7 @@ def build(
             draft.insert("frame", {"iid": iids, "domain": [domain] * n, "rgb_path": names})
         for number, run in enumerate(runs):
             _run(draft, run, number, (x, y, heading), rng, run in trained)
+        _labels(draft, n, runs)
     _frames(path, n, first, rng)
     _heatmaps(path, n, runs, rng)
     return path
@@ -159,6 +160,19 @@ def _run(
             {"run": [run] * n, "iid": np.arange(n, dtype=np.int32), "side": [side] * n,
              "u": px * 0.5, "v": py * 0.5},
         )  # fmt: skip
+
+
+def _labels(draft: IndexTransaction, n: int, runs: tuple[str, ...]) -> None:
+    """Two chairs, each on its own images, and a fire door on every second one; no label images."""
+    draft.insert("label", {"label": [1, 2, 3], "name": ["chair", "chair", "fire door"]})
+    shown = [(iid, label) for label, each in ((1, 3), (2, 4), (3, 2)) for iid in range(0, n, each)]
+    iids, labels = np.array(shown, dtype=np.int32).T
+    draft.insert("frame_label", {"iid": iids, "domain": ["real"] * iids.size, "label": labels,
+                                 "share": np.full(iids.size, 0.1)})  # fmt: skip
+    for number, run in enumerate(runs):
+        gains = 0.5 * np.sin(iids * (number + 1.0)) + 0.25 * (labels == 3)
+        draft.insert("label_gain", {"run": [run] * iids.size, "iid": iids, "label": labels,
+                                    "gain": gains})  # fmt: skip
 
 
 def _shares(gap: np.ndarray) -> dict[str, np.ndarray]:

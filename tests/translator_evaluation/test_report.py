@@ -252,3 +252,48 @@ def test_sheets_show_every_image_and_are_wide_enough_to_read():
         enlarged = cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
         found = cv2.matchTemplate(sheet, enlarged, cv2.TM_SQDIFF).min()
         assert found == pytest.approx(0, abs=enlarged.size * 0.01)
+
+
+@pytest.fixture
+def generated(root: Path, tmp_path: Path) -> Path:
+    """The held-out images as `mkl` translates them, in a folder, named by their iids."""
+    with s2rstore.open(root) as store:
+        translator = named_translator(store, "mkl")
+        (tmp_path / "gan").mkdir()
+        for iid in translator.held_out.tolist():
+            rgb = translator.stored.translator.translate(store.frame(iid, "real").rgb[None])[0]
+            cv2.imwrite(str(tmp_path / "gan" / f"{iid:06d}.png"), rgb[..., ::-1])
+    return tmp_path / "gan"
+
+
+def test_a_folder_is_judged_as_the_translator_that_made_it(s2r, root, generated, tmp_path):
+    out = tmp_path / "sheets"
+    (judged,) = s2r("translate", "judge", generated, "--like", "sim", "--store", root, "--json",
+                    "--out", out).json  # fmt: skip
+    (report,) = s2r("translate", "report", "mkl", "--store", root, "--no-keep", "--json").json
+    assert {row["metric"] for row in report["rows"]} - {row["metric"] for row in judged["rows"]} \
+        == {"cost"}  # fmt: skip
+    assert judged["rows"] == [row for row in report["rows"] if row["metric"] != "cost"]
+    assert judged["verdict"] == report["verdict"]
+    assert (judged["name"], judged["method"], judged["held_out"]) == ("gan", "folder", None)
+    assert cv2.imread(str(out / "gan.png")) is not None
+
+
+def test_a_folder_of_negatives_is_refused(s2r, root, generated):
+    for path in generated.iterdir():
+        cv2.imwrite(str(path), 255 - cv2.imread(str(path)))
+    text = s2r("translate", "judge", generated, "--like", "sim", "--store", root).printed
+    assert "gan: refused" in text
+    assert "perhaps used to train" in text
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [("chair.png", "name it by the iid"), ("99999.png", "instance 99999 has no images"),
+     ("{first}.jpg", "has another image")],
+)  # fmt: skip
+def test_images_of_no_single_instance_are_refused(s2r, root, generated, name, message):
+    first = sorted(generated.iterdir())[0]
+    (generated / name.format(first=first.stem)).write_bytes(first.read_bytes())
+    judge = ("translate", "judge", generated, "--like", "sim", "--store", root)
+    assert message in s2r(*judge).checked(2).err

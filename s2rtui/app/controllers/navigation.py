@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 from s2rtui.app.key_bindings import BY_NAME as ACTIONS
 from s2rtui.app.screens.jump import JumpScreen, JumpTarget
 from s2rtui.charts.findings import chosen_finding
+from s2rtui.charts.objects import VIEW as OBJECTS
+from s2rtui.charts.objects import expression_of
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.charts.view import View
 from s2rtui.session import findings, view_settings
@@ -127,6 +129,25 @@ class NavigationController:
             state = session.state
             if not state.message:
                 session.show_message(f"selected {state.expression}: {state.count_text}")
+
+    def choose_object(self, steps: int) -> None:
+        """Choose the class some rows below the present one in the objects view."""
+        labels, row = OBJECTS.labels(self._app.updater.scene)
+        if labels:
+            label = labels[(row + steps) % len(labels)]
+            self._app.session.dispatch(view_settings.choose_label, label)
+
+    def select_object(self) -> None:
+        """Select the instances with images of the chosen class of the objects view."""
+        session = self._app.session
+        labels, row = OBJECTS.labels(self._app.updater.scene)
+        if not labels:
+            session.show_message("there is no object to select")
+            return
+        session.dispatch(view_settings.choose_label, labels[row])
+        state = session.select(expression_of(labels[row]))
+        if not state.message:
+            session.show_message(f"selected {state.expression}: {state.count_text}")
 
     def jump(self) -> None:
         """Put a letter on every view and part of the status line; the letter goes there."""

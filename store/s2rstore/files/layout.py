@@ -16,6 +16,8 @@ from s2rstore.files.store_files import LocalFiles, StoreFiles
 CURRENT = "CURRENT.json"
 INDEX = "index"
 FRAMES = "frames.zarr"
+LABEL_IMAGES = "labels-"
+"""What the names of arrays of label images begin with; the key of their values follows."""
 RUNS = "runs.zarr"
 LEDGER = "ledger"
 UNITS = "units"

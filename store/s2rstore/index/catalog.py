@@ -58,7 +58,15 @@ class IndexCatalog(OpenIndex):
     def _check_rows(self) -> None:
         """Raise RequestError where a row of a small table is invalid."""
         filled = self.execute("SELECT count(*) FROM dataset") != [(0,)]
-        tables = ["trajectories", "rooms", "domains", "models", "translators", "runs"]
+        tables = [
+            "trajectories",
+            "rooms",
+            "label_names",
+            "domains",
+            "models",
+            "translators",
+            "runs",
+        ]
         for name, most in row_check.MAX_ROWS.items():
             (count,) = self.execute(f'SELECT count(*) FROM "{name}"')[0]
             if count > most:
@@ -113,6 +121,13 @@ class IndexCatalog(OpenIndex):
         row_check.check_rooms(self._index, rows)
         displayed = {stored: name for name, stored in self.stored_rooms.items()}
         return tuple(Room(**row | {"room": displayed[row["room"]]}) for row in rows)
+
+    @cached_property
+    def label_names(self) -> dict[int, str]:
+        """The classes of objects by their values in label images; empty without labels."""
+        rows = self._rows("label")
+        row_check.check_labels(self._index, rows)
+        return {row["label"]: row["name"] for row in rows}
 
     @cached_property
     def stored_rooms(self) -> dict[str, str]:

@@ -20,6 +20,10 @@ from s2rstore.records import NO_RUN, SIDES, SPLITS, TRAINING_SPLITS, Room, Run, 
 
 _PROJECTED = ("u", "v")
 _SELECT = "SELECT iid, {} AS value FROM {} WHERE run = ? AND side = ?"
+_LABELLED = """SELECT DISTINCT iid, 1 AS value FROM frame_label JOIN label USING (label)
+               WHERE name = ?"""
+_LABEL_GAINS = """SELECT iid, sum(gain) AS value FROM label_gain JOIN label USING (label)
+                  WHERE run = ? AND name = ? GROUP BY iid"""
 
 
 @dataclass(frozen=True)
@@ -85,7 +89,13 @@ def load_instances(
     def read(name: str) -> NDArray[Any]:
         return loader.cache.get(("instance", name), partial(_instance_column, loader, name, stored))
 
-    return InstanceColumns(read, loader.n, trajectories, tuple(rooms), imaged)
+    def labelled(name: str) -> NDArray[np.bool_]:
+        return loader.cache.get(
+            ("instance", "labelled", name),
+            lambda: loader.column(_LABELLED, [name], 0).astype(np.bool_),
+        )
+
+    return InstanceColumns(read, loader.n, trajectories, tuple(rooms), imaged, labelled)
 
 
 def _instance_column(
@@ -142,7 +152,11 @@ def load_run_columns(
         dx, dy = real.x - sim.x, real.y - sim.y
         return np.asarray(np.sqrt(dx * dx + dy * dy))
 
-    columns = RunColumns(cached(None, of_run), run, sim, real)
+    def label_gains(name: str) -> NDArray[np.float64]:
+        load = partial(loader.column, _LABEL_GAINS, (run, name))
+        return loader.cache.get(("run", run, None, "label_gains", name), load)
+
+    columns = RunColumns(cached(None, of_run), run, sim, real, label_gains)
     return columns
 
 
@@ -173,7 +187,7 @@ def unpredicted(n: int, imaged: Mapping[Side, NDArray[np.bool_]]) -> RunColumns:
     def of_side(side: Side) -> SideColumns:
         return SideColumns(lambda name: imaged[side] if name == "imaged" else read(name))
 
-    return RunColumns(read, NO_RUN, of_side("sim"), of_side("real"))
+    return RunColumns(read, NO_RUN, of_side("sim"), of_side("real"), lambda name: read("gain"))
 
 
 def _predicted(loader: ColumnLoader, run: str, side: Side, name: str) -> NDArray[Any]:

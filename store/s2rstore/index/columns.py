@@ -51,7 +51,7 @@ class InstanceColumns(Columns):
     odometry in metres, headings in radians, curvature in degrees, timestamps in seconds.
     `pair_offset_m` and `pair_offset_deg` are the distance and the angle between the poses of the
     sim and the real image, 0 for pairs of one pose. `imaged(domain)` are the instances with an
-    image in a domain.
+    image in a domain, `labelled(name)` those with a label image that shows an object of a class.
     """
 
     x: FloatColumn
@@ -75,10 +75,12 @@ class InstanceColumns(Columns):
         trajectory_names: tuple[str, ...],
         room_names: tuple[str, ...],
         imaged: Callable[[str], BoolColumn],
+        labelled: Callable[[str], BoolColumn],
     ) -> None:
         super().__init__(read)
         self._n = n
         self.imaged = imaged
+        self.labelled = labelled
         self.trajectory_names = trajectory_names
         self.room_names = room_names
 
@@ -127,7 +129,9 @@ class RunColumns(Columns):
     `paired` marks the instances with an image in both domains of the run, `attempted` those that
     the run was applied to on both sides, `valid` those of them that it localised on both, and
     `trained` those of which an image was used to fit or to choose the model. `split` is the first
-    in `records.SPLITS` of the splits of both sides, as a code with -1 for NULL.
+    in `records.SPLITS` of the splits of both sides, as a code with -1 for NULL. `label_gains(name)`
+    are the metres by which the real error would fall if the objects of a class looked as in
+    simulation; NaN where an image shows none.
     """
 
     gap: FloatColumn
@@ -138,9 +142,17 @@ class RunColumns(Columns):
     split: IntColumn
     trained: BoolColumn
 
-    def __init__(self, read: Read, run: str, sim: SideColumns, real: SideColumns) -> None:
+    def __init__(
+        self,
+        read: Read,
+        run: str,
+        sim: SideColumns,
+        real: SideColumns,
+        label_gains: Callable[[str], FloatColumn],
+    ) -> None:
         super().__init__(read)
         self.run = run
+        self.label_gains = label_gains
         self.sim = sim
         self.real = real
 

@@ -32,10 +32,12 @@ THRESHOLDS_ARE = (
     f"{MAX_COORDINATE:g} m and 180 degrees"
 )
 """What is wrong with thresholds of recall that are refused."""
+MAX_LABEL = 65_535
+"""Largest value of a pixel of a label image."""
 MAX_TEXT = 1_000
 MAX_JSON = 100_000
-MAX_ROWS = {"trajectory": 100_000, "room": 4_096, "domain": 1_024, "model": 10_000, "run": 10_000,
-            "translator": 10_000, "part": 100_000}  # fmt: skip
+MAX_ROWS = {"trajectory": 100_000, "room": 4_096, "label": MAX_LABEL, "domain": 1_024,
+            "model": 10_000, "run": 10_000, "translator": 10_000, "part": 100_000}  # fmt: skip
 """Rows that a table which is read whole may have."""
 CHANNELS = ("rgb", "depth", "rgbd")
 """What the input of a network may hold."""
@@ -194,6 +196,12 @@ def check_rooms(index: Path, rows: Sequence[Row]) -> None:
         x0, y0, x1, y1 = (check.number(edge, -MAX_COORDINATE, MAX_COORDINATE) for edge in _EDGES)
         if x1 < x0 or y1 < y0:
             check.refuse("x1", "x1 and y1 must not be smaller than x0 and y0")
+
+
+def check_labels(index: Path, rows: Sequence[Row]) -> None:
+    for _, check in _checkers(index, "label", rows, "name", "label"):
+        check.number("label", 1, MAX_LABEL)
+        check.text("name")
 
 
 def check_domains(index: Path, rows: Sequence[Row], has_poses: bool = True) -> list[Row]:

@@ -3,9 +3,9 @@
 Every generation has an index of its own, which starts as a copy of the one before. The rows of runs
 would make these copies as large as all runs together. So a table of `PARTITIONS` with more than
 `MAX_ROWS` rows moves to immutable files below `index/rows/`, which generations share: one file per
-run, or for table `frame` one per ingest. Table `row_file` lists them, and the table itself becomes
-a view over them. Names of files begin with the SHA-256 of their content, so rows that are published
-again add no file.
+run, or for tables without runs one per ingest. Table `row_file` lists them, and the table itself
+becomes a view over them. Names of files begin with the SHA-256 of their content, so rows that are
+published again add no file.
 
 Paths in the views are relative to the folder of the index, so that a store can be moved. Plain
 DuckDB finds them after `SET file_search_path`. `s2rstore` does not use these views: a connection of
@@ -33,7 +33,10 @@ TABLE = "row_file"
 """The table that lists the files."""
 FOLDER = "rows"
 """The folder of the files, beside the index."""
-PARTITIONS: dict[str, str | None] = {"prediction": "run", "projection": "run", "frame": None}
+PARTITIONS: dict[str, str | None] = {
+    "prediction": "run", "projection": "run", "label_gain": "run", "frame": None,
+    "frame_label": None,
+}  # fmt: skip
 """Tables whose rows may lie in files, and the column that is constant within a file, if any."""
 MAX_ROWS_PER_BYTE = 1.0
 """Rows of a table per byte of its file: real poses take more than a byte, repetitions do not."""

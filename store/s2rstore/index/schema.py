@@ -10,7 +10,7 @@ from collections.abc import Collection
 from s2rstore.index.table_definition import Table, statements_of, table_of
 from s2rstore.records import GAP_FACTORS
 
-VERSION = 3
+VERSION = 4
 """The schema number that every written index has, in `CURRENT.json`; others are refused.
 
 A new table or column needs a new number.
@@ -18,6 +18,10 @@ A new table or column needs a new number.
 
 CHECKSUMS = "checksums"
 """Value of `provenance.what`: `key` is a file's path inside the store, `value` its SHA-256."""
+
+LABELS = "labels"
+"""Value of `provenance.what`: `key` is a domain with label images, `value` the key of their arrays.
+"""
 
 CONVENTIONS = "conventions"
 """Value of `provenance.what`: `key` is a domain, or DOMAIN@PART for the instances of an appended
@@ -196,6 +200,32 @@ TABLES: tuple[Table, ...] = (
         ),
     ),
     table_of(
+        "label",
+        "objects in label images; values of one name are instances of one class",
+        "label",
+        ("label", "INTEGER", "value of the object's pixels, 1 .. 65535"),
+        ("name", "VARCHAR", "class"),
+    ),
+    table_of(
+        "frame_label",
+        "the objects that the label image of a frame shows; a frame without one has no rows",
+        "domain iid label",
+        ("iid", "INTEGER", "instance"),
+        ("domain", "VARCHAR", "domain"),
+        ("label", "INTEGER", "object"),
+        ("share", "FLOAT", "share of the pixels that show it"),
+    ),
+    table_of(
+        "label_gain",
+        "by how much the real error of a run would fall if a labelled object looked as in "
+        "simulation: the sum of heatmap harm over the pixels that show it",
+        "run iid label",
+        ("run", "VARCHAR", "run"),
+        ("iid", "INTEGER", "instance"),
+        ("label", "INTEGER", "object"),
+        ("gain", "DOUBLE", "m; negative = the error would rise"),
+    ),
+    table_of(
         "part",
         "instances that were ingested together, in order; without rows all instances are one part",
         "part",
@@ -349,8 +379,8 @@ TABLES: tuple[Table, ...] = (
         "Parquet files that hold all rows of a table, which is then a view over them; a table "
         "without files holds its rows itself",
         "table_name run path",
-        ("table_name", "VARCHAR", "prediction, projection or frame"),
-        ("run", "VARCHAR", "run whose rows it holds; NULL in table frame"),
+        ("table_name", "VARCHAR", "table whose rows it holds"),
+        ("run", "VARCHAR", "run whose rows it holds; NULL in a table without runs"),
         ("path", "VARCHAR", "relative to the folder of the index"),
         ("sha256", "VARCHAR", "of the file"),
         ("bytes", "BIGINT", "size of the file"),

@@ -350,6 +350,9 @@ def _rate(
     if sizes.size < _FEWEST_BLOCKS:
         reason = f"{sizes.size} blocks of {BLOCK} neighbours, an exchange rate needs"
         return Interval.unknown(float(a.mean() / b.mean()), f"{reason} {_FEWEST_BLOCKS}")
+    if np.array_equal(real, residual):  # no weight helps
+        high = _rate_of(correlation.high) if correlation.is_known else 1.0
+        return Interval(1.0, 1.0, high, level)
     found = estimates.linear(
         float(np.log(a.mean() / b.mean())), a / a.mean() - b / b.mean(), owners, level=level,
         minimum=_FEWEST_BLOCKS,

@@ -27,7 +27,7 @@ def located(node: tree.Node) -> tree.Node:
         end = start + len(_leaf(leaf))
         if isinstance(leaf, tree.Named):
             leaf = replace(leaf, column=start + len(_field(leaf.field)) + 2)
-        elif isinstance(leaf, tree.Like | tree.Saved):
+        elif isinstance(leaf, tree.Like | tree.LabelGain | tree.Saved):
             leaf = replace(leaf, column=start + 1)
         placed.append(leaf)
     return tree.with_leaves(node, iter(placed))
@@ -85,6 +85,8 @@ def _leaf(node: tree.Node) -> str:
             return _call(x, "lasso", tuple(value for corner in corners for value in corner))
         case tree.Like(side, iid, count, run):
             return f"{_run(run)}{'sim.' if side == 'sim' else ''}like({iid}, {count})"
+        case tree.LabelGain(label, operator, value, run):
+            return f"{_run(run)}harm.label({string(label)}) {operator} {_number(value)}"
         case tree.Bend(straight):
             return "straight" if straight else "curved"
         case tree.Paired(run):

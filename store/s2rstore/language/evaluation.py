@@ -22,7 +22,7 @@ from s2rstore.language import (
 )
 from s2rstore.language.fields import is_truth
 from s2rstore.language.name_resolution import used_fields
-from s2rstore.language.syntax_tree import Like, leaves
+from s2rstore.language.syntax_tree import LabelGain, Like, leaves
 from s2rstore.metrics import nearest_neighbours
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN, Side
@@ -35,7 +35,8 @@ def vocabulary(store: Store, saved: Saved | None = None) -> Vocabulary:
     truth = store.instances
     runs = tuple(name for name, run in store.runs.items() if run.key)
     domains = tuple(store.domains)
-    return Vocabulary(runs, truth.room_names, truth.trajectory_names, saved or {}, domains)
+    labels = tuple(dict.fromkeys(store.label_names.values()))
+    return Vocabulary(runs, truth.room_names, truth.trajectory_names, saved or {}, domains, labels)
 
 
 def context(
@@ -94,8 +95,8 @@ def require_predictions(store: Store, asked: Query) -> None:
         return
     for leaf in leaves(asked.expanded):
         used = [field.name for field in used_fields(leaf) if not is_truth(field.name)]
-        if isinstance(leaf, Like):
-            used = ["like"]
+        if isinstance(leaf, Like | LabelGain):
+            used = ["like" if isinstance(leaf, Like) else "harm.label"]
         if used:
             raise RequestError(f"{store.path}: {used[0]} needs predictions: {store.no_run}")
 

@@ -33,8 +33,8 @@ class Numeric:
 class Text:
     """A field of names: `path` of codes, and `column` in view `pair`.
 
-    Rooms of predictions, the split of both sides together and `has`, which holds for several names,
-    have no column.
+    Rooms of predictions, the split of both sides together, and `has` and `label`, which hold for
+    several names, have no column.
     """
 
     column: str
@@ -106,6 +106,7 @@ TEXT: dict[str, Text] = {
     "room": Text("room", "instances.room", "rooms", "room of the ground truth"),
     "traj": Text("trajectory", "instances.trajectory", "trajectories", "trajectory"),
     "has": Text("", "instances.imaged", "domains", "domain in which the instance has an image"),
+    "label": Text("", "instances.labelled", "labels", "class of an object in a label image"),
     "split": Text("", "split", "splits", "what the model knew of either image"),
     **{
         f"{side}.{name}": Text(f"{side}_{name}", f"{side}.{name}", vocabulary, f"{side}: {text}")
@@ -148,6 +149,7 @@ FUNCTIONS: dict[str, str] = {
     "like": "like(iid, k): the k nearest by embedding, real side, and itself",
     "sim.like": "sim.like(iid, k): the k nearest by embedding, sim side, and itself",
     "real.like": "the same as like",
+    "harm.label": 'harm.label("chair") > 0.2: metres that labelled objects cost the real side',
     **{
         f"{prefix}{name}": prefix + text.format(*texts)
         for name, text in _SHAPES

@@ -8,10 +8,22 @@ from typing import Any, cast
 from s2rstore.errors import ExpressionError, unknown
 from s2rstore.language import fields
 from s2rstore.language.lasso import MAX_CORNERS
-from s2rstore.language.syntax_tree import Box, Extreme, Field, Ids, Lasso, Like, Near, Node
+from s2rstore.language.syntax_tree import (
+    Box,
+    Extreme,
+    Field,
+    Ids,
+    LabelGain,
+    Lasso,
+    Like,
+    Near,
+    Node,
+    Operator,
+)
 from s2rstore.records import Side
 
 MAX_NEIGHBOURS = 100_000
+_LABEL_GAIN, _GAIN_USAGE = "harm.label", 'harm.label("chair") > 0.2'
 
 
 class Head:
@@ -24,14 +36,19 @@ class Head:
 class Call(Head):
     """A name with arguments, each a pair of its kind and its content."""
 
-    def __init__(self, name: str, column: int, arguments: list[Any]) -> None:
-        super().__init__(name, column)
+    def __init__(
+        self, name: str, column: int, arguments: list[Any], run: str | None = None
+    ) -> None:
+        super().__init__(name, column, run)
         self.arguments = arguments
 
 
-def apply(head: Head, arguments: list[Any]) -> Node:
+def apply(head: Call) -> Node:
     """The node of a function call. Raises ExpressionError."""
+    arguments = head.arguments
     prefix, dot, last = head.name.rpartition(".")
+    if head.name == _LABEL_GAIN:
+        raise ExpressionError(head.column, f"{head.name} needs a comparison", [_GAIN_USAGE])
     if head.name in _PLAIN and not (head.name == "ids" and head.run):
         return _PLAIN[head.name](head, arguments)
     if last == "like" and prefix in ("", "sim", "real"):
@@ -41,6 +58,16 @@ def apply(head: Head, arguments: list[Any]) -> Node:
     if prefix + dot in fields.PLANES and last in _SHAPES:
         return _SHAPES[last](head, arguments, fields.PLANES[prefix + dot])
     raise unknown(head.column, "function", head.name, fields.FUNCTIONS)
+
+
+def compared(call: Call, operator: Operator, value: float) -> Node:
+    """The node of a function whose number is compared with a value. Raises ExpressionError."""
+    if call.name != _LABEL_GAIN:
+        apply(call)  # its own mistakes come first
+        raise ExpressionError(call.column, f"{call.name} is no number to compare", [_GAIN_USAGE])
+    if [kind for kind, _ in call.arguments] != ["text"]:
+        raise ExpressionError(call.column, f"{call.name} takes a quoted label", [_GAIN_USAGE])
+    return LabelGain(call.arguments[0][1], operator, value, call.run, call.column)
 
 
 def numeric(head: Head) -> Field:

@@ -43,6 +43,7 @@ class Vocabulary:
     trajectories: tuple[str, ...]
     saved: Mapping[str, tree.Node] = field(default_factory=dict)
     domains: tuple[str, ...] = ()
+    labels: tuple[str, ...] = ()
     splits: tuple[str, ...] = SPLITS
 
     def of(self, name: str) -> tuple[str, ...]:
@@ -147,6 +148,8 @@ def _check_names(leaf: tree.Node, words: Vocabulary) -> None:
         if leaf.value not in words.of(text.vocabulary):
             kind = "domain" if leaf.field.name == "has" else leaf.field.name
             raise unknown(leaf.column, kind, leaf.value, words.of(text.vocabulary))
+    if isinstance(leaf, tree.LabelGain) and leaf.label not in words.labels:
+        raise unknown(leaf.column, "label", leaf.label, words.labels)
 
 
 def used_fields(node: tree.Node) -> tuple[tree.Field, ...]:
@@ -168,7 +171,7 @@ def used_runs(node: tree.Node) -> set[str]:
 def _runs(leaf: tree.Node) -> set[str]:
     named = (
         [leaf.run]
-        if isinstance(leaf, tree.Like | tree.Paired)
+        if isinstance(leaf, tree.Like | tree.LabelGain | tree.Paired)
         else [f.run for f in used_fields(leaf)]
     )
     return {run for run in named if run is not None}

@@ -131,7 +131,7 @@ def _operand(node: tree.Node, context: MaskContext, base: Mask) -> Mask:
 
 def _key(node: tree.Node, context: MaskContext) -> Hashable:
     """All that a leaf's mask depends on."""
-    if isinstance(node, tree.Extreme | tree.Like | tree.Paired):
+    if isinstance(node, tree.Extreme | tree.Like | tree.LabelGain | tree.Paired):
         return node, context.run, context.population
     names = [used.name for used in used_fields(node)]
     needs_run = not all(map(fields.is_truth, names))
@@ -175,6 +175,9 @@ def _leaf(node: tree.Node, context: MaskContext) -> Mask:
                     similar_instances(node, context.run, context.population, context.neighbours)
                 ] = True
                 return chosen
+            case tree.LabelGain(label, operator, value, run):
+                gains = context.run_columns(run or context.run).label_gains(label)
+                return np.asarray(_OPERATORS[operator](gains, value))
             case tree.Paired(run):
                 return context.run_columns(run or context.run).paired
             case tree.Training(trained, run):
@@ -241,6 +244,8 @@ def _named(node: tree.Named, context: MaskContext) -> Mask:
     truth = context.instances
     if node.field.name == "has":
         return truth.imaged(node.value)
+    if node.field.name == "label":
+        return truth.labelled(node.value)
     own = {"rooms": truth.room_names, "trajectories": truth.trajectory_names}
     names = own.get(text.vocabulary, context.words.splits)
     codes = _column(text.path, node.field.run, context)

@@ -13,7 +13,7 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedTok
 from s2rstore.errors import ExpressionError, unknown
 from s2rstore.language import fields
 from s2rstore.language import syntax_tree as tree
-from s2rstore.language.functions import Call, Head, apply, numeric
+from s2rstore.language.functions import Call, Head, apply, compared, numeric
 from s2rstore.security.printable_text import printable
 
 _EXPECTED = {
@@ -146,6 +146,9 @@ class _Build(Transformer[Token, Any]):
     def call(self, name: Token, arguments: list[Any]) -> Call:
         return Call(str(name), int(name.column or 1), arguments)
 
+    def run_call(self, head: Head, arguments: list[Any]) -> Call:
+        return Call(head.name, head.column, arguments, head.run)
+
     def arguments(self, *items: Any) -> list[Any]:
         return list(items)
 
@@ -222,10 +225,10 @@ class _Build(Transformer[Token, Any]):
         raise ExpressionError(content[1], f"{head.name}: takes a number", ["1..5", "90+-20"])
 
     def function(self, call: Call) -> tree.Node:
-        return apply(call, call.arguments)
+        return apply(call)
 
-    def run_function(self, head: Head, arguments: list[Any]) -> tree.Node:
-        return apply(head, arguments)
+    def call_comparison(self, call: Call, operator: Token, value: tuple[float, str]) -> tree.Node:
+        return compared(call, cast(Any, str(operator)), value[0])
 
 
 def _head(name: Token | Head) -> Head:

@@ -21,6 +21,9 @@ from s2rstore.language.name_resolution import (
 )
 from s2rstore.records import NO_RUN, SIDES
 
+_SIGNS = {"!=": "<>"}
+"""SQL's spelling of the operators of comparisons that differ."""
+
 
 @dataclass(frozen=True, slots=True)
 class SqlContext:
@@ -161,7 +164,7 @@ def _operand(node: tree.Node, writer: _Writer) -> str:
             return f"({' OR '.join(parts) or 'false'})"
         case tree.Compare(field, operator, value):
             column = writer.column(field)
-            sign = "<>" if operator == "!=" else operator
+            sign = _SIGNS.get(operator, operator)
             compared = value * fields.NUMERIC[field.name].scale
             return _among(
                 writer, field, lambda w: f"{_known(column)} AND {column} {sign} {w.bind(compared)}"
@@ -194,6 +197,13 @@ def _operand(node: tree.Node, writer: _Writer) -> str:
             context = writer.context
             iids = similar_instances(node, context.run, context.population, context.neighbours)
             return f"q.iid IN (SELECT unnest({writer.bind(iids.tolist())}::INTEGER[]))"
+        case tree.LabelGain(label, operator, value, run):
+            return (
+                "q.iid IN (SELECT iid FROM label_gain JOIN label USING (label) WHERE "
+                f"run = {writer.bind(run or writer.context.run)} AND name = {writer.bind(label)} "
+                f"GROUP BY iid HAVING sum(gain) {_SIGNS.get(operator, operator)} "
+                f"{writer.bind(value)})"
+            )
         case tree.Paired(run):
             return _paired(writer, run)
         case tree.Training(trained, run):
@@ -270,6 +280,11 @@ def _named(node: tree.Named, writer: _Writer) -> str:
         value = writer.context.stored_rooms.get(value, value)
     if node.field.name == "has":
         return f"q.iid IN (SELECT iid FROM frame WHERE domain = {writer.bind(value)})"
+    if node.field.name == "label":
+        return (
+            "q.iid IN (SELECT iid FROM frame_label JOIN label USING (label) WHERE "
+            f"name = {writer.bind(value)})"
+        )
     if node.field.name == "split":
         return _split(value, writer)
     if name != "room" or not side:

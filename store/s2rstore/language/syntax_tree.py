@@ -9,6 +9,8 @@ from typing import Literal
 
 from s2rstore.records import Side
 
+Operator = Literal["<", "<=", ">", ">=", "=", "!="]
+
 
 @dataclass(frozen=True)
 class Field:
@@ -40,7 +42,7 @@ class Compare:
     """`gap >= 2`."""
 
     field: Field
-    operator: Literal["<", "<=", ">", ">=", "=", "!="]
+    operator: Operator
     value: float
 
 
@@ -121,6 +123,17 @@ class Like:
 
 
 @dataclass(frozen=True)
+class LabelGain:
+    """`harm.label("chair") > 0.2`: what the objects of a class cost the real prediction, metres."""
+
+    label: str
+    operator: Operator
+    value: float
+    run: str | None = None
+    column: int = attribute(default=1, compare=False)
+
+
+@dataclass(frozen=True)
 class Bend:
     """`straight` (|curvature| < 10 degrees) or `curved` (the others)."""
 
@@ -188,7 +201,7 @@ class Or(Operation):
 
 Node = (
     Everything | Nothing | Ids | Compare | Between | Around | Named | Extreme | Box | Near | Lasso
-    | Like | Bend | Paired | Training | Saved | Not | Operation
+    | Like | LabelGain | Bend | Paired | Training | Saved | Not | Operation
 )  # fmt: skip
 
 

@@ -88,6 +88,8 @@ def _required(store: Store, current: layout.Current) -> Iterator[str]:
         for part in parts:
             images = ("rgb", "depth") if store.domain(domain).has_depth else ("rgb",)
             arrays += [store.frames_array(domain, part, image) for image in images]
+            if folder := store.labels_folder(domain, part):
+                arrays.append(store.labels_array(part, folder))
             if store.has_source_frames(domain, part):
                 arrays += [store.source_array(domain, part, image) for image in images]
     for array in arrays:

@@ -131,6 +131,7 @@ def _entries(root: Path, folder: str, kind: safe_files.Kind) -> list[FolderEntry
 
 def _unreferenced(root: Path, indexes: list[str]) -> list[str]:
     frames: set[str] = set()
+    labels: set[str] = set()
     arrays: set[str] = set()
     weights: set[str] = set()
     translators: set[str] = set()
@@ -145,6 +146,7 @@ def _unreferenced(root: Path, indexes: list[str]) -> list[str]:
             ):  # fmt: skip
                 values.update(row[0] for row in connection.execute(query).fetchall())
             frames |= frame_folders(connection)
+            labels |= _label_arrays(connection)
             translators |= _used_translators(connection)
     used = {f"{layout.RUNS}/{'/'.join(path.split('/')[:2])}" for path in arrays}
     unused = [
@@ -158,6 +160,12 @@ def _unreferenced(root: Path, indexes: list[str]) -> list[str]:
         for domain in _entries(root, layout.FRAMES, "folder")
         for folder in _entries(root, domain.path, "folder")
         if folder.path not in frames
+    ]
+    unused += [
+        array.path
+        for folder in frames
+        for array in _entries(root, folder, "folder")
+        if array.name.startswith(layout.LABEL_IMAGES) and array.path not in labels
     ]
     unused += [
         entry.path
@@ -181,6 +189,13 @@ def frame_folders(connection: duckdb.DuckDBPyConnection) -> set[str]:
     folders = {row[0] for row in rows} | {part.folder for part in parts}
     domains = connection.execute("SELECT domain FROM domain").fetchall()
     return {f"{layout.FRAMES}/{domain}/{folder}" for (domain,) in domains for folder in folders}
+
+
+def _label_arrays(connection: duckdb.DuckDBPyConnection) -> set[str]:
+    """The folders of the label images that an index lists."""
+    query = "SELECT key FROM provenance WHERE what = ?"
+    listed = connection.execute(query, [schema.CHECKSUMS]).fetchall()
+    return {str(Path(path).parent) for (path,) in listed if f"/{layout.LABEL_IMAGES}" in path}
 
 
 def _used_translators(connection: duckdb.DuckDBPyConnection) -> set[str]:

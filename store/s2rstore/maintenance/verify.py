@@ -235,6 +235,8 @@ class _Verification:
             for image in ("rgb", "depth") if self.store.domain(domain).has_depth else ("rgb",):
                 relative = f"{layout.FRAMES}/{domain}/{part.folder}/{image}"
                 self._check_array(relative, partial(self.store.frames_array, domain, part, image))
+            if folder := self.store.labels_folder(domain, part):
+                self._check_array(folder, partial(self.store.labels_array, part, folder))
             for image, array in SOURCE_IMAGES.items():
                 relative = f"{layout.FRAMES}/{domain}/{part.folder}/{array}"
                 if f"{relative}/{stored_array.METADATA}" in self.store.checksums:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from s2rstore.records import Domain, Intrinsics, Side
+from s2rtools.common.frame_resizing import resized_depth
 from s2rtools.counterfactual.counterfactual_inputs import (
     CounterfactualInputs,
     OwnView,
@@ -102,6 +103,16 @@ class PairCounterfactuals:
                 np.stack([cv2.resize(v, shape, interpolation=cv2.INTER_AREA) for v in found])
             )
         return warped
+
+    def labels_in_real_view(
+        self, labels: NDArray[Any], depth: NDArray[Any], valid: NDArray[np.bool_]
+    ) -> NDArray[Any]:
+        """Labels (H, W) of a sim image in the real view, at the working size; 0 if not seen.
+
+        `depth` and `valid` (H, W) are those of the sim image.
+        """
+        images = resized_images(np.zeros((*depth.shape, 3), np.uint8), depth, valid, self._size)
+        return self.rigs.labels_in_real_view(resized_depth(labels, self._size), images)
 
     def _metres(self, side: Side, images: ImageArrays) -> NDArray[np.float32]:
         """Depth (h, w) of a side's depth camera in metres, 0 where there is no value."""

@@ -139,6 +139,10 @@ class RigPair:
         view = ViewPair(sim[0].astype(np.float32), made.rgb, metres, made.depth, made.seen)
         return SceneComparison(view, self._tolerance)
 
+    def labels_in_real_view(self, labels: NDArray[Any], sim: ImageArrays) -> NDArray[Any]:
+        """Labels (h, w) of the sim RGB image in the real view, 0 where that is not seen."""
+        return self._to_real.nearest(labels, self.sim.metres(*sim[1:]))
+
     def to_sim_view(self, values: NDArray[np.float32], sim: ImageArrays) -> NDArray[np.float32]:
         """Values (n, h, w) over the real RGB image in the sim view, 0 where that is not seen."""
         return self._to_sim.warped(values, self.sim.metres(*sim[1:]))

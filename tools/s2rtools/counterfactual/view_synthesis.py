@@ -98,6 +98,14 @@ class ViewSynthesis:
         planes = [cv2.remap(each, x, y, cv2.INTER_LINEAR, borderValue=0) for each in values]
         return np.where(seen, np.stack(planes), np.float32(0))
 
+    def nearest(self, values: NDArray[Any], metres: NDArray[np.float32]) -> NDArray[Any]:
+        """Values (h, w) over the source's image in the target's view, those of the nearest pixel.
+
+        `metres` (h, w) is as in `__call__`. 0 where the source does not see the pixel.
+        """
+        x, y, _, seen = self._positions(self.surface(metres))
+        return np.where(seen, cv2.remap(values, x, y, cv2.INTER_NEAREST), 0).astype(values.dtype)
+
     def _positions(
         self, surface: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:

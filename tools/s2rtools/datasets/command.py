@@ -146,13 +146,18 @@ def execute(options: argparse.Namespace) -> int:
     scan = IMPORTERS[options.layout](getattr(options, "path", Path()), scan_options)
     _print_outside_folders(scan)
     try:
-        return (
+        code = (
             append_scan(scan, options.store, options.strict)
             if options.append
             else _build(scan, options)
         )
     finally:
         print_issues(scan.issues, options.strict)
+    if code == 0 and options.layout == "world" and not options.survey:
+        from s2rtools.labels.world_labels import label_world
+
+        label_world(options.store, _command())
+    return code
 
 
 def _ingest_pairs(options: argparse.Namespace, size: int) -> int:

@@ -22,6 +22,7 @@ from s2rtools.precompute.chosen_kinds import default_kinds, kinds_without_networ
 from s2rtools.precompute.executors.executor import Executor, Task, largest_first
 from s2rtools.precompute.executors.local_executors import LocalExecutor, WorkerPool
 from s2rtools.precompute.input_hashes import InputHashes
+from s2rtools.precompute.label_gains import update_label_gains
 from s2rtools.precompute.merged_arrays import merge_arrays
 from s2rtools.precompute.publish_results import publish_run
 from s2rtools.precompute.restart import discard_incomplete
@@ -104,6 +105,8 @@ def precompute(
                 count = len(current.get().instances)
                 progress.expect(number, count, len(computed) - place, len(computed))
                 run.try_to_compute(number)
+        if labelled := update_label_gains(root, lease.check):
+            reporter.say(f"gains of labelled objects: {', '.join(labelled)}")
         for run in computed:
             if run.error is not None:
                 raise run.error

@@ -51,8 +51,10 @@ class MeshScene:
     def __init__(self, path: Path, placement: NDArray[np.float64]) -> None:
         """Raises RequestError where the file holds no surface."""
         from vtkmodules import vtkRenderingOpenGL2  # noqa: F401
+        from vtkmodules.vtkCommonCore import vtkLogger
         from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
 
+        vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # it warns that there is no screen
         self._renderer, self._window = vtkRenderer(), vtkRenderWindow()
         self._window.SetOffScreenRendering(True)
         self._window.SetMultiSamples(0)
@@ -264,6 +266,9 @@ def main() -> None:
                         help="places on the mesh's floor and on the map: mesh_x, mesh_y, x_m, "
                         "y_m")  # fmt: skip
     options = parser.parse_args()
+    for path in filter(None, (options.file, options.points)):
+        if not path.is_file():
+            parser.error(f"{path}: no such file")
     try:
         import vtkmodules  # noqa: F401
     except ImportError:

@@ -99,8 +99,8 @@ class RendererWorkers:
                 else:
                     raise result
         finally:
-            self._stopped.set()
             if count:
+                self._stopped.set()
                 for program in list(self._programs.values()):
                     program.stop()
             for thread in threads:

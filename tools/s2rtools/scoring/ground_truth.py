@@ -14,6 +14,7 @@ from s2rstore.geometry.map_grid import MapGrid
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Domain, Side
 from s2rstore.run_inputs import run_render_change
+from s2rtools.common.frame_resizing import overlap_shares
 from s2rtools.synthetic_world.dataset import WorldData
 from s2rtools.synthetic_world.renderer import Camera
 
@@ -119,12 +120,3 @@ def to_cells(heat: NDArray[np.float32]) -> NDArray[np.float32]:
     total, weight = (rows @ plane @ cols.T for plane in (values, known.astype(np.float64)))
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(weight > 1e-9, total / weight, np.nan).astype(np.float32)
-
-
-def overlap_shares(extent: int, cells: int) -> NDArray[np.float64]:
-    """(cells, extent): share of each of `cells` equal cells that each source cell covers."""
-    edges = np.linspace(0, extent, cells + 1)
-    source = np.arange(extent)
-    low = np.maximum(edges[:-1, None], source[None])
-    high = np.minimum(edges[1:, None], source[None] + 1)
-    return np.maximum(high - low, 0.0) * cells / extent

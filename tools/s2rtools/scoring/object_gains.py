@@ -12,9 +12,10 @@ from s2rstore.geometry.camera_offset import RenderChange
 from s2rstore.metrics import run_metrics
 from s2rstore.records import SIDES, Side
 from s2rtools.common.blocks import evenly_spread
+from s2rtools.common.frame_resizing import overlap_shares
 from s2rtools.scoring.counterfactual_errors import BATCH, CounterfactualErrors, EvaluatedRuns
 from s2rtools.scoring.factor_effects import MIN_SHARE
-from s2rtools.scoring.ground_truth import GroundTruth, move_camera, overlap_shares
+from s2rtools.scoring.ground_truth import GroundTruth, move_camera
 from s2rtools.scoring.harm_metrics import ScoredPairs
 
 INSTANCES = 200

@@ -3,12 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import shlex
-import shutil
 import sys
-from contextlib import closing
-from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -21,19 +16,14 @@ from s2rtools.common.command_line.progress import reporter
 
 if TYPE_CHECKING:
     from s2rstore.reader import Store
-    from s2rstore.records import Domain, Intrinsics
-    from s2rtools.renderer.frames import RenderedFrame
-    from s2rtools.renderer.protocol import Hello, Ready
-    from s2rtools.simulated_frames.frame_folder import FrameFolder
+    from s2rtools.renderer.protocol import Ready
+    from s2rtools.simulated_frames.pose_renderer import PoseRenderer
     from s2rtools.simulated_frames.requested_poses import RequestedPoses
 
 EXAMPLE = "s2r render lab.s2r --renderer 'python my_sim.py' --grid 0.5,8"
-BUILT_IN = {"world": "--seed", "mesh": ""}
-"""Renderers that ship, by the word before the colon, and the option that takes the word after."""
 SIDE: Literal["sim"] = "sim"
 """Side and domain of rendered frames in a store."""
 _TIMEOUT = 120.0
-_MOST_WORKERS = 64
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -67,6 +57,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                        "STORE-frames); frames that it has are not rendered again")  # fmt: skip
     group.add_argument("--frames-only", action="store_true",
                        help="write the folder and leave the store as it is")  # fmt: skip
+    add_processes(group)
+
+
+def add_processes(group: argparse._ArgumentGroup) -> None:
+    """Add the options of the renderer's processes."""
     group.add_argument("--workers", type=int, default=1, metavar="K",
                        help="processes of the renderer (default 1)")  # fmt: skip
     group.add_argument("--timeout", type=float, default=_TIMEOUT, metavar="SECONDS",
@@ -86,27 +81,25 @@ def _grid(text: str) -> tuple[float, int]:
 
 
 def execute(options: argparse.Namespace) -> int:
-    if not 1 <= options.workers <= _MOST_WORKERS:
-        raise RequestError(f"--workers {options.workers}: must be 1 to {_MOST_WORKERS}")
-    if not 0 < options.timeout < 1e6:
-        raise RequestError(f"--timeout {options.timeout:g}: must be more than 0 seconds")
-    command = renderer_command(options.renderer)
+    from s2rtools.simulated_frames import pose_renderer
+
+    pose_renderer.check_processes(options.workers, options.timeout)
+    command = pose_renderer.renderer_command(options.renderer)
     with s2rstore.open(options.store) as store:
         store.require_poses("render")
-        domain = store.domain(options.domain or _default_domain(store))
+        cameras = pose_renderer.FrameCameras.of_store(store, options.domain)
         if not options.frames_only:
-            _check_domain(store, domain.domain)
+            _check_domain(store, cameras.domain.domain)
         requested = _requested(store, options)
         if options.trajectory is not None:
             if requested.are_stored:
                 raise RequestError("--trajectory: --missing keeps the trajectories of the store")
             requested = requested.renamed(checked_name(options.trajectory, "--trajectory"))
-        frame = store.dataset.frame_height, store.dataset.frame_width
-        y_down = store.dataset.y_down
-    path = options.out or options.store.with_name(f"{options.store.stem}-frames")
-    if options.store.resolve() in path.resolve().parents:
-        raise RequestError(f"--out {path}: lies inside the store")
-    code = _render(options, path, command, FrameCameras(domain, frame, y_down), requested)
+    path = pose_renderer.frames_path(options.store, options.out)
+    with pose_renderer.PoseRenderer(
+        path, command, cameras, options.workers, options.timeout
+    ) as renderer:
+        code = _render(options, renderer, requested)
     if options.frames_only:
         return code
     if code and requested.are_stored:
@@ -115,35 +108,7 @@ def execute(options: argparse.Namespace) -> int:
         return code
     from s2rtools.simulated_frames.append_frames import append_frames
 
-    return append_frames(path, options.store, domain) or code
-
-
-def renderer_command(text: str) -> list[str]:
-    """The words of `--renderer`, as a shell splits them; no shell is used.
-
-    A renderer that ships takes the place of its short name. Raises RequestError for unbalanced
-    quotes and for a program that does not exist.
-    """
-    try:
-        words = shlex.split(text)
-    except ValueError as error:
-        raise RequestError(f"--renderer {text}: {error}") from error
-    if not words:
-        raise RequestError("--renderer: names no program")
-    kind, colon, argument = words[0].partition(":")
-    if colon and kind in BUILT_IN:
-        option = [BUILT_IN[kind]] if BUILT_IN[kind] else []
-        program = [sys.executable, "-P", "-m", f"s2rtools.renderer.{kind}"]
-        return [*program, *option, argument, *words[1:]]
-    if shutil.which(words[0]) is None:
-        raise RequestError(f"--renderer {text}: there is no program {words[0]!r}")
-    return words
-
-
-def _default_domain(store: Store) -> str:
-    """The sim domain; in a store without one, the first."""
-    kinds = {name: store.domain(name).kind for name in store.domains}
-    return next((name for name, kind in kinds.items() if kind == "sim"), next(iter(kinds)))
+    return append_frames(path, options.store, cameras.domain) or code
 
 
 def _check_domain(store: Store, name: str) -> None:
@@ -198,101 +163,32 @@ def parameter_values(ready: Ready, assignments: list[str]) -> dict[str, float]:
     return values
 
 
-@dataclass(frozen=True, slots=True)
-class FrameCameras:
-    """The cameras of a domain, for frames of (height, width) pixels."""
-
-    domain: Domain
-    frame: tuple[int, int]
-    y_down: bool
-
-    @property
-    def lenses(self) -> list[tuple[Intrinsics, tuple[str, ...]]]:
-        """Each camera with the images that it takes: one for both, or one for each."""
-        domain = self.domain
-        if not domain.has_depth or domain.depth == domain.rgb:
-            return [(domain.rgb, ("rgb", "depth"))]
-        return [(domain.rgb, ("rgb",)), (domain.depth, ("depth",))]
-
-    def hello(self, lens: Intrinsics) -> Hello:
-        """What a renderer is told about a camera."""
-        from s2rtools.renderer.protocol import Hello
-
-        return Hello(
-            width=self.frame[1], height=self.frame[0], fx=lens.fx, fy=lens.fy, cx=lens.cx,
-            cy=lens.cy, y_down=self.y_down, folder="",
-        )  # fmt: skip
-
-
-def _save(
-    folder: FrameFolder, keys: list[str], images: tuple[str, ...], number: int, frame: RenderedFrame
-) -> None:
-    folder.save(keys[number], frame, images)
-
-
-def _render(
-    options: argparse.Namespace,
-    path: Path,
-    command: list[str],
-    cameras: FrameCameras,
-    requested: RequestedPoses,
-) -> int:
-    """Render the frames that a folder lacks; 1 where some could not be rendered.
-
-    Where RGB and depth have different cameras, each pose is rendered by both.
-    """
-    from s2rtools.renderer.workers import RendererWorkers, RenderJob
-    from s2rtools.simulated_frames.frame_folder import TABLE, FrameFolder, prepare_folder
+def _render(options: argparse.Namespace, renderer: PoseRenderer, requested: RequestedPoses) -> int:
+    """Render the frames that the folder lacks; 1 where some could not be rendered."""
+    from s2rtools.simulated_frames.frame_folder import TABLE
     from s2rtools.simulated_frames.requested_poses import camera_poses
 
-    prepare_folder(path)
-    domain, files = cameras.domain, path / "renderer"
-    rgb_poses = camera_poses(requested.poses, domain, cameras.y_down)
-    failures: dict[int, str] = {}
-    before, keys = 0, list[str]()
-    for lens, images in cameras.lenses:
-        with (
-            RendererWorkers(
-                command, cameras.hello(lens), files, options.workers, options.timeout
-            ) as workers,
-            reporter() as progress,
-        ):
-            ready = workers.ready
-            values = parameter_values(ready, options.values)
-            if domain.has_depth and not ready.depth and not options.frames_only:
-                raise RequestError(
-                    f"renderer {ready.name}: renders no depth, domain {domain.domain} has depth; "
-                    "--frames-only leaves the store as it is"
-                )
-            folder = FrameFolder(path, domain, cameras.frame, domain.has_depth and ready.depth)
-            if not keys:
-                keys = [folder.key(ready, pose, values) for pose in rgb_poses]
-                before = sum(folder.has(key) for key in keys)
-            wanted = [each for each in images if each == "rgb" or folder.has_depth]
-            poses = camera_poses(requested.poses, replace(domain, rgb=lens), cameras.y_down)
-            jobs = [
-                RenderJob(number, pose, values)
-                for number, (key, pose) in enumerate(zip(keys, poses, strict=True))
-                if wanted and number not in failures and not folder.has(key, *wanted)
-            ]
-            progress.begin(f"render {' and '.join(wanted)}", len(jobs))
-
-            save = partial(_save, folder, keys, images)
-            try:
-                with closing(workers.render(jobs, save)) as results:
-                    for result in results:
-                        progress.advance(1)
-                        if result.failure:
-                            failures[result.number] = result.failure
-            finally:
-                frames = list(zip(keys, requested.names, rgb_poses, strict=True))
-                folder.add_rows(frames, anew=requested.are_stored)
-    for worker in range(options.workers):
-        shutil.rmtree(files / f"worker-{worker}", ignore_errors=True)
+    ready, folder, cameras = renderer.ready, renderer.folder, renderer.cameras
+    values = [parameter_values(ready, options.values)] * len(requested.poses)
+    if cameras.domain.has_depth and not ready.depth and not options.frames_only:
+        raise RequestError(
+            f"renderer {ready.name}: renders no depth, domain {cameras.domain.domain} has depth; "
+            "--frames-only leaves the store as it is"
+        )
+    keys = renderer.keys(requested.poses, values)
+    before = sum(folder.has(key) for key in keys)
+    try:
+        with reporter() as progress:
+            failures = renderer.render(requested.poses, values, progress.begin, progress.advance)
+    finally:
+        placed = camera_poses(requested.poses, cameras.domain, cameras.y_down)
+        folder.add_rows(
+            list(zip(keys, requested.names, placed, strict=True)), anew=requested.are_stored
+        )
     rendered = len(keys) - before - len(failures)
     print(printable(
-        f"{path / TABLE}: {counted(rendered, 'frame')} rendered by {ready.name} {ready.version}, "
-        f"{before} there before"
+        f"{folder.path / TABLE}: {counted(rendered, 'frame')} rendered by {ready.name} "
+        f"{ready.version}, {before} there before"
     ))  # fmt: skip
     if failures:
         number, reason = min(failures.items())

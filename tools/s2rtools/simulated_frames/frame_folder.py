@@ -18,6 +18,7 @@ from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import cv2
 import msgspec
@@ -34,6 +35,7 @@ TABLE, DESCRIPTION = "frames.csv", "frames.toml"
 _COLUMNS = ("rgb", "depth", "x", "y", "z", "qx", "qy", "qz", "qw", "trajectory")
 _MOST_TABLE = 256 << 20
 _KEY_DIGITS = 24
+_MOST_HEADER = 1 << 16
 
 
 def prepare_folder(path: Path) -> None:
@@ -85,6 +87,24 @@ class FrameFolder:
             atomic_writes.write(self.path, f"depth/{key}.png", png.tobytes(), durable=False)
         if "rgb" in images:
             atomic_writes.write(self.path, f"rgb/{key}.png", frame.png, durable=False)
+
+    def read(self, key: str) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
+        """RGB (height, width, 3) and depth (height, width) in the units of the domain.
+
+        Without depth it is 0. Raises RequestError for a frame that is no image any longer.
+        """
+        rgb = self._image(f"rgb/{key}.png", cv2.IMREAD_COLOR)[..., ::-1]
+        if not self.has_depth:
+            return rgb, np.zeros(self._frame, np.uint16)
+        return rgb, self._image(f"depth/{key}.png", cv2.IMREAD_UNCHANGED)
+
+    def _image(self, name: str, mode: int) -> NDArray[Any]:
+        limit = 8 * self._frame[0] * self._frame[1] + _MOST_HEADER
+        content = np.frombuffer(safe_files.read(self.path, name, limit), np.uint8)
+        image: Any = cv2.imdecode(content, mode)
+        if image is None or image.shape[:2] != self._frame:
+            raise RequestError(f"{self.path / name}: damaged; delete it")
+        return np.asarray(image)
 
     def raw_depth(self, metres: NDArray[np.float32]) -> NDArray[np.uint16]:
         """Depth in the units of the domain; 0 where there is none or it is out of range."""

@@ -6,7 +6,8 @@ import argparse
 import json
 import shlex
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,17 +18,23 @@ from s2rstore.security.printable_text import printable
 from s2rstore.suggestions import Answer, SuggestReport, bounds_text, read_report
 from s2rtools.common.command_line import output, store_argument
 from s2rtools.common.command_line.progress import reporter
+from s2rtools.simulated_frames.command import add_processes
 
 if TYPE_CHECKING:
+    from s2rtools.suggestions.renderer_search import FittedValue, RendererReport
     from s2rtools.suggestions.settings import SuggestSettings
 
 EXAMPLE = """s2r suggest world.s2r --run vanilla --for sim --budget 5m
-  s2r suggest world.s2r --run vanilla --for sim --apply 1 --name tuned"""
+  s2r suggest world.s2r --run vanilla --for sim --apply 1 --name tuned
+  s2r suggest lab.s2r --for sim --renderer 'python my_sim.py' --workers 2 --budget 30m"""
 _NOTHING_HELPS = 3
 _SEARCH_DEFAULTS: dict[str, Any] = {
     "budget": "5m", "evaluations": 100, "frames": 48, "changes": 4, "price": "2%", "seed": 1,
 }  # fmt: skip
 """Options of the search, which a stored result leaves without use."""
+_RENDERER_DEFAULTS: dict[str, Any] = {"budget": "30m", "frames": 32, "changes": 4, "price": "2%"}
+"""Options of the search for the parameters of a renderer, with their defaults."""
+_RENDERER_JUDGED = 64
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,15 +45,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "simulator so that it predicts reality (default real)")  # fmt: skip
     add = parser.add_argument_group("search").add_argument
     add("--budget", metavar="TIME",
-        help="wall time of search and judgement, such as 90s or 5m (default 5m)")  # fmt: skip
+        help="wall time of search and judgement, such as 90s or 5m (default 5m, with --renderer "
+        "30m)")  # fmt: skip
     add("--evaluations", type=int,
         help="most evaluations of each joint search by CMA-ES (default 100)")  # fmt: skip
-    add("--frames", type=int, help="instances of the fit (default 48)")
+    add("--frames", type=int, help="instances of the fit (default 48, with --renderer 32)")
     add("--changes", type=int, help="most adjustments that change (default 4)")
     add("--price", metavar="SHARE",
         help="share of the error or mismatch that each change must gain (default 2%%)")  # fmt: skip
     add("--seed", type=int, help="random seed (default 1)")
     add("--trust", action="store_true", help="allow model formats that execute code")
+    group = parser.add_argument_group("your own simulator (--for sim)")
+    group.add_argument("--renderer", metavar="COMMAND",
+                       help="program that speaks the renderer protocol, as of `s2r render`: search "
+                       "the parameters that it declares, on the real images of the "
+                       "store")  # fmt: skip
+    add_processes(group)
+    group.add_argument("--out", type=Path, metavar="DIR",
+                       help="folder of the rendered frames (default: STORE-frames); frames that it "
+                       "has are not rendered again")  # fmt: skip
     add = parser.add_argument_group("output").add_argument
     add("--apply", type=int, metavar="N",
         help="register answer N as a run; of the stored result, if there is one, and then without "
@@ -62,6 +79,9 @@ def execute(
     write_figure: Callable[[SuggestReport, Run, argparse.Namespace], None],
 ) -> int:
     """Run the command; `write_figure` writes the file of `--figure`, which is checked already."""
+    if options.renderer is not None:
+        return _execute_renderer(options)
+    _refuse(options, ("out",), "only with --renderer")
     from s2rtools.suggestions.stored_reports import apply_answer, save_report
     from s2rtools.suggestions.suggest import suggest
 
@@ -104,19 +124,53 @@ def execute(
     return 0 if report.helps else _NOTHING_HELPS
 
 
-def _settings(options: argparse.Namespace) -> SuggestSettings:
+def _execute_renderer(options: argparse.Namespace) -> int:
+    """Search the parameters of a renderer program; nothing is saved in the store."""
+    from s2rtools.simulated_frames import pose_renderer
+    from s2rtools.suggestions.renderer_search import suggest_parameters
+
+    unused = ("run", "evaluations", "seed", "trust", "apply", "name", "figure", "no_keep")
+    _refuse(options, unused, "not with --renderer")
+    if options.side != "sim":
+        raise RequestError("--renderer: needs --for sim")
+    settings = replace(_settings(options, _RENDERER_DEFAULTS), judged=_RENDERER_JUDGED)
+    pose_renderer.check_processes(options.workers, options.timeout)
+    command = pose_renderer.renderer_command(options.renderer)
+    path = pose_renderer.frames_path(options.store, options.out)
+    with reporter() as progress:
+        report = suggest_parameters(
+            options.store, command, path, options.workers, options.timeout, settings, progress
+        )
+    if options.json:
+        json.dump(report.as_json(), sys.stdout, indent=1)
+        print()
+    else:
+        for line in _renderer_lines(report, options.store, options.renderer):
+            print(printable(line))
+    return 0 if report.helps else _NOTHING_HELPS
+
+
+def _refuse(options: argparse.Namespace, names: Sequence[str], reason: str) -> None:
+    """Raise RequestError for the first of some options that is set."""
+    for name in names:
+        if getattr(options, name) not in (None, False):
+            raise RequestError(f"--{name.replace('_', '-')}: {reason}")
+
+
+def _settings(
+    options: argparse.Namespace, defaults: Mapping[str, Any] = _SEARCH_DEFAULTS
+) -> SuggestSettings:
     """The settings of the search. Raises RequestError for values out of range."""
     from s2rtools.suggestions.settings import SuggestSettings, parse_duration, parse_share
 
     chosen = {
         name: default if getattr(options, name) is None else getattr(options, name)
-        for name, default in _SEARCH_DEFAULTS.items()
+        for name, default in defaults.items()
     }
-    return SuggestSettings(
-        side=options.side, budget=parse_duration(chosen["budget"]),
-        evaluations=chosen["evaluations"], seed=chosen["seed"], price=parse_share(chosen["price"]),
-        changes=chosen["changes"], frames=chosen["frames"], trust=options.trust,
+    chosen["budget"], chosen["price"] = (
+        parse_duration(chosen["budget"]), parse_share(chosen["price"])
     )  # fmt: skip
+    return SuggestSettings(side=options.side, trust=options.trust, **chosen)
 
 
 def _check_outputs(options: argparse.Namespace) -> None:
@@ -217,3 +271,38 @@ def _details(number: int, answer: Answer) -> list[str]:
             f"{made.correlation_before:.2f} -> {made.correlation:.2f}"
         )
     return [*lines, ""] if lines else []
+
+
+def _renderer_lines(report: RendererReport, store: Path, command: str) -> list[str]:
+    lines = [
+        f"{report.renderer} {report.version}, fitted to the real images of domain {report.domain}",
+        f"mismatch of the images {report.before:.3g} -> {report.after:.3g} on "
+        f"{report.judged_instances} held-out instances: "
+        f"{report.lowered.scaled(100).with_bounds('{:.1f}'.format)} % less; fitted on "
+        f"{report.fitted_instances} others, {counted(report.frames, 'frame')} compared",
+    ]
+    if not report.complete:
+        lines.append("the time was used up before the search ended; --budget allows more")
+    lines += ["", *_fitted_rows("parameter", report.parameters)]
+    if report.adjustments:
+        lines += ["", *_fitted_rows("adjustment", report.adjustments)]
+    if not report.helps:
+        return [*lines, "", "nothing helps: no range without its default lowers the mismatch of "
+                "held-out images evidently"]  # fmt: skip
+    values = " ".join(f"--set {each.name}={each.value:g}"
+                      for each in report.parameters if each.changed)  # fmt: skip
+    if values:
+        words = shlex.join(["s2r", "render", str(store), "--renderer", command])
+        lines += ["", f"render with these values: {words} {values} --random 100"]
+    return lines
+
+
+def _fitted_rows(kind: str, fitted: Sequence[FittedValue]) -> list[str]:
+    rows = [
+        (each.name, each.unit, f"{each.default:g}",
+         f"{each.value:.4g}" if each.changed else "unchanged",
+         each.range.bounds_text("{:.4g}".format, to=" .. "))
+        for each in fitted
+    ]  # fmt: skip
+    level = f"{100 * fitted[0].range.level:.3g} %"
+    return output.table((kind, "unit", "default", "value", f"range ({level})"), rows).splitlines()

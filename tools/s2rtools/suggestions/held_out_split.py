@@ -39,6 +39,19 @@ class SplitPart:
         level = simultaneous_level(compared)
         return paired_difference(differences, self.trajectory, level=level)
 
+    def share_of_decrease(
+        self, before: NDArray[np.float64], after: NDArray[np.float64], compared: int = 1
+    ) -> Interval:
+        """The decrease of the mean of costs (n,) as a share of it, for `compared` at once.
+
+        The interval is that of a ratio of means, by its linear terms. Of no cost it is unknown.
+        """
+        mean = float(before.mean())
+        if mean == 0:
+            return Interval.unknown(reason="the images do not differ")
+        share = float((before - after).mean()) / mean
+        return self.mean((before - after - share * before) / mean + share, compared)
+
     def thinned(self, most: int) -> SplitPart:
         """At most `most` of the instances, evenly spread."""
         n = self.iids.size
@@ -49,19 +62,28 @@ class SplitPart:
 def split_instances(
     store: Store, run: str, fitted: int, judged: int
 ) -> tuple[SplitPart, SplitPart]:
-    """At most `fitted` instances to fit on, and `judged` others to judge on.
+    """Parts, as of `split`, of the instances that the run's model was not trained on.
+
+    Raises InconclusiveError where there are too few.
+    """
+    iids = population(store, run)
+    return split(store, iids, fitted, judged, f"run {run} has # that its model was not trained on")
+
+
+def split(
+    store: Store, members: NDArray[np.bool_], fitted: int, judged: int, text: str
+) -> tuple[SplitPart, SplitPart]:
+    """At most `fitted` of the `members` (N,) to fit on, and `judged` others to judge on.
 
     Where there are enough trajectories, by the rule of `Blocks.by_trajectory`, each of them is in
-    one part. Else blocks of neighbouring instances alternate between the parts,
-    so that neighbours, which look alike, are in one part. Instances that the run's model was
-    trained on are in neither. Raises InconclusiveError where there are too few.
+    one part. Else blocks of neighbouring instances alternate between the parts, so that neighbours,
+    which look alike, are in one part. Raises InconclusiveError where there are too few; `text` says
+    so, with `#` in place of the number of instances.
     """
-    iids = store.in_recording_order(population(store, run))
+    iids = store.in_recording_order(members)
     if iids.size < MIN_INSTANCES:
-        raise InconclusiveError(
-            f"{store.path}: run {run} has {iids.size} instances that its model was not trained "
-            f"on; a search needs {MIN_INSTANCES}"
-        )
+        counted_text = text.replace("#", f"{iids.size} instances")
+        raise InconclusiveError(f"{store.path}: {counted_text}; a search needs {MIN_INSTANCES}")
     trajectories = store.instances.trajectory[iids].astype(np.int64)
     length = max(1, min(int(np.ceil(np.sqrt(iids.size))), iids.size // (2 * _FEWEST_BLOCKS)))
     blocks = split_into_blocks(trajectories, length)

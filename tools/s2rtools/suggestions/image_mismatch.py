@@ -14,6 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.records import Domain
+
 Floats = NDArray[np.float64]
 Channels = Literal["rgb", "depth", "rgbd"]
 Images = tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.bool_]]
@@ -23,17 +25,28 @@ CELLS = 16
 _MISSING_CELLS = 4
 _EDGES = (0.0, 1.5, 3.0, np.inf)
 """Depths in metres between which the noise is measured."""
-_LEAST_NOISE = 0.002
+LEAST_NOISE = 0.002
 _SCALES = {"colour": 0.03, "depth": 0.05, "missing": 0.05, "noise": 0.3}
 """Differences that count as one: share of white, log of depth, share of pixels, log of noise."""
 _LEAST_COVER = 0.25
 _LEAST_PIXELS = 50
 
 
-def residuals(sim: Images, real: Images, channels: Channels = "rgbd") -> Floats:
+def metric(
+    images: tuple[NDArray[np.uint8], NDArray[Any], NDArray[np.bool_]], domain: Domain
+) -> Images:
+    """Images of a domain with depth in metres in place of raw depth."""
+    rgb, depth, valid = images
+    return rgb, depth.astype(np.float32) * np.float32(domain.depth_scale), valid
+
+
+def residuals(
+    sim: Images, real: Images, channels: Channels = "rgbd", least_noise: float = LEAST_NOISE
+) -> Floats:
     """Scaled differences (n, m) of n image pairs; equal images give zeros.
 
-    The columns are those of `weights`. RGB and depth of a side may have different sizes.
+    The columns are those of `weights`. RGB and depth of a side may have different sizes. Relative
+    noise of depth below `least_noise` counts little.
     """
     parts = []
     if channels != "depth":
@@ -41,16 +54,24 @@ def residuals(sim: Images, real: Images, channels: Channels = "rgbd") -> Floats:
     if channels != "rgb":
         parts.append(_depth_ratio(sim, real))
         parts.append(_valid_shares(sim[2]) - _valid_shares(real[2]))
-        parts.append(_noise(*sim[1:]) - _noise(*real[1:]))
+        noise = [_noise(*side[1:], least_noise) for side in (sim, real)]
+        parts.append(noise[0] - noise[1])
     scales = [_SCALES[name] for name in _names(channels)]
     return np.concatenate([part / scale for part, scale in zip(parts, scales, strict=True)], axis=1)
 
 
-def weights(channels: Channels = "rgbd") -> Floats:
-    """Weights (m,) of the columns of `residuals`: equal ones for each kind of difference."""
+def weights(channels: Channels = "rgbd", with_noise: bool = True) -> Floats:
+    """Weights (m,) of the columns of `residuals`: equal ones for each kind of difference.
+
+    Those of depth noise are 0 without it.
+    """
     sizes = {"colour": 3 * CELLS**2, "depth": CELLS**2, "missing": _MISSING_CELLS**2,
              "noise": len(_EDGES) - 1}  # fmt: skip
-    return np.concatenate([np.full(sizes[name], 1 / sizes[name]) for name in _names(channels)])
+    left_out = () if with_noise else ("noise",)
+    return np.concatenate([
+        np.full(sizes[name], 0.0 if name in left_out else 1 / sizes[name])
+        for name in _names(channels)
+    ])  # fmt: skip
 
 
 def cost(difference: Floats, weight: Floats) -> Floats:
@@ -91,7 +112,7 @@ def _valid_shares(valid: NDArray[np.bool_]) -> Floats:
     return _cell_means(valid.astype(np.float32), _MISSING_CELLS).reshape(len(valid), -1)
 
 
-def _noise(depth: NDArray[np.float32], valid: NDArray[np.bool_]) -> Floats:
+def _noise(depth: NDArray[np.float32], valid: NDArray[np.bool_], least: float) -> Floats:
     """Logarithm (n, 3) of the relative depth noise in three ranges of depth.
 
     Noise is the median difference of a pixel from the mean of its four neighbours. Ranges with few
@@ -103,7 +124,7 @@ def _noise(depth: NDArray[np.float32], valid: NDArray[np.bool_]) -> Floats:
     for rows in (valid[:, :-2, 1:-1], valid[:, 2:, 1:-1], valid[:, 1:-1, :-2], valid[:, 1:-1, 2:]):
         usable = usable & rows
     relative = np.abs(centre - sum(around) / 4) / np.maximum(centre, 1e-6)
-    found = np.full((len(depth), len(_EDGES) - 1), _LEAST_NOISE)
+    found = np.full((len(depth), len(_EDGES) - 1), least)
     for row in range(len(depth)):
         for column in range(len(_EDGES) - 1):
             inside = usable[row] & (centre[row] > _EDGES[column])

@@ -15,11 +15,13 @@ from s2rtools.adjustments.adjustment import Adjustment
 from s2rtools.synthetic_world.stored_world import no_renderer_reason
 
 CAMERA, LIGHTS, EXPOSURE, DEPTH, TRANSLATOR = "camera", "lights", "exposure", "depth", "translator"
+MOTION = "motion"
 FACTORS = {
     "camera_height": CAMERA, "camera_pitch": CAMERA, "camera_fov": CAMERA, "temperature": LIGHTS,
     "lamp_power": LIGHTS, "window_power": LIGHTS,
     "brightness": EXPOSURE, "contrast": EXPOSURE, "vignette": EXPOSURE,
     "depth_range": DEPTH, "depth_blur": DEPTH, "depth_noise": DEPTH, "depth_holes": DEPTH,
+    "depth_steps": DEPTH, "motion_blur": MOTION, "rolling_shutter": MOTION,
 }  # fmt: skip
 """The factor that each adjustment belongs to; others are factors of their own."""
 RANGES = {
@@ -27,12 +29,13 @@ RANGES = {
     "brightness": (0.4, 2.5), "contrast": (0.4, 2.5), "temperature": (-0.6, 0.6),
     "lamp_power": (0.5, 2.0), "window_power": (0.4, 2.0),
     "depth_range": (0.5, 2.0), "depth_blur": (0.0, 4.0), "depth_noise": (0.0, 0.1),
-    "depth_holes": (0.0, 0.4),
+    "depth_holes": (0.0, 0.4), "depth_steps": (0.0, 0.1), "motion_blur": (0.0, 12.0),
+    "rolling_shutter": (-8.0, 8.0),
 }  # fmt: skip
 """Ranges of search that are narrower than those of the adjustments."""
-DEGRADING = ("black", "depth_noise", "depth_holes")
+DEGRADING = ("black", "depth_noise", "depth_holes", "depth_steps", "motion_blur")
 """Adjustments that only remove information, and so are no remedy for real images."""
-_NEVER = ("black",)
+NEVER = ("black",)
 _SCREENED = (-0.3, -0.12, -0.05, 0.05, 0.12, 0.3)
 _STRENGTHS = (0.5, 1.0)
 
@@ -93,7 +96,7 @@ def sliders_of(store: Store, run: Run, side: Side) -> list[Slider]:
         raise RequestError(f"run {run.run}: applies an adjustment twice; suggest needs one of each")
     base = {str(step["name"]): float(step["value"]) for step in chain}
     channels = store.models[run.network("suggestions")].channels
-    left_out = (*_NEVER, *DEGRADING) if side == "real" else _NEVER
+    left_out = (*NEVER, *DEGRADING) if side == "real" else NEVER
     sliders = []
     for adjustment in ADJUSTMENTS.values():
         if isinstance(adjustment, TranslatorAdjustment):
@@ -105,11 +108,12 @@ def sliders_of(store: Store, run: Run, side: Side) -> list[Slider]:
             continue
         if adjustment.needs_renderer and (side == "real" or no_renderer_reason(store) is not None):
             continue
-        sliders.append(_slider(adjustment, base.get(adjustment.name, adjustment.neutral)))
+        sliders.append(slider_of(adjustment, base.get(adjustment.name, adjustment.neutral)))
     return sliders
 
 
-def _slider(adjustment: Adjustment, base: float) -> Slider:
+def slider_of(adjustment: Adjustment, base: float) -> Slider:
+    """The slider of an adjustment whose value is `base`."""
     low, high = RANGES.get(adjustment.name, (adjustment.lowest, adjustment.highest))
     low, high = min(low, base), max(high, base)
     logarithmic = adjustment.neutral == 1 and low > 0

@@ -28,6 +28,7 @@ from s2rtools.suggestions.objective import (
     PosePredictor,
     Values,
 )
+from s2rtools.suggestions.robust_fit import RobustFit
 from s2rtools.suggestions.search import (
     Candidate,
     FactorFit,
@@ -106,7 +107,9 @@ class _Judgement:
         by_name = {slider.name: slider for slider in sliders}
         fits = searched
         if self._match is not None:
-            fits = _on_whole_frames(self._match, searched, by_name, self._has_time_on_whole_frames)
+            fits = _on_whole_frames(
+                self._match.whole, searched, by_name, self._has_time_on_whole_frames
+            )
         front = pareto_front(fits.candidates.values(), fits.start)
         order = _order(fits)
         truth = true_values(self._store, self._run) if settings.side == "sim" else {}
@@ -176,7 +179,7 @@ class _Judgement:
             changed = {} if moving is None else {moving.name: moving.screening()[0]}
             for values in ({}, changed):
                 with self._budget.step(_WHOLE):
-                    self._match.whole_cost(values)
+                    self._match.whole.cost(values)
             whole = self._budget.seconds(_WHOLE)
             judged = max(judged, whole * self._judge.iids.size / self._fit.iids.size)
             # The cost of each candidate, and central differences for its intervals.
@@ -215,7 +218,7 @@ class _Judgement:
         agreement = None
         if self._match is not None:
             chosen = [sliders[name] for name in names]
-            intervals = self._match.intervals(values, chosen)
+            intervals = self._match.whole.intervals(values, chosen)
             agreement = self._agreement(chain)
         changes = tuple(
             Change(name, sliders[name].factor, sliders[name].unit, sliders[name].base,
@@ -226,15 +229,10 @@ class _Judgement:
         return Answer(changes, fitted, gain, tuple(chain), agreement)
 
     def _judged_gain(self, before: Floats, after: Floats, compared: int) -> Interval:
-        """The gain on the held-out instances: mean decrease, or its share of the mismatch.
-
-        The interval of the share is that of a ratio of means, by its linear terms.
-        """
+        """The gain on the held-out instances: mean decrease, or its share of the mismatch."""
         if self._settings.side == "real":
             return self._judge.mean(before - after, compared)
-        mean = float(before.mean())
-        share = float((before - after).mean()) / mean
-        return self._judge.mean((before - after - share * before) / mean + share, compared)
+        return self._judge.share_of_decrease(before, after, compared)
 
     def _gain(self, decrease: float, start: float) -> float:
         """A decrease of the cost in the unit of the report."""
@@ -272,7 +270,7 @@ class _Judgement:
 
 
 def _on_whole_frames(
-    match: SimulatorMatch, searched: SearchResult, sliders: dict[str, Slider],
+    match: RobustFit, searched: SearchResult, sliders: dict[str, Slider],
     has_time: Callable[[int], bool] = lambda costs: True,
 ) -> SearchResult:  # fmt: skip
     """The result of a search with refined candidates and all costs on whole frames of the fit.
@@ -281,19 +279,18 @@ def _on_whole_frames(
     time for it: `has_time` tells whether there is for a number of costs on whole frames.
     """
     factors = [
-        FactorFit(each.factor, each.values, match.whole_cost(each.values))
-        for each in searched.factors
+        FactorFit(each.factor, each.values, match.cost(each.values)) for each in searched.factors
     ]
     candidates: dict[int, Candidate] = {}
     for found in pareto_front(searched.candidates.values(), searched.start):
         values = match.refined(found.values, [sliders[name] for name in found.values], has_time)
         values = {name: value for name, value in values.items() if value != sliders[name].base}
-        made = Candidate(values, match.whole_cost(values))
+        made = Candidate(values, match.cost(values))
         known = candidates.get(made.changes)
         if values and (known is None or made.cost < known.cost):
             candidates[made.changes] = made
     factors.sort(key=lambda fitted: fitted.cost)
-    start = match.whole_cost({})
+    start = match.cost({})
     return replace(searched, start=start, factors=factors, candidates=candidates)
 
 

@@ -1,0 +1,1 @@
+"""Label images: which object each pixel of a frame shows."""

@@ -1,0 +1,233 @@
+"""Read label images: a folder of PNG files with a list of classes, or a COCO file."""
+
+from __future__ import annotations
+
+import io
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from s2rstore.errors import RequestError, counted
+from s2rstore.files.input_files import read_bytes, read_json, read_text
+from s2rstore.index.row_check import MAX_LABEL
+from s2rstore.reader import Store
+from s2rstore.security.printable_text import printable
+from s2rtools.common.image_files import declared_size
+from s2rtools.common.tables.csv_rows import missing_column, read_rows
+
+_MAX_BYTES = 1 << 26
+_MAX_NAME = 100
+_NAME_COLUMNS = ("name", "raw_category")
+"""Columns with the class; the second is that of ScanNet's table of labels."""
+
+LabelImage = NDArray[np.uint16]
+
+
+@dataclass(frozen=True, slots=True)
+class LabelSource:
+    """Label images of some instances of a domain.
+
+    `names` are the classes by the values of pixels. `read` gives the image (h, w) of one of `iids`,
+    of any size, and raises RequestError where it cannot be read.
+    """
+
+    names: Mapping[int, str]
+    iids: frozenset[int]
+    read: Callable[[int], LabelImage]
+
+
+def read_source(store: Store, domain: str, path: Path, classes: Path | None) -> LabelSource:
+    """The label images in a folder of PNG files, or in a COCO file, of the frames of a domain.
+
+    Raises RequestError where a file belongs to no frame, or the classes are missing or invalid.
+    """
+    if path.suffix.lower() == ".json":
+        if classes is not None:
+            raise RequestError(f"--classes {classes}: {path} has its own categories; leave it out")
+        return _coco(store, domain, path)
+    if not path.is_dir():
+        raise RequestError(f"{path}: no such folder, and no COCO file (.json)")
+    if classes is None:
+        raise RequestError(f"--classes: name a CSV file with the columns id,name for {path}")
+    names = _read_classes(classes)
+    files = sorted(each for each in path.rglob("*") if each.suffix.lower() == ".png")
+    if not files:
+        raise RequestError(f"{path}: holds no PNG file")
+    by_name = {each.relative_to(path).as_posix(): each for each in files}
+    by_iid = {iid: by_name[name] for name, iid in _matched(store, domain, by_name, path).items()}
+
+    def read(iid: int) -> LabelImage:
+        return _read_png(by_iid[iid], names, classes)
+
+    return LabelSource(names, frozenset(by_iid), read)
+
+
+def _read_classes(path: Path) -> dict[int, str]:
+    """Classes by value of a CSV file with columns id and name, or of ScanNet's table (.tsv)."""
+    names: dict[int, str] = {}
+    for number, row in _class_rows(path):
+        column = next((each for each in _NAME_COLUMNS if each in row), "name")
+        for needed in ("id", column):
+            if needed not in row:
+                raise missing_column(path, needed, row, "id,name")
+        if not row["id"].isdigit() or not 0 <= int(row["id"]) <= MAX_LABEL:
+            raise RequestError(f"{path}:{number}: id {row['id']!r}: 0 .. {MAX_LABEL}")
+        label = int(row["id"])
+        if label and names.setdefault(label, row[column]) != row[column]:
+            raise RequestError(f"{path}:{number}: id {label} has two names")
+    return _checked_names(names, path)
+
+
+def _class_rows(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
+    """The rows of a table of classes by column, with the number of their line."""
+    if path.suffix.lower() != ".tsv":
+        yield from read_rows(path, None)
+        return
+    head, *lines = read_text(path, _MAX_BYTES).splitlines() or [""]
+    for number, line in enumerate(lines, 2):
+        yield number, dict(zip(head.split("\t"), line.split("\t"), strict=False))
+
+
+def _checked_names(names: dict[int, str], path: Path) -> dict[int, str]:
+    for label, name in names.items():
+        if not name.strip() or len(name) > _MAX_NAME or printable(name) != name:
+            raise RequestError(
+                f"{path}: the name of label {label} is not 1 to {_MAX_NAME} printable characters"
+            )
+    if not names:
+        raise RequestError(f"{path}: names no class")
+    return names
+
+
+def _matched(store: Store, domain: str, names: Mapping[str, object], where: Path) -> dict[str, int]:
+    """The instance of each label file, by the name of its source image, else by its number.
+
+    The name is the path in the ingested folder, or the file name where that is unique; suffixes do
+    not count. Raises RequestError for files that belong to no frame.
+    """
+    query = "SELECT iid, rgb_path FROM frame WHERE domain = ?"
+    frames = [(int(iid), path) for iid, path in store.execute(query, [domain])]
+    stems = Counter(PurePosixPath(path).stem for _, path in frames if path)
+    known: dict[str, int] = {}
+    for iid, path in frames:
+        if path:
+            source = PurePosixPath(path).with_suffix("")
+            known[source.as_posix()] = iid
+            if stems[source.stem] == 1:
+                known.setdefault(source.stem, iid)
+
+    def of_source(name: str) -> int | None:
+        bare = PurePosixPath(name).with_suffix("")
+        return known.get(bare.as_posix(), known.get(bare.name))
+
+    numbers = {iid for iid, _ in frames}
+
+    def of_number(name: str) -> int | None:
+        stem = PurePosixPath(name).stem
+        return int(stem) if stem.isdigit() and int(stem) in numbers else None
+
+    for find in (of_source, of_number):
+        found = {name: find(name) for name in names}
+        matched = {name: iid for name, iid in found.items() if iid is not None}
+        if len(matched) == len(found):
+            if twice := [iid for iid, n in Counter(matched.values()).items() if n > 1]:
+                raise RequestError(f"{where}: instance {twice[0]} has two label images")
+            return matched
+    name = next(name for name in names if of_source(name) is None)
+    raise RequestError(
+        f"{where}: {name} belongs to no frame of {domain}; name label images by the images that "
+        "were ingested, or by the numbers of the instances (12.png)"
+    )
+
+
+def _read_png(path: Path, names: Mapping[int, str], classes: Path) -> LabelImage:
+    content = read_bytes(path, _MAX_BYTES)
+    try:
+        declared_size(content)
+        values = np.asarray(Image.open(io.BytesIO(content)))
+    except (ValueError, OSError, SyntaxError) as error:
+        raise RequestError(f"{path}: cannot be read as an image ({error})") from error
+    if values.ndim != 2 or values.dtype.kind not in "ui" or int(values.max(initial=0)) > MAX_LABEL:
+        raise RequestError(f"{path}: not an image of one channel of 8 or 16 bits")
+    if unknown := sorted(set(np.unique(values).tolist()) - {0} - names.keys()):
+        raise RequestError(f"{path}: {counted(len(unknown), 'value')} not in {classes}, "
+                           f"such as {unknown[0]}")  # fmt: skip
+    return values.astype(np.uint16)
+
+
+def _coco(store: Store, domain: str, path: Path) -> LabelSource:
+    """The segmentations of a COCO file; of overlapping ones, the smaller covers the larger."""
+    content = read_json(path, _MAX_BYTES)
+    try:
+        names = {int(each["id"]): str(each["name"]) for each in content["categories"]}
+        images = {each["id"]: each for each in content["images"]}
+        sizes = {key: (int(i["height"]), int(i["width"])) for key, i in images.items()}
+        iids = _matched(store, domain, {i["file_name"]: i for i in images.values()}, path)
+        masks: defaultdict[Any, list[dict[str, Any]]] = defaultdict(list)
+        for each in content["annotations"]:
+            if each["category_id"] not in names:
+                raise RequestError(f"{path}: annotation of category {each['category_id']}, which "
+                                   "is not listed")  # fmt: skip
+            masks[each["image_id"]].append(each)
+    except (KeyError, TypeError, ValueError) as error:
+        raise RequestError(f"{path}: not a COCO file ({error!r})") from error
+    if not all(1 <= label <= MAX_LABEL for label in names):
+        raise RequestError(f"{path}: ids of categories must be 1 .. {MAX_LABEL}")
+    keys = {iids[image["file_name"]]: key for key, image in images.items()}
+
+    def read(iid: int) -> LabelImage:
+        labels = np.zeros(sizes[keys[iid]], dtype=np.uint16)
+        try:
+            made = [(_coco_mask(each["segmentation"], labels.shape), each["category_id"])
+                    for each in masks[keys[iid]]]  # fmt: skip
+        except (KeyError, TypeError, ValueError, IndexError, cv2.error) as error:
+            name = images[keys[iid]]["file_name"]
+            raise RequestError(f"{path}: a segmentation of {name} is invalid") from error
+        for mask, label in sorted(made, key=lambda each: -int(each[0].sum())):
+            labels[mask] = label
+        return labels
+
+    return LabelSource(_checked_names(names, path), frozenset(keys), read)
+
+
+def _coco_mask(segmentation: Any, size: tuple[int, ...]) -> NDArray[np.bool_]:
+    """The mask (h, w) of polygons, or of run lengths, which may be compressed."""
+    if isinstance(segmentation, list):
+        mask = np.zeros(size, dtype=np.uint8)
+        for polygon in segmentation:  # one by one: of several, overlaps would stay empty
+            cv2.fillPoly(mask, [np.rint(np.reshape(polygon, (-1, 2))).astype(np.int32)], 1)
+        return mask > 0
+    counts = segmentation["counts"]
+    lengths = _decompressed(counts) if isinstance(counts, str) else counts
+    if sum(lengths) != size[0] * size[1]:
+        raise ValueError("run lengths of another size")
+    values = np.arange(len(lengths)) % 2
+    return np.repeat(values, lengths).reshape(size[::-1]).T > 0
+
+
+def _decompressed(text: str) -> list[int]:
+    """The run lengths of a compressed COCO mask.
+
+    Each is written as digits of 5 bits from the lowest on, of which the last carries the sign; from
+    the fourth on as the difference from the last but one.
+    """
+    lengths: list[int] = []
+    value = shift = 0
+    for character in text.encode():
+        digit = character - 48
+        value |= (digit & 31) << shift
+        shift += 5
+        if digit & 32:
+            continue
+        if digit & 16:
+            value -= 1 << shift
+        lengths.append(value + lengths[-2] if len(lengths) > 2 else value)
+        value = shift = 0
+    return lengths
