@@ -33,13 +33,6 @@ def test_the_same_state_passes(evidence, tmp_path):
     assert comparison.n == int(population(evidence.store, "vanilla").sum()) == 80
 
 
-def test_training_instances_are_excluded(evidence):
-    taken = set(golden_run.take(evidence).errors)
-    trained_on = set(np.flatnonzero(~population(evidence.store, "vanilla")).tolist())
-    assert trained_on
-    assert taken.isdisjoint(trained_on)
-
-
 @pytest.mark.parametrize(("shift", "outcome"), [(0.3, "FAIL"), (-0.3, "PASS"), (0.05, None)])
 def test_a_change_beyond_the_margin_fails(evidence, shift, outcome):
     """The earlier errors are smaller by `shift`, with noise."""

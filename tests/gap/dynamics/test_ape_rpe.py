@@ -98,20 +98,6 @@ def test_a_mirrored_log_is_aligned_only_by_a_reflection():
     assert not fit((DRIVE.sim.x, DRIVE.sim.y), (DRIVE.sim.x, DRIVE.sim.y), True).reflected
 
 
-def test_logs_are_not_aligned_by_default():
-    far = RigidTransform(x=10.0)(DRIVE.real)
-    assert ape_rpe.ape(DRIVE.real, far).position == pytest.approx(10.0)
-    assert ape_rpe.rpe(DRIVE.real, far, RpeStep(poses=5)).position.max() < 1e-9
-
-
-@given(st.floats(-20, 20), st.floats(-20, 20))
-def test_heading_errors_are_wrapped(a, b):
-    time, zeros = np.arange(2.0), np.zeros(2)
-    logs = (Log(time, time, zeros, np.full(2, h), "", "") for h in (a, b))
-    heading_errors = ape_rpe.ape(*logs).heading
-    assert heading_errors == pytest.approx(np.abs(np.angle(np.exp(1j * (a - b)))), abs=1e-9)
-
-
 def test_headings_are_interpolated_across_the_wrap():
     time = np.arange(3.0)
     sim = Log(time, time, time, np.array([3.1, -3.1, -3.0]), "", "")

@@ -1,4 +1,4 @@
-"""The dynamics and delay axes respond to motion errors and delays respectively."""
+"""The dynamics and delay axes respond to motion errors and delays; the size of noisy delays."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import s2rstore
 from bench.support import robot
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.intervals import Interval
 from s2rtools.gap.axis import Anchor, Axis, AxisResult, Evidence, GapSettings
-from s2rtools.gap.delay import time_delay
+from s2rtools.gap.delay import delay_axis, time_delay
 from s2rtools.gap.delay.delay_axis import DelayAxis
 from s2rtools.gap.dynamics.dynamics_axis import DynamicsAxis
 from s2rtools.gap.dynamics.windows import WindowPlan
@@ -44,14 +45,6 @@ def gap(measured: AxisResult, anchor: Anchor) -> tuple[float, float, float]:
 
 def judged_gap(axis: Axis, evidence: Evidence) -> tuple[float, float, float]:
     return gap(axis.measure(evidence, SETTINGS), axis.anchor(evidence, SETTINGS))
-
-
-def test_equal_drives_have_no_gap_on_both_axes(evidence):
-    same = evidence(drives(3, delay=0.0))
-    for axis in (DynamicsAxis(), DelayAxis()):
-        value, low, high = judged_gap(axis, same)
-        assert abs(value) < 2
-        assert -5 < low <= high < 5
 
 
 def test_latency_affects_only_the_delay_axis(evidence):
@@ -95,15 +88,6 @@ def test_nrmse_of_a_known_error(evidence):
         assert row["nrmse_low"] < row["nrmse"] < row["nrmse_high"]
     assert measured.value == pytest.approx(np.mean([row["nrmse"] for row in rows]))
     assert measured.n == sum(row["windows"] for row in rows)
-
-
-def test_the_scale_is_part_of_the_fingerprint(evidence):
-    same = evidence(drives(1, gain=0.9))
-    travel, extent = (DynamicsAxis(nrmse=s).measure(same, SETTINGS) for s in ("travel", "extent"))
-    assert travel.fingerprint["scale"] == "travel"
-    assert extent.fingerprint["scale"] == "extent"
-    assert extent.details["horizons"][0]["scale"] == extent.details["horizons"][1]["scale"]
-    assert travel.value != pytest.approx(extent.value)
 
 
 def test_repeated_real_drives_define_the_floor(evidence):
@@ -209,13 +193,6 @@ def test_the_gap_is_independent_of_tracker_noise(evidence, gain):
     assert (gaps[0] > 25) == (gain < 1)
 
 
-def test_a_vibrating_simulator_has_a_gap(evidence):
-    drive = robot.pair(1, untuned=0.15)
-    vibration = 0.05 * np.sin(2 * np.pi * 12.0 * drive.sim.time)
-    vibrating = replace(drive, sim=replace(drive.sim, y=drive.sim.y + vibration))
-    assert judged_gap(DynamicsAxis(), evidence([vibrating]))[1] > 15
-
-
 def delays(*seconds: float, seed: int = 0) -> list[Drive]:
     return [robot.pair(seed + i, delay=delayed, untuned=0.15) for i, delayed in enumerate(seconds)]
 
@@ -253,17 +230,49 @@ def test_a_mirrored_log_is_reported(evidence):
     assert not any("mirrored" in note for note in unchanged.notes)
 
 
-def test_the_delay_of_each_drive_is_estimated_once_for_both_axes(evidence, monkeypatch):
-    several, calls = evidence(drives(3)), []
-    estimate = time_delay.estimate_delay
+@pytest.mark.parametrize("noise", [0.1, 0.3, 0.6])
+def test_a_delay_at_the_threshold_rarely_passes(noise):
+    rng = np.random.default_rng(3)
+    left_out = noise / 199 * stats.norm.ppf((np.arange(200) + 0.5) / 200) * np.sqrt(199)
+    ends = []
+    for _ in range(2000):
+        delay = 1 + noise * rng.standard_normal()
+        estimate = time_delay.TimeDelay(delay, delay + left_out, {}, 30.0)
+        size = delay_axis.mean_size([estimate])
+        assert size.low <= size.value <= size.high
+        ends.append((size.low > 1, size.high < 1))
+    failed, passed = np.mean(ends, axis=0)
+    assert passed < 0.036
+    assert failed < 0.036
 
-    def counted(*arguments):
-        calls.append(arguments)
-        return estimate(*arguments)
 
-    monkeypatch.setattr(time_delay, "estimate_delay", counted)
-    for axis in (DynamicsAxis(), DelayAxis()):
-        axis.measure(several, SETTINGS)
-    assert len(calls) == 3
-    DynamicsAxis(reach=0.5).measure(several, SETTINGS)
-    assert len(calls) == 6
+@pytest.mark.parametrize("true", [0.02, 0.1])
+@pytest.mark.parametrize("count", [2, 3])
+def test_the_mean_size_of_few_drives_is_no_surer_than_their_noise(count, true):
+    rng = np.random.default_rng(1)
+    found = []
+    for _ in range(400):
+        blocks = true + 0.05 * np.sqrt(8) * rng.standard_normal((count, 8))
+        left_out = (blocks.sum(axis=1, keepdims=True) - blocks) / 7
+        drives = [time_delay.TimeDelay(float(drive.mean()), drive, {}, 10.0) for drive in left_out]
+        found.append(delay_axis.mean_size(drives))
+    assert np.mean([each.low <= true <= each.high for each in found]) >= 0.93
+
+
+def test_only_a_delay_within_its_noise_is_shrunk():
+    rng = np.random.default_rng(0)
+    estimate = delay_axis.denoised_size(np.abs(0.05 + 0.01 * rng.standard_normal(4000)), 0.01)
+    assert estimate.mean() == pytest.approx(0.05, rel=0.01)
+    assert delay_axis.denoised_size(np.array([0.0, 0.007]), 0.01).tolist() == [0.0, 0.0]
+    assert delay_axis.denoised_size(np.array(0.02), 0.0) == 0.02
+
+
+@pytest.mark.parametrize("period", [0.05, 0.1, 1 / 30, 1 / 60, 0.02, 0.01, 0.0125, 0.008, 0.25])
+def test_slightly_different_periods_have_one_fingerprint(period):
+    periods = {
+        delay_axis.rounded_period(period * (1 + deviation))
+        for deviation in (-2e-3, -1e-5, 0.0, 1e-5, 2e-3)
+    }
+    assert len(periods) == 1
+    assert periods.pop() == pytest.approx(period, rel=0.005)
+    assert delay_axis.rounded_period(1.03 * period) != delay_axis.rounded_period(period)

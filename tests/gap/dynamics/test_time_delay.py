@@ -43,36 +43,11 @@ def test_the_delay_is_independent_of_frame_and_length_unit(angle, x, scale):
     assert time_delay.estimate_delay(real, sim).seconds == pytest.approx(0.033, abs=1e-4)
 
 
-def test_swapping_the_logs_negates_the_delay():
-    drive = robot.pair(3, delay=0.047)
-    forward = time_delay.estimate_delay(drive.real, drive.sim).seconds
-    backward = time_delay.estimate_delay(drive.sim, drive.real).seconds
-    assert forward == pytest.approx(0.047, abs=1e-3)
-    assert backward == pytest.approx(-forward, abs=1e-4)
-
-
 @pytest.mark.parametrize("rates", [(50, 50), (50, 20), (10, 100), (37.3, 50)])
 def test_logs_may_have_different_rates(rates):
     delayed = robot.drive(BASE, delay=0.0613)
     real, sim = robot.sampled(delayed, rates[0], start=0.7), robot.sampled(EXACT, rates[1])
     assert time_delay.estimate_delay(real, sim).seconds == pytest.approx(0.0613, abs=2e-3)
-
-
-def test_logs_may_have_irregular_timestamps():
-    rng = np.random.default_rng(0)
-    real = robot.sampled(robot.drive(BASE, delay=0.05))
-    rows = np.sort(rng.choice(real.time.size, 700, replace=False))
-    estimate = time_delay.estimate_delay(rows_of(real, rows), robot.sampled(EXACT))
-    assert estimate.seconds == pytest.approx(0.05, abs=2e-3)
-
-
-def test_wrapped_headings_do_not_change_the_delay():
-    drive = robot.pair(6, noise=0.0, turn_noise=0.0)
-    assert np.abs(np.diff(drive.real.heading)).max() > 6
-    unwrapped = replace(drive.real, heading=np.unwrap(drive.real.heading))
-    wrapped = time_delay.estimate_delay(drive.real, drive.sim).seconds
-    expected = time_delay.estimate_delay(unwrapped, drive.sim).seconds
-    assert wrapped == pytest.approx(expected, abs=1e-9)
 
 
 def test_wrong_gains_and_partial_drives_do_not_bias_the_delay():

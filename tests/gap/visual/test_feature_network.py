@@ -15,6 +15,7 @@ from s2rstore.errors import RequestError
 from s2rtools.gap.visual import feature_network
 from s2rtools.gap.visual.inception import Coarse, FidInception, Fine
 from tests.support.networks import randomize_weights
+from tests.support.refusals import refused
 
 DESCRIPTION = """
 architecture = "inception_v3_fid"
@@ -105,40 +106,16 @@ def test_features_equal_the_network_output_on_preprocessed_images(folder):
     assert np.allclose(computed, expected, rtol=1e-3, atol=1e-3 * np.abs(expected).max())
 
 
-def bilinear(image: np.ndarray, rows: int, columns: int) -> np.ndarray:
-    """Resize (H, W, 3) with half-pixel centres and repeated edges, without antialiasing."""
-
-    def along(values: np.ndarray, count: int) -> np.ndarray:
-        position = (np.arange(count) + 0.5) * len(values) / count - 0.5
-        lower = np.floor(position).astype(int)
-        share = (position - lower)[:, None, None]
-        first, second = (np.clip(k, 0, len(values) - 1) for k in (lower, lower + 1))
-        return (1 - share) * values[first] + share * values[second]
-
-    return along(along(image, rows).swapaxes(0, 1), columns).swapaxes(0, 1)
-
-
-@pytest.mark.parametrize("shape", [(40, 60), (200, 150), (75, 90)])
-def test_bilinear_resizing_equals_the_reference(shape):
-    rgb = np.random.default_rng(1).integers(0, 256, (2, *shape, 3)).astype(np.uint8)
-    prepare = feature_network.Preprocessing(
-        (75, 90), "bilinear", None, (0.5, 0.4, 0.3), (0.5, 0.25, 0.2)
-    )
-    expected = np.stack([bilinear(image / 255, 75, 90) for image in rgb])
-    expected = (expected - [0.5, 0.4, 0.3]) / [0.5, 0.25, 0.2]
-    computed = prepare(rgb)
-    assert computed.shape == (2, 3, 75, 90)
-    assert np.allclose(np.moveaxis(computed, 1, -1), expected, atol=2e-5)
-
-
-@pytest.mark.parametrize("name", ["bicubic", "nearest"])
-def test_other_filters_equal_torch(name):
+@pytest.mark.parametrize("name", ["bilinear", "bicubic", "nearest"])
+def test_filters_equal_torch(name):
     rgb = np.random.default_rng(2).integers(0, 256, (1, 150, 180, 3)).astype(np.uint8)
-    prepare = feature_network.Preprocessing((75, 120), name, None, (0.0,) * 3, (1.0,) * 3)
+    mean, std = (0.5, 0.4, 0.3), (0.5, 0.25, 0.2)
+    prepare = feature_network.Preprocessing((75, 120), name, None, mean, std)
     x = torch.from_numpy(rgb).permute(0, 3, 1, 2) / 255
     corners = {} if name == "nearest" else {"align_corners": False}
     expected = torch.nn.functional.interpolate(x, (75, 120), mode=name, **corners).numpy()
-    assert np.allclose(prepare(rgb), expected, atol=2e-5)
+    expected = (np.moveaxis(expected, 1, -1) - mean) / std
+    assert np.allclose(np.moveaxis(prepare(rgb), 1, -1), expected, atol=1e-4)
 
 
 def test_the_area_filter_averages_pixels():
@@ -188,10 +165,8 @@ def test_the_fingerprint_covers_weights_and_preprocessing(folder):
 def test_an_invalid_description_is_explained_in_one_line(damaged, old, new, expected):
     file = write_description(damaged)
     file.write_text(file.read_text().replace(old, new))
-    with pytest.raises(RequestError) as raised:
+    with refused(expected):
         feature_network.read_network(file)
-    assert expected in str(raised.value)
-    assert "\n" not in str(raised.value)
 
 
 def test_a_wrong_checksum_and_a_missing_file_are_rejected(folder):

@@ -55,22 +55,6 @@ def test_both_computations_of_the_trace_root_agree(seed, n, d):
     )
 
 
-@given(st.integers(0, 10_000), st.sampled_from([(10, 40), (80, 5)]))
-def test_equal_samples_have_distance_0_and_a_shift_adds_its_square(seed, shape):
-    x, y = samples(seed, shape[0], shape[0], shape[1])
-    assert frechet_distance(x, x) == pytest.approx(0, abs=1e-6)
-    assert frechet_distance(x, x + 2) == pytest.approx(4 * shape[1], rel=1e-6)
-    assert frechet_distance(x, y) == pytest.approx(frechet_distance(y, x), rel=1e-6)
-
-
-def test_the_distance_is_biased_for_small_samples():
-    rng = np.random.default_rng(0)
-    small_sample, large_sample = (
-        frechet_distance(*rng.normal(size=(2, n, 64))) for n in (50, 2000)
-    )
-    assert small_sample > 10 * large_sample > 0
-
-
 def test_a_single_image_is_rejected():
     with pytest.raises(ValueError, match="2 samples"):
         frechet_distance(np.zeros((1, 3)), np.zeros((5, 3)))
@@ -84,10 +68,3 @@ def test_the_kernel_distance_equals_torchmetrics(seed, n, d):
     x, y = rng.normal(size=(n, d)), rng.normal(0.4, 1.2, size=(n, d))
     expected = float(poly_mmd(torch.from_numpy(x), torch.from_numpy(y)))
     assert kid.kernel_distance(x, y) == pytest.approx(expected, rel=1e-9, abs=1e-9)
-
-
-def test_the_kernel_distance_is_unbiased_for_any_sample_size():
-    rng = np.random.default_rng(1)
-    for n in (5, 40):
-        distances = [kid.kernel_distance(*rng.normal(size=(2, n, 8))) for _ in range(600)]
-        assert np.mean(distances) == pytest.approx(0, abs=4 * np.std(distances) / np.sqrt(600))

@@ -1,6 +1,9 @@
-"""Wasserstein distances, divergences and PRDC compared with scipy, closed forms and brute force."""
+"""Distances, divergences and PRDC compared with references, and the samples of predictions."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,8 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import wasserstein_distance
 
+import s2rstore
+from s2rstore.index.transaction import edit
+from s2rstore.reader import Store
+from s2rtools.common.blocks import split_into_blocks
 from s2rtools.gap.visual.feature_distances import prdc, sliced_wasserstein, wasserstein_by_dimension
 from s2rtools.gap.visual.kl_divergence import divergences
+from s2rtools.gap.visual.low_dimensional_samples import prediction_samples, principal_components
+from s2rtools.gap.visual.split_half_metrics import split_half_metrics
 
 
 @given(st.integers(0, 10_000), st.integers(1, 30), st.booleans())
@@ -118,3 +127,53 @@ def test_prdc_of_equal_and_distant_samples():
     assert prdc(np.ones((9, 2)), np.ones((9, 2))).coverage == 1
     with pytest.raises(ValueError, match="6 samples"):
         prdc(x[:3], x)
+
+
+N = 40
+
+
+@pytest.fixture
+def store(tiny_store: Path) -> Iterator[Store]:
+    with s2rstore.open(tiny_store) as opened:
+        yield opened
+
+
+def test_poses_and_errors_are_standardized(store):
+    samples = prediction_samples(store, "vanilla", np.arange(N))
+    columns = store.run_columns("vanilla")
+    poses, errors = samples["poses"], samples["errors"]
+    assert poses.sim.shape == (N, 3)
+    assert errors.real.shape == (N, 2)
+    scale = columns.sim.x[1] / poses.sim[1, 0]
+    assert np.allclose(poses.real[:, 1] * scale, columns.real.y)
+    assert np.concatenate([poses.sim, poses.real])[:, :2].var(axis=0).mean() == pytest.approx(1)
+    assert np.concatenate([errors.sim, errors.real]).std(axis=0) == pytest.approx(1)
+    turn = poses.periods[2] / (2 * np.pi)
+    assert poses.periods[:2].tolist() == [0, 0]
+    assert np.allclose(poses.real[:, 2], columns.real.heading * turn)
+    assert not errors.periods.any()
+
+
+def test_missing_headings_are_excluded(store_copy):
+    with edit(store_copy) as draft:
+        key = {"run": "vanilla", "side": "sim"}
+        draft.update("prediction", key, {"heading": None, "heading_error": None})
+        draft.update("run", {"run": "dataaug"}, {"key": None})
+    with s2rstore.open(store_copy) as store:
+        samples = prediction_samples(store, "vanilla", np.arange(N))
+        assert [samples[name].sim.shape[1] for name in ("poses", "errors")] == [2, 1]
+        assert prediction_samples(store, "dataaug", np.arange(N)) == {}
+
+
+def test_divergences_ignore_missing_rows_and_need_enough_samples(store):
+    rng = np.random.default_rng(0)
+    sim, real = rng.normal(size=(2, N, 6))
+    blocks = split_into_blocks(np.zeros(N, np.int32))
+    points = principal_components(sim, real, 2)
+    assert points.sim.shape == points.real.shape == (N, 2)
+    points.sim[::4] = np.nan
+    result = split_half_metrics(sim, real, blocks, 1, {"some": points})
+    divergence = result["kl_some_sim_real"]
+    assert np.isfinite([divergence["value"], divergence["floor"]]).all()
+    points.sim[5:] = np.nan
+    assert "kl_some_sim_real" not in split_half_metrics(sim, real, blocks, 1, {"some": points})
