@@ -25,6 +25,8 @@ from bench.budget import BudgetRow
 from bench.measured_stores import QUIET, lively
 from s2rstore.reader import Store
 from s2rtools.heatmaps import HEATMAP_KINDS
+from s2rtools.heatmaps.harm import Harm
+from s2rtools.precompute.label_gains import image_gains
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.scoring import harm_report
 from s2rtools.scoring.counterfactual_errors import open_runs
@@ -43,6 +45,8 @@ SHARE_VIEWS = 60
 _UNTRAINED = "untrained"
 _STORED = "stored gains of labels"
 """Stands for table `label_gain`, made of harm and stored label images, in place of a kind."""
+_REAL_LABELS = "gains of real labels alone"
+"""The same without the label images of the sim side."""
 _BUDGETS = {
     "harm": (0.90, 0.78, 0.85, 0.60, 0.65),
     _STORED: (0.90, 0.80, None, None, None),
@@ -123,11 +127,14 @@ def _measure(path: Path, seed: int, views: int, kinds: Sequence[str]) -> Buildin
                     for estimates in (made.of_run, made.of_other_run)
                 )
                 untrained[mode] = _untrained(store, gains, mode) if made.of_other_run else {}
-        labelled = {run: _stored_gains(store, gains, run) for run in gains.runs}
-        if any(estimate.any() for estimate in labelled.values()):
-            mode = _STORED, None
-            own[mode] = {run: gains.pairs(run, e, in_metres=True) for run, e in labelled.items()}
-            foreign[mode], untrained[mode] = {}, {}
+        if Harm.name in kinds:
+            for name, estimate in ((_STORED, _stored_gains), (_REAL_LABELS, _real_label_gains)):
+                mode = name, None
+                own[mode] = {
+                    run: gains.pairs(run, estimate(store, gains, run), in_metres=True)
+                    for run in gains.runs
+                }
+                foreign[mode], untrained[mode] = {}, {}
         true = measure_shares(truth, evaluated, min(SHARE_VIEWS, views))
         shares: dict[str, list[SharePair]] = {}
         for run in names:
@@ -177,6 +184,19 @@ def _stored_gains(store: Store, gains: ObjectGains, run: str) -> NDArray[np.floa
     known = {(iid, label): gain for iid, label, gain in store.execute(query, [run])}
     pairs = zip(gains.iids[gains.view].tolist(), gains.item.tolist(), strict=True)
     return np.array([known.get(pair, 0.0) for pair in pairs], dtype=np.float64)
+
+
+def _real_label_gains(store: Store, gains: ObjectGains, run: str) -> NDArray[np.float64]:
+    """The gain (K,) of each pair's object by the real label images, 0 where they do not show it."""
+    nothing = np.zeros(gains.frame, dtype=np.uint16)
+    found = np.zeros(gains.view.size)
+    for view, iid in enumerate(gains.iids.tolist()):
+        heat = store.heatmap(run, Harm.name, "real", iid, "position")
+        of_labels = image_gains(heat, store.label_images("real", iid, iid + 1)[0], nothing)
+        pairs = np.flatnonzero(gains.view == view)
+        known = pairs[gains.item[pairs] < of_labels.size]
+        found[known] = np.nan_to_num(of_labels[gains.item[known]])
+    return found
 
 
 def _share_rows(buildings: Sequence[Building]) -> Iterator[BudgetRow]:

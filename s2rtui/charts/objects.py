@@ -74,10 +74,12 @@ def _number(value: float, digits: int) -> str:
 
 def objects_notes(model: ObjectGains) -> tuple[str, ...]:
     """What the numbers of the table mean."""
+    missing = "sim images have no labels: what is missing in reality counts for what is behind it"
     return (
         f"{model.n} pairs with labels, mean real error {model.error:.2f} m",
         "gain: how far the error falls if the object looks as in simulation, mean over its images",
         "estimated from the heatmap harm; intervals for all classes at once",
+        *([] if model.has_sim_labels else [missing]),
     )
 
 

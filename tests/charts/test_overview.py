@@ -15,6 +15,7 @@ from s2rtui.canvas.render_options import UNICODE
 from s2rtui.charts.overview import (
     MOST_READ,
     VIEW,
+    accuracy_scale,
     ordered,
     overview_table,
     translator_notes,
@@ -54,6 +55,16 @@ def line_of(canvas: Canvas, run: str) -> tuple[int, str]:
 
 def panel_of(drawing: Drawing, run: str) -> PlotArea:
     return next(panel for panel in drawing_panels(drawing, SIZE) if panel.name == run)
+
+
+def test_the_scale_holds_all_rows_the_baseline_and_the_lines():
+    lines = overview_lines()
+    tight, wide = (accuracy_scale(ROWS, 0.72, each, ("",)) for each in (None, lines))
+    lowest = np.percentile(lines.values[0][lines.valid], 1)
+    assert wide.low <= lowest < tight.low <= 0.72
+    assert (wide.high, tight.high) == (1.0, 1.0)
+    labels = [text for *_, text in wide.labels(40, 4, len, 1.0)]
+    assert labels[-1] == "100"
 
 
 def test_a_row_shows_both_accuracies_over_its_lines():

@@ -162,8 +162,9 @@ def test_replaced_label_images_are_pruned_and_damage_is_found(s2r, store_copy, t
 
 @pytest.mark.parametrize(
     ("name", "value", "text"),
-    [("0003.png", 9, "1 value not in"), ("other.png", 1, "other.png belongs to no frame of real")],
-)
+    [("0003.png", 9, "1 value not in"), ("other.png", 1, "other.png belongs to no frame of real"),
+     ("7.png", 1, "7.png belongs to no frame of real")],
+)  # fmt: skip
 def test_label_images_that_cannot_be_used_are_refused(
     s2r, store_copy, tmp_path, name, value, text
 ):  # fmt: skip

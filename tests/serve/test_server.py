@@ -32,33 +32,29 @@ def serve(tiny_store: Path, tmp_path: Path) -> Iterator[StartServer]:
         yield start
 
 
-async def _get(url: str, **headers: str) -> tuple[int, str]:
+async def _get(url: str, **headers: str) -> tuple[int, bytes]:
     async with aiohttp.ClientSession() as session, session.get(url, headers=headers) as response:
-        return response.status, await response.text()
+        return response.status, await response.read()
 
 
 async def test_the_page_names_the_store_and_no_other_host(serve):
     server = serve()
-    status, page = await _get(server.url)
+    status, content = await _get(server.url)
+    page = content.decode()
     assert status == 200
     assert "<title>tiny.s2r</title>" in page
     assert re.findall(r"https?://[^\"' ]+", page) == []
     for file in re.findall(r'(?:href|src)="(static/[^"]+)"|url\("(static/[^"]+)"\)', page):
-        status, content = await _get_bytes(server.root + "".join(file))
+        status, content = await _get(server.root + "".join(file))
         assert status == 200
         assert len(content) > 1000
-
-
-async def _get_bytes(url: str) -> tuple[int, bytes]:
-    async with aiohttp.ClientSession() as session, session.get(url) as response:
-        return response.status, await response.read()
 
 
 async def test_addresses_follow_the_requested_host(serve):
     server = serve()
     _, page = await _get(server.url, Host="localhost:9999")
-    assert "ws://localhost:9999/ws" in page
-    assert str(server.port) not in page
+    assert b"ws://localhost:9999/ws" in page
+    assert str(server.port).encode() not in page
 
 
 async def _receives(socket: Any, expected: bytes) -> bool:

@@ -50,7 +50,8 @@ def execute(options: argparse.Namespace) -> int:
         raise RequestError(f"--select {options.select}: {NOTHING}")
     if options.json:
         rows = [dict(zip(NAMES, row, strict=True)) for row in object_rows(found)]
-        content = {"run": run, "n": found.n, "mean_error_m": found.error, "objects": rows}
+        content = {"run": run, "n": found.n, "mean_error_m": found.error,
+                   "has_sim_labels": found.has_sim_labels, "objects": rows}  # fmt: skip
         json.dump(content, sys.stdout, indent=1, allow_nan=False)
         sys.stdout.write("\n")
         return 0

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore import intervals
-from s2rstore.errors import counted
 from s2rstore.intervals import Interval
 from s2rstore.reader import Store
 from s2rstore.security.printable_text import printable
@@ -32,24 +31,19 @@ class ObjectGain:
     harmed: int
     total: float
 
-    @property
-    def text(self) -> str:
-        """`cupboard: 0.42 m (0.11 .. 0.80) over 38 images`."""
-        number = f"{self.gain.value:.2f} m"
-        bounds = f" ({self.gain.bounds_text()})" if self.gain.is_known else ""
-        return f"{self.name}: {number}{bounds} over {counted(self.images, 'image')}"
-
 
 @dataclass(frozen=True, slots=True)
 class ObjectGains:
     """The classes that some instances show, by their mean gain, the largest first.
 
-    `n` instances have a label image and a gain; `error` is the mean real error over them.
+    `n` instances have a label image and a gain; `error` is the mean real error over them. Without
+    `has_sim_labels`, what an object costs that is missing in reality counts for what is behind it.
     """
 
     n: int
     error: float
     classes: tuple[ObjectGain, ...]
+    has_sim_labels: bool
 
 
 def missing_gains(store: Store, run: str) -> str:
@@ -81,7 +75,8 @@ def object_gains(store: Store, run: str, chosen: NDArray[np.bool_]) -> ObjectGai
     rows = np.isfinite(np.stack([*shown.values()])).any(axis=0)
     error = float(np.nanmean(columns.real.error[rows]))
     ordered = sorted(classes, key=lambda each: -each.gain.value)
-    return ObjectGains(int(np.count_nonzero(rows)), error, tuple(ordered))
+    has_sim_labels = store.run(run).sim_domain in store.label_keys
+    return ObjectGains(int(np.count_nonzero(rows)), error, tuple(ordered), has_sim_labels)
 
 
 def _gain(store: Store, name: str, values: NDArray[np.float64], level: float) -> ObjectGain:

@@ -110,7 +110,8 @@ def _matched(store: Store, domain: str, names: Mapping[str, object], where: Path
     """The instance of each label file, by the name of its source image, else by its number.
 
     The name is the path in the ingested folder, or the file name where that is unique; suffixes do
-    not count. Raises RequestError for files that belong to no frame.
+    not count. Numbers are those of instances only where no source image is called by a number.
+    Raises RequestError for files that belong to no frame.
     """
     query = "SELECT iid, rgb_path FROM frame WHERE domain = ?"
     frames = [(int(iid), path) for iid, path in store.execute(query, [domain])]
@@ -133,7 +134,8 @@ def _matched(store: Store, domain: str, names: Mapping[str, object], where: Path
         stem = PurePosixPath(name).stem
         return int(stem) if stem.isdigit() and int(stem) in numbers else None
 
-    for find in (of_source, of_number):
+    is_numbered = any(stem.isdigit() for stem in stems)
+    for find in (of_source,) if is_numbered else (of_source, of_number):
         found = {name: find(name) for name in names}
         matched = {name: iid for name, iid in found.items() if iid is not None}
         if len(matched) == len(found):
@@ -142,8 +144,8 @@ def _matched(store: Store, domain: str, names: Mapping[str, object], where: Path
             return matched
     name = next(name for name in names if of_source(name) is None)
     raise RequestError(
-        f"{where}: {name} belongs to no frame of {domain}; name label images by the images that "
-        "were ingested, or by the numbers of the instances (12.png)"
+        f"{where}: {name} belongs to no frame of {domain}; name label images by the paths of the "
+        "ingested images or, where these are not numbered, by the numbers of instances (12.png)"
     )
 
 
