@@ -282,7 +282,8 @@ def _renderer_lines(report: RendererReport, store: Path, command: str) -> list[s
         f"{report.fitted_instances} others, {counted(report.frames, 'frame')} compared",
     ]
     if not report.complete:
-        lines.append("the time was used up before the search ended; --budget allows more")
+        lines.append("the time was used up before the search ended, so that ranges may miss the "
+                     "best values; --budget allows more")  # fmt: skip
     lines += ["", *_fitted_rows("parameter", report.parameters)]
     if report.adjustments:
         lines += ["", *_fitted_rows("adjustment", report.adjustments)]

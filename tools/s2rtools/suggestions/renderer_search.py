@@ -94,14 +94,19 @@ class RendererReport:
 
     @property
     def helps(self) -> bool:
-        """Whether something is changed and evidently lowers the mismatch of held-out images."""
-        return bool(self.changed) and self.lowered.is_positive
+        """Whether something is changed and lowers the mismatch of held-out images.
+
+        Evidently, where these are enough for an interval.
+        """
+        lowered = self.lowered
+        lower = lowered.is_positive if lowered.is_known else lowered.value > 0
+        return bool(self.changed) and lower
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
         """The range to draw each parameter and adjustment from."""
         fitted = (*self.parameters, *self.adjustments)
-        return {each.name: (each.range.low, each.range.high) for each in fitted}
+        return {each.name: (round(each.range.low, 6), round(each.range.high, 6)) for each in fitted}
 
     def as_json(self) -> dict[str, Any]:
         """The report as JSON data."""
