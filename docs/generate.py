@@ -292,7 +292,7 @@ def registries_page() -> str:
     from s2rstore.heatmap_kinds import heatmap_facts
     from s2rtools.adjustments import ADJUSTMENTS
     from s2rtools.datasets.importers import IMPORTERS
-    from s2rtools.datasets.layouts import LAYOUTS, find_layout
+    from s2rtools.datasets.layouts import LAYOUTS
     from s2rtools.heatmaps import HEATMAP_KINDS
     from s2rtools.models import ARCHITECTURES
     from s2rtools.motion_logs.drives import READERS
@@ -335,7 +335,7 @@ def registries_page() -> str:
         (
             "Layouts of recordings",
             "`s2r ingest pairs --sim NAME:PATH ...`",
-            {name: find_layout(name) for name in LAYOUTS},
+            dict(LAYOUTS),
         ),
         ("Architectures", "`s2r model add ... --arch NAME`", ARCHITECTURES),
         ("Training recipes", "`s2r train --recipe NAME`", RECIPES),

@@ -21,7 +21,7 @@ from examples.duckietown.road_images import RoadImages
 from s2rstore.errors import RequestError
 from s2rtools import translation
 from s2rtools.common.result_files import write_all
-from s2rtools.translation import METHODS, find_method
+from s2rtools.translation import METHODS
 from s2rtools.translation.image_set import ImageSet, Rgb, evenly_spaced
 from s2rtools.translation.method import FitSettings, Translator, lower_share
 from s2rtools.translation.translator_file import (
@@ -121,7 +121,7 @@ def _parse_source(text: str) -> Source:
         stored = read_translator(Path(text))
         return Source(Path(text).stem, stored.method, file=Path(text))
     name, *settings = text.split(":")
-    method = find_method(name)
+    method = METHODS.find(name)
     options, lower = [], 1.0
     for setting in settings:
         key, _, value = ("statistics=image" if setting == "image" else setting).partition("=")

@@ -31,7 +31,7 @@ from s2rtui.session.state import Adjust, HeatChoice, Slider, State
 
 if TYPE_CHECKING:
     from s2rtools.interactive import LiveResult
-_IMAGE_ROWS = 16
+_IMAGE_ROWS = 18
 """Screen rows that the images and the table of errors need."""
 
 

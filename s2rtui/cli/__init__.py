@@ -12,13 +12,15 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 
-from s2rstore.errors import S2RError
+from s2rstore import plugins
 from s2rstore.security import working_folder
-from s2rstore.security.printable_text import printable_stream
+from s2rstore.security.printable_text import printable, printable_stream
 from s2rtui.cli import interrupts
 from s2rtui.cli.command_parser import COMMANDS, build_parser
 from s2rtui.cli.error_messages import describe
 
+_EVERYWHERE = ("--debug", "--no-plugins")
+"""Options that every command takes, at any place."""
 _TORCH_ENVIRONMENT = {"OMP_WAIT_POLICY": "PASSIVE", "GOMP_SPINCOUNT": "0"}
 
 
@@ -45,6 +47,8 @@ def _main(argv: Sequence[str] | None) -> int:
     arguments = _with_default_command(list(sys.argv[1:] if argv is None else argv))
     if not (_prepare_streams() and _are_utf8(arguments)):
         return 2
+    if "--no-plugins" in arguments:
+        os.environ[plugins.DISABLED] = "1"  # also for processes that the command starts
     command = next((word for word in arguments if word in COMMANDS), None)
     if argv is None:
         interrupts.watch_sigint(command)
@@ -57,17 +61,17 @@ def _main(argv: Sequence[str] | None) -> int:
 
 
 def _parse_and_execute(arguments: list[str], command: str | None) -> int:
-    try:
-        parser = build_parser([command] if command else [])
-    except S2RError as error:  # of an installed plug-in
-        print(f"s2r: {error}", file=sys.stderr)
-        return error.exit_code
-    options = parser.parse_args([word for word in arguments if word != "--debug"])
+    parser = build_parser([command] if command else [])
+    options = parser.parse_args([word for word in arguments if word not in _EVERYWHERE])
     if not hasattr(options, "execute"):
         parser.print_help()
         return 2
     options.debug = "--debug" in arguments
-    return execute_command(options)
+    try:
+        return execute_command(options)
+    finally:
+        for line in plugins.left_out():
+            print(printable(f"s2r: plug-in left out: {line}"), file=sys.stderr)
 
 
 def execute_command(options: argparse.Namespace) -> int:

@@ -176,6 +176,9 @@ def build_parser(commands: Collection[str] = ()) -> CommandParser:
         subparser.add_argument(
             "--debug", action="store_true", help="show the traceback of an unexpected error"
         )
+        subparser.add_argument(
+            "--no-plugins", action="store_true", help="use no parts of other installed packages"
+        )
         command.add_arguments(subparser)
         subparser.set_defaults(execute=command.execute, command=name)
         for actions in subparser._actions:

@@ -102,4 +102,4 @@ def _adjusted(frame: Frame, domain: Domain, chain: Chain, store_path: Path) -> F
     except (ImportError, RequestError):
         return None
     inside = (depth[0] >= domain.depth_raw_min) & (depth[0] <= domain.depth_raw_max)
-    return Frame(rgb[0], depth[0], frame.valid & inside)
+    return Frame(rgb[0], depth[0], inside)

@@ -1,5 +1,8 @@
 """Image adjustments: neutral values, chains, and the effect of each adjustment."""
 
+from pathlib import Path
+
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,7 +10,7 @@ from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry import camera_offset
-from s2rstore.records import SIDES
+from s2rstore.records import SIDES, Domain, Intrinsics
 from s2rtools.adjustments import (
     ADJUSTMENTS,
     ImageAdjustment,
@@ -17,6 +20,7 @@ from s2rtools.adjustments import (
     make_chain,
     parse_adjustment,
 )
+from s2rtools.precompute.frame_reader import adjusted_images
 
 WITH_NUMBERS = [
     name for name, entry in ADJUSTMENTS.items() if not isinstance(entry, TranslatorAdjustment)
@@ -55,37 +59,39 @@ def test_types_and_shapes_are_preserved_and_the_input_is_unchanged(frames, name,
         np.testing.assert_array_equal(image, copy)
 
 
-@pytest.mark.parametrize("name", ["brightness", "contrast", "temperature"])
-def test_colour_adjustments_do_not_change_depth(frames, name):
-    rgb, depth = apply_chain(*frames, chain(**{name: ADJUSTMENTS[name].highest}))
-    assert depth is frames[1]
-    assert not np.array_equal(rgb, frames[0])
-
-
-@pytest.mark.parametrize("name", ["depth_range", "depth_blur"])
-def test_depth_adjustments_change_only_valid_depth(frames, name):
-    rgb, depth, valid = frames
-    adjusted_rgb, adjusted = apply_chain(rgb, depth, valid, chain(**{name: 2.0}))
-    assert adjusted_rgb is rgb
+@pytest.mark.parametrize(
+    ("values", "changes_colours", "changes_depth"),
+    [
+        ({"brightness": 3.0}, True, False), ({"contrast": 3.0}, True, False),
+        ({"temperature": 1.0}, True, False), ({"depth_range": 2.0}, False, True),
+        ({"depth_blur": 2.0}, False, True),
+        ({"camera_height": 0.3, "camera_pitch": -4, "camera_fov": 10}, False, False),
+    ],
+)  # fmt: skip
+def test_an_adjustment_changes_colours_or_valid_depth_alone(
+    frames, values, changes_colours, changes_depth
+):
+    _, depth, valid = frames
+    adjusted_rgb, adjusted = apply_chain(*frames, chain(**values))
+    assert (adjusted_rgb is not frames[0]) == changes_colours
+    assert (adjusted is not depth) == changes_depth
+    assert np.array_equal(adjusted_rgb, frames[0]) == (not changes_colours)
+    assert np.array_equal(adjusted[valid], depth[valid]) == (not changes_depth)
     np.testing.assert_array_equal(adjusted[~valid], depth[~valid])
-    assert not np.array_equal(adjusted[valid], depth[valid])
 
 
-def test_brightness_multiplies_and_saturates(frames):
-    rgb, _ = apply_chain(*frames, chain(brightness=1.15))
-    np.testing.assert_array_equal(rgb, np.clip(np.rint(frames[0] * 1.15), 0, 255))
-
-
-def test_zero_contrast_gives_the_mean_of_each_image(frames):
-    rgb, _ = apply_chain(*frames, chain(contrast=0.0))
-    for image, source in zip(rgb, frames[0], strict=True):
+def test_colours_are_multiplied_contracted_and_warmed_in_the_order_of_the_steps(frames):
+    bright, _ = apply_chain(*frames, chain(brightness=1.15))
+    np.testing.assert_array_equal(bright, np.clip(np.rint(frames[0] * 1.15), 0, 255))
+    flat, _ = apply_chain(*frames, chain(contrast=0.0))
+    for image, source in zip(flat, frames[0], strict=True):
         assert np.unique(image).tolist() == [round(float(source.mean()))]
-
-
-def test_a_higher_temperature_gives_more_red(frames):
-    rgb, _ = apply_chain(*frames, chain(temperature=0.5))
-    assert rgb[..., 0].mean() > frames[0][..., 0].mean()
-    assert rgb[..., 2].mean() < frames[0][..., 2].mean()
+    warm, _ = apply_chain(*frames, chain(temperature=0.5))
+    assert warm[..., 0].mean() > frames[0][..., 0].mean()
+    assert warm[..., 2].mean() < frames[0][..., 2].mean()
+    both, _ = apply_chain(*frames, chain(brightness=1.15, contrast=0.5))
+    one_by_one, _ = apply_chain(bright, *frames[1:], chain(contrast=0.5))
+    np.testing.assert_array_equal(both, one_by_one)
 
 
 def test_blur_of_flat_depth_ignores_holes():
@@ -96,14 +102,6 @@ def test_blur_of_flat_depth_ignores_holes():
         np.zeros((1, 20, 20, 3), np.uint8), depth, valid, chain(depth_blur=3.0)
     )
     np.testing.assert_array_equal(adjusted, depth)
-
-
-def test_steps_apply_in_order(frames):
-    rgb, depth, valid = frames
-    once = apply_chain(rgb, depth, valid, chain(brightness=1.5))
-    twice = apply_chain(*once, valid, chain(contrast=0.5))
-    both = apply_chain(rgb, depth, valid, chain(brightness=1.5, contrast=0.5))
-    np.testing.assert_array_equal(both[0], twice[0])
 
 
 def test_images_of_a_batch_are_adjusted_independently(frames):
@@ -157,12 +155,6 @@ def test_the_registry_describes_every_slider():
         assert adjustment.needs_renderer == isinstance(adjustment, RenderedAdjustment)
     rendered = [name for name, entry in ADJUSTMENTS.items() if entry.needs_renderer]
     assert tuple(rendered) == camera_offset.NAMES
-
-
-def test_camera_adjustments_do_not_change_images(frames):
-    rgb, depth = apply_chain(*frames, chain(camera_height=0.3, camera_pitch=-4, camera_fov=10))
-    assert rgb is frames[0]
-    assert depth is frames[1]
 
 
 @given(
@@ -220,3 +212,72 @@ def test_depth_holes_remove_their_share_of_the_valid_depth():
     lost = (depth > 0) & (holes == 0)
     assert lost.sum() / (depth > 0).sum() == pytest.approx(0.2, abs=0.02)
     np.testing.assert_array_equal(holes[~lost], depth[~lost])
+
+
+_LENS = Intrinsics(50.0, 50.0, 50.0, 30.0)
+
+
+def _picture(height: int, width: int):
+    """A smooth image, and depth that is missing on the left."""
+    rows, columns = np.mgrid[:height, :width]
+    rgb = np.stack([rows * 2, columns * 2, rows + columns], axis=2).astype(np.uint8)[None]
+    depth = np.full((1, height, width), 2000, dtype=np.uint16)
+    depth[:, :, : width // 3] = 0
+    return rgb, depth
+
+
+@pytest.mark.parametrize("value", [-0.14, -0.05, 0.1, 0.3])
+def test_distortion_is_the_first_radial_coefficient_of_opencv(value):
+    height, width = 60, 100
+    rgb, depth = _picture(height, width)
+    seen, near = apply_chain(rgb, depth, depth > 0, chain(distortion=value))
+    focal = np.hypot(height, width) / 2
+    lens = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
+    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
+    pixels = pixels.reshape(-1, 1, 2).astype(np.float64)
+    exact = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 300, 1e-9)
+    shown = cv2.undistortImagePoints(pixels, lens, np.array([value, 0, 0, 0]), None, exact)
+    shown = shown.reshape(height, width, 2).astype(np.float32)
+    expected = cv2.remap(rgb[0], shown[..., 0], shown[..., 1], cv2.INTER_LINEAR)
+    inside = (shown >= 0).all(axis=2) & (shown <= [width - 1, height - 1]).all(axis=2)
+    np.testing.assert_allclose(seen[0][inside], expected[inside], atol=1)
+    border = shown[..., 0] - (width // 3 - 0.5)
+    assert (near[0][inside & (border > 0.01)] == 2000).all()
+    assert (near[0][border < -0.01] == 0).all()
+
+
+def test_pixels_that_a_lens_moves_take_their_validity_along():
+    rgb, depth = _picture(60, 100)
+    domain = Domain("real", "real", _LENS, _LENS, 1.0, 0.0, 0.001, 1, 5000)
+    steps = chain(distortion=-0.1, depth_range=1.5)
+    _, near, valid = adjusted_images({"rgb": rgb, "depth": depth}, domain, steps, Path())
+    assert set(np.unique(near)) == {0, 3000}
+    np.testing.assert_array_equal(valid, near > 0)
+
+
+@pytest.mark.parametrize("length", [3, 5, 9])
+def test_motion_blur_is_a_mean_along_the_rows(frames, length):
+    rgb, depth = apply_chain(*frames, chain(motion_blur=length - 1))
+    for image, source in zip(rgb, frames[0], strict=True):
+        expected = cv2.blur(source, (length, 1), borderType=cv2.BORDER_REPLICATE)
+        np.testing.assert_allclose(image, expected, atol=1)
+    assert depth is frames[1]
+
+
+def test_a_rolling_shutter_shears_the_rows():
+    rgb = np.zeros((1, 41, 60, 3), dtype=np.uint8)
+    rgb[:, :, 30] = 255
+    sheared, _ = apply_chain(rgb, np.zeros((1, 4, 4), np.uint8), np.zeros((1, 4, 4), bool),
+                             chain(rolling_shutter=8.0))  # fmt: skip
+    assert [int(sheared[0, row, :, 0].argmax()) for row in (0, 20, 40)] == [26, 30, 34]
+
+
+def test_depth_steps_round_to_levels_by_shares():
+    depth = np.arange(1000, 5000, dtype=np.uint16).reshape(1, 40, 100)
+    rgb = np.zeros((1, 40, 100, 3), dtype=np.uint8)
+    _, rounded = apply_chain(rgb, depth, depth < 4900, chain(depth_steps=0.05))
+    valid = depth < 4900
+    levels = np.unique(rounded[valid]).astype(float)
+    np.testing.assert_allclose(levels[1:] / levels[:-1], 1.05, atol=2e-3)
+    assert np.abs(rounded[valid] / depth[valid] - 1).max() < 0.026
+    np.testing.assert_array_equal(rounded[~valid], depth[~valid])

@@ -64,21 +64,15 @@ def test_a_fitted_translator_is_listed_and_verified(fitted):
     assert not verify(fitted)
 
 
-def test_strength_zero_returns_the_same_arrays(fitted):
-    images = images_of(fitted)
-    chain = [{**chain_of(fitted, "real:translate=to_sim")[0], "value": 0.0}]
-    rgb, depth = apply_chain(*images, chain, fitted)
-    assert rgb is images[0]
-    assert depth is images[1]
-
-
-def test_strength_between_blends(fitted):
-    images = images_of(fitted)
-    full, _ = apply_chain(*images, chain_of(fitted, "real:translate=to_sim"), fitted)
+def test_the_strength_blends_and_0_returns_the_same_arrays(fitted):
+    images, chain = images_of(fitted), chain_of(fitted, "real:translate=to_sim")
+    full, _ = apply_chain(*images, chain, fitted)
     half, _ = apply_chain(*images, chain_of(fitted, "real:translate=to_sim@0.5"), fitted)
     assert (full != images[0]).any()
-    expected = (images[0].astype(float) + full) / 2
-    assert np.abs(half - expected).max() <= 0.51
+    assert np.abs(half - (images[0].astype(float) + full) / 2).max() <= 0.51
+    rgb, depth = apply_chain(*images, [{**chain[0], "value": 0.0}], fitted)
+    assert rgb is images[0]
+    assert depth is images[1]
 
 
 def test_images_of_a_batch_are_translated_independently(fitted):

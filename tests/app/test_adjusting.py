@@ -28,7 +28,6 @@ from s2rtui.session.state import Adjust
 from tests.support.application import make_app, press, running
 from tests.support.copies import copy_store
 from tests.support.silent_reporter import SilentReporter
-from tests.support.unloaded_modules import unload_modules
 
 
 async def test_moving_a_slider_shows_the_live_prediction(few_pairs_store):
@@ -148,8 +147,21 @@ async def test_refused_names_and_failed_saves_show_an_error(few_pairs_store, mon
         assert "saving a run needs torch: pip install 's2rtui[tools]'" in app.session.state.message
 
 
+def unload_tools(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Remove modules of `s2rtools` until the test ends, from `sys.modules` and their packages.
+
+    A module that the test imports again would otherwise stay in its package after `sys.modules`
+    has been restored, and later tests would see two copies of it.
+    """
+    for name in [name for name in sys.modules if name.startswith("s2rtools.")]:
+        package, _, attribute = name.rpartition(".")
+        if package in sys.modules:
+            monkeypatch.delattr(sys.modules[package], attribute, raising=False)
+        monkeypatch.delitem(sys.modules, name)
+
+
 async def test_the_panel_explains_how_to_install_torch(tiny_store, monkeypatch):
-    unload_modules(monkeypatch, lambda name: name.startswith("s2rtools."))
+    unload_tools(monkeypatch)
     for name in [name for name in sys.modules if name.split(".")[0] == "torch"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "torch", None)

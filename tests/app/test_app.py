@@ -58,19 +58,6 @@ async def test_pressing_every_key_causes_no_error(tiny_store, tmp_path, size, ti
         assert len(list(tmp_path.glob("s2r-*.png"))) == times
 
 
-async def test_each_size_shows_its_views(tiny_store):
-    wide = {"overview", "umap", "orientation", "rooms", "errors", "map", "findings", "instance"}
-    views = {(200, 60): wide, (80, 24): {"map"}, (120, 40): {"overview", "map", "instance"}}
-    async with running(tiny_store, size=(200, 60)) as (app, pilot):
-        for size, expected in (*views.items(), ((200, 60), wide)):
-            await pilot.resize_terminal(*size)
-            await settle(app, pilot)
-            shown = [view for view in app.query(PlotView) if view.placed and view.region.area]
-            assert {view.id for view in shown} == expected, size
-            assert max(view.region.right for view in shown) <= size[0]
-            assert max(view.region.bottom for view in shown) <= size[1]
-
-
 async def test_number_keys_switch_views_on_small_screens(tiny_store):
     async with running(tiny_store, size=(80, 24)) as (app, pilot):
         for size in ((80, 24), (60, 20), (30, 8), (10, 3)):

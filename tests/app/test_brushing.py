@@ -88,14 +88,9 @@ async def drag(app: S2RApp, pilot: Pilot[None], name: str, cells: list[tuple[int
     await settle(app, pilot)
 
 
-async def test_tab_completes_and_up_recalls_the_history(tiny_store):
+async def test_up_recalls_the_history(tiny_store):
     async with running(tiny_store) as (app, pilot):
-        await press(app, pilot, "w", "b", "slash")
-        app.query_line.value = "worst15 & room:le"
-        app.query_line.cursor_position = len(app.query_line.value)
-        await press(app, pilot, "tab")
-        assert app.query_line.value == 'worst15 & room:"left hall"'
-        await press(app, pilot, "escape", "slash", "up", "up")
+        await press(app, pilot, "w", "b", "slash", "up", "up")
         assert app.query_line.value == "worst15"
         await press(app, pilot, "enter")
         assert app.session.state.expression == "worst15"
@@ -134,22 +129,6 @@ async def test_the_scatter_view_is_clicked_and_selects_by_a_lasso(tiny_store):
                                            (left, bottom)])  # fmt: skip
         assert app.session.state.expression.startswith("error.lasso(")
         assert app.session.state.selected.sum() > 0
-
-
-async def test_the_heatmap_of_the_selection_is_aggregated(tiny_store):
-    from s2rtui.session.heatmaps import instance_grid
-
-    async with running(tiny_store) as (app, pilot):
-        await press(app, pilot, "slash")
-        app.query_line.value = "ids(5)"
-        await press(app, pilot, "enter", "o", "o")
-        state = app.session.state
-        assert state.overlay == "selection"
-        expected = instance_grid(app.session.store, "vanilla", state.heat, 5)
-        np.testing.assert_array_equal(app.loaded.floor_heat, expected)
-        await press(app, pilot, "C")
-        seen_floor = app.loaded.seen_floor
-        assert np.isfinite(seen_floor).sum() >= np.isfinite(expected).sum() > 0
 
 
 async def test_tab_cycles_through_views_and_panels(tiny_store):
@@ -275,17 +254,6 @@ async def test_an_unreachable_store_is_reported_once(tiny_store, monkeypatch):
             app.session.show_message("the store is out of reach", is_error=True)
         app.store_updates.check_store()
         assert (app.session.state.message, app.session.state.is_error) == ("", False)
-
-
-async def test_selections_and_brushes_are_combined_by_the_operator(tiny_store):
-    """The example: large error in simulation but small in reality, inside a region of the map."""
-    example = ["W", "ampersand", "b", "x", "Z", "Z", "ampersand"]
-    assert len(example) < 10
-    async with running(tiny_store) as (app, pilot):
-        await press(app, pilot, *example)
-        state = app.session.state
-        assert state.expression.startswith("worst(15%, sim.error) & best15 & box(")
-        assert not state.is_error
 
 
 async def test_a_lasso_needs_three_corners_and_is_simplified(tiny_store):

@@ -101,21 +101,6 @@ async def test_every_grouping_can_be_brushed_and_enter_selects_the_row_of_the_in
     other.close()
 
 
-async def test_trained_instances_are_ranked_only_if_they_are_included(trained_split):
-    async with running(trained_split, size=(80, 24)) as (app, pilot):
-        await press(app, pilot, "6")
-        for count, is_included in ((8, False), (40, True)):
-            loaded = app.loaded.current_groups(app.session.state)
-            assert sum(row.n for row in loaded.rows) == count
-            assert ("32 trained on included" in take_screenshot(app).text) == is_included
-            await press(app, pilot, "M")
-
-
-@pytest.fixture(scope="module")
-def trained_split(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tiny.build(tmp_path_factory.mktemp("split") / "s.s2r", trained=("vanilla",))
-
-
 ROOMS = tuple(f"room {letter}" for letter in "abcdefghijkl")
 
 

@@ -115,21 +115,6 @@ async def test_home_and_end_go_to_the_ends_of_the_list_and_show_errors(tiny_stor
         assert session.state.cursor == np.flatnonzero(session.state.selected)[-1]
 
 
-async def test_sorting_keeps_the_cursor_on_the_screen(tiny_store):
-    async with running(tiny_store, size=(80, 12)) as (app, pilot):
-        await press(app, pilot, "c", "8", "end")
-        cursor = app.session.state.cursor
-        for key in (".", "comma", ".", ".", "comma"):
-            await press(app, pilot, key)
-            assert app.session.state.cursor == cursor
-            panel = app.brush.panels(BY_NAME["list"])[0]
-            rows = [
-                BY_NAME["list"].instance_at(app.updater.scene, panel, (1.5, row + 0.5))
-                for row in range(panel.y, panel.y + panel.height)
-            ]
-            assert cursor in rows
-
-
 async def test_a_drawn_brush_becomes_a_lasso_and_a_box_again(tiny_store):
     async with running(tiny_store, size=SIZE) as (app, pilot):
         await press(app, pilot, "c", "x", "Z", "Z")

@@ -45,11 +45,6 @@ def test_views_stay_inside_the_screen_and_do_not_overlap(width, height, tab, cen
         assert not cells(first) & cells(second)
 
 
-def test_terminal_sizes_map_to_size_classes():
-    expected = {(80, 24): "narrow", (120, 40): "medium", (200, 60): "wide", (30, 8): "tiny"}
-    assert {size: size_class(*size) for size in expected} == expected
-
-
 def map_rows(view: str, width: int) -> int:
     """A map twice as wide as high, and an instance of 20 rows; others take all."""
     return {"map": width // 4 + 4, "instance": 20}.get(view, 0)
@@ -77,14 +72,6 @@ def test_the_map_takes_the_rows_and_columns_that_it_fills():
 @pytest.mark.parametrize(("most", "rows"), [(15, 15), (14, 12), (12, 12), (11, 9), (3, 3)])
 def test_the_overview_shrinks_by_whole_steps(most, rows):
     assert request(overview_step=3).fitting_overview(most) == rows
-
-
-@pytest.mark.parametrize(("width", "height"), [(120, 37), (200, 57)])
-def test_a_filled_screen_shows_one_view(width, height):
-    size = "wide" if width > 150 else "medium"
-    regions = arrange(size, width, height, request(filled="umap", rows=map_rows))
-    assert list(regions) == ["umap"]
-    assert regions["umap"].size == (width, height)
 
 
 def test_a_view_is_never_placed_twice():

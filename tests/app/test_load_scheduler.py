@@ -13,7 +13,6 @@ from textual.pilot import Pilot
 
 import s2rstore
 from s2rstore.index import column_loader
-from s2rstore.language import parse
 from s2rstore.language.syntax_tree import Everything
 from s2rtools.precompute.run_registration import add_run
 from s2rtui.app import pilot as headless
@@ -93,26 +92,6 @@ async def test_keys_are_handled_while_a_run_loads(store, gate):
         assert "loading" not in take_screenshot(app).text.splitlines()[0]
 
 
-async def test_columns_of_an_expression_are_read_in_the_background(store, monkeypatch):
-    monkeypatch.setattr(targets, "SMALL_STORE", 0)
-    predicted, ui_thread, reads = column_loader._predicted, threading.current_thread(), []
-
-    def recorded_read(index, run, side, name):
-        reads.append((name, threading.current_thread() is ui_thread))
-        return predicted(index, run, side, name)
-
-    async with running(store, size=(80, 24)) as (app, pilot):
-        assert app.session.store.has_loaded("vanilla", "real", ["outlier"])
-        assert app.session.store.has_loaded(None, None, ["curvature"])
-        monkeypatch.setattr(column_loader, "_predicted", recorded_read)
-        await press(app, pilot, "slash", "ctrl+u")
-        await press(app, pilot, *"real.loss > 0", "enter")
-        await settle(app, pilot)
-        assert app.session.state.expression == "real.loss > 0"
-        assert app.session.state.selected.all()
-        assert reads == [("loss", False)]
-
-
 @pytest.fixture
 async def delayed_losses(
     store: Path, monkeypatch: pytest.MonkeyPatch
@@ -150,16 +129,6 @@ async def test_a_pending_selection_consumes_its_operator_and_keeps_a_later_brush
     state = app.session.state
     assert (state.expression, state.pending) == ("straight | real.loss > 0", None)
     assert (state.brush, state.operator) == (brush, "union")
-
-
-def test_a_selection_made_during_a_run_change_is_kept(store, monkeypatch):
-    monkeypatch.setattr(targets, "SMALL_STORE", 0)
-    session = Session(store)
-    session.set_state(replace(session.state, pending=Target("b", 1, parse("gap > 0"))))
-    session.select("straight")
-    pending = session.state.pending
-    assert (pending.run, pending.node) == ("b", None)
-    assert (session.complete_pending().run, session.state.expression) == ("b", "straight")
 
 
 async def test_the_compared_run_is_read_in_the_background(store, gate):
@@ -207,17 +176,6 @@ def test_a_message_about_the_selection_is_cleared_when_a_run_arrives(store):
     assert session.state.message == "nothing is selected"
     assert session.complete_pending().message == ""
     session.close()
-
-
-async def test_a_saved_run_is_announced_after_its_generation_is_loaded(store_copy, monkeypatch):
-    monkeypatch.setattr(targets, "SMALL_STORE", 0)
-    async with running(store_copy, size=(80, 24)) as (app, pilot):
-        add_later_run(store_copy)
-        progress = JobProgress(1.0, "published", "done")
-        app.adjust.show_progress("dataaug", progress)
-        await settle(app, pilot)
-        assert app.session.state.generation == app.session.state.newest > 1
-        assert app.session.state.message == "run dataaug is saved: r shows it"
 
 
 async def test_the_announced_key_selects_the_saved_run(four_runs):

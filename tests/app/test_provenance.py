@@ -12,7 +12,7 @@ from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.charts.instance import instance_input
 from s2rtui.charts.registry import BY_NAME
-from s2rtui.loaders import LOADERS, store_data
+from s2rtui.loaders import LOADERS
 from s2rtui.session.provenance import instance_provenance
 from s2rtui.session.state import Adjust, Slider
 from tests.support.application import make_app, press, running
@@ -62,25 +62,6 @@ async def test_images_keep_label_and_place_until_new_ones_arrive(tiny_store):
             app.load_scheduler.debounce_seconds = 0.001
             await press(app, pilot, key)
             assert loading(app, "instance") == ""
-
-
-async def test_unreadable_images_are_not_shown_as_loading(tiny_store, monkeypatch):
-    async with running(tiny_store) as (app, pilot):
-        await press(app, pilot, "c")
-        assert subtitle(app, "overview") == "real 1.93 m, recall 15 %; accuracy"
-        lines = app.loaded.lines
-        await pilot.press("d")
-        app.loaded = replace(app.loaded, lines=lines)  # labelled by their own side
-        assert subtitle(app, "overview") == "real 1.93 m, recall 15 %; accuracy"
-        monkeypatch.setattr(store_data, "instance_input", lambda *_: 1 / 0)
-        await press(app, pilot, "right")
-        assert "pictures" in app.session.state.message
-        assert loading(app, "instance") == ""
-        assert "division by zero" in subtitle(app, "instance")
-        monkeypatch.undo()
-        await press(app, pilot, "right")
-        assert subtitle(app, "instance").startswith(f"{app.session.state.cursor}, ")
-        assert "division" not in subtitle(app, "instance")
 
 
 async def test_a_live_prediction_is_shown_only_for_its_run_and_instance(tiny_store):

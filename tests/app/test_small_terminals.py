@@ -19,7 +19,6 @@ from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.charts.registry import VIEWS
 from s2rtui.session.session import Session
 from s2rtui.terminal.capabilities import detect
-from s2rtui.terminal.test_card import card_height, draw_card
 from tests.support import tiny
 from tests.support.application import press, running
 
@@ -97,15 +96,6 @@ async def test_the_diagnostics_can_be_scrolled_to_the_end(tiny_store, size):
         assert "100x30" in take_screenshot(app).text
         await pilot.press("escape")
         assert not isinstance(app.screen, DoctorScreen)
-
-
-@given(st.integers(20, 120), st.lists(st.tuples(st.text("ab", max_size=9), st.text("ab c"))))
-def test_a_card_has_the_computed_height(width, rows):
-    height = card_height(rows, width)
-    drawn = draw_card(rows, (width, height + 5), RenderOptions())
-    lines = ["".join(line).rstrip() for line in drawn.char]
-    assert not any(lines[height:])
-    assert lines[height - 1] or width > 60
 
 
 def test_titles_and_tables_count_cells():

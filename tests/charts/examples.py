@@ -19,20 +19,14 @@ from s2rtui.charts.errors import errors_model, errors_plots
 from s2rtui.charts.findings import findings_drawing
 from s2rtui.charts.history import history_model, history_plots
 from s2rtui.charts.map import MapInput, map_drawing
-from s2rtui.charts.orientation import BINS, Name, orientation_model, orientation_plots
+from s2rtui.charts.orientation import Name, orientation_model, orientation_plots
 from s2rtui.charts.overview import overview_table
 from s2rtui.charts.rooms import counts_table, groups_table, ordered, room_counts
 from s2rtui.charts.scatter import scatter_drawing
 from s2rtui.charts.scene import OverviewRow
 from s2rtui.charts.shared.instance import InstanceInput, PoseNumbers, SideView, instance_drawing
 from s2rtui.charts.suggestions import suggestions_drawing
-from s2rtui.charts.umap import (
-    distance_levels,
-    distance_range,
-    distances,
-    umap_extent,
-    umap_plots,
-)
+from s2rtui.charts.umap import distance_levels, distance_range, distances, umap_extent, umap_plots
 from s2rtui.drawing.cells import draw_cells
 from s2rtui.drawing.drawing import ColourBar, Drawing
 from s2rtui.drawing.drawing_layout import drawing_layout
@@ -71,11 +65,9 @@ def overview_lines(**changes: Any) -> RowLines:
     )
 
 
-def overview_drawing(
-    lines: RowLines | None = None, run: str = "vanilla", brush: BrushShape | None = None
-) -> Drawing:
+def overview_drawing(lines: RowLines | None = None, brush: BrushShape | None = None) -> Drawing:
     """The rows in `ROWS`, a baseline of 0.72, and perhaps lines."""
-    return Drawing(table=overview_table(ROWS, 0.72, run, lines), brush=brush)
+    return Drawing(table=overview_table(ROWS, 0.72, "vanilla", lines), brush=brush)
 
 
 def columns(points: Any) -> tuple[Any, Any]:
@@ -256,38 +248,36 @@ def umap_drawing(
     return Drawing(plots, notes=((bar,),), brush=brush, beside=True)
 
 
-def headings() -> tuple[Any, Any, Any]:
-    """All headings; sim is close to the truth, real far from it; instance 4 has no real heading."""
+def orientation_drawing(
+    cursor: dict[Name, float] | None = None, brush: BrushShape | None = None, selected: Any = None,
+    valid: Any = None, y_down: bool = True,
+) -> Drawing:  # fmt: skip
+    """Dials of headings of which, by default, 20 of 59 are selected.
+
+    Sim is close to the truth, real far from it; instance 4 has no real heading.
+    """
     random = np.random.default_rng(12)
     truth = np.linspace(-np.pi, np.pi, N, endpoint=False)
     real = truth + random.normal(0, 0.8, N)
     real[4] = np.nan
-    return truth + random.normal(0, 0.1, N), truth, real
-
-
-def orientation_drawing(
-    sides: tuple[Any, Any, Any] | None = None, cursor: dict[Name, float] | None = None,
-    brush: BrushShape | None = None, selected: Any = None, valid: Any = None, y_down: bool = True,
-    bins: int = BINS,
-) -> Drawing:  # fmt: skip
-    """Dials of headings, by default those of `headings`, of which 20 of 59 are selected."""
     model = orientation_model(
-        headings() if sides is None else sides, np.arange(N) < 20 if selected is None else selected,
-        np.arange(N) != 3 if valid is None else valid, bins,
-    )  # fmt: skip
+        (truth + random.normal(0, 0.1, N), truth, real),
+        np.arange(N) < 20 if selected is None else selected,
+        np.arange(N) != 3 if valid is None else valid,
+    )
     return Drawing(orientation_plots(model, cursor or {}, y_down), brush=brush, beside=True)
 
 
 ROOM_NAMES = ("hall", "größer", "a very long name of a room", "kitchen", "5")
 
 
-def counts_drawing(brush: BrushShape | None = None, cursor: tuple[int, ...] = (4, 4, 5)) -> Drawing:
+def counts_drawing(brush: BrushShape) -> Drawing:
     """Five rooms; some real predictions are in no room."""
     random = np.random.default_rng(13)
     truth = (np.arange(N) // 12).astype(np.int32)
     real = np.where(random.random(N) < 0.2, -1, random.integers(0, 5, N)).astype(np.int32)
     counts = room_counts((truth, truth, real), 5, np.arange(N) < 20, np.arange(N) != 3)
-    return Drawing(table=counts_table((*ROOM_NAMES, NO_ROOM), *counts, cursor, brush))
+    return Drawing(table=counts_table((*ROOM_NAMES, NO_ROOM), *counts, (4, 4, 5), brush))
 
 
 GROUP_COUNTS = {"hall": 12, "kitchen": 1}

@@ -4,19 +4,10 @@ import numpy as np
 import pytest
 from rich.cells import cell_len
 
-from s2rtui.canvas import DARK, Canvas, ColourMode, RenderOptions
-from s2rtui.canvas.colour import ANSI_16, contrast, diverging, to_16, to_256, turbo
+from s2rtui.canvas import Canvas, RenderOptions
+from s2rtui.canvas.colour import ANSI_16, diverging, to_16, to_256, turbo
 from s2rtui.canvas.fit_text import fit_text
-from s2rtui.canvas.raster import (
-    braille_bits,
-    dot_grid,
-    draw_blocks,
-    draw_braille,
-    draw_image,
-    half_blocks,
-    limit_ground,
-    resample,
-)
+from s2rtui.canvas.raster import braille_bits, dot_grid, draw_braille, resample
 
 
 def test_text_is_clipped_aligned_and_has_no_control_characters():
@@ -31,21 +22,6 @@ def test_text_is_clipped_aligned_and_has_no_control_characters():
     canvas.text(0, 2, "a\x1b[31m")
     assert canvas.lines()[:2] == ["    right", "   mid   "]
     assert "\x1b" not in canvas.lines()[2]
-
-
-def test_a_number_that_does_not_fit_is_left_out_whole():
-    for x in range(-8, 11):
-        canvas = Canvas(10, 1)
-        canvas.text(x, 0, "u -10.5")
-        assert canvas.lines()[0].strip() in {"", "u", "-10.5", "u -10.5"}
-
-
-def test_pasted_canvases_are_clipped():
-    canvas, small = Canvas(6, 3), Canvas(3, 2)
-    small.text(0, 0, "xyz", DARK.real)
-    canvas.paste(small, 4, 1)
-    assert canvas.lines() == ["      ", "    xy", "      "]
-    assert tuple(canvas.fg[1, 4]) == DARK.real
 
 
 def test_colours_of_16_and_256_keep_the_hue():
@@ -119,15 +95,6 @@ def test_resampling_averages_the_known_pixels_or_takes_the_nearest():
     assert resample(np.array([[1, 2]]), 2, 4).tolist() == [[1, 1, 2, 2]] * 2
 
 
-def test_half_blocks_combine_two_rows_and_are_clipped():
-    pixels = np.arange(4 * 3 * 3, dtype=np.uint8).reshape(4, 3, 3)
-    canvas = Canvas(3, 3)
-    draw_blocks(canvas, half_blocks(pixels), -1, 2)
-    assert canvas.char[2].tolist() == ["▀", "▀", " "]
-    assert canvas.fg[2, 0].tolist() == pixels[0, 1].tolist()
-    assert canvas.bg[2, 0].tolist() == pixels[1, 1].tolist()
-
-
 def test_dots_are_braille_and_those_outside_are_dropped():
     dots = np.zeros((4, 4), dtype=np.bool_)
     dots[0, 0] = dots[3, 1] = dots[3, 2] = True
@@ -137,24 +104,3 @@ def test_dots_are_braille_and_those_outside_are_dropped():
     assert canvas.lines() == ["⢁⡀"]
     dots = dot_grid(np.array([-0.1, 0.6, 9.0]), np.array([0.0, 0.9, 0.0]), 2, 1)
     assert np.argwhere(dots).tolist() == [[3, 1]]
-
-
-def test_a_glyph_gets_a_ground_that_it_stands_out_from_and_an_image_stays():
-    canvas = Canvas(3, 1)
-    draw_blocks(canvas, half_blocks(np.full((2, 3, 3), 200, dtype=np.uint8)))
-    canvas.put(1, 0, "●", canvas.theme.real)
-    limit_ground(canvas)
-    assert contrast(canvas.fg[0, 1], canvas.bg[0, 1]) >= 3
-    assert canvas.bg[0, ::2].tolist() == [[200] * 3] * 2
-
-
-@pytest.mark.parametrize(
-    "options", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)]
-)
-def test_brightness_is_drawn_as_density_without_half_blocks(options):
-    pixels = np.zeros((2, 3, 3), dtype=np.uint8)
-    pixels[:, 1], pixels[:, 2] = 128, 255
-    canvas = Canvas(3, 1, options)
-    draw_image(canvas, pixels)
-    shades = options.glyphs.shades
-    assert canvas.lines()[0] == shades[0] + shades[len(shades) // 2] + shades[-1]

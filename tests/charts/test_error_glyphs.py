@@ -40,10 +40,10 @@ def glyph_map(truth: np.ndarray, sim: np.ndarray, real: np.ndarray, **changes: o
     )  # fmt: skip
 
 
-def one_point(sim: tuple[float, float], real: tuple[float, float], y_down: bool = True) -> MapInput:
+def one_point(sim: tuple[float, float], real: tuple[float, float]) -> MapInput:
     """One instance in the middle of the map with these error vectors."""
     truth = np.array([[10.0, 5.0]])
-    return glyph_map(truth, truth + sim, truth + real, y_down=y_down)
+    return glyph_map(truth, truth + sim, truth + real)
 
 
 def many_points(count: int, **changes: object) -> MapInput:
@@ -69,19 +69,6 @@ def test_blocks_show_the_mean_errors_of_selected_instances():
         for vectors, side in ((blocks.sim, "sim"), (blocks.real, "real")):
             mean = (points_of(view, side) - points_of(view))[block].mean(axis=0)
             assert vectors[index] == pytest.approx(mean)
-
-
-def test_few_instances_are_drawn_at_their_truth_and_merged_when_close():
-    truth = np.array([[5.0, 5.0], [5.2, 5.0], [15.0, 2.0]])
-    sim = truth + np.array([[1.0, 0.0], [3.0, 0.0], [0.0, 1.0]])
-    view = glyph_map(truth, sim, sim)
-    _, blocks = shown(view)
-    place = map_place(map_drawing(view), SIZE)
-    assert blocks.counts.tolist() == [2, 1]
-    assert blocks.sim[0] == pytest.approx([2.0, 0.0])
-    assert blocks.centres[1] == pytest.approx(place.frame.to_cells(truth[2:])[0])
-    column, row = np.floor(blocks.centres[0]).astype(int)
-    assert draw_map(view, SIZE).char[row, column + place.x] == "2"
 
 
 def test_arcs_grow_with_the_error_within_limits_and_point_as_the_map():
@@ -112,19 +99,6 @@ def test_full_scale_is_the_99th_percentile_of_valid_errors():
 def centre_of(view: MapInput, options: RenderOptions) -> tuple[int, int]:
     row, column = map_place(map_drawing(view), SIZE, options).cells(points_of(view))[0]
     return column, row
-
-
-@pytest.mark.parametrize("y_down", [True, False])
-def test_marks_of_both_sides_are_drawn_in_the_error_direction(y_down):
-    view = one_point((3.0, 0.0), (0.0, 3.0), y_down)
-    canvas = draw_map(view, SIZE)
-    column, row = centre_of(view, RenderOptions())
-    assert canvas.char[row, column] == UNICODE.truth
-    assert canvas.char[row, column + 2] == UNICODE.sim
-    assert tuple(canvas.fg[row, column + 2]) == DARK.sim
-    below = row + (1 if y_down else -1)
-    assert canvas.char[below, column] == UNICODE.real
-    assert tuple(canvas.fg[below, column]) == DARK.real
 
 
 def test_equal_errors_have_a_separate_colour_and_glyph():

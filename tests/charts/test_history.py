@@ -1,4 +1,4 @@
-"""The history view: every night at its day, with interval, outcome and threshold."""
+"""The history view: scale, days, outcomes and thresholds of the nights."""
 
 import math
 from dataclasses import replace
@@ -13,51 +13,14 @@ from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.drawing.cells import draw_cells
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.drawing_layout import drawing_layout
-from s2rtui.drawing.plot import Dots, Line
-from s2rtui.drawing.plot_cells import column_of, row_of
+from s2rtui.drawing.plot import Line
+from s2rtui.drawing.plot_cells import column_of
 from s2rtui.session.session import Session
 from tests.charts.examples import history_drawing
 from tests.support import gaps
 
 SIZE = (100, 50)
 WEEK = gaps.week()
-
-
-def test_each_axis_has_a_track_with_the_values_of_the_nights():
-    model = history_model(WEEK, 90)
-    assert [track.name for track in model.tracks] == ["headline", "visual", "task", "dynamics"]
-    headline, visual, task, dynamics = model.tracks
-    assert task.column("value").tolist() == [7.0] * 4 + [27.0] * 3
-    assert task.column("low").tolist() == [5.0] * 4 + [25.0] * 3
-    assert headline.column("value").tolist() == [14.0] * 4 + [27.0] * 3
-    assert task.statuses == ("PASS",) * 4 + ("FAIL",) * 3
-    assert set(dynamics.statuses) == {"INCONCLUSIVE"}
-    assert set(visual.statuses) == {"PASS"}
-    assert (np.diff(model.days).tolist(), model.older) == ([1] * 6, 0)
-
-
-def test_all_tracks_share_one_scale():
-    assert history_model(WEEK, 90).scale == (0, 29)
-    assert not history_model(WEEK, 90).is_cut
-    with_outliers = history_model((gaps.night(1, {"task": 900.0, "visual": -300.0}),), 90)
-    assert with_outliers.scale == (-20.0, 120.0)
-    assert with_outliers.is_cut
-
-
-@pytest.mark.parametrize("size", [(100, 50), (60, 40), (200, 60)])
-def test_each_night_is_drawn_at_its_day_and_value(size):
-    drawing = history_drawing(WEEK, size[0])
-    canvas, layout = draw_cells(drawing, size), drawing_layout(drawing, size, RenderOptions())
-    assert len(layout.plots) == 4
-    for place in layout.plots:
-        drawn = 0
-        for dots in (mark for mark in place.plot.marks if isinstance(mark, Dots)):
-            for day, value in zip(dots.x, dots.y, strict=True):
-                column = place.left + column_of(place.plot.x, day, place.width)
-                row = place.top + row_of(place.plot.y, value, place.rows)
-                assert canvas.char[row, column] == getattr(canvas.glyphs, dots.sign)
-                drawn += 1
-        assert drawn == 7
 
 
 def test_a_missing_night_leaves_a_gap():

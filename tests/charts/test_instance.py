@@ -18,7 +18,7 @@ from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.charts.shared.instance import heat_scale, instance_drawing, pose_rows
 from s2rtui.drawing.cells import draw_cells
 from s2rtui.session.session import Session
-from tests.charts.examples import draw_map, instance_input, points_of, side
+from tests.charts.examples import draw_map, instance_input, side
 from tests.charts.test_error_glyphs import many_points
 from tests.charts.test_error_glyphs import shown as shown_arcs
 from tests.support import tiny
@@ -75,14 +75,6 @@ def test_a_translated_side_shows_the_original_below():
     assert (original.ground == 255 - real.rgb).all()
 
 
-def test_an_instance_without_pose_shows_the_sides_that_have_images():
-    none = replace(side(1, False, False), rgb=np.zeros((0, 0, 3), np.uint8), pose=None)
-    real = replace(side(2, False, False), title="real: b.png", pose=None)
-    drawing = instance_drawing(instance_input(sim=none, real=real, truth=None))
-    assert [plot.title[0].text for plot in drawing.plots] == ["real: b.png"]
-    assert drawing.table is None
-
-
 MAP_SIZE = (80, 26)
 RUN = "vanilla"
 
@@ -102,19 +94,6 @@ def loose(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def map_of(session: Session) -> MapInput:
     return MAP.input(Scene(session.store, session.state, LoadedData()))
-
-
-def test_map_glyphs_measure_each_side_from_the_pose_of_its_image(loose):
-    session = Session(loose)
-    session.select("all")
-    view = replace(map_of(session), mode="glyph")
-    for footprint in ((7, 3), (1, 1)):
-        arcs, glyphs = shown_arcs(view, footprint)
-        np.testing.assert_allclose(glyphs.sim, 0, atol=1e-12)
-        assert np.hypot(*glyphs.real.T).max() > 0.1
-    real = np.hypot(*(points_of(view, "real") - points_of(view)).T)
-    errors = np.concatenate([np.zeros(len(real)), real])
-    assert arcs.full == pytest.approx(np.percentile(errors, 99))
 
 
 def test_blocks_of_many_instances_measure_each_side_from_the_pose_of_its_image():

@@ -1,6 +1,5 @@
-"""The map: points, heat of both signs, floor plan, unseen floor, rooms, brushes and legend."""
+"""The map: points, heat of both signs, floor plan, unseen floor, names of rooms and error lines."""
 
-from dataclasses import replace
 from io import BytesIO
 from typing import Any
 
@@ -10,12 +9,9 @@ from PIL import Image
 
 from s2rstore.records import Bounds, Room
 from s2rtui.analysis.map_frame import MapFrame, panned, sample, zoomed
-from s2rtui.canvas import DARK, DEFAULT_OPTIONS, LIGHT, ColourMode, RenderOptions, heading_arrow
+from s2rtui.canvas import DARK, DEFAULT_OPTIONS, LIGHT, ColourMode, RenderOptions
 from s2rtui.canvas.colour import legible, mix, turbo
-from s2rtui.canvas.marks import BrushShape
-from s2rtui.canvas.render_options import UNICODE
 from s2rtui.charts.map import MapInput, map_drawing
-from s2rtui.drawing.cells import drawing_panels
 from s2rtui.drawing.drawing_layout import drawing_layout
 from s2rtui.drawing.floor import DIMMED, heat_scale
 from s2rtui.drawing.heat_colours import map_opacity
@@ -30,11 +26,9 @@ LEFT_HALF = np.array([[1, 1, 0, 0]] * 2)
 """Mask in which only the left half of the map is visible."""
 
 
-def cell_at(
-    view: MapInput, x: float, y: float, options: RenderOptions = DEFAULT_OPTIONS
-) -> tuple[int, int]:
+def cell_at(view: MapInput, x: float, y: float) -> tuple[int, int]:
     """Row and column of a point on a map."""
-    return map_place(map_drawing(view), SIZE, options).cells([[x, y]])[0]
+    return map_place(map_drawing(view), SIZE).cells([[x, y]])[0]
 
 
 @pytest.mark.parametrize(
@@ -51,33 +45,6 @@ def test_unseen_floor_alone_is_dimmed_and_the_points_stay(seen):
     assert (after.char == "●").sum() == (before.char == "●").sum() > 5
 
 
-@pytest.mark.parametrize(
-    "options", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.ANSI)]
-)
-def test_unseen_floor_has_no_glyphs(options):
-    view = map_input(cursor=None, rooms=(), seen=1 - LEFT_HALF)
-    unclipped = draw_map(map_input(cursor=None, rooms=()), SIZE, options)
-    clipped = draw_map(view, SIZE, options)
-    heat_cell, bright_cell = (cell_at(view, *at, options) for at in ((5.0, 3.0), (18.5, 5.0)))
-    assert unclipped.char[heat_cell] != " "
-    assert clipped.char[heat_cell] == " "
-    assert clipped.char[bright_cell] == unclipped.char[bright_cell] != " "
-    assert "not seen" in "\n".join(draw_map(view, (110, 26), options).lines())
-
-
-def test_room_names_and_outlines_are_optional():
-    view = map_input(cursor=None, plan=None, heat=None)
-    with_names = draw_map(view, SIZE)
-    text = "\n".join(with_names.lines())
-    assert "hall" in text
-    assert "größer" in text
-    wall = cell_at(view, 10.0, 3.6)
-    column = with_names.char[:, wall[1]]
-    assert sum(0x2800 < ord(glyph) <= 0x28FF for glyph in column.tolist()) > 8
-    without_names = "\n".join(draw_map(replace(view, rooms=()), SIZE).lines())
-    assert "hall" not in without_names
-
-
 def test_a_room_name_in_a_full_room_is_drawn_in_front_of_the_points():
     across, down = np.meshgrid(np.linspace(0, 10, 200), np.linspace(0, 10, 200))
     truth = np.stack([across.ravel(), down.ravel()], axis=1)
@@ -90,20 +57,6 @@ def test_a_room_name_in_a_full_room_is_drawn_in_front_of_the_points():
     row = next(row for row, line in enumerate(canvas.lines()) if "corridor" in line)
     column = canvas.lines()[row].index("corridor")
     assert (canvas.bg[row, column : column + 8] == np.array(DARK.background)).all()
-
-
-@pytest.mark.parametrize("mode", ["colour", "glyph", "full"])
-@pytest.mark.parametrize(
-    "options", [RenderOptions(), RenderOptions(mode=ColourMode.NONE, ascii=True)]
-)
-def test_a_mark_is_drawn_at_its_coordinates(mode, options):
-    view, brush = map_input(mode=mode, cursor=None), BrushShape("map", ((2.0, 1.0), (12.0, 9.0)))
-    canvas = draw_map(view, SIZE, options, brush=brush)
-    (panel,) = drawing_panels(map_drawing(view), SIZE, options)
-    for corner in ((2.0, 1.0), (12.0, 9.0), (2.0, 9.0)):
-        column, row = (int(part) for part in panel.to_cells(*corner))
-        assert canvas.char[row, column] == "+"
-        assert tuple(canvas.fg[row, column]) == DARK.truth
 
 
 def test_bounds_can_be_zoomed_and_panned():
@@ -132,17 +85,6 @@ def lines_of(view: MapInput, viewport: Bounds | None = None) -> Any:
     return drawn_segments(mark, grid, SEGMENTS_UP_TO)
 
 
-def test_full_mode_shows_predictions_truth_cursor_and_error_lines():
-    selected = np.zeros(60, dtype=np.bool_)
-    selected[[10, 30]] = True
-    view = map_input(mode="full", selected=selected, cursor=30, heat=None, rooms=())
-    text = "\n".join(draw_map(view, SIZE).lines()[:20])
-    for glyph in (UNICODE.sim, UNICODE.real, UNICODE.truth, UNICODE.cursor):
-        assert glyph in text
-    assert lines_of(view).tolist() == [10, 30]
-    assert any(arrow in text for arrow in UNICODE.arrows)
-
-
 def test_large_selections_draw_only_the_cursor_s_error_lines():
     view = map_input(mode="full", selected=np.ones(60, dtype=np.bool_), cursor=8)
     assert lines_of(view).tolist() == [8]
@@ -157,15 +99,6 @@ def test_zooming_in_draws_the_error_lines_of_visible_instances():
     visible = ((cells >= 0) & (cells < (frame.width, frame.height // 2))).all(axis=1) & view.valid
     assert 0 < visible.sum() <= SEGMENTS_UP_TO
     assert lines_of(view, near).tolist() == np.flatnonzero(visible).tolist()
-
-
-@pytest.mark.parametrize(
-    ("degrees", "y_down", "arrow", "step"),
-    [(0, True, "→", (1, 0)), (90, True, "↓", (0, 1)), (90, False, "↑", (0, -1)),
-     (-135, True, "↖", (-1, -1))],
-)  # fmt: skip
-def test_heading_arrows_follow_the_y_direction(degrees, y_down, arrow, step):
-    assert heading_arrow(np.radians(degrees), y_down, UNICODE) == (arrow, *step)
 
 
 def signed_map(**changes: object) -> MapInput:

@@ -15,7 +15,6 @@ from s2rtools.synthetic_world.world import World
 from s2rtui.analysis.map_frame import MapFrame, sample
 from s2rtui.canvas import (
     DARK,
-    LIGHT,
     THEMES,
     BrushShape,
     ColourMode,
@@ -25,16 +24,7 @@ from s2rtui.canvas import (
     legible,
     turbo,
 )
-from s2rtui.canvas.colour import (
-    ANSI_16,
-    contrast,
-    glyph_ground,
-    luminance,
-    palette_256,
-    to_16,
-    to_256,
-    with_luminance,
-)
+from s2rtui.canvas.colour import contrast, luminance, with_luminance
 from tests.charts.examples import draw_map, map_input
 
 SIZE = (60, 24)
@@ -132,15 +122,6 @@ def test_walls_and_points_of_the_demo_stand_out_and_points_from_heat(demo_plan, 
             assert ratios.walls.min() >= 3
 
 
-@pytest.mark.parametrize("symbols", ["half", "quadrant", "sextant", "octant"])
-def test_symbols_change_neither_ascii_nor_colourless_maps(symbols):
-    for options in (RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)):
-        drawn = draw_map(map_input(), (80, 26), replace(options, symbols=symbols))
-        usual = draw_map(map_input(), (80, 26), options)
-        assert drawn.lines() == usual.lines()
-        assert (drawn.fg == usual.fg).all()
-
-
 def test_contrast_is_that_of_wcag():
     assert contrast((0, 0, 0), (255, 255, 255)) == pytest.approx(21)
     assert contrast((119, 119, 119), (255, 255, 255)) == pytest.approx(4.48, abs=0.005)
@@ -165,23 +146,6 @@ def test_texts_and_marks_are_legible_on_the_page(theme):
     assert contrast(theme.unselected, theme.background) >= 2.5
     assert contrast(legible(TURBO, theme), theme.background).min() >= 3
     assert contrast(theme.wall, with_luminance(TURBO, *theme.floor)).min() >= 3
-
-
-@pytest.mark.parametrize("theme", [DARK, LIGHT], ids=lambda theme: theme.name)
-def test_marks_stay_legible_in_16_colours(theme):
-    inks = ANSI_16[to_16(legible(TURBO, theme), theme.background)]
-    assert contrast(inks, theme.background).min() >= 3
-    assert len(np.unique(inks, axis=0)) >= 4
-
-
-@pytest.mark.parametrize("theme", [DARK, LIGHT], ids=lambda theme: theme.name)
-def test_marks_stay_legible_on_any_ground_in_256_colours(theme):
-    random = np.random.default_rng(4)
-    ground = random.integers(0, 256, (2000, 3)).astype(np.uint8)
-    ink = legible(TURBO, theme)[random.integers(0, 256, 2000)]
-    below = glyph_ground(ground, ink, theme, ColourMode.PALETTE)
-    rounded = [palette_256()[to_256(colours) - 16] for colours in (ink, below)]
-    assert contrast(*rounded).min() >= 2.9
 
 
 def exact_mean(image: np.ndarray, bounds: Bounds, box: Bounds) -> float:

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -64,72 +61,6 @@ def test_the_drawing_says_what_is_not_localised_in_all_and_in_a_selection(lost):
         assert sum(line.count("◇") for line in lines[1:12]) == 4  # a mark for each threshold
         session.close()
     assert VIEW.summary(scene).count("not localised") == 1
-
-
-PLUG_IN = """
-import numpy as np
-
-from s2rstore.intervals import Interval
-from s2rtui.charts.view import StatisticsView
-from s2rtui.drawing.figures import Figure
-from s2rtui.drawing.plot import Dots, Plot
-from s2rtui.drawing.scale import Scale
-
-
-class Doors(StatisticsView):
-    name = "doors"
-    key = "~"
-    description = "doors of the rooms"
-    title = "doors"
-
-    def model(self, store, state):
-        return int(state.selected.sum())
-
-    def figures(self, model):
-        return {"real": (Figure("doors", Interval.unknown(2.0), digits=0, n=model),)}
-
-    def plots(self, model):
-        dots = Dots(np.array([1.0]), np.array([2.0]), "real")
-        return (Plot(Scale(0, 2, ("room",)), Scale(0, 4, ("doors",)), (dots,)),)
-
-
-VIEW = Doors()
-"""
-
-
-def test_an_installed_package_adds_a_view(tmp_path, tiny_store):
-    """It is listed, printed, drawn and exported like any other; a taken name is refused."""
-    (tmp_path / "doors_view.py").write_text(PLUG_IN, encoding="utf-8")
-    declared = tmp_path / "doors-1.0.dist-info"
-    declared.mkdir()
-    (declared / "METADATA").write_text("Metadata-Version: 2.1\nName: doors\nVersion: 1.0\n")
-    (declared / "entry_points.txt").write_text("[s2r.views]\ndoors = doors_view:VIEW\n")
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
-
-    def run(*words):
-        command = [sys.executable, "-m", "s2rtui", *words]
-        return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-
-    shown = run("show", str(tiny_store), "doors", "--format", "csv")
-    assert shown.stdout.splitlines()[1].startswith("real,doors,,2")
-    assert run("show", str(tiny_store), "doors", "--words").stdout.startswith("vanilla: doors. ")
-    figure = tmp_path / "doors.png"
-    assert run("export", str(tiny_store), "--view", "doors", "--out", str(figure)).returncode == 0
-    assert figure.read_bytes().startswith(b"\x89PNG")
-    screen = tmp_path / "screen.txt"
-    words = ("--keys", "~", "--size", "120x40", "--out", str(screen))
-    assert run("snapshot", str(tiny_store), *words).returncode == 0
-    assert "doors" in screen.read_text(encoding="utf-8")
-    for broken, message in (
-        (PLUG_IN.replace('"~"', '"Q"'), ": 'Q' is taken"),
-        (PLUG_IN.replace('    key = "~"\n', ""), " has no key"),
-        ("raise ValueError('no\\x1bdoors')", " cannot be loaded: no\\x1bdoors"),
-    ):
-        (tmp_path / "doors_view.py").write_text(broken, encoding="utf-8")
-        refused = run("show", str(tiny_store), "doors")
-        assert (refused.returncode, refused.stderr) == (
-            2, f"s2r: view doors: doors_view:VIEW{message}\n"
-        )  # fmt: skip
 
 
 def test_the_figures_of_the_selection_before_are_shown_until_new_ones_are_computed(tiny_store):

@@ -1,4 +1,4 @@
-"""The scatter view: counts, axes and brushes compared with independent computation."""
+"""The scatter view: axes, zoom and brushes compared with independent computation."""
 
 import math
 
@@ -11,15 +11,9 @@ from matplotlib.path import Path as Polygon
 
 from s2rstore.language import mask, parse
 from s2rstore.records import Bounds
-from s2rtui.canvas import BrushShape, ColourMode, RenderOptions
+from s2rtui.canvas import BrushShape
 from s2rtui.charts.mark_expressions import box_expression, lasso_expression
-from s2rtui.charts.scatter import (
-    QUADRANTS,
-    drawn_errors,
-    error_scale,
-    scatter_drawing,
-    scatter_summary,
-)
+from s2rtui.charts.scatter import drawn_errors, error_scale, scatter_drawing, scatter_summary
 from s2rtui.drawing.cells import draw_cells, drawing_panels
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.points import Grid, point_cells
@@ -31,7 +25,6 @@ N = 40
 plain = arrays.arrays(np.float64, N, elements=st.floats(0, 9).map(lambda e: round(e, 2)))
 spread = arrays.arrays(np.float64, N, elements=st.floats(-7, 4).map(math.exp) | st.just(0.0))
 errors = plain | spread
-masks = arrays.arrays(np.bool_, N)
 
 
 def view(sim: np.ndarray, real: np.ndarray, selected=None, valid=None, **changes) -> Drawing:
@@ -44,26 +37,6 @@ def view(sim: np.ndarray, real: np.ndarray, selected=None, valid=None, **changes
 
 def text(drawing: Drawing, size: tuple[int, int]) -> str:
     return "\n".join(draw_cells(drawing, size).lines())
-
-
-def ranked(values: np.ndarray, valid: np.ndarray, worst: bool) -> set[int]:
-    """The iids of the worst or best 15 %, ties by iid, by sorting tuples."""
-    keys = sorted((-values[iid] if worst else values[iid], iid) for iid in np.flatnonzero(valid))
-    return {iid for _, iid in keys[: math.ceil(15 * len(keys) / 100)]}
-
-
-@given(errors, errors, masks, masks)
-def test_quadrants_and_sides_equal_a_count_by_hand(sim, real, selected, valid):
-    summary = scatter_summary(sim, real, selected, valid)
-    inside = {int(iid) for iid in np.flatnonzero(selected & valid)}
-    for quadrant, (total, chosen) in zip(QUADRANTS, summary.quadrants, strict=True):
-        both = ranked(sim, valid, quadrant.sim == "worst") & ranked(
-            real, valid, quadrant.real == "worst"
-        )
-        assert (total, chosen) == (len(both), len(both & inside))
-    assert summary.real_larger == sum(real[iid] > sim[iid] for iid in inside)
-    assert summary.sim_larger == sum(sim[iid] > real[iid] for iid in inside)
-    assert (summary.total, summary.selected) == (valid.sum(), len(inside))
 
 
 def test_axes_are_logarithmic_where_errors_spread_widely():
@@ -154,32 +127,6 @@ def _distance(points: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     along = b - a
     share = np.clip((points - a) @ along / max(float(along @ along), 1e-12), 0, 1)
     return np.linalg.norm(points - a - share[:, None] * along, axis=1)
-
-
-def test_the_cursor_and_the_limits_are_drawn():
-    sim, real = scatter_errors()
-    drawing = scatter_of(cursor=12)
-    canvas, panel = draw_cells(drawing, SIZE), drawing_panels(drawing, SIZE)[0]
-    column, row = panel.to_cells(float(sim[12]), float(real[12]))
-    assert canvas.char[int(row), int(column)] == "◉"
-    limit = scatter_summary(sim, real, np.arange(60) < 30, np.arange(60) != 3).sim.worst
-    column = int(panel.to_cells(limit, 1.0)[0])
-    assert "│" in set(canvas.char[: panel.height, column])
-
-
-@pytest.mark.parametrize(
-    "options", [RenderOptions(mode=ColourMode.NONE), RenderOptions(ascii=True)]
-)
-def test_sides_have_glyphs_of_their_own(options):
-    drawing = view(np.array([1.03, 8.1, 9.0]), np.array([8.1, 1.03, 9.0]))
-    canvas, panel = draw_cells(drawing, SIZE, options), drawing_panels(drawing, SIZE, options)[0]
-    real, sim = options.glyphs.real, options.glyphs.sim
-    for x, y, glyph in ((1.03, 8.1, real), (8.1, 1.03, sim)):
-        column, row = (int(place) for place in panel.to_cells(x, y))
-        assert canvas.char[row, column] == glyph
-    legend = "\n".join(canvas.lines()[panel.height :])
-    assert f"{real} real error larger" in legend
-    assert f"{sim} sim error larger" in legend
 
 
 @given(errors, errors, st.floats(0, 0.7), st.floats(0, 0.7), st.floats(0.1, 0.4))

@@ -30,15 +30,6 @@ def noise(width: int = 30, height: int = 5) -> Canvas:
     return canvas
 
 
-@pytest.mark.parametrize("mode", list(ColourMode))
-def test_strips_fill_the_width_with_the_canvas_text(mode):
-    canvas = Canvas(12, 2)
-    canvas.text(1, 0, "ab 界c", DARK.sim)
-    strips = to_strips(canvas, mode)
-    assert [strip.cell_length for strip in strips] == [12, 12]
-    assert [strip.text for strip in strips] == canvas.lines()
-
-
 def test_strips_have_exactly_the_codes_that_the_mode_needs():
     output = "".join(codes(strip) for strip in to_strips(noise(), ColourMode.NONE))
     assert not re.search(r"\x1b\[[\d;]*[34]8;", output)

@@ -1,4 +1,4 @@
-"""The suggestions view: answers of both directions, their gains, the chosen one and its command."""
+"""The suggestions view: answers of both directions, their gains, values and commands."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -34,28 +34,6 @@ def test_directions_answers_gains_and_values_are_shown(size):
         "*3 3 changes +30.0 % (+25.0 .. +40.0)", "(camera, lights, depth)",
     ):  # fmt: skip
         assert part in text
-
-
-@pytest.mark.parametrize("size", [(60, 20), (120, 40)])
-@pytest.mark.parametrize("chosen", range(-1, 6))
-def test_the_chosen_answer_is_visible_and_lit(size, chosen):
-    data = suggestions_input(chosen=chosen)
-    assert data.chosen_answer is not None
-    direction, number = data.chosen_answer
-    canvas = draw_cells(suggestions_drawing(data), size)
-    lit = [
-        line for y, line in enumerate(canvas.lines()) if tuple(canvas.bg[y, 5]) == DARK.highlight
-    ]
-    assert any(f"{direction.mark(number)}{number + 1}  " in line for line in lit)
-
-
-def test_the_first_suggested_answer_is_chosen_first():
-    direction, number = suggestions_input().chosen_answer or (None, -1)
-    assert direction is not None
-    assert (direction.side, number) == ("real", 2)
-    beyond = suggestions_input(chosen=1).chosen_answer
-    assert beyond is not None
-    assert (beyond[0].side, beyond[1]) == ("sim", 0)
 
 
 def test_details_of_an_answer_hold_intervals_truth_and_the_command():

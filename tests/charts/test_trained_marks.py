@@ -73,11 +73,6 @@ def test_the_map_shows_number_and_mark(options, mode, trained, glyphs, bold, leg
     assert legend in text(canvas)
 
 
-def test_the_cursor_is_on_top_of_several_instances():
-    canvas, cells = map_cells(COLOURS, "colour", None, cursor=TWINS[0])
-    assert canvas.char[cells[1]] == "◉"
-
-
 @pytest.mark.parametrize(
     ("options", "forms", "legend"),
     [(PLAIN, "⓪①②③④⑤⑥⑦⑧⑨", "⓪-⑨ trained on"), (ASCII, "abcdefghij", "a-j (for 0-9) trained on")],

@@ -1,4 +1,4 @@
-"""The UMAP view: common scales, colours by distance, panels beside each other or stacked."""
+"""The UMAP view: colours by distance and missing coordinates."""
 
 import numpy as np
 import pytest
@@ -6,9 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from s2rstore.records import Bounds
-from s2rtui.charts.umap import distance_levels, distance_range, distances, umap_extent
-from s2rtui.drawing.cells import draw_cells, drawing_panels
+from s2rtui.charts.umap import distance_levels, distance_range, distances
+from s2rtui.drawing.cells import draw_cells
 from s2rtui.drawing.plot import LEVELS
 from tests.charts.examples import N, umap_drawing, umap_points
 
@@ -33,30 +32,6 @@ def test_colours_show_the_distance_of_both_sides():
     assert distance_range(apart) == pytest.approx(tuple(np.percentile(known, [1, 99])))
     bar = umap_drawing().notes[0][0]
     assert bar.scale == distance_range(apart)
-
-
-def test_both_panels_have_the_same_scale_and_are_stacked_in_a_tall_view():
-    for size in (SIZE, (20, 60)):
-        sim, real = drawing_panels(umap_drawing(), size)
-        assert (sim.width, sim.height) == (real.width, real.height)
-        corners = [panel.to_data(panel.x, panel.y) for panel in (sim, real)]
-        assert corners[0] == pytest.approx(corners[1])
-        assert sim.to_cells(0, 5)[1] < sim.to_cells(0, 0)[1]
-        (x0, y0), (x1, y1) = sim.to_data(0, 0), sim.to_data(1, 1)
-        assert 2 * (x1 - x0) == pytest.approx(y0 - y1)  # a cell is twice as high as wide
-    wide, high = (drawing_panels(umap_drawing(), size) for size in ((60, 14), (20, 40)))
-    assert wide[0].y == wide[1].y
-    assert high[0].x == high[1].x
-
-
-def test_all_points_are_in_view():
-    sim, real = umap_points().values()
-    area = umap_extent(*sim.T, *real.T)
-    for side in (sim, real):
-        x, y = side[np.isfinite(side).all(axis=1)].T
-        assert (area.x0 < x).all() & (x < area.x1).all() & (area.y0 < y).all() & (y < area.y1).all()
-    nothing = np.full((3, 2), np.nan)
-    assert umap_extent(*nothing.T, *nothing.T) == Bounds(0.0, 0.0, 1.0, 1.0)
 
 
 def test_missing_coordinates_show_a_message():

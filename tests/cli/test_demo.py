@@ -1,4 +1,4 @@
-"""The demo command: full run, resumption after an interruption, and damaged recipes and scores."""
+"""The demo command: full run, resumption after an interruption, and damaged recipes."""
 
 import json
 from pathlib import Path
@@ -7,7 +7,6 @@ import pytest
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rstore.findings import store_summary
 from s2rstore.index.transaction import edit
 from s2rtools.synthetic_world.dataset import WorldData
 from s2rtools.synthetic_world.factors import FACTORS
@@ -78,11 +77,3 @@ def test_a_damaged_recipe_is_reported(store_copy):
             pytest.raises(RequestError, match="recipe of the world is invalid"),
         ):
             WorldData.of_store(store)
-
-
-def test_a_damaged_score_does_not_prevent_the_summary(store_copy):
-    for report in ("{", "[]", "null", json.dumps({"runs": {}, "factors": 3})):
-        with edit(store_copy) as draft:
-            draft.set_provenance("score", {"report": report})
-        with s2rstore.open(store_copy) as store:
-            assert store_summary.summary_lines(store), report

@@ -8,7 +8,6 @@ import pytest
 from s2rstore.errors import RequestError
 from s2rtui.canvas import DARK, LIGHT, THEMES, ColourMode
 from s2rtui.canvas.block_symbols import SYMBOL_SETS
-from s2rtui.cli.command_parser import build_parser
 from s2rtui.cli.display_arguments import (
     SYMBOL_NAMES,
     THEME_NAMES,
@@ -89,26 +88,6 @@ def test_settings_that_cannot_be_written_are_a_request_error(own_data_folder):
     with pytest.raises(RequestError, match=r"display\.json"):
         write_settings(DisplaySettings("light"))
     assert read_settings() == DisplaySettings()
-
-
-def theme_of(command: str, *words: str) -> str:
-    parser = build_parser([command])
-    out = "out.html" if command == "report" else "out.png"
-    required = ("--view", "map") if command == "export" else ()
-    return str(parser.parse_args([command, "s.s2r", *required, "--out", out, *words]).theme)
-
-
-@pytest.mark.parametrize(
-    ("command", "default"), [("snapshot", "dark"), ("export", "auto"), ("report", "auto")]
-)
-def test_commands_that_draw_have_one_theme_option(command, default, capsys):
-    assert theme_of(command) == default
-    for name in THEME_NAMES:
-        assert theme_of(command, "--theme", name) == name
-    with pytest.raises(SystemExit):
-        theme_of(command, "--help")
-    shown = capsys.readouterr().out
-    assert "--theme {auto,dark,light}" in shown
 
 
 @pytest.mark.parametrize(

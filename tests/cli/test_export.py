@@ -14,7 +14,6 @@ from s2rtui.canvas import DARK, LIGHT
 from s2rtui.charts.registry import BY_NAME, STORED, VIEWS
 from s2rtui.cli import main
 from s2rtui.export.load_scene import SceneOptions, open_scene
-from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support.copies import copy_store
 from tests.support.suggestions import store_reports
 
@@ -103,12 +102,6 @@ def test_heatmap_counts_are_in_pixels_and_missing_where_zero(tiny_store):
         grid = scene.loaded.floor_heat
         assert grid is not None
         assert np.nanmin(grid) >= 1
-
-
-def test_saved_selections_can_be_exported_by_name(tiny_store, tmp_path):
-    Notebook("0" * 64).save("mine", SavedSelection("worst15", 1, "vanilla", 6))
-    named = export(tiny_store, tmp_path, "rooms", "--select", "@mine")
-    assert named != export(tiny_store, tmp_path, "rooms")
 
 
 def test_pages_of_paper_have_their_width_title_and_colours(tiny_store, tmp_path):

@@ -9,7 +9,6 @@ import pytest
 
 from s2rstore.index.transaction import edit
 from s2rtui.cli import main
-from s2rtui.user_data.notebook import Notebook
 from tests.support import tiny
 from tests.support.refusals import RunCommand
 from tests.support.small_figures import draw_small_figures
@@ -102,14 +101,6 @@ def test_the_list_is_sorted_and_has_full_precision(query):
         assert row["real_outlier"] == stored["o"]
     ascending = query("show", "list", "--select", "worst(7, gap)", "--sort", "gap", "--ascending")
     assert ascending == shown[::-1]
-
-
-def test_the_list_has_a_column_for_remarks(query):
-    notebook = Notebook("0" * 64)
-    notebook.note(5, "glare")
-    notebook.toggle_tag([5, 6], "door")
-    shown = query("show", "list", "--select", "ids(5..7)", "--sort", "iid", "--ascending")
-    assert [row["remark"] for row in shown] == ["#door: glare", "#door", None]
 
 
 def test_instance_has_numbers_and_notes(query):

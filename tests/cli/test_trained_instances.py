@@ -210,19 +210,6 @@ def session(stores: Stores) -> Iterator[Session]:
     opened.close()
 
 
-def test_the_key_includes_and_leaves_out_trained_instances(session):
-    session.select("worst(20%, real.error)")
-    assert session.state.count_text == "4 of 40 (20 trained on)"
-    assert not (session.state.selected & session.state.trained).any()
-    state = session.dispatch(navigation.toggle_trained)
-    assert state.count_text == "8 of 40 (20 trained on, included)"
-    assert state.message.startswith("20 trained instances in view included and marked")
-    assert (state.selected & state.trained).sum() == 8
-    state = session.dispatch(navigation.toggle_trained)
-    assert state.count_text == "4 of 40 (20 trained on)"
-    assert "left out (M includes them)" in state.message
-
-
 @pytest.mark.parametrize(
     ("expression", "count"), [("trained", 20), ("split:train", 7), ("sim.split:validation", 13)]
 )

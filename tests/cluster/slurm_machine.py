@@ -1,7 +1,6 @@
 """A real SLURM on this machine: a controller and two nodes, each with its own mounts.
 
-`python -m tests.cluster.slurm_machine FOLDER` starts one and prints the variables that its programs
-need; it ends with ctrl+c. It needs root and the packages slurmctld, slurmd, slurm-client and munge
+It needs root and the packages slurmctld, slurmd, slurm-client and munge
 of Debian, but neither systemd nor control groups.
 """
 
@@ -13,7 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -197,15 +196,3 @@ def _free_ports(count: int) -> list[int]:
     finally:
         for each in sockets:
             each.close()
-
-
-def main() -> None:
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    with slurm_machine(Path(sys.argv[1]).resolve()) as machine:
-        print(f"export SLURM_CONF={machine.environment['SLURM_CONF']}", flush=True)
-        with suppress(KeyboardInterrupt):
-            signal.pause()
-
-
-if __name__ == "__main__":
-    main()

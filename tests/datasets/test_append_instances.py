@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,7 +16,6 @@ from hypothesis import strategies as st
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rstore.files import layout
 from s2rstore.index import schema
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import verify
@@ -25,16 +23,8 @@ from s2rtools.datasets.scan import Scan
 from s2rtools.datasets.writing import build
 from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
 from tests.datasets.conftest import N
-from tests.datasets.helpers import (
-    SIZE,
-    add,
-    files,
-    ingest,
-    kinds,
-    rows_by_trajectory,
-    scan_of,
-)
-from tests.support import image_folders, pairs
+from tests.datasets.helpers import SIZE, add, files, ingest, kinds, rows_by_trajectory, scan_of
+from tests.support import pairs
 from tests.support.copies import copy_store
 
 Counts = dict[str, int]
@@ -167,28 +157,6 @@ def test_a_difference_in_any_piece_is_refused_by_name(scan: Scan, tmp_path: Path
     assert files(store) == before
 
 
-def test_folders_of_images_that_grow_at_the_end_are_continued(tmp_path: Path) -> None:
-    sources, store = image_folders.folders(tmp_path / "data"), tmp_path / "s.s2r"
-    frame = (64, 64)
-    image_folders.ingest(sources, store)
-    with s2rstore.open(store) as opened:
-        count = len(opened.instances)
-        name = min(part.trajectory for part in opened.imaged_parts["sim"])
-        iid = int(opened.iids_of(name)[-1])
-        ((last,),) = opened.execute(f"SELECT rgb_path FROM frame WHERE iid = {iid}")
-    path = sources["sim"] / Path(last).relative_to("sim")
-    shutil.copy(path, path.with_name(f"zz{path.suffix}"))
-    add(scan_of("images", Path(), folders=sources, frame=frame), store, strict=True)
-    assert verify(store) == []
-    with s2rstore.open(store) as opened:
-        assert opened.iids_of(name)[-1] == count
-        assert (opened.frame(count, "sim").rgb == opened.frame(iid, "sim").rgb).all()
-        assert opened.imaged("sim")[count]
-    shutil.copy(path, path.with_name(f"00{path.suffix}"))
-    with pytest.raises(RequestError, match=rf"trajectory {name}: .*differs"):
-        add(scan_of("images", Path(), folders=sources, frame=frame), store)
-
-
 def test_unusable_pairs_at_the_end_are_left_out(tmp_path: Path) -> None:
     header = pairs.sim2realviz(tmp_path / "data", n=N, trajectories=("a",))
     options = {"header": header}
@@ -228,20 +196,6 @@ def test_further_pairs_must_have_the_depth_type_of_the_stored_ones(tmp_path: Pat
     assert add(scan_of("csv", manifest), store, lines=lines) == {}
     with s2rstore.open(store) as opened:
         assert opened.frames("sim", 0, 3, ("depth",))["depth"].dtype == np.uint8
-
-
-def test_verify_names_a_missing_shard_of_a_later_piece(scan: Scan, tmp_path: Path) -> None:
-    store = tmp_path / "s.s2r"
-    grow(scan, store, [{"a": 3}, {"a": 5}])
-    folder = store / layout.FRAMES / "real" / "a@1" / "depth"
-    (shard,) = (path for path in folder.rglob("*") if path.is_file() and path.suffix != ".json")
-    shard.unlink()
-    (damage,) = verify(store)
-    assert damage.where == shard.relative_to(store).as_posix()
-    with s2rstore.open(store) as opened:
-        assert opened.frames("real", 0, 3)["depth"].any()
-        with pytest.raises(RequestError, match=r"real/a@1/depth"):
-            opened.frames("real", 2, 4)
 
 
 def test_verify_finds_instances_out_of_order(scan: Scan, tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from s2rtools.datasets.dataset_config import (
     RoomTable,
 )
 from s2rtools.datasets.files.path_containment import PathContainment
+from s2rtui.cli import main
 from tests.datasets.helpers import ingest, kinds, scan_of
 from tests.support import pairs
 
@@ -204,3 +205,32 @@ def test_the_example_of_a_header_in_the_documentation_is_valid(tmp_path):
     )  # fmt: skip
     keys = {field.name for table in tables for field in msgspec.structs.fields(table)}
     assert keys - {"bounds", "recorded_at", "rooms", "domains"} <= named
+
+
+TOO_LONG = "a" * 100_000 + ".png"
+
+
+def test_a_manifest_with_a_too_long_name_loses_that_pair(tmp_path, capsys):
+    manifest = pairs.manifest(tmp_path / "data", n=3)
+    text = manifest.read_text().replace("sim/1_rgb.png", TOO_LONG)
+    manifest.write_text(text)
+    store = tmp_path / "s.s2r"
+    assert main(["ingest", "csv", str(manifest), "--store", str(store), "--size", "32"]) == 0
+    errors = capsys.readouterr().err
+    assert "missing image: 1\n  aaa" in errors
+    assert len(errors) < 2000
+    with s2rstore.open(store) as opened:
+        assert len(opened.instances) == 2
+
+
+@pytest.mark.parametrize(
+    "name",
+    [TOO_LONG, "a/" * 50_000, "a\0b", "\0/b", "\ud800"],
+    ids=["long", "deep", "nul", "nul folder", "surrogate"],
+)
+def test_a_name_that_no_file_can_have_is_not_found_and_not_repeated_in_full(tmp_path, name):
+    containment = PathContainment(tmp_path)
+    assert containment.find_file(name, "list.txt:3") is None
+    with pytest.raises(RequestError, match=r"list\.txt:3: .* is not a file name") as error:
+        containment.resolve(name, "list.txt:3")
+    assert len(str(error.value)) < 300

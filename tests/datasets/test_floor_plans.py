@@ -16,10 +16,8 @@ from s2rstore.records import Bounds
 from s2rtools.datasets.floor.floor_plans import (
     OUTSIDE,
     PlacedPlan,
-    PointsTable,
     fit_similarity,
     occupancy_grid,
-    placed_plan,
 )
 from tests.datasets.helpers import scan_of
 from tests.support import pairs
@@ -75,21 +73,6 @@ def test_points_that_do_not_fit_are_refused():
         fit_similarity(pixels, metres, False, "plan")
     with pytest.raises(RequestError, match="coincide"):
         fit_similarity(pixels[[0, 0]], metres[:2], True, "plan")
-
-
-def test_image_with_two_points_fills_the_bounds(tmp_path):
-    plan = np.full((200, 300, 3), 250, np.uint8)
-    plan[40:60, 100:140] = 10
-    cv2.imwrite(str(tmp_path / "plan.png"), plan)
-    table = PointsTable("plan.png", [(0, 200, 1.0, 2.0), (300, 200, 4.0, 2.0)])
-    placed = placed_plan(table, "lab.toml", lambda name: tmp_path / name, False)
-    assert placed is not None
-    assert placed.bounds == Bounds(1.0, 2.0, 4.0, 4.0)
-    bounds = Bounds(0.0, 0.0, 6.0, 6.0)
-    image = placed.resampled(bounds, False)
-    assert colour_at(image, bounds, False, 2.2, 3.5) == 10
-    assert colour_at(image, bounds, False, 2.2, 3.3) == 250
-    assert colour_at(image, bounds, False, 0.5, 3.5) == OUTSIDE[0]
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.5, -2.0])
@@ -148,6 +131,7 @@ def test_placed_plan_of_a_configuration_fills_its_bounds_or_defines_them(tmp_pat
     assert scan.bounds == Bounds(0.0, 0.0, 8.0, 6.0)
     assert isinstance(scan.floor_plan, np.ndarray)
     assert scan.floor_plan.shape == (792, 1056, 3)
+    assert colour_at(scan.floor_plan, scan.bounds, scan.y_down, 7.0, 5.0) == OUTSIDE[0]
     header_of(tmp_path, plan, bounds=False)
     own = Bounds(-2.0, -1.0, 4.0, 3.0) if "yaml" in plan else Bounds(0.0, 0.0, 6.0, 4.0)
     assert astuple(scan_of("csv", path).bounds) == pytest.approx(astuple(own))

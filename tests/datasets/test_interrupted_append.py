@@ -17,12 +17,7 @@ from s2rstore.records import Domain
 from s2rtools.datasets.appending import append
 from s2rtools.datasets.files.image_decoding import ImageFiles
 from s2rtools.datasets.scan import Scan
-from s2rtools.datasets.writing import (
-    build,
-    frame_writing,
-    ingest_journal,
-    trajectory_arrays,
-)
+from s2rtools.datasets.writing import build, frame_writing, ingest_journal, trajectory_arrays
 from tests.datasets.conftest import N
 from tests.datasets.helpers import Killed, add, files, kill, kill_after, rows_by_trajectory, scan_of
 

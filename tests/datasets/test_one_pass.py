@@ -17,7 +17,6 @@ import s2rstore
 from s2rstore.maintenance.verify import verify
 from s2rtools.datasets.files import image_decoding
 from s2rtools.datasets.files.image_decoding import ImageFiles
-from s2rtools.datasets.importers.synthetic_world import RenderedFrameSource
 from s2rtools.datasets.scan import DecodedFrame
 from s2rtools.datasets.writing import index_rows
 from s2rtools.datasets.writing.build import build
@@ -64,20 +63,6 @@ def test_every_source_image_is_read_and_decoded_once(make, tmp_path, monkeypatch
     files = {path for path in (tmp_path / "data").rglob("*") if path.suffix in (".png", ".jpeg")}
     assert read == dict.fromkeys(files, 1)
     assert len(decoded) == len(files)
-
-
-def test_every_view_of_the_world_is_rendered_once(tmp_path, monkeypatch):
-    rendered: Counter[tuple[str, int]] = Counter()
-    decode = RenderedFrameSource.decode
-
-    def counted(source: RenderedFrameSource, *arguments: object) -> DecodedFrame:
-        rendered[source.side, source.number] += 1
-        return decode(source, *arguments)
-
-    monkeypatch.setattr(RenderedFrameSource, "decode", counted)
-    ingest("world", Path(), tmp_path / "s.s2r", world={"count": 2})
-    assert len(rendered) == 8
-    assert set(rendered.values()) == {1}
 
 
 @pytest.mark.parametrize("odd", [(0, 1, 5), (5,)])

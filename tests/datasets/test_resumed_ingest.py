@@ -1,4 +1,4 @@
-"""An ingest that was killed is resumed, and its store equals that of an undisturbed ingest."""
+"""A killed ingest is resumed to an equal store; the fingerprint changes with its sources."""
 
 import hashlib
 import os
@@ -21,12 +21,9 @@ from s2rstore.maintenance.verify import verify
 from s2rtools.datasets.files.image_decoding import ImageFiles
 from s2rtools.datasets.scan import Scan
 from s2rtools.datasets.writing import build as build_module
-from s2rtools.datasets.writing import (
-    frame_writing,
-    ingest_journal,
-    trajectory_arrays,
-)
+from s2rtools.datasets.writing import frame_writing, ingest_journal, trajectory_arrays
 from s2rtools.datasets.writing.build import build
+from s2rtools.datasets.writing.scan_fingerprint import fingerprint
 from tests.datasets.helpers import Killed, kill_after, rows_by_trajectory, scan_of
 from tests.support import pairs
 
@@ -39,10 +36,12 @@ BROKEN = (3, 9, 10, 18, 20, 37)
 OTHER_SIZE = (5, 30)
 
 
-@pytest.fixture(autouse=True)
-def small_shards(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (trajectory_arrays, frame_writing, ingest_journal):
-        monkeypatch.setattr(module, "SHARD_ROWS", SHARD)
+@pytest.fixture(autouse=True, scope="module")
+def small_shards() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (trajectory_arrays, frame_writing, ingest_journal):
+            patch.setattr(module, "SHARD_ROWS", SHARD)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -92,17 +91,10 @@ def content(store: Path) -> dict[str, object]:
 @pytest.fixture(scope="module")
 def undisturbed(
     manifest: Path, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[tuple[dict[str, object], Scan, int]]:
-    with pytest.MonkeyPatch.context() as patch:
-        for module in (
-            trajectory_arrays,
-            frame_writing,
-            ingest_journal,
-        ):
-            patch.setattr(module, "SHARD_ROWS", SHARD)
-        store = tmp_path_factory.mktemp("undisturbed") / "s.s2r"
-        scan, steps = ingest(manifest, store)
-        yield content(store), scan, sum(steps)
+) -> tuple[dict[str, object], Scan, int]:
+    store = tmp_path_factory.mktemp("undisturbed") / "s.s2r"
+    scan, steps = ingest(manifest, store)
+    return content(store), scan, sum(steps)
 
 
 @dataclass(frozen=True)
@@ -223,3 +215,42 @@ def test_a_refused_ingest_leaves_no_folder(manifest, tmp_path):
     with pytest.raises(RequestError, match="nothing was ingested"):
         build(scan_of("csv", manifest), store, "", True, lambda steps: None)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_equal_scans_have_one_fingerprint_and_other_sources_another(tmp_path):
+    manifest = pairs.manifest(tmp_path / "data", n=4)
+    found = {fingerprint(scan_of("csv", manifest)) for _ in range(2)}
+    assert len(found) == 1
+    image = tmp_path / "data" / "real" / "2_depth.png"
+    state = image.stat()
+    os.utime(image, ns=(state.st_atime_ns, state.st_mtime_ns + 1))
+    found.add(fingerprint(scan_of("csv", manifest)))
+    os.utime(image, ns=(state.st_atime_ns, state.st_mtime_ns))
+    image.write_bytes(image.read_bytes() + b"0")
+    os.utime(image, ns=(state.st_atime_ns, state.st_mtime_ns))
+    found.add(fingerprint(scan_of("csv", manifest)))
+    found.add(fingerprint(scan_of("csv", manifest, frame=(48, 48))))
+    found.add(fingerprint(scan_of("csv", manifest, trajectories=("a",))))
+    header = manifest.with_suffix(".toml")
+    header.write_text(header.read_text().replace("depth_raw_max = 249", "depth_raw_max = 248"))
+    found.add(fingerprint(scan_of("csv", manifest)))
+    assert None not in found
+    assert len(found) == 6
+
+
+def test_the_fingerprint_of_a_world_is_that_of_its_recipe():
+    found = [
+        fingerprint(scan_of("world", Path(), frame=(32, 32), world={"count": 3, "seed": seed}))
+        for seed in (1, 1, 2)
+    ]
+    assert found[0] is not None
+    assert found[0] == found[1]
+    assert found[0] != found[2]
+
+
+def test_a_source_of_unknown_origin_has_no_fingerprint(tmp_path):
+    scan = scan_of("csv", pairs.manifest(tmp_path / "data", n=4))
+    records = scan.trajectories["a"]
+    scan.trajectories["a"] = list(records)
+    scan.trajectories["a"][0].sources["sim"] = object()  # type: ignore[index]
+    assert fingerprint(scan) is None

@@ -9,26 +9,20 @@ import pytest
 import s2rstore
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import check, verify
-from s2rtools.datasets.importers import IMPORTERS
-from s2rtools.datasets.scan import ScanOptions
 from s2rtools.datasets.writing.build import build
 from s2rtools.models import build_network
 from s2rtools.models.model_registration import pack_weights, register_model
 from s2rtools.precompute.frame_reader import read_pairs
 from s2rtools.precompute.run_registration import insert_run
+from tests.datasets.helpers import SIZE, scan_of
 from tests.support import pairs
 
-FRAME = (32, 32)
 SOURCE = pairs.HEIGHT, pairs.WIDTH
 
 
-def scan_of(folder: Path, *trajectories: str, frame: tuple[int, int] = FRAME):
-    options = ScanOptions(trajectories, folder / "calibration.toml", frame)
-    return IMPORTERS["sim2realviz"](folder, options)
-
-
-def ingested(folder: Path, store: Path, *trajectories: str, frame=FRAME) -> Path:
-    build(scan_of(folder, *trajectories, frame=frame), store, "", False, lambda steps: None)
+def ingested(folder: Path, store: Path, frame: tuple[int, int] = SIZE) -> Path:
+    scan = scan_of("sim2realviz", folder, header=folder / "calibration.toml", frame=frame)
+    build(scan, store, "", False, lambda steps: None)
     return store
 
 
@@ -53,7 +47,7 @@ def test_images_are_kept_as_the_files_hold_them(data, tmp_path):
             depth = cv2.imread(str(data / depth_file), cv2.IMREAD_UNCHANGED)
             stored = (images if row < 2 else others)["depth"][row % 2]
             np.testing.assert_array_equal(stored, depth)
-            small = cv2.resize(expected, FRAME, interpolation=cv2.INTER_AREA)
+            small = cv2.resize(expected, SIZE, interpolation=cv2.INTER_AREA)
             np.testing.assert_array_equal(store.frame(3 + row, "real").rgb, small)
     report = check(path)
     assert (report.damages, report.notes) == ((), ())
@@ -98,5 +92,5 @@ def test_adjustments_apply_before_the_images_are_resized(data, tmp_path):
         np.testing.assert_allclose(pair["real"].x[:, :3], expected, atol=1e-6)
         shown = table[store.frames("real", 0, 2)["rgb"]]
         np.testing.assert_array_equal(pair["real"].rgb, shown)
-        assert pair["real"].depth.shape == (2, *FRAME)
+        assert pair["real"].depth.shape == (2, *SIZE)
         assert (pair["sim"].depth == store.frames("sim", 0, 2)["depth"]).all()

@@ -1,4 +1,4 @@
-"""The documentation refers to what exists, builds as a site, and its notebook runs."""
+"""The documentation refers to what exists, shows present outputs, builds as a site and runs."""
 
 import base64
 import importlib.util
@@ -8,12 +8,14 @@ import subprocess
 import sys
 import tomllib
 from io import BytesIO
+from itertools import zip_longest
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 from PIL import Image
 
+from s2rtui.cli import main
 from tests.support import notebooks
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -23,12 +25,13 @@ TEXTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *PAGES]
 _COMMAND = re.compile(r"^(?:\$ )?s2r (?P<rest>.*)$", re.MULTILINE)
 _BLOCK = re.compile(r"^```[a-z]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"(?<!`)\[[^\]]*\]\((?P<target>[^)\s]+)\)")
+_NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e-?\d+)?")
 _PATH = re.compile(r"`(?P<path>(?:s2rtui|store|tools|tests|examples|docs|bench)/[^`\s]*)`")
 
 
-def generator():
-    """The module that generates the reference pages."""
-    spec = importlib.util.spec_from_file_location("docs_generate", DOCS / "generate.py")
+def script(name: str):
+    """The module of a script of the documentation."""
+    spec = importlib.util.spec_from_file_location(f"docs_{name}", DOCS / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -63,7 +66,7 @@ def test_the_readme_has_at_most_150_lines():
 
 
 def test_shown_commands_and_their_options_exist():
-    options = documented_options(generator().commands_page())
+    options = documented_options(script("generate").commands_page())
     unknown = []
     for page in TEXTS:
         for arguments in shown_commands(page.read_text(encoding="utf-8")):
@@ -93,7 +96,7 @@ def test_expressions_of_shown_commands_parse():
 
 
 def test_links_between_pages_resolve():
-    generated = set(generator().PAGES)
+    generated = set(script("generate").PAGES)
     broken = []
     for page in TEXTS:
         for match in _LINK.finditer(page.read_text(encoding="utf-8")):
@@ -132,7 +135,7 @@ def test_registry_names_beside_their_files_exist():
 def test_the_key_reference_and_the_cheat_sheet_list_every_action():
     from s2rtui.app.key_bindings import ACTIONS
 
-    pages = generator()
+    pages = script("generate")
     keys, sheet = pages.keys_page(), pages.cheat_sheet_page()
     for action in ACTIONS:
         if action.description:
@@ -182,3 +185,27 @@ def test_the_notebook_holds_outputs_and_no_machine_path():
     text = NOTEBOOK.read_text(encoding="utf-8")
     assert not any(folder in text for folder in ("/home/", "/tmp/", "/root/", "/work/", "/Users/"))
     assert NOTEBOOK.stat().st_size < 400_000
+
+
+@pytest.mark.deep
+def test_shown_outputs_are_those_of_the_demo(tmp_path):
+    """Words are equal, and numbers but for the last digits, in which processors differ."""
+    outputs = script("update_outputs")
+    assert main(["demo", "--out", str(tmp_path / "demo"), "--no-open"]) == 0
+    compared = 0
+    for page in outputs.PAGES:
+        for block in outputs._BLOCK.finditer(page.read_text(encoding="utf-8")):
+            fresh = outputs.output(block["command"], tmp_path / "demo" / "world.s2r")
+            for shown, printed in zip_longest(block["output"].splitlines(), fresh.splitlines()):
+                where = f"{page.name}, {block['command']}: {shown!r} against {printed!r}"
+                assert shown is not None, where
+                assert printed is not None, where
+                assert _words(shown) == _words(printed), where
+                numbers = [list(map(float, _NUMBER.findall(line))) for line in (shown, printed)]
+                assert numbers[0] == pytest.approx(numbers[1], rel=0.02, abs=0.02), where
+            compared += 1
+    assert compared >= 3
+
+
+def _words(line: str) -> list[str]:
+    return re.sub(r"-{2,}", "-", _NUMBER.sub("0", line)).split()

@@ -10,7 +10,7 @@ from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.canvas.marks import BrushShape, mark_arc, wrap_degrees
 from s2rtui.drawing.cells import draw_cells, drawing_panels
 from s2rtui.drawing.drawing import Drawing
-from s2rtui.drawing.plot import Bars, Dots, Phrase, Plot
+from s2rtui.drawing.plot import Bars, Phrase, Plot
 from s2rtui.drawing.polar_cells import bar_dots, dial_of
 from s2rtui.drawing.scale import Scale
 
@@ -21,20 +21,18 @@ Y = Scale(0.0, 9.0, ("max 9",))
 
 
 def dials(
-    degrees: float = 0.0, cursor: float | None = None, brush: BrushShape | None = None,
-    clockwise: bool = True, selected: int = 9, bins: int = 72,
-) -> Drawing:  # fmt: skip
+    degrees: float = 0.0, clockwise: bool = True, selected: int = 9, bins: int = 72
+) -> Drawing:
     """Three dials with one bar each, of 9 in the bin of some degrees."""
     edges = np.linspace(-180, 180, bins + 1)
     counts, _ = np.histogram([degrees] * 9, edges)
-    dots = () if cursor is None else (Dots(np.array([cursor]), np.array([Y.high]), "cursor"),)
     plots = tuple(
-        Plot(X, Y, (Bars(edges, counts * selected // 9, counts, name), *dots), name,
+        Plot(X, Y, (Bars(edges, counts * selected // 9, counts, name),), name,
              (Phrase(name, name, name), Phrase("mean")), shape="turn",
              turns="clockwise" if clockwise else "anticlockwise")
         for name in NAMES
     )  # fmt: skip
-    return Drawing(plots, brush=brush, beside=True)
+    return Drawing(plots, beside=True)
 
 
 @pytest.mark.parametrize(
@@ -117,18 +115,6 @@ def test_selected_and_others_differ_without_colours():
         assert "".join(grey.split()) != ""
 
 
-@pytest.mark.parametrize("size", [(100, 20), (60, 4)])
-def test_the_cursor_direction_is_marked_in_each_panel(size):
-    view = dials(cursor=-70.0)
-    canvas = draw_cells(view, size)
-    for panel in drawing_panels(view, size):
-        x, y = panel.to_cells(-70.0, Y.high)
-        shown = canvas.char[panel.y : panel.y + panel.height, panel.x : panel.x + panel.width]
-        ((row, column),) = np.argwhere(shown == "◉")
-        assert abs(column + panel.x - x) <= 1
-        assert abs(row + panel.y - y) <= 1
-
-
 @pytest.mark.parametrize(
     ("ends", "arc"),
     [((30.0, 50.0), (40.0, 10.0)), ((170.0, -160.0), (-175.0, 15.0)),
@@ -139,20 +125,6 @@ def test_a_brush_covers_the_arc_from_its_first_to_its_last_end(ends, arc):
     centre, half = mark_arc(BrushShape("sim", ((ends[0], 1.0), (ends[1], 1.0))))
     assert wrap_degrees(centre - arc[0]) == pytest.approx(0)
     assert half == pytest.approx(arc[1])
-
-
-@pytest.mark.parametrize(("size", "ends"), [((100, 20), "++"), ((60, 4), "├┤")])
-def test_a_pending_arc_is_highlighted_with_marked_ends(size, ends):
-    view = dials(brush=BrushShape("truth", ((170.0, 1.0), (-120.0, 1.0))))
-    canvas = draw_cells(view, size, RenderOptions(mode=ColourMode.NONE))
-    _, truth, _ = drawing_panels(view, size)
-    assert sorted(glyph for glyph in "".join(canvas.lines()) if glyph in ends) == sorted(ends)
-    ground = (canvas.bg == DARK.highlight).all(axis=-1)
-    assert ground.any()
-    for row, column in np.argwhere(ground):
-        assert truth.holds(int(column), int(row))
-        degrees = truth.to_data(column + 0.5, row + 0.5)[0]
-        assert abs(wrap_degrees(degrees - -155)) <= 35 + 1e-6
 
 
 def test_terminals_with_graphics_get_discs_beside_which_the_labels_stay():

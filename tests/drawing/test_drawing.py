@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from io import BytesIO
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from PIL import Image
 
-from s2rtui.canvas import DARK, LIGHT
+from s2rtui.canvas import DARK
 from s2rtui.canvas.marks import BrushShape
 from s2rtui.drawing.cells import draw_cells
 from s2rtui.drawing.drawing import Drawing
-from s2rtui.drawing.page import figure_format
-from s2rtui.drawing.paper import draw_paper
 from s2rtui.drawing.plot import Line, Plot
 from s2rtui.drawing.scale import Scale
 from tests.drawing import examples
@@ -62,21 +58,6 @@ def test_details_and_rows_without_room_are_left_out_and_said_to_be():
     longer = replace(drawing, table=replace(drawing.table, rows=drawing.table.rows * 3))
     crowded = draw_cells(longer, (40, 18)).lines()
     assert any("/12" in line for line in crowded)
-
-
-@pytest.mark.parametrize("width", [85, 170])
-def test_a_page_holds_the_whole_drawing(width):
-    """No mark, label or text reaches the edge of a page."""
-    inches = width / 25.4
-    size = int(150 * inches), int(150 * inches * (1.6 if width < 120 else 0.8))
-    with figure_format(dpi=150):
-        page = draw_paper(examples.drawing(), size, LIGHT, "Title", "subtitle")
-    pixels = np.asarray(Image.open(BytesIO(page)).convert("RGB")).astype(int)
-    assert pixels.shape[:2] == size[::-1]
-    inked = np.abs(pixels - pixels[0, 0]).sum(axis=2) > 30
-    rows, columns = np.flatnonzero(inked.any(axis=1)), np.flatnonzero(inked.any(axis=0))
-    assert 5 < rows[0] < rows[-1] < size[1] - 5
-    assert 5 < columns[0] < columns[-1] < size[0] - 5
 
 
 def test_terminals_with_graphics_get_plots_in_true_pixels_while_nothing_is_brushed():

@@ -58,16 +58,6 @@ def test_images_fit_keep_their_shape_and_stand_beside_each_other(size, options):
         assert first.left + first.width <= second.left
 
 
-def test_bars_table_and_whole_notes_follow_the_images():
-    lines = [line.rstrip() for line in draw_cells(drawing(), (60, 40)).lines()]
-    first = next(at for at, line in enumerate(lines) if line.startswith("heat -1"))
-    assert "depth 0" in lines[first]
-    assert "x m" in lines[first + 1]
-    assert lines[first + 2].split() == ["•", "truth", "1.25"]
-    assert lines[first + 3 : first + 5] == ["where here", "ranks 1 of 9"]
-    assert lines[0].startswith("◆ first")
-
-
 def test_without_room_for_all_rows_the_first_is_left():
     shown = drawing_layout(drawing(), (30, 10), DEFAULT_OPTIONS).plots
     assert {place.plot.y.names[0] for place in shown} == {"image"}

@@ -22,15 +22,11 @@ def plane(*marks: PlaneMark, y: Scale = DOWN) -> Plot:
 
 
 @pytest.mark.parametrize("y", [UP, DOWN])
-def test_labels_of_y_follow_its_direction(y):
+def test_labels_and_equal_scales_follow_the_direction_of_y(y):
     labels = y_labels(plane(y=y), 20)
     rows = sorted(labels, key=lambda row: float(labels[row]))
     assert len(rows) > 3
     assert rows == sorted(rows, reverse=y is UP)
-
-
-@pytest.mark.parametrize("y", [UP, DOWN])
-def test_equal_scales_are_widened_in_their_direction(y):
     fitted = plane(y=y).fitted(80, 80)
     assert (fitted.y.low, fitted.y.high) == ((-10, 30) if y is UP else (30, -10))
     assert plane(y=y).tight(8.0, 8.0) == (8.0, 4.0)

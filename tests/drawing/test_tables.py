@@ -59,13 +59,6 @@ def test_the_window_follows_the_brush_and_scrolling(changes, row):
     assert layout.first == row or "first" not in changes
 
 
-@pytest.mark.parametrize(("descending", "arrow", "plain"), [(True, "▼", "v"), (False, "▲", "^")])
-def test_the_sorted_column_shows_the_direction(descending, arrow, plain):
-    drawing = Drawing(table=replace(list_drawing().table, descending=descending))
-    assert f"error{arrow}" in draw_cells(drawing, (40, 70)).lines()[0]
-    assert f"error{plain}" in draw_cells(drawing, (40, 70), RenderOptions(ascii=True)).lines()[0]
-
-
 def test_columns_of_the_largest_rank_are_left_out_before_names_are_cut():
     drawing = groups_drawing()
     for width in range(30, 130, 5):
@@ -113,17 +106,6 @@ def test_bars_from_the_left_edge_have_eighths_of_cells():
     canvas = draw_cells(Drawing(table=table), (60, 4), RenderOptions(mode=ColourMode.NONE))
     lengths = [len(line[4:-6].rstrip()) for line in canvas.lines()[1:]]
     assert lengths == [-(-whole * lengths[0] // 32) for whole in (32, 16, 12)]
-
-
-@pytest.mark.parametrize("size", [(82, 24), (100, 20), (50, 40)])
-def test_texts_are_wrapped_and_their_notes_shown_where_there_is_room(size):
-    lines = draw_cells(findings_of(), size).lines()
-    text = " ".join(" ".join(lines).split())
-    for number in range(1, 5):
-        line = next(line for line in lines if f"kind {number}" in line)
-        assert ("? kind" in line) == (number % 2 == 1)
-        assert f"+{number}.00 m from all" in text
-    assert "gap drift: fewer than two nights" in text
 
 
 @pytest.mark.parametrize("chosen", [0, 3, 7, 11])

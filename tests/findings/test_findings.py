@@ -160,7 +160,9 @@ def test_a_run_that_was_trained_on_everything_has_no_figures(tmp_path):
     assert not any(finding.n_of == "instances" for finding in report.findings)
 
 
-@pytest.mark.parametrize("text", ["{", '{"runs": 3}', '{"runs": {"vanilla": "key0"}}'])
+@pytest.mark.parametrize(
+    "text", ["{", "[]", "null", '{"runs": 3}', '{"runs": {"vanilla": "key0"}}']
+)
 def test_a_damaged_score_is_named(plain, tmp_path, text):
     path = copy_store(plain, tmp_path / "s.s2r")
     with edit(path) as draft:

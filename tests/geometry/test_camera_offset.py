@@ -60,6 +60,13 @@ def test_repeated_camera_adjustments_add_up_and_others_are_ignored():
     assert render_change(cancelling, domain(), WIDTH) == UNCHANGED
 
 
+def test_lights_multiply_and_move_no_camera():
+    original = domain()
+    move = render_change([*chain(lamp_power=0.5), *chain(window_power=2.0)], original, WIDTH)
+    assert move == RenderChange(lamps=0.5, windows=2.0) != UNCHANGED
+    assert move.applied(original) is original
+
+
 @pytest.mark.parametrize(
     ("steps", "expected"),
     [

@@ -79,13 +79,3 @@ def test_the_nearer_surface_needs_the_depth_of_the_other_side():
     floor_heat = FloorHeat(SIM, REAL, DATASET, "sim", OFFSET, "nearer")
     with pytest.raises(ValueError, match="depth of both sides"):
         floor_heat.samples(depths(1), None, POSES, MapGrid(BOUNDS))
-
-
-def test_the_nearer_surface_of_some_pixels_equals_that_of_all():
-    own, other = depths(1), depths(2)
-    whole = NearerSurface(SIM, REAL, FRAME)(own, other)
-    assert (whole != own).any()
-    pixels = np.array([0, 7, 9_000, FRAME[0] * FRAME[1] - 1, 9_000])
-    some = NearerSurface(SIM, REAL, FRAME, pixels)(own.reshape(4, -1)[:, pixels], other)
-    np.testing.assert_array_equal(some, whole.reshape(4, -1)[:, pixels])
-    assert some.dtype == own.dtype

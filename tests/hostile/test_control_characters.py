@@ -335,15 +335,6 @@ def test_figures_contain_no_control_characters(hostile_store, tmp_path, monkeypa
     assert not control_characters("".join(drawn_texts))
 
 
-def test_a_dollar_sign_in_a_name_starts_no_formula(store_copy, tmp_path):
-    hostile.edit(store_copy, ("UPDATE room SET room = '$\\frac$' || room", []),
-                 ("UPDATE instance SET room = '$\\frac$' || room", []))  # fmt: skip
-    for view in ("rooms", "overview", "instance"):
-        out = tmp_path / f"{view}.png"
-        arguments = ["export", str(store_copy), "--view", view, "--out", str(out), "--room-names"]
-        assert main([*arguments, "--select", 'room:"$\\\\frac$right"']) == 0, view
-
-
 def test_a_report_contains_no_control_characters(hostile_store, tmp_path):
     out = tmp_path / "r.html"
     assert main(["report", str(hostile_store), "--run", "vanilla", "--select", "worst15",

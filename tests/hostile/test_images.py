@@ -173,22 +173,6 @@ def test_fill_bytes_around_the_end_marker_of_a_jpeg_are_left_out(fill, count):
         assert np.array_equal(*decoded)
 
 
-def test_most_damage_of_a_jpeg_is_detected():
-    """A changed amplitude gives another valid image, so not all damage can be detected."""
-    rng = np.random.default_rng(1)
-    content = jpeg(cv2.resize(IMAGE, (320, 240)))
-    start = content.index(b"\xff\xda") + 20
-    detected = 0
-    for _ in range(200):
-        offset = int(rng.integers(start, len(content) - 300))
-        damaged = content[:offset] + rng.bytes(256) + content[offset + 256 :]
-        try:
-            whole(damaged)
-        except ValueError:
-            detected += 1
-    assert detected >= 170
-
-
 def animated(array: np.ndarray, kind: str) -> bytes:
     file = io.BytesIO()
     images = [Image.fromarray(array), Image.fromarray(array[::-1].copy())]

@@ -5,17 +5,14 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
 from msgspec import structs
 
-import s2rstore
-from s2rstore.errors import RequestError
 from s2rstore.files import process_identity
-from s2rstore.files.ingest_folder import staging_folder
 from s2rstore.files.locks import file_lock
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import check
 from s2rtools.precompute.executors.local_executors import ProcessExecutor
+from tests.hostile.test_ingest_leftovers import ended_process_id, make_leftover
 
 LEFTOVERS = (
     "frames.zarr/sim/a/rgb/.c.0.0.0.0.0123456789abcdef.partial",
@@ -23,18 +20,12 @@ LEFTOVERS = (
     "index/.building-99999999.duckdb",
     ".CURRENT.json.0123456789abcdef.partial",
 )
-UNUSED_PROCESS_ID = 2**22 + 1
-"""A process id beyond the default maximum of Linux."""
 
 
 def leave_building_folder(store: Path) -> Path:
     """The folder of an ingest whose process has ended."""
-    ended = structs.replace(process_identity.this_process(), process=UNUSED_PROCESS_ID)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(process_identity, "this_process", lambda: ended)
-        folder = staging_folder(store)
-    (folder / "frames.zarr").mkdir(parents=True)
-    return folder
+    identity = process_identity.this_process()
+    return make_leftover(store, structs.replace(identity, process=ended_process_id()))
 
 
 def test_leftovers_are_reported_and_removed(store_copy):
@@ -68,22 +59,6 @@ def test_unfinished_histories_are_removed_unless_one_is_being_written(store_copy
     assert leftover.exists()
     assert prune(store_copy).paths == (f"history/{leftover.name}",)
     assert not leftover.exists()
-
-
-def test_errors_of_the_current_file_are_explained(store_copy):
-    current = store_copy / "CURRENT.json"
-    content = current.read_bytes()
-    current.unlink()
-    current.mkdir()
-    with pytest.raises(RequestError, match="a folder, not a regular file"):
-        s2rstore.open(store_copy)
-    current.rmdir()
-    current.write_bytes(content + b" " * 10**6)
-    with pytest.raises(RequestError, match="at most"):
-        s2rstore.open(store_copy)
-    current.write_bytes(b"{")
-    with pytest.raises(RequestError, match="damaged"):
-        s2rstore.open(store_copy)
 
 
 _FULL_DISK_SCRIPT = """

@@ -4,14 +4,7 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
-from textual.content import Content
-from textual.widgets import Static
-
 import s2rtui
-from s2rtui.app.pilot import take_screenshot
-from s2rtui.app.status_line import TextBar
-from tests.support import hostile
-from tests.support.application import running
 
 SOURCES = Path(s2rtui.__file__).parent
 WIDGETS = {"Static", "Label", "Button", "Checkbox", "Link", "OptionList", "SelectionList"}
@@ -84,29 +77,3 @@ def test_no_widget_sets_a_title_or_tooltip():
             violations += [f"{path.name}:{t.lineno} {t.attr}" for t in targets
                       if isinstance(t, ast.Attribute) and t.attr in attributes]  # fmt: skip
     assert not violations
-
-
-async def test_a_room_name_is_not_an_action(store_copy):
-    name = "[ @click=app.quit]CLICK"
-    hostile.edit(store_copy, ("UPDATE room SET room = ? || room", [name]),
-                 ("UPDATE instance SET room = ? || room", [name]))  # fmt: skip
-    async with running(store_copy, size=(160, 44)) as (app, pilot):
-        app.session.select(f'room:"{name}right"')
-        app.updater.refresh()
-        await pilot.pause()
-        segments = [segment for line in take_screenshot(app).lines for segment in line]
-        assert f"{name}right" in "".join(segment.text for segment in segments)
-        metas = [segment.style.meta for segment in segments if segment.style]
-        assert not any("@click" in meta for meta in metas)
-        for column in range(0, 160, 4):
-            await pilot.click(Static, offset=(column, 0))
-        assert app.is_running
-        assert app.fault is None
-
-
-async def test_a_bar_shows_its_texts_verbatim():
-    content = TextBar("status")
-    content.show("[b]a[/b]", ("[ @click=app.quit]", "bold"), "\x1b[31m")
-    shown = content.visual
-    assert isinstance(shown, Content)
-    assert shown.plain == "[b]a[/b][ @click=app.quit]\\x1b[31m"

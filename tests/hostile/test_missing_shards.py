@@ -104,12 +104,3 @@ def test_every_reader_names_each_missing_shard(path, readers):
                 message = f"{re.escape(str(path / shard))}.*missing"
                 with hidden(path / shard), pytest.raises(RequestError, match=message):
                     read()
-
-
-def test_a_command_names_a_missing_shard(path, tmp_path, s2r):
-    shard = "runs.zarr/vanilla/key0/feature_distance/c.0.0.0"
-    words = ["export", path, "--view", "map", "--heat", "feature_distance", "--on", "selection",
-             "--select", "all", "--out", tmp_path / "map.png"]  # fmt: skip
-    s2r(*words).checked()
-    with hidden(path / shard):
-        s2r(*words).assert_refused(str(path / shard), "missing")

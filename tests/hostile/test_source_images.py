@@ -27,10 +27,6 @@ def folder(ingested: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(ingested, tmp_path / "own"))
 
 
-def test_unchanged_images_are_no_damage(folder):
-    assert main(["verify", str(folder / "s.s2r"), "--source", str(folder / "s-data")]) == 0
-
-
 @pytest.mark.parametrize("image", ["rgb", "depth"])
 def test_every_changed_byte_of_a_jpeg_is_found(folder, image, s2r):
     path = sorted((folder / "s-data" / "traj1" / "real").glob(f"*_{image}.jpeg"))[1]

@@ -3,7 +3,6 @@
 import io
 import os
 import pickle
-import struct
 import warnings
 import zipfile
 from pathlib import Path
@@ -32,17 +31,6 @@ def sparse(path: Path) -> None:
         file.truncate(1 << 40)
 
 
-def long_header(path: Path) -> None:
-    path.write_bytes(struct.pack("<Q", 1 << 60) + b"{}")
-
-
-def truncated(path: Path) -> None:
-    from safetensors.torch import save
-
-    content = save({k: v.clone() for k, v in build_network("resposenet").state_dict().items()})
-    path.write_bytes(content[: len(content) // 2])
-
-
 @pytest.mark.parametrize("suffix", [".safetensors", ".pt"])
 @pytest.mark.parametrize("make_file", [pipe, device, sparse])
 def test_an_invalid_weights_file_is_rejected(tmp_path, tiny_store, capsys, make_file, suffix):
@@ -56,16 +44,6 @@ def test_an_invalid_weights_file_is_rejected(tmp_path, tiny_store, capsys, make_
 def add(store: Path, path: Path, *more: str) -> int:
     arch = () if "--arch" in more else ("--arch", "resposenet")
     return main(["model", "add", "--store", str(store), "m", str(path), *arch, *more])
-
-
-@pytest.mark.parametrize("make_file", [long_header, truncated])
-def test_damaged_safetensors_are_rejected(tmp_path, tiny_store, capsys, make_file):
-    path = tmp_path / "w.safetensors"
-    make_file(path)
-    assert add(tiny_store, path) == 2
-    error = capsys.readouterr().err
-    assert error.startswith(f"s2r: {path}: not a ")
-    assert len(error.splitlines()) == 1
 
 
 def archive(state: dict[str, torch.Tensor], method: int, extra: int = 0) -> bytes:

@@ -1,18 +1,23 @@
-"""Estimated cost of locality, and recomputation by differences."""
+"""Locality and its estimated cost, and recomputation by differences."""
 
 import numpy as np
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 from torch import nn
 
 from s2rtools.heatmaps import occlusion
 from s2rtools.incremental_inference import (
     DifferenceGraph,
     LocalGraph,
+    SlidingWindow,
     cut_patches,
+    non_local_reason,
     winograd,
 )
 from s2rtools.inference import Backend
+from s2rtools.inference.trunk_rewriting import fold_batch_norm
 from s2rtools.models.pose_network import LoadedModel
 from tests.support import networks
 
@@ -90,13 +95,36 @@ def test_winograd_equals_direct_convolution(tile, size):
     assert error < 1e-4
 
 
-def test_differences_of_wide_convolutions_equal_full_inference():
-    layers = [
-        nn.Conv2d(4, 64, 3, padding=1), nn.ReLU(), nn.MaxPool2d(2),
-        nn.Conv2d(64, 128, 3, padding=1), nn.ReLU(), nn.Conv2d(128, 128, 3, padding=1),
-    ]  # fmt: skip
-    model = networks.small_model(nn.Sequential(*layers), 128, (48, 48))
-    assert winograd.WinogradConvolution(layers[3].weight).tile((12, 12)) is not None
-    changed, full, before = poses_by_differences(model, "float32")
-    effect, error = full - before[:, None, None], changed - full
-    assert np.sqrt(np.square(error).mean()) <= 1e-3 * np.sqrt(np.square(effect).mean())
+@pytest.mark.parametrize("name", list(networks.nonlocal_trunks()))
+def test_non_local_trunks_are_detected(name):
+    model = networks.small_model(*networks.nonlocal_trunks()[name], (24, 24))
+    reason = non_local_reason(fold_batch_norm(model.network.trunk))
+    assert reason
+    assert occlusion.Occlusion().attributes(model) == {"method": f"in full: {reason}"}
+
+
+@given(st.integers(6, 300), st.integers(6, 300), st.integers(1, 6))
+def test_patches_cover_the_image_once(height, width, count):
+    coverage = np.zeros((height, width), int)
+    for r in cut_patches(height, width, count):
+        coverage[r.r0 : r.r1, r.c0 : r.c1] += 1
+    assert (coverage == 1).all()
+
+
+@given(
+    st.integers(1, 5), st.integers(1, 3), st.integers(0, 2), st.integers(8, 30), st.data(),
+)  # fmt: skip
+def test_affected_outputs_are_exact(extent, stride, padding, size, data):
+    window = SlidingWindow(extent, stride, min(padding, extent // 2))
+    start = data.draw(st.integers(0, size - 1))
+    stop = data.draw(st.integers(start + 1, size))
+    affected = []
+    for output in range(window.output_size(size)):
+        first = output * stride - window.padding
+        if first < stop and first + extent > start:
+            affected.append(output)
+    low, high = window.affected_outputs(start, stop, size)
+    if affected:
+        assert (low, high) == (affected[0], affected[-1] + 1)
+    else:
+        assert low == high

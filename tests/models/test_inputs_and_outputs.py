@@ -50,12 +50,6 @@ def test_halving_averages_areas(frames):
     )
 
 
-def test_depth_in_millimetres_is_clipped_at_10_m():
-    depth = np.array([[[0, 5000], [10000, 60000]]], dtype=np.uint16)
-    x = preprocess(np.zeros((1, 2, 2, 3), np.uint8), depth, 0.001, contract((2, 2)))
-    np.testing.assert_allclose(x[0, 3], [[-1, 0], [1, 1]], atol=1e-6)
-
-
 def test_small_frames_are_enlarged(frames):
     assert preprocess(*frames, 0.04, contract((20, 24))).shape == (3, 4, 20, 24)
     areas, lines = (resize(frames[0], (20, 24), how) for how in ("area", "bilinear"))
@@ -80,31 +74,33 @@ def test_grey_levels_reach_a_network_that_takes_them(frames):
     np.testing.assert_allclose(x, np.moveaxis(frames[0] - [1.0, 2, 3], -1, 1), atol=1e-4)
 
 
-def test_depth_is_given_in_its_unit_and_range():
-    depth = np.array([[[0, 700], [3000, 9000]]], dtype=np.uint16)
-    given = contract((2, 2), channels="depth", depth_unit=0.001, depth_range=(0.5, 5.0),
-                     depth_mean=0.0, depth_std=1.0)  # fmt: skip
-    x = preprocess(np.zeros((1, 2, 2, 3), np.uint8), depth, 0.001, given)
-    np.testing.assert_allclose(x, [[[[500, 700], [3000, 5000]]]], rtol=1e-6)
+PLAIN = {"channels": "depth", "depth_unit": 1.0, "depth_mean": 0.0, "depth_std": 1.0}
+RANGE = {**PLAIN, "depth_range": (0.5, 5.0)}
 
 
-def test_missing_depth_becomes_the_declared_distance():
+@pytest.mark.parametrize(
+    ("raw", "scale", "given", "expected"),
+    [
+        ([0, 5000, 10_000, 60_000], 0.001, {"channels": "depth"}, [-1, 0, 1, 1]),
+        ([0, 700, 3000, 9000], 0.001, {**RANGE, "depth_unit": 0.001}, [500, 700, 3000, 5000]),
+        ([0, 20, 100, 700], 0.01, {**RANGE, "missing_depth": 0.0}, [0, 0.5, 1, 5]),
+    ],
+    ids=["10 m by default", "unit and range", "missing outside of the range"],
+)
+def test_depth_is_given_in_its_unit_and_range(raw, scale, given, expected):
+    depth = np.array(raw, dtype=np.uint16).reshape(1, 2, 2)
+    rgb = np.zeros((1, 2, 2, 3), np.uint8)
+    x = preprocess(rgb, depth, scale, contract((2, 2), **given), depth > 0)
+    np.testing.assert_allclose(x.ravel(), expected, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize(("missing", "corner"), [(None, 0.75), (7.0, 7.0)])
+def test_missing_depth_becomes_the_declared_distance_before_it_is_resized(missing, corner):
     depth = np.full((1, 4, 4), 100, dtype=np.uint8)
     depth[0, 0, 0] = 0
-    rgb = np.zeros((1, 4, 4, 3), np.uint8)
-    for missing, corner in ((None, 0.75), (7.0, 7.0)):
-        given = contract((2, 2), channels="depth", depth_unit=1.0, depth_mean=0.0, depth_std=1.0,
-                         missing_depth=missing)  # fmt: skip
-        x = preprocess(rgb, depth, 0.01, given, depth > 0)
-        np.testing.assert_allclose(x, [[[[corner, 1], [1, 1]]]], rtol=1e-6)
-
-
-def test_missing_depth_may_lie_outside_the_range_of_depth():
-    depth = np.array([[[0, 20], [100, 200]]], dtype=np.uint8)
-    given = contract((2, 2), channels="depth", depth_unit=1.0, depth_mean=0.0, depth_std=1.0,
-                     depth_range=(0.5, 1.5), missing_depth=0.0)  # fmt: skip
-    x = preprocess(np.zeros((1, 2, 2, 3), np.uint8), depth, 0.01, given, depth > 0)
-    np.testing.assert_allclose(x, [[[[0.0, 0.5], [1.0, 1.5]]]], rtol=1e-6)
+    given = contract((2, 2), **PLAIN, missing_depth=missing)
+    x = preprocess(np.zeros((1, 4, 4, 3), np.uint8), depth, 0.01, given, depth > 0)
+    np.testing.assert_allclose(x, [[[[corner, 1], [1, 1]]]], rtol=1e-6)
 
 
 OPENCV = {"nearest": cv2.INTER_NEAREST, "bilinear": cv2.INTER_LINEAR, "bicubic": cv2.INTER_CUBIC}

@@ -11,7 +11,6 @@ from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.geometry import angles
 from s2rstore.index.transaction import edit
 from s2rtools.motion_logs import csv_reader, read_drives
-from s2rtools.motion_logs.motion_log import RigidTransform
 from s2rtools.motion_logs.rigid_alignment import fit
 from s2rtools.motion_logs.store_odometry import odometry
 
@@ -59,43 +58,15 @@ def test_invalid_folders_are_explained(tmp_path):
         read_drives(tmp_path)
 
 
-def store_of_instances(path: Path, columns: dict[str, np.ndarray], names: list[str]) -> Path:
-    """An index that contains only instances."""
-    n = len(names)
-    path.mkdir()
-    with edit(path) as draft:
-        draft.insert_row(
-            "dataset",
-            {"name": "odometry", "hash": "0" * 64, "bounds_x0": 0.0, "bounds_y0": 0.0,
-             "bounds_x1": 9.0, "bounds_y1": 9.0, "y_down": True, "floor_plan": None,
-             "accuracy_scale": 9.0, "frame_height": 8, "frame_width": 8},
-        )  # fmt: skip
-        for name in dict.fromkeys(names):
-            draft.insert_row("trajectory", {"trajectory": name, "instances": names.count(name)})
-        seq = [names[:i].count(name) for i, name in enumerate(names)]
-        draft.insert(
-            "instance",
-            {"iid": np.arange(n, dtype=np.int32), "trajectory": names, "seq": seq,
-             "room": [None] * n, "curvature": np.zeros(n), **columns},
-        )  # fmt: skip
-    return path
-
-
 @pytest.fixture
-def store_with_odometry(tmp_path: Path) -> Path:
+def store_with_odometry(store_copy: Path) -> Path:
     """Trajectory a has mirrored odometry and timestamps, b has no odometry."""
-    drive = robot.pair(4, seconds=8.0, noise=0.0, turn_noise=0.0)
-    log = robot.sampled(robot.drive(drive.commands), 5.0) if drive.commands else drive.real
-    odom = RigidTransform(angle=1.0, reflected=True, x=3.0, y=-2.0)(log)
-    n = log.time.size
-    missing = np.full(5, np.nan)
-    pairs = {"x": log.x, "y": log.y, "heading": log.heading, "odom_x": odom.x, "odom_y": odom.y,
-             "odom_heading": odom.heading, "timestamp": log.time + 100.0}  # fmt: skip
-    columns = {
-        name: np.append(values, missing if name.startswith(("odom", "time")) else np.zeros(5))
-        for name, values in pairs.items()
-    }
-    return store_of_instances(tmp_path / "s.s2r", columns, ["a"] * n + ["b"] * 5)
+    with edit(store_copy) as draft:
+        draft.rows(
+            "UPDATE instance SET odom_x = 3 + y, odom_y = x - 2, odom_heading = pi() / 2 - heading,"
+            " timestamp = 100 + seq / 5 WHERE trajectory = 'a' RETURNING iid"
+        )
+    return store_copy
 
 
 def test_mirrored_odometry_is_aligned_with_the_ground_truth(store_with_odometry):

@@ -92,15 +92,6 @@ def test_a_missing_file_and_a_topic_for_csv_are_rejected(tmp_path):
         read(tmp_path / "a.csv", "/odom")
 
 
-def test_commands_are_read_with_their_period(tmp_path):
-    commands = robot.commands(3.0, np.random.default_rng(0))
-    csv_reader.write_commands(commands, tmp_path / "commands.csv")
-    loaded = csv_reader.read_commands(tmp_path / "commands.csv")
-    assert loaded.period == commands.period
-    assert list(loaded.channels) == ["speed", "turn"]
-    assert (loaded.channels["turn"] == commands.channels["turn"]).all()
-
-
 def test_the_default_period_is_the_median_step(tmp_path):
     path = tmp_path / "commands.csv"
     path.write_text("time,v\n0,1\n0.1,1\n0.2,0\n0.9,0\n")

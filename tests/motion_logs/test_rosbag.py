@@ -30,15 +30,6 @@ def test_missing_stamps_are_replaced_by_recording_times(tmp_path, log):
     assert loaded.time == pytest.approx(log.time + 0.005, abs=1e-8)
 
 
-def test_one_of_several_topics_must_be_named(tmp_path, log):
-    path = write(tmp_path / "bag", {"/odom": (ODOMETRY, log), "/truth": (POSE, log)})
-    with pytest.raises(RequestError, match=r"name one of /odom, /truth"):
-        read(path)
-    assert read(path, "/truth").x == pytest.approx(log.x)
-    with pytest.raises(RequestError, match=r"no topic /pose \(has: /odom, /truth\)"):
-        read(path, "/pose")
-
-
 def with_columns(log: Log, **columns: np.ndarray) -> Log:
     """The log with replaced columns, without validation."""
     columns_of_log = {n: columns.get(n, getattr(log, n)) for n in ("time", "x", "y", "heading")}

@@ -1,24 +1,26 @@
-"""`s2r nightly`: requests to the gate, output and exit code."""
+"""`s2r nightly`: output and exit code, and nights on ROS bags with several topics."""
 
 from __future__ import annotations
 
 import datetime
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from bench.support import robot
 from s2rstore.gap_history import reader as stored
-from s2rstore.gap_history.change_check import YEAR_LEVEL
-from s2rtools.gap.axis import GapSettings
 from s2rtools.gap.gate import gate
-from s2rtools.gap.gate.gate import GapRequest
+from s2rtools.motion_logs import csv_reader
 from s2rtools.nightly.config import NightlyConfig
 from s2rtools.sysid.synthetic_drives import Recording, make_drives
 from s2rtui.cli import main
 from tests.support import nights
+from tests.support.bags import ODOMETRY, POSE, write
 
 pytestmark = pytest.mark.usefixtures("constant_plot")
 
@@ -26,17 +28,13 @@ pytestmark = pytest.mark.usefixtures("constant_plot")
 @pytest.fixture
 def fake_gate(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """Replaces the gate by one that returns the gaps set by the test."""
-    recorded = SimpleNamespace(gaps={"task": 5.0}, requests=[], count=0)
+    recorded = SimpleNamespace(gaps={"task": 5.0}, count=0)
 
     def measured_report(evidence: Any, request: Any) -> dict[str, Any]:
         recorded.count += 1
         return nights.report(evidence, recorded.gaps)
 
-    def collect_evidence(store: Any, request: GapRequest) -> Any:
-        recorded.requests.append(request)
-        return store
-
-    monkeypatch.setattr(gate, "collect_evidence", collect_evidence)
+    monkeypatch.setattr(gate, "collect_evidence", lambda store, request: store)
     monkeypatch.setattr(gate, "measured_report", measured_report)
     return recorded
 
@@ -79,39 +77,11 @@ def test_json_output_contains_the_outcome(config, fake_gate, capsys):
     assert Path(result["history"]).is_file()
 
 
-def test_the_configuration_is_passed_to_the_gate(config, fake_gate):
-    text = config.source.read_text().replace(
-        "[drives]", 'run = "vanilla"\nselect = "worst15"\naxes = ["task"]\nthreshold = 20\n'
-        "margin = 0.1\nseed = 4\n[drives]\ntopic = \"/odom\"\n"
-        "dynamics = [\"reach=2\"]", 1,
-    )  # fmt: skip
-    config.source.write_text(text)
-    command(config)
-    (request,) = fake_gate.requests
-    assert request == GapRequest(
-        run="vanilla", expression="worst15", axes=("task",), topic="/odom", threshold=20.0,
-        drives=str(config.source.parent / "drives"), margin=0.1, options={"reach": "2"},
-        settings=GapSettings(fail_level=YEAR_LEVEL, seed=4),
-    )  # fmt: skip
-
-
 def test_the_default_night_is_today(config, fake_gate, capsys):
     before = datetime.datetime.now(datetime.UTC).date()
     assert main(["nightly", str(config.source), "--json"]) == 0
     night = datetime.date.fromisoformat(json.loads(capsys.readouterr().out)["night"])
     assert before <= night <= datetime.datetime.now(datetime.UTC).date()
-
-
-def test_too_few_drives_for_an_identification_are_reported(config, fake_gate, capsys):
-    drives = config.source.parent / "few"
-    make_drives(drives, 1, recording=Recording(count=2, seconds=3.0))
-    with config.source.open("a") as file:
-        file.write('[sysid]\ndrives = "few"\n')
-    assert command(config) == 0
-    (row,) = stored.read(config.history).of_configuration("lab")[0].estimates
-    assert row.parameter == "planar"
-    assert "not identified: 2 drives" in str(row.note)
-    assert "planar" in (config.reports / "2026-11-21" / "report.md").read_text()
 
 
 def test_the_simulator_is_identified_from_drives(config, fake_gate):
@@ -142,3 +112,48 @@ def test_warnings_of_an_identification_are_reported(config, fake_gate):
     assert "structural mismatch: wheels = " in notes["planar"]
     html = (config.reports / "2026-11-21" / "report.html").read_text()
     assert "structural mismatch: wheels = " in html
+
+
+@pytest.fixture
+def bag_folder(config: NightlyConfig) -> Path:
+    """A drive whose bags contain its poses as /truth and a standing robot as /odom."""
+    commands = robot.commands(8.0, np.random.default_rng(3))
+    real = robot.sampled(robot.drive(commands, delay=0.1), 10.0)
+    sim = robot.sampled(robot.drive(commands), 10.0)
+    folder = config.source.parent / "bags" / "one"
+    folder.mkdir(parents=True)
+    csv_reader.write_commands(commands, folder / "commands.csv")
+    for role, log in (("real", real), ("sim", sim)):
+        standing = replace(log, x=0 * log.x, y=0 * log.y, heading=0 * log.heading)
+        write(folder / f"{role}.bag", {"/truth": (POSE, log), "/odom": (ODOMETRY, standing)})
+    return folder.parent
+
+
+def run_night(config: NightlyConfig, drives: str) -> int:
+    """Run the delay axis and the identification."""
+    config.source.write_text(
+        f'store = "{config.store}"\naxes = ["delay"]\n[drives]\n{drives}\n'
+        '[sysid]\nseeds = 1\n[output]\nreports = "reports"\n'
+    )
+    return main(["nightly", str(config.source), "--night", "2026-11-21"])
+
+
+def test_the_named_topic_is_measured(config, bag_folder):
+    assert run_night(config, f'folder = "{bag_folder}"\ntopic = "/truth"') == 3
+    folder = config.reports / "2026-11-21"
+    (delay,) = json.loads((folder / "report.json").read_text())["axes"]
+    assert delay["details"]["delay"] == pytest.approx(0.1, abs=0.02)
+    assert "not identified: 1 drive" in (folder / "report.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("topic", "expected", "code"),
+    [("", "name one of /odom, /truth", 2), ('topic = "/pose"', "no topic /pose (has: /odom", 2),
+     ('topic = "/odom"', "the motion never changes", 3)],
+)  # fmt: skip
+def test_missing_and_unusable_topics_are_reported(
+    config, bag_folder, capsys, topic, expected, code
+):
+    assert run_night(config, f'folder = "{bag_folder}"\n{topic}') == code
+    captured = capsys.readouterr()
+    assert expected in captured.out + captured.err

@@ -6,9 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from s2rstore.errors import RequestError
+from s2rstore.gap_history.change_check import YEAR_LEVEL
+from s2rtools.gap.axis import GapSettings
+from s2rtools.gap.gate.gate import GapRequest
 from s2rtools.nightly import config
 from s2rtui.cli import main
+from tests.support.refusals import refused
 
 SYSID = 'store = "s.s2r"\n[sysid]\ndrives = "drives"\n'
 
@@ -55,6 +58,7 @@ def test_all_keys_are_read(tmp_path):
         features = "there.json"
         threshold = 20
         margin = 0.1
+        seed = 4
         [drives]
         folder = "drives"
         topic = "/odom"
@@ -74,17 +78,18 @@ def test_all_keys_are_read(tmp_path):
     """
     parsed = config.read(write_config(tmp_path, text))
     folder = tmp_path.resolve()
-    request = parsed.request
-    assert (request.run, request.expression, request.axes) == ("r", "worst15", ("task", "delay"))
-    assert {request.reference, request.golden, request.features} == {folder / "there.json"}
-    assert (request.threshold, request.margin, parsed.stale_after) == (20.0, 0.1, 1.5)
-    assert request.drives == str(folder / "drives")
+    there = folder / "there.json"
+    assert parsed.request == GapRequest(
+        run="r", expression="worst15", axes=("task", "delay"), reference=there, golden=there,
+        features=there, threshold=20.0, margin=0.1, drives=str(folder / "drives"), topic="/odom",
+        options={"horizons": "1,2", "align": "rigid"},
+        settings=GapSettings(fail_level=YEAR_LEVEL, seed=4),
+    )  # fmt: skip
+    assert parsed.stale_after == 1.5
     assert parsed.sysid == config.SysidTable(
         str(folder / "drives"), "mujoco", ("mass", "damping"), {"track": 0.4}, 1, 2, None,
         {"latency": "0..0.5", "mass": "5..30:log"},
     )  # fmt: skip
-    assert request.topic == "/odom"
-    assert request.options == {"horizons": "1,2", "align": "rigid"}
     assert (parsed.history, parsed.reports, parsed.metrics) == (
         folder / "h.jsonl", folder / "r", folder / "m.prom",
     )  # fmt: skip
@@ -97,7 +102,6 @@ def test_all_keys_are_read(tmp_path):
         ("store =", "not valid TOML"),
         ('store = "nowhere.s2r"', "store:.*no such folder"),
         ('stroe = "s.s2r"', "stroe: unknown key; did you mean store. known: store, name"),
-        ('store = "s.s2r"\n[out]\nmetrics = "m"', "out: unknown key; did you mean output"),
         ('store = "s.s2r"\n[output]\nmetric = "m"', "output.metric: unknown key; did you mean"),
         ('store = "s.s2r"\noutput = 3', "output: expected a table, got 3"),
         ("store = 3", "store: expected text, got 3"),
@@ -122,7 +126,6 @@ def test_all_keys_are_read(tmp_path):
         (f'{SYSID}fix = {{ track = 9 }}', "sysid: track=9: out of its range"),
         (f'{SYSID}fix = {{ latency = 0.1 }}', "sysid: latency: always searched"),
         (f'{SYSID}range = {{ latency = 3 }}', "sysid.range.latency: expected text, got 3"),
-        (f'{SYSID}range = 3', "sysid.range: expected a table, got 3"),
         (f'{SYSID}range = {{ latency = "3" }}', "sysid: range.latency: 3: expected LOW..HIGH"),
         (f'{SYSID}range = {{ track = "1..2" }}', "sysid: track: not searched"),
         ('store = "s.s2r"\n[drives]\ndynamics = ["reach=x"]', "drives.dynamics: reach=x: expected"),
@@ -142,9 +145,8 @@ def test_all_keys_are_read(tmp_path):
 )  # fmt: skip
 def test_invalid_configurations_name_the_key(tmp_path, text, expected):
     path = write_config(tmp_path, text)
-    with pytest.raises(RequestError, match=rf"gate\.toml: {expected}") as caught:
+    with refused(match=rf"gate\.toml: {expected}"):
         config.read(path)
-    assert "\n" not in str(caught.value)
 
 
 def test_invalid_requests_write_nothing(tmp_path, capsys):

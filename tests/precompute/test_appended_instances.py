@@ -49,6 +49,12 @@ def part_of(scan: Scan, counts: dict[str, int], domains: tuple[str, ...]) -> Sca
     return replace(scan, domains=kept, trajectories=trajectories, issues=[])
 
 
+def ingest(part: Scan, store: Path) -> None:
+    """Make a store of a part of a data set, or append the part to a store."""
+    add = append if store.exists() else build
+    add(part, store, "s2r ingest", True, lambda steps: None)
+
+
 def add_run(store: Path, name: str, sim: str) -> None:
     with edit(store) as draft:
         if not draft.rows("SELECT 1 FROM model"):
@@ -72,23 +78,29 @@ def array_files(store: Path) -> dict[str, str]:
 
 
 @pytest.fixture(scope="module")
-def stores(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+def scan(tmp_path_factory: pytest.TempPathFactory) -> Scan:
+    """Two trajectories of ten pairs, whose simulated images were edited, too."""
+    root = tmp_path_factory.mktemp("data")
+    header = pairs.sim2realviz(root, n=N, trajectories=("a", "b"), edit=True)
+    return IMPORTERS["sim2realviz"](root, ScanOptions(header=header, frame=(32, 32)))
+
+
+@pytest.fixture(scope="module")
+def stores(scan: Scan, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A computed store that was ingested at once, and one that grew; runs `plain` and `edited`."""
     root = tmp_path_factory.mktemp("grown")
-    header = pairs.sim2realviz(root / "data", n=N, trajectories=("a", "b"), edit=True)
-    scan = IMPORTERS["sim2realviz"](root / "data", ScanOptions(header=header, frame=(32, 32)))
     once, grown = root / "once.s2r", root / "grown.s2r"
-    build(scan, once, "s2r ingest", True, lambda steps: None)
+    ingest(scan, once)
     for name, sim in (("plain", "sim"), ("edited", EDIT)):
         add_run(once, name, sim)
         compute(once, name)
-    build(part_of(scan, CUTS, SIDES), grown, "s2r ingest", True, lambda steps: None)
+    ingest(part_of(scan, CUTS, SIDES), grown)
     add_run(grown, "plain", "sim")
     compute(grown, "plain")
     for counts, domains in (({"a": 4, "b": 7}, SIDES), ({"a": N, "b": N}, (*SIDES, EDIT))):
         before = array_files(grown)
         with s2rstore.open(grown) as earlier, pytest.MonkeyPatch.context() as patch:
-            append(part_of(scan, counts, domains), grown, "s2r ingest", True, lambda steps: None)
+            ingest(part_of(scan, counts, domains), grown)
             patch.setattr(pipeline, "publish_run", Mock(side_effect=KeyboardInterrupt))
             with pytest.raises(KeyboardInterrupt):  # between merging and publishing
                 compute(grown, "plain")
@@ -151,19 +163,14 @@ def test_arrays_of_parts_are_merged_and_superseded_ones_pruned(stores, tmp_path)
 
 
 @pytest.fixture(scope="module")
-def gapped(
-    stores: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Path, np.ndarray]:
+def gapped(scan: Scan, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, np.ndarray]:
     """A store whose second part lacks the edited images, computed after each append.
 
     Also the instances of the store ingested at once that its own are, (17,).
     """
-    data = stores[0].parent / "data"
-    options = ScanOptions(header=data / "calibration.toml", frame=(32, 32))
-    scan = IMPORTERS["sim2realviz"](data, options)
     path = tmp_path_factory.mktemp("gapped") / "s.s2r"
     domains = (*SIDES, EDIT)
-    build(part_of(scan, {"a": 4}, domains), path, "s2r ingest", True, lambda steps: None)
+    ingest(part_of(scan, {"a": 4}, domains), path)
     add_run(path, "edited", EDIT)
     add_run(path, "plain", "sim")
     for counts, present in (({}, domains), ({"a": 7, "b": 3}, SIDES), ({"a": 7, "b": 6}, domains)):
@@ -171,7 +178,7 @@ def gapped(
         if EDIT in present:
             part.trajectories = {"c": list(part.trajectories["b"])[3:]} if counts else {}
         if part.trajectories:
-            append(part, path, "s2r ingest", True, lambda steps: None)
+            ingest(part, path)
         for run in ("edited", "plain"):
             compute(path, run)
     return path, np.array([0, 1, 2, 3, 4, 5, 6, N, N + 1, N + 2, N + 3, N + 4, N + 5])
@@ -205,11 +212,8 @@ def test_a_run_leaves_out_instances_that_one_of_its_domains_does_not_image(store
     assert check(path).damages == check(path).notes == ()
 
 
-def test_instances_of_one_side_are_predicted_and_change_no_figure_of_pairs(stores, tmp_path):
+def test_instances_of_one_side_are_predicted_and_change_no_figure_of_pairs(scan, tmp_path):
     """They come before the pairs and after them, and are those of both sides in `pairs_alone`."""
-    data = stores[0].parent / "data"
-    options = ScanOptions(header=data / "calibration.toml", frame=(32, 32))
-    scan = IMPORTERS["sim2realviz"](data, options)
     pairs_alone, mixed = tmp_path / "pairs.s2r", tmp_path / "mixed.s2r"
     later = part_of(scan, {"a": 4}, SIDES)
     later.trajectories = {"c": later.trajectories["a"]}
@@ -217,13 +221,13 @@ def test_instances_of_one_side_are_predicted_and_change_no_figure_of_pairs(store
         replace(r, sources={"real": r.sources["real"]}) for r in later.trajectories["c"]
     ]})  # fmt: skip
     real_only.domains = {"real": scan.domains["real"]}
-    build(part_of(scan, {"b": N}, SIDES), pairs_alone, "s2r ingest", True, lambda steps: None)
-    build(part_of(scan, {"a": N}, ("sim",)), mixed, "s2r ingest", True, lambda steps: None)
-    append(part_of(scan, {"b": N}, SIDES), mixed, "s2r ingest", True, lambda steps: None)
+    ingest(part_of(scan, {"b": N}, SIDES), pairs_alone)
+    ingest(part_of(scan, {"a": N}, ("sim",)), mixed)
+    ingest(part_of(scan, {"b": N}, SIDES), mixed)
     for store in (pairs_alone, mixed):
         add_run(store, "plain", "sim")
         compute(store, "plain")
-    append(real_only, mixed, "s2r ingest", True, lambda steps: None)
+    ingest(real_only, mixed)
     before = array_files(mixed)
     compute(mixed, "plain")
     after = array_files(mixed)
@@ -254,7 +258,7 @@ def test_instances_of_one_side_are_predicted_and_change_no_figure_of_pairs(store
 def _assert_as_paired(scan: Scan, store: Store, folder: Path) -> None:
     """Images of one side get the predictions that they get in pairs of trajectory a."""
     whole = folder / "whole.s2r"
-    build(part_of(scan, {"a": N}, SIDES), whole, "s2r ingest", True, lambda steps: None)
+    ingest(part_of(scan, {"a": N}, SIDES), whole)
     add_run(whole, "plain", "sim")
     compute(whole, "plain")
     with s2rstore.open(whole) as both:
@@ -264,19 +268,17 @@ def _assert_as_paired(scan: Scan, store: Store, folder: Path) -> None:
             np.testing.assert_allclose(found, expected, rtol=1e-5)
 
 
-def test_a_trajectory_whose_missing_images_are_added_is_computed(stores, tmp_path):
-    options = ScanOptions(header=stores[0].parent / "data" / "calibration.toml", frame=(32, 32))
-    scan = IMPORTERS["sim2realviz"](stores[0].parent / "data", options)
+def test_a_trajectory_whose_missing_images_are_added_is_computed(scan, stores, tmp_path):
     path = tmp_path / "s.s2r"
     real_only = part_of(scan, {"b": N}, ("real",)).trajectories
     first = part_of(scan, {"a": N}, SIDES)
     first.trajectories = {**first.trajectories, **real_only}
-    build(first, path, "s2r ingest", True, lambda steps: None)
+    ingest(first, path)
     add_run(path, "plain", "sim")
     compute(path, "plain")
     with s2rstore.open(path) as store:
         assert store.coverage("plain").computed == N
-    append(part_of(scan, {"a": N, "b": N}, SIDES), path, "s2r ingest", True, lambda steps: None)
+    ingest(part_of(scan, {"a": N, "b": N}, SIDES), path)
     compute(path, "plain")
     with s2rstore.open(path) as store, s2rstore.open(stores[0]) as once:
         assert store.coverage("plain").computed == 2 * N

@@ -81,26 +81,26 @@ def test_a_run_in_float32_stays_in_float32_unless_a_backend_is_named(store):
     assert record(store)["predictions"]["name"] == "torch-bfloat16"
 
 
-def test_heatmaps_stay_in_float32_where_reduced_precision_changes_them(store, monkeypatch):
-    monkeypatch.setattr(backend_choice, "HEATMAP_ERROR", 0.0)
-    compute(store, "torch-bfloat16")
-    assert record(store)["heatmaps"] == {"name": "torch", "precision": "float32"}
-    assert record(store)["predictions"]["name"] == "torch-bfloat16"
-
-
 @pytest.mark.usefixtures("bfloat16_is_preferred")
-def test_predictions_come_from_the_passes_that_heatmaps_need(store, monkeypatch):
+@pytest.mark.parametrize(
+    ("backend", "kinds", "predictions"),
+    [
+        ("torch-bfloat16", KINDS, "torch-bfloat16"),
+        ("auto", KINDS, "torch"),
+        ("auto", ("pixel_difference",), "torch-bfloat16"),
+    ],
+    ids=["a named one", "passes that heatmaps need", "no heatmap needs passes"],
+)
+def test_heatmaps_stay_in_float32_where_reduced_precision_changes_them(
+    store, monkeypatch, backend, kinds, predictions
+):
     monkeypatch.setattr(backend_choice, "HEATMAP_ERROR", 0.0)
-    lines = compute(store)
-    assert record(store)["predictions"]["name"] == "torch"
-    assert lines[0] == "vanilla: torch float32 (heatmaps in torch bfloat16 are too inaccurate)"
-
-
-@pytest.mark.usefixtures("bfloat16_is_preferred")
-def test_predictions_use_the_preferred_backend_where_no_heatmap_needs_passes(store, monkeypatch):
-    monkeypatch.setattr(backend_choice, "HEATMAP_ERROR", 0.0)
-    compute(store, kinds=("pixel_difference",))
-    assert record(store)["predictions"]["name"] == "torch-bfloat16"
+    lines = compute(store, backend, kinds)
+    assert record(store)["predictions"]["name"] == predictions
+    if kinds == KINDS:
+        assert record(store)["heatmaps"] == {"name": "torch", "precision": "float32"}
+    reason = "vanilla: torch float32 (heatmaps in torch bfloat16 are too inaccurate)"
+    assert (lines[0] == reason) == (predictions == "torch")
 
 
 def test_the_recorded_precision_must_be_available():

@@ -1,6 +1,5 @@
 """Map grids: equal to a plain computation, from one pass over the images, merged from ranges."""
 
-from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +8,10 @@ import pytest
 import s2rstore
 from s2rstore.geometry.map_grid import AGGREGATES
 from s2rstore.reader import Store
-from s2rstore.records import SIDES
 from s2rtools.models.load_model import load_model
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.input_hashes import InputHashes
 from s2rtools.precompute.run_backends import BackendIdentity, RunBackends
-from s2rtools.precompute.tasks import map_grids
 from s2rtools.precompute.tasks.map_grids import compute_grids, map_stages, merge_grids
 from s2rtools.precompute.tasks.network_outputs import network_stages
 from s2rtools.precompute.tasks.rendered_frames import frames_stages
@@ -55,33 +52,6 @@ def test_published_grids_equal_a_plain_computation(store, run):
             np.testing.assert_allclose(
                 found, plain[aggregate], rtol=1e-5, atol=1e-6, err_msg=f"{record} {aggregate}"
             )
-
-
-@pytest.mark.parametrize("run", ["vanilla", "low"])
-def test_each_depth_image_and_heatmap_is_read_once(store, run, monkeypatch):
-    stage, images, heat = map_stage(store, run), Counter(), Counter()
-    read_frames, source_array = map_grids.RunFrames.read, Stage.source_array
-
-    def count_frames(self, side, start, stop, names):
-        images.update((side, name, iid) for name in names for iid in range(start, stop))
-        return read_frames(self, side, start, stop, names)
-
-    def count_arrays(self, root, kind, side, mode=None):
-        heat[kind, side, mode] += 1
-        return source_array(self, root, kind, side, mode)
-
-    monkeypatch.setattr(map_grids.RunFrames, "read", count_frames)
-    monkeypatch.setattr(Stage, "source_array", count_arrays)
-    n = len(store.instances)
-    compute_grids(store, store.run(run), stage, range(n), stage.specs)
-    assert images == Counter({(side, "depth", iid): 1 for side in SIDES for iid in range(n)})
-    assert {key: number for key, number in heat.items() if key[0] in KINDS} == {
-        ("feature_distance", None, None): 1,
-        ("pixel_difference", None, "rgb"): 1,
-        ("pixel_difference", None, "depth"): 1,
-        ("harmonised_distance", "sim", None): 1,
-        ("harmonised_distance", "real", None): 1,
-    }
 
 
 @pytest.mark.parametrize("stops", [(8,), (3, 8), (1, 2, 5, 8)])

@@ -1,31 +1,28 @@
 """Precompute of a data set of several segments, each with arrays of its own."""
 
-import hashlib
 import shutil
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise, product
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import s2rstore
-from s2rstore.arrays import array_writer
-from s2rstore.arrays.stored_array import METADATA
-from s2rstore.dataset_reader import SOURCE_IMAGES
 from s2rstore.errors import NotComputedError, RequestError
-from s2rstore.files import layout, safe_files
-from s2rstore.files.ledger import Ledger, LedgerEntry
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import verify
 from s2rstore.metrics.nearest_neighbours import neighbours
 from s2rstore.reader import Store
-from s2rstore.records import SIDES, TrajectoryPart
+from s2rstore.records import SIDES
+from s2rtools.datasets.importers import IMPORTERS
+from s2rtools.datasets.scan import Scan, ScanOptions
 from s2rtools.precompute import pipeline, publish_results, run_stages
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.tasks import umap_projection
 from tests.conftest import BuildOnce
+from tests.precompute.test_appended_instances import add_run, ingest, part_of
+from tests.support import pairs
 from tests.support.copies import copy_store
 from tests.support.plain_maps import plain_map_grid
 from tests.support.silent_reporter import SilentReporter
@@ -35,45 +32,20 @@ FIRST = 24
 """Instances of the first part."""
 
 
-def split_into_parts(path: Path, *stops: int, first_hash: str | None = None) -> None:
-    """Declare that the instances of the one trajectory up to each stop were ingested together.
-
-    `first_hash` is the hash of the first part, that of the data set by default.
-    """
-    with s2rstore.open(path) as store:
-        hashes = [
-            first_hash or store.dataset.hash,
-            *(hashlib.sha256(b"%d" % stop).hexdigest() for stop in stops),
-        ]
-        frames = {domain: store.frames(domain, 0, stops[-1]) for domain in store.domains}
-        for domain, images in frames.items():
-            ((_, sources),) = store.source_frames(domain, 0, stops[-1])
-            images |= {SOURCE_IMAGES[image]: rows for image, rows in sources.items()}
-    with edit(path) as draft:
-        draft.delete("part")
-        for (domain, images), (part, ends) in product(
-            frames.items(), enumerate(pairwise((0, *stops)))
-        ):
-            folder = TrajectoryPart.later_folder("traj1", part) if part else "traj1"
-            for image, rows in images.items():
-                name = f"{layout.FRAMES}/{domain}/{folder}/{image}"
-                draft.record_checksums(write_frames(path, name, rows[slice(*ends)]))
-        for part, (first, stop) in enumerate(zip((0, *stops), stops, strict=False)):
-            draft.insert_row(
-                "part",
-                {"part": part, "first_iid": first, "instances": stop - first, "hash": hashes[part]},
-            )
+@pytest.fixture(scope="module")
+def scan(tmp_path_factory: pytest.TempPathFactory) -> Scan:
+    """A data set of 40 pairs of one trajectory."""
+    root = tmp_path_factory.mktemp("data")
+    options = ScanOptions(header=pairs.sim2realviz(root, n=40), frame=(64, 64))
+    return IMPORTERS["sim2realviz"](root, options)
 
 
-def write_frames(path: Path, name: str, rows: np.ndarray) -> dict[str, str]:
-    """Write an array of frames in place of another one; gives the checksum of its metadata."""
-    shutil.rmtree(path / name, ignore_errors=True)
-    array_writer.create(
-        path / name, array_writer.plan_layout(len(rows), rows.shape[1:], str(rows.dtype), 64)
-    )
-    file = array_writer.write_shard(path / name, 0, rows)
-    Ledger(path).add_entries([LedgerEntry(name, file.path, file.bytes, file.sha256, len(rows))])
-    return {f"{name}/{METADATA}": safe_files.sha256(path, f"{name}/{METADATA}")}
+def ingest_parts(scan: Scan, path: Path, *stops: int) -> Path:
+    """A store of the instances up to each stop, ingested one after the other, and a run of them."""
+    for stop in stops:
+        ingest(part_of(scan, {"traj1": stop}, SIDES), path)
+    add_run(path, "vanilla", "sim")
+    return path
 
 
 def withdraw_later_arrays(path: Path, condition: str) -> None:
@@ -92,27 +64,27 @@ def unmerged_parts() -> Iterator[None]:
 
 
 @pytest.fixture(scope="module")
-def whole(trained_store: Path, build_once: BuildOnce) -> Path:
+def whole(scan: Scan, build_once: BuildOnce) -> Path:
     """A computed store of one part."""
 
     def compute(path: Path) -> None:
-        copy_store(trained_store, path)
+        ingest_parts(scan, path, 40)
         precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS))
 
     return build_once("whole.s2r", compute)
 
 
 @pytest.fixture(scope="module")
-def parted(trained_store: Path, build_once: BuildOnce) -> Path:
+def parted(scan: Scan, build_once: BuildOnce) -> Path:
     """A computed store of two parts, whose projection is fitted on the first one."""
-    return build_once("parted.s2r", lambda path: _compute_parts(copy_store(trained_store, path)))
 
+    def compute(path: Path) -> None:
+        ingest_parts(scan, path, FIRST, 40)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(run_stages, "_fitted", lambda *arguments: FIRST)
+            precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS))
 
-def _compute_parts(path: Path) -> None:
-    split_into_parts(path, FIRST, 40)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run_stages, "_fitted", lambda *arguments: FIRST)
-        precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS))
+    return build_once("parted.s2r", compute)
 
 
 def values(store: Store, kind: str, side: str | None, mode: str | None = None) -> np.ndarray:
@@ -182,12 +154,11 @@ def test_a_fit_that_cannot_be_repeated_is_refused(parted, tmp_path):
 
 
 def test_later_parts_are_transformed_by_the_fit_to_a_sample_and_nothing_else_is(
-    trained_store, tmp_path, monkeypatch
+    scan, tmp_path, monkeypatch
 ):
     """So that the projection takes no longer where more instances are stored."""
-    path, fit_points, transformed = tmp_path / "s.s2r", umap_projection._fit_points, []
-    copy_store(trained_store, path)
-    split_into_parts(path, FIRST, 40)
+    path = ingest_parts(scan, tmp_path / "s.s2r", FIRST, 40)
+    fit_points, transformed = umap_projection._fit_points, []
     settings = replace(umap_projection.SETTINGS, fit_instances=12, neighbours=4)
     monkeypatch.setattr(umap_projection, "SETTINGS", settings)
     monkeypatch.setattr(run_stages, "_fitted", lambda *arguments: FIRST)
@@ -221,15 +192,16 @@ def test_heat_ranges_do_not_depend_on_the_parts(whole, parted, tmp_path, monkeyp
         np.testing.assert_allclose(ranges[1][name], (low, high), atol=0.01 * (high - low))
 
 
-def test_a_data_set_that_grows_meanwhile_is_planned_again(trained_store, tmp_path, monkeypatch):
-    path = copy_store(trained_store, tmp_path / "s.s2r")
+def test_a_data_set_that_grows_meanwhile_is_planned_again(scan, tmp_path, monkeypatch):
+    path = ingest_parts(scan, tmp_path / "s.s2r", FIRST)
     compute_stages = pipeline._compute_stages
 
     def grow(*arguments) -> None:
         compute_stages(*arguments)
         with s2rstore.open(path) as store:
-            if len(store.parts) == 1:
-                split_into_parts(path, FIRST, 40, first_hash="f" * 64)
+            parts = store.parts
+        if len(parts) == 1:
+            ingest(part_of(scan, {"traj1": 40}, SIDES), path)
 
     monkeypatch.setattr(pipeline, "_compute_stages", grow)
     precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(()))

@@ -76,15 +76,6 @@ def test_all_arrays_without_a_network_are_equal(imported):
             )
 
 
-def test_model_free_heatmaps_are_stored_once(imported):
-    with s2rstore.open(imported) as store:
-        paths = [
-            {r.path for r in store.array_parts(run) if r.kind == "pixel_difference"}
-            for run in ("vanilla", "exported")
-        ]
-        assert paths[0] == paths[1] != set()
-
-
 def test_all_rows_are_equal(imported):
     columns = "iid, * EXCLUDE (run, iid, outlier, sim_u, sim_v, real_u, real_v)"
     with s2rstore.open(imported) as store:

@@ -20,13 +20,13 @@ from s2rtools.common.input_issue import issue_lines
 from s2rtools.prediction_import.file_predictions import ReadingOptions
 from s2rtools.prediction_import.import_run import ImportReport, ImportRequest, import_run
 from s2rtools.prediction_import.pose_units import parse_units
+from s2rtools.prediction_import.prediction_table import read_table
 from s2rtools.prediction_import.sided_files import parse_file
-from tests.support.predictions import Made, make, write_csv, write_rows
+from s2rtui.cli import main
+from tests.support.predictions import COLUMNS, Made, make, rows_of, write_csv, write_rows
 from tests.support.refusals import refused
 
 N = 24
-POSES = ("iid", "side", "x", "y", "heading")
-"""Columns of rows of one side each."""
 
 
 def run_import(
@@ -179,7 +179,7 @@ def test_units_are_recognised_and_conventions_applied(store, tmp_path):
         for side in SIDES
         for iid, (x, y, heading) in enumerate(made.of(side))
     ]
-    file = write_rows(tmp_path / "p.csv", POSES, rows)
+    file = write_rows(tmp_path / "p.csv", COLUMNS, rows)
     report = run_import(store, file, heading="90-h")
     assert "positions in mm (recognised), headings in deg (recognised)" in report.lines[0]
     assert "map heading 90-h" in report.lines[0]
@@ -193,9 +193,7 @@ def test_units_are_recognised_and_conventions_applied(store, tmp_path):
 
 def test_rows_that_cannot_be_used_are_reported_with_their_lines(store, tmp_path):
     made = make(store)
-    rows: list[tuple[object, ...]] = [
-        (iid, side, *made.of(side)[iid]) for side in SIDES for iid in range(N)
-    ]
+    rows = rows_of(made)
     rows[3] = (3, "sim", "nan", 1, 2)
     rows[4] = (4, "sim", 1, "", 2)
     rows[5] = (5, "sim", 1, 2, "north")
@@ -204,7 +202,7 @@ def test_rows_that_cannot_be_used_are_reported_with_their_lines(store, tmp_path)
     rows[8] = (8, "left", 1, 2, 1)
     rows += [(0, "sim", 8, 8, 1), (1, "real", 8, 8, 1)]
     rows += [(1000 + k, "real", 1, 2, 1) for k in range(7)]
-    report = run_import(store, write_rows(tmp_path / "p.csv", POSES, rows))
+    report = run_import(store, write_rows(tmp_path / "p.csv", COLUMNS, rows))
     lines = issue_lines(report.issues)
     assert Counter(issue.kind for issue in report.issues) == {
         "row of another side": 1, "unmatched row": 8, "out of range": 1, "duplicate row": 2,
@@ -271,12 +269,8 @@ def test_importing_again_replaces_the_run(store, tmp_path):
 
 def test_the_split_of_a_file_is_that_of_its_predictions(store, tmp_path):
     made = make(store)
-    rows = [
-        (iid, side, *made.of(side)[iid], "train" if side == "sim" and iid < 10 else "")
-        for side in SIDES
-        for iid in range(N)
-    ]
-    names = (*POSES, "split")
+    rows = [(*row, "train" if number < 10 else "") for number, row in enumerate(rows_of(made))]
+    names = (*COLUMNS, "split")
     run_import(store, write_rows(tmp_path / "p.csv", names, rows))
     with s2rstore.open(store) as opened:
         found = opened.execute(
@@ -321,14 +315,14 @@ def test_files_that_are_no_predictions(store, tmp_path):
 
 def test_nothing_is_published_of_predictions_that_match_nothing(store, tmp_path):
     rows = [(iid + 100, "sim", 1, 2, 3) for iid in range(3)]
-    file = write_rows(tmp_path / "p.csv", POSES, rows)
+    file = write_rows(tmp_path / "p.csv", COLUMNS, rows)
     with pytest.raises(RequestError, match=r"no row can be used \(unmatched row: 3; p\.csv:2 iid"):
         run_import(store, file)
     rows = [(iid, "sim", 5e6, 2, 3) for iid in range(3)]
-    file = write_rows(tmp_path / "p.csv", POSES, rows)
+    file = write_rows(tmp_path / "p.csv", COLUMNS, rows)
     with pytest.raises(RequestError, match=r"no row can be used \(out of range: 3; p\.csv:2"):
         run_import(store, file, units="m")
-    file = write_rows(tmp_path / "p.csv", POSES, [(0, "sim", 1, 1, 0), (1, "real", 1, 1, 0)])
+    file = write_rows(tmp_path / "p.csv", COLUMNS, [(0, "sim", 1, 1, 0), (1, "real", 1, 1, 0)])
     with pytest.raises(RequestError, match="the instances of both sides differ"):
         run_import(store, file)
 
@@ -365,12 +359,12 @@ def test_embeddings_go_with_the_rows_of_their_file(store, tmp_path):
 
 def test_embeddings_of_unmatched_rows_are_skipped(store, tmp_path):
     made = make(store)
-    rows = [(iid, side, *made.of(side)[iid]) for side in SIDES for iid in range(N)][::-1]
+    rows = rows_of(made)[::-1]
     rows.insert(5, (999, "real", 1.0, 2.0, 3.0))
     values = embedding(2 * N + 1)
     values[5] = np.nan
     np.save(tmp_path / "e.npy", values)
-    file = write_rows(tmp_path / "p.csv", POSES, rows)
+    file = write_rows(tmp_path / "p.csv", COLUMNS, rows)
     run_import(store, file, embeddings=(tmp_path / "e.npy",))
     used = np.delete(values, 5, axis=0)[::-1]
     np.testing.assert_array_equal(stored_embedding(store, "sim"), used[:N])
@@ -449,3 +443,21 @@ def test_a_side_without_numbers_is_told_with_columns_and_first_line(store, tmp_p
         f"(sim {N}, real 0); real: {N} of its {N} rows in p.csv have no number "
         f"(columns {column}; the first is p.csv:{line})"
     )
+
+
+def test_rows_of_view_pair_with_units_give_the_stored_poses(tiny_store, store_copy, tmp_path):
+    file = tmp_path / "rows.csv"
+    query = "SELECT * EXCLUDE (run) FROM pair WHERE run = 'vanilla' ORDER BY iid"
+    assert main(["sql", str(tiny_store), query, "--format", "csv", "--out", str(file)]) == 0
+    run_import(store_copy, file, name="again")
+    assert_equal(predicted(store_copy, "again"), predicted(store_copy, "vanilla"), 1e-9)
+
+
+def test_a_column_with_its_unit_is_preferred(tmp_path):
+    file = tmp_path / "rows.csv"
+    file.write_text("iid,side,x,y,heading,x_m,y_m,heading_rad\n0,sim,7,7,7,1,2,3\n")
+    table = read_table(file)
+    assert {name: table.numbers[name].tolist() for name in ("x", "y", "heading_rad")} == {
+        "x": [1.0], "y": [2.0], "heading_rad": [3.0],
+    }  # fmt: skip
+    assert "heading" not in table.numbers

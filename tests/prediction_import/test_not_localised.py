@@ -9,22 +9,21 @@ import s2rstore
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import verify
 from s2rstore.metrics import recall, run_metrics
-from s2rstore.records import RECALL_THRESHOLDS, SIDES
+from s2rstore.records import RECALL_THRESHOLDS
 from s2rtui.cli import main
-from tests.support.predictions import make, write_rows
+from tests.support.predictions import COLUMNS, make, rows_of, write_rows
 
 TRAJECTORY = 12
 """Instances of either trajectory."""
-COLUMNS = ("iid", "side", "x", "y", "heading")
 
 
 @pytest.fixture
 def file(store, tmp_path):
     """Predictions of the first trajectory: iid 3 has no real pose, iid 5 no row at all."""
-    made = make(store)
-    rows = [(iid, side, *made.of(side)[iid]) for side in SIDES for iid in range(TRAJECTORY)]
-    rows[TRAJECTORY + 3] = (3, "real", "", "nan", "")
-    return write_rows(tmp_path / "p.csv", COLUMNS, [row for row in rows if row[0] != 5])
+    rows = rows_of(make(store))
+    rows[2 * TRAJECTORY + 3] = (3, "real", "", "nan", "")
+    kept = [row for row in rows if row[0] < TRAJECTORY and row[0] != 5]
+    return write_rows(tmp_path / "p.csv", COLUMNS, kept)
 
 
 def truth_errors(opened, side):

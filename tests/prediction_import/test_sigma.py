@@ -70,16 +70,8 @@ def test_a_sigma_is_stored_selected_and_kept(store, tmp_path, monkeypatch, capsy
             options = PrecomputeOptions(("pixel_difference",))
             assert precompute(store, SilentReporter(), ["theirs"], options) == ["theirs"]
     capsys.readouterr()
-    words = (
-        "query",
-        str(store),
-        "all",
-        "--run",
-        "theirs",
-        "--columns",
-        "iid,sim.sigma,real_sigma_m",
-    )
-    assert main([*words, "--json"]) == 0
+    columns = ("--columns", "iid,sim.sigma,real_sigma_m")
+    assert main(["query", str(store), "all", "--run", "theirs", *columns, "--json"]) == 0
     for row in json.loads(capsys.readouterr().out):
         assert row["sim.sigma"] == pytest.approx(expected[row["iid"], "sim"])
         assert row["real_sigma_m"] == pytest.approx(expected[row["iid"], "real"])

@@ -1,8 +1,8 @@
 """The application on a store on a web server: equal screens, messages in place of tracebacks."""
 
 import shutil
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 
 import pytest
 from textual.pilot import Pilot
@@ -12,22 +12,25 @@ from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.gap_history import reader, writer
 from s2rstore.index.transaction import edit
+from s2rstore.remote.store_url import parse_url
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.widgets.plot import PlotView
-from s2rtui.canvas import RenderOptions
-from s2rtui.session.session import Session
 from tests.support import gaps
-from tests.support.application import press
+from tests.support.application import press, running
 
 HEAT = "runs.zarr/vanilla/key0/"
 
 
-def make_app(store: Path | str) -> S2RApp:
-    app = S2RApp(Session(store), RenderOptions())
-    app.load_scheduler.debounce_seconds = 0.001
-    app.store_updates.remote_check_seconds = 0.0
-    return app
+@asynccontextmanager
+async def opened(
+    url: str, size: tuple[int, int] = (120, 40)
+) -> AsyncIterator[tuple[S2RApp, Pilot[None]]]:
+    """Run the application of a URL, which looks for changes each time that it is told to."""
+    async with running(parse_url(url), size=size) as (app, pilot):
+        app.store_updates.remote_check_seconds = 0.0
+        yield app, pilot
+    assert app.fault is None
 
 
 async def until(condition: Callable[[], bool], pilot: Pilot[None]) -> None:
@@ -40,9 +43,7 @@ async def until(condition: Callable[[], bool], pilot: Pilot[None]) -> None:
 
 
 async def test_a_cut_connection_is_a_message_and_no_end(served):
-    app = make_app(served.url)
-    async with app.run_test(size=(160, 48)) as pilot:
-        await settle(app, pilot)
+    async with opened(served.url, size=(160, 48)) as (app, pilot):
         served.server.fail(HEAT, "cut")
         await pilot.press("3", "n", "h")
         await settle(app, pilot)
@@ -55,13 +56,10 @@ async def test_a_cut_connection_is_a_message_and_no_end(served):
         await press(app, pilot, "n")
         assert not app.session.state.is_error
         assert app.query_one("#instance", PlotView)
-    assert app.fault is None
 
 
 async def test_an_unreachable_server_is_a_message_until_it_is_back(served):
-    app = make_app(served.url)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
+    async with opened(served.url) as (app, pilot):
         served.server.fail(layout.CURRENT, "denied")
         app.store_updates.check_store()
         await until(lambda: app.session.state.is_error, pilot)
@@ -69,15 +67,12 @@ async def test_an_unreachable_server_is_a_message_until_it_is_back(served):
         served.server.heal()
         app.store_updates.check_store()
         await until(lambda: not app.session.state.is_error, pilot)
-    assert app.fault is None
 
 
 async def test_a_slow_server_does_not_stop_the_keys(served, monkeypatch):
     # No check but this test's own: on a slow machine one at an interval comes before it.
     monkeypatch.setattr("s2rtui.app.app.CHECK_SECONDS", 3600.0)
-    app = make_app(served.url)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
+    async with opened(served.url) as (app, pilot):
         served.server.fail(layout.CURRENT, "slow", times=1)
         served.server.requests.clear()
 
@@ -95,9 +90,7 @@ async def test_a_slow_server_does_not_stop_the_keys(served, monkeypatch):
 
 
 async def test_a_new_generation_and_history_are_noticed_and_followed(served, tmp_path):
-    app = make_app(served.url)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
+    async with opened(served.url) as (app, pilot):
         before = app.session.state.generation
         assert app.session.state.history is None
         with edit(served.path) as draft:
@@ -117,9 +110,7 @@ async def test_a_new_generation_and_history_are_noticed_and_followed(served, tmp
 
 
 async def test_no_run_is_saved_on_a_server(served):
-    app = make_app(served.url)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(app, pilot)
+    async with opened(served.url) as (app, _):
         with pytest.raises(RequestError, match="a store on a server is only read"):
             app.adjust.save("brighter", lambda: pytest.fail("nothing may start"))
 

@@ -83,7 +83,7 @@ def test_a_stated_failure_is_that_of_its_frame(perl, tmp_path):
         ("wide", "0-rgb.png: is 21 x 12 pixels, not 20 x 12"),
         ("double", "0-depth.npy: is float64, not float32"),
         ("infinite", "0-depth.npy: holds depth that is not finite"),
-        ("dies", "ended with exit code 9.*worker-0.log; restarted 3 times without a frame"),
+        ("dies", "ended with exit code 9.*worker-0.log.; restarted 3 times without a frame"),
     ],
 )
 def test_a_program_with_a_fault_ends_the_run_by_one_line(perl, mode, message, tmp_path):

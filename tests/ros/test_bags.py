@@ -1,8 +1,11 @@
-"""`s2r ros replay`, and its bags in ROS's own tools."""
+"""`s2r ros replay`, its bags in ROS's own tools, and the ROS package with the launch file."""
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 from types import SimpleNamespace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -153,3 +156,31 @@ def test_no_store_is_made_of_a_bag_without_usable_images(tmp_path, translator_fi
     arguments += ["--out", str(tmp_path / "b.bag"), "--result", str(result)]
     assert "no image could be decoded" in s2r(*arguments).checked(2).err
     assert not result.exists()
+
+
+@pytest.fixture
+def package(capsys: pytest.CaptureFixture[str]) -> Path:
+    assert main(["ros", "package"]) == 0
+    return Path(capsys.readouterr().out.strip())
+
+
+def test_the_node_runs_the_given_program(package):
+    assert ElementTree.parse(package / "package.xml").findtext("name") == "s2rtui"
+    environment = {"PATH": "/nowhere", "S2R_PROGRAM": "/bin/echo"}
+    command = [str(package / "proxy"), "--in", "/a b"]
+    told = subprocess.run(command, env=environment, check=True, capture_output=True, text=True)
+    assert told.stdout == "ros proxy --in /a b\n"
+
+
+def test_roslaunch_starts_the_node_with_the_arguments(package, tmp_path):
+    if missing_ros():
+        pytest.skip(f"ROS 1 is not installed: {missing_ros()} is missing (see .ci/programs)")
+    environment = os.environ | {"ROS_PACKAGE_PATH": str(package), "ROS_HOME": str(tmp_path)}
+    command = ["roslaunch", "--args", "/translation_proxy", "s2rtui", "proxy.launch",
+               "translator:=look.safetensors", "options:=--max-age 100ms",
+               "program:=/opt/s2r"]  # fmt: skip
+    told = subprocess.run(command, env=environment, check=True, capture_output=True, text=True)
+    assert "S2R_PROGRAM" in told.stdout
+    assert "/opt/s2r" in told.stdout
+    assert "--translator look.safetensors --in /camera/image_raw/compressed" in told.stdout
+    assert "--max-age 100ms" in told.stdout

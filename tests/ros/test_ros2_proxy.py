@@ -65,30 +65,9 @@ def test_images_are_translated_and_keep_header_and_layout(start):
     assert node.publishers["/translated/camera_info"].messages == [info]
 
 
-def test_old_and_undecodable_images_are_counted(start):
-    node = start("/camera/image_raw", "/translated/image_raw", max_age=0.1)
-    damaged = image()
-    damaged.encoding = "16UC1"
-    for message, name in (
-        (image(NOW - 5), "dropped, older than max_age"), (damaged, "dropped, undecodable"),
-    ):  # fmt: skip
-        node.callbacks["/camera/image_raw"](message)
-        wait_until(lambda name=name: status(node)[name] == "1", name)
-    assert node.publishers["/translated/image_raw"].messages == []
-
-
-@pytest.mark.parametrize(
-    ("topic", "known", "kind"),
-    [
-        ("/camera/image/compressed", {}, ros2.CompressedImage),
-        ("/camera/image", {}, ros2.Image),
-        ("/frames", {"/frames": "sensor_msgs/msg/CompressedImage"}, ros2.CompressedImage),
-    ],
-)
-def test_the_type_follows_the_topic(start, topic, known, kind):
-    output = "/out/compressed" if topic.endswith("compressed") else "/out"
-    node = start(topic, output, known)
-    assert node.types[topic] is node.types[output] is kind
+def test_the_type_is_that_of_the_publishers(start):
+    node = start("/frames", "/out", {"/frames": "sensor_msgs/msg/CompressedImage"})
+    assert node.types["/frames"] is node.types["/out"] is ros2.CompressedImage
 
 
 def test_parameters_are_declared_changed_and_refused(start):

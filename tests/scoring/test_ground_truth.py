@@ -1,7 +1,8 @@
-"""Scores on worlds with simple ground truth: only object changes, or only other factors."""
+"""Scores on worlds with simple ground truth, and the counterfactual errors that they rest on."""
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,10 +10,13 @@ import pytest
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.findings import store_summary
+from s2rstore.geometry.camera_offset import UNCHANGED
 from s2rstore.index.transaction import edit
 from s2rstore.metrics import run_metrics
+from s2rtools.models.input_contract import InputContract
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.scoring import report
+from s2rtools.scoring.counterfactual_errors import CounterfactualErrors, open_runs
 from s2rtools.scoring.ground_truth import GroundTruth
 from s2rtools.scoring.heatmap_metrics import floor_truth
 from s2rtools.training import pretrained
@@ -172,3 +176,76 @@ def test_a_store_without_ground_truth_is_rejected(tiny_store):
         pytest.raises(RequestError, match="ground truth is unknown"),
     ):
         GroundTruth(store)
+
+
+def test_counterfactuals_use_the_constants_of_the_store(tmp_path):
+    """Rendered again with all factors, the errors are the stored ones; the world is found again."""
+    path = tmp_path / "other.s2r"
+    constants = "exposure.vignette=0.5,depth.farthest=4,sensor.noise=9,camera.height=-0.05"
+    factors = "lights,exposure,sensor,depth,camera"
+    arguments = ["ingest", "world", "--instances", "2", "--size", "64", "--factors", factors]
+    assert main([*arguments, "--constants", constants, "--store", str(path)]) == 0
+    pretrained.add_pretrained_models(path)
+    precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(()))
+    with s2rstore.open(path) as store:
+        truth = GroundTruth(store)
+        errors = CounterfactualErrors(truth, open_runs(store, ["vanilla"]))
+        iids = np.arange(len(store.instances))
+        found = errors.of_instances(iids, {"none": {}, "all": errors.active})
+        for label, side in (("none", "sim"), ("all", "real")):
+            stored = store.run_columns("vanilla").side(side).error
+            assert np.allclose(found[label]["vanilla"], stored, atol=1e-4)
+        assert store.frames("real", 0, 4)["depth"].max() < 4800
+    assert_scored_without_objects(path)
+
+
+def assert_scored_without_objects(path: Path) -> None:
+    """Where no object was changed there are no pairs, and the objects have no share."""
+    settings = report.ScoreSettings(("vanilla",), instances=2, harm=True, views=4)
+    harm = report.score(path, settings, SilentReporter())["harm"]
+    assert {(row["n"], row["auroc"]) for row in harm["kinds"]} == {(0, None)}
+    assert harm["repairs"] == []
+    means = {row["group"]: row["mean"] for row in harm["shares"]}
+    assert means["objects"] == 0 != means["lighting"]
+
+
+def test_unknown_constants_are_refused(tmp_path, s2r):
+    arguments = ["ingest", "world", "--constants", "depth.range=3"]
+    s2r(*arguments, "--store", tmp_path / "no.s2r").assert_refused("depth.farthest")
+
+
+def test_depth_holes_of_a_run_are_missing_depth_in_its_counterfactual_views():
+    metres = np.linspace(1, 5, 24, dtype=np.float32) * np.ones((1, 24, 24), dtype=np.float32)
+    views = SimpleNamespace(rgb=np.zeros((1, 24, 24, 3), np.uint8), depth=metres)
+    data = SimpleNamespace(
+        severities=lambda side: {},
+        camera=lambda side: SimpleNamespace(moved=lambda *move: None),
+        sensed=lambda views, factors, numbers: views,
+        raw_depth=lambda views: (1000 * views.depth).astype(np.uint16),
+    )
+    domain = SimpleNamespace(depth_raw_min=1, depth_raw_max=60000, depth_scale=0.001)
+    truth = SimpleNamespace(
+        data=data,
+        camera_moves=lambda run: {"real": UNCHANGED},
+        store=SimpleNamespace(domain=lambda name: domain, path=Path()),
+    )
+    run = SimpleNamespace(
+        run="mine", real_domain="real", real_adjustments=[{"name": "depth_holes", "value": 0.2}]
+    )
+    inputs = []
+
+    def forward_all(x: np.ndarray) -> SimpleNamespace:
+        inputs.append(x)
+        return SimpleNamespace(pose=np.zeros((len(x), 3)))
+
+    contract = InputContract(
+        "depth", (24, 24), depth_unit=1.0, depth_mean=0.0, depth_std=1.0, missing_depth=9.0
+    )
+    model = SimpleNamespace(contract=contract)
+    network = SimpleNamespace(batch=8, model=model, forward_all=forward_all)
+    errors = CounterfactualErrors(truth, [(run, network)])
+    renderer = SimpleNamespace(render=lambda poses, camera: views)
+    errors.of_views(renderer, np.zeros((1, 3)), np.zeros(1, dtype=np.intp))
+    lost = inputs[0] == 9.0
+    assert 0.1 < lost.mean() < 0.3
+    assert not (inputs[0] == 0).any()

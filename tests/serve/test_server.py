@@ -1,44 +1,60 @@
-"""`s2r serve`: access control, page content and session lifetime."""
+"""`s2r serve`: access control, page content, session lifetime, and a page in a browser.
 
+The browser is a headless Chromium with access only to the loopback network.
+"""
+
+import asyncio
 import re
 import sys
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import pytest
 
 from bench.support.processes import is_alive, wait_until
 from s2rtui.cli import main
+from tests.support.serving import StartServer, servers
 
-aiohttp = pytest.importorskip("aiohttp")
+pytest.importorskip("aiohttp")
+
+import aiohttp
+
+from tests.support import chromium
 
 
-async def _get(url: str, **headers: str) -> tuple[int, str]:
+@pytest.fixture
+def serve(tiny_store: Path, tmp_path: Path) -> Iterator[StartServer]:
+    """A function that starts servers of the tiny store; they end with the test."""
+    pytest.importorskip("textual_serve")
+    with servers(tiny_store, tmp_path / "data") as start:
+        yield start
+
+
+async def _get(url: str, **headers: str) -> tuple[int, bytes]:
     async with aiohttp.ClientSession() as session, session.get(url, headers=headers) as response:
-        return response.status, await response.text()
+        return response.status, await response.read()
 
 
 async def test_the_page_names_the_store_and_no_other_host(serve):
     server = serve()
-    status, page = await _get(server.url)
+    status, content = await _get(server.url)
+    page = content.decode()
     assert status == 200
     assert "<title>tiny.s2r</title>" in page
     assert re.findall(r"https?://[^\"' ]+", page) == []
     for file in re.findall(r'(?:href|src)="(static/[^"]+)"|url\("(static/[^"]+)"\)', page):
-        status, content = await _get_bytes(server.root + "".join(file))
+        status, content = await _get(server.root + "".join(file))
         assert status == 200
         assert len(content) > 1000
-
-
-async def _get_bytes(url: str) -> tuple[int, bytes]:
-    async with aiohttp.ClientSession() as session, session.get(url) as response:
-        return response.status, await response.read()
 
 
 async def test_addresses_follow_the_requested_host(serve):
     server = serve()
     _, page = await _get(server.url, Host="localhost:9999")
-    assert "ws://localhost:9999/ws" in page
-    assert str(server.port) not in page
+    assert b"ws://localhost:9999/ws" in page
+    assert str(server.port).encode() not in page
 
 
 async def _receives(socket: Any, expected: bytes) -> bool:
@@ -87,3 +103,48 @@ def test_a_port_in_use_is_reported_in_one_line(serve, tiny_store, capsys):
     code = main(["serve", str(tiny_store), "--port", str(server.port)])
     assert code == 2
     assert f"{server.port}: cannot listen" in capsys.readouterr().err
+
+
+async def _is_redrawn(page: chromium.Page, before: bytes) -> bool:
+    """Whether the page changes soon; it is drawn in the next frame."""
+    for _ in range(100):
+        if await page.screenshot() != before:
+            return True
+        await asyncio.sleep(0.05)
+    return False
+
+
+async def _is_closed(page: chromium.Page) -> bool:
+    """Whether the page soon shows that its session has ended."""
+    for _ in range(100):
+        if await page.evaluate("document.body.classList.contains('-closed')") is True:
+            return True
+        await asyncio.sleep(0.05)
+    return False
+
+
+async def test_keys_in_the_page_change_the_selection(serve, tmp_path):
+    missing = chromium.missing_program()
+    if missing:
+        pytest.skip(f"{missing} is not installed")
+    server = serve()
+    async with chromium.browser(tmp_path / "profile") as page:
+        await page.open(server.url)
+        first = await page.wait_for("of 40")
+        assert first.splitlines()[0].strip().startswith("tiny.s2r")
+        assert await page.evaluate("document.title") == "tiny.s2r"
+        await page.press("c")
+        await page.wait_for("│ 40 of 40 │")
+        before = await page.screenshot()
+        await page.press("w")
+        text = await page.wait_for("│ 6 of 40 │")
+        assert "worst15" in text
+        assert await _is_redrawn(page, before)
+        hosts = {urlsplit(url).netloc for url in page.requests if not url.startswith("data:")}
+        assert hosts == {f"127.0.0.1:{server.port}"}
+        assert [url for url in page.requests if url.startswith("ws://")]
+        assert page.failures == []
+        assert await page.evaluate("document.fonts.check('16px Roboto Mono')") is True
+        await page.press("q")
+        assert wait_until(lambda: server.applications == [])
+        assert await _is_closed(page)

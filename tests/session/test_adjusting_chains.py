@@ -26,8 +26,10 @@ def with_chain(path: Path, *steps: dict[str, object]) -> Session:
 
 @pytest.mark.parametrize(
     ("channels", "missing", "reason"),
-    [("rgb", {"depth_range", "depth_blur", "depth_noise", "depth_holes"}, "takes no depth"),
-     ("depth", {"brightness", "contrast", "temperature", "vignette"}, "takes no colours")],
+    [("rgb", {"depth_range", "depth_blur", "depth_noise", "depth_holes", "depth_steps"},
+      "takes no depth"),
+     ("depth", {"brightness", "contrast", "temperature", "vignette", "motion_blur",
+                "rolling_shutter"}, "takes no colours")],
 )  # fmt: skip
 def test_sliders_of_images_that_the_model_does_not_take_are_left_out(
     store_copy, channels, missing, reason

@@ -73,17 +73,12 @@ def test_another_data_set_in_the_place_of_the_store_is_refused(store_copy):
     session.close()
 
 
-def test_verify_notes_runs_of_fewer_parts_and_finds_missing_rows(store_copy):
+def test_verify_notes_runs_of_fewer_parts(store_copy):
     append_trajectory(store_copy, "a0", 5)
     report = check(store_copy)
-    assert report.damages == ()
     notes = [note for note in report.notes if "computed for" in note]
-    assert len(notes) == 2
+    assert (report.damages, len(notes)) == ((), 2)
     assert notes[0].startswith("run vanilla: computed for 40 of 45 instances")
-    with edit(store_copy) as draft:
-        draft._connection.execute("DELETE FROM prediction WHERE run = 'vanilla' AND iid = 7")
-    found = [damage.what for damage in check(store_copy).damages]
-    assert "run vanilla: 39 of 40 sim rows" in found
 
 
 def test_notes_on_instances_of_another_copy_are_kept_but_not_applied(

@@ -29,15 +29,6 @@ def line(shape: str) -> PlotArea:
     )
 
 
-@pytest.mark.parametrize("y_down", [True, False])
-def test_a_box_starts_around_the_cursor(y_down):
-    panel = plane(y_down)
-    brush = brush_geometry.started("map", panel, (2.0, 3.0 if y_down else -3.0))
-    (x0, y0), (x1, y1) = brush.mark.points
-    assert x0 < 2.0 < x1
-    assert min(y0, y1) < (3.0 if y_down else -3.0) < max(y0, y1)
-
-
 @given(st.lists(st.tuples(st.integers(-3, 3), st.integers(-3, 3)), max_size=12))
 def test_moving_keeps_the_size_and_stays_on_the_panel(steps):
     panel = plane()
@@ -84,16 +75,6 @@ def test_a_lasso_grows_corner_by_corner_and_is_not_scaled():
     assert brush.corners == 3
     assert brush_geometry.outline(brush) == ((1.0, 1.0), (2.0, 1.0), (2.0, 3.0), (1.0, 3.0))
     assert brush_geometry.scaled(brush, panel, 1) == brush
-
-
-def test_a_drag_gives_a_box_or_a_lasso_along_its_trail():
-    panel = plane()
-    box = brush_geometry.dragged("map", panel, (5.5, 2.5), (7.5, 4.5), ())
-    assert box.mark.points == ((0.0, 0.0), (1.5, 3.0))
-    trail = ((5.5, 2.5), (7.5, 2.5), (7.5, 4.5))
-    lasso = brush_geometry.dragged("map", panel, trail[0], trail[-1], trail)
-    assert lasso.mark.lasso
-    assert len(lasso.mark.points) == 3
 
 
 @given(st.lists(st.tuples(st.integers(-1, 1), st.integers(-1, 1)), max_size=90))

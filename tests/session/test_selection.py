@@ -147,18 +147,6 @@ def test_undo_goes_back_one_expression_and_redo_ends_at_a_new_one(session):
     assert session.dispatch(undo_history.undo).message == "nothing to undo"
 
 
-def test_saved_selections_and_tags_can_be_used_in_expressions(session):
-    session.select("worst15")
-    worst = selected_iids(session)
-    session.writable_notebook.save("mine", SavedSelection("worst15", 1, "vanilla", 6))
-    assert session.writable_notebook.toggle_tag([3, 5], "door")
-    session.select("@mine | @door")
-    assert selected_iids(session) == worst | {3, 5}
-    assert not session.writable_notebook.toggle_tag([3, 5], "door")
-    with pytest.raises(ExpressionError):
-        session.select("@door")
-
-
 def test_concurrent_sessions_keep_each_other_s_changes(tiny_store):
     first, second = (Session(tiny_store, notebooks=Notebook) for _ in range(2))
     first.writable_notebook.note(3, "  overexposed\nwindow ")

@@ -10,7 +10,6 @@ from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rtui.session import navigation, view_settings
 from s2rtui.session.session import Session
-from tests.support import tiny
 
 
 @pytest.fixture
@@ -18,16 +17,6 @@ def session(tiny_store: Path) -> Iterator[Session]:
     opened = Session(tiny_store)
     yield opened
     opened.close()
-
-
-def test_the_first_state_selects_the_worst_room(tmp_path):
-    session = Session(tiny.build(tmp_path / "s.s2r", n=120))
-    state = session.state
-    assert state.expression.startswith("room:")
-    assert "worst room" in state.message
-    assert 0 < state.selected.sum() < state.base.sum()
-    assert state.cursor is not None
-    assert state.selected[state.cursor]
 
 
 def test_the_count_refers_to_the_chosen_trajectories(session):
@@ -53,20 +42,6 @@ def test_heatmap_kinds_modes_and_sides_cycle(session):
     assert session.dispatch(view_settings.change_side).heat.side == "sim"
     overlays = [session.dispatch(view_settings.change_overlay).overlay for _ in range(4)]
     assert overlays == ["instance", "selection", "run", "off"]
-
-
-def test_a_newer_generation_is_detected_and_opened_on_request(store_copy):
-    session = Session(store_copy)
-    session.select("worst15")
-    assert not session.apply_updates(session.read_updates())
-    with edit(store_copy) as draft:
-        draft.delete("run", run="dataaug")
-    assert session.apply_updates(session.read_updates())
-    assert session.state.runs == ("vanilla", "dataaug")
-    state = session.open_newest_generation()
-    assert state.runs == ("vanilla",)
-    assert (state.generation, state.expression) == (state.newest, "worst15")
-    assert session.open_newest_generation().message == "this is the newest generation"
 
 
 def test_an_uncomputed_run_is_rejected(store_copy):

@@ -1,4 +1,4 @@
-"""A store whose rows lie in Parquet files beside the index, and one like it without them."""
+"""A store whose rows lie in Parquet files beside the index."""
 
 from pathlib import Path
 
@@ -11,15 +11,9 @@ from tests.support.copies import copy_store
 
 
 @pytest.fixture(scope="module")
-def twin(tiny_store: Path, build_once: BuildOnce) -> Path:
-    """The synthetic store without files of rows."""
-    return tiny_store
-
-
-@pytest.fixture(scope="module")
-def source(twin: Path, build_once: BuildOnce) -> Path:
-    """The same store with its rows in files."""
-    return build_once("rows-source.s2r", lambda path: _file_rows(copy_store(twin, path)))
+def source(tiny_store: Path, build_once: BuildOnce) -> Path:
+    """The synthetic store with its rows in files."""
+    return build_once("rows-source.s2r", lambda path: _file_rows(copy_store(tiny_store, path)))
 
 
 def _file_rows(root: Path) -> None:

@@ -1,5 +1,7 @@
-"""The catalog check runs once per index content and again after any difference."""
+"""The catalog check runs once per index content; threads open an index at once."""
 
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -88,3 +90,20 @@ def test_the_number_of_cache_entries_is_limited(tmp_path, monkeypatch):
     for name in names:
         catalog_check_cache.add(name)
     assert [name for name in names if catalog_check_cache.contains(name)] == names[-1:]
+
+
+def test_threads_open_an_index_simultaneously(tiny_store):
+    index = index_file(tiny_store)
+    barrier = threading.Barrier(4)
+
+    def open_index(_: int) -> tuple[object, ...] | None:
+        barrier.wait(30)
+        connection = locked_connection.connect(index, "128MB")
+        barrier.wait(30)
+        setting = connection.execute("SELECT current_setting('lock_configuration')").fetchone()
+        connection.close()
+        return setting
+
+    with ThreadPoolExecutor(4) as pool:
+        for _ in range(20):
+            assert list(pool.map(open_index, range(4))) == [(True,)] * 4

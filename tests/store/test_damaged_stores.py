@@ -62,7 +62,7 @@ def test_prune_keeps_a_generation_published_while_it_waits(store_copy):
     "statement",
     [
         "UPDATE prediction SET rank = 1 WHERE side = 'real'",
-        "UPDATE prediction SET loss = loss + 1 WHERE iid = 3",
+        "UPDATE prediction SET loss = loss * 1.000001 WHERE iid = 3",
         "UPDATE prediction SET accuracy = 0.5 WHERE iid = 3",
         "DELETE FROM prediction WHERE iid > 30 AND side = 'sim'",
         "UPDATE instance SET iid = 4 WHERE iid = 5",

@@ -15,13 +15,16 @@ from tests.support import tiny
 from tests.support.refusals import refused
 
 
-def test_sql_gives_a_relation_with_data_frames(tiny_store):
+def test_sql_gives_a_relation_with_data_frames_that_writes_no_file(tiny_store, tmp_path):
     with s2rstore.open(tiny_store) as store:
         relation = store.sql("SELECT run, count(*) AS n FROM pair GROUP BY run ORDER BY run")
         frame = relation.df()
         assert relation.columns == ["run", "n"]
         assert frame["run"].tolist() == sorted(tiny.RUNS)
         assert relation.filter("run = 'vanilla'").fetchall() == [("vanilla", frame["n"].iloc[1])]
+        with pytest.raises(Exception, match="Permission"):
+            relation.write_csv(str(tmp_path / "rows.csv"))
+    assert not list(tmp_path.glob("*.csv"))
 
 
 @pytest.mark.parametrize(
@@ -37,14 +40,6 @@ def test_sql_gives_a_relation_with_data_frames(tiny_store):
 def test_sql_refuses_what_does_not_read(tiny_store, query, reason):
     with s2rstore.open(tiny_store) as store, refused(match=reason):
         store.sql(query)
-
-
-def test_relations_write_no_file(tiny_store, tmp_path):
-    with s2rstore.open(tiny_store) as store:
-        relation = store.sql("SELECT 1 AS one")
-        with pytest.raises(Exception, match="Permission"):
-            relation.write_csv(str(tmp_path / "rows.csv"))
-    assert not list(tmp_path.glob("*.csv"))
 
 
 def test_the_description_names_data_set_domains_and_medians(tiny_store):

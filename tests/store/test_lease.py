@@ -18,18 +18,13 @@ from s2rstore.files import process_identity
 from s2rstore.files.lease import TIMING, Lease, acquire
 from s2rstore.files.lock_file import SIZE, LockFile
 from s2rstore.files.locks import compute_lock, file_lock, publish_lock
+from tests.hostile.test_ingest_leftovers import ended_process_id
 from tests.support.lock_clock import LockClock
 
 
 @pytest.fixture
 def clock() -> LockClock:
     return LockClock()
-
-
-def ended_process_id() -> int:
-    process = subprocess.Popen(["true"])
-    process.wait()
-    return process.pid
 
 
 def write_lease(lock: Path, **holder: Any) -> bytes:

@@ -1,5 +1,6 @@
-"""The ledger of finished work units: changed files and torn lines are not accepted as finished."""
+"""Atomic writes, and the ledger, which accepts no changed file and no torn line as finished."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 
 from s2rstore.arrays import array_writer
 from s2rstore.errors import RequestError
+from s2rstore.files import atomic_writes
 from s2rstore.files.ledger import Ledger
 
 
@@ -70,3 +72,26 @@ def test_an_incomplete_shard_is_refused(tmp_path):
     array_writer.create(tmp_path / "a", array_writer.plan_layout(4, (2,), "float32", 4))
     with pytest.raises(ValueError, match="holds 4 rows"):
         array_writer.write_shard(tmp_path / "a", 0, np.zeros((3, 2), np.float32))
+
+
+def test_a_file_is_replaced_without_a_temporary_file(tmp_path):
+    path = tmp_path / "file"
+    for content in (b"one", b"two"):
+        atomic_writes.write_file(path, content)
+        assert path.read_bytes() == content
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
+def test_a_failed_write_keeps_the_old_content(tmp_path, monkeypatch, error):
+    path = tmp_path / "file"
+    atomic_writes.write_file(path, b"old")
+
+    def failing_fsync(descriptor: int) -> None:
+        raise error
+
+    monkeypatch.setattr(os, "fsync", failing_fsync)
+    with pytest.raises(type(error)):
+        atomic_writes.write_file(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]

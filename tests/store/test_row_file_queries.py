@@ -1,7 +1,7 @@
 """Queries of stores with rows in files: by plain DuckDB, and by users, who reach nothing else."""
 
-import subprocess
-import sys
+import shutil
+from pathlib import Path
 
 import duckdb
 import pytest
@@ -9,24 +9,28 @@ import pytest
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files import layout
-from s2rstore.index import user_query
+from s2rstore.index import schema, user_query
 from tests.store.conftest import row_file
 
 
-def test_plain_duckdb_reads_the_index_with_a_search_path(filed):
-    index = filed / layout.read_current(filed).index
-    script = (
-        "import duckdb, sys\n"
-        "connection = duckdb.connect(sys.argv[1], read_only=True)\n"
-        "connection.execute(f\"SET file_search_path = '{sys.argv[2]}'\")\n"
-        "print(connection.execute('SELECT count(*), count(gap_m) FROM pair').fetchall())\n"
-        "undescribed = '''SELECT table_name, column_name FROM duckdb_columns() WHERE NOT internal\n"
-        "    AND coalesce(comment, '') = '' '''\n"
-        "print(connection.execute(undescribed).fetchall())\n"
-    )
-    command = [sys.executable, "-c", script, str(index), str(index.parent)]
-    printed = subprocess.run(command, capture_output=True, text=True, check=True, cwd="/").stdout
-    assert printed.splitlines() == ["[(80, 80)]", "[]"]
+@pytest.fixture(params=["filed", "store_copy"], ids=["rows in files", "rows in the index"])
+def path(request: pytest.FixtureRequest) -> Path:
+    """A private copy of the store in either form."""
+    return request.getfixturevalue(request.param)
+
+
+def test_plain_duckdb_reads_the_index_and_finds_all_described(path, tmp_path):
+    index = path / layout.read_current(path).index
+    copy = shutil.copy(index, tmp_path)  # DuckDB opens a file only once per process
+    columns = "SELECT table_name, column_name, comment FROM duckdb_columns() WHERE NOT internal"
+    tables = "SELECT table_name, comment FROM duckdb_tables() WHERE NOT internal"
+    with duckdb.connect(str(copy), read_only=True) as plain:
+        plain.execute(f"SET file_search_path = '{index.parent}'")
+        assert plain.execute("SELECT count(*), count(gap_m) FROM pair").fetchall() == [(80, 80)]
+        for query in (columns, tables):
+            assert [row for row in plain.execute(query).fetchall() if not row[-1]] == []
+        databases = "SELECT tags FROM duckdb_databases() WHERE NOT internal"
+        assert schema.STORAGE_VERSION in str(plain.execute(databases).fetchall())
 
 
 @pytest.mark.parametrize(
@@ -42,23 +46,25 @@ def test_plain_duckdb_reads_the_index_with_a_search_path(filed):
         "CREATE TABLE t (a INTEGER)",
         "DELETE FROM run",
         "SET threads = 1",
+        "SET enable_external_access = true",
+        "INSTALL httpfs",
         "SELECT * FROM read_csv('/etc/hostname')",
         "SELECT * FROM glob('{folder}/*')",
         "SELECT * FROM read_parquet('{folder}/*.parquet')",
     ],
 )
-def test_queries_of_the_user_reach_nothing_but_the_rows(filed, statement):
-    file, index = row_file(filed), filed / layout.read_current(filed).index
-    before = {path: path.read_bytes() for path in (file, index)}
-    entries = {path.name for path in (filed / "index").iterdir()}
+def test_queries_of_the_user_reach_nothing_but_the_rows(path, statement):
+    index = path / layout.read_current(path).index
+    file = next((index.parent / "rows").rglob("*.parquet"), index.with_name("rows.parquet"))
+    before = {each: each.read_bytes() for each in index.parent.rglob("*") if each.is_file()}
     text = statement.format(file=file, index=index, folder=file.parent)
-    with s2rstore.open(filed) as store:
+    with s2rstore.open(path) as store:
         with pytest.raises(duckdb.Error):
             store.execute(text)
         with pytest.raises(RequestError):
             user_query.run(store.connection(), text, 20.0, 10**9)
-    assert {path: path.read_bytes() for path in (file, index)} == before
-    assert {path.name for path in (filed / "index").iterdir()} == entries
+    after = {each: each.read_bytes() for each in index.parent.rglob("*") if each.is_file()}
+    assert after == before
 
 
 @pytest.mark.parametrize(

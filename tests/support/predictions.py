@@ -10,6 +10,8 @@ import numpy as np
 import s2rstore
 from s2rstore.records import SIDES
 
+COLUMNS = ("iid", "side", "x", "y", "heading")
+
 
 @dataclass(frozen=True)
 class Made:
@@ -42,11 +44,15 @@ def write_rows(path: Path, names: Sequence[str], rows: Sequence[Sequence[object]
     return path
 
 
-def write_csv(path: Path, made: Made) -> Path:
-    """Both sides by iid: iid, side, x, y, heading."""
-    rows = [
+def rows_of(made: Made) -> list[tuple[object, ...]]:
+    """Rows of `COLUMNS`, those of sim first."""
+    return [
         (iid, side, *map(repr, pose.tolist()))
         for side in SIDES
         for iid, pose in enumerate(made.of(side))
     ]
-    return write_rows(path, ("iid", "side", "x", "y", "heading"), rows)
+
+
+def write_csv(path: Path, made: Made) -> Path:
+    """Both sides by iid."""
+    return write_rows(path, COLUMNS, rows_of(made))

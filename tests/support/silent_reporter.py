@@ -5,10 +5,11 @@ class SilentReporter:
     """Counts the steps and collects the lines."""
 
     def __init__(self) -> None:
-        self.steps = 0
+        self.steps, self.total = 0, 0
         self.lines: list[str] = []
 
-    def begin(self, what: str, total: int) -> None: ...
+    def begin(self, what: str, total: int) -> None:
+        self.total += total
 
     def advance(self, steps: int) -> None:
         self.steps += steps

@@ -8,23 +8,9 @@ import pytest
 from s2rtools.motion_logs import Drive
 from s2rtools.sysid.identify import Identification, SysidSettings, identify
 from s2rtools.sysid.synthetic_drives import Recording, make_drives
+from tests.support.silent_reporter import SilentReporter
 
 QUICK = SysidSettings(seeds=1, evaluations=160)
-
-
-class StepCounter:
-    """A reporter that adds up the steps."""
-
-    def __init__(self) -> None:
-        self.total, self.done = 0, 0
-
-    def begin(self, what: str, total: int) -> None:
-        self.total += total
-
-    def advance(self, steps: int) -> None:
-        self.done += steps
-
-    def say(self, line: str) -> None: ...
 
 
 DriveFolder = tuple[Path, tuple[Drive, ...]]
@@ -49,10 +35,10 @@ def drive_folder(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Driv
 @pytest.fixture(scope="session")
 def identified(drive_folder: Callable[..., DriveFolder]) -> Identification:
     """Latency and mass differ; the simulator can represent both."""
-    return identify(drive_folder(latency=0.8, mass=1.0)[1], QUICK, StepCounter())
+    return identify(drive_folder(latency=0.8, mass=1.0)[1], QUICK, SilentReporter())
 
 
 @pytest.fixture(scope="session")
 def identified_unequal_wheels(drive_folder: Callable[..., DriveFolder]) -> Identification:
     """The real wheels have different radii, which no searched parameter can represent."""
-    return identify(drive_folder(latency=0.8, wheels=1.0)[1], QUICK, StepCounter())
+    return identify(drive_folder(latency=0.8, wheels=1.0)[1], QUICK, SilentReporter())

@@ -1,20 +1,20 @@
-"""Identification of parameters from drives, with intervals and warnings."""
+"""Identification of parameters from drives, with intervals, warnings and the held-out error."""
 
 import dataclasses
 from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from s2rstore.errors import InconclusiveError, RequestError
+from s2rtools.sysid.heldout_error import HeldOut, compared
 from s2rtools.sysid.identify import Identification, SysidSettings, identify
-from s2rtools.sysid.parameter_space import space_of
-from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.report import record
 from s2rtools.sysid.simulators import Planar
 from s2rtools.sysid.synthetic_drives import SEVERITIES
-from s2rtools.sysid.windows import cut_windows
-from tests.sysid.conftest import QUICK, DriveFolder, StepCounter
+from tests.support.silent_reporter import SilentReporter
+from tests.sysid.conftest import QUICK, DriveFolder
 
 DEFAULTS = Planar().defaults()
 TRUTH = {**DEFAULTS, "latency": 0.02 + 0.8 * SEVERITIES["latency"][1], "mass": 16.0}
@@ -62,44 +62,23 @@ def test_a_structural_mismatch_is_reported(identified_unequal_wheels):
     assert any("wheels = 0.0" in line for line in identified_unequal_wheels.warnings)
 
 
-@pytest.mark.parametrize("severities", [{"mass": 1.0}, {"wheels": 1.0}])
-def test_the_refinement_never_fits_worse_than_its_start(drive_folder, severities):
-    """Also where the simulator cannot follow reality, and from a poor start."""
-    simulator = Planar()
-    windows = cut_windows(drive_folder(latency=0.8, **severities)[1], simulator, 3.0)
-    problem = PredictionError.of_windows(space_of(simulator, None, {}, True), windows)
-    start = problem.space.start()
-    refined, cube = problem.refined(start)
-    again = refined.refined(cube)
-    assert refined.cost(cube) < 0.5 * problem.cost(start)
-    assert again[0].cost(again[1]) == pytest.approx(refined.cost(cube), rel=1e-2)
-
-
-def test_no_mismatch_remains_once_the_parameter_is_searched(drive_folder):
-    names = ("mass", "friction", "damping", "drag", "wheels")
-    drives = drive_folder(latency=0.8, wheels=1.0)[1]
-    result = identify(drives, dataclasses.replace(QUICK, parameters=names), StepCounter())
-    assert not result.structure.mismatch
-    assert result.values["wheels"] == pytest.approx(SEVERITIES["wheels"][1], rel=0.05)
-
-
 SHORT = SysidSettings(parameters=("mass", "friction"), seeds=2, evaluations=10)
 
 
 @pytest.fixture(scope="module")
-def short(drive_folder: Callable[..., DriveFolder]) -> tuple[Identification, StepCounter]:
+def short(drive_folder: Callable[..., DriveFolder]) -> tuple[Identification, SilentReporter]:
     """A short search and its reporter."""
-    reporter = StepCounter()
+    reporter = SilentReporter()
     return identify(drive_folder(latency=0.8, mass=1.0)[1], SHORT, reporter), reporter
 
 
 def test_identification_is_deterministic(drive_folder, short):
-    repeated = identify(drive_folder(latency=0.8, mass=1.0)[1], SHORT, StepCounter())
+    repeated = identify(drive_folder(latency=0.8, mass=1.0)[1], SHORT, SilentReporter())
     assert record(repeated) == record(short[0])
 
 
 def test_unknown_torques_give_ratios_and_a_warning(drive_folder):
-    result = identify(drive_folder(efforts=True, latency=0.8, mass=1.0)[1], QUICK, StepCounter())
+    result = identify(drive_folder(efforts=True, latency=0.8, mass=1.0)[1], QUICK, SilentReporter())
     values = {estimate.name: estimate.value for estimate in result.estimates}
     assert values["gain/mass"] == pytest.approx(1 / 16, rel=0.01)
     assert values["damping/mass"] == pytest.approx(8 / 16, rel=0.01)
@@ -109,12 +88,12 @@ def test_unknown_torques_give_ratios_and_a_warning(drive_folder):
 
 
 def test_the_progress_reaches_its_total(short):
-    assert short[1].done == short[1].total == 20
+    assert short[1].steps == short[1].total == 20
 
 
 def test_too_few_drives_are_inconclusive(drive_folder):
     with pytest.raises(InconclusiveError, match="4 drives, 1 of them held out"):
-        identify(drive_folder(latency=0.8, mass=1.0)[1][:4], QUICK, StepCounter())
+        identify(drive_folder(latency=0.8, mass=1.0)[1][:4], QUICK, SilentReporter())
 
 
 def test_drives_without_commands_are_rejected(drive_folder):
@@ -123,7 +102,7 @@ def test_drives_without_commands_are_rejected(drive_folder):
         for drive in drive_folder(latency=0.8, mass=1.0)[1]
     ]
     with pytest.raises(RequestError, match=r"drive-00: no commands\.csv"):
-        identify(drives, QUICK, StepCounter())
+        identify(drives, QUICK, SilentReporter())
 
 
 def test_commands_with_other_channels_are_rejected(drive_folder):
@@ -133,10 +112,43 @@ def test_commands_with_other_channels_are_rejected(drive_folder):
     other = dataclasses.replace(commands, channels={"v": np.zeros(len(commands.time))})
     drives[3] = dataclasses.replace(drives[3], commands=other)
     with pytest.raises(RequestError, match="needs channels left_torque, right_torque or"):
-        identify(drives, QUICK, StepCounter())
+        identify(drives, QUICK, SilentReporter())
 
 
 def test_windows_longer_than_the_logs_are_inconclusive(drive_folder):
     settings = dataclasses.replace(QUICK, window=30.0)
     with pytest.raises(InconclusiveError, match="no window of 30 s"):
-        identify(drive_folder(latency=0.8, mass=1.0)[1], settings, StepCounter())
+        identify(drive_folder(latency=0.8, mass=1.0)[1], settings, SilentReporter())
+
+
+def comparison_of(gains: list[list[float]], heading: float = 0.0) -> HeldOut:
+    """Windows of drives whose positions improve by `gains` and headings worsen by a share."""
+    drives = np.repeat(np.arange(len(gains)), [len(group) for group in gains])
+    before = np.full((len(drives), 2), 1.0)
+    after = np.stack([1.0 - np.concatenate(gains), before[:, 1] * (1 + heading)], axis=1)
+    return compared(before, after, drives)
+
+
+@pytest.mark.parametrize("drives", [3, 10])
+def test_windows_of_one_drive_are_one_unit(drives):
+    rng = np.random.default_rng(1)
+    offsets = rng.normal(0.02, 0.1, drives)
+    few_windows = comparison_of([[offset] * 4 for offset in offsets])
+    many_windows = comparison_of([[offset] * 100 for offset in offsets])
+    few, many = few_windows.ratio, many_windows.ratio
+    assert (many.low, many.high) == pytest.approx((few.low, few.high))
+    logs = np.log(1 - offsets)
+    margin = stats.t.ppf(0.975, drives - 1) * logs.std(ddof=1) / np.sqrt(drives)
+    assert margin <= np.log(few.high / few.value) <= 2 * margin
+
+
+def test_one_worse_drive_prevents_acceptance():
+    assert comparison_of([[0.1] * 20, [0.11] * 20, [0.1] * 20]).helps
+    assert not comparison_of([[0.1] * 20, [0.1] * 20, [-0.02] * 20]).helps
+
+
+def test_a_worse_heading_prevents_acceptance():
+    gains = [[0.1, 0.2], [0.11, 0.2], [0.1, 0.2]]
+    assert comparison_of(gains, heading=-0.5).helps
+    assert comparison_of(gains, heading=0.01).helps
+    assert not comparison_of(gains, heading=0.1).helps

@@ -1,4 +1,4 @@
-"""The parameter space as a unit cube: ranges, scales and ratios."""
+"""The parameter space as a unit cube: ranges, scales, ratios, and estimates at a limit."""
 
 import numpy as np
 import pytest
@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
+from s2rtools.sysid.identifiability import at_range_limits
 from s2rtools.sysid.parameter_space import space_of
 from s2rtools.sysid.simulators import Planar
 
@@ -41,15 +42,6 @@ def test_structural_parameters_are_not_searched_unless_named():
     assert "wheels" in space_of(Planar(), ("mass", "wheels"), {}, True).names
 
 
-def test_unknown_torques_give_ratios_to_the_mass():
-    space = space_of(Planar(), ("mass", "damping"), {}, False)
-    assert space.names == ("gain/mass", "damping/mass", "latency")
-    assert space.lumped
-    values = space.values(space.cube({"gain/mass": 0.2, "damping/mass": 0.5, "latency": 0.1}))
-    assert values["gain"] / values["mass"] == pytest.approx(0.2)
-    assert values["damping"] / values["mass"] == pytest.approx(0.5)
-
-
 @pytest.mark.parametrize(
     ("names", "fixed", "line"),
     [
@@ -62,3 +54,25 @@ def test_unknown_torques_give_ratios_to_the_mass():
 def test_invalid_names_and_values_are_reported(names, fixed, line):
     with pytest.raises(RequestError, match=line):
         space_of(Planar(), names, fixed, True)
+
+
+SPACE = space_of(
+    Planar(), ("mass", "drag"), {}, True
+)  # the latency is added; drag and latency start at 0
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "low", "high", "reached"),
+    [
+        ("mass", 0.5, 0.4, 0.6, False), ("mass", 1.0, 1.0, 1.0, True),
+        ("mass", 0.9, 0.7, 1.2, True), ("mass", 0.0, 0.0, 0.0, True),
+        ("mass", 0.1, -0.1, 0.3, True), ("latency", 0.0, -0.02, 0.02, False),
+        ("latency", 0.0, -0.1, -0.05, True), ("latency", 0.9995, 0.9, 0.9999, True),
+        ("drag", 0.001, -0.02, 0.02, False),
+    ],
+)  # fmt: skip
+def test_estimates_at_a_range_limit_are_reported(name, value, low, high, reached):
+    index = SPACE.names.index(name)
+    cube, limits = np.full(3, 0.5), np.array([[0.4] * 3, [0.6] * 3])
+    cube[index], limits[0, index], limits[1, index] = value, low, high
+    assert at_range_limits(SPACE, cube, limits) == ((name,) if reached else ())

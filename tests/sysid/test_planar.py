@@ -44,26 +44,6 @@ def test_energy_decays_without_torque(choice, speed, turn):
     assert (np.diff(energy) <= 1e-12 + 1e-9 * energy[:-1]).all()
 
 
-@given(st.lists(shares, min_size=8, max_size=8))
-def test_a_robot_at_rest_without_commands_does_not_move(choice):
-    start = np.array([1.0, -2.0, 0.7, 0.0, 0.0])
-    states = SIMULATOR.simulate(
-        parameter_values(choice), torque_commands(np.zeros(9), np.zeros(9)), start, TIMES
-    )
-    np.testing.assert_array_equal(states, np.tile(start, (len(TIMES), 1)))
-
-
-def test_equal_torques_drive_straight():
-    torque = random_commands(1).channels["left_torque"]
-    states = SIMULATOR.simulate(
-        {}, torque_commands(torque, torque), np.array([0, 0, 0.5, 0, 0]), TIMES
-    )
-    across = -np.sin(0.5) * states[:, 0] + np.cos(0.5) * states[:, 1]
-    assert np.abs(states[:, 2] - 0.5).max() < 1e-12
-    assert np.abs(across).max() < 1e-12
-    assert np.abs(states[:, 0]).max() > 0.5
-
-
 def test_swapping_the_wheels_mirrors_the_path():
     commands = random_commands(2)
     left, right = commands.channels.values()
@@ -116,24 +96,3 @@ def test_batched_replays_equal_separate_simulations():
         for (drive, times), start in zip(segments, starts, strict=True)
     ]
     np.testing.assert_array_equal(batch, np.concatenate(separate))
-
-
-def test_efforts_are_torques_times_the_gain():
-    commands = random_commands(6)
-    left, right = commands.channels.values()
-    efforts = {"left_effort": left / 2.5, "right_effort": right / 2.5}
-    first = SIMULATOR.simulate({}, commands, np.zeros(5), TIMES)
-    second = SIMULATOR.simulate(
-        {"gain": 2.5}, Commands(commands.time, efforts, 0.05, "", ""), np.zeros(5), TIMES
-    )
-    np.testing.assert_allclose(first, second, atol=1e-12)
-
-
-@given(st.floats(0.3, 4.0))
-def test_scaling_all_shared_parameters_has_no_effect(scale):
-    commands = random_commands(7)
-    values = {name: SIMULATOR.defaults()[name] for name in SIMULATOR.shared}
-    first = SIMULATOR.simulate(values, commands, np.zeros(5), TIMES)
-    scaled = {name: scale * value for name, value in values.items()}
-    second = SIMULATOR.simulate(scaled, commands, np.zeros(5), TIMES)
-    np.testing.assert_allclose(first, second, atol=1e-9)

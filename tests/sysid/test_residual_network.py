@@ -11,7 +11,8 @@ from s2rtools.sysid.identify import identify
 from s2rtools.sysid.residual_network import CorrectionNetwork, stretches_of
 from s2rtools.sysid.residual_training import learn
 from s2rtools.sysid.synthetic_drives import Recording, make_drives
-from tests.sysid.conftest import QUICK, StepCounter
+from tests.support.silent_reporter import SilentReporter
+from tests.sysid.conftest import QUICK
 
 
 def test_an_untrained_network_equals_the_simulator(identified):
@@ -23,22 +24,22 @@ def test_an_untrained_network_equals_the_simulator(identified):
 
 
 def test_the_network_is_rejected_if_only_noise_remains(identified):
-    residual = learn(identified, StepCounter(), epochs=40)
+    residual = learn(identified, SilentReporter(), epochs=40)
     assert not residual.accepted
     assert "does not help" in residual.sentence
 
 
 def test_the_network_is_accepted_for_a_structural_mismatch(tmp_path):
     drives = make_drives(tmp_path, 11, {"latency": 0.8, "wheels": 1.0}, Recording(16, 9.5))
-    result = identify(drives, dataclasses.replace(QUICK, held_out=6), StepCounter())
-    residual = learn(result, StepCounter(), epochs=120)
+    result = identify(drives, dataclasses.replace(QUICK, held_out=6), SilentReporter())
+    residual = learn(result, SilentReporter(), epochs=120)
     assert residual.accepted
     assert residual.error.ratio.high < 1
     assert residual.error.fitted[0] < 0.8 * residual.error.untuned[0]
 
 
 def test_a_single_held_out_drive_is_not_enough(identified_unequal_wheels):
-    residual = learn(identified_unequal_wheels, StepCounter(), epochs=3)
+    residual = learn(identified_unequal_wheels, SilentReporter(), epochs=3)
     ratio = Interval(0.8, 0.85, 0.9)
     better = dataclasses.replace(residual.error, ratio=ratio, fitted=residual.error.untuned)
     assert dataclasses.replace(residual, error=better).accepted
@@ -51,7 +52,7 @@ def test_weights_are_safetensors_with_a_description_of_inputs(identified_unequal
     from safetensors.torch import load
 
     first, second = (
-        learn(identified_unequal_wheels, StepCounter(), epochs=3).weights for _ in range(2)
+        learn(identified_unequal_wheels, SilentReporter(), epochs=3).weights for _ in range(2)
     )
     assert first == second
     tensors = load(first)

@@ -7,7 +7,6 @@ import pytest
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry.angles import wrap
-from s2rtools.motion_logs import read_drives
 from s2rtools.sysid.synthetic_drives import Recording, make_drives
 
 SHORT = Recording(count=2, seconds=4.0)
@@ -39,17 +38,6 @@ def test_a_factor_affects_only_the_real_robot(tmp_path, factor):
     for a, b in zip(without_factor, with_factor, strict=True):
         np.testing.assert_array_equal(a.sim.x, b.sim.x)
         assert np.hypot(a.real.x - b.real.x, a.real.y - b.real.y).max() > 0.01
-
-
-def test_written_drives_can_be_read(tmp_path):
-    written = make_drives(tmp_path, 5, {}, SHORT)
-    read = read_drives(tmp_path)
-    assert [drive.name for drive in read] == ["drive-00", "drive-01"]
-    for a, b in zip(written, read, strict=True):
-        np.testing.assert_array_equal(a.real.x, b.real.x)
-        assert a.commands is not None
-        assert b.commands is not None
-        assert a.commands.sha256 == b.commands.sha256
 
 
 def test_an_unknown_factor_is_rejected(tmp_path):

@@ -16,7 +16,7 @@ from bench.support.processes import wait_until
 from s2rtui.canvas import Canvas, ColourMode, InlineImage, Size
 from s2rtui.canvas.colour import Pixels
 from s2rtui.terminal.capabilities import Terminal
-from s2rtui.terminal.graphics import kitty_protocol, probe
+from s2rtui.terminal.graphics import probe
 from s2rtui.terminal.graphics.choice import choose_graphics
 from s2rtui.terminal.graphics.image_manager import ImageManager
 from s2rtui.terminal.graphics.kitty_images import NUMBERS
@@ -31,7 +31,6 @@ from tests.support.kitty import (
     CURSOR_REPORT,
     GRAPHICS_OK,
     KittyTerminal,
-    box_cells,
     placed_cells,
 )
 
@@ -197,19 +196,6 @@ def test_unsuitable_terminals_are_not_queried(terminal, monkeypatch):
 
 
 # --- strips --------------------------------------------------------------------------------------
-
-
-def test_placeholders_cover_exactly_the_box():
-    terminal = FakeTerminal()
-    strips = terminal.draw(canvas(noise((16, 16))))
-    written = codes(strips)
-    (number,) = KittyTerminal.after(terminal.written.encode()).images
-    assert placed_cells(written) == {number: box_cells(6, 3)}
-    text = re.sub(r"\x1b\[[\d;]*m", "", written.decode())
-    plain = re.sub(f"{kitty_protocol.PLACEHOLDER}...", "_", text)
-    assert plain == "abcdefghijkl" + 3 * "ab______ijkl" + "abcdefghijkl"
-    assert strips[2].text == "abcdefghijkl"
-    assert not placed_cells(codes([Strip(list(strips[2]))]))  # restyled
 
 
 @given(st.integers(0, 12), st.integers(0, 12))

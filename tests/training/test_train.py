@@ -86,18 +86,6 @@ def test_blocks_are_contiguous_and_every_fifth_is_test():
     np.testing.assert_array_equal(codes[:542], splits.split_by_blocks(np.zeros(542, np.int32)))
 
 
-def test_recording_split_tests_on_the_second_half_of_one_trajectory():
-    codes = splits.split_by_recording(np.zeros(200, np.int32))
-    assert set(codes[:100]) == {TRAIN, VALIDATION}
-    assert (codes[100:] == TEST).all()
-
-
-def test_recording_split_tests_on_the_first_of_several_trajectories():
-    codes = splits.split_by_recording(np.repeat([0, 1, 2], 80).astype(np.int32))
-    assert (codes[:80] == TEST).all()
-    assert set(codes[80:]) == {TRAIN, VALIDATION}
-
-
 @pytest.mark.parametrize("count", [1, 2, 7, 8, 9, 40])
 def test_short_trajectories_can_be_split(count):
     rows = np.zeros(count, np.int32)

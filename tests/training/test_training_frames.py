@@ -50,18 +50,6 @@ def test_copied_and_streamed_frames_are_those_in_memory(images, rows, tmp_path):
         CopiedFrames.from_blocks("sim", blocks(images), N + 1, CONTRACT, 0.001, tmp_path)
 
 
-def test_neighbouring_rows_are_read_together(images):
-    rgb, depth = images
-    reads = []
-
-    def read(start: int, stop: int) -> list[tuple[np.ndarray, np.ndarray]]:
-        reads.append((start, stop))
-        return [(rgb[start:stop], depth[start:stop])]
-
-    StreamedFrames("sim", read, CONTRACT, 0.001).inputs(np.array([3, 4, 5, 9, 2, 3]))
-    assert reads == [(3, 6), (9, 10), (2, 4)]
-
-
 def test_a_full_disk_is_an_error_that_names_the_folder(tmp_path):
     array = DiskArray((4,), np.dtype(np.uint8), tmp_path)
 

@@ -1,4 +1,4 @@
-"""Translators applied to images, folders, videos and bags."""
+"""Translators applied to images, folders, videos and bags; which images of folders are read."""
 
 import os
 from pathlib import Path
@@ -9,15 +9,15 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from s2rstore.errors import RequestError
-from s2rtools.translation import apply_files
+from s2rtools.translation import apply_files, image_set
 from s2rtools.translation.apply_bag import BagRequest, apply_to_bag, translated_images
 from s2rtools.translation.apply_files import apply_to_files
 from s2rtools.translation.colour_maps import MklTranslator
 from s2rtools.translation.image_codec import decode_compressed
-from s2rtools.translation.image_set import read_image
+from s2rtools.translation.image_set import evenly_spaced, from_folder, read_image
 from tests.support.image_bags import COMPRESSED, RAW, STRINGS, grey_images, write_image_bag
+from tests.support.refusals import refused
 from tests.support.silent_reporter import SilentReporter
-from tests.translation.test_image_folders import huge_png
 
 SOURCE = np.vstack([np.full(3, 120.0), np.eye(3) * 900])
 REDDER = MklTranslator(np.vstack([[160.0, 120, 80], SOURCE[1:]]), SOURCE)
@@ -186,9 +186,8 @@ def test_nothing_is_overwritten_and_nothing_is_left_after_an_error(tmp_path):
 def test_hostile_inputs_end_in_one_line_that_names_them(tmp_path, name, content, target, problem):
     if content is not None:
         (tmp_path / name).write_bytes(content)
-    with pytest.raises(RequestError, match=problem) as caught:
+    with refused(match=problem):
         run(tmp_path / name, tmp_path / target)
-    assert "\n" not in str(caught.value)
     assert not (tmp_path / target).exists()
 
 
@@ -212,3 +211,51 @@ def test_topics_of_a_bag_are_checked(tmp_path):
             next(translated_images(
                 REDDER, 1, source, tmp_path / "b.bag", SilentReporter(), BagRequest(topic)
             ))  # fmt: skip
+
+
+def huge_png() -> bytes:
+    """A small PNG file whose header declares 60000 x 60000 pixels."""
+    content = cv2.imencode(".png", np.zeros((4, 4, 3), dtype=np.uint8))[1].tobytes()
+    return content[:16] + (60_000).to_bytes(4, "big") * 2 + content[24:]
+
+
+def folder_of(tmp_path: Path, count: int) -> Path:
+    for value in range(count):
+        cv2.imwrite(str(tmp_path / f"{value:02}.png"), np.full((8, 8, 3), value, dtype=np.uint8))
+    return tmp_path
+
+
+@pytest.mark.parametrize("suffix", [".png", ".bmp", ".tif"])
+def test_images_that_declare_a_huge_size_are_not_decoded(tmp_path, suffix, monkeypatch):
+    path = tmp_path / f"a{suffix}"
+    path.write_bytes(huge_png())
+    monkeypatch.setattr(cv2, "imdecode", None)
+    with pytest.raises(RequestError, match=r"a\.\w+: .*60000 x 60000"):
+        read_image(path)
+
+
+def test_errors_of_the_decoder_name_the_file(tmp_path, monkeypatch):
+    def fails(*arguments):
+        raise cv2.error("no memory")
+
+    monkeypatch.setattr(cv2, "imdecode", fails)
+    with pytest.raises(RequestError, match=r"00\.png: cannot be decoded"):
+        read_image(folder_of(tmp_path, 1) / "00.png")
+
+
+def test_images_are_chosen_before_they_are_decoded(tmp_path, monkeypatch):
+    folder, read = folder_of(tmp_path, 9), []
+    monkeypatch.setattr(
+        image_set, "read_image", lambda path: (read.append(path.name), read_image(path))[1]
+    )
+    images = from_folder(folder, max_images=3)
+    assert images.names == ("00.png", "04.png", "08.png")
+    assert images.images[:, 0, 0, 0].tolist() == [0, 4, 8]
+    assert set(read) == set(images.names)
+
+
+@pytest.mark.parametrize(
+    ("count", "most", "rows"), [(5, 9, [0, 1, 2, 3, 4]), (9, 3, [0, 4, 8]), (4, 1, [0]), (0, 3, [])]
+)
+def test_evenly_spaced_rows(count, most, rows):
+    assert evenly_spaced(np.arange(count), most).tolist() == rows

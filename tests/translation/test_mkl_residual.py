@@ -1,8 +1,6 @@
 """`mkl+residual`: gain over the linear map, its bound and its fallback."""
 
 import numpy as np
-import pytest
-import torch
 
 from s2rtools.translation import find_method
 from s2rtools.translation.method import FitSettings
@@ -10,11 +8,6 @@ from s2rtools.translation.residual import held_out_rows, patch_distance
 from tests.translation.palette_world import counterparts, difference, image_set, painted, shapes
 
 SIZE = {"channels": "8", "blocks": "1"}
-
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    torch.set_num_threads(1)
 
 
 def curved(images):
@@ -44,17 +37,6 @@ def test_it_falls_back_to_the_linear_map_where_the_network_does_not_help():
     linear = find_method("mkl").fit(*train, FitSettings()).translator
     assert result.facts["fallback"]
     assert difference(result.translator.translate(images), linear.translate(images)) < 0.01
-
-
-def test_without_a_share_it_equals_the_linear_map_at_every_size():
-    images = painted(shapes(1, 7), "first", 1)
-    source, target = image_set(images), image_set(painted(shapes(2, 7), "second", 2) // 3)
-    result = find_method("mkl+residual").fit(source, target, FitSettings(steps=0, options=SIZE))
-    assert result.facts["share"] == 0
-    linear = find_method("mkl").fit(source, target, FitSettings()).translator
-    large = images[:2].repeat(2, axis=1).repeat(2, axis=2)
-    changed = result.translator.translate(large).astype(int)
-    assert np.abs(changed - linear.translate(large)).max() <= 1
 
 
 def test_with_a_share_edges_of_larger_images_have_the_contrast_of_the_linear_map():

@@ -16,7 +16,6 @@ from tests.translation.palette_world import counterparts, image_set, unpaired
 @pytest.fixture(autouse=True)
 def few_feature_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(feature_network, "TRAINING_STEPS", 30)
-    torch.set_num_threads(1)
 
 
 def style_loss(losses: StyleLosses, images) -> float:

@@ -1,5 +1,7 @@
 """Procedural rooms and the damage that the gates must catch."""
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -53,3 +55,10 @@ def with_object(images: Images, size: int, seed: int = 0, every: int = 1) -> Ima
         patch = image[top : top + size, left : left + size]
         patch[:] = np.where(patch.reshape(-1, 3).mean(axis=0) > 127, 10, 245)
     return changed
+
+
+def write_folder(folder: Path, images: Images, first: int = 0) -> Path:
+    folder.mkdir()
+    for number, image in enumerate(images, start=first):
+        cv2.imwrite(str(folder / f"{number:03}.png"), image[..., ::-1])
+    return folder

@@ -24,15 +24,6 @@ def test_equal_images_keep_everything():
     assert (content["invented_area"], content["lost_area"], content["inverted_share"]) == (0, 0, 0)
 
 
-def test_a_linear_map_of_colours_keeps_the_content():
-    content = measure_content(ROOMS, recoloured(ROOMS))
-    assert content["edge_agreement"] > 0.95
-    assert content["luminance_correlation"] > 0.9
-    assert content["sharpness"] == pytest.approx(1, abs=0.05)
-    assert content["diversity"] == pytest.approx(1, abs=0.1)
-    assert (content["matched"], content["invented_area"], content["lost_area"]) == (1, 0, 0)
-
-
 @settings(max_examples=12)
 @given(st.floats(0.35, 1.0), st.floats(0, 60))
 def test_contrast_and_brightness_do_not_count(gain, offset):
@@ -42,16 +33,6 @@ def test_contrast_and_brightness_do_not_count(gain, offset):
     assert metrics.luminance_correlation(images, changed).min() > 0.97
     assert np.abs(metrics.sharpness(images, changed) - 1).max() < 0.06
     assert metrics.invented_regions(images, changed).max() == 0
-
-
-def test_a_stronger_blur_scores_lower_in_sharpness_and_edges():
-    levels = [0.0, 0.8, 1.5, 3.0]
-    damaged = [blurred(ROOMS, level) if level else ROOMS for level in levels]
-    sharpness = [float(np.median(metrics.sharpness(ROOMS, images))) for images in damaged]
-    edges = [float(metrics.edge_agreement(ROOMS, images).mean()) for images in damaged]
-    assert sharpness == sorted(sharpness, reverse=True)
-    assert edges == sorted(edges, reverse=True)
-    assert sharpness[1] < 0.95
 
 
 def test_inverted_images_have_the_same_edges_and_opposite_luminance():
@@ -67,15 +48,6 @@ def test_flat_images_have_no_correlation_and_no_sharpness():
     assert (metrics.region_correlation(ROOMS, flat) == 0).all()
     assert np.isnan(metrics.sharpness(ROOMS, flat)).all()
     assert metrics.diversity(ROOMS, flat) == 0
-
-
-def test_shuffled_images_match_by_chance():
-    order = np.random.default_rng(3).permutation(len(ROOMS))
-    order = np.where(order == np.arange(len(ROOMS)), np.roll(order, 1), order)
-    found = metrics.pairing(ROOMS, ROOMS[np.roll(np.arange(len(ROOMS)), 1)])
-    assert found.matched == 0
-    assert found.rank < 0.9
-    assert metrics.pairing(ROOMS, ROOMS[order]).matched < 0.5
 
 
 def test_equal_sources_share_a_match():

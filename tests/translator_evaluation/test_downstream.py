@@ -14,7 +14,6 @@ from s2rtools.translator_evaluation.downstream import (
     read_truth,
     segmentation_agreement,
 )
-from s2rtools.translator_evaluation.measures import MEASURES
 from s2rtui.cli import main
 
 
@@ -53,19 +52,6 @@ def test_agreement_of_segmentations_leaves_out_ignored_pixels_and_absent_labels(
     assert np.isnan(segmentation_agreement(labels[:0], truth[:0]).pixels)
     with pytest.raises(ValueError, match="shape"):
         segmentation_agreement(labels[:1], truth)
-
-
-def test_a_model_behind_a_translator_is_scored_with_and_without_it():
-    images, labels = scenes(64)
-    rows = judge_downstream(Bright(), Halved(), images, list(labels), np.zeros(64, dtype=np.int32))
-    plain, gain = (
-        next(r for r in rows if (r.metric, r.reference) == key).interval
-        for key in (("downstream_score", "identity"), ("downstream_gain", "translator"))
-    )
-    assert rows[0].interval.value == pytest.approx(1)
-    assert gain.value == pytest.approx(1 - plain.value)
-    assert 0 < gain.low < gain.value
-    assert all(row.metric in MEASURES for row in rows)
 
 
 def test_images_of_which_the_truth_says_nothing_are_left_out():

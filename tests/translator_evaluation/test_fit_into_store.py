@@ -1,8 +1,5 @@
 """Fits in stores and on folders: which images are used, and which requests are refused."""
 
-from pathlib import Path
-
-import cv2
 import numpy as np
 import pytest
 
@@ -20,7 +17,7 @@ from s2rtools.translator_evaluation.judged_frames import named_translator
 from s2rtools.translator_evaluation.report import evaluate_folders
 from s2rtools.translator_evaluation.tables import folder_text
 from s2rtui.cli import main
-from tests.translator_evaluation.scenes import recoloured, rooms
+from tests.translator_evaluation.scenes import recoloured, rooms, write_folder
 
 PAIRED = FitSettings(paired=True)
 
@@ -39,13 +36,6 @@ def used(monkeypatch: pytest.MonkeyPatch) -> list[ImageSet]:
     method = TranslationMethod("mkl", "", MKL.translator, fit)
     monkeypatch.setattr(fitting, "find_method", lambda name: method)
     return sets
-
-
-def write_folder(folder: Path, images: np.ndarray, first: int = 0) -> Path:
-    folder.mkdir()
-    for number, image in enumerate(images, start=first):
-        cv2.imwrite(str(folder / f"{number:03}.png"), image[..., ::-1])
-    return folder
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ from s2rtools.translator_evaluation.fit_into_store import FitRequest, fit_into_s
 from s2rtools.translator_evaluation.judged_frames import named_translator
 from s2rtui.cli import main
 from tests.support.copies import copy_store
-from tests.translator_evaluation.scenes import recoloured, rooms
+from tests.translator_evaluation.scenes import recoloured, rooms, write_folder
 
 METHODS = ("identity", "mkl")
 
@@ -195,16 +195,9 @@ def test_the_command_prints_tables_and_writes_sheets(root, tmp_path, capsys):
         assert list(saved) == [("vanilla",)]
 
 
-def write_folder(folder: Path, images: np.ndarray) -> str:
-    folder.mkdir()
-    for number, image in enumerate(images):
-        cv2.imwrite(str(folder / f"{number}.png"), image[..., ::-1])
-    return str(folder)
-
-
 def test_folders_are_judged_without_a_store(tmp_path, capsys):
-    source = write_folder(tmp_path / "camera", rooms(0, 6))
-    target = write_folder(tmp_path / "simulation", recoloured(rooms(1, 6)))
+    source = str(write_folder(tmp_path / "camera", rooms(0, 6)))
+    target = str(write_folder(tmp_path / "simulation", recoloured(rooms(1, 6))))
     file, out = str(tmp_path / "look.safetensors"), tmp_path / "out"
     folders = ["--source", source, "--target", target]
     assert main(["translate", "fit", "mkl", *folders, "--out", file]) == 0
@@ -218,8 +211,8 @@ def test_folders_are_judged_without_a_store(tmp_path, capsys):
 
 
 def test_a_store_without_poses_is_judged_by_content_and_colours(tmp_path, capsys):
-    real = write_folder(tmp_path / "real", rooms(0, 30))
-    sim = write_folder(tmp_path / "sim", recoloured(rooms(1, 30)))
+    real = str(write_folder(tmp_path / "real", rooms(0, 30)))
+    sim = str(write_folder(tmp_path / "sim", recoloured(rooms(1, 30))))
     path = str(tmp_path / "s.s2r")
     assert main(["ingest", "images", "--sim", sim, "--real", real, "--store", path]) == 0
     fit = ["translate", "fit", "mkl", "--direction", "real2sim", "--name", "mkl", "--store", path]
@@ -246,12 +239,9 @@ def test_a_store_without_poses_is_judged_by_content_and_colours(tmp_path, capsys
         ("x.safetensors --source a --target b --run vanilla", "--run"),
     ],
 )
-def test_wrong_requests_end_in_one_line(tiny_store, capsys, request_text, message):
+def test_wrong_requests_end_in_one_line(tiny_store, s2r, request_text, message):
     words = request_text.replace("STORE", str(tiny_store)).split()
-    assert main(["translate", "report", *words]) == 2
-    captured = capsys.readouterr().err
-    assert message in captured
-    assert captured.count("\n") == 1
+    s2r("translate", "report", *words).assert_refused(message)
 
 
 def test_sheets_show_every_image_and_are_wide_enough_to_read():
@@ -264,14 +254,46 @@ def test_sheets_show_every_image_and_are_wide_enough_to_read():
         assert found == pytest.approx(0, abs=enlarged.size * 0.01)
 
 
-def test_reports_are_reproducible_apart_from_the_measured_time(root, reports):
+@pytest.fixture
+def generated(root: Path, tmp_path: Path) -> Path:
+    """The held-out images as `mkl` translates them, in a folder, named by their iids."""
     with s2rstore.open(root) as store:
-        (again,) = report.evaluate(
-            store, [named_translator(store, "mkl")], report.ReportSettings(run="vanilla")
-        )
-    for first, second in zip(reports["mkl"].rows, again.rows, strict=True):
-        if first.metric != "cost":
-            assert (first.metric, first.reference) == (second.metric, second.reference)
-            np.testing.assert_allclose(
-                first.interval.value, second.interval.value, rtol=1e-5, atol=1e-7
-            )
+        translator = named_translator(store, "mkl")
+        (tmp_path / "gan").mkdir()
+        for iid in translator.held_out.tolist():
+            rgb = translator.stored.translator.translate(store.frame(iid, "real").rgb[None])[0]
+            cv2.imwrite(str(tmp_path / "gan" / f"{iid:06d}.png"), rgb[..., ::-1])
+    return tmp_path / "gan"
+
+
+def test_a_folder_is_judged_as_the_translator_that_made_it(s2r, root, generated, tmp_path):
+    out = tmp_path / "sheets"
+    (judged,) = s2r("translate", "judge", generated, "--like", "sim", "--store", root, "--json",
+                    "--out", out).json  # fmt: skip
+    (report,) = s2r("translate", "report", "mkl", "--store", root, "--no-keep", "--json").json
+    assert {row["metric"] for row in report["rows"]} - {row["metric"] for row in judged["rows"]} \
+        == {"cost"}  # fmt: skip
+    assert judged["rows"] == [row for row in report["rows"] if row["metric"] != "cost"]
+    assert judged["verdict"] == report["verdict"]
+    assert (judged["name"], judged["method"], judged["held_out"]) == ("gan", "folder", None)
+    assert cv2.imread(str(out / "gan.png")) is not None
+
+
+def test_a_folder_of_negatives_is_refused(s2r, root, generated):
+    for path in generated.iterdir():
+        cv2.imwrite(str(path), 255 - cv2.imread(str(path)))
+    text = s2r("translate", "judge", generated, "--like", "sim", "--store", root).printed
+    assert "gan: refused" in text
+    assert "perhaps used to train" in text
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [("chair.png", "name it by the iid"), ("99999.png", "instance 99999 has no images"),
+     ("{first}.jpg", "has another image")],
+)  # fmt: skip
+def test_images_of_no_single_instance_are_refused(s2r, root, generated, name, message):
+    first = sorted(generated.iterdir())[0]
+    (generated / name.format(first=first.stem)).write_bytes(first.read_bytes())
+    judge = ("translate", "judge", generated, "--like", "sim", "--store", root)
+    assert message in s2r(*judge).checked(2).err

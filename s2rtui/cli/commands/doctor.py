@@ -7,9 +7,10 @@ import os
 import platform
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import s2rstore
+from s2rstore import plugins
 from s2rtools.common.command_line import output
 from s2rtui.cli.display_arguments import add_display_options, detect_display
 from s2rtui.user_data import user_data_dir
@@ -39,6 +40,7 @@ def execute(options: argparse.Namespace) -> int:
         terminal = replace(terminal, graphics=probe_terminal(terminal))
     rows = [*_machine(), *diagnostics.terminal(terminal)]
     rows += [*_symbol_samples(terminal), *diagnostics.packages()]
+    rows += _plugins()
     if options.store:
         rows += _of_store(options.store)
     output.write(("what", "state"), rows, options)
@@ -74,6 +76,29 @@ def _symbol_samples(detected: Terminal) -> Rows:
         for name, sample in samples.items()
     ]
     return [("stripes", ", ".join(shown))]
+
+
+def _plugins() -> Rows:
+    """The parts of other packages, and why some of them are left out."""
+    if not any(plugins.declared(kind) for kind in plugins.KINDS):
+        return []
+    from s2rtools.adjustments import ADJUSTMENTS
+    from s2rtools.datasets.layouts import LAYOUTS
+    from s2rtools.gap.axes import AXES
+    from s2rtools.heatmaps import HEATMAP_KINDS
+    from s2rtools.models import ARCHITECTURES
+    from s2rtools.simulated_frames.pose_renderer import RENDERERS
+    from s2rtools.translation import METHODS
+    from s2rtui.charts.registry import REGISTRY
+
+    registries: list[plugins.Registry[Any]] = [
+        ADJUSTMENTS, ARCHITECTURES, AXES, HEATMAP_KINDS, LAYOUTS, METHODS, REGISTRY, RENDERERS,
+    ]  # fmt: skip
+    return [
+        (f"plug-in {each.kind}", f"{each.name}: {each.package}"
+                                 + (f", left out: {each.problem}" if each.problem else ""))
+        for registry in registries for each in registry.plugins
+    ]  # fmt: skip
 
 
 def _of_store(path: str | Path) -> Rows:

@@ -2,12 +2,13 @@
 
 import hashlib
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 SIZE = (24, 32)
 """(height, width) of the images."""
@@ -26,10 +27,8 @@ class Frame:
 
 
 def turn(axis: Sequence[float], angle: float) -> np.ndarray:
-    """The rotation matrix about a unit axis by Rodrigues' formula."""
-    x, y, z = axis
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+    """The rotation matrix about a unit axis."""
+    return Rotation.from_rotvec(angle * np.asarray(axis)).as_matrix()
 
 
 def drive(times: Iterable[float]) -> list[np.ndarray]:
@@ -43,21 +42,9 @@ def drive(times: Iterable[float]) -> list[np.ndarray]:
     return poses
 
 
-def quaternion(rotation: np.ndarray) -> tuple[float, float, float, float]:
-    """x, y, z, w of a rotation matrix, by its largest component."""
-    m = rotation
-    squares = [
-        1 + m[0, 0] - m[1, 1] - m[2, 2], 1 - m[0, 0] + m[1, 1] - m[2, 2],
-        1 - m[0, 0] - m[1, 1] + m[2, 2], 1 + m[0, 0] + m[1, 1] + m[2, 2],
-    ]  # fmt: skip
-    largest = int(np.argmax(squares))
-    s = 2 * math.sqrt(squares[largest])
-    xy, xz, yz = m[0, 1] + m[1, 0], m[0, 2] + m[2, 0], m[1, 2] + m[2, 1]
-    wx, wy, wz = m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]
-    rows = [(s * s / 4, xy, xz, wx), (xy, s * s / 4, yz, wy), (xz, yz, s * s / 4, wz)]
-    rows.append((wx, wy, wz, s * s / 4))
-    x, y, z, w = (value / s for value in rows[largest])
-    return x, y, z, w
+def quaternion(rotation: np.ndarray) -> np.ndarray:
+    """x, y, z, w of a rotation matrix."""
+    return Rotation.from_matrix(rotation).as_quat()
 
 
 def write_rgb(path: Path, number: int, grey: bool = False) -> str:
@@ -78,6 +65,13 @@ def write_depth(path: Path, number: int, unit: int = 1000) -> str:
 
 def write_lines(path: Path, lines: Iterable[str]) -> None:
     _new(path).write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+
+
+def edit(path: Path, change: Callable[[list[str]], object]) -> None:
+    """Change the lines of a text file."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    change(lines)
+    write_lines(path, lines)
 
 
 def sha256(path: Path) -> str:

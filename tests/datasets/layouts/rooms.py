@@ -1,6 +1,5 @@
 """Images and poses of a walk, from which the tests write recordings of each layout."""
 
-import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -49,10 +48,6 @@ def write_png(path: Path, pixels: np.ndarray) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     content = cv2.imencode(".png", pixels[..., ::-1] if pixels.ndim == 3 else pixels)[1]
     path.write_bytes(content.tobytes())
-
-
-def checksum(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def image(read: object) -> SourceImage:

@@ -593,25 +593,6 @@ def test_images_are_found_in_any_order_with_little_memory(tmp_path, name, monkey
         np.testing.assert_array_equal(image(frame.rgb.read()).pixels, scene.rgb[row])
 
 
-def test_in_the_order_of_the_bag_each_message_is_read_once(tmp_path, monkeypatch):
-    scene = walk(20)
-    path = walk_bag(tmp_path / "folder-mcap", scene).write()
-    (trajectory,) = read("bag", path).trajectories.values()
-    starts: list[int] = []
-    begin = bag_messages.BagMessages._start
-
-    def counted(self, topic: str, recorded: int) -> None:
-        starts.append(recorded)
-        begin(self, topic, recorded)
-
-    monkeypatch.setattr(bag_messages.BagMessages, "_start", counted)
-    for frame in trajectory.frames:
-        assert frame.depth is not None
-        image(frame.rgb.read())
-        image(frame.depth.read())
-    assert len(starts) <= 2
-
-
 def listed_with(path: Path, topic: str, kind: str, is_added: bool) -> None:
     """State another type of a topic in `metadata.yaml`, in place of its own or in front of it."""
     yaml = YAML()

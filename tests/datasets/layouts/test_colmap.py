@@ -9,16 +9,7 @@ from s2rstore.errors import RequestError
 from s2rtools.datasets.layouts import read
 from s2rtools.datasets.recording import ReadOptions
 from tests.datasets.helpers import kinds
-from tests.datasets.layouts.rooms import (
-    HEIGHT,
-    WIDTH,
-    Walk,
-    assert_poses,
-    checksum,
-    image,
-    walk,
-    write_png,
-)
+from tests.datasets.layouts.rooms import HEIGHT, WIDTH, Walk, assert_poses, image, walk, write_png
 from tests.support.refusals import refused
 
 MODELS = {
@@ -102,16 +93,6 @@ def test_poses_and_cameras_are_those_that_were_written(tmp_path, scene, model, k
     assert camera.distortion == DISTORTIONS[model]
     assert camera.is_fisheye == (model == "OPENCV_FISHEYE")
     assert not recording.is_metric
-
-
-def test_images_are_in_the_order_of_their_numbers(tmp_path, scene):
-    write_text(tmp_path, scene, {1: "PINHOLE"})
-    write_images(tmp_path / "images", scene)
-    (trajectory,) = read("colmap", tmp_path).trajectories.values()
-    assert [frame.rgb.name for frame in trajectory.frames] == names(scene)
-    for frame, pixels in zip(trajectory.frames, scene.rgb, strict=True):
-        np.testing.assert_array_equal(image(frame.rgb.read()).pixels, pixels)
-        assert frame.rgb.checksum() == checksum(tmp_path / "images" / frame.rgb.name)
 
 
 def test_a_scale_makes_poses_metric_and_depth_has_the_names_of_images(tmp_path, scene):

@@ -1,6 +1,5 @@
 import json
 import math
-import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -202,20 +201,3 @@ def test_unusable_descriptions_are_refused(recording, text, key):
     describe(recording[0], text)
     with refused("lab.toml", key):
         read_with("csv", recording[0])
-
-
-def test_memory_of_a_recording_is_a_few_hundred_bytes_an_image(recording):
-    path, frames = recording
-    read_with("csv", path)
-    count = 2000
-    with path.open("a") as file:
-        for number in range(count):
-            file.write(f"{frames[0].rgb},{frames[0].depth},0,0,{number % 7},0,0,0,1,{number}\n")
-    tracemalloc.start()
-    found = read_with("csv", path)
-    snapshot = tracemalloc.take_snapshot()
-    tracemalloc.stop()
-    names = tracemalloc.Filter(False, "*pathlib*")  # the interpreter's table of interned texts
-    held = sum(trace.size for trace in snapshot.filter_traces([names]).traces)
-    assert len(only(found).frames) == count + 4
-    assert held < 300 * count

@@ -6,7 +6,7 @@ import pytest
 from tests.datasets.helpers import kinds
 from tests.datasets.layouts import recordings
 from tests.datasets.layouts.checks import assert_found, only, read_with, reported
-from tests.datasets.layouts.recordings import Frame, drive
+from tests.datasets.layouts.recordings import Frame, drive, edit
 from tests.support.refusals import refused
 
 POSES = drive(0.1 * k for k in range(5))
@@ -15,12 +15,6 @@ POSES = drive(0.1 * k for k in range(5))
 @pytest.fixture
 def recording(tmp_path: Path) -> tuple[Path, list[Frame]]:
     return tmp_path / "dataset", recordings.kitti(tmp_path / "dataset", POSES)
-
-
-def edit(path: Path, change) -> None:
-    lines = path.read_text().splitlines()
-    change(lines)
-    path.write_text("\n".join(lines) + "\n")
 
 
 @pytest.mark.parametrize("camera", [0, 1, 2])

@@ -12,16 +12,8 @@ from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.layouts import read
 from s2rtools.datasets.recording import ReadOptions
 from tests.datasets.helpers import kinds
-from tests.datasets.layouts.rooms import (
-    HEIGHT,
-    WIDTH,
-    Walk,
-    assert_poses,
-    checksum,
-    image,
-    walk,
-    write_png,
-)
+from tests.datasets.layouts.recordings import sha256
+from tests.datasets.layouts.rooms import HEIGHT, WIDTH, Walk, assert_poses, image, walk, write_png
 from tests.support.refusals import refused
 
 SHARED = {"w": WIDTH, "h": HEIGHT, "fl_x": 20.0, "fl_y": 21.0, "cx": 12.5, "cy": 7.5}
@@ -66,7 +58,7 @@ def test_poses_images_and_intrinsics_are_those_that_were_written(tmp_path):
     assert not recording.is_metric
     for row, frame in enumerate(trajectory.frames):
         np.testing.assert_array_equal(image(frame.rgb.read()).pixels, scene.rgb[row])
-        assert frame.rgb.checksum() == checksum(tmp_path / f"images/{row:03}.png")
+        assert frame.rgb.checksum() == sha256(tmp_path / f"images/{row:03}.png")
         assert frame.depth is not None
         np.testing.assert_array_equal(image(frame.depth.read()).pixels, scene.depth[row])
     assert trajectory.frames[2].rgb.name == "images/002.png"

@@ -1,6 +1,5 @@
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from PIL import Image
@@ -8,7 +7,7 @@ from PIL import Image
 from tests.datasets.helpers import kinds
 from tests.datasets.layouts import recordings
 from tests.datasets.layouts.checks import assert_found, only, read_with, reported
-from tests.datasets.layouts.recordings import Frame, drive, tum_pose
+from tests.datasets.layouts.recordings import Frame, drive, edit, tum_pose
 from tests.support.refusals import refused
 
 TIMES = [1305031102.175304 + 0.1 * number for number in range(5)]
@@ -19,12 +18,6 @@ OTHER_SIZE = {"intrinsics of another size": 1}
 def recording(tmp_path: Path) -> tuple[Path, list[Frame]]:
     folder = tmp_path / "rgbd_dataset_freiburg2_desk"
     return folder, recordings.tum(folder, drive(0.1 * k for k in range(5)), TIMES)
-
-
-def edit(path: Path, change) -> None:
-    lines = path.read_text().splitlines()
-    change(lines)
-    path.write_text("\n".join(lines) + "\n")
 
 
 def test_depth_is_in_metres_with_z_up(recording):
@@ -166,12 +159,3 @@ def test_unusable_options_are_refused(recording):
             read_with("tum", recording[0], camera=text)
     with refused("no option 'cam'", "camera"):
         read_with("tum", recording[0], cam="1")
-
-
-def test_colours_of_16_bits_are_told(recording):
-    folder, frames = recording
-    pixels = np.random.default_rng(0).integers(0, 65535, (24, 32, 3), dtype=np.uint16)
-    assert cv2.imwrite(str(folder / frames[0].rgb), pixels)
-    image = only(read_with("tum", folder)).frames[0].rgb.read()
-    assert image.bits == 16
-    assert image.pixels.dtype == np.uint8

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from examples.duckietown.lane_pose import lane_pose
 from examples.duckietown.line_detector import (
     DEFAULT_THRESHOLDS,
     Segments,
@@ -13,15 +12,9 @@ from examples.duckietown.line_detector import (
     detector_images,
     road_part,
 )
-from examples.duckietown.line_scores import (
-    f1,
-    mean_f1,
-    pixel_counts,
-    segment_counts,
-)
+from examples.duckietown.line_scores import f1, mean_f1, pixel_counts, segment_counts
 from examples.duckietown.perception import LineModel
 from examples.duckietown.tuning import tune
-from examples.duckietown.variant_evaluation import CAMERA
 from s2rstore.errors import RequestError
 
 PAINT = {1: (230, 230, 230), 2: (230, 215, 20), 3: (200, 20, 30)}
@@ -101,19 +94,6 @@ def test_tuning_recovers_painted_colours_and_centres_the_bounds(seed):
     assert 110 < low < 190
     assert tuning.ranges["white"].plateau["value"][0] > 60
     assert tuning.ranges["yellow"].range.high[1:] == (255, 255)
-
-
-def test_lane_pose_of_rendered_day_images(rendered):
-    day = rendered.rows(rendered.conditions == "day")
-    tuned = tune(day.images, day.masks).thresholds
-    errors = []
-    for image, truth in zip(day.images, day.poses, strict=True):
-        pose = lane_pose(detect(image, tuned).segments, CAMERA)
-        if pose is not None:
-            errors.append((abs(pose.offset - truth[0]), abs(pose.heading - truth[1])))
-    assert len(errors) > 15
-    assert np.median(errors, axis=0)[0] < 0.03
-    assert np.median(errors, axis=0)[1] < 0.2
 
 
 def test_the_detector_is_a_model_that_is_scored_by_the_agreement_of_its_labels():

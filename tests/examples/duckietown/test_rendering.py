@@ -6,11 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from examples.duckietown.fisheye_camera import FisheyeCamera
-from examples.duckietown.road_map import (
-    LANE_OFFSET,
-    TILE,
-    WHITE_OFFSET,
-)
+from examples.duckietown.road_map import LANE_OFFSET, TILE, WHITE_OFFSET
 from examples.duckietown.road_renderer import RoadRenderer, Town, build_town
 
 CAMERA = FisheyeCamera()

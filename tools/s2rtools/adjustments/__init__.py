@@ -1,7 +1,8 @@
 """Adjustments: changes of one side's images or camera, such as brightness or camera height.
 
 Registry: `ADJUSTMENTS` maps an adjustment's name to an `Adjustment`. To add an adjustment, declare
-it in a module here and add one line to `ADJUSTMENTS`.
+it in a module here and add one line to `_OWN`. A package adds one by an entry point of the group
+`s2r.adjustments`.
 """
 
 from __future__ import annotations
@@ -12,8 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from s2rstore.errors import RequestError
+from s2rstore.plugins import Registry, instance_of
 from s2rstore.records import Side, TranslatorRecord
-from s2rtools.adjustments import camera, image_adjustments, translation
+from s2rtools.adjustments import camera, image_adjustments, sensor_models, translation
 from s2rtools.adjustments.adjustment import (
     Adjustment,
     Depth,
@@ -42,26 +44,30 @@ __all__ = [
     "with_hashes",
 ]
 
-ADJUSTMENTS: dict[str, Adjustment] = {
-    adjustment.name: adjustment
-    for adjustment in (
-        translation.TRANSLATE,
-        image_adjustments.BRIGHTNESS,
-        image_adjustments.CONTRAST,
-        image_adjustments.TEMPERATURE,
-        image_adjustments.DEPTH_RANGE,
-        image_adjustments.DEPTH_BLUR,
-        image_adjustments.BLACK,
-        image_adjustments.VIGNETTE,
-        image_adjustments.DEPTH_NOISE,
-        image_adjustments.DEPTH_HOLES,
-        camera.LAMPS,
-        camera.WINDOWS,
-        camera.HEIGHT,
-        camera.PITCH,
-        camera.FOV,
-    )
-}
+_OWN = (
+    translation.TRANSLATE,
+    image_adjustments.BRIGHTNESS,
+    image_adjustments.CONTRAST,
+    image_adjustments.TEMPERATURE,
+    image_adjustments.DEPTH_RANGE,
+    image_adjustments.DEPTH_BLUR,
+    image_adjustments.BLACK,
+    image_adjustments.VIGNETTE,
+    image_adjustments.DEPTH_NOISE,
+    image_adjustments.DEPTH_HOLES,
+    sensor_models.DISTORTION,
+    sensor_models.MOTION_BLUR,
+    sensor_models.ROLLING_SHUTTER,
+    sensor_models.DEPTH_STEPS,
+    camera.LAMPS,
+    camera.WINDOWS,
+    camera.HEIGHT,
+    camera.PITCH,
+    camera.FOV,
+)
+ADJUSTMENTS = Registry[Adjustment](
+    "adjustment", {each.name: each for each in _OWN}, instance_of(Adjustment)
+)
 
 Chain = Sequence[Mapping[str, Any]]
 
@@ -94,6 +100,8 @@ def apply_chain(
         elif isinstance(adjustment, ImageAdjustment):
             size = value * enlargement if adjustment.in_pixels else value
             rgb, depth_raw = adjustment.apply(rgb, depth_raw, valid, size)
+            if adjustment.moves_pixels:
+                valid = depth_raw > 0
     return rgb, depth_raw
 
 
@@ -186,6 +194,4 @@ def _check_value(side: Side, adjustment: Adjustment, value: float, request: str)
 
 def _find_adjustment(name: str) -> Adjustment:
     known = name if translator_name(name) is None else translation.TRANSLATE.name
-    if known not in ADJUSTMENTS:
-        raise RequestError(f"adjustment {name!r}: one of {', '.join(ADJUSTMENTS)}")
-    return ADJUSTMENTS[known]
+    return ADJUSTMENTS.find(known)

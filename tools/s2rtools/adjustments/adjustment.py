@@ -49,11 +49,13 @@ class ImageAdjustment(Adjustment):
 
     `apply(rgb, depth, valid, value)` takes a batch, rgb (B, H, W, 3) uint8, raw depth (B, H, W)
     and its validity, and returns new images of the same types; `value` is never `neutral`. Depth
-    may have another size than RGB. A value `in_pixels` is one in pixels of the stored frame.
+    may have another size than RGB. A value `in_pixels` is one in pixels of the stored frame. An
+    adjustment that `moves_pixels` sets depth that is not valid or not seen to 0.
     """
 
     apply: Apply
     in_pixels: bool = field(default=False, kw_only=True)
+    moves_pixels: bool = field(default=False, kw_only=True)
 
 
 @dataclass(frozen=True, slots=True)

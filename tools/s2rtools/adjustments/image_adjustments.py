@@ -55,10 +55,10 @@ def _depth_blur(rgb: Rgb, depth: Depth, valid: Mask, value: float) -> Images:
 
 
 def _black(rgb: Rgb, depth: Depth, valid: Mask, value: float) -> Images:
-    """Both images times 1 - value; 1 sets them to zero."""
+    """Both images times 1 - value; 1 sets them to zero. Depth that is not valid becomes 0."""
     keep = 1.0 - value
     dark = np.rint(rgb * keep).astype(np.uint8)
-    return dark, np.rint(depth * keep).astype(depth.dtype)
+    return dark, np.where(valid, np.rint(depth * keep), 0).astype(depth.dtype)
 
 
 def _vignette(rgb: Rgb, depth: Depth, valid: Mask, value: float) -> Images:

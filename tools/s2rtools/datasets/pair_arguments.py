@@ -126,12 +126,12 @@ def _read(
     side: str, place: str, texts: Sequence[str], trajectories: Sequence[str], allow_outside: bool
 ) -> Recording:
     """The recording LAYOUT:PATH; `side` begins the names of its arguments, if they have one."""
-    from s2rtools.datasets.layouts import layout_names, read
+    from s2rtools.datasets.layouts import LAYOUTS, read
     from s2rtools.datasets.recording import ReadOptions
 
     layout, separator, path = place.partition(":")
     if not separator or not path:
-        known, argument = ", ".join(layout_names()), f"--{side} " if side else ""
+        known, argument = ", ".join(sorted(LAYOUTS)), f"--{side} " if side else ""
         raise RequestError(f"{argument}{place}: give LAYOUT:PATH; layouts are {known}")
     values = _values(f"--{side}-option" if side else "--option", texts)
     return read(layout, Path(path), ReadOptions(values, tuple(trajectories), allow_outside))

@@ -1,7 +1,8 @@
 """The registry of the axes of the gap, their options, and defaults; imports no numerical library.
 
-A new axis is one module with a class of `axis.Axis`, and one record here. Command, report, tables,
-gate and nightly read the records.
+A new axis is one module with a class of `axis.Axis`, and one record here; a package adds one by an
+entry point of the group `s2r.metrics`, an `AxisRecord`. Command, report, tables, gate and nightly
+read the records.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError
+from s2rstore.plugins import Registry, instance_of
 
 if TYPE_CHECKING:
     from s2rtools.gap.axis import Axis
@@ -32,7 +34,7 @@ class AxisRecord:
     `measure` and `floor` describe m and its value without a gap, which is 0 for every axis, for
     different reasons. `options` are names with a default or example and a description; they are
     written as `flag` NAME=VALUE, or as --NAME VALUE where `flag` is None. `implementation` is
-    MODULE:CLASS below this package.
+    MODULE:CLASS.
     """
 
     name: str
@@ -46,7 +48,7 @@ class AxisRecord:
     def load(self) -> type[Axis]:
         """The class of the axis."""
         module, _, name = self.implementation.partition(":")
-        loaded: type[Axis] = getattr(importlib.import_module(f"s2rtools.gap.{module}"), name)
+        loaded: type[Axis] = getattr(importlib.import_module(module), name)
         return loaded
 
 
@@ -60,7 +62,7 @@ _RECORDS = (
         measure="kernel distance (KID) of sim and real images in the feature space",
         floor="0 by construction: the same distance between the real images of two halves of the "
         "instances, averaged over all splits into halves",
-        implementation="visual.visual_axis:VisualAxis",
+        implementation="s2rtools.gap.visual.visual_axis:VisualAxis",
         options={"pca": "principal components of the features (default 3)"},
     ),
     AxisRecord(
@@ -68,7 +70,7 @@ _RECORDS = (
         unit="m",
         measure="mean paired gap: real error - sim error",
         floor="0: without a gap the errors of a pair do not differ",
-        implementation="task.task_axis:TaskAxis",
+        implementation="s2rtools.gap.task.task_axis:TaskAxis",
     ),
     AxisRecord(
         name="dynamics",
@@ -76,7 +78,7 @@ _RECORDS = (
         measure="NRMSE of position over time windows, above the noise floor, time delay removed",
         floor="0: the noise floor (repeated real drives, or noise of the real poses) is subtracted "
         "in m",
-        implementation="dynamics.dynamics_axis:DynamicsAxis",
+        implementation="s2rtools.gap.dynamics.dynamics_axis:DynamicsAxis",
         options={
             "horizons": "0.5,1,2 (s)",
             "nrmse": "travel|extent|deviation",
@@ -92,7 +94,7 @@ _RECORDS = (
         unit="control periods",
         measure="absolute time delay of reality behind the simulator, in periods of the controller",
         floor="0: the share of noise in the size of a delay is subtracted in m",
-        implementation="delay.delay_axis:DelayAxis",
+        implementation="s2rtools.gap.delay.delay_axis:DelayAxis",
         options={
             "reach": "1 (s), the longest delay that is searched",
             "bad": "period|untuned, the bad state of the delay",
@@ -101,7 +103,9 @@ _RECORDS = (
         flag=MOTION,
     ),
 )
-AXES: dict[str, AxisRecord] = {record.name: record for record in _RECORDS}
+AXES = Registry[AxisRecord](
+    "metric", {record.name: record for record in _RECORDS}, instance_of(AxisRecord)
+)
 
 
 def options_of(flag: str | None) -> dict[str, str]:

@@ -1,11 +1,13 @@
 """Heatmaps: maps over an image that show where the gap or the pose error arises.
 
 Registry: `HEATMAP_KINDS` maps a heatmap kind's name to a `HeatmapKind`. To add a heatmap, write one
-module with a subclass of `HeatmapKind` and add one line to `HEATMAP_KINDS`.
+module with a subclass of `HeatmapKind` and add one line to `_OWN`. A package adds one by an
+entry point of the group `s2r.heatmaps`, an instance whose facts are in the class.
 """
 
 from __future__ import annotations
 
+from s2rstore.plugins import Registry, instance_of
 from s2rtools.heatmaps.activation import Activation
 from s2rtools.heatmaps.feature_distance import FeatureDistance
 from s2rtools.heatmaps.harm import Harm, HarmFine
@@ -24,19 +26,19 @@ __all__ = [
     "HEATMAP_KINDS", "IMAGE_KINDS", "HeatmapKind", "OutputSpec", "PairBatch", "SideBatch",
 ]  # fmt: skip
 
-HEATMAP_KINDS: dict[str, HeatmapKind] = {
-    kind.name: kind
-    for kind in (
-        Activation(),
-        FeatureDistance(),
-        PixelDifference(),
-        HarmonisedDistance(),
-        HarmonisedDifference(),
-        Occlusion(),
-        Harm(),
-        HarmFine(),
-    )
-}
+_OWN: tuple[HeatmapKind, ...] = (
+    Activation(),
+    FeatureDistance(),
+    PixelDifference(),
+    HarmonisedDistance(),
+    HarmonisedDifference(),
+    Occlusion(),
+    Harm(),
+    HarmFine(),
+)
+HEATMAP_KINDS = Registry[HeatmapKind](
+    "heatmap", {kind.name: kind for kind in _OWN}, instance_of(HeatmapKind)
+)
 
 IMAGE_KINDS: dict[str, ImageHeatmapKind] = {
     name: kind for name, kind in HEATMAP_KINDS.items() if isinstance(kind, ImageHeatmapKind)

@@ -210,7 +210,7 @@ def adjusted_images(
     valid = _is_valid(depth, domain)
     enlargement = depth.shape[2] / (frame_width or depth.shape[2])
     rgb, depth = apply_chain(rgb, depth, valid, chain, store_path, enlargement)
-    return rgb, depth, valid & _is_valid(depth, domain) if chain else valid
+    return rgb, depth, _is_valid(depth, domain) if chain else valid
 
 
 def _is_valid(depth: NDArray[Any], domain: Domain) -> NDArray[np.bool_]:

@@ -266,6 +266,9 @@ def main() -> None:
                         help="places on the mesh's floor and on the map: mesh_x, mesh_y, x_m, "
                         "y_m")  # fmt: skip
     options = parser.parse_args()
+    for path in filter(None, (options.file, options.points)):
+        if not path.is_file():
+            parser.error(f"{path}: no such file")
     try:
         import vtkmodules  # noqa: F401
     except ImportError:

@@ -44,6 +44,10 @@ class FrameFailedError(Exception):
     """The renderer states that it cannot render a frame; the text is its reason."""
 
 
+_MOST_SHOWN = 200
+"""Bytes of the standard error that a message shows."""
+
+
 class RendererProgram:
     """A running renderer.
 
@@ -202,5 +206,11 @@ class RendererProgram:
         return RendererStoppedError(f"renderer {self._name}: {how}{self._hint()}")
 
     def _hint(self) -> str:
-        has_log = self._log.is_file() and self._log.stat().st_size
-        return f"; its standard error: {self._log}" if has_log else ""
+        """Where the standard error of the program is, with its last line."""
+        if not (self._log.is_file() and self._log.stat().st_size):
+            return ""
+        with self._log.open("rb") as log:
+            log.seek(max(0, self._log.stat().st_size - _MOST_SHOWN))
+            lines = log.read().decode(errors="replace").split("\n")
+        last = next((line.strip() for line in reversed(lines) if line.strip()), "")
+        return f": {printable(last)} (its standard error: {self._log})"

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Self
 
 from s2rstore.errors import RequestError
+from s2rstore.plugins import Registry, instance_of
 from s2rstore.reader import Store
 from s2rstore.records import Domain, Intrinsics
 from s2rtools.renderer.frames import RenderedFrame
@@ -21,8 +22,24 @@ from s2rtools.renderer.workers import RendererWorkers, RenderJob
 from s2rtools.simulated_frames.frame_folder import FrameFolder, prepare_folder
 from s2rtools.simulated_frames.requested_poses import Poses, camera_poses
 
-BUILT_IN = {"world": "--seed", "mesh": ""}
-"""Renderers that ship, by the word before the colon, and the option that takes the word after."""
+
+@dataclass(frozen=True, slots=True)
+class NamedRenderer:
+    """A renderer program of Python: its module, and the option that takes the argument, if any."""
+
+    module: str
+    option: str = ""
+
+
+RENDERERS = Registry[NamedRenderer](
+    "renderer",
+    {
+        "world": NamedRenderer("s2rtools.renderer.world", "--seed"),
+        "mesh": NamedRenderer("s2rtools.renderer.mesh"),
+    },
+    instance_of(NamedRenderer),
+)
+"""Renderers with a name, which stands before the colon of `--renderer NAME:ARGUMENT`."""
 MOST_WORKERS = 64
 _FILES = "renderer"
 """Folder of the programs' logs and of frames that are not checked yet."""
@@ -31,7 +48,7 @@ _FILES = "renderer"
 def renderer_command(text: str) -> list[str]:
     """The words of `--renderer`, as a shell splits them; no shell is used.
 
-    A renderer that ships takes the place of its short name. Raises RequestError for unbalanced
+    A renderer of `RENDERERS` takes the place of its name. Raises RequestError for unbalanced
     quotes and for a program that does not exist.
     """
     try:
@@ -41,10 +58,10 @@ def renderer_command(text: str) -> list[str]:
     if not words:
         raise RequestError("--renderer: names no program")
     kind, colon, argument = words[0].partition(":")
-    if colon and kind in BUILT_IN:
-        option = [BUILT_IN[kind]] if BUILT_IN[kind] else []
-        program = [sys.executable, "-P", "-m", f"s2rtools.renderer.{kind}"]
-        return [*program, *option, argument, *words[1:]]
+    if colon and kind in RENDERERS:
+        named = RENDERERS[kind]
+        option = [named.option] if named.option else []
+        return [sys.executable, "-P", "-m", named.module, *option, argument, *words[1:]]
     if shutil.which(words[0]) is None:
         raise RequestError(f"--renderer {text}: there is no program {words[0]!r}")
     return words

@@ -29,7 +29,9 @@ from s2rtools.suggestions.sliders import Slider
 _FEW = 8
 """Instances on which the search begins."""
 _STARTS = 3
-"""Values from which the search begins: the defaults, and the best single changes."""
+"""Values from which the search begins: the best single changes, and the defaults."""
+_SOLVED = 0.05
+"""Share of the mismatch that is left where the search begins from no other values."""
 _FEW_STEPS, _STEPS = 12, 8
 _LEAST_STEP = 0.002
 """Share of the mismatch that a step of the search has to remove."""
@@ -146,7 +148,7 @@ class _Search:
     """The fit of one program, and what it is judged on.
 
     Geometry and colours are fitted without depth noise, whose figure changes erratically with them.
-    Sliders that change the noise are fitted to it alone.
+    Sliders that mainly change the noise are fitted after the others.
     """
 
     def __init__(
@@ -167,7 +169,9 @@ class _Search:
         self._adjustments = adjustment_sliders(channels, {each.name for each in parameters})
         self._compared = compared
         images, all_kinds = (image_mismatch.weights(channels, noise) for noise in (False, True))
-        self._few = RobustFit(compared[0].residuals, images, few.unit_blocks)
+        self._few, self._few_whole = (
+            RobustFit(compared[0].residuals, each, few.unit_blocks) for each in (images, all_kinds)
+        )
         self._images, self._whole = (
             RobustFit(self._timed, weights, self._fit.unit_blocks)
             for weights in (images, all_kinds)
@@ -214,29 +218,36 @@ class _Search:
     def _fit_parameters(self) -> dict[str, float]:
         """The parameters that fit best, without image adjustments."""
         tried = [
-            {**self._defaults, slider.name: value}
+            (slider.name, {**self._defaults, slider.name: value})
             for slider in self._parameters
             for value in slider.screening()
         ]
         self._reporter.begin("try single parameters", len(tried))
-        costs = [(self._few.cost(self._defaults), self._defaults)]
-        for values in tried:
+        start, all_kinds = self._few.cost(self._defaults), self._few_whole.cost(self._defaults)
+        ranked: list[tuple[float, dict[str, float]]] = []
+        effects = {slider.name: (0.0, 0.0) for slider in self._parameters}
+        for name, values in tried:
             if not self._has_time(1):
                 break
-            costs.append((self._few.cost(values), values))
+            cost = self._few.cost(values)
+            ranked.append((cost, values))
+            images, noise = abs(cost - start), abs(self._few_whole.cost(values) - all_kinds)
+            effects[name] = max(effects[name][0], images), max(effects[name][1], noise)
             self._reporter.advance(1)
-        starts = [self._defaults]
-        starts += [values for cost, values in sorted(costs, key=lambda each: each[0])
-                   if cost < costs[0][0]]  # fmt: skip
+        self._noise_sliders = {name for name, (images, noise) in effects.items()
+                               if noise > 2 * images}  # fmt: skip
+        fitted = [each for each in self._parameters if each.name not in self._noise_sliders]
+        better = [values for cost, values in sorted(ranked, key=lambda each: each[0])
+                  if cost < start]  # fmt: skip
         self._reporter.begin("fit parameters", _STARTS + 1)
-        found = []
-        for values in starts[:_STARTS]:
-            found.append(self._refined(self._few, values, self._parameters, _FEW_STEPS))
+        best = self._defaults
+        for values in [*better[:1], self._defaults, *better[1:]][:_STARTS]:
+            found = self._refined(self._few, values, fitted, _FEW_STEPS)
+            best = min(best, found, key=self._few.cost)
             self._reporter.advance(1)
-        best = min(found, key=self._few.cost)
-        best = self._refined(self._images, best, self._parameters)
-        self._reporter.advance(_STARTS + 1 - len(found))
-        return best
+            if self._few.cost(best) < _SOLVED * start:
+                break
+        return self._refit(best, self._parameters)
 
     def _refined(
         self, fit: RobustFit, values: Values, sliders: Sequence[Slider], steps: int = _STEPS
@@ -262,6 +273,8 @@ class _Search:
         self._reporter.begin("try image adjustments", self._settings.changes)
         for _ in range(self._settings.changes):
             present = self._whole.cost(values)
+            if present < price or not self._has_time(1):
+                break
             tried = [
                 ({**values, slider.name: value}, slider)
                 for slider in left
@@ -269,7 +282,7 @@ class _Search:
             ]
             best, slider = min(tried, key=lambda each: self._whole.cost(each[0]))
             gain = present - self._whole.cost(best)
-            if gain <= 0 or present < price or not self._has_time(1):
+            if gain <= 0:
                 break
             if self._images.cost(values) - self._images.cost(best) < gain / 2:
                 self._noise_sliders.add(slider.name)

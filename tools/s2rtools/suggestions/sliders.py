@@ -15,11 +15,13 @@ from s2rtools.adjustments.adjustment import Adjustment
 from s2rtools.synthetic_world.stored_world import no_renderer_reason
 
 CAMERA, LIGHTS, EXPOSURE, DEPTH, TRANSLATOR = "camera", "lights", "exposure", "depth", "translator"
+MOTION = "motion"
 FACTORS = {
     "camera_height": CAMERA, "camera_pitch": CAMERA, "camera_fov": CAMERA, "temperature": LIGHTS,
     "lamp_power": LIGHTS, "window_power": LIGHTS,
     "brightness": EXPOSURE, "contrast": EXPOSURE, "vignette": EXPOSURE,
     "depth_range": DEPTH, "depth_blur": DEPTH, "depth_noise": DEPTH, "depth_holes": DEPTH,
+    "depth_steps": DEPTH, "motion_blur": MOTION, "rolling_shutter": MOTION,
 }  # fmt: skip
 """The factor that each adjustment belongs to; others are factors of their own."""
 RANGES = {
@@ -27,10 +29,11 @@ RANGES = {
     "brightness": (0.4, 2.5), "contrast": (0.4, 2.5), "temperature": (-0.6, 0.6),
     "lamp_power": (0.5, 2.0), "window_power": (0.4, 2.0),
     "depth_range": (0.5, 2.0), "depth_blur": (0.0, 4.0), "depth_noise": (0.0, 0.1),
-    "depth_holes": (0.0, 0.4),
+    "depth_holes": (0.0, 0.4), "depth_steps": (0.0, 0.1), "motion_blur": (0.0, 12.0),
+    "rolling_shutter": (-8.0, 8.0),
 }  # fmt: skip
 """Ranges of search that are narrower than those of the adjustments."""
-DEGRADING = ("black", "depth_noise", "depth_holes")
+DEGRADING = ("black", "depth_noise", "depth_holes", "depth_steps", "motion_blur")
 """Adjustments that only remove information, and so are no remedy for real images."""
 NEVER = ("black",)
 _SCREENED = (-0.3, -0.12, -0.05, 0.05, 0.12, 0.3)

@@ -6,19 +6,23 @@ import argparse
 import json
 import shlex
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError
+from s2rstore.records import SIDES
 from s2rtools.common.command_line import output, store_argument
 from s2rtools.common.command_line.progress import percent_callback, reporter
 
 if TYPE_CHECKING:
+    from s2rstore.reader import Store
     from s2rtools.translation.method import ReportProgress
     from s2rtools.translator_evaluation.fit_into_store import FitRequest
     from s2rtools.translator_evaluation.gates import Verdict
+    from s2rtools.translator_evaluation.judged_frames import Translation
+    from s2rtools.translator_evaluation.report import TranslatorReport
 
 _IMAGES = 120
 """Most images on which translators are judged."""
@@ -43,6 +47,9 @@ def add_actions(
     report = actions.add_parser("report", help="judge translators: content, distance, task, cost")
     _add_report_arguments(report)
     report.set_defaults(action=_report)
+    judge = actions.add_parser("judge", help="judge a folder of images of another program")
+    _add_judge_arguments(judge)
+    judge.set_defaults(action=_judge)
     return actions
 
 
@@ -85,17 +92,40 @@ def _add_fit_arguments(fit: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_judge_arguments(judge: argparse.ArgumentParser) -> None:
+    judge.add_argument("folder", type=Path, help="folder of images, named by the iids of their "
+                       "instances, such as 17.png")  # fmt: skip
+    judge.add_argument("--like", choices=SIDES, required=True,
+                       help="what they shall look like: real ones (made from simulated images) or "
+                       "sim ones (made from real images)")  # fmt: skip
+    judge.add_argument("--store", type=store_argument.folder, required=True, help="store folder")
+    judge.add_argument("--domains", metavar="SIM,REAL", help="names of both domains (default: the "
+                       "first of each)")  # fmt: skip
+    _add_judged_images(judge)
+    judge.add_argument("--run", help="run whose network judges the task (default: none)")
+    judge.add_argument("--trust", action="store_true", help="allow model formats that execute code")
+    judge.add_argument("--out", type=Path, metavar="DIR",
+                       help="write a contact sheet and report.json to this folder")  # fmt: skip
+    judge.add_argument("--json", action="store_true", help="print the report as JSON")
+
+
+def _add_judged_images(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
+    parser.add_argument("--images", type=int, default=_IMAGES, metavar="N",
+                        help=f"most images that are judged (default {_IMAGES})")  # fmt: skip
+    parser.add_argument("--seed", type=int, default=1,
+                        help="random seed that draws images (default 1)")  # fmt: skip
+
+
 def _add_report_arguments(report: argparse.ArgumentParser) -> None:
     report.add_argument("translators", nargs="*", metavar="T",
                         help="translators of --store (default: all), or translator files with "
                         "--source")  # fmt: skip
-    add = report.add_argument_group("images").add_argument
+    group = report.add_argument_group("images")
+    add = group.add_argument
     add("--store", type=store_argument.folder, help="store that has the translators")
     add("--source", type=Path, metavar="DIR", help="folder of images to translate, without a store")
     add("--target", type=Path, metavar="DIR", help="folder of images of the target domain")
-    add("--images", type=int, default=_IMAGES, metavar="N",
-        help=f"most images on which translators are judged (default {_IMAGES})")  # fmt: skip
-    add("--seed", type=int, default=1, help="random seed that draws images (default 1)")
+    _add_judged_images(group)
     add = report.add_argument_group("task").add_argument
     add("--run", help="run whose network judges the task (default: none)")
     add("--trust", action="store_true", help="allow model formats that execute code")
@@ -200,30 +230,34 @@ def _check_budget(options: argparse.Namespace) -> None:
 def _request(
     options: argparse.Namespace, method: str, name: str, report: ReportProgress
 ) -> FitRequest:
-    from s2rtools.translation import find_method
+    from s2rtools.translation import METHODS
     from s2rtools.translation.method import FitSettings, lower_share
     from s2rtools.translator_evaluation.fit_into_store import FitRequest
 
-    domains = None
-    if options.domains is not None:
-        sim, _, real = options.domains.partition(",")
-        if not sim or not real:
-            raise RequestError(f"--domains {options.domains}: name two domains, SIM,REAL")
-        domains = sim, real
     texts = {}
     for text in options.option:
         key, equals, value = text.partition("=")
         if not equals:
             raise RequestError(f"--option {text}: expected NAME=VALUE")
         texts[key] = value
-    find_method(method).parse(texts)
+    METHODS.find(method).parse(texts)
     settings = FitSettings(
         seed=options.seed, steps=options.steps, minutes=options.minutes, paired=options.paired,
         options=texts, report=report, lower=lower_share(options.lower, "--lower"),
     )  # fmt: skip
     return FitRequest(
-        method, name, options.direction, domains, options.depth_noise, options.size, settings
-    )
+        method, name, options.direction, _domains(options), options.depth_noise, options.size,
+        settings,
+    )  # fmt: skip
+
+
+def _domains(options: argparse.Namespace) -> tuple[str, str] | None:
+    if options.domains is None:
+        return None
+    sim, _, real = options.domains.partition(",")
+    if not sim or not real:
+        raise RequestError(f"--domains {options.domains}: name two domains, SIM,REAL")
+    return sim, real
 
 
 def _apply(options: argparse.Namespace) -> None:
@@ -243,10 +277,7 @@ def _apply(options: argparse.Namespace) -> None:
 def _report(options: argparse.Namespace) -> None:
     if (options.store is None) == (options.source is None):
         raise RequestError("name --store S, or --source DIR and --target DIR")
-    if not 8 <= options.images <= 100_000:
-        raise RequestError(f"--images {options.images}: must be 8 to 100000")
-    if not 0 <= options.seed < 2**31:
-        raise RequestError("--seed: must be 0 to 2147483647")
+    _check_judged_images(options)
     if (options.downstream is None) != (options.truth is None):
         raise RequestError("--downstream MODULE:NAME and --truth DIR belong together")
     if options.store is None:
@@ -257,12 +288,51 @@ def _report(options: argparse.Namespace) -> None:
         _report_store(options)
 
 
+def _check_judged_images(options: argparse.Namespace) -> None:
+    if not 8 <= options.images <= 100_000:
+        raise RequestError(f"--images {options.images}: must be 8 to 100000")
+    if not 0 <= options.seed < 2**31:
+        raise RequestError("--seed: must be 0 to 2147483647")
+
+
+def _judge(options: argparse.Namespace) -> None:
+    import s2rstore
+    from s2rtools.translator_evaluation.generated_images import generated_images
+
+    _check_judged_images(options)
+    with s2rstore.open(options.store) as store:
+        generated = generated_images(store, options.folder, options.like, _domains(options))
+        _judge_in_store(options, store, [generated])
+
+
+def _judge_in_store(
+    options: argparse.Namespace, store: Store, translators: Sequence[Translation]
+) -> list[TranslatorReport]:
+    """Judge translations, draw their contact sheets, and print the report."""
+    from s2rtools.translator_evaluation import contact_sheet, report
+    from s2rtools.translator_evaluation.judged_frames import judged_instances
+    from s2rtools.translator_evaluation.tables import reports_text
+
+    settings = report.ReportSettings(options.run, options.images, options.seed, options.trust)
+    with reporter() as progress:
+        show = percent_callback(progress, "judge translators")
+        found = report.evaluate(
+            store, translators, settings, lambda fraction, name: show(fraction, 0.0, 0.0)
+        )
+    for translator in translators if options.out else ():
+        chosen = judged_instances(store, translators, translator, options.images, options.seed)
+        sheet = contact_sheet.store_sheet(store, translator, chosen, options.seed)
+        contact_sheet.write_png(options.out / f"{translator.name}.png", sheet)
+    text = partial(reports_text, found, options.run)
+    _print_report(options, options.out, [report.as_json(each) for each in found], text)
+    return found
+
+
 def _report_store(options: argparse.Namespace) -> None:
     import s2rstore
     from s2rstore.index.transaction import check_writable
-    from s2rtools.translator_evaluation import contact_sheet, report
-    from s2rtools.translator_evaluation.judged_frames import judged_instances, named_translator
-    from s2rtools.translator_evaluation.tables import reports_text
+    from s2rtools.translator_evaluation import report
+    from s2rtools.translator_evaluation.judged_frames import named_translator
 
     if not options.no_keep:
         check_writable(options.store)
@@ -273,20 +343,9 @@ def _report_store(options: argparse.Namespace) -> None:
                 f"{options.store}: no translators; make one with `s2r translate fit`"
             )
         translators = [named_translator(store, name) for name in dict.fromkeys(names)]
-        settings = report.ReportSettings(options.run, options.images, options.seed, options.trust)
-        with reporter() as progress:
-            show = percent_callback(progress, "judge translators")
-            found = report.evaluate(
-                store, translators, settings, lambda fraction, name: show(fraction, 0.0, 0.0)
-            )
-        for translator in translators if options.out else ():
-            chosen = judged_instances(store, translators, translator, options.images, options.seed)
-            sheet = contact_sheet.store_sheet(store, translator, chosen, options.seed)
-            contact_sheet.write_png(options.out / f"{translator.name}.png", sheet)
+        found = _judge_in_store(options, store, translators)
     if not options.no_keep:
         report.save_reports(options.store, found)
-    text = partial(reports_text, found, options.run)
-    _print_report(options, options.out, [report.as_json(each) for each in found], text)
 
 
 def _report_folders(options: argparse.Namespace) -> None:

@@ -16,7 +16,7 @@ from s2rtools.translation.method import Translator
 from s2rtools.translator_evaluation import image_structure as structure
 from s2rtools.translator_evaluation.judged_frames import (
     JudgedInstances,
-    NamedTranslator,
+    Translation,
     load_frames,
 )
 
@@ -27,9 +27,7 @@ _MARGIN, _LINE = 6, 26
 _INK, _PAPER = (20, 20, 20), 255
 
 
-def store_sheet(
-    store: Store, translator: NamedTranslator, chosen: JudgedInstances, seed: int
-) -> Rgb:
+def store_sheet(store: Store, translator: Translation, chosen: JudgedInstances, seed: int) -> Rgb:
     """Sheet (H, W, 3) of some of the judged instances, beside the target's image of the same pose.
 
     In a store without poses, beside the target's image of the nearest layout.
@@ -41,7 +39,7 @@ def store_sheet(
     target_images = frames.target if frames.paired else _nearest(frames.source, frames.target)
     columns = (
         (f"{translator.source} (source)", frames.source),
-        (f"{translator.name} ({translator.stored.method})", frames.translated),
+        (f"{translator.name} ({translator.method})", frames.translated),
         (
             f"{translator.target}, {'same pose' if frames.paired else 'nearest layout'}",
             target_images,

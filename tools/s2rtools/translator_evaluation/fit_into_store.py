@@ -23,7 +23,7 @@ from s2rstore.records import DIRECTIONS, SIDES, Direction
 from s2rtools.models.model_registration import check_name_free
 from s2rtools.precompute.prediction_rows import decode_split, encode_split
 from s2rtools.precompute.run_registration import find_domain
-from s2rtools.translation import METHODS, find_method, fit_split
+from s2rtools.translation import METHODS, fit_split
 from s2rtools.translation.depth_noise import DepthNoise, measure
 from s2rtools.translation.image_set import (
     ImageSet,
@@ -74,7 +74,7 @@ def fit_into_store(root: Path, request: FitRequest, command: str) -> Verdict | N
     names that exist already.
     """
     name = layout.checked_name(request.name, "translator")
-    method = find_method(request.method)
+    method = METHODS.find(request.method)
     if request.direction not in DIRECTIONS:
         raise RequestError(f"--direction {request.direction}: one of {', '.join(DIRECTIONS)}")
     _check_uses_pairs(method, request.settings)
@@ -82,7 +82,7 @@ def fit_into_store(root: Path, request: FitRequest, command: str) -> Verdict | N
     with s2rstore.open(root) as store:
         if name in store.translators:
             raise RequestError(f"--name {name}: already in {root}; choose another")
-        source, target = _domains(store, request)
+        source, target = named_domains(store, request.direction, request.domains)
         if request.depth_noise:
             store.require_poses("--depth-noise")
         if request.settings.paired:
@@ -217,7 +217,7 @@ def fit_folders(source: Path, target: Path, request: FitRequest, out: Path) -> V
     """
     if out.exists():
         raise RequestError(f"{out}: exists already; choose another name")
-    method = find_method(request.method)
+    method = METHODS.find(request.method)
     _check_uses_pairs(method, request.settings)
     images = from_folder(source, long_edge=request.long_edge)
     target_images = from_folder(target, images.size)
@@ -252,9 +252,14 @@ def _rows_of_fit(images: ImageSet, code: int, most: int) -> ImageSet:
     return images.rows(evenly_spaced(rows, most))
 
 
-def _domains(store: Store, request: FitRequest) -> tuple[str, str]:
-    """Source and target domain."""
-    sim, real = request.domains or (find_domain(store, side, None) for side in SIDES)
+def named_domains(
+    store: Store, direction: Direction, domains: tuple[str, str] | None
+) -> tuple[str, str]:
+    """Source and target domain of a direction; by default the first sim and real domain.
+
+    Raises RequestError for `domains` that are not a sim and a real one.
+    """
+    sim, real = domains or (find_domain(store, side, None) for side in SIDES)
     if sim == real:
         raise RequestError(f"--domains {sim},{real}: name two different domains")
     for side, name in zip(SIDES, (sim, real), strict=True):
@@ -262,7 +267,7 @@ def _domains(store: Store, request: FitRequest) -> tuple[str, str]:
             raise RequestError(
                 f"--domains {sim},{real}: {name} is a {kind} domain; name them as SIM,REAL"
             )
-    return (sim, real) if request.direction == "sim2real" else (real, sim)
+    return (sim, real) if direction == "sim2real" else (real, sim)
 
 
 def _checkpoint(store: Store, request: FitRequest) -> Path:

@@ -1,7 +1,8 @@
-"""Translators of a store, and the frames on which they are judged."""
+"""Translations that are judged, translators of a store among them, and the frames that judge."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -28,14 +29,13 @@ _BATCH = 16
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NamedTranslator:
-    """A translator from images of domain `source` to the look of domain `target`.
+class Translation(ABC):
+    """Images of domain `source` that are given the look of domain `target`.
 
-    `fitted` are the iids whose images were used for its fit, `held_out` those that judge it.
+    `fitted` are the iids whose images were used for a fit, `held_out` those that judge it.
     """
 
     name: str
-    stored: StoredTranslator
     direction: Direction
     source: str
     target: str
@@ -44,22 +44,50 @@ class NamedTranslator:
 
     @property
     def side(self) -> Side:
-        """The side whose images it translates."""
+        """The side whose images are translated."""
         return "sim" if self.direction == "sim2real" else "real"
+
+    @property
+    @abstractmethod
+    def method(self) -> str:
+        """What translated them."""
+
+    @abstractmethod
+    def translated(
+        self, iids: Iids, rgb: Rgb, depth: NDArray[Any], valid: NDArray[np.bool_]
+    ) -> tuple[Rgb, NDArray[Any]]:
+        """Translated images (N, H, W, 3) and raw depth (N, H, W) of images of the source."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class NamedTranslator(Translation):
+    """A translator of a store."""
+
+    stored: StoredTranslator
+
+    @property
+    def method(self) -> str:
+        return self.stored.method
+
+    def translated(
+        self, iids: Iids, rgb: Rgb, depth: NDArray[Any], valid: NDArray[np.bool_]
+    ) -> tuple[Rgb, NDArray[Any]]:
+        batches = [
+            apply_translator(self.stored, rgb[rows], depth[rows], valid[rows], 1.0)
+            for rows in (slice(k, k + _BATCH) for k in range(0, len(rgb), _BATCH))
+        ]
+        translated, noisy = (np.concatenate(parts) for parts in zip(*batches, strict=True))
+        return translated, noisy
 
 
 def named_translator(store: Store, name: str) -> NamedTranslator:
     """A translator of a store. Raises RequestError if it is unknown, missing or damaged."""
     record, split = store.translator(name), stored_split(store, name)
     return NamedTranslator(
-        name,
-        open_stored(store.path, record.sha256),
-        record.direction,
-        record.source_domain,
-        record.target_domain,
-        np.flatnonzero(split == fit_split.FITTED),
-        np.flatnonzero(split == fit_split.HELD_OUT),
-    )
+        name, record.direction, record.source_domain, record.target_domain,
+        np.flatnonzero(split == fit_split.FITTED), np.flatnonzero(split == fit_split.HELD_OUT),
+        stored=open_stored(store.path, record.sha256),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,8 +124,8 @@ class JudgedFrames:
 
 def judged_instances(
     store: Store,
-    translators: Sequence[NamedTranslator],
-    translator: NamedTranslator,
+    translators: Sequence[Translation],
+    translator: Translation,
     max_images: int,
     seed: int,
 ) -> JudgedInstances:
@@ -150,18 +178,14 @@ def runs_of_neighbours(store: Store, iids: Iids) -> NDArray[np.int64]:
     return np.concatenate([[0], np.cumsum(breaks)]).astype(np.int64)
 
 
-def load_frames(store: Store, translator: NamedTranslator, chosen: JudgedInstances) -> JudgedFrames:
+def load_frames(store: Store, translator: Translation, chosen: JudgedInstances) -> JudgedFrames:
     """Read and translate the frames of some instances."""
     source = _read(store, translator.source, chosen.source, ("rgb", "depth"))
     target = _read(store, translator.target, chosen.target, ("rgb",))
     domain = store.domain(translator.source)
     rgb, depth = source["rgb"], source["depth"]
     valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
-    batches = [
-        apply_translator(translator.stored, rgb[rows], depth[rows], valid[rows], 1.0)
-        for rows in (slice(k, k + _BATCH) for k in range(0, len(rgb), _BATCH))
-    ]
-    translated, noisy = (np.concatenate(parts) for parts in zip(*batches, strict=True))
+    translated, noisy = translator.translated(chosen.source, rgb, depth, valid)
     return JudgedFrames(
         iids=chosen.source,
         source=rgb,

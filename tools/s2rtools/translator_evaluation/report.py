@@ -40,6 +40,7 @@ from s2rtools.translator_evaluation.judged_frames import (
     MIN_IMAGES,
     JudgedFrames,
     NamedTranslator,
+    Translation,
     instance_blocks,
     judged_instances,
     load_frames,
@@ -103,11 +104,11 @@ Progress = Callable[[float, str], None]
 
 def evaluate(
     store: Store,
-    translators: Sequence[NamedTranslator],
+    translators: Sequence[Translation],
     settings: ReportSettings,
     progress: Progress = lambda fraction, name: None,
 ) -> list[TranslatorReport]:
-    """Judge translators of one store on the same images, none of which was used for a fit.
+    """Judge translations of one store on the same images, none of which was used for a fit.
 
     Raises RequestError for unknown runs, a run in a store without poses, and too few images.
     """
@@ -125,7 +126,8 @@ def evaluate(
             store, translators, translator, settings.max_images, settings.seed
         )
         single = _Judge(store, translator, run, backend, settings.seed)
-        reports.append(single.report(load_frames(store, translator, chosen), chosen.held_out))
+        held_out = chosen.held_out if isinstance(translator, NamedTranslator) else None
+        reports.append(single.report(load_frames(store, translator, chosen), held_out))
     progress(1.0, "")
     return reports
 
@@ -135,14 +137,16 @@ class _Judge:
     """Judges one translator of a store; `run` and `backend` are those of the task's network."""
 
     store: Store
-    translator: NamedTranslator
+    translator: Translation
     run: Run | None
     backend: Backend | None
     seed: int
 
-    def report(self, frames: JudgedFrames, held_out: bool) -> TranslatorReport:
+    def report(self, frames: JudgedFrames, held_out: bool | None) -> TranslatorReport:
         translator, content = self.translator, self._content(frames)
-        notes = [] if held_out else ["judged on images of the fit: none or too few are held out"]
+        notes = []
+        if held_out is False:
+            notes.append("judged on images of the fit: none or too few are held out")
         features: dict[str, Features] = {"colour": distance_metrics.colour_features}
         task: list[MetricRow] = []
         if self.run is not None and self.backend is not None:
@@ -154,18 +158,16 @@ class _Judge:
                 notes += [note] if note else []
                 features["network"] = partial(self._embedding, run, backend, frames)
                 task = task_metrics.run_time_metrics(self.store, run, translator, backend, frames)
-            task += task_metrics.training_metrics(
-                self.store, run.run, translator.name, translator.held_out
-            )
-        rows = (
-            *_content_rows(content),
-            *self._distances(frames, features),
-            *task,
-            _cost(translator.stored.translator, frames.source[0]),
-        )
+            if isinstance(translator, NamedTranslator):
+                task += task_metrics.training_metrics(
+                    self.store, run.run, translator.name, translator.held_out
+                )
+        rows = [*_content_rows(content), *self._distances(frames, features), *task]
+        if isinstance(translator, NamedTranslator):
+            rows.append(_cost(translator.stored.translator, frames.source[0]))
         return TranslatorReport(
             name=translator.name,
-            method=translator.stored.method,
+            method=translator.method,
             direction=translator.direction,
             source=translator.source,
             target=translator.target,
@@ -174,7 +176,7 @@ class _Judge:
             held_out=held_out,
             verdict=judge(content),
             content=content,
-            rows=rows,
+            rows=tuple(rows),
             notes=tuple(notes),
         )
 

@@ -25,6 +25,11 @@ _CONTROLS = (
     ("target", "target against target"),
 )  # fmt: skip
 
+_WHERE = {
+    True: "that no translator was fitted on",
+    False: "of the fit",
+    None: "of a folder, perhaps used to train what generated them",
+}
 _IMAGES_JUDGED = {
     True: "judged on images that were held out from the fit",
     False: "judged on images of the fit: none or too few are held out",
@@ -39,7 +44,7 @@ def reports_text(reports: Sequence[TranslatorReport], run: str | None) -> str:
 
 def _parts(reports: Sequence[TranslatorReport], run: str | None) -> Iterator[str]:
     first = reports[0]
-    where = "that no translator was fitted on" if first.held_out else "of the fit"
+    where = _WHERE[first.held_out]
     yield f"{first.images} images {where}; intervals {LEVEL_TEXT}\n"
     yield "Verdict on the content\n"
     yield output.table(

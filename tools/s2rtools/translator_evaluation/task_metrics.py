@@ -29,7 +29,7 @@ from s2rtools.translator_evaluation.judged_frames import (
     MIN_IMAGES,
     Iids,
     JudgedFrames,
-    NamedTranslator,
+    Translation,
 )
 from s2rtools.translator_evaluation.measures import MetricRow, figure
 
@@ -56,7 +56,7 @@ def claim(interval: Interval, unit: str = "m") -> str:
     return f"{abs(interval.value):.2f} {unit} {verb} error"
 
 
-def unusable_reason(store: Store, run: Run, translator: NamedTranslator) -> str | None:
+def unusable_reason(store: Store, run: Run, translator: Translation) -> str | None:
     """Why a run's network cannot judge a translator, else None."""
     side = translator.side
     if run.domain(side) != translator.source:
@@ -69,7 +69,7 @@ def unusable_reason(store: Store, run: Run, translator: NamedTranslator) -> str 
 
 
 def network_outputs(
-    store: Store, run: Run, translator: NamedTranslator, backend: Backend, rgb: Rgb,
+    store: Store, run: Run, translator: Translation, backend: Backend, rgb: Rgb,
     depth: NDArray[Any],
 ) -> NetworkOutputs:  # fmt: skip
     """Outputs for images (N, H, W, 3) and raw depth (N, H, W) of the translated side.
@@ -82,7 +82,7 @@ def network_outputs(
 
 
 def target_outputs(
-    store: Store, run: Run, translator: NamedTranslator, backend: Backend, iids: Iids
+    store: Store, run: Run, translator: Translation, backend: Backend, iids: Iids
 ) -> NetworkOutputs:
     """Outputs for the target's images at the same poses, with its own adjustments."""
     domain = store.domain(translator.target)
@@ -136,7 +136,7 @@ def untrained_rows(store: Store, run: Run, iids: Iids) -> tuple[NDArray[np.intp]
 
 
 def run_time_metrics(
-    store: Store, run: Run, translator: NamedTranslator, backend: Backend, frames: JudgedFrames
+    store: Store, run: Run, translator: Translation, backend: Backend, frames: JudgedFrames
 ) -> list[MetricRow]:
     """Errors and features with and without the translator in front of the network.
 

@@ -1,12 +1,14 @@
+"""Rows of numbers in files, and poses of recordings at the times of images."""
+
 import os
 import re
-import tempfile
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.spatial.transform import Rotation
 
 from s2rstore.errors import RequestError
 from s2rtools.common.input_issue import InputIssue
@@ -19,20 +21,14 @@ from s2rtools.common.tables.numeric_rows import (
 )
 from s2rtools.datasets.recording import trajectory_name
 from s2rtools.datasets.recordings.recorded_files import NumberedFiles
-from s2rtools.datasets.recordings.recorded_poses import poses_at, poses_near
+from s2rtools.datasets.recordings.recorded_poses import (
+    nearest_times,
+    poses_at,
+    poses_from_quaternions,
+    poses_near,
+    usable_poses,
+)
 from tests.datasets.layouts.recordings import drive
-
-
-@given(st.lists(st.tuples(*[st.floats(allow_nan=False)] * 3), min_size=1, max_size=20))
-def test_numbers_are_read_exactly(rows):
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "rows.txt"
-        path.write_text("\n".join(" ".join(map(repr, row)) for row in rows))
-        issues: list[InputIssue] = []
-        found = read_numbers(path, "rows.txt", 3, issues)
-        np.testing.assert_array_equal(found.values, np.array(rows))
-        assert found.place(len(rows) - 1) == f"rows.txt:{len(rows)}"
-        assert issues == []
 
 
 @given(st.lists(st.one_of(st.floats(), st.sampled_from([0.0, 1.0, 2.0])), max_size=20))
@@ -47,16 +43,6 @@ def test_times_are_sorted_and_each_row_is_kept_or_reported(times):
     assert len(order) + len(left_out) == len(times)
     first = {time: row for row, time in reversed(list(enumerate(times)))}
     assert all(first[rows.values[row, 0]] == row for row in order.tolist())
-
-
-def test_bad_rows_are_kept_as_nan_on_request(tmp_path):
-    path = tmp_path / "rows.txt"
-    path.write_text("# comment\n1 2\n\n3 x\n5 6\n")
-    issues: list[InputIssue] = []
-    found = read_numbers(path, "rows.txt", 2, issues, keep_bad=True)
-    np.testing.assert_array_equal(found.values, [[1, 2], [np.nan, np.nan], [5, 6]])
-    assert [issue.file for issue in issues] == ["rows.txt:4"]
-    assert len(read_numbers(path, "rows.txt", 2, []).values) == 2
 
 
 def test_names_may_contain_spaces_and_lines_may_end_as_on_windows(tmp_path):
@@ -110,3 +96,44 @@ def test_poses_are_held_only_as_long_as_asked():
     times = np.array([-0.04, -0.01, 0.0, 0.1, 0.14])
     held = poses_at(times, known, np.array(drive(known)), 0.1, max_hold=0.02)
     assert np.isfinite(held).all(axis=(1, 2)).tolist() == [False, True, True, True, False]
+
+
+def turning(times: np.ndarray) -> np.ndarray:
+    """A drive at 2 m/s along x that turns by 0.3 rad/s about z."""
+    poses = np.tile(np.eye(4), (len(times), 1, 1))
+    poses[:, :3, :3] = Rotation.from_rotvec(np.outer(0.3 * times, [0, 0, 1])).as_matrix()
+    poses[:, 0, 3] = 2 * times
+    return poses
+
+
+def test_no_pose_is_made_up_across_a_gap_or_far_outside():
+    known = np.array([0.0, 0.1, 5.0])
+    found = poses_at(np.array([-0.05, -0.2, 2.0, 5.0, 5.3]), known, turning(known), 0.2)
+    assert np.isfinite(found).all(axis=(1, 2)).tolist() == [True, False, False, True, False]
+
+
+def test_without_known_poses_there_are_none():
+    assert np.isnan(poses_at(np.zeros(2), np.zeros(0), np.zeros((0, 4, 4)), 1.0)).all()
+    assert nearest_times(np.zeros(2), np.zeros(0), 1.0).tolist() == [-1, -1]
+
+
+@given(
+    arrays(np.float64, st.integers(1, 20), elements=st.floats(0, 10), unique=True),
+    arrays(np.float64, st.integers(1, 20), elements=st.floats(-1, 11)),
+    st.floats(0, 2),
+)
+def test_nearest_times_equal_a_full_search(known, times, tolerance):
+    known = np.sort(known)
+    found = nearest_times(times, known, tolerance)
+    distances = np.abs(times[:, None] - known)
+    for row, distance in zip(found, distances, strict=True):
+        assert (row == -1) == (distance.min() > tolerance)
+        if row >= 0:
+            assert distance[row] == distance.min()
+
+
+@given(arrays(np.float64, (3, 4), elements=st.floats(-1, 1)))
+def test_quaternions_that_are_not_of_length_one_are_unusable(quaternions):
+    poses = poses_from_quaternions(np.zeros((3, 3)), quaternions)
+    proper = np.abs(np.linalg.norm(quaternions, axis=1) - 1) <= 1e-2
+    assert (usable_poses(poses) == proper).all()

@@ -1,0 +1,1 @@
+"""Parts for s2rtui: one module for each kind."""
