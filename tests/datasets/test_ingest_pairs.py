@@ -272,7 +272,7 @@ def test_unusable_images_are_reported_and_left_out(tmp_path, capsys):
     ("arguments", "words"),
     [
         (("--sim", "nothing"), "give LAYOUT:PATH"),
-        (("--sim", "else:x"), "layout 'else': unknown"),
+        (("--sim", "else:x"), "layout 'else': one of"),
         (("--tolerance", "3"), "--tolerance 3"),
         (("--align",), "--match time or --match name"),
         (("--sim-floor", "down=z"), "one of up, ground"),

@@ -78,7 +78,7 @@ def test_a_recording_is_appended_to_pairs_in_the_world_of_the_store(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("nowhere:x", "--side", "sim"), "layout 'nowhere': unknown"),
+        (("nowhere:x", "--side", "sim"), "layout 'nowhere': one of"),
         (("test:", "--side", "sim"), "test:: give LAYOUT:PATH"),
         (("test:x", "--side", "sim", "--append"), "no such store to append to"),
     ],

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from s2rstore.errors import RequestError
-from s2rtools.translation import METHODS, feature_network, find_method, fit_loop, network_translator
+from s2rtools.translation import METHODS, feature_network, fit_loop, network_translator
 from s2rtools.translation.adversarial_training import AdversarialLearner, ImagePool, luminance_loss
 from s2rtools.translation.method import FitResult, FitSettings
 from s2rtools.translation.translator_file import StoredTranslator, decode, encode
@@ -32,13 +32,13 @@ def few_feature_steps(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @cache
 def tiny_fit(name: str) -> FitResult:
-    return find_method(name).fit(*unpaired(), tiny_settings(name))
+    return METHODS.find(name).fit(*unpaired(), tiny_settings(name))
 
 
 def test_an_untrained_generator_returns_its_input():
     images = counterparts(4)[0]
     settings = replace(tiny_settings("cyclegan"), steps=0)
-    translator = find_method("cyclegan").fit(*unpaired(), settings).translator
+    translator = METHODS.find("cyclegan").fit(*unpaired(), settings).translator
     np.testing.assert_array_equal(translator.translate(images), images)
 
 
@@ -55,8 +55,8 @@ def test_a_continued_fit_equals_an_uninterrupted_one(name, tmp_path):
 
     settings = replace(tiny_settings(name), checkpoint=checkpoint)
     with pytest.raises(KeyboardInterrupt):
-        find_method(name).fit(*unpaired(), replace(settings, report=interrupt))
-    continued = find_method(name).fit(*unpaired(), settings)
+        METHODS.find(name).fit(*unpaired(), replace(settings, report=interrupt))
+    continued = METHODS.find(name).fit(*unpaired(), settings)
     uninterrupted = tiny_fit(name)
     assert continued.history == uninterrupted.history
     for key, value in uninterrupted.translator.tensors().items():
@@ -81,9 +81,9 @@ def test_a_fit_continues_after_an_interrupt_inside_a_step(
     with monkeypatch.context() as patch:
         patch.setattr(AdversarialLearner, "update", interrupted)
         with pytest.raises(KeyboardInterrupt):
-            find_method("cut").fit(*unpaired(), settings)
+            METHODS.find("cut").fit(*unpaired(), settings)
     assert updates == ["generators", "discriminators"] * 2
-    continued = find_method("cut").fit(*unpaired(), settings).translator.tensors()
+    continued = METHODS.find("cut").fit(*unpaired(), settings).translator.tensors()
     for key, value in tiny_fit("cut").translator.tensors().items():
         np.testing.assert_array_equal(continued[key], value)
 
@@ -91,13 +91,13 @@ def test_a_fit_continues_after_an_interrupt_inside_a_step(
 def test_the_checkpoint_of_another_fit_is_refused_and_kept(tmp_path):
     settings = replace(tiny_settings("cut"), checkpoint=tmp_path / "fit.safetensors")
     other = replace(settings, seed=settings.seed + 1)
-    find_method("cut").fit(*unpaired(), other)
+    METHODS.find("cut").fit(*unpaired(), other)
     before = settings.checkpoint.read_bytes()
     with pytest.raises(RequestError, match=r"checkpoint of another fit \(other seed\)"):
-        find_method("cut").fit(*unpaired(), settings)
+        METHODS.find("cut").fit(*unpaired(), settings)
     options = {**settings.options, "rate": "0.001"}
     with pytest.raises(RequestError, match="learning_rate"):
-        find_method("cut").fit(*unpaired(), replace(other, options=options))
+        METHODS.find("cut").fit(*unpaired(), replace(other, options=options))
     assert settings.checkpoint.read_bytes() == before
 
 
@@ -142,7 +142,7 @@ def test_edges_of_larger_images_stay_sharp():
 def test_constant_and_single_images_can_be_fitted(name):
     constant = image_set(np.full((1, 16, 24, 3), 90, dtype=np.uint8))
     other = image_set(counterparts(1)[1][:, :16, :24])
-    translated = find_method(name).fit(constant, other, tiny_settings(name, 2)).translator
+    translated = METHODS.find(name).fit(constant, other, tiny_settings(name, 2)).translator
     assert translated.translate(constant.images).shape == constant.images.shape
 
 
@@ -212,7 +212,7 @@ def test_networks_larger_than_their_tensors_are_not_built(name, network, monkeyp
 
 
 def test_working_sizes_that_need_too_much_memory_are_refused():
-    wide = find_method("cut").fit(*unpaired(), FitSettings(steps=0, options={"channels": "33"}))
+    wide = METHODS.find("cut").fit(*unpaired(), FitSettings(steps=0, options={"channels": "33"}))
     network = wide.translator.settings()["network"]
     decode(altered(wide.translator, {"size": [8, 1000], "network": network}), "file")
     with pytest.raises(RequestError, match="at most 1008 pixels"):
@@ -222,7 +222,7 @@ def test_working_sizes_that_need_too_much_memory_are_refused():
 def test_a_fit_that_needs_too_much_memory_is_refused():
     large = image_set(np.zeros((1, 8, 1024, 3), dtype=np.uint8))
     with pytest.raises(RequestError, match="fit at a smaller size"):
-        find_method("cut").fit(large, large, FitSettings(steps=0, options={"channels": "33"}))
+        METHODS.find("cut").fit(large, large, FitSettings(steps=0, options={"channels": "33"}))
 
 
 def test_small_images_are_not_enlarged():
@@ -237,10 +237,10 @@ def test_sizes_and_pairs_that_do_not_match_are_refused():
     first, second = unpaired()
     small = image_set(second.images[:, :16])
     with pytest.raises(RequestError, match="same size"):
-        find_method("cut").fit(first, small, tiny_settings("cut"))
+        METHODS.find("cut").fit(first, small, tiny_settings("cut"))
     fewer = image_set(second.images[:5])
     with pytest.raises(RequestError, match="not pairs"):
-        find_method("mkl+residual").fit(
+        METHODS.find("mkl+residual").fit(
             first, fewer, replace(tiny_settings("mkl+residual"), paired=True)
         )
 
@@ -279,7 +279,7 @@ SMALL = {"channels": "8", "blocks": "2", "batch": "2"}
 )
 def test_adversarial_methods_come_closer_to_the_true_counterpart(name, steps, rate, share):
     settings = FitSettings(seed=0, steps=steps, options={**SMALL, "rate": rate})
-    translator = find_method(name).fit(*unpaired(), settings).translator
+    translator = METHODS.find(name).fit(*unpaired(), settings).translator
     first, second = counterparts()
     assert difference(translator.translate(first), second) < share * difference(first, second)
 

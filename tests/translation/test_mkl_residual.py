@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from s2rtools.translation import find_method
+from s2rtools.translation import METHODS
 from s2rtools.translation.method import FitSettings
 from s2rtools.translation.residual import held_out_rows, patch_distance
 from tests.translation.palette_world import counterparts, difference, image_set, painted, shapes
@@ -19,9 +19,9 @@ def test_paired_it_beats_the_linear_map_on_a_map_that_is_not_linear():
     images = painted(shapes(1, 60), "first", 1)
     source, target = image_set(images), image_set(curved(images))
     settings = FitSettings(steps=120, paired=True, options=SIZE)
-    result = find_method("mkl+residual").fit(source, target, settings)
+    result = METHODS.find("mkl+residual").fit(source, target, settings)
     unseen = counterparts()[0]
-    linear = find_method("mkl").fit(source, target, FitSettings()).translator
+    linear = METHODS.find("mkl").fit(source, target, FitSettings()).translator
     wanted = curved(unseen)
     reached = difference(result.translator.translate(unseen), wanted)
     assert reached < 0.7 * difference(linear.translate(unseen), wanted)
@@ -32,9 +32,9 @@ def test_it_falls_back_to_the_linear_map_where_the_network_does_not_help():
     images = painted(shapes(1, 40), "first", 1)
     source, target = image_set(images), image_set(255 - images // 2)
     settings = FitSettings(steps=0, options=SIZE)
-    result = find_method("mkl+residual").fit(source, target, settings)
+    result = METHODS.find("mkl+residual").fit(source, target, settings)
     train = image_set(images[:34]), image_set(target.images[:34])
-    linear = find_method("mkl").fit(*train, FitSettings()).translator
+    linear = METHODS.find("mkl").fit(*train, FitSettings()).translator
     assert result.facts["fallback"]
     assert difference(result.translator.translate(images), linear.translate(images)) < 0.01
 
@@ -43,10 +43,10 @@ def test_with_a_share_edges_of_larger_images_have_the_contrast_of_the_linear_map
     images = painted(shapes(1, 7), "first", 1)
     source, target = image_set(images), image_set(images // 3)
     translator = (
-        find_method("mkl+residual").fit(source, target, FitSettings(steps=0, options=SIZE))
+        METHODS.find("mkl+residual").fit(source, target, FitSettings(steps=0, options=SIZE))
     ).translator
     translator.network.get_buffer("share").fill_(1.0)
-    linear = find_method("mkl").fit(source, target, FitSettings()).translator
+    linear = METHODS.find("mkl").fit(source, target, FitSettings()).translator
     large = images[:2].repeat(2, axis=1).repeat(2, axis=2)
     changed = translator.translate(large).astype(int)
     assert np.abs(changed - linear.translate(large)).max() <= 1
@@ -55,7 +55,7 @@ def test_with_a_share_edges_of_larger_images_have_the_contrast_of_the_linear_map
 def test_the_change_is_bounded():
     source, target = image_set(painted(shapes(1, 40), "first", 1)), image_set(counterparts(40)[1])
     settings = FitSettings(steps=20, options=SIZE | {"bound": "0.1"})
-    translator = find_method("mkl+residual").fit(source, target, settings).translator
+    translator = METHODS.find("mkl+residual").fit(source, target, settings).translator
     share = translator.network.get_buffer("share")
     images = counterparts(4)[0]
     share.fill_(1.0)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rtools.translation import METHODS, find_method
+from s2rtools.translation import METHODS
 from s2rtools.translation.colour_maps import HistogramTranslator
 from s2rtools.translation.colour_statistics import from_lab, moments, to_lab, transport
 from s2rtools.translation.method import FitSettings, blend
@@ -27,7 +27,7 @@ def smooth_images(seed: int, count: int = 12, size: int = 32) -> NDArray[np.uint
 
 
 def fit(name: str, source: NDArray[np.uint8], target: NDArray[np.uint8], **options: str):
-    method = find_method(name)
+    method = METHODS.find(name)
     return method.fit(image_set(source), image_set(target), FitSettings(options=options)).translator
 
 
@@ -143,7 +143,7 @@ def test_empty_image_sets_and_unknown_options_are_refused(name):
 
 def test_unknown_methods_name_the_known_ones():
     with pytest.raises(RequestError, match="mkl"):
-        find_method("vangogh")
+        METHODS.find("vangogh")
 
 
 @given(st.floats(0, 1), st.integers(0, 99))

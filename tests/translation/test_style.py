@@ -5,7 +5,7 @@ import torch
 from safetensors.torch import save_file
 
 from s2rstore.errors import RequestError
-from s2rtools.translation import feature_network, find_method
+from s2rtools.translation import METHODS, feature_network
 from s2rtools.translation.feature_network import FeatureNetwork, read_vgg19
 from s2rtools.translation.method import FitSettings
 from s2rtools.translation.network_translator import to_tensor
@@ -44,7 +44,7 @@ def test_gram_matrices_are_mean_products_of_channels():
 
 def test_style_lowers_its_loss_on_the_gram_matrices():
     settings = FitSettings(options={"iterations": "30"})
-    translator = find_method("style").fit(*unpaired(), settings).translator
+    translator = METHODS.find("style").fit(*unpaired(), settings).translator
     losses, images = translator.network.losses, counterparts(3)[0]
     assert style_loss(losses, translator.translate(images)) < 0.7 * style_loss(losses, images)
 
@@ -52,21 +52,21 @@ def test_style_lowers_its_loss_on_the_gram_matrices():
 def test_the_style_network_lowers_the_loss_on_the_gram_matrices():
     source, target = unpaired()
     settings = FitSettings(steps=80, options={"channels": "8", "blocks": "1"})
-    translator = find_method("style-network").fit(source, target, settings).translator
-    style = find_method("style").fit(source, target, FitSettings()).translator
+    translator = METHODS.find("style-network").fit(source, target, settings).translator
+    style = METHODS.find("style").fit(source, target, FitSettings()).translator
     losses, images = style.network.losses, counterparts(6)[0]
     assert style_loss(losses, translator.translate(images)) < 0.7 * style_loss(losses, images)
 
 
 def test_the_facts_say_which_features_were_used(tmp_path, vgg19_state):
-    small = find_method("style").fit(*unpaired(), FitSettings(options={"iterations": "1"}))
+    small = METHODS.find("style").fit(*unpaired(), FitSettings(options={"iterations": "1"}))
     assert "trained on rotation and domain" in small.facts["features"]
     assert 0 <= small.facts["features_rotation_accuracy"] <= 1
     file = tmp_path / "vgg19.safetensors"
     save_file(vgg19_state, file)
     images = image_set(counterparts(2)[0])
     options = {"features": str(file), "iterations": "1"}
-    named = find_method("style").fit(images, images, FitSettings(options=options))
+    named = METHODS.find("style").fit(images, images, FitSettings(options=options))
     assert named.facts["features"] == "VGG-19"
     assert len(named.facts["features_sha256"]) == 64
     assert named.translator.settings()["network"]["layout"] == "vgg19"

@@ -6,7 +6,7 @@ import pytest
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
-from s2rtools.translation import fit_split
+from s2rtools.translation import METHODS, fit_split
 from s2rtools.translation.colour_maps import MKL
 from s2rtools.translation.image_set import ImageSet
 from s2rtools.translation.method import FitResult, FitSettings, Options, TranslationMethod
@@ -34,7 +34,7 @@ def used(monkeypatch: pytest.MonkeyPatch) -> list[ImageSet]:
         return MKL.compute(source, target, settings, {"statistics": "domain"})
 
     method = TranslationMethod("mkl", "", MKL.translator, fit)
-    monkeypatch.setattr(fitting, "find_method", lambda name: method)
+    monkeypatch.setitem(METHODS, "mkl", method)
     return sets
 
 
