@@ -77,6 +77,7 @@ async def test_no_key_ends_the_application(images):
             if action.name in left_out or action.when in ("brushing", "adjust", "list"):
                 continue
             await pilot.press("c", "3")
+            await settle(app, pilot)
             await press(app, pilot, action.keys[0])
             messages[action.name] = app.session.state.message
             await pilot.press("escape", "escape")
