@@ -114,8 +114,9 @@ def test_the_mean_of_skewed_units_is_covered() -> None:
         found = intervals.of_units(float(values.mean()), left_out)
         hits += found.low <= np.exp(0.9**2 / 2) <= found.high
     assert hits / REPEATS >= 0.9
-    equal = intervals.of_units(2.0, np.full(units, 2.0), unit="drives")
-    assert equal.reason == f"all {units} drives give the same value"
+    for others in (2.0, 0.0):
+        equal = intervals.of_units(2.0, np.full(units, others), unit="drives")
+        assert equal.reason == f"all {units} drives give the same value"
 
 
 numbers = st.floats(-1e6, 1e6).map(lambda x: round(x, 6) + 0.0)

@@ -37,7 +37,7 @@ def of_units(
         return Interval.unknown(value, f"{unit}: {count}, an interval needs {MIN_UNITS}")
     if not np.isfinite(known).all():
         return Interval.unknown(value, f"a single one of {count} {unit} determines it")
-    if not known.any():
+    if value == 0 and not known.any():
         return Interval(0.0, 0.0, 0.0, level, sample=Sample(count, count, count))
     if known.min() == known.max():
         return Interval.unknown(value, f"all {count} {unit} give the same value")

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 EXAMPLE = "s2r render lab.s2r --renderer 'python my_sim.py' --grid 0.5,8"
 SIDE: Literal["sim"] = "sim"
 """Side and domain of rendered frames in a store."""
-_TIMEOUT = 120.0
+WORKERS = 1
+TIMEOUT = 120.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -62,11 +63,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_processes(group: argparse._ArgumentGroup) -> None:
     """Add the options of the renderer's processes."""
-    group.add_argument("--workers", type=int, default=1, metavar="K",
+    group.add_argument("--workers", type=int, default=WORKERS, metavar="K",
                        help="processes of the renderer (default 1)")  # fmt: skip
-    group.add_argument("--timeout", type=float, default=_TIMEOUT, metavar="SECONDS",
+    group.add_argument("--timeout", type=float, default=TIMEOUT, metavar="SECONDS",
                        help="time that the renderer has for each answer, its start included "
-                       f"(default {_TIMEOUT:g})")  # fmt: skip
+                       f"(default {TIMEOUT:g})")  # fmt: skip
 
 
 def _grid(text: str) -> tuple[float, int]:

@@ -18,7 +18,7 @@ from s2rstore.security.printable_text import printable
 from s2rstore.suggestions import Answer, SuggestReport, bounds_text, read_report
 from s2rtools.common.command_line import output, store_argument
 from s2rtools.common.command_line.progress import reporter
-from s2rtools.simulated_frames.command import add_processes
+from s2rtools.simulated_frames.command import TIMEOUT, WORKERS, add_processes
 
 if TYPE_CHECKING:
     from s2rtools.suggestions.renderer_search import FittedValue, RendererReport
@@ -82,6 +82,9 @@ def execute(
     if options.renderer is not None:
         return _execute_renderer(options)
     _refuse(options, ("out",), "only with --renderer")
+    for name, default in (("workers", WORKERS), ("timeout", TIMEOUT)):
+        if getattr(options, name) != default:
+            raise RequestError(f"--{name}: only with --renderer")
     from s2rtools.suggestions.stored_reports import apply_answer, save_report
     from s2rtools.suggestions.suggest import suggest
 

@@ -42,9 +42,10 @@ class SplitPart:
     def share_of_decrease(
         self, before: NDArray[np.float64], after: NDArray[np.float64], compared: int = 1
     ) -> Interval:
-        """The decrease of the mean of costs (n,) as a share of it, for `compared` at once.
+        """By which share of its mean a cost falls from `before` (n,) to `after` (n,).
 
-        The interval is that of a ratio of means, by its linear terms. Of no cost it is unknown.
+        The interval is that of a ratio of means, by its linear terms; its level holds for
+        `compared` shares at once. It is unknown where the cost before is 0.
         """
         mean = float(before.mean())
         if mean == 0:
