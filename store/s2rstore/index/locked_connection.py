@@ -185,7 +185,9 @@ def attach_new(
     """
     plain = plain_paths.plain_path(path.parent, path.name)
     plain_paths.make_parent(plain)
-    attach = f"ATTACH '{escaped(str(plain))}' AS {name} (STORAGE_VERSION '{schema.STORAGE_VERSION}')"
+    attach = (
+        f"ATTACH '{escaped(str(plain))}' AS {name} (STORAGE_VERSION '{schema.STORAGE_VERSION}')"
+    )
 
     def made() -> bytes:
         for statement in (attach, f"USE {name}"):
