@@ -4,6 +4,7 @@ import dataclasses
 import json
 
 import numpy as np
+import pytest
 import torch
 
 from s2rstore.intervals import Interval
@@ -29,6 +30,7 @@ def test_the_network_is_rejected_if_only_noise_remains(identified):
     assert "does not help" in residual.sentence
 
 
+@pytest.mark.deep
 def test_the_network_is_accepted_for_a_structural_mismatch(tmp_path):
     drives = make_drives(tmp_path, 11, {"latency": 0.8, "wheels": 1.0}, Recording(16, 9.5))
     result = identify(drives, dataclasses.replace(QUICK, held_out=6), SilentReporter())
