@@ -70,7 +70,7 @@ def instance_input(
         heats = {side: _heat(store, run, side, iid, heat) for side in SIDES}
     except NotComputedError as error:
         heats, missing = dict.fromkeys(SIDES), (("heat", str(error)),)
-        if not all(store.is_imaged(iid, shown.domain(side)) for side in SIDES):
+        if not all(store.is_imaged(shown.domain(side), iid) for side in SIDES):
             missing = (("heat", f"needs images in {shown.sim_domain} and {shown.real_domain}"),)
     harm = _harm_note(heat, heats["real"], float(store.run_columns(run).real.error[iid]))
     return InstanceInput(

@@ -151,10 +151,10 @@ def test_instances_that_are_added_later_may_lack_a_further_sim_domain(whole, tmp
         assert opened.imaged_ranges("sim", "real") == [range(4), range(4, 9), range(9, 9 + N)]
         assert opened.imaged_ranges(EDIT, "real") == [range(4), range(9, 9 + N)]
         assert opened.imaged(EDIT).tolist() == [True] * 4 + [False] * 5 + [True] * N
-        assert opened.frame(4, "sim").rgb.any()
-        assert opened.frame(9, EDIT).rgb.any()
+        assert opened.frame("sim", 4).rgb.any()
+        assert opened.frame(EDIT, 9).rgb.any()
         with pytest.raises(RequestError, match=r"sim_edit has no images of trajectory a \(domains"):
-            opened.frame(4, EDIT)
+            opened.frame(EDIT, 4)
     shutil.rmtree(store / "frames.zarr" / "sim" / "a@1" / "depth")
     assert any("sim/a@1/depth" in damage.where for damage in verify(store))
 

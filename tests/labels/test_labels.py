@@ -26,7 +26,7 @@ RUN = "vanilla"
 
 def restored_error(store: Store, iid: int, pixels: np.ndarray) -> float:
     """Position error on a real image that shows the simulated one at some pixels (H, W)."""
-    sim, real = store.frame(iid, "sim"), store.frame(iid, "real")
+    sim, real = store.frame("sim", iid), store.frame("real", iid)
     rgb, depth = real.rgb.copy(), real.depth.copy()
     rgb[pixels], depth[pixels] = sim.rgb[pixels], sim.depth[pixels]
     model, domain = load_model(store, RUN), store.domain("real")
