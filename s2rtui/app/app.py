@@ -55,7 +55,7 @@ from s2rtui.terminal.textual_compat import call_after
 
 _FIRST_DRAWING_SECONDS = 0.5
 """Loading starts after the first drawing, at the latest after this time."""
-_COLOUR_TOLERANCE = {"map": 12, "instance": 12}
+_COLOUR_TOLERANCE = {"map": 12, "instance": 12, "sheet": 12}
 
 
 class S2RApp(GuardedApp):
