@@ -30,6 +30,7 @@ NAMES = (
     "list",
     "compare",
     "history",
+    "health",
     "findings",
     "suggestions",
     "adjust",
