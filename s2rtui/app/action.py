@@ -21,11 +21,13 @@ if TYPE_CHECKING:
 Group = Literal["select", "brush", "move", "heat", "map", "adjust", "review", "views", "program"]
 When = Literal[
     "always", "begun", "still", "plain", "brushing", "list", "adjust", "rooms", "not rooms",
-    "findings", "suggestions", "objects", "table", "instance", "sheet", "not sheet", "elsewhere",
+    "findings", "suggestions", "choices", "table", "instance", "sheet", "not sheet", "elsewhere",
 ]  # fmt: skip
 
 GROUPS: dict[Group, str] = {group: group.capitalize() for group in get_args(Group)}
 
+_CHOICES = ("objects", "health")
+"""Views whose rows stand for selections."""
 _TABLES = ("rooms", "compare")
 """Views whose tables are scrolled."""
 _OF_RUNS = ("alike", "other_run", "map_mode", "map_value", "clip")
@@ -104,11 +106,11 @@ class Action:
             "not rooms": state.view != "rooms",
             "findings": not brushing and state.view == "findings",
             "suggestions": not brushing and state.view == "suggestions",
-            "objects": not brushing and state.view == "objects",
+            "choices": not brushing and state.view in _CHOICES,
             "table": not brushing and state.view in _TABLES,
             "elsewhere": not brushing
             and state.view
-            not in ("list", "sheet", "adjust", "findings", "suggestions", "objects", *_TABLES),
+            not in ("list", "sheet", "adjust", "findings", "suggestions", *_CHOICES, *_TABLES),
         }[self.when]
 
 

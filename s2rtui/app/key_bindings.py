@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
 
 _OF_ONE_VIEW: tuple[When, ...] = (
-    "list", "adjust", "rooms", "findings", "suggestions", "objects", "table", "instance", "sheet",
+    "list", "adjust", "rooms", "findings", "suggestions", "choices", "table", "instance", "sheet",
 )  # fmt: skip
 """Situations in which one view is active."""
 _PAGE, _ALL_ROWS = 10, 1 << 30
@@ -325,12 +325,12 @@ ACTIONS: tuple[Action, ...] = (
     Action("apply_answer", "enter", "review",
            "apply the answer: adjust real images live; copy the command for the simulator",
            None, "apply", when="suggestions", command=lambda app: app.adjust.apply_answer()),
-    Action("next_object", "down", "move", "next class of objects", when="objects",
-           command=lambda app: app.navigation.choose_object(1)),
-    Action("previous_object", "up", "move", "previous class of objects", when="objects",
-           command=lambda app: app.navigation.choose_object(-1)),
-    Action("select_object", "enter", "select", "objects view: select the images of the class",
-           None, "select", when="objects", command=lambda app: app.navigation.select_object()),
+    Action("next_choice", "down", "move", "next class of objects or fault", when="choices",
+           command=lambda app: app.navigation.choose_row(1)),
+    Action("previous_choice", "up", "move", "previous class of objects or fault", when="choices",
+           command=lambda app: app.navigation.choose_row(-1)),
+    Action("select_choice", "enter", "select", "objects and health: select the images of the row",
+           None, "select", when="choices", command=lambda app: app.navigation.select_choice()),
     Action("other_run", "k", "review", "compare with the next run",
            _do(view_settings.change_other)),
     Action("note", "e", "review", "write a note on this instance",

@@ -31,6 +31,7 @@ NAMES = (
     "sheet",
     "compare",
     "history",
+    "health",
     "findings",
     "suggestions",
     "adjust",

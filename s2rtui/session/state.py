@@ -235,7 +235,7 @@ class State:
     group_descending: bool = True
     finding: int = 0
     suggestion: int = 0
-    label: str = ""
+    row: str = ""
     viewports: tuple[tuple[str, Bounds], ...] = ()
     first_rows: tuple[tuple[str, int], ...] = ()
     fills_screen: bool = False

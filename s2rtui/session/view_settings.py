@@ -196,9 +196,9 @@ def _with_viewport(state: State, plane: ZoomPlane, view: Bounds | None) -> State
     return state.updated(viewports=tuple(viewports.items()), message=message)
 
 
-def choose_label(context: SessionContext, state: State, label: str) -> State:
-    """Choose a class of the objects view."""
-    return state.updated(label=label)
+def choose_row(context: SessionContext, state: State, row: str) -> State:
+    """Choose a row, by its name, of a view whose rows stand for selections."""
+    return state.updated(row=row)
 
 
 def scroll_table(

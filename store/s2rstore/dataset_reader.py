@@ -18,6 +18,7 @@ from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.errors import DamagedStoreError, RequestError
 from s2rstore.files import layout
 from s2rstore.files.store_files import StoreFiles
+from s2rstore.image_faults import FAULTS
 from s2rstore.index import column_loader, schema
 from s2rstore.index.catalog import IndexCatalog
 from s2rstore.index.columns import InstanceColumns
@@ -251,6 +252,23 @@ class DatasetReader(IndexCatalog):
                 check_metadata(array, (*shape, 3) if image == "rgb" else shape, types, expected)
                 self._arrays[relative] = array
             return self._arrays[relative]
+
+    @property
+    def checked_domains(self) -> dict[str, int]:
+        """The domains whose images `s2r check` has checked, with the number of instances then."""
+        facts = self.provenance(schema.HEALTH)
+        return {name: int(facts[name]) for name in self.domains if facts.get(name, "").isdecimal()}
+
+    def faults(self, domain: str) -> dict[str, NDArray[np.bool_]]:
+        """(N,) the images of a domain with each of `FAULTS`, those that `s2r check` found."""
+        query = "SELECT DISTINCT fault FROM frame_fault WHERE domain = ?"
+        present = {name for (name,) in self.execute(query, [domain])}
+        query = "SELECT iid, 1 AS value FROM frame_fault WHERE domain = ? AND fault = ?"
+        return {
+            name: self._column_loader.column(query, [domain, name], 0).astype(np.bool_)
+            for name in FAULTS
+            if name in present
+        }
 
     @property
     def label_keys(self) -> dict[str, str]:

@@ -85,7 +85,7 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "group_descending": lambda _, state: not state.group_descending,
     "finding": lambda _, state: state.finding + 1,
     "suggestion": lambda _, state: state.suggestion + 1,
-    "label": lambda _, state: "chair",
+    "row": lambda _, state: "chair",
     "history": lambda _, state: HistoryFile(Path("gap.jsonl"), (1, 2, 3)),
     "message": lambda _, state: "something",
     "is_error": lambda _, state: True,
@@ -132,7 +132,7 @@ NEVER_DRAWN = {
 
 IN_SCENE = {
     "sliding": ("adjust", "map", "instance"), "findings": ("findings",),
-    "suggestions": ("suggestions",), "objects": ("objects",),
+    "suggestions": ("suggestions",), "objects": ("objects",), "health": ("health",),
 }  # fmt: skip
 """Views that differ from those of the plain scene; of the other scenes all views are compared."""
 
@@ -177,6 +177,7 @@ def scenes(session: Session) -> dict[str, Scene]:
         "findings": replace(plain, state=replace(state, view="findings")),
         "suggestions": replace(plain, state=replace(state, view="suggestions")),
         "objects": replace(plain, state=replace(state, view="objects")),
+        "health": replace(plain, state=replace(state, view="health")),
         "trained": replace(
             plain, state=replace(state, with_trained=True, trained=state.base & (rank % 2 > 0))
         ),

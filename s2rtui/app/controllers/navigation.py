@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from s2rtui.app.key_bindings import BY_NAME as ACTIONS
 from s2rtui.app.screens.jump import JumpScreen, JumpTarget
 from s2rtui.charts.findings import chosen_finding
-from s2rtui.charts.objects import VIEW as OBJECTS
-from s2rtui.charts.objects import expression_of
 from s2rtui.charts.registry import BY_NAME, VIEWS
-from s2rtui.charts.view import View
+from s2rtui.charts.view import StatisticsView, View
 from s2rtui.session import findings, instance_list, view_settings
 from s2rtui.session.view_settings import ZoomPlane
 
@@ -143,24 +142,30 @@ class NavigationController:
             if not state.message:
                 session.show_message(f"selected {state.expression}: {state.count_text}")
 
-    def choose_object(self, steps: int) -> None:
-        """Choose the class some rows below the present one in the objects view."""
-        labels, row = OBJECTS.labels(self._app.updater.scene)
-        if labels:
-            label = labels[(row + steps) % len(labels)]
-            self._app.session.dispatch(view_settings.choose_label, label)
+    def choose_row(self, steps: int) -> None:
+        """Choose the row some rows below the present one in a view whose rows are selections."""
+        choices, place = self._choices()
+        if choices:
+            name, _ = choices[(place + steps) % len(choices)]
+            self._app.session.dispatch(view_settings.choose_row, name)
 
-    def select_object(self) -> None:
-        """Select the instances with images of the chosen class of the objects view."""
+    def select_choice(self) -> None:
+        """Select the instances that the chosen row of the active view stands for."""
         session = self._app.session
-        labels, row = OBJECTS.labels(self._app.updater.scene)
-        if not labels:
-            session.show_message("there is no object to select")
+        choices, place = self._choices()
+        if not choices:
+            session.show_message("there is no row to select")
             return
-        session.dispatch(view_settings.choose_label, labels[row])
-        state = session.select(expression_of(labels[row]))
+        name, expression = choices[place]
+        session.dispatch(view_settings.choose_row, name)
+        state = session.select(expression)
         if not state.message:
             session.show_message(f"selected {state.expression}: {state.count_text}")
+
+    def _choices(self) -> tuple[Sequence[tuple[str, str]], int]:
+        scene = self._app.updater.scene
+        view = BY_NAME[scene.state.view]
+        return view.chosen(scene) if isinstance(view, StatisticsView) else ((), 0)
 
     def jump(self) -> None:
         """Put a letter on every view and part of the status line; the letter goes there."""
