@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -24,6 +24,7 @@ from s2rtui.drawing.figures import NUMBERS, Figures, figure_rows, figure_table
 from s2rtui.drawing.plot import Plot
 from s2rtui.drawing.scale import Floats
 from s2rtui.drawing.table import TableSpec
+from s2rtui.session import view_settings
 from s2rtui.session.session import Session
 from s2rtui.session.state import State
 from s2rtui.session.view_settings import ZoomPlane
@@ -261,6 +262,17 @@ class StatisticsView(View):
         """Lines below the table."""
         return ()
 
+    def choices(self, model: Any) -> Sequence[tuple[str, str]]:
+        """Names of the rows, where each stands for a selection, and their expressions."""
+        return ()
+
+    def chosen(self, scene: Scene) -> tuple[Sequence[tuple[str, str]], int]:
+        """The `choices` of a scene, and the place of the chosen one."""
+        model = self.input(scene)
+        choices = () if model is None or isinstance(model, str) else self.choices(model)
+        places = [place for place, (name, _) in enumerate(choices) if name == scene.state.row]
+        return choices, next(iter(places), 0)
+
     def missing(self, scene: Scene) -> tuple[str, ...]:
         model = self.input(scene)
         if isinstance(model, str):
@@ -270,7 +282,20 @@ class StatisticsView(View):
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         model = self.input(scene)
-        return Drawing(self.plots(model), self.table(model), self.notes(model))
+        table = replace(self.table(model), chosen=self._highlighted(scene))
+        return Drawing(self.plots(model), table, self.notes(model))
+
+    def _highlighted(self, scene: Scene) -> int | None:
+        """The place of the chosen row in the active view; None for no row."""
+        choices, place = self.chosen(scene)
+        return place if choices and scene.state.view == self.name else None
+
+    def click(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> None:
+        (choices, _), row = self.chosen(scene), round(point[1])
+        if 0 <= row < len(choices):
+            name, expression = choices[row]
+            session.dispatch(view_settings.choose_row, name)
+            session.select(expression)
 
     def numbers(self, scene: Scene) -> Table:
         model = self.input(scene)
@@ -290,7 +315,8 @@ class StatisticsView(View):
         return "figures of the selection" if is_older else ""
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        return identity_key(self.input(scene)), scene.loaded.failed.get(self.name)
+        failed = scene.loaded.failed.get(self.name)
+        return identity_key(self.input(scene)), failed, self._highlighted(scene)
 
 
 @dataclass(frozen=True, slots=True)

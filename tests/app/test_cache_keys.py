@@ -64,6 +64,7 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "compared_run": lambda _, state: state.runs[-1],
     "pending": lambda _, state: Target(state.runs[1], state.generation),
     "adjust": lambda _, state: replace(ADJUST, values=((SLIDER.key, 1.2),)),
+    "images": lambda _, state: replace(state.images, arrangement="slide", count=6),
     "map_mode": lambda _, state: "full",
     "map_value": lambda _, state: "gap",
     "overlay": lambda _, state: "run",
@@ -84,7 +85,7 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "group_descending": lambda _, state: not state.group_descending,
     "finding": lambda _, state: state.finding + 1,
     "suggestion": lambda _, state: state.suggestion + 1,
-    "label": lambda _, state: "chair",
+    "row": lambda _, state: "chair",
     "history": lambda _, state: HistoryFile(Path("gap.jsonl"), (1, 2, 3)),
     "message": lambda _, state: "something",
     "is_error": lambda _, state: True,
@@ -115,6 +116,7 @@ RESOURCE_CHANGES: dict[str, Callable[[LoadedData], object]] = {
     "live_floor_heat": lambda resources: np.ones((4, 4), dtype=np.float32),
     "history": lambda resources: gaps.history(*gaps.week()),
     "groups": lambda resources: None,
+    "sheet": lambda resources: None,
     "findings": lambda resources: replace(resources.findings, findings=()),
     "models": lambda resources: {},
     "progress": lambda resources: {"live": 0.5},
@@ -130,7 +132,7 @@ NEVER_DRAWN = {
 
 IN_SCENE = {
     "sliding": ("adjust", "map", "instance"), "findings": ("findings",),
-    "suggestions": ("suggestions",), "objects": ("objects",),
+    "suggestions": ("suggestions",), "objects": ("objects",), "health": ("health",),
 }  # fmt: skip
 """Views that differ from those of the plain scene; of the other scenes all views are compared."""
 
@@ -153,6 +155,7 @@ def scenes(session: Session) -> dict[str, Scene]:
     loaded = store_data.read_rows(store, state, None) | store_data.read_lines(store, state, None)
     loaded |= store_data.read_groups(store, state, LoadContext())
     loaded["findings"] = finding_report()
+    loaded |= store_data.read_sheet(store, state, LoadContext())
     pictures, live = (instance_input(store, state.run, i, state.heat) for i in (0, 2))
     sources = dict.fromkeys(("pictures_source", "live_source"), instance_provenance(state))
     plain = Scene(store, state, LoadedData(**loaded, pictures=pictures, live=live, **sources))
@@ -174,6 +177,7 @@ def scenes(session: Session) -> dict[str, Scene]:
         "findings": replace(plain, state=replace(state, view="findings")),
         "suggestions": replace(plain, state=replace(state, view="suggestions")),
         "objects": replace(plain, state=replace(state, view="objects")),
+        "health": replace(plain, state=replace(state, view="health")),
         "trained": replace(
             plain, state=replace(state, with_trained=True, trained=state.base & (rank % 2 > 0))
         ),

@@ -150,9 +150,9 @@ def test_instances_that_lack_a_domain_get_its_images_later(whole, once, tmp_path
     with s2rstore.open(store) as opened:
         assert opened.imaged_ranges("sim", "real") == [range(4), range(4, 9), range(9, 9 + N)]
         assert opened.imaged_ranges(EDIT, "real") == [range(4), range(9, 9 + N)]
-        assert opened.frame(9, EDIT).rgb.any()
+        assert opened.frame(EDIT, 9).rgb.any()
         with pytest.raises(RequestError, match=r"sim_edit has no images of trajectory a \(domains"):
-            opened.frame(4, EDIT)
+            opened.frame(EDIT, 4)
     shutil.rmtree(lacking / "frames.zarr" / "sim" / "a@1" / "depth")
     assert any("sim/a@1/depth" in damage.where for damage in verify(lacking))
     assert add(whole, store) == {"a": N - 6, "b": N - 3}

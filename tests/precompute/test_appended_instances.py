@@ -251,7 +251,7 @@ def test_instances_of_one_side_are_predicted_and_change_no_figure_of_pairs(scan,
         assert store.coverage("plain").not_imaged == N + 4
         assert store.coverage("plain").computed == N
         with pytest.raises(RequestError, match=r"domain real has no images of trajectory a"):
-            store.frame(0, "real")
+            store.frame("real", 0)
         _assert_as_paired(scan, store, tmp_path)
 
 

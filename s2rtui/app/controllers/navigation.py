@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from s2rtui.app.key_bindings import BY_NAME as ACTIONS
 from s2rtui.app.screens.jump import JumpScreen, JumpTarget
 from s2rtui.charts.findings import chosen_finding
-from s2rtui.charts.objects import VIEW as OBJECTS
-from s2rtui.charts.objects import expression_of
 from s2rtui.charts.registry import BY_NAME, VIEWS
-from s2rtui.charts.view import View
-from s2rtui.session import findings, view_settings
+from s2rtui.charts.view import StatisticsView, View
+from s2rtui.session import findings, instance_list, view_settings
 from s2rtui.session.view_settings import ZoomPlane
 
 if TYPE_CHECKING:
@@ -76,6 +75,19 @@ class NavigationController:
             )
         return plane
 
+    def move_row(self, rows: int) -> None:
+        """Move the cursor by some rows of thumbnails of the sheet."""
+        panels = self._app.brush.panels(BY_NAME["sheet"])
+        across = sum(panel.y == panels[0].y for panel in panels)
+        self._app.session.dispatch(instance_list.move, rows * across)
+
+    def open_instance(self) -> None:
+        """Show the instance of the cursor on the whole screen."""
+        session = self._app.session
+        self.show_view("instance")
+        if not session.state.fills_screen and not self._app.updater.shows_one_view:
+            session.dispatch(view_settings.toggle_full_screen)
+
     def scroll(self, rows: int) -> None:
         """Move the visible rows of the active view's table down by some rows."""
         app = self._app
@@ -130,24 +142,30 @@ class NavigationController:
             if not state.message:
                 session.show_message(f"selected {state.expression}: {state.count_text}")
 
-    def choose_object(self, steps: int) -> None:
-        """Choose the class some rows below the present one in the objects view."""
-        labels, row = OBJECTS.labels(self._app.updater.scene)
-        if labels:
-            label = labels[(row + steps) % len(labels)]
-            self._app.session.dispatch(view_settings.choose_label, label)
+    def choose_row(self, steps: int) -> None:
+        """Choose the row some rows below the present one in a view whose rows are selections."""
+        choices, place = self._choices()
+        if choices:
+            name, _ = choices[(place + steps) % len(choices)]
+            self._app.session.dispatch(view_settings.choose_row, name)
 
-    def select_object(self) -> None:
-        """Select the instances with images of the chosen class of the objects view."""
+    def select_choice(self) -> None:
+        """Select the instances that the chosen row of the active view stands for."""
         session = self._app.session
-        labels, row = OBJECTS.labels(self._app.updater.scene)
-        if not labels:
-            session.show_message("there is no object to select")
+        choices, place = self._choices()
+        if not choices:
+            session.show_message("there is no row to select")
             return
-        session.dispatch(view_settings.choose_label, labels[row])
-        state = session.select(expression_of(labels[row]))
+        name, expression = choices[place]
+        session.dispatch(view_settings.choose_row, name)
+        state = session.select(expression)
         if not state.message:
             session.show_message(f"selected {state.expression}: {state.count_text}")
+
+    def _choices(self) -> tuple[Sequence[tuple[str, str]], int]:
+        scene = self._app.updater.scene
+        view = BY_NAME[scene.state.view]
+        return view.chosen(scene) if isinstance(view, StatisticsView) else ((), 0)
 
     def jump(self) -> None:
         """Put a letter on every view and part of the status line; the letter goes there."""

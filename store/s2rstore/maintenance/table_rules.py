@@ -106,7 +106,10 @@ _RULES = (
     ("frame_pose", "no such instance", "iid NOT IN (SELECT iid FROM instance)"),
     ("frame_pose", "domain without a row in domain", "domain NOT IN (SELECT domain FROM domain)"),
     ("frame_pose", *_POSE_RULE[1:]),
-    ("frame_label", "no such frame", "(iid, domain) NOT IN (SELECT (iid, domain) FROM frame)"),
+    *(
+        (table, "no such frame", "(iid, domain) NOT IN (SELECT (iid, domain) FROM frame)")
+        for table in ("frame_label", "frame_fault")
+    ),
     ("label_gain", "run without a row in run", "run NOT IN (SELECT run FROM run)"),
     *(
         (table, "no such label", "label NOT IN (SELECT label FROM label)")
