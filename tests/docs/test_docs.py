@@ -155,6 +155,8 @@ def test_the_site_builds_and_loads_no_external_resources(tmp_path):
         cwd=ROOT, capture_output=True, text=True, timeout=300,
     )  # fmt: skip
     assert process.returncode == 0, process.stdout + process.stderr
+    listed = (tmp_path / "site" / "llms.txt").read_text(encoding="utf-8")
+    assert all((tmp_path / "site" / page).is_file() for page in re.findall(r"\]\((.+?)\)", listed))
     sources = r"<(?:script|img|iframe|source)[^>]*\ssrc=[\"']?(?:https?:)?//[^\"'> ]+"
     links = r"<link[^>]*rel=[\"']?(?:stylesheet|preconnect|icon)[^>]*href=[\"']?https?://[^\"'> ]+"
     loaded = re.compile(f"{sources}|{links}")
