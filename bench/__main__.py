@@ -35,6 +35,7 @@ from bench import (
     remote,
     rendering,
     scale,
+    sheet,
     startup,
     suggest,
     suggest_renderer,
@@ -65,6 +66,7 @@ _MEASUREMENTS = (
     "time_delay",
     "rendering",
     "harm_cost",
+    "sheet",
     "end_to_end",
 )
 _ON_REQUEST = (
@@ -156,6 +158,8 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
         yield from rendering.figures(folder / "rendering")
     if "time_delay" in selected:
         yield from time_delay.figures()
+    if "sheet" in selected:
+        yield from sheet.figures(folder)
     if "harm_cost" in selected:
         yield from harm_cost.figures(folder)
     if "harm" in selected:

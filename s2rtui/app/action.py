@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import unicodedata
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, get_args
 
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
 Group = Literal["select", "brush", "move", "heat", "map", "adjust", "review", "views", "program"]
 When = Literal[
     "always", "begun", "still", "plain", "brushing", "list", "adjust", "rooms", "not rooms",
-    "findings", "suggestions", "choices", "table", "elsewhere",
+    "findings", "suggestions", "choices", "table", "instance", "sheet", "not sheet", "elsewhere",
 ]  # fmt: skip
 
 GROUPS: dict[Group, str] = {group: group.capitalize() for group in get_args(Group)}
@@ -100,6 +99,9 @@ class Action:
             "adjust": not brushing and state.view == "adjust",
             "brushing": brushing,
             "list": not brushing and state.view == "list",
+            "instance": not brushing and state.view == "instance",
+            "sheet": state.view == "sheet",
+            "not sheet": not brushing and state.view not in ("adjust", "sheet"),
             "rooms": not brushing and state.view == "rooms",
             "not rooms": state.view != "rooms",
             "findings": not brushing and state.view == "findings",
@@ -108,20 +110,25 @@ class Action:
             "table": not brushing and state.view in _TABLES,
             "elsewhere": not brushing
             and state.view
-            not in ("list", "adjust", "findings", "suggestions", *_CHOICES, *_TABLES),
+            not in ("list", "sheet", "adjust", "findings", "suggestions", *_CHOICES, *_TABLES),
         }[self.when]
 
 
-_UNICODE = {short: long for long, short in KEY_NAME_REPLACEMENTS.items()}
 _WORDS = {"pagedown": "page down", "pageup": "page up"}
+
+
+def key_name(character: str) -> str:
+    """Textual's name of the key that types a character."""
+    if character.isalnum():
+        return character
+    name = unicodedata.name(character).lower().replace(" ", "_").replace("-", "_")
+    return KEY_NAME_REPLACEMENTS.get(name, name)
+
+
+_CHARACTERS = {key_name(character): character for character in map(chr, range(33, 127))}
 
 
 def key_label(name: str) -> str:
     """The ASCII label of a Textual key name: `=` for `equals_sign`, `shift+left` unchanged."""
     *held, last = name.split("+") if len(name) > 1 else [name]
-    long, word = _UNICODE.get(last, last).upper(), _WORDS.get(last, last)
-    for spelled in (long.replace("_", " "), long.replace("_", "-")):
-        with suppress(KeyError):
-            char = unicodedata.lookup(spelled)
-            word = char if char.isascii() and char.isprintable() and char != " " else word
-    return "+".join([*held, word])
+    return "+".join([*held, _CHARACTERS.get(last, _WORDS.get(last, last))])

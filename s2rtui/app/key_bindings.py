@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import unicodedata
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from s2rstore.metrics import nearest_neighbours
-from s2rtui.app.action import Action, When
+from s2rtui.app.action import Action, When, key_name
 from s2rtui.charts.instance import NEIGHBOURS
 from s2rtui.charts.registry import VIEWS
 from s2rtui.security import Permissions
@@ -16,6 +15,7 @@ from s2rtui.session import (
     brush_geometry,
     error_groups,
     findings,
+    images,
     instance_list,
     navigation,
     selection,
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
 
 _OF_ONE_VIEW: tuple[When, ...] = (
-    "list", "adjust", "rooms", "findings", "suggestions", "choices", "table",
+    "list", "adjust", "rooms", "findings", "suggestions", "choices", "table", "instance", "sheet",
 )  # fmt: skip
 """Situations in which one view is active."""
 _PAGE, _ALL_ROWS = 10, 1 << 30
@@ -61,11 +61,6 @@ def _select_similar(context: SessionContext, state: State) -> State:
     function = "sim.like" if state.side == "sim" else "like"
     expression = f"{function}({state.cursor}, {NEIGHBOURS})"
     return selection.select(context, state, expression)
-
-
-def _key_name(key: str) -> str:
-    """Textual's name of the key that types a character."""
-    return key if key.isalnum() else unicodedata.name(key).lower().replace(" ", "_")
 
 
 _OPERATORS = (
@@ -101,7 +96,7 @@ _BRUSHING = (
               lambda app: app.brush.apply("subtract"), "less", "-"),
     _brushing("brush_left", "left", "move the brush", _brush(brush_geometry.moved, -1, 0), "move",
               "arrows"),
-    Action("leave", "escape", "brush", "cancel the brush, the operator or the input line",
+    Action("leave", "escape", "brush", "cancel brush, operator or input line; stop playing",
            short="cancel", when="begun"),
     _brushing("brush_right", "right", "", _brush(brush_geometry.moved, 1, 0)),
     _brushing("brush_up", "up", "", _brush(brush_geometry.moved, 0, -1)),
@@ -160,6 +155,37 @@ _SCROLLING = (
            command=_scroll(_ALL_ROWS)),
 )  # fmt: skip
 
+_IMAGES = (
+    Action("thumbnail_right", "right", "move", "next thumbnail of the sheet",
+           _do(instance_list.move, 1), "image", "arrows", "sheet"),
+    Action("thumbnail_left", "left", "move", "", _do(instance_list.move, -1), when="sheet"),
+    Action("thumbnail_down", "down", "move", "", when="sheet",
+           command=lambda app: app.navigation.move_row(1)),
+    Action("thumbnail_up", "up", "move", "", when="sheet",
+           command=lambda app: app.navigation.move_row(-1)),
+    Action("next_sheet", "pagedown", "move", "next page of the sheet", _do(images.turn_page, 1),
+           "page", "page down", when="sheet"),
+    Action("previous_sheet", "pageup", "move", "previous page of the sheet",
+           _do(images.turn_page, -1), when="sheet"),
+    Action("first_thumbnail", "home", "move", "", _do(instance_list.to_end, False), when="sheet"),
+    Action("last_thumbnail", "end", "move", "", _do(instance_list.to_end, True), when="sheet"),
+    Action("open_instance", "enter", "views", "open the instance of the sheet on the whole screen",
+           None, "open", when="sheet", command=lambda app: app.navigation.open_instance()),
+    Action("picture", "backslash", "views", "sheet: real, sim, difference or heat",
+           _do(images.change_picture), "images", "\\", "sheet"),
+    Action("fewer", "less_than_sign", "views", "sheet: fewer, larger thumbnails",
+           _do(images.change_count, -1), "size", "<", "sheet"),
+    Action("more_thumbnails", "greater_than_sign", "views", "sheet: more, smaller thumbnails",
+           _do(images.change_count, 1), "", ">", "sheet"),
+    Action("arrangement", "backslash", "views",
+           "instance: both sides beside each other, blinking, or with a divider that slides",
+           None, "sides", "\\", "instance", command=lambda app: app.player.change_arrangement()),
+    Action("divider_left", "less_than_sign", "views", "instance: move the divider",
+           _do(images.move_divider, -1), shown="<", when="instance"),
+    Action("divider_right", "greater_than_sign", "views", "", _do(images.move_divider, 1),
+           shown=">", when="instance"),
+)  # fmt: skip
+
 ACTIONS: tuple[Action, ...] = (
     Action("worst_real", "w", "select", "worst 15 % in reality (min)", _select("worst15"),
            "worst", when="still"),
@@ -180,6 +206,7 @@ ACTIONS: tuple[Action, ...] = (
     *_OPERATORS,
     *_BRUSHING,
     *_ADJUSTING,
+    *_IMAGES,
     Action("edit", "slash", "select", "type a selection expression", None, "query", "/", "still",
            command=lambda app: app.prompt.edit_expression()),
     Action("undo", "u", "select", "undo: the previous selection or run", _do(undo_history.undo)),
@@ -200,9 +227,9 @@ ACTIONS: tuple[Action, ...] = (
     Action("previous_instance", "p", "move", "previous instance",
            _do(navigation.move_cursor, -1), when="still"),
     Action("instance_right", "right", "move", "next instance",
-           _do(navigation.move_cursor, 1), "instance", "->", "plain"),
+           _do(navigation.move_cursor, 1), "instance", "->", "not sheet"),
     Action("instance_left", "left", "move", "previous instance",
-           _do(navigation.move_cursor, -1), "", "<-", "plain"),
+           _do(navigation.move_cursor, -1), "", "<-", "not sheet"),
     Action("play", "apostrophe", "move", "play through the instances; faster; stop",
            shown="'", command=lambda app: app.player.change_speed()),
     Action("next_row", "down", "move", "next row of the list",
@@ -311,7 +338,7 @@ ACTIONS: tuple[Action, ...] = (
     Action("tag", "number_sign", "review", "tag this instance", shown="#",
            command=lambda app: app.annotations.edit_tag()),
     *(
-        Action(f"view('{view.name}')", _key_name(view.key), "views", view.description,
+        Action(f"view('{view.name}')", key_name(view.key), "views", view.description,
                shown=view.key)
         for view in VIEWS
         if view.from_store

@@ -16,25 +16,29 @@ from s2rstore.metrics import nearest_neighbours
 from s2rstore.metrics.heatmap_scores import trust_line
 from s2rstore.metrics.object_gains import instance_gains
 from s2rstore.reader import Store
-from s2rstore.records import NO_RUN, SIDES, SPLITS, Side
+from s2rstore.records import NO_RUN, SIDES, SPLITS, Bounds, Side
 from s2rstore.security.printable_text import printable
-from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
+from s2rtui.canvas import Canvas, PlotArea, Point, RenderOptions, Size, Theme
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.instance import (
     InstanceInput,
     PoseNumbers,
     SideView,
     heat_fields,
+    image_shape,
     instance_drawing,
     truth_fields,
 )
 from s2rtui.charts.view import Pixels, Table, View
 from s2rtui.drawing.cells import draw_cells
 from s2rtui.drawing.drawing import Drawing
+from s2rtui.session import images
 from s2rtui.session.model_input import ModelInput, model_input, stored_image
 from s2rtui.session.population_values import population_ranks
 from s2rtui.session.provenance import instance_provenance
+from s2rtui.session.session import Session
 from s2rtui.session.state import HeatChoice
+from s2rtui.session.view_settings import ZoomPlane
 
 NEIGHBOURS = 5
 """Number of most similar instances that are listed and selected."""
@@ -52,25 +56,27 @@ def instance_input(
     iid: int,
     heat: HeatChoice | None,
     population: Population = NEW_INSTANCES,
+    at_source: bool = False,
 ) -> InstanceInput:
     """Images, heat and numbers of one instance; reads frames and heatmaps.
 
     `population` holds the instances that may be named as similar to this one. A note says so where
-    the heat of this instance is not computed.
+    the heat of this instance is not computed. at_source: whether images have the size of their
+    source, where it is stored.
     """
     if not store.has_poses:
-        return _image_input(store, iid)
+        return _image_input(store, iid, at_source)
     truth = store.instances
     room = truth.room[iid]
     trajectory = truth.trajectory_names[truth.trajectory[iid]]
     shown = store.displayed_run(run)
-    sim, real = (model_input(store, shown, side, iid) for side in SIDES)
+    sim, real = (model_input(store, shown, side, iid, at_source) for side in SIDES)
     missing: tuple[tuple[str, str], ...] = ()
     try:
         heats = {side: _heat(store, run, side, iid, heat) for side in SIDES}
     except NotComputedError as error:
         heats, missing = dict.fromkeys(SIDES), (("heat", str(error)),)
-        if not all(store.is_imaged(iid, shown.domain(side)) for side in SIDES):
+        if not all(store.is_imaged(shown.domain(side), iid) for side in SIDES):
             missing = (("heat", f"needs images in {shown.sim_domain} and {shown.real_domain}"),)
     harm = _harm_note(heat, heats["real"], float(store.run_columns(run).real.error[iid]))
     return InstanceInput(
@@ -161,10 +167,10 @@ def _pair_note(store: Store, iid: int) -> list[tuple[str, str]]:
     return [("pair", f"sim pose {offset} from the real one")] if offset else []
 
 
-def _image_input(store: Store, iid: int) -> InstanceInput:
+def _image_input(store: Store, iid: int, at_source: bool) -> InstanceInput:
     """The images of an instance without pose, and where they come from."""
     truth = store.instances
-    sim, real = (stored_image(store, side, iid) for side in SIDES)
+    sim, real = (stored_image(store, side, iid, at_source) for side in SIDES)
     notes = [("where", f"{truth.trajectory_names[truth.trajectory[iid]]} {truth.seq[iid]}")]
     if not math.isnan(time := float(truth.timestamp[iid])):
         notes.append(("time", f"{time:.3f} s"))
@@ -288,6 +294,7 @@ class InstanceView(View):
     counts_instances = False
     loads = ("pictures",)
     single_instance = True
+    brushable = False
     needs_poses = False
     figure_size = (1600, 1200)
 
@@ -315,7 +322,9 @@ class InstanceView(View):
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         shown = scene.loaded.pictures
         remark = scene.remark(shown.iid) if shown else ""
-        return shown, scene.state.cursor is None, remark
+        state = scene.state
+        settings = state.images.arrangement, state.images.front, state.images.divider
+        return shown, state.cursor is None, remark, *settings, state.viewport_of(self.name)
 
     def numbers(self, scene: Scene) -> Table:
         names = ("what", "x_m", "y_m", "heading_deg", "error_m", "heading_error_deg", "note")
@@ -363,7 +372,19 @@ class InstanceView(View):
             return Drawing()
         if remark := scene.remark(shown.iid):
             shown = replace(shown, notes=(("remark", remark), *shown.notes))
-        return instance_drawing(shown)
+        return instance_drawing(shown, scene.state.images, scene.state.viewport_of(self.name))
+
+    def zoom_plane(self, scene: Scene) -> ZoomPlane | None:
+        shown = scene.loaded.pictures
+        width, height = (1.0, 1.0) if shown is None else image_shape(shown)
+        return ZoomPlane(self.name, Bounds(0.0, 0.0, width, height), True, inside=True)
+
+    def drag(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> bool:
+        """Move the divider between both sides, if there is one."""
+        if scene.state.images.arrangement == "slide":
+            share = (panel.to_cells(*point)[0] - panel.x) / panel.width
+            session.dispatch(images.place_divider, share)
+        return True
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         return draw_cells(self.drawing(scene, size[0]), size, options)

@@ -28,6 +28,7 @@ NAMES = (
     "exchange",
     "timeline",
     "list",
+    "sheet",
     "compare",
     "history",
     "health",

@@ -22,6 +22,8 @@ from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.canvas import BrushShape
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.charts.shared.instance import InstanceInput
+from s2rtui.drawing.drawing import ColourBar
+from s2rtui.drawing.image import Image
 from s2rtui.session.provenance import (
     HeatProvenance,
     InstanceProvenance,
@@ -151,15 +153,24 @@ class LoadedModel:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class LoadedSheet:
+    """Thumbnails by iid. `source` names what they show, `bar` is the scale of their heat."""
+
+    source: tuple[object, ...]
+    images: Mapping[int, Image]
+    bar: ColourBar | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class LoadedData:
     """The results of background loading, each with its source where it may be out of date.
 
     `floor_heat` is the heat on the map and `seen_floor` the part of the floor that the selection
-    has seen, (rows, cols) each; `live` is the instance that is being adjusted. `groups` and
-    `findings` belong to the rooms and the findings view. `models` are the numbers of statistical
-    views by name; None: they are computed when they are drawn. `progress` (0 .. 1) and `failed`
-    (messages) are by the name of the loader. `saving` is the progress of the run that is being
-    saved, `computing` that of a process which computes in the store.
+    has seen, (rows, cols) each; `live` is the instance that is being adjusted. `groups`, `findings`
+    and `sheet` belong to the rooms, the findings and the sheet view. `models` are the numbers of
+    statistical views by name; None: they are computed when they are drawn. `progress` (0 .. 1) and
+    `failed` (messages) are by the name of the loader. `saving` is the progress of the run that is
+    being saved, `computing` that of a process which computes in the store.
     """
 
     rows: tuple[OverviewRow, ...] = ()
@@ -179,6 +190,7 @@ class LoadedData:
     history: History | None = None
     groups: LoadedGroups | None = None
     findings: FindingReport | None = None
+    sheet: LoadedSheet | None = None
     models: Mapping[str, LoadedModel] | None = None
     progress: Mapping[str, float] = field(default_factory=dict)
     failed: Mapping[str, str] = field(default_factory=dict)

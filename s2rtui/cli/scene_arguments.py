@@ -93,6 +93,8 @@ def add_drawing(parser: argparse.ArgumentParser) -> None:
         "(sim, truth and real joined by lines) (default colour)")  # fmt: skip
     add("--value", dest="map_value", choices=MAP_VALUES, default="shift",
         help="map: what colours the instances (default shift)")  # fmt: skip
+    add("--images", choices=("real", "sim", "difference", "heat"), default="real",
+        help="sheet: images of a side, differences of both, or heat (default real)")  # fmt: skip
     add("--clip", action="store_true", help="dim map cells that no selected instance observed")
     add_poses(add)
     add("--room-names", action="store_true", help="draw rooms with their names")

@@ -37,7 +37,8 @@ class Drawing:
 
     Neighbouring plots with the same scale of x share its axis. beside: whether plots stand beside
     each other where the drawing is wide. Plots of images are arranged by the room that they have;
-    those with the same name of y are a row.
+    those with the same name of y are a row. thumbnails: whether the images are a sheet in which
+    each stands below its title.
     """
 
     plots: tuple[Plot, ...] = ()
@@ -45,6 +46,7 @@ class Drawing:
     notes: tuple[Note, ...] = ()
     brush: BrushShape | None = None
     beside: bool = False
+    thumbnails: bool = False
 
     @property
     def text(self) -> str:

@@ -354,6 +354,8 @@ def _around_images(
 
     Without room for all, the first row of images is left, then without bars, table and notes.
     """
+    if drawing.thumbnails:
+        return _sheet(drawing, width, height, options)
     rows = visible_rows(drawing.plots, options)
     bars = _image_bars(drawing, rows, width, options)
     lines = 0 if drawing.table is None else wanted_lines(drawing.table)
@@ -375,6 +377,18 @@ def _around_images(
     texts = [(text_part(((line, options.theme.muted),)),) for line in notes]
     return DrawingLayout(places, (top, height - top - len(notes) if below else 0), tuple(texts),
                          above)  # fmt: skip
+
+
+def _sheet(drawing: Drawing, width: int, height: int, options: RenderOptions) -> DrawingLayout:
+    """Images as large as possible, each below its title, and their colour bars."""
+    bars = _image_bars(drawing, [drawing.plots], width, options)
+    boxes = arrange_images([drawing.plots], width, height - len(bars), thumbnails=True)
+    places = tuple(
+        PlotPlace(plot, x, x, wide, y, high, y - 1, None)
+        for plot, (x, y, wide, high) in zip(drawing.plots, boxes, strict=False)
+    )
+    top = max((y + high for _, y, _, high in boxes), default=0) + len(bars)
+    return DrawingLayout(places, (top, 0), (), bars)
 
 
 def _image_place(plot: Plot, box: Box, head: int) -> PlotPlace:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from s2rtui.drawing.heat_colours import Ramp, RampName, heat_colours
 from s2rtui.drawing.scale import Floats, Interval
 
 Size = tuple[int, int]
+Area = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,6 +48,41 @@ class Image:
     missing: str = ""
     label: str = ""
 
+    @classmethod
+    def joined(cls, left: Image, right: Image, share: float) -> Image:
+        """One image up to a share of the width, and another one beyond; of the size of the left."""
+        if left.ground is None or right.ground is None:
+            return right if left.ground is None else left
+        overlay = left.overlay
+        if overlay is not None and right.overlay is not None:
+            overlay = replace(overlay, values=_joined(overlay.values, right.overlay.values, share))
+        if isinstance(left.ground, ImageValues) and isinstance(right.ground, ImageValues):
+            values = _joined(left.ground.values, right.ground.values, share)
+            return replace(left, ground=replace(left.ground, values=values), overlay=overlay)
+        return replace(left, ground=_joined(left.ground, right.ground, share), overlay=overlay)
+
+    def part(self, area: Area) -> Image:
+        """The part of the image in an area: shares x0, y0, x1, y1 of its width and height."""
+        if self.ground is None or self.shape is None:
+            return self
+        x0, y0, x1, y1 = area
+        size = (max(1, round((y1 - y0) * self.shape[0])), max(1, round((x1 - x0) * self.shape[1])))
+
+        def cut(values: Any) -> Any:
+            rows, columns = (
+                np.clip(((low + (np.arange(n) + 0.5) / n * (high - low)) * whole), 0, whole - 1)
+                for low, high, n, whole in zip((y0, x0), (y1, x1), size, values.shape, strict=False)
+            )
+            return values[rows.astype(np.intp)[:, None], columns.astype(np.intp)]
+
+        def of(source: Any) -> Any:
+            if isinstance(source, ImageValues):
+                return replace(source, values=cut(source.values))
+            return cut(source)
+
+        overlay = None if self.overlay is None else of(self.overlay)
+        return replace(self, ground=of(self.ground), overlay=overlay)
+
     @property
     def shape(self) -> Size | None:
         """Rows and columns of the ground."""
@@ -78,3 +115,13 @@ class Image:
         values = resample(np.asarray(over.values, dtype=np.float32), *size)
         colours, opacity = heat_colours(values, over.scale, over.is_signed, unsigned_colours)
         return mix(pixels, colours, opacity)
+
+
+def _joined(left: Any, right: Any, share: float) -> Any:
+    """The columns of `left` up to a share of its width, then those of `right` in its size."""
+    rows, columns = (
+        (np.arange(size) * other // size)
+        for size, other in zip(left.shape[:2], right.shape[:2], strict=True)
+    )
+    split = round(share * left.shape[1])
+    return np.concatenate([left[:, :split], right[rows[:, None], columns[split:]]], axis=1)

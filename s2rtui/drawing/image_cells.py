@@ -60,8 +60,12 @@ def _overlay_alone(plot: Plot, values: ImageValues | None) -> Plot:
     return replace(_with_image(plot, ground=None, missing="", label=""), title=title)
 
 
-def arrange_images(rows: Sequence[Sequence[Plot]], width: int, height: int) -> list[Box]:
+def arrange_images(
+    rows: Sequence[Sequence[Plot]], width: int, height: int, thumbnails: bool = False
+) -> list[Box]:
     """The boxes of all images in a grid or in one row, whichever shows them larger.
+
+    thumbnails: whether any number may be beside each other, each below a row for its title.
 
     They have the shape of the first image, in cells that are twice as high as wide. None has a box
     where there is no room.
@@ -70,10 +74,11 @@ def arrange_images(rows: Sequence[Sequence[Plot]], width: int, height: int) -> l
         return []
     across, total = len(rows[0]), sum(map(len, rows))
     x, y = rows[0][0].x, rows[0][0].y
-    aspect = abs(x.high - x.low) / max(1.0, abs(y.high - y.low))
+    aspect = abs(x.high - x.low) / max(1e-9, abs(y.high - y.low))
+    head = int(thumbnails)
     wide, high, columns = 0, 0, across
-    for count in (across, total):
-        rows_high = height // -(-total // count)
+    for count in range(1, total + 1) if thumbnails else (across, total):
+        rows_high = height // -(-total // count) - head
         w = min((width - count + 1) // count, int(2 * rows_high * aspect))
         h = min(rows_high, -int(-w / aspect // 2))
         if w * h > wide * high:
@@ -82,7 +87,8 @@ def arrange_images(rows: Sequence[Sequence[Plot]], width: int, height: int) -> l
         return []
     half = (width + 1) // 2 if columns == 2 else 0
     step = max(wide + 1, min(half, wide + _WIDEST_GAP))
-    return [(at % columns * step, at // columns * high, wide, high) for at in range(total)]
+    return [(at % columns * step, head + at // columns * (head + high), wide, high)
+            for at in range(total)]  # fmt: skip
 
 
 def draw_image(canvas: Canvas, image: Image) -> None:

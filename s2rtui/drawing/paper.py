@@ -40,6 +40,8 @@ _BELOW, _LEFT, _RIGHT = 0.55, 0.75, 0.25
 """Inches below the axes of a plot; at its left and at its right."""
 _IMAGE_LEFT, _IMAGE_GAP = 0.42, 0.12
 """Inches at the left of images, and between them."""
+_SHEET = 1.2
+"""Columns for each row of thumbnails, about."""
 _TITLE, _LEGEND_LINE, _ABOVE = 0.3, 0.2, 0.15
 """Inches of the title of a plot, of a line of its legend, and above all plots."""
 _SMALLEST_FONT = 6.0
@@ -155,7 +157,7 @@ class _Parts:
         """Inches above and below the axes of a plot; its axis of x has labels where it has some."""
         plot, below = self.plots[place], place + self.columns
         if plot.image is not None:
-            return _TITLE * (place < self.columns), _IMAGE_GAP
+            return _TITLE * (self.drawing.thumbnails or place < self.columns), _IMAGE_GAP
         lines = math.ceil(len(plot.legend) / LEGEND_COLUMNS)
         head = _TITLE if plot.title else lines * _LEGEND_LINE
         return head, _BELOW if self.has_x(place) or below >= len(self.plots) else 0.12
@@ -230,6 +232,8 @@ class _Parts:
 def _columns(drawing: Drawing, is_beside: bool) -> int:
     """Plots beside each other: images of a row, else all or one."""
     if drawing.plots and drawing.plots[0].image is not None:
+        if drawing.thumbnails:
+            return math.ceil(math.sqrt(_SHEET * len(drawing.plots)))
         return len(next(iter(list(row) for _, row in groupby(drawing.plots, lambda p: p.y.names))))
     return max(1, len(drawing.plots)) if drawing.beside and is_beside else 1
 
@@ -336,7 +340,7 @@ def _draw_plots(page: Page, parts: _Parts, room: float) -> None:
             axes = page.axes(left, top - head - height, width, height)
             alike = [at for at, other in enumerate(parts.plots) if other.y == plot.y]
             has_name = not column and (parts.columns > 1 or place == alike[len(alike) // 2])
-            shown, has_title = plot.fitted(width, height), plot.image is None or not row
+            shown, has_title = plot.fitted(width, height), plot.image is None or head > 0
             draw_plot(axes, page, shown, (width, height), parts.has_x(place), has_name, has_title)
             if column and plot.y == parts.plots[place - 1].y:
                 axes.tick_params(labelleft=False)

@@ -20,7 +20,7 @@ from s2rtui.session import error_groups, instance_list
 from s2rtui.session.heatmaps import heatmap_choices, require_floor
 from s2rtui.session.map_values import SHIFT, require_available
 from s2rtui.session.session import Session
-from s2rtui.session.state import Aggregate, HeatChoice, MapMode, Overlay, State
+from s2rtui.session.state import Aggregate, HeatChoice, MapMode, Overlay, Picture, State
 from s2rtui.user_data.notebook import ReadNotebook
 
 
@@ -30,8 +30,8 @@ class SceneOptions:
 
     `with_trained` includes the instances that the models were trained on. `heat` is KIND[:MODE];
     `overlay` names the instances whose heat is on the map; `sort` is a column of the list or of the
-    rooms view, `group_by` the grouping of the rooms view. `poses` is a CSV file of planned poses,
-    which the map shows.
+    rooms view, `group_by` the grouping of the rooms view, `images` what the sheet shows.
+    `poses` is a CSV file of planned poses, which the map shows.
     """
 
     select: str | Node = "all"
@@ -46,6 +46,7 @@ class SceneOptions:
     aggregate: Aggregate = "mean"
     map_mode: MapMode = "colour"
     map_value: str = SHIFT
+    images: Picture = "real"
     clip: bool = False
     room_names: bool = False
     sort: str | None = None
@@ -81,7 +82,8 @@ def open_scene(
 def load_scene(session: Session, *views: View, cursor: bool = True) -> Scene:
     """Return the scene of a session, with the data that the views load in the background."""
     store, state = session.store, session.state
-    state = state if cursor else replace(state, cursor=None)
+    centre = next((view.name for view in views if view.pane == "centre"), state.centre)
+    state = replace(state, cursor=state.cursor if cursor else None, centre=centre)
     needed = {name for view in views for name in view.loads}
     fields: Fields = {}
     for loader in LOADERS:
@@ -132,6 +134,7 @@ def apply_options(session: Session, options: SceneOptions, *views: View) -> Stat
             aggregate=options.aggregate,
             map_mode=options.map_mode,
             map_value=options.map_value,
+            images=replace(state.images, picture=options.images),
             dims_unseen_floor=options.clip,
             room_names=options.room_names,
             planned=read_planned_poses(options.poses) if options.poses else (),

@@ -26,6 +26,9 @@ LOADERS: tuple[Loader, ...] = (
         ("pictures", "pictures_source"),
     ),
     Loader(
+        "sheet", store_data.sheet_key, store_data.read_sheet, ("sheet",), is_debounced=False,
+    ),
+    Loader(
         "heat on the map", store_data.grid_key, store_data.read_grid,
         ("floor_heat", "floor_heat_source"),
     ),

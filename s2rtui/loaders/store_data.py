@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import astuple, replace
 from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
@@ -24,10 +24,11 @@ from s2rtui.canvas import Pixels
 from s2rtui.charts.instance import instance_input
 from s2rtui.charts.overview import overview_rows, translator_rows
 from s2rtui.charts.scene import LoadedGroups, LoadedModel, RunAccuracies, model_source
+from s2rtui.charts.sheet import sheet_page
 from s2rtui.charts.view import StatisticsView
 from s2rtui.drawing.floor import plan_tones
 from s2rtui.loaders.loader import Fields, Key, LoadContext, Loader
-from s2rtui.session import error_groups, heatmaps, provenance, targets
+from s2rtui.session import error_groups, heatmaps, images, provenance, targets
 from s2rtui.session.provenance import (
     heat_provenance,
     instance_provenance,
@@ -139,14 +140,27 @@ def floor_plan_pixels(path: str) -> Pixels:
 def pictures_key(store: Store, state: State) -> Key | None:
     if state.cursor is None:
         return None
-    return (state.generation, state.run, state.cursor, state.heat, state.with_trained)
+    is_near = state.viewport_of("instance") is not None
+    return (*astuple(instance_provenance(state)), state.with_trained, is_near)
 
 
 def read_pictures(store: Store, state: State, context: LoadContext) -> Fields:
     assert state.cursor is not None
     population = Population(with_trained=state.with_trained)
-    pictures = instance_input(store, state.run, state.cursor, state.shown_heat, population)
+    is_near = state.viewport_of("instance") is not None
+    pictures = instance_input(
+        store, state.run, state.cursor, state.shown_heat, population, at_source=is_near
+    )
     return {"pictures": pictures, "pictures_source": instance_provenance(state)}
+
+
+def sheet_key(store: Store, state: State) -> Key | None:
+    return images.page_key(store, state) if state.centre == "sheet" else None
+
+
+def read_sheet(store: Store, state: State, context: LoadContext) -> Fields:
+    """The thumbnails of the page of the sheet."""
+    return {"sheet": sheet_page(store, state)}
 
 
 def grid_key(store: Store, state: State) -> Key | None:

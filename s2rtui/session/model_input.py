@@ -38,11 +38,16 @@ class ModelInput:
     original: NDArray[np.uint8] | None = None
 
 
-def model_input(store: Store, run: Run, side: Side, iid: int) -> ModelInput:
-    """A side's frame after the run's adjustments; image adjustments need `s2rtools`."""
+def model_input(
+    store: Store, run: Run, side: Side, iid: int, at_source: bool = False
+) -> ModelInput:
+    """A side's frame after the run's adjustments; image adjustments need `s2rtools`.
+
+    at_source: whether rgb has the size of its source, where that is stored and nothing adjusts it.
+    """
     name, chain = run.domain(side), run.adjustments(side)
     has_frames = bool(name) and store.has_frames(name)
-    if not has_frames or not store.is_imaged(iid, name):
+    if not has_frames or not store.is_imaged(name, iid):
         where = "image of this instance" if has_frames else "images in this store"
         missing = ((f"{side} frames", f"no {name or side} {where}"),)
         return ModelInput(np.zeros((0, 0, 3), dtype=np.uint8), None, "", missing)
@@ -59,19 +64,32 @@ def model_input(store: Store, run: Run, side: Side, iid: int) -> ModelInput:
     title, notes = _title_and_notes(usual, side, chain, "" if adjusted else "before ")
     is_translated = adjusted is not None and any("sha256" in step for step in images)
     original = frame.rgb if is_translated else None
-    return ModelInput(shown.rgb, depth, title, notes, original)
+    rgb = source_rgb(store, name, iid) if at_source and not chain else shown.rgb
+    return ModelInput(rgb, depth, title, notes, original)
 
 
-def stored_image(store: Store, side: Side, iid: int) -> ModelInput:
+def source_rgb(store: Store, domain: str, iid: int) -> NDArray[np.uint8]:
+    """The image (H, W, 3) of an instance at the size of its source, or else of the frames."""
+    _, images = next(store.source_frames(domain, iid, iid + 1, ("rgb",)))
+    return np.asarray(images["rgb"][0])
+
+
+def frame_rgb(store: Store, domain: str, iid: int) -> NDArray[np.uint8]:
+    """The image (H, W, 3) of an instance at the size of the frames."""
+    return np.asarray(store.frames(domain, iid, iid + 1, ("rgb",))["rgb"][0])
+
+
+def stored_image(store: Store, side: Side, iid: int, at_source: bool = False) -> ModelInput:
     """An instance's image in the first domain of a kind that has one; for data sets without poses.
 
     The title names domains other than the side's own. rgb has shape (0, 0, 3) without an image.
     """
     of_kind = (name for name, domain in store.domains.items() if domain.kind == side)
-    imaged = [name for name in of_kind if store.is_imaged(iid, name)]
+    imaged = [name for name in of_kind if store.is_imaged(name, iid)]
     if not imaged:
         return ModelInput(np.zeros((0, 0, 3), dtype=np.uint8), None, "")
-    rgb = store.frames(imaged[0], iid, iid + 1, ("rgb",))["rgb"][0]
+    read = source_rgb if at_source else frame_rgb
+    rgb = read(store, imaged[0], iid)
     more = ((f"{side} domains", ", ".join(imaged)),) if len(imaged) > 1 else ()
     return ModelInput(rgb, None, "" if imaged[0] == side else imaged[0], more)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from s2rtui.analysis.identity_cache import ArrayKey
 from s2rtui.session.state import HeatChoice, State
@@ -41,7 +41,8 @@ class InstanceProvenance:
 
 def instance_provenance(state: State) -> InstanceProvenance:
     """The provenance of images loaded for a state."""
-    return InstanceProvenance(state.generation, state.run, state.cursor, state.shown_heat)
+    heat = state.shown_heat and replace(state.shown_heat, side="real")  # images show both sides
+    return InstanceProvenance(state.generation, state.run, state.cursor, heat)
 
 
 @dataclass(frozen=True, slots=True)

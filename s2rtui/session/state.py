@@ -30,6 +30,10 @@ MapMode = Literal["colour", "glyph", "full"]
 MAP_MODES: tuple[MapMode, ...] = ("colour", "glyph", "full")
 MAP_PLANE = "map"
 """The name of the plane of positions, which the map and the comparison show."""
+Arrangement = Literal["beside", "blink", "slide"]
+Picture = Literal["real", "sim", "difference", "heat"]
+ARRANGEMENTS: tuple[Arrangement, ...] = ("beside", "blink", "slide")
+PICTURES: tuple[Picture, ...] = ("real", "sim", "difference", "heat")
 SIGNS: dict[Operator, str] = {"replace": "", "intersect": "&", "union": "|", "subtract": "-"}
 
 
@@ -50,6 +54,22 @@ class HeatChoice:
             return "no heatmap"
         name = self.kind.replace("_", " ")
         return f"{name} ({self.mode})" if self.mode else name
+
+
+@dataclass(frozen=True, slots=True)
+class ImageSettings:
+    """How images are shown.
+
+    arrangement: of both sides of an instance: beside each other, in turn with `front` in front, or
+    in one image, sim left of the share `divider` of its width. picture, count: what the thumbnails
+    of the sheet show, and how many there are on a page.
+    """
+
+    arrangement: Arrangement = "beside"
+    front: Side = "sim"
+    divider: float = 0.5
+    picture: Picture = "real"
+    count: int = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,6 +218,7 @@ class State:
     compared_run: str | None = None
     pending: Target | None = None
     adjust: Adjust | None = None
+    images: ImageSettings = ImageSettings()
     map_mode: MapMode = "colour"
     map_value: str = "shift"
     overlay: Overlay = "off"

@@ -30,13 +30,24 @@ class ZoomPlane:
     """A plane that views show and that can be zoomed.
 
     `whole` is its rectangle, `y_down` whether y grows downwards on the screen, `centre` the point
-    to zoom at, by default the middle of the viewport.
+    to zoom at, by default the middle of the viewport. Viewports have their middle on the plane;
+    `inside`: they lie on it as a whole.
     """
 
     name: str
     whole: Bounds
     y_down: bool
     centre: Point | None = None
+    inside: bool = False
+
+    def limited(self, view: Bounds) -> Bounds:
+        """A viewport moved onto the plane."""
+        if not self.inside:
+            return centred_within(view, self.whole)
+        half_wide, half_high = view.width / 2, view.height / 2
+        x0, y0, x1, y1 = self.whole.x0, self.whole.y0, self.whole.x1, self.whole.y1
+        middles = Bounds(x0 + half_wide, y0 + half_high, x1 - half_wide, y1 - half_high)
+        return centred_within(view, middles)
 
 
 def _next(options: Sequence[T], present: T, steps: int = 1) -> T:
@@ -157,8 +168,8 @@ def zoom(
     factor = min(factor, share / CLOSEST)
     if factor == 0 or share / factor >= 1:
         return _with_viewport(state, plane, None)
-    inside = centred_within(zoomed(view, factor, at or plane.centre), whole)
-    return _with_viewport(state, plane, inside)
+    view = plane.limited(zoomed(view, factor, at or plane.centre))
+    return _with_viewport(state, plane, view)
 
 
 def pan(
@@ -172,7 +183,7 @@ def pan(
     plane = plane or map_plane(context.store, state)
     view = state.viewport_of(plane.name) or plane.whole
     moved = panned(view, across, down, plane.y_down)
-    return _with_viewport(state, plane, centred_within(moved, plane.whole))
+    return _with_viewport(state, plane, plane.limited(moved))
 
 
 def _with_viewport(state: State, plane: ZoomPlane, view: Bounds | None) -> State:

@@ -147,9 +147,9 @@ class DatasetReader(IndexCatalog):
             if not self.domain(domain).has_depth:
                 raise RequestError(f"{self.path}: domain {domain} has no depth; {purpose} needs it")
 
-    def frame(self, iid: int, domain: str) -> Frame:
+    def frame(self, domain: str, iid: int) -> Frame:
         """Raises RequestError for an unknown instance or domain."""
-        _check_order("frame(iid, domain)", domain, iid)
+        _check_order("frame(domain, iid)", domain, iid)
         self.check_instance(iid)
         images = self.frames(domain, iid, iid + 1)
         return Frame.of(images["rgb"][0], images["depth"][0], self.domain(domain))
@@ -332,7 +332,7 @@ class DatasetReader(IndexCatalog):
             imaged[iids.start : iids.stop] = True
         return imaged
 
-    def is_imaged(self, iid: int, domain: str) -> bool:
+    def is_imaged(self, domain: str, iid: int) -> bool:
         """Whether a domain images an instance."""
         imaged = self.imaged_parts[self.domain(domain).domain]
         return all(part in imaged for part, _, _ in self._parts_of(iid, iid + 1))

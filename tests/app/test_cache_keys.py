@@ -64,6 +64,7 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "compared_run": lambda _, state: state.runs[-1],
     "pending": lambda _, state: Target(state.runs[1], state.generation),
     "adjust": lambda _, state: replace(ADJUST, values=((SLIDER.key, 1.2),)),
+    "images": lambda _, state: replace(state.images, arrangement="slide", count=6),
     "map_mode": lambda _, state: "full",
     "map_value": lambda _, state: "gap",
     "overlay": lambda _, state: "run",
@@ -115,6 +116,7 @@ RESOURCE_CHANGES: dict[str, Callable[[LoadedData], object]] = {
     "live_floor_heat": lambda resources: np.ones((4, 4), dtype=np.float32),
     "history": lambda resources: gaps.history(*gaps.week()),
     "groups": lambda resources: None,
+    "sheet": lambda resources: None,
     "findings": lambda resources: replace(resources.findings, findings=()),
     "models": lambda resources: {},
     "progress": lambda resources: {"live": 0.5},
@@ -153,6 +155,7 @@ def scenes(session: Session) -> dict[str, Scene]:
     loaded = store_data.read_rows(store, state, None) | store_data.read_lines(store, state, None)
     loaded |= store_data.read_groups(store, state, LoadContext())
     loaded["findings"] = finding_report()
+    loaded |= store_data.read_sheet(store, state, LoadContext())
     pictures, live = (instance_input(store, state.run, i, state.heat) for i in (0, 2))
     sources = dict.fromkeys(("pictures_source", "live_source"), instance_provenance(state))
     plain = Scene(store, state, LoadedData(**loaded, pictures=pictures, live=live, **sources))

@@ -47,7 +47,7 @@ def test_rerun_reads_images_poses_predictions_and_heat(exported, tiny_store):
     order = np.argsort(batch["instance"])
     with s2rstore.open(tiny_store) as store:
         content = bytes(np.array(blob[order[0]][0], np.uint8))
-        assert np.array_equal(Image.open(io.BytesIO(content)), store.frame(3, "real").rgb)
+        assert np.array_equal(Image.open(io.BytesIO(content)), store.frame("real", 3).rgb)
 
 
 def test_the_mcap_reader_gives_images_depth_and_poses(exported, tiny_store):
@@ -60,7 +60,7 @@ def test_the_mcap_reader_gives_images_depth_and_poses(exported, tiny_store):
     assert len(topics["/truth"]) == len(topics["/sim/rgb"]) == len(IIDS)
     assert [each["iid"] for each in topics["/errors"]] == IIDS
     with s2rstore.open(tiny_store) as store:
-        frame, domain = store.frame(3, "real"), store.domain("real")
+        frame, domain = store.frame("real", 3), store.domain("real")
         position = topics["/real/predicted"][0]["pose"]["position"]
         hand = -1 if store.dataset.y_down else 1
         real = store.run_columns("vanilla").real
@@ -111,7 +111,7 @@ def test_coco_and_fiftyone_list_the_images_with_their_facts(exported, tiny_store
     with s2rstore.open(tiny_store) as store:
         for image in coco["images"]:
             pixels = Image.open(tmp_path / "out" / image["file_name"])
-            assert np.array_equal(pixels, store.frame(image["iid"], image["side"]).rgb)
+            assert np.array_equal(pixels, store.frame(image["side"], image["iid"]).rgb)
     (tmp_path / "out").rename(tmp_path / "coco")
     folder = exported("fiftyone")
     samples = json.loads((folder / "samples.json").read_text())["samples"]

@@ -18,7 +18,7 @@ def test_batches_hold_what_the_store_holds(tiny_store, workers):
         seen = []
         for batch in DataLoader(found, batch_size=8, num_workers=workers):
             for place, iid in enumerate(batch["iid"].tolist()):
-                frame = store.frame(iid, "sim")
+                frame = store.frame("sim", iid)
                 image = batch["image"][place].numpy().transpose(1, 2, 0)
                 assert np.allclose(255 * image, frame.rgb)
                 pose = truth.x[iid], truth.y[iid], truth.heading[iid]

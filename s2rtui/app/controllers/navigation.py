@@ -10,7 +10,7 @@ from s2rtui.app.screens.jump import JumpScreen, JumpTarget
 from s2rtui.charts.findings import chosen_finding
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.charts.view import StatisticsView, View
-from s2rtui.session import findings, view_settings
+from s2rtui.session import findings, instance_list, view_settings
 from s2rtui.session.view_settings import ZoomPlane
 
 if TYPE_CHECKING:
@@ -74,6 +74,19 @@ class NavigationController:
                 f"{view.name} cannot be zoomed ({', '.join(keys)} can); {fill} fills the screen"
             )
         return plane
+
+    def move_row(self, rows: int) -> None:
+        """Move the cursor by some rows of thumbnails of the sheet."""
+        panels = self._app.brush.panels(BY_NAME["sheet"])
+        across = sum(panel.y == panels[0].y for panel in panels)
+        self._app.session.dispatch(instance_list.move, rows * across)
+
+    def open_instance(self) -> None:
+        """Show the instance of the cursor on the whole screen."""
+        session = self._app.session
+        self.show_view("instance")
+        if not session.state.fills_screen and not self._app.updater.shows_one_view:
+            session.dispatch(view_settings.toggle_full_screen)
 
     def scroll(self, rows: int) -> None:
         """Move the visible rows of the active view's table down by some rows."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.reader import Store
-from s2rstore.records import SIDES, Side
+from s2rstore.records import SIDES, Bounds, Side
 from s2rtui.canvas import Pixels
 from s2rtui.drawing.drawing import ColourBar, Drawing
 from s2rtui.drawing.heat_colours import RampName
@@ -20,8 +20,9 @@ from s2rtui.drawing.plot import Ink, Phrase, Plot
 from s2rtui.drawing.scale import Floats, Interval, Scale, non_empty, percentile_range
 from s2rtui.drawing.table import Cell, Column, Row, TableSpec
 from s2rtui.session.heatmaps import SIGNED, ray_of, run_range, unit
-from s2rtui.session.state import HeatChoice
+from s2rtui.session.state import HeatChoice, ImageSettings
 
+SIDE_BY_SIDE = ImageSettings()
 Pose = tuple[float, float, float]
 """x, y in metres, heading in radians."""
 Kind = Literal["image", "original", "depth"]
@@ -133,19 +134,29 @@ def heat_fields(store: Store, run: str, heat: HeatChoice | None) -> dict[str, An
 
 
 def heat_scale(data: InstanceInput) -> Interval | None:
-    """The scale of the heat of both sides; None without heat. A signed one is symmetric about 0."""
-    maps = [side.heat.ravel() for _, side in data.sides if side.heat is not None]
-    values = np.concatenate(maps).astype(np.float64) if maps else np.zeros(0)
-    values = values[np.isfinite(values)]
+    """The scale of the heat of both sides; None without heat."""
+    maps = [side.heat for _, side in data.sides if side.heat is not None]
+    return common_scale(maps, data.signed, data.heat_range)
+
+
+def common_scale(
+    maps: Sequence[Floats], signed: bool, heat_range: Interval | None
+) -> Interval | None:
+    """A scale of heatmaps, by default from all their values; None without any.
+
+    A signed one is symmetric about 0.
+    """
+    values = np.concatenate([each.ravel() for each in maps]) if maps else np.zeros(0)
+    values = values[np.isfinite(values)].astype(np.float64)
     if not values.size:
         return None
-    if data.heat_range is not None:
-        low, high = data.heat_range
-    elif data.signed:
+    if heat_range is not None:
+        low, high = heat_range
+    elif signed:
         low, high = -float(np.abs(values).max()), float(np.abs(values).max())
     else:
         low, high = min(0.0, float(values.min())), float(values.max())
-    if data.signed:
+    if signed:
         bound = non_empty(0.0, max(abs(low), abs(high)))[1]
         return (-bound, bound)
     return non_empty(low, high)
@@ -161,8 +172,8 @@ def depth_scale(data: InstanceInput) -> Interval | None:
     return (0.0, percentile_range(np.concatenate(maps), 1, 99)[1])
 
 
-def overlay_ramp(data: InstanceInput) -> RampName:
-    return "signed overlay" if data.signed else "overlay"
+def overlay_ramp(signed: bool) -> RampName:
+    return "signed overlay" if signed else "overlay"
 
 
 def images(
@@ -181,35 +192,54 @@ def images(
                 ground = ImageValues(side.depth, depth, "depth")
         overlay = None
         if side.heat is not None and heat is not None and data.over in (over, "both"):
-            overlay = ImageValues(side.heat, heat, overlay_ramp(data), "heat")
+            overlay = ImageValues(side.heat, heat, overlay_ramp(data.signed), "heat")
         label = kind if kind == "original" and ground is not None else ""
         found[role] = Image(ground, overlay, _MISSING[kind], label)
     return found
 
 
-def instance_drawing(data: InstanceInput) -> Drawing:
-    """The images in rows, sim beside real, their colour bars, the table of poses and the notes."""
+def image_shape(data: InstanceInput) -> tuple[float, float]:
+    """Width and height of the images as shares of the height."""
+    height, width = (data.sim if data.sim.rgb.size else data.real).rgb.shape[:2]
+    return (width / height, 1.0) if height and width else (1.0, 1.0)
+
+
+def instance_drawing(
+    data: InstanceInput, settings: ImageSettings = SIDE_BY_SIDE, area: Bounds | None = None
+) -> Drawing:
+    """The images in rows, their colour bars, the table of poses and the notes.
+
+    settings: how both sides are arranged. area: the shown part, in units of the image's height.
+    """
     heat, depth = heat_scale(data), depth_scale(data)
     shown: dict[Kind, bool] = {
         "image": any(side.rgb.size for _, side in data.sides),
         "original": any(side.original is not None for _, side in data.sides),
         "depth": depth is not None,
     }
-    height, width = (data.sim if data.sim.rgb.size else data.real).rgb.shape[:2]
-    x = Scale(0.0, max(1.0, width))
+    width, height = image_shape(data)
+    shown_area = area or Bounds(0.0, 0.0, width, height)
+    x = Scale(shown_area.x0, shown_area.x1)
+    cut = None if area is None else (area.x0 / width, area.y0, area.x1 / width, area.y1)
     plots = []
     kind: Kind
     for kind in (kind for kind, is_shown in shown.items() if is_shown):
-        y = Scale(max(1.0, height), 0.0, (kind,))
-        for role, image in images(data, kind, heat, depth).items():
+        y = Scale(shown_area.y1, shown_area.y0, (kind,))
+        found = images(data, kind, heat, depth)
+        if cut is not None:
+            found = {role: image.part(cut) for role, image in found.items()}
+        for role, image in _arranged(found, settings).items():
             side = data.sim if role == "sim" else data.real
             if data.truth is None and not side.rgb.size and shown["image"]:
                 continue  # without a pose an instance may be imaged on one side alone
             title = (side.title or role) if kind == "image" else kind
-            plots.append(Plot(x, y, (image,), title=(Phrase(title, role, role),)))
+            phrases = [Phrase(title, role, role)]
+            if kind == "image" and settings.arrangement == "slide":
+                phrases.append(Phrase(data.real.title or "real", "real", "real"))
+            plots.append(Plot(x, y, (image,), f"{role} {kind}", tuple(phrases)))
     bars: list[ColourBar] = []
     if heat is not None:
-        name, ramp = data.heat_name or "heat", overlay_ramp(data)
+        name, ramp = data.heat_name or "heat", overlay_ramp(data.signed)
         bars.append(ColourBar(name, data.unit, heat, data.heat_range is not None, ramp))
     if depth is not None:
         bars.append(ColourBar("depth", "m", depth, ramp="depth"))
@@ -217,6 +247,15 @@ def instance_drawing(data: InstanceInput) -> Drawing:
     table = TableSpec((replace(_COLUMNS[0], name=f"#{data.iid}"), *_COLUMNS[1:]), rows)
     notes = [f"{name} {value}" for name, value in data.notes]
     return Drawing(tuple(plots), table if rows else None, (tuple(bars), *notes))
+
+
+def _arranged(found: dict[Side, Image], settings: ImageSettings) -> dict[Side, Image]:
+    """The images of a row by the side of their title: both, that in front, or one of both."""
+    if settings.arrangement == "beside":
+        return found
+    if settings.arrangement == "blink":
+        return {settings.front: found[settings.front]}
+    return {"sim": Image.joined(found["sim"], found["real"], settings.divider)}
 
 
 def pose_rows(data: InstanceInput) -> Iterator[Row]:

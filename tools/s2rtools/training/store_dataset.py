@@ -63,7 +63,7 @@ class StoreDataset(Dataset[Sample]):
 
     def __getitem__(self, index: int) -> Any:
         store, iid = self._store(), int(self.iids[index])
-        frame, record = store.frame(iid, self._domain), store.domain(self._domain)
+        frame, record = store.frame(self._domain, iid), store.domain(self._domain)
         pose = store.poses(self._domain)[iid].astype(np.float32)
         image = torch.from_numpy(np.ascontiguousarray(frame.rgb.transpose(2, 0, 1))).float() / 255
         sample: Sample = {"iid": iid, "image": image, "pose": torch.from_numpy(pose)}
