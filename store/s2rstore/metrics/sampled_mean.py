@@ -15,7 +15,7 @@ from s2rstore import intervals
 from s2rstore.files.planned_poses import PlannedPose
 from s2rstore.geometry import angles
 from s2rstore.intervals import Interval
-from s2rstore.metrics.evaluation import images_of
+from s2rstore.metrics.evaluation import applied_to
 from s2rstore.reader import Store
 
 MATCH_METRES, MATCH_DEGREES = 0.5, 20.0
@@ -53,14 +53,16 @@ class SampledMean:
 def sampled_mean(store: Store, run: str, poses: Sequence[PlannedPose]) -> SampledMean:
     """The mean real error from the images at the poses of a sample, in its order.
 
-    An image counts for the nearest pose, one for each. Raises RequestError where no pair is new to
-    the run.
+    An image counts for the nearest pose, one for each, with or without a sim image. Images that the
+    model was trained on do not count.
     """
-    images = images_of(store, [run]).pairs
-    truth = store.poses(store.run(run).real_domain)[images]
+    columns = store.run_columns(run)
+    truth = store.poses(store.run(run).real_domain)
+    counts = applied_to(columns.real) & ~columns.trained & np.isfinite(truth).all(axis=1)
+    images = store.in_recording_order(counts)
     wanted = np.array([(p.x_m, p.y_m, math.radians(p.heading_deg)) for p in poses]).reshape(-1, 3)
-    rows = _nearest(wanted, truth)
-    errors = store.run_columns(run).real.error[images[rows[rows >= 0]]].astype(np.float64)
+    rows = _nearest(wanted, truth[images])
+    errors = columns.real.error[images[rows[rows >= 0]]].astype(np.float64)
     mean = intervals.stratified_mean(errors[np.isfinite(errors)])
     return SampledMean(len(poses), int(np.count_nonzero(rows >= 0)), mean)
 
