@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 Group = Literal["select", "brush", "move", "heat", "map", "adjust", "review", "views", "program"]
 When = Literal[
-    "always", "begun", "still", "plain", "brushing", "list", "adjust", "rooms", "not rooms",
-    "findings", "suggestions", "objects", "table", "instance", "sheet", "not sheet", "elsewhere",
+    "always", "begun", "still", "plain", "brushing", "list", "adjust", "groups", "not groups",
+    "rows", "instance", "sheet", "not sheet", "elsewhere",
 ]  # fmt: skip
 
 GROUPS: dict[Group, str] = {group: group.capitalize() for group in get_args(Group)}
 
-_TABLES = ("rooms", "compare")
-"""Views whose tables are scrolled."""
+_TABLES = ("rooms", "compare", "findings", "suggestions", "objects")
+"""Views whose rows can be chosen."""
 _OF_RUNS = ("alike", "other_run", "map_mode", "map_value", "clip")
 """Actions outside of the groups adjust and heat that need a computed run."""
 
@@ -100,15 +100,10 @@ class Action:
             "instance": not brushing and state.view == "instance",
             "sheet": state.view == "sheet",
             "not sheet": not brushing and state.view not in ("adjust", "sheet"),
-            "rooms": not brushing and state.view == "rooms",
-            "not rooms": state.view != "rooms",
-            "findings": not brushing and state.view == "findings",
-            "suggestions": not brushing and state.view == "suggestions",
-            "objects": not brushing and state.view == "objects",
-            "table": not brushing and state.view in _TABLES,
-            "elsewhere": not brushing
-            and state.view
-            not in ("list", "sheet", "adjust", "findings", "suggestions", "objects", *_TABLES),
+            "groups": not brushing and state.view == "rooms",
+            "not groups": state.view != "rooms",
+            "rows": not brushing and state.view in _TABLES,
+            "elsewhere": not brushing and state.view not in ("list", "sheet", "adjust", *_TABLES),
         }[self.when]
 
 

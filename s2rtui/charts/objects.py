@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,14 +17,11 @@ from s2rstore.metrics.object_gains import (
     object_gains,
 )
 from s2rstore.reader import Store
-from s2rtui.canvas import PlotArea, Point
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import StatisticsView, Table
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.scale import Scale, non_empty
 from s2rtui.drawing.table import Bar, Cell, Column, Row, Span, StripMark, TableSpec
-from s2rtui.session import view_settings
-from s2rtui.session.session import Session
 from s2rtui.session.state import State
 
 PANEL = "objects"
@@ -118,29 +115,24 @@ class ObjectsView(StatisticsView):
         return objects_notes(model)
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        return *super().cache_key(scene), scene.state.label, scene.state.view == self.name
+        chosen = scene.state.chosen_row(self.name)
+        return *super().cache_key(scene), chosen, scene.state.view == self.name
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         drawing = super().drawing(scene, columns)
         assert drawing.table is not None
-        chosen = self.labels(scene)[1] if scene.state.view == self.name else None
-        return replace(drawing, table=replace(drawing.table, chosen=chosen))
+        return replace(drawing, table=replace(drawing.table, chosen=self.chosen_row(scene)))
 
-    def labels(self, scene: Scene) -> tuple[list[str], int]:
-        """The classes in the order of the rows, and the place of the chosen one."""
+    def row_names(self, scene: Scene) -> Sequence[str]:
         model = self.input(scene)
-        names = [each.name for each in model.classes] if isinstance(model, ObjectGains) else []
-        return names, names.index(scene.state.label) if scene.state.label in names else 0
+        return [each.name for each in model.classes] if isinstance(model, ObjectGains) else []
+
+    def row_expression(self, scene: Scene, row: int) -> str:
+        return expression_of(self.row_names(scene)[row])
 
     def numbers(self, scene: Scene) -> Table:
         model = self.input(scene)
         return NAMES, list(object_rows(model)) if isinstance(model, ObjectGains) else []
-
-    def click(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> None:
-        (labels, _), row = self.labels(scene), round(point[1])
-        if 0 <= row < len(labels):
-            session.dispatch(view_settings.choose_label, labels[row])
-            session.select(expression_of(labels[row]))
 
 
 VIEW = ObjectsView()

@@ -140,9 +140,9 @@ class TableSpec:
     """Rows of cells below columns.
 
     panel: name of the panel in which rows can be chosen. chosen: the highlighted row. brushed:
-    first and last row of a brush. first: the first visible row; by default the chosen, brushed or
-    marked row is visible. descending: the order of the column that sorts. lines: instances as
-    lines from strip to strip, for which rows are set apart where all of them are visible.
+    first and last row of a brush. The chosen, brushed or marked row is visible. descending: the
+    order of the column that sorts. lines: instances as lines from strip to strip, for which rows
+    are set apart where all of them are visible.
     """
 
     columns: tuple[Column, ...]
@@ -150,7 +150,6 @@ class TableSpec:
     panel: str = ""
     chosen: int | None = None
     brushed: tuple[int, int] | None = None
-    first: int | None = None
     descending: bool = True
     lines: RowLines | None = None
 

@@ -8,7 +8,6 @@ from typing import get_args
 from s2rstore.findings.groups import Grouping, crossed, parts_of
 from s2rtui.session.context import SessionContext
 from s2rtui.session.state import State
-from s2rtui.session.view_settings import unscrolled
 
 COUNTS = "counts"
 """The rooms view's comparison of predicted and true rooms, in the place of a grouping."""
@@ -50,7 +49,7 @@ def change_grouping(context: SessionContext, state: State) -> State:
     message = f"errors by {grouping}"
     if grouping == COUNTS:
         message = "instances per room: predicted in sim, true, predicted in reality"
-    return unscrolled(state.updated(grouping=grouping, message=message), "rooms")
+    return state.updated(grouping=grouping, message=message)
 
 
 def cross_grouping(context: SessionContext, state: State) -> State:
@@ -62,7 +61,7 @@ def cross_grouping(context: SessionContext, state: State) -> State:
     following = others[(others.index(second[0] if second else None) + 1) % len(others)]
     grouping = first if following is None else crossed(first, following)
     message = f"errors by {' and '.join(parts_of(grouping))}"
-    return unscrolled(state.updated(grouping=grouping, message=message), "rooms")
+    return state.updated(grouping=grouping, message=message)
 
 
 def sort_by_next_column(context: SessionContext, state: State) -> State:
@@ -72,12 +71,11 @@ def sort_by_next_column(context: SessionContext, state: State) -> State:
     at = (COLUMN_NAMES.index(state.group_sort) + 1) % len(COLUMNS)
     column = COLUMNS[at]
     message = f"sorted by {column.meaning}"
-    sorted_state = state.updated(
+    return state.updated(
         group_sort=column.name, group_descending=column.descending, message=message
     )
-    return unscrolled(sorted_state, "rooms")
 
 
 def reverse(context: SessionContext, state: State) -> State:
     """Reverse the order of the groups."""
-    return unscrolled(state.updated(group_descending=not state.group_descending), "rooms")
+    return state.updated(group_descending=not state.group_descending)

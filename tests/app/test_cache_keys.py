@@ -76,16 +76,18 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "tab": lambda _, state: "rooms",
     "sort": lambda _, state: "iid",
     "descending": lambda _, state: not state.descending,
-    "first_rows": lambda _, state: (("rooms", 1),),
+    "chosen_rows": lambda _, state: (
+        ("rooms", "right"),
+        ("findings", "1"),
+        ("suggestions", "real 2"),
+        ("objects", "chair"),
+    ),
     "planned": lambda _, state: (PlannedPose(1.0, 2.0, 30.0, "left", 0.5, "novelty"),),
     "viewports": lambda _, state: (("map", Bounds(2.0, 2.0, 5.0, 4.0)),),
     "fills_screen": lambda _, state: not state.fills_screen,
     "grouping": lambda _, state: "heading",
     "group_sort": lambda _, state: "n",
     "group_descending": lambda _, state: not state.group_descending,
-    "finding": lambda _, state: state.finding + 1,
-    "suggestion": lambda _, state: state.suggestion + 1,
-    "label": lambda _, state: "chair",
     "history": lambda _, state: HistoryFile(Path("gap.jsonl"), (1, 2, 3)),
     "message": lambda _, state: "something",
     "is_error": lambda _, state: True,
@@ -127,7 +129,6 @@ RESOURCE_CHANGES: dict[str, Callable[[LoadedData], object]] = {
 NEVER_DRAWN = {
     "newest", "node", "operator", "lasso", "message", "is_error", "past",
     "future", "centre", "progress", "saving", "pending", "keeps_message", "suggested",
-    "first_rows",  # no table of these scenes is longer than its view
 }  # fmt: skip
 
 IN_SCENE = {
