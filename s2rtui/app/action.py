@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 Group = Literal["select", "brush", "move", "heat", "map", "adjust", "review", "views", "program"]
 When = Literal[
     "always", "begun", "still", "plain", "brushing", "list", "adjust", "groups", "not groups",
-    "rows", "instance", "sheet", "not sheet", "elsewhere",
+    "rows", "instance", "sheet", "pivot", "not sheet", "elsewhere",
 ]  # fmt: skip
 
 GROUPS: dict[Group, str] = {group: group.capitalize() for group in get_args(Group)}
 
-_TABLES = ("rooms", "compare", "findings", "suggestions", "objects")
+_TABLES = ("rooms", "pivot", "compare", "findings", "suggestions", "objects")
 """Views whose rows can be chosen."""
 _OF_RUNS = ("alike", "other_run", "map_mode", "map_value", "clip")
 """Actions outside of the groups adjust and heat that need a computed run."""
@@ -99,7 +99,8 @@ class Action:
             "list": not brushing and state.view == "list",
             "instance": not brushing and state.view == "instance",
             "sheet": state.view == "sheet",
-            "not sheet": not brushing and state.view not in ("adjust", "sheet"),
+            "pivot": state.view == "pivot",
+            "not sheet": not brushing and state.view not in ("adjust", "sheet", "pivot"),
             "groups": not brushing and state.view == "rooms",
             "not groups": state.view != "rooms",
             "rows": not brushing and state.view in _TABLES,

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
 
 _OF_ONE_VIEW: tuple[When, ...] = (
-    "list", "adjust", "groups", "rows", "instance", "sheet",
+    "list", "adjust", "groups", "rows", "instance", "sheet", "pivot",
 )  # fmt: skip
 """Situations in which one view is active."""
 _PAGE, _ALL_ROWS = 10, 1 << 30
@@ -178,6 +178,12 @@ _IMAGES = (
            _do(images.change_count, -1), "size", "<", "sheet"),
     Action("more_thumbnails", "greater_than_sign", "views", "sheet: more, smaller thumbnails",
            _do(images.change_count, 1), "", ">", "sheet"),
+    Action("cell_right", "right", "move", "pivot: cell beside the chosen one", None, "cell",
+           "<- ->", "pivot", command=lambda app: app.navigation.move_choice(0, 1)),
+    Action("cell_left", "left", "move", "", when="pivot",
+           command=lambda app: app.navigation.move_choice(0, -1)),
+    Action("figure", "backslash", "review", "pivot: median, number, recall or share of errors",
+           _do(error_groups.change_figure), "figure", "\\", "pivot"),
     Action("arrangement", "backslash", "views",
            "instance: both sides beside each other, blinking, or with a divider that slides",
            None, "sides", "\\", "instance", command=lambda app: app.player.change_arrangement()),
@@ -309,8 +315,8 @@ ACTIONS: tuple[Action, ...] = (
     Action("group", "O", "review",
            "rooms view: errors by room, heading, curvature, trajectory; counts",
            _do(error_groups.change_grouping)),
-    Action("cross_groups", "asterisk", "review", "in the rooms view: group by a second one, too",
-           _do(error_groups.cross_grouping), shown="*", when="groups"),
+    Action("cross_groups", "asterisk", "review", "rooms view, pivot: another second grouping",
+           _do(error_groups.cross_grouping), shown="*"),
     Action("other_run", "k", "review", "compare with the next run",
            _do(view_settings.change_other)),
     Action("note", "e", "review", "write a note on this instance",

@@ -161,6 +161,10 @@ class View:
         """Names of the rows of its table that can be chosen, in their order; by default none."""
         return ()
 
+    def row_width(self, scene: Scene) -> int:
+        """How many of `row_names` are beside each other; the rows of a table of cells."""
+        return 1
+
     def first_choice(self, scene: Scene) -> int:
         """The place of the row that is chosen until the user chooses one."""
         return 0

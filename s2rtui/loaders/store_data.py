@@ -206,14 +206,29 @@ def read_history(store: Store, state: State, context: LoadContext) -> Fields:
 def groups_key(store: Store, state: State) -> Key | None:
     if not store.has_poses or state.grouping == error_groups.COUNTS or state.run == NO_RUN:
         return None
-    return provenance.groups_key(state)
+    return provenance.groups_key(state, state.grouping)
 
 
 def read_groups(store: Store, state: State, context: LoadContext) -> Fields:
     """The errors of the groups of the rooms view, over the base population."""
-    grouped = groups_of(store, state.grouping)
+    return {"groups": _groups(store, state, state.grouping)}
+
+
+def cells_key(store: Store, state: State) -> Key | None:
+    if not store.has_poses or state.centre != "pivot" or state.run == NO_RUN:
+        return None
+    return provenance.groups_key(state, error_groups.pivot_grouping(state))
+
+
+def read_cells(store: Store, state: State, context: LoadContext) -> Fields:
+    """The errors of the cells of the pivot, over the base population."""
+    return {"cells": _groups(store, state, error_groups.pivot_grouping(state))}
+
+
+def _groups(store: Store, state: State, grouping: str) -> LoadedGroups:
+    grouped = groups_of(store, grouping)
     rows = group_errors(store, state.run, grouped, state.base)
-    return {"groups": LoadedGroups(provenance.groups_key(state), grouped, rows)}
+    return LoadedGroups(provenance.groups_key(state, grouping), grouped, rows)
 
 
 def findings_key(store: Store, state: State) -> Key | None:

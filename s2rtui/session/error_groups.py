@@ -42,6 +42,43 @@ _BY_NAME = {column.name: column for column in COLUMNS}
 COLUMN_NAMES = tuple(_BY_NAME)
 
 
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """What the cells of the pivot show: its `name`, what it says, its unit and its factor."""
+
+    name: str
+    meaning: str
+    unit: str
+    factor: float = 1.0
+
+
+FIGURES = {
+    figure.name: figure
+    for figure in (
+        Figure("median", "median real error", "m"),
+        Figure("n", "number of instances", ""),
+        Figure("recall", "share within the thresholds of recall in reality", "%", 100.0),
+        Figure("share", "share of the sum of all real errors", "%", 100.0),
+    )
+}
+"""Figures of the pivot in the order in which the key goes through them."""
+
+
+def pivot_grouping(state: State) -> str:
+    """The two groupings of the pivot: those of the state, a single one with another one."""
+    first = state.grouping if state.grouping != COUNTS else "room"
+    if len(parts_of(first)) > 1:
+        return first
+    return crossed(first, "room" if first == "heading" else "heading")
+
+
+def change_figure(context: SessionContext, state: State) -> State:
+    """Show the next figure in the cells of the pivot."""
+    names = list(FIGURES)
+    name = names[(names.index(state.figure) + 1) % len(names)]
+    return state.updated(figure=name, message=f"cells: {FIGURES[name].meaning}")
+
+
 def change_grouping(context: SessionContext, state: State) -> State:
     """Group by the next of room, heading, curvature and trajectory; then compare room counts."""
     first = state.grouping.partition(",")[0]

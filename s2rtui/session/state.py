@@ -192,7 +192,8 @@ class State:
     with. `view` receives the keys; `centre` and `tab` name the views shown in these panes.
     `pending` is the target to show once it is loaded; `keeps_message` says that the message
     outlives that. `suggested` is the expression that the message of an empty selection suggests.
-    `grouping`, `group_sort` and `group_descending` belong to the rooms view.
+    `grouping`, `group_sort` and `group_descending` belong to the rooms view, `figure` is what the
+    cells of the pivot show.
     `history` is None if the store has no gap history. `fills_screen`: the active view takes the
     whole screen. `planned` are the poses of new images that the map shows.
     """
@@ -231,6 +232,7 @@ class State:
     grouping: str = "room"
     group_sort: str = "real_m"
     group_descending: bool = True
+    figure: str = "median"
     viewports: tuple[tuple[str, Bounds], ...] = ()
     chosen_rows: tuple[tuple[str, str], ...] = ()
     fills_screen: bool = False

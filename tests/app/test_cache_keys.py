@@ -76,6 +76,7 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "tab": lambda _, state: "rooms",
     "sort": lambda _, state: "iid",
     "descending": lambda _, state: not state.descending,
+    "figure": lambda _, state: "n",
     "chosen_rows": lambda _, state: (
         ("rooms", "right"),
         ("findings", "1"),
@@ -119,6 +120,7 @@ RESOURCE_CHANGES: dict[str, Callable[[LoadedData], object]] = {
     "history": lambda resources: gaps.history(*gaps.week()),
     "groups": lambda resources: None,
     "sheet": lambda resources: None,
+    "cells": lambda resources: None,
     "findings": lambda resources: replace(resources.findings, findings=()),
     "models": lambda resources: {},
     "progress": lambda resources: {"live": 0.5},
@@ -156,6 +158,7 @@ def scenes(session: Session) -> dict[str, Scene]:
     loaded = store_data.read_rows(store, state, None) | store_data.read_lines(store, state, None)
     loaded |= store_data.read_groups(store, state, LoadContext())
     loaded["findings"] = finding_report()
+    loaded |= store_data.read_cells(store, state, LoadContext())
     loaded |= store_data.read_sheet(store, state, LoadContext())
     pictures, live = (instance_input(store, state.run, i, state.heat) for i in (0, 2))
     sources = dict.fromkeys(("pictures_source", "live_source"), instance_provenance(state))

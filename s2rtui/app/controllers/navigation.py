@@ -89,20 +89,24 @@ class NavigationController:
         if not session.state.fills_screen and not self._app.updater.shows_one_view:
             session.dispatch(view_settings.toggle_full_screen)
 
-    def choose_row(self, view: View, steps: int, wraps: bool = False) -> None:
+    def choose_row(self, view: View, steps: int, across: int = 0, wraps: bool = False) -> None:
         """Choose another row of a view's table, down by some rows; wraps: from end to end."""
         scene = self._app.updater.scene
         names = () if view.unavailable(scene.store) else view.row_names(scene)
         if names:
             present = view.chosen_row(scene)
             present = view.first_choice(scene) if present is None else present
-            place = min(max(present + steps, 0), len(names) - 1)
-            name = names[(present + steps) % len(names) if wraps else place]
+            wide = view.row_width(scene)
+            row, column = divmod(present, wide)
+            last = len(names) // wide - 1
+            row = (row + steps) % (last + 1) if wraps else min(max(row + steps, 0), last)
+            name = names[row * wide + min(max(column + across, 0), wide - 1)]
             self._app.session.dispatch(view_settings.choose_row, view.name, name)
 
-    def move_choice(self, steps: int) -> None:
-        """Choose another row of the active view's table."""
-        self.choose_row(BY_NAME[self._app.session.state.view], steps, wraps=abs(steps) == 1)
+    def move_choice(self, steps: int, across: int = 0) -> None:
+        """Choose another row of the active view's table, or a cell beside the chosen one."""
+        view = BY_NAME[self._app.session.state.view]
+        self.choose_row(view, steps, across, wraps=abs(steps) == 1)
 
     def fill_screen(self) -> None:
         """Fill the screen with the active view, or show all views again."""
