@@ -91,7 +91,10 @@ class Action:
         brushing = state.brush is not None
         return {
             "always": True,
-            "begun": brushing or state.operator != "replace" or state.is_error,
+            "begun": brushing
+            or state.operator != "replace"
+            or state.is_error
+            or state.chosen_row("objects") is not None,
             "still": not brushing,
             "plain": not brushing and state.view != "adjust",
             "adjust": not brushing and state.view == "adjust",

@@ -141,7 +141,8 @@ def pictures_key(store: Store, state: State) -> Key | None:
     if state.cursor is None:
         return None
     is_near = state.viewport_of("instance") is not None
-    return (*astuple(instance_provenance(state)), state.with_trained, is_near)
+    label = state.chosen_row("objects")
+    return (*astuple(instance_provenance(state)), state.with_trained, is_near, label)
 
 
 def read_pictures(store: Store, state: State, context: LoadContext) -> Fields:
@@ -149,8 +150,9 @@ def read_pictures(store: Store, state: State, context: LoadContext) -> Fields:
     population = Population(with_trained=state.with_trained)
     is_near = state.viewport_of("instance") is not None
     pictures = instance_input(
-        store, state.run, state.cursor, state.shown_heat, population, at_source=is_near
-    )
+        store, state.run, state.cursor, state.shown_heat, population, is_near,
+        state.chosen_row("objects"),
+    )  # fmt: skip
     return {"pictures": pictures, "pictures_source": instance_provenance(state)}
 
 

@@ -252,7 +252,9 @@ def toggle_lasso(context: SessionContext, state: State, panel: PlotArea | None =
 
 
 def cancel_input(context: SessionContext, state: State) -> State:
-    """Drop the unfinished brush, the pending operator and an error message."""
+    """Drop the unfinished brush, the pending operator and an error message; or else the mark of a
+    class of objects.
+    """
     if state.brush is None and state.operator == "replace" and not state.is_error:
-        return state
+        return choose_row(context, state, "objects", None)
     return state.updated(brush=None, operator="replace")
