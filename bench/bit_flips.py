@@ -162,7 +162,7 @@ def _rows(store: Store, table: str) -> bytes:
 
 
 def _frame(store: Store, domain: str, iid: int) -> bytes:
-    frame = store.frame(iid, domain)
+    frame = store.frame(domain, iid)
     return b"".join(np.ascontiguousarray(part).tobytes() for part in (frame.rgb, frame.depth))
 
 

@@ -75,7 +75,7 @@ def _rows(where: str, store: str, budget: float | None) -> Iterator[BudgetRow]:
 def _read(store: Store, run: str, iid: int) -> None:
     """Two frames and two heatmaps."""
     for side in SIDES:
-        store.frame(iid, store.run(run).domain(side))
+        store.frame(store.run(run).domain(side), iid)
         store.heatmap(run, "activation", side, iid)
 
 

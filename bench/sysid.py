@@ -23,7 +23,7 @@ from bench.budget import seconds
 from s2rtools.motion_logs import Commands
 from s2rtools.sysid.identify import Identification, SysidSettings, identify
 from s2rtools.sysid.simulators import Planar
-from s2rtools.sysid.synthetic_drives import Recording, make_drives
+from s2rtools.sysid.synthetic_drives import DriveSettings, make_drives
 
 JUDGED = ("latency", "mass", "friction", "damping")
 NEEDED = 35
@@ -89,7 +89,7 @@ def identified(
         name: math.exp(rng.uniform(math.log(low), math.log(high)))
         for name, (low, high) in _RANGES.items()
     }
-    recording = Recording(efforts=efforts, truth={**truth, "wheels": wheels})
+    recording = DriveSettings(efforts=efforts, truth={**truth, "wheels": wheels})
     with tempfile.TemporaryDirectory() as folder:
         drives = make_drives(Path(folder), 1000 + number, recording=recording)
     return truth, identify(drives, SysidSettings(seed=number), Silent())

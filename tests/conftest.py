@@ -259,6 +259,26 @@ def _compute_few(path: Path) -> None:
 
 
 @pytest.fixture(scope="session")
+def objects_world(build_once: BuildOnce) -> Path:
+    """A small world whose sides differ by objects alone, with one run; no test modifies it."""
+    kinds = ("pixel_difference", "harmonised_difference", "harmonised_distance", "harm")
+    return build_once("objects.s2r", lambda path: make_world(path, "objects", 6, kinds))
+
+
+def make_world(path: Path, factors: str, count: int, kinds: tuple[str, ...]) -> None:
+    """`count` instances of each trajectory of 64 x 64 pixels, and run `vanilla` with `kinds`."""
+    from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
+    from s2rtools.training import pretrained
+    from s2rtui.cli import main
+    from tests.support.silent_reporter import SilentReporter
+
+    options = ["--instances", str(count), "--size", "64", "--factors", factors]
+    assert main(["ingest", "world", *options, "--store", str(path)]) == 0
+    pretrained.add_pretrained_models(path)
+    precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(kinds))
+
+
+@pytest.fixture(scope="session")
 def moved_camera_store(build_once: BuildOnce) -> Path:
     """A small default world with runs of one model whose cameras are moved.
 

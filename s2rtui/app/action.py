@@ -26,7 +26,7 @@ When = Literal[
 
 GROUPS: dict[Group, str] = {group: group.capitalize() for group in get_args(Group)}
 
-_TABLES = ("rooms", "pivot", "compare", "findings", "suggestions", "objects")
+_TABLES = ("rooms", "pivot", "compare", "findings", "suggestions", "objects", "health")
 """Views whose rows can be chosen."""
 _OF_RUNS = ("alike", "other_run", "map_mode", "map_value", "clip")
 """Actions outside of the groups adjust and heat that need a computed run."""

@@ -234,7 +234,9 @@ class S2RApp(GuardedApp):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Whether an action is available now."""
-        cancels = action == "leave" and (self.prompt.is_open or self.brush.is_dragging)
+        cancels = action == "leave" and (
+            self.prompt.is_open or self.brush.is_dragging or self.player.is_playing
+        )
         registered = None if cancels else find_action(action, parameters)
         if registered is not None and not registered.applies(self.session.state):
             return False
@@ -272,9 +274,13 @@ class S2RApp(GuardedApp):
             self.screen.focus_next()
 
     def action_leave(self) -> None:
-        """Cancel the input line, or the brush and the pending operator."""
+        """Cancel the input line, stop playing, or cancel the brush and the pending operator."""
         if self.prompt.is_open:
             self.prompt.cancel()
+        elif self.player.is_playing:
+            self.player.stop()
+            self.session.show_message("playing has stopped")
+            self.updater.refresh()
         else:
             self.brush.drop_drag()
             self.session.dispatch(view_settings.cancel_input)

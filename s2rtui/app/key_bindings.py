@@ -95,7 +95,7 @@ _BRUSHING = (
               lambda app: app.brush.apply("subtract"), "less", "-"),
     _brushing("brush_left", "left", "move the brush", _brush(brush_geometry.moved, -1, 0), "move",
               "arrows"),
-    Action("leave", "escape", "brush", "cancel the brush, the operator or the input line",
+    Action("leave", "escape", "brush", "cancel brush, operator or input line; stop playing",
            short="cancel", when="begun"),
     _brushing("brush_right", "right", "", _brush(brush_geometry.moved, 1, 0)),
     _brushing("brush_up", "up", "", _brush(brush_geometry.moved, 0, -1)),

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import StatisticsView
@@ -21,6 +20,7 @@ from s2rtui.session.state import State
 
 if TYPE_CHECKING:
     from s2rstore.intervals.simulation import WithSimulation
+    from s2rstore.metrics.evaluation import RoomFigure
 
 _FEWEST, _MOST = 0.25, 16.0
 """Factors of the present number of images at the ends of the curve."""
@@ -29,10 +29,14 @@ _SAMPLES = 200
 
 @dataclass(frozen=True, slots=True)
 class ExchangeModel:
-    """The mean error of each computed run in metres, real images alone and with simulation."""
+    """The mean error of each computed run in metres, real images alone and with simulation.
+
+    rooms: those of `run` that have enough pairs for an exchange rate.
+    """
 
     run: str
-    means: dict[str, WithSimulation]
+    means: Mapping[str, WithSimulation]
+    rooms: tuple[RoomFigure, ...] = ()
 
 
 class ExchangeView(StatisticsView):
@@ -45,21 +49,26 @@ class ExchangeView(StatisticsView):
         return "mean real errors, and real images that simulation saves"
 
     def model(self, store: Store, state: State) -> ExchangeModel | str:
-        from s2rstore.metrics.evaluation import images_of, run_figures
+        from s2rstore.metrics.evaluation import images_of, room_figures
+        from s2rstore.metrics.exchange import mean_errors
 
-        means = {}
-        for run in [each.run for each in store.runs.values() if each.key]:
-            try:
-                images = images_of(store, [run], self.members(state))
-            except RequestError:
-                continue  # no selected instance is new to this run
-            means[run] = run_figures(store, run, images)[0].estimate
-        return ExchangeModel(state.run, means) if means else "no selected instance is new to a run"
+        members = self.members(state)
+        means = mean_errors(store, members)
+        if not means:
+            return "no selected instance is new to a run"
+        rooms: tuple[RoomFigure, ...] = ()
+        if state.run in means:
+            found = room_figures(store, state.run, images_of(store, [state.run], members))
+            rooms = tuple(room for room in found if room.rate.is_known)
+        return ExchangeModel(state.run, means, rooms)
 
     def figures(self, model: ExchangeModel) -> Figures:
-        return {
-            "real": [figure for run, mean in model.means.items() for figure in _figures(run, mean)]
-        }
+        of_rooms = [
+            Figure("exchange rate", each.rate, digits=1, of=f"{model.run}, {each.room}", n=each.n)
+            for each in model.rooms
+        ]
+        of_runs = (each for run, mean in model.means.items() for each in _figures(run, mean))
+        return {"real": [*of_runs, *of_rooms]}
 
     def plots(self, model: ExchangeModel) -> tuple[Plot, ...]:
         mean = model.means.get(model.run)
@@ -86,10 +95,14 @@ class ExchangeView(StatisticsView):
             if chosen.simulated
             else ("no further simulated images")
         )
+        rooms = ", ".join(
+            f"{room.room} {room.rate.with_bounds('{:.1f}'.format)}" for room in model.rooms
+        )
         few = [run for run, mean in model.means.items() if mean.n < MIN_PAIRS]
         return (
             f"{chosen.n} real images; {further}; metres, with 95 % intervals",
             "rate: what a real image is worth beside unlimited simulated ones, as in the curve",
+            *([f"rate of {model.run} by room: {rooms}"] if rooms else []),
             *([f"fewer than {MIN_PAIRS} pairs: {', '.join(few)}"] if few else []),
         )  # fmt: skip
 

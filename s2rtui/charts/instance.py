@@ -79,7 +79,7 @@ def instance_input(
         heats = {side: _heat(store, run, side, iid, heat) for side in SIDES}
     except NotComputedError as error:
         heats, missing = dict.fromkeys(SIDES), (("heat", str(error)),)
-        if not all(store.is_imaged(iid, shown.domain(side)) for side in SIDES):
+        if not all(store.is_imaged(shown.domain(side), iid) for side in SIDES):
             missing = (("heat", f"needs images in {shown.sim_domain} and {shown.real_domain}"),)
     marks = {side: _mark(store, run, side, iid, label) for side in SIDES if label is not None}
     harm = _harm_note(heat, heats["real"], float(store.run_columns(run).real.error[iid]))
@@ -122,7 +122,7 @@ def _mark(store: Store, run: str, side: Side, iid: int, label: str) -> dict[str,
     Both cameras of the domain are taken for the same, as far as the place is concerned.
     """
     name = store.displayed_run(run).domain(side)
-    if not name or not store.has_frames(name) or not store.is_imaged(iid, name):
+    if not name or not store.has_frames(name) or not store.is_imaged(name, iid):
         return {}
     values = [value for value, each in store.label_names.items() if each == label]
     marked = np.isin(store.label_images(name, iid, iid + 1)[0], values)

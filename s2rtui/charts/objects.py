@@ -19,7 +19,6 @@ from s2rstore.metrics.object_gains import (
 from s2rstore.reader import Store
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import StatisticsView, Table
-from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.scale import Scale, non_empty
 from s2rtui.drawing.table import Bar, Cell, Column, Row, Span, StripMark, TableSpec
 from s2rtui.session.state import State
@@ -114,21 +113,8 @@ class ObjectsView(StatisticsView):
     def notes(self, model: ObjectGains) -> tuple[str, ...]:
         return objects_notes(model)
 
-    def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        chosen = scene.state.chosen_row(self.name)
-        return *super().cache_key(scene), chosen, scene.state.view == self.name
-
-    def drawing(self, scene: Scene, columns: int) -> Drawing:
-        drawing = super().drawing(scene, columns)
-        assert drawing.table is not None
-        return replace(drawing, table=replace(drawing.table, chosen=self.chosen_row(scene)))
-
-    def row_names(self, scene: Scene) -> Sequence[str]:
-        model = self.input(scene)
-        return [each.name for each in model.classes] if isinstance(model, ObjectGains) else []
-
-    def row_expression(self, scene: Scene, row: int) -> str:
-        return expression_of(self.row_names(scene)[row])
+    def choices(self, model: ObjectGains) -> Sequence[tuple[str, str]]:
+        return [(each.name, expression_of(each.name)) for each in model.classes]
 
     def numbers(self, scene: Scene) -> Table:
         model = self.input(scene)

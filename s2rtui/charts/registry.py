@@ -32,6 +32,7 @@ NAMES = (
     "sheet",
     "compare",
     "history",
+    "health",
     "findings",
     "suggestions",
     "adjust",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -272,6 +272,20 @@ class StatisticsView(View):
         """Lines below the table."""
         return ()
 
+    def choices(self, model: Any) -> Sequence[tuple[str, str]]:
+        """Names of the rows, where each stands for a selection, and their expressions."""
+        return ()
+
+    def row_names(self, scene: Scene) -> Sequence[str]:
+        return [name for name, _ in self._choices(scene)]
+
+    def row_expression(self, scene: Scene, row: int) -> str:
+        return self._choices(scene)[row][1]
+
+    def _choices(self, scene: Scene) -> Sequence[tuple[str, str]]:
+        model = self.input(scene)
+        return () if model is None or isinstance(model, str) else self.choices(model)
+
     def missing(self, scene: Scene) -> tuple[str, ...]:
         model = self.input(scene)
         if isinstance(model, str):
@@ -281,7 +295,8 @@ class StatisticsView(View):
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         model = self.input(scene)
-        return Drawing(self.plots(model), self.table(model), self.notes(model))
+        table = replace(self.table(model), chosen=self.chosen_row(scene))
+        return Drawing(self.plots(model), table, self.notes(model))
 
     def numbers(self, scene: Scene) -> Table:
         model = self.input(scene)
@@ -301,7 +316,8 @@ class StatisticsView(View):
         return "figures of the selection" if is_older else ""
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        return identity_key(self.input(scene)), scene.loaded.failed.get(self.name)
+        failed = scene.loaded.failed.get(self.name)
+        return identity_key(self.input(scene)), failed, self.chosen_row(scene)
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
+from s2rstore.image_faults import FAULTS
 from s2rstore.index.population import SPLIT_SQL, Population
 from s2rstore.language import Query, evaluation, fields, to_text
 from s2rstore.metrics.pose_metrics import population_ranks
@@ -143,6 +144,8 @@ def _column(
     if name == "label":
         classes = dict.fromkeys(store.label_names.values())
         return _names_of({each: store.instances.labelled(each) for each in classes})
+    if name == "health":
+        return _names_of({fault: store.instances.faulty(fault) for fault in FAULTS})
     if name in fields.TEXT:
         text = fields.TEXT[name]
         truth = store.instances

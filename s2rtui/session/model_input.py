@@ -47,7 +47,7 @@ def model_input(
     """
     name, chain = run.domain(side), run.adjustments(side)
     has_frames = bool(name) and store.has_frames(name)
-    if not has_frames or not store.is_imaged(iid, name):
+    if not has_frames or not store.is_imaged(name, iid):
         where = "image of this instance" if has_frames else "images in this store"
         missing = ((f"{side} frames", f"no {name or side} {where}"),)
         return ModelInput(np.zeros((0, 0, 3), dtype=np.uint8), None, "", missing)
@@ -85,7 +85,7 @@ def stored_image(store: Store, side: Side, iid: int, at_source: bool = False) ->
     The title names domains other than the side's own. rgb has shape (0, 0, 3) without an image.
     """
     of_kind = (name for name, domain in store.domains.items() if domain.kind == side)
-    imaged = [name for name in of_kind if store.is_imaged(iid, name)]
+    imaged = [name for name in of_kind if store.is_imaged(name, iid)]
     if not imaged:
         return ModelInput(np.zeros((0, 0, 3), dtype=np.uint8), None, "")
     read = source_rgb if at_source else frame_rgb

@@ -48,6 +48,14 @@ def move_to_end(context: SessionContext, state: State, last: bool) -> State:
     return set_cursor(context, state, int(members[-1 if last else 0]))
 
 
+def play_on(context: SessionContext, state: State) -> State:
+    """Move to the next instance, if there is one, and keep the message."""
+    moved = move_cursor(context, state, 1)
+    if state.cursor is not None and (moved.cursor is None or moved.cursor <= state.cursor):
+        return state
+    return replace(moved, message=state.message, is_error=state.is_error)
+
+
 def set_cursor(context: SessionContext, state: State, iid: int) -> State:
     """Move to an instance."""
     return state.updated(cursor=iid)

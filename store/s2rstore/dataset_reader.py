@@ -18,6 +18,7 @@ from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.errors import DamagedStoreError, RequestError
 from s2rstore.files import layout
 from s2rstore.files.store_files import StoreFiles
+from s2rstore.image_faults import FAULTS
 from s2rstore.index import column_loader, schema
 from s2rstore.index.catalog import IndexCatalog
 from s2rstore.index.columns import InstanceColumns
@@ -144,9 +145,9 @@ class DatasetReader(IndexCatalog):
             if not self.domain(domain).has_depth:
                 raise RequestError(f"{self.path}: domain {domain} has no depth; {purpose} needs it")
 
-    def frame(self, iid: int, domain: str) -> Frame:
+    def frame(self, domain: str, iid: int) -> Frame:
         """Raises RequestError for an unknown instance or domain."""
-        _check_order("frame(iid, domain)", domain, iid)
+        _check_order("frame(domain, iid)", domain, iid)
         self.check_instance(iid)
         images = self.frames(domain, iid, iid + 1)
         return Frame.of(images["rgb"][0], images["depth"][0], self.domain(domain))
@@ -253,6 +254,23 @@ class DatasetReader(IndexCatalog):
             return self._arrays[relative]
 
     @property
+    def checked_domains(self) -> dict[str, int]:
+        """The domains whose images `s2r check` has checked, with the number of instances then."""
+        facts = self.provenance(schema.HEALTH)
+        return {name: int(facts[name]) for name in self.domains if facts.get(name, "").isdecimal()}
+
+    def faults(self, domain: str) -> dict[str, NDArray[np.bool_]]:
+        """(N,) the images of a domain with each of `FAULTS`, those that `s2r check` found."""
+        query = "SELECT DISTINCT fault FROM frame_fault WHERE domain = ?"
+        present = {name for (name,) in self.execute(query, [domain])}
+        query = "SELECT iid, 1 AS value FROM frame_fault WHERE domain = ? AND fault = ?"
+        return {
+            name: self._column_loader.column(query, [domain, name], 0).astype(np.bool_)
+            for name in FAULTS
+            if name in present
+        }
+
+    @property
     def label_keys(self) -> dict[str, str]:
         """The domains that have label images, with the key of their arrays."""
         return self.provenance(schema.LABELS)
@@ -310,7 +328,7 @@ class DatasetReader(IndexCatalog):
             imaged[iids.start : iids.stop] = True
         return imaged
 
-    def is_imaged(self, iid: int, domain: str) -> bool:
+    def is_imaged(self, domain: str, iid: int) -> bool:
         """Whether a domain images an instance."""
         imaged = self.imaged_parts[self.domain(domain).domain]
         return all(part in imaged for part, _, _ in self._parts_of(iid, iid + 1))

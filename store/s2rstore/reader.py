@@ -128,13 +128,12 @@ class Store(DatasetReader):
         total = self.parts[-1].stop
         if run == NO_RUN:
             return Coverage(run, total, total)
-        record, count = self.run(run), len(self.parts)
+        record = self.run(run)
         if record.is_imported:
             computed, lost = self._imported_counts(run)
             return Coverage(run, computed, total, is_imported=True, not_localised=lost)
         imaged = sum(map(len, self.imaged_ranges(record.sim_domain, record.real_domain)))
-        computed = self._computed_count(run) if count > 1 or record.key is None else imaged
-        lone = 0
+        computed, lone = self._computed_count(run), 0
         if predicted := self._predicted(run):
             missing = [self.imaged(record.domain(side)) & ~predicted[side] for side in SIDES]
             lone = int(np.count_nonzero(missing[0] ^ missing[1]))

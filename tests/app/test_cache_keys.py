@@ -135,7 +135,7 @@ NEVER_DRAWN = {
 
 IN_SCENE = {
     "sliding": ("adjust", "map", "instance"), "findings": ("findings",),
-    "suggestions": ("suggestions",), "objects": ("objects",),
+    "suggestions": ("suggestions",), "objects": ("objects",), "health": ("health",),
 }  # fmt: skip
 """Views that differ from those of the plain scene; of the other scenes all views are compared."""
 
@@ -181,6 +181,7 @@ def scenes(session: Session) -> dict[str, Scene]:
         "findings": replace(plain, state=replace(state, view="findings")),
         "suggestions": replace(plain, state=replace(state, view="suggestions")),
         "objects": replace(plain, state=replace(state, view="objects")),
+        "health": replace(plain, state=replace(state, view="health")),
         "trained": replace(
             plain, state=replace(state, with_trained=True, trained=state.base & (rank % 2 > 0))
         ),

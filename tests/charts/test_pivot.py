@@ -28,7 +28,7 @@ def test_cells_hold_the_figures_of_the_instances_that_they_select(tiny_store, s2
 
 async def test_enter_selects_the_chosen_cell_which_is_the_worst_at_first(tiny_store):
     async with running(tiny_store) as (app, pilot):
-        await press(app, pilot, "c", "left_parenthesis")
+        await press(app, pilot, "c", "right_parenthesis")
         cells = VIEW.input(app.updater.scene)
         worst = max(cells.values(), key=lambda cell: (cell.real.is_known, cell.real.value))
         await press(app, pilot, "enter")

@@ -18,7 +18,7 @@ def test_a_page_shows_the_images_of_its_instances_in_the_order_of_the_list(tiny_
     session.set_cursor(int(order[14]))
     assert images.page(session.store, session.state).tolist() == order[12:24].tolist()
     iid = int(order[14])
-    sides = [session.store.frame(iid, side).rgb.astype(int) for side in ("sim", "real")]
+    sides = [session.store.frame(side, iid).rgb.astype(int) for side in ("sim", "real")]
     expected = {"real": sides[1], "sim": sides[0], "difference": abs(sides[1] - sides[0])}
     for _ in expected:
         shown = sheet_page(session.store, session.state).images[iid]

@@ -61,6 +61,12 @@ async def test_playing_goes_to_the_last_instance_and_stops(tiny_store):
         last = app.session.state.cursor
         app.player.step()  # as the timer does, from the last instance
         assert app.session.state.cursor == last
+        await press(app, pilot, "home", "apostrophe")
+        app.player.step()
+        assert "playing 2 instances a second" in app.session.state.message
+        await press(app, pilot, "escape")
+        assert "stopped" in app.session.state.message
+        assert not app.player.is_playing
         messages = []
         for _ in range(len(SPEEDS) + 1):  # no timer runs between these
             app.player.change_speed()

@@ -1,5 +1,6 @@
 """`s2r evaluate` and the exchange view: figures, what simulation adds, plans, refusals."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import s2rstore
 from s2rstore.index.transaction import edit
 from s2rstore.metrics import recall
 from s2rstore.metrics.evaluation import images_of, run_figures
+from s2rtools.nightly import measurement
 from tests.support import tiny
 from tests.support.copies import copy_store
 
@@ -96,6 +98,47 @@ def test_the_view_shows_the_same_numbers(store, s2r):
     assert s2r("show", store, "exchange", "--select", "none", "--json").json == []
     words = s2r("show", store, "exchange", "--run", "vanilla", "--words").printed
     assert "rate: what a real image is worth" in words
+
+
+def test_the_exchange_rate_before_and_after_a_change(store, tmp_path, s2r):
+    """Findings, gap and nightly show what `s2r evaluate --runs` does."""
+    path = copy_store(store, tmp_path / "tuned.s2r")
+    with edit(path) as draft:
+        chain = '[{"name": "camera_fov", "value": 4.0}]'
+        draft.rows("UPDATE run SET model = (SELECT model FROM run WHERE run = 'dataaug'), "
+                   f"sim_adjustments = '{chain}' WHERE run = 'vanilla'")  # fmt: skip
+    found = s2r("evaluate", path, "--run", "vanilla", "--runs", "--json").json
+    (change,) = (each for each in found["runs"] if each["run"] == "vanilla")
+    assert (change["baseline"], change["changes"]) == ("dataaug", "camera_fov=4")
+    assert change["after"]["low"] > 1.5 > change["before"]["high"]
+    assert change["evident"]
+    assert "camera_fov=4)" in s2r("evaluate", path, "--run", "vanilla", "--runs").printed
+    for run in ("vanilla", "dataaug"):  # the changed run, and that it is a change of
+        findings = s2r("findings", path, "--run", run, "--json").json["findings"]
+        (finding,) = (each for each in findings if each["kind"] == "exchange rate")
+        assert (finding["run"], finding["other_run"]) == ("vanilla", "dataaug")
+        assert finding["evident"]
+        assert finding["interval"]["value"] == pytest.approx(change["after"]["value"], abs=1e-5)
+    report = json.loads(
+        s2r("gap", path, "--run", "vanilla", "--axis", "task", "--json").checked(3).out
+    )
+    assert report["exchange"]["before"]["value"] == pytest.approx(
+        change["before"]["value"], abs=1e-5
+    )
+    rows = {row["parameter"]: row for row in measurement.exchange_rows(report)}
+    assert rows["exchange rate"]["value"] == report["exchange"]["after"]["value"]
+    assert rows["exchange rate before the changes"]["note"] == "camera_fov=4"
+
+
+def test_rooms_with_enough_pairs_have_an_exchange_rate(store, s2r):
+    found = s2r("evaluate", store, "--run", "vanilla", "--json").json
+    known = {room["room"]: room["exchange_rate"]["value"] for room in found["rooms"]
+             if room["exchange_rate"]["low"] is not None}  # fmt: skip
+    assert 0 < len(known) == sum(room["pairs"] >= 100 for room in found["rooms"])
+    shown = s2r("show", store, "exchange", "--run", "vanilla", "--json").json
+    assert {
+        row["of"]: row["value"] for row in shown if row["of"].startswith("vanilla, ")
+    } == pytest.approx({f"vanilla, {room}": rate for room, rate in known.items()}, abs=1e-5)
 
 
 def test_images_without_a_pose_are_failures_of_recall_and_median(store, tmp_path, s2r):

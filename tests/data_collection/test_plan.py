@@ -11,11 +11,12 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.language import evaluation
 from s2rtools.data_collection.batch_choice import PoseCoverage, choose_batch
-from s2rtools.data_collection.candidates import CandidatePoses, find_candidates, is_free
+from s2rtools.data_collection.candidates import CandidatePoses, find_candidates
 from s2rtools.data_collection.evidence import Evidence, read_evidence
 from s2rtools.data_collection.expected_reduction import METHODS, local_values
 from s2rtools.data_collection.plan import CollectionRequest, choose_poses, plan_collection
 from s2rtools.data_collection.pose_similarity import PoseSimilarity
+from s2rtools.datasets.floor.free_floor import is_free
 from tests.support import tiny
 
 
@@ -163,7 +164,7 @@ def test_gains_never_grow_and_equal_what_is_covered(seed, budget):
     candidates = replace(candidates, usable=usable)
     weights = rng.uniform(0, 3, usable.shape)
     coverage = PoseCoverage(candidates, weights, PoseSimilarity())
-    batch = choose_batch(coverage, candidates, budget)
+    batch = choose_batch(coverage, np.flatnonzero(usable), budget)
     assert usable.flat[batch.cells].all()
     assert (np.diff(batch.gains) <= 1e-9).all()
     assert batch.gains.sum() == pytest.approx(coverage.covered_weight)
@@ -173,7 +174,7 @@ def test_gains_never_grow_and_equal_what_is_covered(seed, budget):
 def test_the_greedy_batch_is_that_of_full_reevaluation():
     candidates, similarity = grid(8, 4), PoseSimilarity()
     weights = np.random.default_rng(5).uniform(0, 3, candidates.usable.shape)
-    batch = choose_batch(PoseCoverage(candidates, weights, similarity), candidates, 6)
+    batch = choose_batch(PoseCoverage(candidates, weights, similarity), np.arange(weights.size), 6)
     coverage = PoseCoverage(candidates, weights, similarity)
     for cell in batch.cells.tolist():
         gains = [coverage.gain(other) for other in range(candidates.usable.size)]

@@ -13,6 +13,7 @@ import pytest
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files import layout
+from s2rstore.language import evaluation
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import check, verify
 from s2rtools.datasets.appending import append
@@ -135,28 +136,63 @@ def test_the_hash_of_the_data_set_depends_on_the_images_of_an_added_domain(whole
     assert hashes[0] == hashes[1] != hashes[2]
 
 
-def test_instances_that_are_added_later_may_lack_a_further_sim_domain(whole, tmp_path):
-    """Behind those of a trajectory and as a new one; the domain comes back in a later part."""
+def test_instances_that_lack_a_domain_get_its_images_later(whole, once, tmp_path):
+    """Behind those of a trajectory and as a new one; others of both have them already."""
     store = tmp_path / "s.s2r"
     part = replace(whole, trajectories={"a": whole.trajectories["a"][:4]}, issues=[])
     build.build(part, store, "s2r ingest", True, lambda steps: None)
     assert add(without(whole, a=6, b=3), store) == {"a": 2, "b": 3}
     assert add(without(whole, a=6, b=3), store) == {}
-    with pytest.raises(RequestError, match=r"trajectory a: .*\(it has no images in sim_edit\)"):
-        add(whole, store)
     third = replace(whole, trajectories={"c": whole.trajectories["b"]}, issues=[])
     assert add(third, store) == {"c": N}
     assert verify(store) == []
+    lacking = copy_store(store, tmp_path / "lacking.s2r")
     with s2rstore.open(store) as opened:
         assert opened.imaged_ranges("sim", "real") == [range(4), range(4, 9), range(9, 9 + N)]
         assert opened.imaged_ranges(EDIT, "real") == [range(4), range(9, 9 + N)]
-        assert opened.imaged(EDIT).tolist() == [True] * 4 + [False] * 5 + [True] * N
-        assert opened.frame(4, "sim").rgb.any()
-        assert opened.frame(9, EDIT).rgb.any()
+        assert opened.frame(EDIT, 9).rgb.any()
         with pytest.raises(RequestError, match=r"sim_edit has no images of trajectory a \(domains"):
-            opened.frame(4, EDIT)
-    shutil.rmtree(store / "frames.zarr" / "sim" / "a@1" / "depth")
-    assert any("sim/a@1/depth" in damage.where for damage in verify(store))
+            opened.frame(EDIT, 4)
+    shutil.rmtree(lacking / "frames.zarr" / "sim" / "a@1" / "depth")
+    assert any("sim/a@1/depth" in damage.where for damage in verify(lacking))
+    assert add(whole, store) == {"a": N - 6, "b": N - 3}
+    assert verify(store) == []
+    with s2rstore.open(store) as opened:
+        assert opened.imaged(EDIT).all()
+    added, expected = rows_by_trajectory(store), rows_by_trajectory(once)
+    assert {name: added[name] for name in ("sim_edit a", "sim_edit b", "domain")} == {
+        name: expected[name] for name in ("sim_edit a", "sim_edit b", "domain")
+    }
+
+
+@pytest.mark.parametrize(("first", "second"), [("a", "b"), ("b", "a")], ids=["without", "with"])
+def test_a_trajectory_of_other_domains_is_appended(whole, tmp_path, first, second):
+    """Trajectory `a` has edited images, `b` none; further ones have one side."""
+    store = tmp_path / "s.s2r"
+    records = {"a": whole.trajectories["a"], "b": without(whole, b=N).trajectories["b"]}
+    build.build(
+        replace(whole, trajectories={first: records[first]}, issues=[],
+                domains={d: whole.domains[d] for d in records[first][0].sources}),
+        store, "s2r ingest", True, lambda steps: None,
+    )  # fmt: skip
+    sides = {
+        side: [replace(r, sources={side: r.sources[side]}) for r in whole.trajectories["b"][:3]]
+        for side in ("sim", "real")
+    }
+    added = replace(whole, trajectories={second: records[second], **sides}, issues=[])
+    assert add(added, store) == {second: N, "sim": 3, "real": 3}
+    assert verify(store) == []
+    with s2rstore.open(store) as opened:
+        for text, names in (
+            ("has:sim_edit", "a"), ("paired", "a b"), ("has:real", "a b real"),
+            ("has:sim - paired", "sim"),
+        ):  # fmt: skip
+            expected = np.sort(np.concatenate([opened.iids_of(name) for name in names.split()]))
+            query, parameters = evaluation.sql(opened, text, evaluation.NO_RUN)
+            rows = opened.execute(query, parameters)
+            assert sorted(row[0] for row in rows) == expected.tolist(), text
+            chosen = evaluation.select(opened, text, evaluation.NO_RUN)
+            assert np.flatnonzero(chosen).tolist() == expected.tolist(), text
 
 
 @pytest.mark.parametrize("trajectory", ["a", "c"])
@@ -180,7 +216,7 @@ def test_a_domain_of_some_instances_is_refused_by_name(whole, edited, tmp_path):
     for trajectories, message in (
         (
             {**whole.trajectories, "a": whole.trajectories["a"][:-1]},
-            rf"trajectory a: .*only the first {N - 1} of the stored .* the new domain sim_edit",
+            rf"trajectory a: .*only the first {N - 1} of the stored .* domain sim_edit",
         ),
         (
             {**whole.trajectories, "b": whole.trajectories["b"][1:]},

@@ -95,10 +95,10 @@ def check_pieces(drawn: Sequence[Counts], scan: Scan, once: Path) -> None:
                 assert opened.instances.seq[iids].tolist() == list(range(N))
                 expected = other.frames("real", *other.iids_of(name)[[0, -1]] + [0, 1])["rgb"]
                 for iid, image in zip(iids.tolist(), expected, strict=True):
-                    assert (opened.frame(iid, "real").rgb == image).all()
+                    assert (opened.frame("real", iid).rgb == image).all()
             across = opened.frames("sim", 0, 3 * N)["rgb"]
             for iid in range(3 * N):
-                assert (across[iid] == opened.frame(iid, "sim").rgb).all()
+                assert (across[iid] == opened.frame("sim", iid).rgb).all()
 
 
 def test_existing_iids_and_frames_stay_and_only_the_ends_change_their_curvature(

@@ -38,7 +38,7 @@ def test_pairs_are_stored_in_recording_order(tmp_path):
         rooms = np.where(x <= 4, "west", "east")
         assert [truth.room_names[c] for c in truth.room[:8]] == rooms.tolist()
         assert truth.odom_x[0] == pytest.approx(-y[0])
-        frame = store.frame(3, "real")
+        frame = store.frame("real", 3)
         source = scan.trajectories["t1"][3].sources["real"]
         raw = cv2.imread(str(source.depth), cv2.IMREAD_UNCHANGED)
         assert set(np.unique(frame.depth)) <= set(np.unique(raw))
@@ -117,7 +117,7 @@ def test_a_manifest_is_ingested(tmp_path, bits, dtype):
     assert scan.issues == []
     with s2rstore.open(tmp_path / "s.s2r") as store:
         assert [t.instances for t in store.trajectories] == [6, 6]
-        frame = store.frame(0, "sim")
+        frame = store.frame("sim", 0)
         assert frame.depth.dtype == dtype
         assert store.dataset.accuracy_scale == 10
         assert store.dataset.recall_thresholds == ((0.1, 5), (3, 20))

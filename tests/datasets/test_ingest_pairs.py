@@ -188,7 +188,7 @@ def test_images_without_depth_make_domains_without_depth(tmp_path):
         assert not domain.has_depth
         assert math.isnan(domain.depth_scale)
         assert math.isnan(domain.camera_height)
-        frame = store.frame(0, "real")
+        frame = store.frame("real", 0)
         assert not frame.valid.any()
         assert store.execute("SELECT count(depth_path) FROM frame") == [(0,)]
         name = store.execute("SELECT rgb_path, sha256 FROM frame WHERE domain = 'real'")[0]
@@ -219,7 +219,7 @@ def test_a_lens_is_undistorted_and_invalid_depth_stays_invalid(tmp_path):
     more = "--size", str(size)
     assert ingest(sim, real, tmp_path / "s.s2r", *more) == 0
     with s2rstore.open(tmp_path / "s.s2r") as store:
-        frame = store.frame(0, "real")
+        frame = store.frame("real", 0)
         brightest = frame.rgb[10:-10, 60:, 0].argmax(axis=1) + 60
         assert np.abs(brightest - 84).max() <= 1
         assert store.domain("real").rgb.fx == 60.0

@@ -59,7 +59,7 @@ def test_prune_removes_unreferenced_frames_and_keeps_all_others(scan, store, mon
     assert prune(store, keep=1).paths == ("index/index-000001.duckdb",)
     assert verify(store) == []
     with s2rstore.open(store) as opened:
-        assert opened.frame(0, "sim").rgb.any()
+        assert opened.frame("sim", 0).rgb.any()
 
 
 def test_prune_keeps_the_folder_in_which_another_process_appends(store):

@@ -82,7 +82,7 @@ def test_the_most_common_depth_type_is_kept_wherever_the_others_are(tmp_path, od
                 path = tmp_path / "data" / domain / f"{number}_depth.png"
                 depth = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
                 small = cv2.resize(depth, SIZE, interpolation=cv2.INTER_NEAREST_EXACT)
-                assert np.array_equal(opened.frame(iid, domain).depth, small)
+                assert np.array_equal(opened.frame(domain, iid).depth, small)
     assert {path.name for path in store.iterdir()} == {
         "CURRENT.json", "assets", "frames.zarr", "index", "ledger",
     }  # fmt: skip

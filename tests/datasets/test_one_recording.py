@@ -57,7 +57,7 @@ def test_a_recording_makes_a_store_to_which_the_other_side_is_appended(tmp_path,
         np.testing.assert_allclose(opened.poses("sim")[iids, :2], ALONE[:, :2], atol=1e-9)
         turned = angles.distance(opened.poses("sim")[iids, 2], ALONE[:, 2])
         assert turned.max() < 1e-9
-        assert opened.frame(int(iids[3]), "sim").rgb.any()
+        assert opened.frame("sim", int(iids[3])).rgb.any()
 
 
 def test_a_recording_is_appended_to_pairs_in_the_world_of_the_store(tmp_path):

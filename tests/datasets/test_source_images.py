@@ -48,7 +48,7 @@ def test_images_are_kept_as_the_files_hold_them(data, tmp_path):
             stored = (images if row < 2 else others)["depth"][row % 2]
             np.testing.assert_array_equal(stored, depth)
             small = cv2.resize(expected, SIZE, interpolation=cv2.INTER_AREA)
-            np.testing.assert_array_equal(store.frame(3 + row, "real").rgb, small)
+            np.testing.assert_array_equal(store.frame("real", 3 + row).rgb, small)
     report = check(path)
     assert (report.damages, report.notes) == ((), ())
 

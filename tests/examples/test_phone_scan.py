@@ -49,7 +49,7 @@ def test_the_page_leads_from_a_scan_to_a_report(s2r, tmp_path, monkeypatch):
         assert (np.count_nonzero(run.valid), np.count_nonzero(run.trained & run.paired)) == (12, 0)
         assert np.isfinite(run.sim.error).sum() == 32
         likeness = [
-            np.corrcoef(opened.frame(iid, "sim").rgb.ravel(), opened.frame(iid, "real").rgb.ravel())
+            np.corrcoef(opened.frame("sim", iid).rgb.ravel(), opened.frame("real", iid).rgb.ravel())
             for iid in range(12)
         ]
     assert np.median([matrix[0, 1] for matrix in likeness]) > 0.9

@@ -95,11 +95,11 @@ def test_each_kind_of_part_is_used(installed, tiny_store, tmp_path):
         assert opened.instances.x.tolist() == [0, 1, 2, 3]
     with s2rstore.open(store) as opened:
         (iid, _) = opened.iids_of("random-0")
-        assert set(np.unique(opened.frame(int(iid), "sim").rgb)) <= {90, 200}
+        assert set(np.unique(opened.frame("sim", int(iid)).rgb)) <= {90, 200}
         assert opened.heatmap("s", "edges", "real", 0).shape == (32, 32)
         assert opened.models["s"].architecture == "small"
         assert opened.run("g").sim_adjustments == [{"name": "gamma", "value": 2.0}]
-        levels = [[opened.frame(iid, side).rgb.mean() for iid in range(40)]
+        levels = [[opened.frame(side, iid).rgb.mean() for iid in range(40)]
                   for side in ("sim", "real")]  # fmt: skip
     gap = json.loads(shown[shown.rindex("\n{") :])
     (axis,) = (each for each in gap["axes"] if each["axis"] == "brightness")

@@ -149,7 +149,7 @@ def test_frames_of_inconsistent_trajectories_are_rejected(store_copy, statement)
     edited(store_copy, [statement])
     assert main(["verify", str(store_copy)]) == 1
     with s2rstore.open(store_copy) as store, pytest.raises(RequestError, match="verify"):
-        store.frame(30, "sim")
+        store.frame("sim", 30)
 
 
 def test_verify_detects_dangling_names_and_parts_of_poses(store_copy, s2r):

@@ -36,7 +36,7 @@ def _index_name(root: Path) -> str:
 
 def _read(root: Path) -> None:
     with s2rstore.open(root) as store:
-        store.frame(0, "sim")
+        store.frame("sim", 0)
         store.heatmap("vanilla", "activation", "real", 0)
 
 

@@ -50,7 +50,7 @@ def joined_arrays(store: Store) -> Iterator[Read]:
 def frames(store: Store) -> Iterator[Read]:
     for domain in SIDES:
         for iid in (0, 24, 25, 39):  # the ends of either trajectory
-            yield lambda domain=domain, iid=iid: store.frame(iid, domain)
+            yield lambda domain=domain, iid=iid: store.frame(domain, iid)
 
 
 def parts_of_embeddings(store: Store) -> Iterator[Read]:

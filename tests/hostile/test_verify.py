@@ -67,7 +67,7 @@ def test_readers_check_metadata_when_they_open_an_array(store):
     document = json.loads(path.read_text())
     path.write_text(json.dumps(document))
     with s2rstore.open(store) as opened, pytest.raises(RequestError, match="metadata"):
-        opened.frame(0, "sim")
+        opened.frame("sim", 0)
     assert verify(store)
 
 

@@ -132,7 +132,7 @@ def test_frames_must_have_the_size_in_the_index(store_copy):
         s2rstore.open(store_copy) as store,
         pytest.raises(RequestError, match="which the index states"),
     ):
-        store.frame(0, "sim")
+        store.frame("sim", 0)
 
 
 def _bomb(content: bytearray) -> None:

@@ -41,6 +41,7 @@ def _named_strategy() -> st.SearchStrategy[n.Node]:
         "trajectories": st.sampled_from(["a", "b"]),
         "splits": st.sampled_from(["train", "validation", "test", "unseen"]),
         "domains": st.sampled_from(["sim", "real"]),
+        "faults": st.sampled_from(["blurred", "frozen", "dark"]),
         "labels": st.sampled_from(["chair", "fire door"]),
     }
     return st.sampled_from(sorted(fields.TEXT)).flatmap(

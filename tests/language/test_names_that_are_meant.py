@@ -54,9 +54,9 @@ def test_columns_of_rows_and_of_scripts_name_it(tiny_store, s2r):
 
 def test_exchanged_arguments_of_frames_are_named(tiny_store):
     with s2rstore.open(tiny_store) as store:
-        assert store.frame(0, "sim").rgb.ndim == 3
-        with pytest.raises(RequestError, match=r"frame\(iid, domain\): domain is a name"):
-            store.frame("sim", 0)  # type: ignore[arg-type]
+        assert store.frame("sim", 0).rgb.ndim == 3
+        with pytest.raises(RequestError, match=r"frame\(domain, iid\): domain is a name"):
+            store.frame(0, "sim")  # type: ignore[arg-type]
         for arguments in ((0, 1, "sim"), (0, "sim", 1), ("sim", "0", "1")):
             with pytest.raises(RequestError, match=r"frames\(domain, start, stop\): domain is"):
                 store.frames(*arguments)  # type: ignore[arg-type]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from s2rtools.motion_logs import csv_reader
-from s2rtools.sysid.synthetic_drives import Recording, make_drives
+from s2rtools.sysid.synthetic_drives import DriveSettings, make_drives
 from s2rtui.cli import main
 
 Damage = Callable[[Path], None]
@@ -19,7 +19,7 @@ GAP, SYSID = ("gap", "sysid")
 @pytest.fixture(scope="module")
 def valid_drives(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("good") / "drives"
-    make_drives(folder, 3, {"latency": 0.5}, Recording(count=5, seconds=4.0))
+    make_drives(folder, 3, {"latency": 0.5}, DriveSettings(count=5, seconds=4.0))
     return folder
 
 

@@ -17,7 +17,7 @@ from s2rstore.gap_history import reader as stored
 from s2rtools.gap.gate import gate
 from s2rtools.motion_logs import csv_reader
 from s2rtools.nightly.config import NightlyConfig
-from s2rtools.sysid.synthetic_drives import Recording, make_drives
+from s2rtools.sysid.synthetic_drives import DriveSettings, make_drives
 from s2rtui.cli import main
 from tests.support import nights
 from tests.support.bags import ODOMETRY, POSE, write
@@ -86,7 +86,7 @@ def test_the_default_night_is_today(config, fake_gate, capsys):
 
 def test_the_simulator_is_identified_from_drives(config, fake_gate):
     drives = config.source.parent / "made"
-    make_drives(drives, 1, {"damping": 0.5}, Recording(count=6, seconds=6.0))
+    make_drives(drives, 1, {"damping": 0.5}, DriveSettings(count=6, seconds=6.0))
     truth = json.loads((drives / "truth.json").read_text())["values"]
     with config.source.open("a") as file:
         file.write('[sysid]\ndrives = "made"\nparameters = ["damping"]\nseeds = 1\n')
@@ -101,7 +101,7 @@ def test_the_simulator_is_identified_from_drives(config, fake_gate):
 
 def test_warnings_of_an_identification_are_reported(config, fake_gate):
     drives = config.source.parent / "made"
-    make_drives(drives, 1, {"latency": 0.8, "wheels": 1.0}, Recording(count=8, seconds=9.0))
+    make_drives(drives, 1, {"latency": 0.8, "wheels": 1.0}, DriveSettings(count=8, seconds=9.0))
     with config.source.open("a") as file:
         file.write('[sysid]\ndrives = "made"\nparameters = ["damping"]\nseeds = 1\n'
                    'range = { latency = "0..0.05" }\n')  # fmt: skip

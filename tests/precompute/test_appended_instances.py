@@ -251,7 +251,7 @@ def test_instances_of_one_side_are_predicted_and_change_no_figure_of_pairs(scan,
         assert store.coverage("plain").not_imaged == N + 4
         assert store.coverage("plain").computed == N
         with pytest.raises(RequestError, match=r"domain real has no images of trajectory a"):
-            store.frame(0, "real")
+            store.frame("real", 0)
         _assert_as_paired(scan, store, tmp_path)
 
 
@@ -279,9 +279,13 @@ def test_a_trajectory_whose_missing_images_are_added_is_computed(scan, stores, t
     with s2rstore.open(path) as store:
         assert store.coverage("plain").computed == N
     ingest(part_of(scan, {"a": N, "b": N}, SIDES), path)
+    waiting = check(path)
+    assert waiting.damages == ()
+    assert f"run plain: computed for {N} of {2 * N} instances; `s2r precompute`" in waiting.notes[0]
     compute(path, "plain")
     with s2rstore.open(path) as store, s2rstore.open(stores[0]) as once:
         assert store.coverage("plain").computed == 2 * N
+        assert np.isfinite(store.run_columns("plain").real.u).all()
         expected, found = by_position(once, "plain"), by_position(store, "plain")
         np.testing.assert_allclose(
             [row[3:-1] for row in found], [row[3:-1] for row in expected], rtol=0, atol=1e-5

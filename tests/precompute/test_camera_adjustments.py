@@ -50,7 +50,7 @@ def test_zero_adjustments_give_identical_results(store):
     for side in ("sim", "real"):
         run = store.run("zero")
         assert run_domain(store, run, side) is store.domains[side]
-        assert (run_frame(store, run, side, 3).rgb == store.frame(3, side).rgb).all()
+        assert (run_frame(store, run, side, 3).rgb == store.frame(side, 3).rgb).all()
 
 
 def test_only_the_moved_side_has_rendered_frames(store, moved_camera_store):

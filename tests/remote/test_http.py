@@ -76,7 +76,7 @@ def test_every_stored_array_is_equal(served):
                 assert np.array_equal(remote.stored(record)[:], local.stored(record)[:])
         for domain in local.domains:
             for iid in range(len(local.instances)):
-                a, b = local.frame(iid, domain), remote.frame(iid, domain)
+                a, b = local.frame(domain, iid), remote.frame(domain, iid)
                 assert np.array_equal(a.rgb, b.rgb)
                 assert np.array_equal(a.depth, b.depth)
 

@@ -21,33 +21,23 @@ from s2rtools.scoring.ground_truth import GroundTruth
 from s2rtools.scoring.heatmap_metrics import floor_truth
 from s2rtools.training import pretrained
 from s2rtui.cli import main
-from tests.conftest import BuildOnce
+from tests.conftest import BuildOnce, make_world
 from tests.support.copies import copy_store
 from tests.support.silent_reporter import SilentReporter
 
 KINDS = ("pixel_difference", "harmonised_difference", "harmonised_distance")
 
 
-def make(path: Path, factors: str, count: int, kinds: tuple[str, ...]) -> None:
-    arguments = ["ingest", "world", "--instances", str(count), "--size", "64", "--factors", factors]
-    assert main([*arguments, "--store", str(path)]) == 0
-    pretrained.add_pretrained_models(path)
-    precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(kinds))
-
-
-@pytest.fixture(scope="module")
-def objects_only(build_once: BuildOnce) -> Path:
-    return build_once("objects.s2r", lambda path: make(path, "objects", 6, KINDS))
-
-
 @pytest.fixture(scope="module")
 def light_only(build_once: BuildOnce) -> Path:
-    return build_once("light.s2r", lambda path: make(path, "lights,exposure=0.5", 2, KINDS[:1]))
+    return build_once(
+        "light.s2r", lambda path: make_world(path, "lights,exposure=0.5", 2, KINDS[:1])
+    )
 
 
 @pytest.fixture(scope="module")
-def objects_scored(objects_only: Path) -> report.ScoreReport:
-    return report.score(objects_only, report.ScoreSettings(("vanilla",)), SilentReporter())
+def objects_scored(objects_world: Path) -> report.ScoreReport:
+    return report.score(objects_world, report.ScoreSettings(("vanilla",)), SilentReporter())
 
 
 @pytest.fixture(scope="module")
@@ -125,17 +115,17 @@ def test_without_object_changes_there_are_no_positives(light_scored):
 
 
 @pytest.mark.deep
-def test_equal_seeds_give_equal_text(objects_only, objects_scored):
+def test_equal_seeds_give_equal_text(objects_world, objects_scored):
     repeated, other = (
-        report.score(objects_only, report.ScoreSettings(("vanilla",), seed=seed), SilentReporter())
+        report.score(objects_world, report.ScoreSettings(("vanilla",), seed=seed), SilentReporter())
         for seed in (1, 5)
     )
     assert json.dumps(repeated, sort_keys=True) == json.dumps(objects_scored, sort_keys=True)
     assert other["heatmaps"] != repeated["heatmaps"]
 
 
-def test_a_score_is_saved_once_and_summarized(objects_only, objects_scored, tmp_path):
-    path = copy_store(objects_only, tmp_path / "own.s2r")
+def test_a_score_is_saved_once_and_summarized(objects_world, objects_scored, tmp_path):
+    path = copy_store(objects_world, tmp_path / "own.s2r")
     assert report.save_report(path, objects_scored)
     assert not report.save_report(path, objects_scored)
     with s2rstore.open(path) as store:
@@ -144,18 +134,18 @@ def test_a_score_is_saved_once_and_summarized(objects_only, objects_scored, tmp_
     assert "best heatmap of vanilla: harmonised" in summary
 
 
-def test_provenance_of_a_kind_is_kept_when_others_are_added(objects_only, tmp_path):
-    store_path = copy_store(objects_only, tmp_path / "own.s2r")
+def test_provenance_of_a_kind_is_kept_when_others_are_added(objects_world, tmp_path):
+    store_path = copy_store(objects_world, tmp_path / "own.s2r")
     precompute(store_path, SilentReporter(), ["vanilla"], PrecomputeOptions(("feature_distance",)))
-    with s2rstore.open(objects_only) as before, s2rstore.open(store_path) as after:
+    with s2rstore.open(objects_world) as before, s2rstore.open(store_path) as after:
         old, new = (store.provenance("run:vanilla") for store in (before, after))
     assert json.loads(new["surfaces"]) == json.loads(old["surfaces"])
     ranges = json.loads(new["heat ranges"])
     assert set(ranges) == {*json.loads(old["heat ranges"]), "feature_distance"}
 
 
-def test_positive_floor_cells_are_near_changed_objects(objects_only):
-    with s2rstore.open(objects_only) as store:
+def test_positive_floor_cells_are_near_changed_objects(objects_world):
+    with s2rstore.open(objects_world) as store:
         truth = GroundTruth(store)
         positive, is_visible = floor_truth(truth, "both")
         cell = store.dataset.bounds.width / positive.shape[1]

@@ -27,10 +27,10 @@ from tests.support.copies import copy_store
 UNADJUSTED: dict[str, list] = {"sim": [], "real": []}
 
 
-def test_a_saved_run_equals_the_one_of_the_command_line(moved_camera_store, tmp_path):
-    path = copy_store(moved_camera_store, tmp_path / "s.s2r")
+def test_a_saved_run_equals_the_one_of_the_command_line(few_pairs_store, tmp_path):
+    path = copy_store(few_pairs_store, tmp_path / "s.s2r")
     chain = {
-        "sim": make_chain("sim", {"camera_pitch": 2.0}),
+        "sim": make_chain("sim", {"contrast": 1.2}),
         "real": make_chain("real", {"contrast": 0.9, "brightness": 1.15}),
     }
     with s2rstore.open(path) as reader:
@@ -44,7 +44,7 @@ def test_a_saved_run_equals_the_one_of_the_command_line(moved_camera_store, tmp_
         assert len(set(fractions)) > 3
         assert "saved" not in reader.runs
     arguments = ["--adjust", "real:brightness=1.15,contrast=0.9", "--store", str(path),
-             "--adjust", "sim:camera_pitch=2"]  # fmt: skip
+             "--adjust", "sim:contrast=1.2"]  # fmt: skip
     assert main(["run", "add", "typed", "--model", "vanilla", *arguments]) == 0
     assert main(["precompute", str(path), "--run", "typed"]) == 0
     with s2rstore.open(path) as store:

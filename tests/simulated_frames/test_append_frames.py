@@ -27,7 +27,7 @@ def _assert_frames(store, iids):
     """Frames of the store are those that the Perl renderer wrote."""
     domain, height = store.domain("sim"), store.dataset.frame_height
     for iid in iids:
-        frame = store.frame(int(iid), "sim")
+        frame = store.frame("sim", int(iid))
         np.testing.assert_array_equal(frame.rgb, rgb_of(height, store.dataset.frame_width))
         metres = depth_of(height, store.dataset.frame_width, store.instances.x[iid])
         raw = np.rint(metres / domain.depth_scale)

@@ -29,7 +29,7 @@ class StoredFrame:
         return hashlib.sha256(f"{self.domain} {self.number}".encode()).hexdigest()
 
     def decode(self, scan: Scan, domain: object) -> DecodedFrame:
-        frame = self.store.frame(self.iid, self.domain)
+        frame = self.store.frame(self.domain, self.iid)
         share = float(frame.valid.mean())
         return DecodedFrame(frame.rgb, frame.depth, self.checksum(scan, domain), share)
 

@@ -11,6 +11,7 @@ from s2rstore.arrays import array_writer
 from s2rstore.files import layout
 from s2rstore.files.ledger import Ledger
 from s2rstore.geometry.rooms import room_codes
+from s2rstore.index import schema
 from s2rstore.index.schema import GAP_SHARES
 from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.metrics import pose_metrics
@@ -71,6 +72,7 @@ def build(
         for number, run in enumerate(runs):
             _run(draft, run, number, (x, y, heading), rng, run in trained)
         _labels(draft, n, runs)
+        _faults(draft, n)
     _frames(path, n, first, rng)
     _heatmaps(path, n, runs, rng)
     return path
@@ -173,6 +175,16 @@ def _labels(draft: IndexTransaction, n: int, runs: tuple[str, ...]) -> None:
         gains = 0.5 * np.sin(iids * (number + 1.0)) + 0.25 * (labels == 3)
         draft.insert("label_gain", {"run": [run] * iids.size, "iid": iids, "label": labels,
                                     "gain": gains})  # fmt: skip
+
+
+def _faults(draft: IndexTransaction, n: int) -> None:
+    """Two kinds of faults, each in both domains."""
+    for name, domain, each in (("blurred", "real", 5), ("blurred", "sim", 7), ("frozen", "real", 6),
+                               ("frozen", "sim", 6)):  # fmt: skip
+        iids = np.arange(1, n, each, dtype=np.int32)
+        draft.insert("frame_fault", {"iid": iids, "domain": [domain] * iids.size,
+                                     "fault": [name] * iids.size})  # fmt: skip
+    draft.set_provenance(schema.HEALTH, {"sim": str(n), "real": str(n)})
 
 
 def _shares(gap: np.ndarray) -> dict[str, np.ndarray]:

@@ -7,7 +7,7 @@ import pytest
 
 from s2rtools.motion_logs import Drive
 from s2rtools.sysid.identify import Identification, SysidSettings, identify
-from s2rtools.sysid.synthetic_drives import Recording, make_drives
+from s2rtools.sysid.synthetic_drives import DriveSettings, make_drives
 from tests.support.silent_reporter import SilentReporter
 
 QUICK = SysidSettings(seeds=1, evaluations=160)
@@ -25,7 +25,7 @@ def drive_folder(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Driv
         key = f"{efforts}{sorted(severities.items())}"
         if key not in cache:
             folder = tmp_path_factory.mktemp("drives") / "all"
-            recording = Recording(count=8, seconds=9.5, efforts=efforts)
+            recording = DriveSettings(count=8, seconds=9.5, efforts=efforts)
             cache[key] = folder, make_drives(folder, 11, severities, recording)
         return cache[key]
 

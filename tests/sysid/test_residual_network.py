@@ -4,13 +4,14 @@ import dataclasses
 import json
 
 import numpy as np
+import pytest
 import torch
 
 from s2rstore.intervals import Interval
 from s2rtools.sysid.identify import identify
 from s2rtools.sysid.residual_network import CorrectionNetwork, stretches_of
 from s2rtools.sysid.residual_training import learn
-from s2rtools.sysid.synthetic_drives import Recording, make_drives
+from s2rtools.sysid.synthetic_drives import DriveSettings, make_drives
 from tests.support.silent_reporter import SilentReporter
 from tests.sysid.conftest import QUICK
 
@@ -29,8 +30,9 @@ def test_the_network_is_rejected_if_only_noise_remains(identified):
     assert "does not help" in residual.sentence
 
 
+@pytest.mark.deep
 def test_the_network_is_accepted_for_a_structural_mismatch(tmp_path):
-    drives = make_drives(tmp_path, 11, {"latency": 0.8, "wheels": 1.0}, Recording(16, 9.5))
+    drives = make_drives(tmp_path, 11, {"latency": 0.8, "wheels": 1.0}, DriveSettings(16, 9.5))
     result = identify(drives, dataclasses.replace(QUICK, held_out=6), SilentReporter())
     residual = learn(result, SilentReporter(), epochs=120)
     assert residual.accepted

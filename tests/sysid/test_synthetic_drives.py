@@ -7,9 +7,9 @@ import pytest
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry.angles import wrap
-from s2rtools.sysid.synthetic_drives import Recording, make_drives
+from s2rtools.sysid.synthetic_drives import DriveSettings, make_drives
 
-SHORT = Recording(count=2, seconds=4.0)
+SHORT = DriveSettings(count=2, seconds=4.0)
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from s2rtools.common.blocks import split_into_blocks
-from s2rtools.gap.visual.feature_distances import wasserstein_by_dimension
+from s2rtools.common.wasserstein import wasserstein_by_dimension
 from s2rtools.translator_evaluation.distance_metrics import (
     channel_histograms,
     colour_features,

@@ -261,7 +261,7 @@ def generated(root: Path, tmp_path: Path) -> Path:
         translator = named_translator(store, "mkl")
         (tmp_path / "gan").mkdir()
         for iid in translator.held_out.tolist():
-            rgb = translator.stored.translator.translate(store.frame(iid, "real").rgb[None])[0]
+            rgb = translator.stored.translator.translate(store.frame("real", iid).rgb[None])[0]
             cv2.imwrite(str(tmp_path / "gan" / f"{iid:06d}.png"), rgb[..., ::-1])
     return tmp_path / "gan"
 

@@ -17,7 +17,7 @@ class Brightness(Axis):
         store, run = evidence.store, evidence.store.run(evidence.run)
         iids = store.in_recording_order(evidence.iids)
         sim, real = (
-            np.array([store.frame(int(iid), domain).rgb.mean() for iid in iids])
+            np.array([store.frame(domain, int(iid)).rgb.mean() for iid in iids])
             for domain in (run.sim_domain, run.real_domain)
         )
         values = np.abs(real - sim)

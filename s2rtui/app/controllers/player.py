@@ -26,6 +26,10 @@ class PlayerController:
         self._speed = 0
         self._blinking: Timer | None = None
 
+    @property
+    def is_playing(self) -> bool:
+        return self._timer is not None
+
     def change_speed(self) -> None:
         """Play, play faster, and stop after the fastest speed."""
         speed = next((speed for speed in SPEEDS if speed > self._speed), 0)
@@ -39,13 +43,11 @@ class PlayerController:
         self._app.session.show_message(message)
 
     def step(self) -> None:
-        """Go to the next instance; stop at the last one."""
+        """Go to the next instance and keep the message; stop at the last instance."""
         session = self._app.session
         before = session.state.cursor
-        session.dispatch(navigation.move_cursor, 1)
-        after = session.state.cursor
-        if before is not None and (after is None or after <= before):
-            session.dispatch(navigation.move_to_end, True)
+        session.dispatch(navigation.play_on)
+        if session.state.cursor == before:
             self.stop()
         self._app.updater.refresh()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import math
 import sys
@@ -18,11 +19,16 @@ from s2rtools.common.command_line.output import print_coverage
 if TYPE_CHECKING:
     from s2rstore.intervals.simulation import WithSimulation
     from s2rstore.metrics.evaluation import Evaluation, Figure
+    from s2rstore.metrics.exchange import ExchangeChange
+    from s2rstore.reader import Store
 
 EXAMPLE = "s2r evaluate lab.s2r --run vanilla --against finetune --target 0.2"
 _NAMES = ("figure", "real images alone", "with simulation", "correlation", "exchange rate",
           "effective n")  # fmt: skip
-_ROOMS = ("room", "n", "mean error m", "deviation m", "correlation", "share of further images")
+_ROOMS = ("room", "n", "mean error m", "deviation m", "correlation", "exchange rate",
+          "share of further images")  # fmt: skip
+_RUNS = ("run", "model", "n", "mean error m", "with simulation m", "correlation", "exchange rate",
+         "before its changes")  # fmt: skip
 _LITTLE = 1.05
 """Exchange rate below which simulation is said to add nearly nothing."""
 
@@ -39,7 +45,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--power", type=float, metavar="P",
         help="probability with which the planned images decide between the two runs "
         "(default 0.8)")  # fmt: skip
-    add("--rooms", action="store_true", help="list the rooms and where to take further images")
+    add("--rooms", action="store_true",
+        help="list the rooms, their exchange rates and where to take further images")  # fmt: skip
+    add("--runs", action="store_true",
+        help="list the exchange rates of all runs, with those before their images were "
+        "changed")  # fmt: skip
     add = parser.add_argument_group("output").add_argument
     add("--json", action="store_true", help="print JSON")
 
@@ -63,12 +73,40 @@ def execute(options: argparse.Namespace) -> int:
             raise RequestError(f"--against {other}: this is the evaluated run itself")
         print_coverage(store, [run, other])
         found = evaluate(store, run, other, options.target, power)
+        changes = _changes(store) if options.runs else []
+        models = {name: record.model for name, record in store.runs.items()}
     if options.json:
-        json.dump(found.as_json(), sys.stdout, indent=1, allow_nan=False)
+        content = found.as_json()
+        if options.runs:
+            content["runs"] = [each.as_json() for each in changes]
+        json.dump(content, sys.stdout, indent=1, allow_nan=False)
         sys.stdout.write("\n")
         return 0
     print("\n".join(_lines(found, options.rooms)))
+    if options.runs:
+        rows = [_run_row(each, models[each.run]) for each in changes]
+        print("\n" + output.table(_RUNS, rows).rstrip())
     return 0
+
+
+def _changes(store: Store) -> list[ExchangeChange]:
+    """The exchange rates of all computed runs that have new pairs."""
+    from s2rstore.metrics.exchange import exchange_change
+
+    found = []
+    for name in [each.run for each in store.runs.values() if each.key]:
+        with contextlib.suppress(RequestError):
+            found.append(exchange_change(store, name))
+    return found
+
+
+def _run_row(change: ExchangeChange, model: str | None) -> tuple[object, ...]:
+    mean, before = change.after, change.before
+    return (
+        change.run, model, mean.n, _text(mean.real_only),
+        _text(mean.combined) if mean.simulated else None, _text(mean.correlation),
+        _text(mean.rate, 1), before and f"{_text(before.rate, 1) or '-'} ({change.changes})",
+    )  # fmt: skip
 
 
 def _lines(found: Evaluation, with_rooms: bool) -> list[str]:
@@ -83,8 +121,11 @@ def _lines(found: Evaluation, with_rooms: bool) -> list[str]:
         head = f"run {found.run} minus run {found.other}:"
         lines += ["", head, *_table(found.differences), "", _decision(found)]
     if with_rooms:
-        rows = [(each.room, each.n, round(each.mean, 2), round(each.deviation, 2),
-                 _text(each.correlation), f"{each.share:.0%}") for each in found.rooms]  # fmt: skip
+        rows = [
+            (each.room, each.n, round(each.mean, 2), round(each.deviation, 2),
+             _text(each.correlation), _text(each.rate, 1), f"{each.share:.0%}")
+            for each in found.rooms
+        ]  # fmt: skip
         lines += ["", output.table(_ROOMS, rows).rstrip()]
     return [*lines, *(["", *(plan.text for plan in found.plans)] if found.plans else [])]
 

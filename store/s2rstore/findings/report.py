@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.findings import costliest_factor
 from s2rstore.findings.best_heatmap import best_heatmap
+from s2rstore.findings.exchange_rate import exchange_rate
 from s2rstore.findings.finding import MIN_INSTANCES, Finding, FindingReport
 from s2rstore.findings.gap_drift import gap_drift
 from s2rstore.findings.groups import Group
@@ -59,6 +60,7 @@ def find_all(
         ("best run", lambda: best_run(store, runs), _one_run(store)),
         ("largest regression", lambda: largest_regression(store, runs), _one_run(store)),
         ("suggested change", lambda: suggested_change(store, run), ""),
+        ("exchange rate", lambda: exchange_rate(store, run), ""),
         ("gap drift", lambda: gap_drift(store, run, history),
          "fewer than two nights of this run were measured"),
     )  # fmt: skip

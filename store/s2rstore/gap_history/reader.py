@@ -57,7 +57,7 @@ class AxisFigures:
 
 @dataclass(frozen=True, slots=True)
 class NightlyEstimate:
-    """A parameter of the simulator as identified from drives."""
+    """A parameter of the simulator as identified from drives, or what its images are worth."""
 
     parameter: Annotated[str, "name"]
     value: Annotated[Interval, "estimate"]
@@ -106,7 +106,7 @@ class Night:
     axes: Annotated[
         tuple[AxisFigures, ...], "axes of the gap; none where nothing was measured"
     ] = ()
-    estimates: Annotated[tuple[NightlyEstimate, ...], "identified parameters of the simulator"] = ()
+    estimates: Annotated[tuple[NightlyEstimate, ...], "estimates of the simulator"] = ()
     parts: Annotated[
         tuple[str, ...], "parts of the evidence: hashes of the data set, the run and every log"
     ] = ()

@@ -22,6 +22,7 @@ _PROJECTED = ("u", "v")
 _SELECT = "SELECT iid, {} AS value FROM {} WHERE run = ? AND side = ?"
 _LABELLED = """SELECT DISTINCT iid, 1 AS value FROM frame_label JOIN label USING (label)
                WHERE name = ?"""
+_FAULTY = "SELECT DISTINCT iid, 1 AS value FROM frame_fault WHERE fault = ?"
 _LABEL_GAINS = """SELECT iid, sum(gain) AS value FROM label_gain JOIN label USING (label)
                   WHERE run = ? AND name = ? GROUP BY iid"""
 
@@ -89,13 +90,13 @@ def load_instances(
     def read(name: str) -> NDArray[Any]:
         return loader.cache.get(("instance", name), partial(_instance_column, loader, name, stored))
 
-    def labelled(name: str) -> NDArray[np.bool_]:
-        return loader.cache.get(
-            ("instance", "labelled", name),
-            lambda: loader.column(_LABELLED, [name], 0).astype(np.bool_),
+    def named(kind: str, sql: str) -> Callable[[str], NDArray[np.bool_]]:
+        return lambda name: loader.cache.get(
+            ("instance", kind, name), lambda: loader.column(sql, [name], 0).astype(np.bool_)
         )
 
-    return InstanceColumns(read, loader.n, trajectories, tuple(rooms), imaged, labelled)
+    labelled, faulty = named("labelled", _LABELLED), named("faulty", _FAULTY)
+    return InstanceColumns(read, loader.n, trajectories, tuple(rooms), imaged, labelled, faulty)
 
 
 def _instance_column(

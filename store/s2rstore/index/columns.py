@@ -51,7 +51,8 @@ class InstanceColumns(Columns):
     odometry in metres, headings in radians, curvature in degrees, timestamps in seconds.
     `pair_offset_m` and `pair_offset_deg` are the distance and the angle between the poses of the
     sim and the real image, 0 for pairs of one pose. `imaged(domain)` are the instances with an
-    image in a domain, `labelled(name)` those with a label image that shows an object of a class.
+    image in a domain, `labelled(name)` those with a label image that shows an object of a class,
+    `faulty(name)` those with an image that has a fault.
     """
 
     x: FloatColumn
@@ -76,11 +77,13 @@ class InstanceColumns(Columns):
         room_names: tuple[str, ...],
         imaged: Callable[[str], BoolColumn],
         labelled: Callable[[str], BoolColumn],
+        faulty: Callable[[str], BoolColumn],
     ) -> None:
         super().__init__(read)
         self._n = n
         self.imaged = imaged
         self.labelled = labelled
+        self.faulty = faulty
         self.trajectory_names = trajectory_names
         self.room_names = room_names
 

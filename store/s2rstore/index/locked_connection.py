@@ -24,6 +24,7 @@ from s2rstore.files import plain_paths, safe_files
 from s2rstore.index import catalog_check, catalog_check_cache, pair_view, row_files, schema
 from s2rstore.index.row_files import RowFile, RowFiles
 from s2rstore.index.table_definition import Table
+from s2rstore.lru_cache import LruCache
 
 DEFAULT_MEMORY = "2GB"
 """Memory limit of DuckDB for one file and its queries."""
@@ -41,7 +42,12 @@ _SETTINGS = {
 _opening = threading.Lock()
 """Connections of one process to one file share a configuration, which is locked once."""
 _checked: dict[tuple[int, ...], None] = {}
-"""Identities of the files whose catalog passed the check; a published file never changes."""
+"""Identities of the files whose catalog passed the check, or that this process has made.
+
+A published file never changes.
+"""
+_filled = LruCache(16 << 20, size=len)
+"""New files by the statements that filled them: making the tables takes ten times as long."""
 _compared: dict[tuple[int, ...], None] = {}
 """Identities of the indexes whose files of rows hold the columns and rows that they should."""
 
@@ -179,11 +185,24 @@ def attach_new(
     """
     plain = plain_paths.plain_path(path.parent, path.name)
     plain_paths.make_parent(plain)
-    literal = escaped(str(plain))
-    version = schema.STORAGE_VERSION
-    connection.execute(f"ATTACH '{literal}' AS {name} (STORAGE_VERSION '{version}')")
-    connection.execute(f"USE {name}")
-    run_at_once(connection, statements)
+    attach = (
+        f"ATTACH '{escaped(str(plain))}' AS {name} (STORAGE_VERSION '{schema.STORAGE_VERSION}')"
+    )
+
+    def made() -> bytes:
+        for statement in (attach, f"USE {name}"):
+            connection.execute(statement)
+        run_at_once(connection, statements)
+        _detach(connection, name)
+        content = plain.read_bytes()
+        plain.unlink()
+        return content
+
+    content = _filled.get(tuple(statements), made)
+    with plain.open("xb") as file:
+        file.write(content)
+    for statement in (attach, f"USE {name}"):
+        connection.execute(statement)
 
 
 def run_at_once(connection: duckdb.DuckDBPyConnection, statements: Iterable[str]) -> None:
@@ -196,10 +215,15 @@ def run_at_once(connection: duckdb.DuckDBPyConnection, statements: Iterable[str]
 
 def detach_new(connection: duckdb.DuckDBPyConnection, path: Path, name: str) -> None:
     """Write a file of `attach_new` completely, detach it and put it in its place."""
-    for statement in (f"CHECKPOINT {name}", "USE memory", f"DETACH {name}"):
-        connection.execute(statement)
+    _detach(connection, name)
     plain = plain_paths.plain_path(path.parent, path.name)
     plain_paths.move_back(plain, path.parent, path.name)
+    _checked[_identity(path)] = None
+
+
+def _detach(connection: duckdb.DuckDBPyConnection, name: str) -> None:
+    for statement in (f"CHECKPOINT {name}", "USE memory", f"DETACH {name}"):
+        connection.execute(statement)
 
 
 def _lock(connection: duckdb.DuckDBPyConnection, memory: str) -> None:

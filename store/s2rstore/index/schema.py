@@ -10,7 +10,7 @@ from collections.abc import Collection
 from s2rstore.index.table_definition import Table, statements_of, table_of
 from s2rstore.records import GAP_FACTORS
 
-VERSION = 4
+VERSION = 5
 """The schema number that every written index has, in `CURRENT.json`; others are refused.
 
 A new table or column needs a new number.
@@ -22,6 +22,10 @@ CHECKSUMS = "checksums"
 LABELS = "labels"
 """Value of `provenance.what`: `key` is a domain with label images, `value` the key of their arrays.
 """
+
+HEALTH = "health"
+"""Value of `provenance.what`: `key` is a domain whose images `s2r check` has checked, `value` the
+number of instances of the store at that time."""
 
 CONVENTIONS = "conventions"
 """Value of `provenance.what`: `key` is a domain, or DOMAIN@PART for the instances of an appended
@@ -214,6 +218,14 @@ TABLES: tuple[Table, ...] = (
         ("domain", "VARCHAR", "domain"),
         ("label", "INTEGER", "object"),
         ("share", "FLOAT", "share of the pixels that show it"),
+    ),
+    table_of(
+        "frame_fault",
+        "the faults of frames that `s2r check` found; a frame without one has no rows",
+        "domain iid fault",
+        ("iid", "INTEGER", "instance"),
+        ("domain", "VARCHAR", "domain"),
+        ("fault", "VARCHAR", "such as blurred or frozen"),
     ),
     table_of(
         "label_gain",

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
+from s2rstore.image_faults import FAULTS
 from s2rstore.index import pair_view
 from s2rstore.index.population import Population
 from s2rstore.language import (
@@ -36,7 +37,10 @@ def vocabulary(store: Store, saved: Saved | None = None) -> Vocabulary:
     runs = tuple(name for name, run in store.runs.items() if run.key)
     domains = tuple(store.domains)
     labels = tuple(dict.fromkeys(store.label_names.values()))
-    return Vocabulary(runs, truth.room_names, truth.trajectory_names, saved or {}, domains, labels)
+    faults = tuple(FAULTS) if store.checked_domains else ()
+    return Vocabulary(
+        runs, truth.room_names, truth.trajectory_names, saved or {}, domains, labels, faults=faults
+    )
 
 
 def context(

@@ -33,8 +33,8 @@ class Numeric:
 class Text:
     """A field of names: `path` of codes, and `column` in view `pair`.
 
-    Rooms of predictions, the split of both sides together, and `has` and `label`, which hold for
-    several names, have no column.
+    Rooms of predictions, the split of both sides together, and `has`, `label` and `health`, which
+    hold for several names, have no column.
     """
 
     column: str
@@ -107,6 +107,7 @@ TEXT: dict[str, Text] = {
     "traj": Text("trajectory", "instances.trajectory", "trajectories", "trajectory"),
     "has": Text("", "instances.imaged", "domains", "domain in which the instance has an image"),
     "label": Text("", "instances.labelled", "labels", "class of an object in a label image"),
+    "health": Text("", "instances.faulty", "faults", "fault of an image that s2r check found"),
     "split": Text("", "split", "splits", "what the model knew of either image"),
     **{
         f"{side}.{name}": Text(f"{side}_{name}", f"{side}.{name}", vocabulary, f"{side}: {text}")

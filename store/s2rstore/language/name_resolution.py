@@ -36,7 +36,10 @@ class Neighbours(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Vocabulary:
-    """The names that an expression may use; `saved` maps names to parsed selections."""
+    """The names that an expression may use; `saved` maps names to parsed selections.
+
+    `faults` is empty where no image has been checked.
+    """
 
     runs: tuple[str, ...]
     rooms: tuple[str, ...]
@@ -45,6 +48,7 @@ class Vocabulary:
     domains: tuple[str, ...] = ()
     labels: tuple[str, ...] = ()
     splits: tuple[str, ...] = SPLITS
+    faults: tuple[str, ...] = ()
 
     def of(self, name: str) -> tuple[str, ...]:
         """The values that a text field can have, by the name of its vocabulary."""
@@ -145,8 +149,10 @@ def _check_names(leaf: tree.Node, words: Vocabulary) -> None:
             raise unknown(1, "run", run, words.runs)
     if isinstance(leaf, tree.Named):
         text = fields.TEXT[leaf.field.name]
+        if text.vocabulary == "faults" and not words.faults:
+            raise ExpressionError(leaf.column, "no image has been checked; run `s2r check STORE`")
         if leaf.value not in words.of(text.vocabulary):
-            kind = "domain" if leaf.field.name == "has" else leaf.field.name
+            kind = {"has": "domain", "health": "fault"}.get(leaf.field.name, leaf.field.name)
             raise unknown(leaf.column, kind, leaf.value, words.of(text.vocabulary))
     if isinstance(leaf, tree.LabelGain) and leaf.label not in words.labels:
         raise unknown(leaf.column, "label", leaf.label, words.labels)

@@ -246,6 +246,8 @@ def _named(node: tree.Named, context: MaskContext) -> Mask:
         return truth.imaged(node.value)
     if node.field.name == "label":
         return truth.labelled(node.value)
+    if node.field.name == "health":
+        return truth.faulty(node.value)
     own = {"rooms": truth.room_names, "trajectories": truth.trajectory_names}
     names = own.get(text.vocabulary, context.words.splits)
     codes = _column(text.path, node.field.run, context)

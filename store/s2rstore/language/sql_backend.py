@@ -285,6 +285,8 @@ def _named(node: tree.Named, writer: _Writer) -> str:
             "q.iid IN (SELECT iid FROM frame_label JOIN label USING (label) WHERE "
             f"name = {writer.bind(value)})"
         )
+    if node.field.name == "health":
+        return f"q.iid IN (SELECT iid FROM frame_fault WHERE fault = {writer.bind(value)})"
     if node.field.name == "split":
         return _split(value, writer)
     if name != "room" or not side:

@@ -106,7 +106,10 @@ _RULES = (
     ("frame_pose", "no such instance", "iid NOT IN (SELECT iid FROM instance)"),
     ("frame_pose", "domain without a row in domain", "domain NOT IN (SELECT domain FROM domain)"),
     ("frame_pose", *_POSE_RULE[1:]),
-    ("frame_label", "no such frame", "(iid, domain) NOT IN (SELECT (iid, domain) FROM frame)"),
+    *(
+        (table, "no such frame", "(iid, domain) NOT IN (SELECT (iid, domain) FROM frame)")
+        for table in ("frame_label", "frame_fault")
+    ),
     ("label_gain", "run without a row in run", "run NOT IN (SELECT run FROM run)"),
     *(
         (table, "no such label", "label NOT IN (SELECT label FROM label)")
@@ -148,7 +151,8 @@ _TOLERANCE = 1e-9
 """Relative; absolute for figures below 1."""
 _FIGURES = """WITH imaged AS (
     SELECT iid FROM frame JOIN run ON domain IN (sim_domain, real_domain)
-    WHERE run = $1 GROUP BY iid HAVING count(DISTINCT domain) = 2),
+    WHERE run = $1 GROUP BY iid HAVING count(DISTINCT domain) = 2
+    EXCEPT SELECT iid FROM prediction WHERE run = $1 AND error IS NULL AND split IS NULL),
 ranked AS (
     FROM imaged UNION SELECT iid FROM prediction
     WHERE run = $1 AND error IS NOT NULL GROUP BY iid HAVING count(*) = 2),
@@ -164,7 +168,10 @@ figures AS (
     AND f.domain = CASE WHEN p.side = 'sim' THEN r.sim_domain ELSE r.real_domain END
     WHERE p.run = $1)
     SELECT """
-"""The figures of the predictions of a run, from the true pose of each frame."""
+"""The figures of the predictions of a run, from the true pose of each frame.
+
+Ranked are the pairs that it was applied to; images that were added since then are not.
+"""
 
 
 def table_damages(store: Store, current: layout.Current) -> Iterator[Damage]:
@@ -238,17 +245,13 @@ def uncomputed_parts(store: Store) -> Iterator[str]:
     for name, run in store.runs.items():
         if run.is_imported and (note := store.coverage(name).note):
             yield note
-    if len(store.parts) == 1:
-        return
     query = "SELECT run, count(DISTINCT iid) FROM prediction GROUP BY run"
     counts = dict(store.execute(query))
-    total = len(store.instances)
     for name, run in store.runs.items():
         computed = run.key is not None and not run.is_imported
         imaged = int(np.count_nonzero(store.imaged(run.sim_domain, run.real_domain)))
-        is_short = counts.get(name, 0) < total
-        if is_short and computed and (note := store.coverage(name).note):
-            yield note
+        if computed and store.coverage(name).is_outdated:
+            yield store.coverage(name).note
         rows: dict[str, int] = {}
         for record in store.array_parts(name):
             if record.axes[:1] == ("iid",) and record.kind != "prediction":

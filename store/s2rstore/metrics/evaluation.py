@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore import intervals
 from s2rstore.errors import RequestError
 from s2rstore.geometry.rooms import NO_ROOM
-from s2rstore.intervals import Interval, simulation
+from s2rstore.intervals import LEVEL, Interval, simulation
 from s2rstore.intervals.simulation import Simulated, WithSimulation
 from s2rstore.metrics.more_images import (
     POWER,
@@ -85,6 +84,11 @@ class _Errors:
     sim_heading: Floats
     simulated_heading: Floats
 
+    @property
+    def localised(self) -> NDArray[np.bool_]:
+        """Whether both images of each pair (n,) have a pose."""
+        return ~(np.isnan(self.real) | np.isnan(self.sim))
+
     def severity(self, metres: float, degrees: float) -> tuple[Floats, Floats, Floats]:
         """`recall.severities` of the real, the sim and the simulated images."""
         return (
@@ -104,6 +108,17 @@ def _errors(store: Store, run: str, images: Images) -> _Errors:
     )  # fmt: skip
 
 
+def mean_error(store: Store, run: str, images: Images, level: float = LEVEL) -> WithSimulation:
+    """The mean error of a run over the localised images."""
+    errors, codes = _errors(store, run, images), store.instances.trajectory[images.pairs]
+    drawn = store.instances.trajectory[images.simulated]
+    known, known_drawn = errors.localised, ~np.isnan(errors.simulated)
+    return simulation.mean(
+        errors.real[known], errors.sim[known],
+        Simulated(errors.simulated[known_drawn], drawn[known_drawn]), codes[known], level=level,
+    )  # fmt: skip
+
+
 def run_figures(store: Store, run: str, images: Images) -> list[Figure]:
     """Mean and median error and recall of a run.
 
@@ -112,15 +127,10 @@ def run_figures(store: Store, run: str, images: Images) -> list[Figure]:
     """
     errors, codes = _errors(store, run, images), store.instances.trajectory[images.pairs]
     drawn = store.instances.trajectory[images.simulated]
-    known = ~(np.isnan(errors.real) | np.isnan(errors.sim))
-    known_drawn = ~np.isnan(errors.simulated)
-    mean = simulation.mean(
-        errors.real[known], errors.sim[known],
-        Simulated(errors.simulated[known_drawn], drawn[known_drawn]), codes[known],
-    )  # fmt: skip
     found = [
-        Figure("mean error", "m", mean), Figure("median error", "m", _median(errors, drawn, codes)),
-    ]  # fmt: skip
+        Figure("mean error", "m", mean_error(store, run, images)),
+        Figure("median error", "m", _median(errors, drawn, codes)),
+    ]
     for metres, degrees in store.dataset.recall_thresholds:
         real, sim, simulated = errors.severity(metres, degrees)
         hits = Simulated((simulated <= 1).astype(np.float64), drawn)
@@ -170,7 +180,8 @@ def difference_figures(store: Store, run: str, other: str, images: Images) -> li
 class RoomFigure:
     """A room with its `n` localised pairs, and the `share` of further images to take there.
 
-    mean, deviation: of their real errors, in metres. correlation: of real and sim errors.
+    mean, deviation: of their real errors, in metres. correlation: of real and sim errors. rate: the
+    exchange rate of the mean error, unknown of fewer than `simulation.MIN_PAIRS` pairs.
     """
 
     room: str
@@ -178,6 +189,7 @@ class RoomFigure:
     mean: float
     deviation: float
     correlation: Interval
+    rate: Interval
     share: float
 
 
@@ -189,17 +201,18 @@ def room_figures(store: Store, run: str, images: Images) -> list[RoomFigure]:
     Statistical Society 97, 1934.
     """
     errors, truth = _errors(store, run, images), store.instances
-    known = ~(np.isnan(errors.real) | np.isnan(errors.sim))
+    known = errors.localised
     room = truth.room[images.pairs]
     found = []
     for code in np.unique(room[known]).tolist():
         rows = known & (room == code)
-        real = errors.real[rows]
+        real, sim = errors.real[rows], errors.sim[rows]
         codes = truth.trajectory[images.pairs][rows]
         name = truth.room_names[code] if code >= 0 else NO_ROOM
+        worth = simulation.mean(real, sim, Simulated.none(), codes)
         found.append(RoomFigure(
-            name, real.size, float(real.mean()), float(real.std()),
-            intervals.spearman(real, errors.sim[rows], codes), real.size * float(real.std()),
+            name, real.size, float(real.mean()), float(real.std()), worth.correlation, worth.rate,
+            real.size * float(real.std()),
         ))  # fmt: skip
     total = sum(part.share for part in found) or 1.0
     parts = [replace(part, share=part.share / total) for part in found]
@@ -265,7 +278,7 @@ class Evaluation:
             "rooms": [
                 {"room": each.room, "pairs": each.n, "mean_real_error_m": round(each.mean, 6),
                  "deviation_m": round(each.deviation, 6), "share": round(each.share, 6),
-                 "correlation": each.correlation.as_json()}
+                 "correlation": each.correlation.as_json(), "exchange_rate": each.rate.as_json()}
                 for each in self.rooms
             ],
             "plans": [plan.as_json() for plan in self.plans],

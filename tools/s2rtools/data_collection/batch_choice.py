@@ -94,10 +94,9 @@ class PoseCoverage:
         return float((self.covered * self.weight).sum())
 
 
-def choose_batch(coverage: PoseCoverage, candidates: CandidatePoses, budget: int) -> Batch:
-    """The greedy batch of at most `budget` usable candidates; deterministic."""
+def choose_batch(coverage: PoseCoverage, usable: NDArray[np.intp], budget: int) -> Batch:
+    """The greedy batch of at most `budget` of the candidates `usable` (n,); deterministic."""
     before = coverage.covered_weight
-    usable = np.flatnonzero(candidates.usable)
     scale = _EQUAL * float(coverage.weight.sum())
     queue = [(-_rounded(coverage.gain(cell), scale), cell, 0) for cell in usable.tolist()]
     heapq.heapify(queue)

@@ -13,13 +13,16 @@ from typing import TYPE_CHECKING, Any
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files.planned_poses import COLUMNS, as_rows
+from s2rstore.security.printable_text import printable
 from s2rtools.common.command_line import output, store_argument
 from s2rtools.common.command_line.output import print_coverage
 from s2rtools.common.command_line.progress import reporter
+from s2rtools.simulated_frames.command import add_processes, add_values, refuse
 
 if TYPE_CHECKING:
     from s2rstore.reader import Store
     from s2rtools.data_collection.plan import CollectionPlan
+    from s2rtools.data_collection.rendered_views import CandidateRenderer, RenderedViews
 
 METHODS = ("combined", "error", "novelty", "uniform", "random")
 """As `s2rtools.data_collection.METHODS`, without importing the tools for `--help`."""
@@ -38,6 +41,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "(uniform) or at random (default combined)")  # fmt: skip
     parser.add_argument("--seed", type=int, default=0,
                         help="random seed of --method random (default 0)")  # fmt: skip
+    group = parser.add_argument_group("your own simulator")
+    group.add_argument("--renderer", metavar="COMMAND",
+                       help="program that speaks the renderer protocol, as of `s2r render`: render "
+                       "the best candidates, and choose among their views by the errors of the "
+                       "run's model there")  # fmt: skip
+    add_values(group)
+    add_processes(group)
+    group.add_argument("--frames", type=Path, metavar="DIR",
+                       help="folder of the rendered frames (default: STORE-frames); frames that it "
+                       "has are not rendered again")  # fmt: skip
+    group.add_argument("--trust", action="store_true",
+                       help="allow model formats that execute code")  # fmt: skip
     group = parser.add_argument_group("output")
     group.add_argument("--out", type=Path, metavar="FILE.csv", help="write the poses to this file")
     group.add_argument("--save", metavar="NAME",
@@ -52,6 +67,7 @@ def execute(options: argparse.Namespace, save: Callable[[Store, CollectionPlan, 
     from s2rtools.data_collection.plan import CollectionRequest, plan_collection
 
     request = CollectionRequest("", options.budget, options.method, options.seed)
+    renderer = _renderer(options)
     folder = None if options.out is None else options.out.resolve().parent
     if folder is not None and not folder.is_dir():
         raise RequestError(f"--out {options.out}: there is no folder {folder}")
@@ -59,7 +75,7 @@ def execute(options: argparse.Namespace, save: Callable[[Store, CollectionPlan, 
         store.require_poses("collect")
         request = replace(request, run=store.run_name(options.run))
         print_coverage(store, [request.run])
-        plan = plan_collection(store, request, progress)
+        plan = plan_collection(store, request, progress, renderer)
         if options.out is not None:
             _write(plan, options)
         if options.save is not None:
@@ -70,6 +86,21 @@ def execute(options: argparse.Namespace, save: Callable[[Store, CollectionPlan, 
         return 0
     print("\n".join(_lines(plan, options)))
     return 0
+
+
+def _renderer(options: argparse.Namespace) -> CandidateRenderer | None:
+    if options.renderer is None:
+        refuse(options, ("values", "workers", "timeout", "frames", "trust"), "only with --renderer")
+        return None
+    from s2rtools.data_collection.rendered_views import CandidateRenderer
+    from s2rtools.simulated_frames import pose_renderer
+
+    pose_renderer.check_processes(options.workers, options.timeout)
+    command = pose_renderer.renderer_command(options.renderer)
+    frames = pose_renderer.frames_path(options.store, options.frames)
+    return CandidateRenderer(
+        command, frames, options.workers, options.timeout, options.values, options.trust
+    )
 
 
 def _write(plan: CollectionPlan, options: argparse.Namespace) -> None:
@@ -94,10 +125,30 @@ def _content(plan: CollectionPlan) -> dict[str, Any]:
         "uses_harm": plan.uses_harm,
         "reducible_m": round(plan.reducible, 6),
         "covered_share": round(plan.covered, 6),
+        "rendered": None if plan.views is None else _views(plan.views),
         "covered_share_before": round(plan.covered_before, 6),
         "expression": plan.expression,
         "poses": [dict(zip(COLUMNS, row, strict=True)) for row in as_rows(plan.poses)],
     }
+
+
+def _views(views: RenderedViews) -> dict[str, int]:
+    """Numbers of the rendered candidates."""
+    return {
+        "usable": int(views.usable.sum()), "near_wall": int(views.near.sum()),
+        "failed": int(views.failed.sum()),
+    }  # fmt: skip
+
+
+def _views_text(views: RenderedViews) -> str:
+    """How many candidates were rendered, and why some are not used, in one line."""
+    numbers = _views(views)
+    first = f"; the first: {views.reason}" if views.reason else ""
+    return printable(
+        f"{views.renderer.name} {views.renderer.version}: {numbers['usable']} usable views of "
+        f"{len(views.cells)} candidates; {numbers['near_wall']} show a near wall, "
+        f"{numbers['failed']} failed{first}"
+    )
 
 
 def _lines(plan: CollectionPlan, options: argparse.Namespace) -> list[str]:
@@ -114,6 +165,8 @@ def _lines(plan: CollectionPlan, options: argparse.Namespace) -> list[str]:
         + (f", training images {plan.covered_before:.0%}" if plan.covered_before else ""),
         "rooms: " + ", ".join(f"{name} {count}" for name, count in plan.counts_by_room()),
     ]
+    if plan.views is not None:
+        lines.append(_views_text(plan.views))
     if len(plan.poses) < request.budget:
         lines.append(f"there are only {len(plan.poses)} candidates for --budget {request.budget}")
     shown = plan.poses if options.out is None else plan.poses[:_SHOWN]

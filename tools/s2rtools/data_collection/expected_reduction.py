@@ -8,13 +8,16 @@ as if `PRIOR_COUNT` instances with that mean were there.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from s2rtools.data_collection.candidates import CandidatePoses
 from s2rtools.data_collection.evidence import Evidence
-from s2rtools.data_collection.pose_similarity import Floats, PoseSimilarity
+from s2rtools.data_collection.pose_similarity import Codes, Floats, Poses, PoseSimilarity
+
+if TYPE_CHECKING:
+    from s2rtools.data_collection.rendered_views import RenderedViews
 
 Method = Literal["combined", "error", "novelty", "uniform", "random"]
 METHODS: dict[Method, str] = {
@@ -62,9 +65,15 @@ class LocalValues:
 
 
 def local_values(
-    candidates: CandidatePoses, evidence: Evidence, similarity: PoseSimilarity
-) -> LocalValues:
-    """Expected errors, novelty and harm at each candidate pose."""
+    candidates: CandidatePoses, evidence: Evidence, similarity: PoseSimilarity,
+    views: RenderedViews | None = None,
+) -> LocalValues:  # fmt: skip
+    """Expected errors, novelty and harm at each candidate pose.
+
+    Rendered views add sim errors, by which the sim and the real error of their surroundings are
+    corrected: the latter by the slope of the real over the sim errors (two-phase regression:
+    Cochran, "Sampling techniques", 1977, chapter 12).
+    """
     harm = np.ones(len(evidence)) if evidence.harm is None else evidence.harm
     relative = harm / harm.mean() if harm.mean() > 0 else np.ones_like(harm)
     columns = np.column_stack(
@@ -72,18 +81,49 @@ def local_values(
          np.clip(relative, *NOVELTY_RANGE)]
     )  # fmt: skip
     means = columns.mean(axis=0)
+    values, support = _smoothed(
+        candidates, similarity, evidence.poses, evidence.rooms, columns, means
+    )
+    real, sim, novelty, harmful = np.moveaxis(values, -1, 0)
+    if views is not None:
+        seen = views.usable
+        rooms = candidates.rooms_of(views.cells[seen])
+        dense, _ = _smoothed(
+            candidates, similarity,
+            np.concatenate([evidence.poses, views.poses[seen]]),
+            np.concatenate([evidence.rooms, rooms]),
+            np.concatenate([evidence.sim_error, views.sim_errors[seen]])[:, None], means[1:2],
+        )  # fmt: skip
+        more = dense[..., 0] - sim
+        real = np.maximum(real + _slope(evidence) * more, 0.0)
+        sim = dense[..., 0]
+    return LocalValues(real, sim, novelty, harmful, support)
+
+
+def _slope(evidence: Evidence) -> float:
+    """The slope of the real over the sim errors, 0 to 1."""
+    sim = evidence.sim_error - evidence.sim_error.mean()
+    square = float(sim @ sim)
+    return min(max(float(sim @ evidence.real_error) / square, 0.0), 1.0) if square > 0 else 0.0
+
+
+def _smoothed(
+    candidates: CandidatePoses, similarity: PoseSimilarity, poses: Poses, rooms: Codes,
+    columns: Floats, means: Floats,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Local means (P, H, k) of columns (n, k) at poses (n, 3), shrunk to `means` (k,).
+
+    Also returns the number of rows near each candidate, counted by similarity, (P, H).
+    """
     shape = candidates.usable.shape
-    totals = np.empty((*shape, columns.shape[1]))
-    support = np.empty(shape)
-    turned = similarity.of_headings(candidates.headings, evidence.poses[:, 2])
+    totals, support = np.empty((*shape, columns.shape[1])), np.empty(shape)
+    turned = similarity.of_headings(candidates.headings, poses[:, 2])
     for start in range(0, shape[0], _ROWS):
         rows = slice(start, start + _ROWS)
         near = similarity.of_places(
-            candidates.places[rows], candidates.rooms[rows], evidence.poses[:, :2], evidence.rooms
+            candidates.places[rows], candidates.rooms[rows], poses[:, :2], rooms
         )
         support[rows] = near @ turned.T
         for number, column in enumerate(columns.T):
             totals[rows, :, number] = near @ (turned * column).T
-    values = (totals + PRIOR_COUNT * means) / (support + PRIOR_COUNT)[..., None]
-    real, sim, novelty, harmful = np.moveaxis(values, -1, 0)
-    return LocalValues(real, sim, novelty, harmful, support)
+    return (totals + PRIOR_COUNT * means) / (support + PRIOR_COUNT)[..., None], support

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, get_args
 
 import numpy as np
@@ -23,6 +23,7 @@ from s2rtools.data_collection.pose_similarity import Floats, PoseSimilarity
 
 if TYPE_CHECKING:
     from s2rtools.common.command_line.progress import Reporter
+    from s2rtools.data_collection.rendered_views import CandidateRenderer, RenderedViews
 
 MAX_BUDGET = 5000
 DEFAULT_SIMILARITY = PoseSimilarity()
@@ -57,7 +58,8 @@ class CollectionPlan:
     `evidence` and `training_images` are counts of instances. `reducible` is the mean over all
     candidates of the error that images could remove (metres), `covered` the share of it that the
     chosen poses and training images cover, `covered_before` that of training images alone.
-    `nearest` (n,) are the iids of the evidence most similar to each pose.
+    `nearest` (n,) are the iids of the evidence most similar to each pose. `views` are the rendered
+    candidates, None without a renderer.
     """
 
     request: CollectionRequest
@@ -72,6 +74,7 @@ class CollectionPlan:
     covered: float
     covered_before: float
     nearest: NDArray[np.intp]
+    views: RenderedViews | None
 
     @property
     def expression(self) -> str:
@@ -86,18 +89,32 @@ class CollectionPlan:
 
 
 def plan_collection(
-    store: Store, request: CollectionRequest, reporter: Reporter | None = None
-) -> CollectionPlan:
+    store: Store, request: CollectionRequest, reporter: Reporter | None = None,
+    renderer: CandidateRenderer | None = None,
+) -> CollectionPlan:  # fmt: skip
     """Choose poses for new real images of a computed run.
 
-    Raises RequestError where the store has no poses, or the run no new instances.
+    With a `renderer`, the best candidates are rendered, and the poses are chosen among their
+    usable views. Raises RequestError where the store has no poses, the run no new instances, or the
+    renderer cannot be used.
     """
     evidence = read_evidence(store, request.run)
     candidates = find_candidates(store, reporter=reporter)
     if reporter is not None:
         reporter.say(f"choosing {request.budget} of {candidates.count:,} poses")
     values = local_values(candidates, evidence, request.similarity)
-    batch = choose_poses(candidates, evidence, values, request)
+    views, among = None, None
+    if renderer is not None:
+        from s2rtools.data_collection.rendered_views import VIEWS_PER_POSE, render_views
+
+        wider = replace(request, budget=min(VIEWS_PER_POSE * request.budget, MAX_BUDGET))
+        cells = choose_poses(candidates, evidence, values, wider).cells
+        run = store.run(request.run)
+        views = render_views(store, run, renderer, candidates, cells, reporter)
+        candidates = candidates.without(cells[~views.usable])
+        values = local_values(candidates, evidence, request.similarity, views)
+        among = cells[views.usable]
+    batch = choose_poses(candidates, evidence, values, request, among)
     cells = batch.cells
     poses, rooms = candidates.poses(cells), candidates.rooms_of(cells)
     alike = request.similarity.of_poses(poses, rooms, evidence.poses, evidence.rooms)
@@ -132,20 +149,25 @@ def plan_collection(
         covered=(batch.covered + float(batch.gains.sum())) / total,
         covered_before=batch.covered / total,
         nearest=evidence.iids[nearest],
+        views=views,
     )
 
 
 def choose_poses(
-    candidates: CandidatePoses, evidence: Evidence, values: LocalValues, request: CollectionRequest
-) -> Batch:
-    """The batch of the request's method; the gains of a random one are those of `combined`."""
+    candidates: CandidatePoses, evidence: Evidence, values: LocalValues, request: CollectionRequest,
+    among: NDArray[np.intp] | None = None,
+) -> Batch:  # fmt: skip
+    """The batch of the request's method; the gains of a random one are those of `combined`.
+
+    Poses are chosen `among` some flat indices, by default all usable ones.
+    """
+    usable = np.flatnonzero(candidates.usable) if among is None else among
     weighting: Method = "combined" if request.method == "random" else request.method
     coverage = PoseCoverage(candidates, values.reducible(weighting), request.similarity)
     if request.method != "uniform":
         coverage.add_images(evidence.trained_poses, evidence.trained_rooms)
     if request.method != "random":
-        return choose_batch(coverage, candidates, request.budget)
-    usable = np.flatnonzero(candidates.usable)
+        return choose_batch(coverage, usable, request.budget)
     rng = np.random.default_rng(request.seed)
     drawn = rng.choice(usable, min(request.budget, usable.size), replace=False)
     return add_in_order(coverage, drawn)

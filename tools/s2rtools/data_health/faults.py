@@ -1,58 +1,68 @@
 """Rules that find faults from the measures of images, poses and times.
 
 A rule compares an image with its neighbours in the recording, so that rooms of little texture or
-light are no faults. To add a rule, write a function below and add it to `RULES`.
+light are no faults. To add a rule, write a function below, add it to `RULES`, and its meaning to
+`s2rstore.image_faults`.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.geometry import angles
+from s2rstore.image_faults import (
+    ALIKE,
+    BLURRED,
+    BRIGHT,
+    DARK,
+    FAR,
+    FAULTS,
+    HOLES,
+    MISPAIRED,
+    MOVED,
+    POSE_JUMP,
+    SAME_POSE,
+    SATURATED,
+    SMALLEST_JUMP,
+    STILL,
+    TIME_JUMP,
+)
+from s2rstore.index import schema
+from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
+from s2rstore.records import SIDES, SPLITS, TRAINING_SPLITS
 from s2rtools.common.command_line.progress import Reporter
 from s2rtools.data_health.measures import Floats, ImageMeasures, measure_domain
 
 Mask = NDArray[np.bool_]
 _NEIGHBOURS = 7
 """Images before and after one that say how sharp it should be."""
-BLURRED = 0.5
-"""Sharpness in the median of the neighbours below which an image is blurred."""
-DARK, BRIGHT = 0.7, 0.4
-"""Shares of black and of white pixels from which an image is badly exposed."""
-STILL = 0.15
-"""Mean change of grey values (0 .. 255) below which an image equals the one before."""
-MOVED = 0.05, math.radians(2)
-"""Metres and radians between poses from which two images must differ."""
-ALIKE = 3
-"""Differing bits of each half of 64 up to which two images show the same."""
-FAR = 2.0
-"""Metres between poses from which images that show the same contradict the poses."""
-HOLES, SATURATED = 0.6, 0.3
-"""Shares of pixels without depth, and of depth at the end of its range."""
-TIME_JUMP, POSE_JUMP = 5.0, 4.0
-"""Steps, in the median step of time and in the 95th percentile of distance, that are jumps."""
-SMALLEST_JUMP = 0.5
-"""Metres below which no step is a jump."""
+_BLOCK = 256
+"""Pairs that are compared with all images at once."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Recorded:
     """What the rules look at: measures of a domain, poses (N, 3), times (N,) and trajectories (N,).
 
-    The instances of a trajectory follow each other. A time is NaN where none is known.
+    The instances of a trajectory follow each other. A time is NaN where none is known. splits: of
+    each run on the domain, the images (N,) that it was trained on, and those that evaluate it. sim:
+    measures of the sim images that are paired with those of a real domain.
     """
 
     images: ImageMeasures
     poses: Floats
     times: Floats
     trajectories: NDArray[np.integer]
+    splits: Sequence[tuple[Mask, Mask]] = ()
+    sim: ImageMeasures | None = None
 
     @property
     def follows(self) -> Mask:
@@ -79,35 +89,53 @@ class Recorded:
         moved[~self.follows], turned[~self.follows] = np.nan, np.nan
         return moved, turned
 
+    @cached_property
+    def stays(self) -> Mask:
+        """(N,) whether the pose is that of the instance before."""
+        moved, turned = self.steps()
+        return (moved < MOVED[0]) & (turned < MOVED[1])
+
+    @cached_property
+    def alike(self) -> NDArray[np.intp]:
+        """(P, 2) ascending pairs of images that show the same; without a blank wall, which looks
+        like any other, and without those of a robot that stays where it is.
+        """
+        known = np.isfinite(self.images.sharpness) & ~self.stays
+        return np.array(list(_alike_pairs(self.images.signature, known)), np.intp).reshape(-1, 2)
+
+    def distances(self, pairs: NDArray[np.intp]) -> tuple[Floats, Floats]:
+        """Metres and radians between the poses of pairs (P, 2)."""
+        offset = self.poses[pairs[:, 0]] - self.poses[pairs[:, 1]]
+        return np.hypot(offset[:, 0], offset[:, 1]), np.abs(angles.wrap(offset[:, 2]))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fault:
-    """A kind of fault in a domain: the instances (n,) that show it, and what it means.
-
-    share: of the images of the domain.
-    """
+    """One of `FAULTS` in a domain: the instances (n,) that show it, their share of the images."""
 
     name: str
     domain: str
     iids: NDArray[np.intp]
-    meaning: str
     share: float
 
-    def ranges(self) -> list[str]:
-        """The instances as `3` and `7..12`."""
-        runs = np.split(self.iids, np.flatnonzero(np.diff(self.iids) > 1) + 1)
-        return [f"{run[0]}" if run.size == 1 else f"{run[0]}..{run[-1]}" for run in runs]
+    def mask(self, count: int) -> Mask:
+        """(count,) whether each instance shows it."""
+        found = np.zeros(count, dtype=np.bool_)
+        found[self.iids] = True
+        return found
 
     @property
     def expression(self) -> str:
         """The expression that selects the instances: `ids(3, 7..12)`."""
-        return f"ids({', '.join(self.ranges())})"
+        runs = np.split(self.iids, np.flatnonzero(np.diff(self.iids) > 1) + 1)
+        ranges = (f"{run[0]}" if run.size == 1 else f"{run[0]}..{run[-1]}" for run in runs)
+        return f"ids({', '.join(ranges)})"
 
     def as_json(self) -> dict[str, Any]:
         """The fault as JSON data."""
         return {
             "fault": self.name, "domain": self.domain, "n": self.iids.size,
-            "share": round(self.share, 6), "meaning": self.meaning,
+            "share": round(self.share, 6), "meaning": FAULTS[self.name],
             "expression": self.expression,
         }  # fmt: skip
 
@@ -117,11 +145,11 @@ def blurred(recorded: Recorded) -> Mask:
     return sharpness < BLURRED * _median_of_neighbours(sharpness, recorded.trajectories)
 
 
-def too_dark(recorded: Recorded) -> Mask:
+def dark(recorded: Recorded) -> Mask:
     return recorded.images.dark >= DARK
 
 
-def too_bright(recorded: Recorded) -> Mask:
+def bright(recorded: Recorded) -> Mask:
     return recorded.images.bright >= BRIGHT
 
 
@@ -133,23 +161,59 @@ def frozen(recorded: Recorded) -> Mask:
 
 def repeated(recorded: Recorded) -> Mask:
     """Images whose content another instance has, further away than neighbours are."""
-    found = np.zeros(len(recorded.poses), dtype=np.bool_)
-    for first, second in _equal_pairs(recorded.images.content):
-        if _distance(recorded, first, second) >= MOVED[0] and abs(first - second) > 1:
-            found[[first, second]] = True
-    return found
+    pairs = np.array(list(_equal_pairs(recorded.images.content)), np.intp).reshape(-1, 2)
+    metres, _ = recorded.distances(pairs)
+    return _members(recorded, pairs[(metres >= MOVED[0]) & (np.diff(pairs)[:, 0] > 1)])
 
 
 def misplaced(recorded: Recorded) -> Mask:
     """Images that show the same as one whose pose is far away."""
-    moved, turned = recorded.steps()
-    stays = (moved < MOVED[0]) & (turned < MOVED[1])
-    known = np.isfinite(recorded.images.sharpness) & ~stays  # a blank wall looks like any other
+    metres, _ = recorded.distances(recorded.alike)
+    return _members(recorded, recorded.alike[metres >= FAR]) & ~repeated(recorded)
+
+
+def mispaired(recorded: Recorded) -> Mask:
+    """Real images whose sim image is much more similar to the real image of another place."""
     found = np.zeros(len(recorded.poses), dtype=np.bool_)
-    for first, second in _alike_pairs(recorded.images.signature, known):
-        if _distance(recorded, first, second) >= FAR:
-            found[[first, second]] = True
-    return found & ~repeated(recorded)
+    if recorded.sim is None:
+        return found
+    paired = np.flatnonzero((recorded.images.content > 0) & (recorded.sim.content > 0))
+    if not paired.size:
+        return found
+    sim, real = (_centred(each.edges[paired]) for each in (recorded.sim, recorded.images))
+    own = np.einsum("nd,nd->n", sim, real)
+    doubted = np.flatnonzero(own < MISPAIRED[0] * np.median(own))
+    for rows in np.split(doubted, range(_BLOCK, doubted.size, _BLOCK)):
+        others = sim[rows] @ real.T
+        offset = recorded.poses[paired[rows], None, :2] - recorded.poses[None, paired, :2]
+        others[np.hypot(offset[..., 0], offset[..., 1]) < FAR] = -np.inf
+        found[paired[rows]] = others.max(axis=1) > own[rows] + MISPAIRED[1]
+    return found
+
+
+def duplicate(recorded: Recorded) -> Mask:
+    """Images that show the same as an earlier one at the same pose."""
+    pairs = [recorded.alike]
+    before = np.flatnonzero(recorded.stays) - 1
+    bits = np.bitwise_count(recorded.images.signature[before + 1]
+                            ^ recorded.images.signature[before])  # fmt: skip
+    pairs.append(np.stack([before, before + 1], axis=1)[(bits <= ALIKE).all(axis=1)])
+    joined = np.concatenate(pairs)
+    metres, radians = recorded.distances(joined)
+    found = np.zeros(len(recorded.poses), dtype=np.bool_)
+    found[joined[(metres < SAME_POSE[0]) & (radians < SAME_POSE[1]), 1]] = True
+    return found
+
+
+def leaked(recorded: Recorded) -> Mask:
+    """Images that evaluate a run which was trained on nearly the same image at nearly the pose."""
+    metres, radians = recorded.distances(recorded.alike)
+    pairs = recorded.alike[(metres < MOVED[0]) & (radians < MOVED[1])]
+    found = np.zeros(len(recorded.poses), dtype=np.bool_)
+    for trained, evaluated in recorded.splits:
+        for one, other in (pairs.T, pairs.T[::-1]):
+            found[one[evaluated[one] & trained[other]]] = True
+    return found
 
 
 def depth_holes(recorded: Recorded) -> Mask:
@@ -171,50 +235,100 @@ def time_jumps(recorded: Recorded) -> Mask:
 
 def pose_jumps(recorded: Recorded) -> Mask:
     moved, _ = recorded.steps()
-    usual = recorded.of_trajectory(moved, lambda known: float(np.percentile(known, 95)))
+    usual = recorded.of_trajectory(moved, lambda known: float(np.percentile(known, 90)))
     return moved > np.maximum(POSE_JUMP * usual, SMALLEST_JUMP)
 
 
-Rule = Callable[[Recorded], Mask]
-RULES: dict[str, tuple[Rule, str]] = {
-    "blurred": (blurred, f"sharpness below {BLURRED:g} of that of the neighbours"),
-    "too dark": (too_dark, f"{DARK:.0%} of the pixels or more are black"),
-    "too bright": (too_bright, f"{BRIGHT:.0%} of the pixels or more are white"),
-    "frozen": (frozen, "equals the image before although the pose changed"),
-    "repeated": (repeated, "the same image as at another pose"),
-    "misplaced": (misplaced, f"shows the same as an image {FAR:g} m away or more"),
-    "depth holes": (depth_holes, f"{HOLES:.0%} of the pixels or more have no valid depth"),
-    "depth saturated": (depth_saturated, f"{SATURATED:.0%} of the depth or more is at the end of "
-                        "its range"),
-    "time jump": (time_jumps, "time stands still, goes back, or leaves out five steps"),
-    "pose jump": (pose_jumps, "the step from the pose before is four times as long as usual"),
-}  # fmt: skip
-"""Rules by the name of the fault, with what they mean."""
+RULES: dict[str, Callable[[Recorded], Mask]] = {
+    "blurred": blurred,
+    "dark": dark,
+    "bright": bright,
+    "frozen": frozen,
+    "repeated": repeated,
+    "misplaced": misplaced,
+    "mispaired": mispaired,
+    "duplicate": duplicate,
+    "leaked": leaked,
+    "depth_holes": depth_holes,
+    "depth_saturated": depth_saturated,
+    "time_jump": time_jumps,
+    "pose_jump": pose_jumps,
+}
+"""Rules by the name of the fault in `FAULTS`."""
 
 
 def faults(recorded: Recorded, domain: str) -> Iterator[Fault]:
     """The faults of the images of a domain, those of `RULES` that occur."""
     imaged = recorded.images.content > 0
-    for name, (rule, meaning) in RULES.items():
+    for name, rule in RULES.items():
         iids = np.flatnonzero(rule(recorded) & imaged)
         if iids.size:
-            yield Fault(name, domain, iids, meaning, iids.size / np.count_nonzero(imaged))
+            yield Fault(name, domain, iids, iids.size / np.count_nonzero(imaged))
 
 
 def check_store(store: Store, domains: Sequence[str], progress: Reporter) -> list[Fault]:
     """The faults of the images of some domains, and of their poses and times.
 
-    Raises RequestError for an unknown domain.
+    Pairs are compared where both domains are among these. Raises RequestError for an unknown
+    domain.
     """
-    found: list[Fault] = []
-    truth = store.instances
+    measured: dict[str, ImageMeasures] = {}
     for domain in dict.fromkeys(domains):
         progress.begin(f"images of {domain}", sum(map(len, store.imaged_ranges(domain))))
-        measures = measure_domain(store, domain, progress.advance)
+        measured[domain] = measure_domain(store, domain, progress.advance)
+    found: list[Fault] = []
+    truth = store.instances
+    sim = next((name for name in measured if store.domain(name).kind == "sim"), None)
+    for domain, measures in measured.items():
+        has_pairs = sim is not None and store.domain(domain).kind == "real" and store.has_poses
         poses = store.poses(domain) if store.has_poses else np.full((len(truth), 3), np.nan)
-        recorded = Recorded(measures, poses, truth.timestamp, truth.trajectory)
+        recorded = Recorded(
+            measures, poses, truth.timestamp, truth.trajectory, _splits(store, domain),
+            measured[sim] if has_pairs and sim is not None else None,
+        )  # fmt: skip
         found += faults(recorded, domain)
     return found
+
+
+def record_faults(root: Path, domains: Sequence[str], found: Sequence[Fault], count: int) -> None:
+    """Publish the faults of some domains in a store of `count` instances, in place of earlier ones.
+
+    Raises RequestError where the store cannot be written.
+    """
+    with edit(root) as draft:
+        for domain in domains:
+            draft.delete("frame_fault", domain=domain)
+        for fault in found:
+            size = fault.iids.size
+            draft.insert("frame_fault", {"iid": fault.iids.astype(np.int32),
+                                         "domain": [fault.domain] * size,
+                                         "fault": [fault.name] * size})  # fmt: skip
+        draft.set_provenance(schema.HEALTH, dict.fromkeys(domains, str(count)))
+
+
+def _splits(store: Store, domain: str) -> list[tuple[Mask, Mask]]:
+    """The images of a domain that each run was trained on, and those that evaluate it."""
+    found = []
+    for name, run in store.runs.items():
+        for side in SIDES if run.key else ():
+            codes = getattr(store.run_columns(name), side).split
+            is_trained = np.isin(codes, [SPLITS.index(split) for split in TRAINING_SPLITS])
+            if run.domain(side) == domain and is_trained.any():
+                found.append((is_trained, (codes >= 0) & ~is_trained))
+    return found
+
+
+def _members(recorded: Recorded, pairs: NDArray[np.intp]) -> Mask:
+    """(N,) whether an image is in any of some pairs (P, 2)."""
+    found = np.zeros(len(recorded.poses), dtype=np.bool_)
+    found[pairs.ravel()] = True
+    return found
+
+
+def _centred(edges: NDArray[np.float16]) -> NDArray[np.float32]:
+    """Layouts (n, D) without what all have in common, each of length 1."""
+    values = edges.astype(np.float32) - edges.mean(axis=0, dtype=np.float32)
+    return np.asarray(values / np.maximum(np.linalg.norm(values, axis=1, keepdims=True), 1e-6))
 
 
 def _median_of_neighbours(values: Floats, trajectories: NDArray[np.integer]) -> Floats:
@@ -228,10 +342,6 @@ def _median_of_neighbours(values: Floats, trajectories: NDArray[np.integer]) -> 
         known = np.isfinite(others).any(axis=1)
         found[rows[known]] = np.nanmedian(others[known], axis=1)
     return found
-
-
-def _distance(recorded: Recorded, first: int, second: int) -> float:
-    return float(np.hypot(*(recorded.poses[first, :2] - recorded.poses[second, :2])))
 
 
 def _equal_pairs(codes: NDArray[np.unsignedinteger]) -> Iterator[tuple[int, int]]:

@@ -18,6 +18,8 @@ _BATCH = 64
 _WIDTH = 160
 """Images are measured at most this wide: noise of single pixels is no sharpness."""
 _DARK, _BRIGHT = 8, 247
+_CELLS, _CELL, _DIRECTIONS = (6, 8), 12, 6
+"""Cells of the layout of an image, pixels of a cell, and directions of edges in a cell."""
 _CONTRAST = 4.0
 """Variance of the grey values below which an image shows a blank wall, and has no sharpness."""
 
@@ -29,8 +31,8 @@ class ImageMeasures:
     sharpness: see the function of this name. dark, bright: shares of pixels at the ends of the
     range. change: mean absolute change of the grey values from the image before in the store.
     content: hash of the image's bytes, 0 without one. signature (N, 2): 128 bits that similar
-    images share. holes: share of pixels without valid depth. saturated: share of valid depth at the
-    end of its range.
+    images share. edges (N, D): see `edge_layout`; zeros without an image. holes: share of pixels
+    without valid depth. saturated: share of valid depth at the end of its range.
     """
 
     sharpness: Floats
@@ -39,6 +41,7 @@ class ImageMeasures:
     change: Floats
     content: NDArray[np.uint64]
     signature: NDArray[np.uint64]
+    edges: NDArray[np.float16]
     holes: Floats
     saturated: Floats
 
@@ -47,7 +50,8 @@ class ImageMeasures:
         """Measures of no image of `count` instances."""
         sharpness, dark, bright, change, holes, saturated = np.full((6, count), np.nan)
         content, signatures = np.zeros(count, np.uint64), np.zeros((count, 2), np.uint64)
-        return cls(sharpness, dark, bright, change, content, signatures, holes, saturated)
+        edges = np.zeros((count, math.prod(_CELLS) * _DIRECTIONS), np.float16)
+        return cls(sharpness, dark, bright, change, content, signatures, edges, holes, saturated)
 
     def measure(self, iid: int, rgb: NDArray[np.uint8], previous: Floats | None) -> Floats:
         """Measure one image (H, W, 3); returns its small grey image (h, w)."""
@@ -61,6 +65,7 @@ class ImageMeasures:
         digest = hashlib.blake2b(np.ascontiguousarray(rgb).tobytes(), digest_size=8).digest()
         self.content[iid] = int.from_bytes(digest, "big") or 1
         self.signature[iid] = signature(grey)
+        self.edges[iid] = edge_layout(grey)
         return grey
 
     def measure_depth(self, iid: int, raw: NDArray[np.integer], least: int, most: int) -> None:
@@ -102,6 +107,28 @@ def signature(grey: Floats) -> NDArray[np.uint64]:
     across = np.diff(cv2.resize(grey, (9, 8), interpolation=cv2.INTER_AREA), axis=1)
     down = np.diff(cv2.resize(grey, (8, 9), interpolation=cv2.INTER_AREA), axis=0)
     return np.packbits(np.stack([across, down]) > 0).view(np.uint64)
+
+
+def edge_layout(grey: Floats) -> Floats:
+    """How strong the edges of each direction are in each cell of an image (h, w), (D,), length 1.
+
+    Cells are scaled to similar contrast, so that the light of a room changes little. Source: Dalal
+    and Triggs, "Histograms of oriented gradients for human detection", CVPR 2005.
+    """
+    rows, columns = _CELLS
+    size = columns * _CELL, rows * _CELL
+    even = cv2.GaussianBlur(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), (0, 0), 1.0)
+    across, down = cv2.Sobel(even, cv2.CV_64F, 1, 0), cv2.Sobel(even, cv2.CV_64F, 0, 1)
+    place = np.mod(np.arctan2(down, across), np.pi) / np.pi * _DIRECTIONS
+    first = np.floor(place).astype(np.intp)
+    weights = np.zeros((_DIRECTIONS, *even.shape))
+    strength, late = np.hypot(across, down), place - first
+    for direction, part in ((first, 1 - late), (first + 1, late)):
+        np.put_along_axis(weights, direction[None] % _DIRECTIONS, (strength * part)[None], axis=0)
+    cells = weights.reshape(_DIRECTIONS, rows, _CELL, columns, _CELL).sum(axis=(2, 4))
+    sizes = np.linalg.norm(cells, axis=0)
+    layout = (cells / (sizes + 0.3 * sizes.mean() + 1e-6)).ravel()
+    return np.asarray(layout / max(np.linalg.norm(layout), 1e-6))
 
 
 def measure_domain(store: Store, domain: str, advance: Callable[[int], None]) -> ImageMeasures:

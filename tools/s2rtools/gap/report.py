@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from s2rstore.errors import RequestError
 from s2rstore.intervals import Interval
+from s2rstore.metrics.exchange import exchange_change
 from s2rtools.gap.axes import AXES, configured
 from s2rtools.gap.axis import Evidence, GapSettings, Measurement
 from s2rtools.gap.gate.golden_run import GoldenComparison
@@ -59,6 +61,7 @@ def report(evidence: Evidence, settings: GapSettings, result: GapResult) -> Repo
         "absent": dict(result.measurement.absent),
         "inconclusive": dict(result.measurement.inconclusive),
         "across": result.across,
+        "exchange": _exchange(evidence),
         "golden": None if golden is None else {
             "outcome": golden.outcome,
             **golden.change.as_columns("change"),
@@ -80,6 +83,19 @@ def report(evidence: Evidence, settings: GapSettings, result: GapResult) -> Repo
         },
     }  # fmt: skip
     return plain(content)
+
+
+def _exchange(evidence: Evidence) -> dict[str, Any] | None:
+    """The exchange rate of the run before and after its images were changed.
+
+    None where no selected pair is new to the run and to that of its model on unchanged images.
+    """
+    members = np.zeros(len(evidence.store.instances), dtype=np.bool_)
+    members[evidence.iids] = True
+    try:
+        return exchange_change(evidence.store, evidence.run, members).as_json()
+    except RequestError:
+        return None
 
 
 def _numbers(options: Mapping[str, str]) -> dict[str, Any]:

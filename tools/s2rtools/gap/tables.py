@@ -35,6 +35,8 @@ def _lines(report: dict[str, Any], with_details: bool) -> Iterator[str]:
         yield f"  {name}: not measured: {reason}"
     if report["across"]:
         yield from _rank_consistency(report["across"])
+    if report["exchange"]:
+        yield f"  simulation: {report['exchange']['text']}"
     if report["golden"]:
         yield _golden(report["golden"])
     if report["reference"]:

@@ -63,6 +63,20 @@ def estimate_rows(result: Identification) -> Estimates:
     return rows
 
 
+def exchange_rows(report: Report) -> Estimates:
+    """Rows of the known exchange rates of a report, before and after its images were changed."""
+    exchange = report.get("exchange") or {}
+    names = {"after": "exchange rate", "before": "exchange rate before the changes"}
+    found = {key: exchange.get(key) or {} for key in names}
+    return [
+        {
+            "parameter": names[key], "value": rate["value"], "value_low": rate["low"],
+            "value_high": rate["high"], "unit": "1", "note": exchange["changes"] or None,
+        }
+        for key, rate in found.items() if rate.get("low") is not None
+    ]  # fmt: skip
+
+
 class _NoProgress:
     """A progress reporter that shows nothing."""
 

@@ -12,7 +12,7 @@ from s2rstore.gap_history.reader import AxisFigures, History, Night, NightlyEsti
 from s2rstore.intervals import Interval
 from s2rtools.nightly.config import NightlyConfig
 from s2rtools.nightly.input_fingerprint import Inputs, version
-from s2rtools.nightly.measurement import Estimates, Report
+from s2rtools.nightly.measurement import Estimates, Report, exchange_rows
 from s2rtools.nightly.report_model import outcome
 
 
@@ -139,5 +139,5 @@ def _estimates(result: NightResult, history: History) -> tuple[NightlyEstimate, 
             row["parameter"], Interval.from_columns(row, "value"), row.get("unit") or "",
             row.get("note"),
         )
-        for row in result.estimates
+        for row in (*result.estimates, *exchange_rows(result.report))
     )  # fmt: skip

@@ -85,7 +85,7 @@ class NightReport:
                 [(each.name, each.outcome, each.message) for each in self.checks],
             ),
             Table(
-                "Estimated parameters of the simulator",
+                "Estimates of the simulator",
                 ("parameter", f"estimate {interval}", "unit", "note"), estimates,
             ),
             Table(

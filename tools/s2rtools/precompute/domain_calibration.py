@@ -82,7 +82,7 @@ def comparable_iids(store: Store, run: Run) -> NDArray[np.intp]:
 
 
 def read_images(store: Store, iid: int, domain: Domain, frame: tuple[int, int]) -> ViewImages:
-    stored = store.frame(iid, domain.domain)
+    stored = store.frame(domain.domain, iid)
     size = frame[1], frame[0]
     rgb = cv2.resize(stored.rgb, size, interpolation=cv2.INTER_AREA)
     depth = cv2.resize(stored.depth, size, interpolation=cv2.INTER_NEAREST)

@@ -213,7 +213,8 @@ def _projections(
         return projection_stage(run.run, iids, fitted, embedding_key, sources)
 
     fitted = parts[-1].stop if refit else _fitted(store, run, parts[-1].stop, projected)
-    first, later = range(fitted), [part for part in parts if part.start >= fitted]
+    first = range(fitted)
+    later = [range(max(part.start, fitted), part.stop) for part in parts if part.stop > fitted]
     fit = projected(first, fitted)
 
     def stages_of(iids: range) -> list[Stage]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -16,7 +17,6 @@ from s2rtools.common.command_line.progress import reporter
 
 if TYPE_CHECKING:
     from s2rstore.reader import Store
-    from s2rtools.renderer.protocol import Ready
     from s2rtools.simulated_frames.pose_renderer import PoseRenderer
     from s2rtools.simulated_frames.requested_poses import RequestedPoses
 
@@ -25,6 +25,8 @@ SIDE: Literal["sim"] = "sim"
 """Side and domain of rendered frames in a store."""
 WORKERS = 1
 TIMEOUT = 120.0
+_OPTIONS = {"values": "set"}
+"""Options whose name in the parsed options is another."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,9 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "mesh:FILE.glb, or world:SEED")  # fmt: skip
     parser.add_argument("--domain", help="domain whose camera renders (default: the sim domain; in "
                         "a store without one, the first)")  # fmt: skip
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="values",
-                        help="value of a parameter that the renderer declares "
-                        "(repeatable)")  # fmt: skip
+    add_values(parser)
     group = parser.add_argument_group("poses (one of these)")
     poses = group.add_mutually_exclusive_group(required=True)
     poses.add_argument("--missing", action="store_true",
@@ -61,6 +61,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_processes(group)
 
 
+def add_values(parser: argparse._ActionsContainer) -> None:
+    """Add the option that sets parameters of the renderer."""
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="values",
+                        help="value of a parameter that the renderer declares "
+                        "(repeatable)")  # fmt: skip
+
+
 def add_processes(group: argparse._ArgumentGroup) -> None:
     """Add the options of the renderer's processes."""
     group.add_argument("--workers", type=int, default=WORKERS, metavar="K",
@@ -68,6 +75,15 @@ def add_processes(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--timeout", type=float, default=TIMEOUT, metavar="SECONDS",
                        help="time that the renderer has for each answer, its start included "
                        f"(default {TIMEOUT:g})")  # fmt: skip
+
+
+def refuse(options: argparse.Namespace, names: Sequence[str], reason: str) -> None:
+    """Raise RequestError for the first of some options that is set."""
+    defaults = {"workers": WORKERS, "timeout": TIMEOUT}
+    for name in names:
+        value = getattr(options, name)
+        if value not in (None, False, [], defaults.get(name)):
+            raise RequestError(f"--{_OPTIONS.get(name, name).replace('_', '-')}: {reason}")
 
 
 def _grid(text: str) -> tuple[float, int]:
@@ -138,36 +154,10 @@ def _requested(store: Store, options: argparse.Namespace) -> RequestedPoses:
     return requested_poses.random_poses(store, options.random, options.seed)
 
 
-def parameter_values(ready: Ready, assignments: list[str]) -> dict[str, float]:
-    """A value for each parameter that a renderer declares, `NAME=VALUE` in place of defaults.
-
-    Raises RequestError for unknown names, for what is no number, and for values out of range.
-    """
-    declared = {parameter.name: parameter for parameter in ready.parameters}
-    values = {name: parameter.default for name, parameter in declared.items()}
-    for assignment in assignments:
-        name, sign, text = assignment.partition("=")
-        if not sign:
-            raise RequestError(f"--set {assignment}: expected NAME=VALUE")
-        if name not in declared:
-            names = ", ".join(declared) or "none"
-            raise RequestError(f"--set {assignment}: the renderer declares {names}")
-        parameter = declared[name]
-        span = f"{parameter.minimum:g} to {parameter.maximum:g}"
-        try:
-            value = float(text)
-        except ValueError:
-            raise RequestError(f"--set {assignment}: must be a number, {span}") from None
-        if not parameter.minimum <= value <= parameter.maximum:
-            raise RequestError(f"--set {assignment}: must be {span}")
-        values[name] = value
-    return values
-
-
 def _render(options: argparse.Namespace, renderer: PoseRenderer, requested: RequestedPoses) -> int:
     """Render the frames that the folder lacks; 1 where some could not be rendered."""
     from s2rtools.simulated_frames.frame_folder import TABLE
-    from s2rtools.simulated_frames.requested_poses import camera_poses
+    from s2rtools.simulated_frames.requested_poses import camera_poses, parameter_values
 
     ready, folder, cameras = renderer.ready, renderer.folder, renderer.cameras
     values = [parameter_values(ready, options.values)] * len(requested.poses)

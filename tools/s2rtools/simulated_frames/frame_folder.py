@@ -44,7 +44,8 @@ def prepare_folder(path: Path) -> None:
         path.mkdir(parents=True, exist_ok=True)
         names = {entry.name for entry in path.iterdir() if entry.is_file()}
     except OSError as error:
-        raise RequestError(f"{path}: {error.strerror or error}") from error
+        reason = error.strerror or error
+        raise RequestError(f"{path}: cannot be used as a folder for frames ({reason})") from error
     if names and DESCRIPTION not in names:
         raise RequestError(f"{path}: holds other files; choose a new folder")
 

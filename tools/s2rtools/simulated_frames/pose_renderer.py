@@ -10,7 +10,10 @@ from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.plugins import Registry, instance_of
@@ -103,9 +106,13 @@ class FrameCameras:
     @classmethod
     def of_store(cls, store: Store, domain: str | None) -> Self:
         """The cameras of a domain, by default of `default_domain`."""
+        return cls.of_domain(store, store.domain(domain or default_domain(store)))
+
+    @classmethod
+    def of_domain(cls, store: Store, domain: Domain) -> Self:
+        """The cameras of a domain that a run may have moved."""
         dataset = store.dataset
-        frame = dataset.frame_height, dataset.frame_width
-        return cls(store.domain(domain or default_domain(store)), frame, dataset.y_down)
+        return cls(domain, (dataset.frame_height, dataset.frame_width), dataset.y_down)
 
     @property
     def lenses(self) -> list[tuple[Intrinsics, tuple[str, ...]]]:
@@ -187,6 +194,17 @@ class PoseRenderer:
                     if result.failure:
                         failures[result.number] = result.failure
         return failures
+
+    def images(
+        self, poses: Poses, values: Sequence[Mapping[str, float]]
+    ) -> dict[str, NDArray[Any]]:
+        """RGB (n, height, width, 3) and depth (n, height, width) of rendered frames.
+
+        Depth is in the units of the domain, 0 where there is none.
+        """
+        frames = [self.folder.read(key) for key in self.keys(poses, values)]
+        rgb, depth = (np.stack(each) for each in zip(*frames, strict=True))
+        return {"rgb": rgb, "depth": depth}
 
     def _save(
         self, keys: list[str], images: tuple[str, ...], number: int, frame: RenderedFrame

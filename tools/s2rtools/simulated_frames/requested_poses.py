@@ -1,4 +1,4 @@
-"""The poses of `s2r render`: of a file, on a grid of the free floor, or random on it."""
+"""What `s2r render` renders: poses of a file, on a grid of the free floor or random; parameters."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from s2rstore.errors import RequestError
 from s2rstore.files.planned_poses import read_planned_poses
 from s2rstore.reader import Store
 from s2rstore.records import Domain
-from s2rtools.data_collection.candidates import FreeFloor, turns
+from s2rtools.datasets.floor.free_floor import FreeFloor, turns
 from s2rtools.datasets.recording import trajectory_name
-from s2rtools.renderer.protocol import CameraPose
+from s2rtools.renderer.protocol import CameraPose, Ready
 
 Poses = NDArray[np.float64]
 """(n, 3): x, y in metres and heading in radians, in the map."""
@@ -128,3 +128,29 @@ def camera_poses(poses: Poses, domain: Domain, y_down: bool) -> list[CameraPose]
         )
         for pose, east, north, q in zip(poses, x, y, quaternions, strict=True)
     ]  # fmt: skip
+
+
+def parameter_values(ready: Ready, assignments: Sequence[str]) -> dict[str, float]:
+    """A value for each parameter that a renderer declares, `NAME=VALUE` in place of defaults.
+
+    Raises RequestError for unknown names, for what is no number, and for values out of range.
+    """
+    declared = {parameter.name: parameter for parameter in ready.parameters}
+    values = {name: parameter.default for name, parameter in declared.items()}
+    for assignment in assignments:
+        name, sign, text = assignment.partition("=")
+        if not sign:
+            raise RequestError(f"--set {assignment}: expected NAME=VALUE")
+        if name not in declared:
+            names = ", ".join(declared) or "none"
+            raise RequestError(f"--set {assignment}: the renderer declares {names}")
+        parameter = declared[name]
+        span = f"{parameter.minimum:g} to {parameter.maximum:g}"
+        try:
+            value = float(text)
+        except ValueError:
+            raise RequestError(f"--set {assignment}: must be a number, {span}") from None
+        if not parameter.minimum <= value <= parameter.maximum:
+            raise RequestError(f"--set {assignment}: must be {span}")
+        values[name] = value
+    return values

@@ -18,7 +18,7 @@ from s2rstore.security.printable_text import printable
 from s2rstore.suggestions import Answer, SuggestReport, bounds_text, read_report
 from s2rtools.common.command_line import output, store_argument
 from s2rtools.common.command_line.progress import reporter
-from s2rtools.simulated_frames.command import TIMEOUT, WORKERS, add_processes
+from s2rtools.simulated_frames.command import add_processes, refuse
 
 if TYPE_CHECKING:
     from s2rtools.suggestions.renderer_search import FittedValue, RendererReport
@@ -81,10 +81,7 @@ def execute(
     """Run the command; `write_figure` writes the file of `--figure`, which is checked already."""
     if options.renderer is not None:
         return _execute_renderer(options)
-    _refuse(options, ("out",), "only with --renderer")
-    for name, default in (("workers", WORKERS), ("timeout", TIMEOUT)):
-        if getattr(options, name) != default:
-            raise RequestError(f"--{name}: only with --renderer")
+    refuse(options, ("out", "workers", "timeout"), "only with --renderer")
     from s2rtools.suggestions.stored_reports import apply_answer, save_report
     from s2rtools.suggestions.suggest import suggest
 
@@ -133,7 +130,7 @@ def _execute_renderer(options: argparse.Namespace) -> int:
     from s2rtools.suggestions.renderer_search import suggest_parameters
 
     unused = ("run", "evaluations", "seed", "trust", "apply", "name", "figure", "no_keep")
-    _refuse(options, unused, "not with --renderer")
+    refuse(options, unused, "not with --renderer")
     if options.side != "sim":
         raise RequestError("--renderer: needs --for sim")
     settings = replace(_settings(options, _RENDERER_DEFAULTS), judged=_RENDERER_JUDGED)
@@ -151,13 +148,6 @@ def _execute_renderer(options: argparse.Namespace) -> int:
         for line in _renderer_lines(report, options.store, options.renderer):
             print(printable(line))
     return 0 if report.helps else _NOTHING_HELPS
-
-
-def _refuse(options: argparse.Namespace, names: Sequence[str], reason: str) -> None:
-    """Raise RequestError for the first of some options that is set."""
-    for name in names:
-        if getattr(options, name) not in (None, False):
-            raise RequestError(f"--{name.replace('_', '-')}: {reason}")
 
 
 def _settings(

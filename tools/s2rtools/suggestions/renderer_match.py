@@ -92,7 +92,4 @@ class RenderedFrames:
             where = f"x {x:.2f} m, y {y:.2f} m, heading {np.degrees(heading):.0f} degrees"
             raise RequestError(f"the renderer cannot render {where}: {reason}")
         self.compared += len(values)
-        frames = [self._renderer.folder.read(key)
-                  for key in self._renderer.keys(self._poses, values)]  # fmt: skip
-        rgb, depth = (np.stack(each) for each in zip(*frames, strict=True))
-        return {"rgb": rgb, "depth": depth}
+        return self._renderer.images(self._poses, values)

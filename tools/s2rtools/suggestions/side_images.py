@@ -83,15 +83,17 @@ class SideImages:
             width = self.store.dataset.frame_width
             yield rows, adjusted_images(block.images, self._domain, chain, self.store.path, width)
 
-    def inputs(
-        self, chain: Chain, contract: InputContract
-    ) -> Iterator[tuple[slice, NDArray[np.float32]]]:
-        """Rows, and the network's input (b, C, h, w)."""
-        for rows, block in self._blocks(chain):
-            frames = side_frames(
+    @property
+    def truth(self) -> NDArray[np.float64]:
+        """The poses (n, 3): x, y in metres, heading in radians."""
+        return self.store.poses(self.run.domain(self.side))[self.iids]
+
+    def inputs(self, chain: Chain, contract: InputContract) -> Iterator[NDArray[np.float32]]:
+        """The network's inputs (b, C, h, w), one block after the other."""
+        for _, block in self._blocks(chain):
+            yield side_frames(
                 block.images, self._domain, chain, contract, self.store.path, block.source
-            )
-            yield rows, frames.x
+            ).x
 
     def _blocks(self, chain: Chain) -> Iterator[tuple[slice, _Block]]:
         move = self.move(chain)

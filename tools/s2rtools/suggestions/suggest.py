@@ -20,12 +20,12 @@ from s2rstore.records import Run
 from s2rstore.run_inputs import run_render_change
 from s2rstore.suggestions import Agreement, Answer, Change, FactorGain, SuggestReport
 from s2rtools.common.command_line.progress import Reporter
+from s2rtools.precompute.pose_predictor import PosePredictor
 from s2rtools.suggestions.held_out_split import SplitPart, split_instances
 from s2rtools.suggestions.objective import (
     Floats,
     Objective,
     PoseErrors,
-    PosePredictor,
     Values,
 )
 from s2rtools.suggestions.robust_fit import RobustFit
@@ -87,7 +87,7 @@ class _Judgement:
     ) -> None:  # fmt: skip
         self._store, self._run, self._settings = store, run, settings
         self._fit, self._judge, self._budget = fit, judge, budget
-        self._predictor = PosePredictor(store, run, settings.trust)
+        self._predictor = PosePredictor(store, run, "suggestions", settings.trust)
         self._match: SimulatorMatch | None = None
         if settings.side == "sim":
             self._match = SimulatorMatch(store, run, fit, judge)
@@ -255,12 +255,12 @@ class _Judgement:
         columns = self._store.run_columns(self._run.run)
         real = np.stack([columns.real.x[iids], columns.real.y[iids]], axis=1).astype(np.float64)
         real_error = columns.real.error[iids].astype(np.float64)
-        truth = self._store.poses(self._run.sim_domain)[iids][:, :2]
         shifts, errors = [], []
         for each in (self._run.sim_adjustments, chain):
-            poses = self._predictor.poses(images, each)[:, :2]
+            inputs = images.inputs(each, self._predictor.contract)
+            poses = self._predictor.poses(inputs)[:, :2]
             shifts.append(np.hypot(*(poses - real).T))
-            errors.append(np.hypot(*(poses - truth).T))
+            errors.append(np.hypot(*(poses - images.truth[:, :2]).T))
         return Agreement(
             float(errors[0].mean()), float(errors[1].mean()), float(real_error.mean()),
             float(shifts[0].mean()), float(shifts[1].mean()),

@@ -150,7 +150,7 @@ class WorldData:
             number = np.array([self.noise_number(name, row)])
             for side in SIDES:
                 views = self.views(side, self.poses[name][row : row + 1], number)
-                stored = store.frame(iid, side)
+                stored = store.frame(side, iid)
                 rgb_difference = np.abs(views.rgb[0].astype(np.float32) - stored.rgb)
                 raw = self.raw_depth(views)[0].astype(np.float32)
                 depth_difference = np.abs(raw - stored.depth)

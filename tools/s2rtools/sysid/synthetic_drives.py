@@ -34,7 +34,7 @@ _PERIOD, _SAMPLED, _STEP = 0.05, 0.02, 0.001
 
 
 @dataclass(frozen=True, slots=True)
-class Recording:
+class DriveSettings:
     """Settings of synthetic drives: `count` of `seconds` each, white noise of the real log in m and
     rad, `efforts` instead of known torques, and real parameter values (`truth`) instead of the
     defaults.
@@ -50,14 +50,14 @@ class Recording:
 
 def make_drives(
     folder: Path, seed: int, severities: Mapping[str, float] | None = None,
-    recording: Recording | None = None,
+    recording: DriveSettings | None = None,
 ) -> tuple[Drive, ...]:  # fmt: skip
     """Write `folder`/drive-NN/{real,sim,untuned,commands}.csv and `folder`/truth.json.
 
     With all `severities` (names of SEVERITIES) at 0 the simulator equals reality except for the
     measurement noise. Equal seeds give equal bytes. Raises RequestError for an unknown severity.
     """
-    recording = recording or Recording()
+    recording = recording or DriveSettings()
     simulator = Planar(_STEP)
     truth = {**simulator.defaults(), **recording.truth}
     for name, severity in (severities or {}).items():
@@ -75,7 +75,7 @@ def make_drives(
     return tuple(drives)
 
 
-def _drive(folder: Path, rng: np.random.Generator, truth: Values, recording: Recording,
+def _drive(folder: Path, rng: np.random.Generator, truth: Values, recording: DriveSettings,
            simulator: Planar) -> Drive:  # fmt: skip
     commands = _commands(rng, recording, simulator)
     start = np.array([rng.uniform(-2, 2), rng.uniform(-2, 2), rng.uniform(-3, 3), 0.0, 0.0])
@@ -96,7 +96,7 @@ def _drive(folder: Path, rng: np.random.Generator, truth: Values, recording: Rec
     return Drive(folder.name, logs["real"], logs["sim"], logs["untuned"], commands)
 
 
-def _commands(rng: np.random.Generator, recording: Recording, simulator: Planar) -> Commands:
+def _commands(rng: np.random.Generator, recording: DriveSettings, simulator: Planar) -> Commands:
     """Half a second of rest, then stretches of driving, turning, coasting and braking."""
     time: Floats = _PERIOD * np.arange(round(recording.seconds / _PERIOD), dtype=np.float64)
     both = np.zeros((2, len(time)))

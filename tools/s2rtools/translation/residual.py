@@ -19,6 +19,7 @@ from torch import Tensor, nn
 from torch.nn.functional import l1_loss
 
 from s2rtools.common.checkpoint import FitState
+from s2rtools.common.wasserstein import sliced_wasserstein
 from s2rtools.translation.adversarial_training import (
     AdversarialLearner,
     crop_size,
@@ -60,7 +61,7 @@ SHARES = (0.25, 0.5, 0.75, 1.0)
 MIN_GAIN = 0.02
 HELD_OUT = 0.15
 _FEW_IMAGES = 8
-PATCH, PATCHES, DIRECTIONS, SCALES = 5, 4096, 128, (1, 2, 4)
+PATCH, PATCHES, SCALES = 5, 4096, (1, 2, 4)
 OPTIONS = {
     **size_options(GeneratorSize(blocks=2)), "batch": Option(2, 1, 64),
     "bound": Option(0.25, 0.001, 1.0),
@@ -246,7 +247,7 @@ def _choose_share(
 def patch_distance(first: Rgb, second: Rgb, seed: int = 0) -> float:
     """Sliced Wasserstein distance of small patches, grey levels; equal sets have about 0.
 
-    Mean over three scales and over random directions of the one-dimensional distance. Source:
+    Mean over three scales. Source:
     Karras et al., "Progressive growing of GANs for improved quality, stability, and variation",
     2018. The same places are taken from sets of one shape, so that two translations of the same
     images are compared with little noise.
@@ -255,13 +256,7 @@ def patch_distance(first: Rgb, second: Rgb, seed: int = 0) -> float:
     for scale in SCALES:
         both = [_patches(_reduced(images, scale), seed) for images in (first, second)]
         width = min(len(values) for values in both)
-        rng = np.random.default_rng([seed, scale])
-        directions = rng.standard_normal((both[0].shape[1], DIRECTIONS)).astype(np.float32)
-        directions /= np.linalg.norm(directions, axis=0)
-        first_sorted, second_sorted = (
-            np.sort(values[:width] @ directions, axis=0) for values in both
-        )
-        distances.append(float(np.abs(first_sorted - second_sorted).mean()))
+        distances.append(sliced_wasserstein(both[0][:width], both[1][:width], seed=seed))
     return float(np.mean(distances))
 
 

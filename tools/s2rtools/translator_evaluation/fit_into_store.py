@@ -288,7 +288,7 @@ def _checkpoint(store: Store, request: FitRequest) -> Path:
 def _measure_depth_noise(
     store: Store, source: str, target: str, iids: NDArray[np.intp]
 ) -> DepthNoise:
-    chosen = iids[np.unique(np.linspace(0, len(iids) - 1, _NOISE_FRAMES).astype(int))]
+    chosen = evenly_spaced(iids, _NOISE_FRAMES)
     images = []
     for name in (source, target):
         domain = store.domain(name)

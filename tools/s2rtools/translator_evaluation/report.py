@@ -24,7 +24,14 @@ from s2rtools.gap.report import plain
 from s2rtools.inference import Backend
 from s2rtools.models.load_model import load_model
 from s2rtools.translation import fit_split
-from s2rtools.translation.image_set import ImageSet, Rgb, from_folder, read_image, resize
+from s2rtools.translation.image_set import (
+    ImageSet,
+    Rgb,
+    evenly_spaced,
+    from_folder,
+    read_image,
+    resize,
+)
 from s2rtools.translation.method import Translator
 from s2rtools.translation.translator_file import StoredTranslator, names_digest
 from s2rtools.translator_evaluation import content_metrics, distance_metrics, task_metrics
@@ -258,8 +265,7 @@ def evaluate_folders(
     """
     images = from_folder(source), from_folder(target)
     held_out, rows = _held_out_rows(images, stored)
-    chosen = [each[np.unique(np.linspace(0, len(each) - 1, max_images).astype(int))]
-              for each in rows]  # fmt: skip
+    chosen = [evenly_spaced(each, max_images) for each in rows]
     before, target_images = (each.images[kept] for each, kept in zip(images, chosen, strict=True))
     if min(len(before), len(target_images)) < 4:
         raise RequestError(f"{source}, {target}: judging needs at least 4 images of each")

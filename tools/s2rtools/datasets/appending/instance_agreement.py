@@ -75,7 +75,8 @@ class Additions:
     behind the stored instances of a trajectory, `rows` the numbers of the records of these.
     `renumbered` has the trajectories whose stored instances have another `seq` than their source.
     `domains` are added to the stored instances of those trajectories in `rows` that the source
-    images in them and the store does not; they are new to the store, or image others of it.
+    images in them and the store does not; they are new to the store, or image others of it, which
+    may be of the same trajectory.
     """
 
     new: tuple[str, ...]
@@ -115,8 +116,8 @@ def additions(scan: Scan, store: Store, progress: Callable[[int], None]) -> Addi
     added = {
         domain
         for name, records in scan.trajectories.items()
-        for domain in records[0].sources.keys() - imaged_domains(store, name)
-        if domain not in store.domains or name in stored
+        for domain in records[0].sources
+        if domain not in store.domains or _lacks_images(store, name, domain)
     }
     domains = tuple(name for name in scan.domains if name in added)
     found = Additions(tuple(sorted(scan.trajectories.keys() - stored)), domains)
@@ -130,6 +131,12 @@ def additions(scan: Scan, store: Store, progress: Callable[[int], None]) -> Addi
         else:
             found.continued[name] = first
     return found
+
+
+def _lacks_images(store: Store, trajectory: str, domain: str) -> bool:
+    """Whether a domain lacks images of stored instances of a trajectory."""
+    return any(part.trajectory == trajectory and part not in store.imaged_parts[domain]
+               for part in store.trajectory_parts)  # fmt: skip
 
 
 def imaged_domains(store: Store, trajectory: str) -> frozenset[str]:
@@ -157,17 +164,13 @@ def _refusal(
     advice = "and stored instances are never replaced; give the trajectory another name"
     if domains:
         advice = (
-            f"and {_names(domains)} needs an image of every stored instance of a trajectory; "
+            f"and domain {', '.join(domains)} needs an image of every stored instance of it; "
             "complete the source, or leave that domain out"
         )
     return RequestError(
         f"{store.path}: trajectory {name}: the source differs from what is stored ({difference}), "
         f"{advice}"
     )
-
-
-def _names(domains: tuple[str, ...]) -> str:
-    return f"the new domain {', '.join(domains)}"
 
 
 def _stored_instances(store: Store, trajectory: str) -> Iterator[_StoredInstance]:
@@ -201,7 +204,7 @@ def _compare(
 
     Adds the numbers of the records of stored instances to `found.rows`, and the trajectory to
     `found.renumbered` where their `seq` differs; gives the number of the first further record,
-    None without one. The source may lack domains of stored instances, but have no further ones.
+    None without one. The source may lack domains of stored instances, and have further ones.
     Records whose images cannot be decoded, or have another depth type,
     were left out when the trajectory was ingested. Raises _DifferenceError.
     """
@@ -212,7 +215,9 @@ def _compare(
     with ThreadPoolExecutor(_THREADS) as pool:
         compared = map_ahead(pool, partial(_checksums, scan, kept), scan.trajectories[name])
         for number, (record, checksums) in enumerate(compared):
-            if expected is not None and checksums.items() <= expected.checksums.items():
+            if expected is not None and all(
+                expected.checksums.get(domain, sum) == sum for domain, sum in checksums.items()
+            ):
                 pose = record.x, record.y, record.heading
                 if not all(map(is_close, pose, expected.pose)):
                     file = _file(scan, record, next(iter(record.sources)), len(rows))
@@ -232,11 +237,9 @@ def _compare(
             elif all(_is_usable(scan, record, domain, types) for domain in checksums):
                 if expected is None:
                     return number
-                further = [domain for domain in checksums if domain not in expected.checksums]
-                if further:
-                    raise _DifferenceError(f"it has no images in {further[0]}")
-                differing = (d for d, sum in checksums.items() if expected.checksums.get(d) != sum)
-                domain = next(differing, next(iter(checksums)))
+                domain = next(
+                    d for d, sum in checksums.items() if expected.checksums.get(d, sum) != sum
+                )
                 raise _DifferenceError(_file(scan, record, domain, len(rows)))
             progress(2 * len(checksums))
     if expected is not None:

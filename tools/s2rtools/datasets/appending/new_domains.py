@@ -1,4 +1,4 @@
-"""Add domains to the instances that a store has: their frames, index rows and hashes."""
+"""Add images in further domains to stored instances: frames, index rows and hashes."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from s2rstore.reader import Store
 from s2rstore.records import Domain, TrajectoryPart
 from s2rtools.common.input_issue import InputIssue
 from s2rtools.common.lazy_sequence import LazySequence
+from s2rtools.datasets.appending.instance_agreement import stored_depth_types
 from s2rtools.datasets.scan import InstanceRecord, Scan
 from s2rtools.datasets.stored_instances import StoredTrajectory
 from s2rtools.datasets.writing.frame_writing import FramePlace, ReportProgress, write_trajectory
@@ -55,7 +56,9 @@ def write_domain_frames(
         if not imaged:
             continue
         records = _records(scan, imaged, part, rows[name])
-        types = depth_types(root, [scan.domains[each] for each in imaged], name) if part.row else {}
+        types = stored_depth_types(store, name)
+        if part.row:
+            types |= depth_types(root, [scan.domains[each] for each in imaged], name)
         place = FramePlace(part.folder, types)
         before = len(scan.issues)
         of_part = replace(scan, trajectories={name: records})
@@ -64,7 +67,7 @@ def write_domain_frames(
             issue = _of_left_out(scan, scan.issues[before:], stored)
             raise RequestError(
                 f"{issue.file}: {issue.kind} {issue.detail}".rstrip()
-                + f"; the new domain {', '.join(imaged)} needs an image of every instance of "
+                + f"; domain {', '.join(imaged)} needs an image of every instance of "
                 f"trajectory {name} of {store.path}"
             )
         written.append((part, stored))

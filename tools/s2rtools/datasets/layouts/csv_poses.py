@@ -45,7 +45,8 @@ def read(path: Path, options: ReadOptions) -> Recording:
     Raises RequestError if one of them is missing or malformed.
     """
     if not path.is_file():
-        reason = "a folder; name the CSV file in it" if path.is_dir() else "no such file"
+        reason = "no regular file" if path.exists() else "no such file"
+        reason = "a folder; name the CSV file in it" if path.is_dir() else reason
         raise RequestError(f"{path}: {reason}")
     name = trajectory_name(path.stem)
     recording = Recording("csv", name, path.parent, allow_outside=options.allow_outside)

@@ -1,4 +1,4 @@
-"""Distances of two sets of features: FID, precision and recall, Wasserstein."""
+"""Distances of two sets of features: FID, precision and recall."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 NEIGHBOURS = 5
-PROJECTIONS = 128
 
 
 def frechet_distance(x: Floats, y: Floats) -> float:
@@ -100,24 +99,3 @@ def _distances(x: Floats, y: Floats) -> Floats:
     squares = xx[:, None] + yy[None, :] - 2 * x @ y.T
     squares[squares < 1e-12 * (xx[:, None] + yy[None, :])] = 0.0
     return squares
-
-
-def wasserstein_by_dimension(x: Floats, y: Floats) -> Floats:
-    """Wasserstein-1 distance in each dimension of two samples (n, d), shape (d,), in their unit.
-
-    Of samples of equal size it is the mean difference of the sorted values.
-    """
-    return np.asarray(np.abs(np.sort(x, axis=0) - np.sort(y, axis=0)).mean(axis=0))
-
-
-def sliced_wasserstein(
-    x: Floats, y: Floats, projections: int = PROJECTIONS, seed: int = 1
-) -> float:
-    """Mean Wasserstein-1 distance over directions drawn uniformly from the sphere.
-
-    Source: Bonneel et al., "Sliced and Radon Wasserstein barycenters of measures", 2015.
-    """
-    rng = np.random.default_rng(seed)
-    directions = rng.normal(size=(x.shape[1], projections))
-    directions /= np.linalg.norm(directions, axis=0)
-    return float(wasserstein_by_dimension(x @ directions, y @ directions).mean())

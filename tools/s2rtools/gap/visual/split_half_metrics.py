@@ -15,12 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtools.common.blocks import Blocks
+from s2rtools.common.wasserstein import sliced_wasserstein, wasserstein_by_dimension
 from s2rtools.gap.instance_selection import random_halves
 from s2rtools.gap.visual.feature_distances import (
     frechet_distance,
     prdc,
-    sliced_wasserstein,
-    wasserstein_by_dimension,
 )
 from s2rtools.gap.visual.kid import kernel_distance
 from s2rtools.gap.visual.kl_divergence import NEIGHBOURS, divergences

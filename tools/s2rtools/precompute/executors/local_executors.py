@@ -98,15 +98,24 @@ class WorkerPool:
 
     def interrupt(self) -> None:
         """As `close`, and say so; ctrl+c meanwhile ends the processes at once."""
+        handler = signal.getsignal(signal.SIGINT)
+        with suppress(ValueError):  # not the main thread, which alone is interrupted
+            signal.signal(signal.SIGINT, _kill_children)
         try:
             self.report_line(
                 "waiting for the work units in progress; press ctrl+c again to drop them"
             )
             self.close()
-        except KeyboardInterrupt:
-            for process in multiprocessing.active_children():
-                process.kill()
-            raise
+        finally:
+            with suppress(ValueError):
+                signal.signal(signal.SIGINT, handler)
+
+
+def _kill_children(*_: object) -> None:
+    """A signal handler: Python ignores an exception in some places, such as weak references."""
+    for process in multiprocessing.active_children():
+        process.kill()
+    raise KeyboardInterrupt
 
 
 class SerialExecutor:

@@ -149,7 +149,7 @@ def heatmap_specs(
 
 def imaged_sides(store: Store, run: Run, iids: range) -> list[Side]:
     """The sides of a run of which instances have images; all of `iids` have the same."""
-    return [side for side in SIDES if store.is_imaged(iids.start, run.domain(side))]
+    return [side for side in SIDES if store.is_imaged(run.domain(side), iids.start)]
 
 
 def compute_outputs(computer: UnitComputer, unit: WorkUnit) -> dict[ArraySpec, NDArray[Any]]:

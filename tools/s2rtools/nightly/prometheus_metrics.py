@@ -71,7 +71,7 @@ class _NightCollector(Collector):
             {(): night.golden_change},
         )  # fmt: skip
         yield from self._interval_gauges(
-            "s2r_gap_estimate", "identified simulator parameter",
+            "s2r_gap_estimate", "identified simulator parameter, or exchange rate",
             {(each.parameter, each.unit): each.value for each in night.estimates},
             ("parameter", "unit"),
         )  # fmt: skip
