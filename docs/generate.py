@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import html
+import re
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -381,6 +382,11 @@ def changelog_page() -> str:
     return (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").replace("](docs/", "](")
 
 
+def glossary_page() -> str:
+    """The glossary that the package ships, whose links are those of the site."""
+    return (ROOT / "s2rtui" / "glossary.md").read_text(encoding="utf-8")
+
+
 PAGES: dict[str, Callable[[], str]] = {
     "reference/commands.md": commands_page,
     "reference/keys.md": keys_page,
@@ -390,13 +396,56 @@ PAGES: dict[str, Callable[[], str]] = {
     "reference/index-schema.md": schema_page,
     "reference/registries.md": registries_page,
     "changelog.md": changelog_page,
+    "glossary.md": glossary_page,
 }
 
 
 def on_files(files: Any, config: Any) -> Any:
-    """Add the generated pages to the site (an event of MkDocs)."""
+    """Add the generated pages and `llms.txt` to the site (an event of MkDocs)."""
     from mkdocs.structure.files import File
 
     for name, page in PAGES.items():
         files.append(File.generated(config, name, content=page()))
+    text = llms_text(config.site_name, config.site_description, config.nav)
+    files.append(File.generated(config, "llms.txt", content=text))
     return files
+
+
+def llms_text(name: str, description: str, nav: Sequence[Any]) -> str:
+    """The pages of the site with their first sentences, as https://llmstxt.org asks for."""
+    lines = [f"# {name}", "", f"> {description}", ""]
+    alone = [entry for entry in nav if not _is_section(entry)]
+    for title, pages in [("Start", alone), *_sections(nav)]:
+        lines += [f"## {title}", "", *(_listed(pages)), ""]
+    return "\n".join(lines)
+
+
+def _is_section(entry: Any) -> bool:
+    return isinstance(entry, dict) and isinstance(next(iter(entry.values())), list)
+
+
+def _sections(nav: Sequence[Any]) -> Iterable[tuple[str, Sequence[Any]]]:
+    return [next(iter(entry.items())) for entry in nav if _is_section(entry)]
+
+
+def _listed(pages: Sequence[Any]) -> Iterable[str]:
+    for entry in pages:
+        title, path = next(iter(entry.items())) if isinstance(entry, dict) else ("", entry)
+        if isinstance(path, list):
+            yield from _listed(path)
+            continue
+        is_generated = path in PAGES
+        text = PAGES[path]() if is_generated else (ROOT / "docs" / path).read_text("utf-8")
+        heading = re.search(r"^# (.+)$", text, re.MULTILINE)
+        shown = title or (heading[1] if heading else path)
+        yield f"- [{shown}]({Path(path).with_suffix('.html')}): {_first_sentence(text)}"
+
+
+def _first_sentence(text: str) -> str:
+    """The first sentence of a page outside of headings, blocks, tables and pictures."""
+    bare = re.sub(r"```.*?```", "", text, flags=re.DOTALL)
+    for part in bare.split("\n\n"):
+        if part.strip() and part.strip()[0] not in "#|!<:-":
+            plain = " ".join(re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", part).split())
+            return re.split(r"(?<=[.:]) ", plain)[0].rstrip(":")
+    return ""

@@ -83,14 +83,13 @@ def ranges(mask: Bools) -> str:
 
 
 def health_table(model: FoundFaults, with_selected: bool = True) -> TableSpec:
-    """A row per fault: images with it in each domain and their share, selected ones, its meaning.
+    """A row per fault: images with it in each domain and their share, and selected ones.
 
-    Notes of a row list the instances.
+    Notes of a row say what it means and list the instances.
     """
     columns = [Column("fault"), *(Column(domain, right=True) for domain, _ in model.images)]
     if with_selected:
         columns.append(Column("selected", right=True, rank=1))
-    columns.append(Column("meaning", wraps=True))
     rows = []
     for row in model.rows:
         counts = {count.domain: count for count in row.counts}
@@ -100,8 +99,8 @@ def health_table(model: FoundFaults, with_selected: bool = True) -> TableSpec:
             cells.append(Cell("0") if count is None else Cell(f"{count.n}", f"{count.share:.1%}"))
         if with_selected:
             cells.append(Cell(f"{row.selected}"))
-        notes = tuple(f"{count.domain}: {count.instances}" for count in row.counts)
-        rows.append(Row((*cells, Cell(FAULTS[row.name])), notes=notes))
+        listed = (f"{count.domain}: {count.instances}" for count in row.counts)
+        rows.append(Row(tuple(cells), notes=(FAULTS[row.name], *listed)))
     return TableSpec(tuple(columns), tuple(rows), PANEL)
 
 

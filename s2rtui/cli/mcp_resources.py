@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
+from importlib import resources
 
 
 def language() -> str:
@@ -64,8 +66,21 @@ def views() -> str:
     return "\n".join(["# Views", "", *(f"- `{name}`: {text}" for name, text in known.items())])
 
 
+def glossary() -> str:
+    """The terms of the project, as the site explains them, without its links."""
+    text = (resources.files("s2rtui") / "glossary.md").read_text(encoding="utf-8")
+    return re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text)
+
+
+def _terms() -> Iterator[tuple[str, str]]:
+    for entry in glossary().split("\n\n"):
+        if found := re.match(r"\*\*(.+?)\*\*(.*)", entry, re.DOTALL):
+            yield found[1], " ".join(found[2].strip(" \n·").split())
+
+
 RESOURCES: dict[str, tuple[str, Callable[[], str]]] = {
     "language": ("words, functions and fields of the selection language", language),
+    "glossary": ("terms of the project, such as gap and base population", glossary),
     "schema": ("tables and columns of the index, for the tool sql", schema),
     "views": ("views for the tools view and figure", views),
 }
@@ -73,7 +88,7 @@ RESOURCES: dict[str, tuple[str, Callable[[], str]]] = {
 
 
 def explain(topic: str) -> str:
-    """The lines about a word, function, field, table, column or view; empty if there are none."""
+    """The lines about a word, function, field, table, column, view or term; empty without any."""
     from s2rstore.language import fields
     from s2rtui.charts.registry import STORED
 
@@ -88,4 +103,5 @@ def explain(topic: str) -> str:
         found += [(f"column {name} of {table}", text) for name, text in columns.items()
                   if name.casefold() == wanted]  # fmt: skip
     found += [(f"view {name}", view.description) for name, view in STORED.items() if name == wanted]
+    found += [(f"term {name}", text) for name, text in _terms() if name.casefold() == wanted]
     return "\n".join(f"{name}: {text}" for name, text in found)

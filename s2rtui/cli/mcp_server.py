@@ -170,18 +170,25 @@ def _add_tables(server: MCPServer, commands: Commands) -> None:
         return commands.rows(limit, "show", *_given(run=run, select=expression), "--", store, name)
 
     @server.tool()
+    def objects(run: str | None = None, expression: str | None = None) -> dict[str, Any]:
+        """What labelled objects cost the real predictions of a run, by class, in metres."""
+        return commands.json("objects", store, *_given(run=run, select=expression))
+
+    @server.tool()
     def suggestions(run: str | None = None) -> dict[str, Any]:
         """Stored suggestions of image adjustments for a run, with what each gains and costs."""
         return commands.json("show", store, "suggestions", *_given(run=run))
 
     @server.tool()
     def explain(topic: str) -> str:
-        """The meaning and unit of a word, function, field, column or view."""
+        """The meaning and unit of a word, function, field, column, view or term."""
         from s2rtui.cli.mcp_resources import explain as text_of
 
         if text := text_of(topic):
             return text
-        raise ToolError(_shortened(f"no word, function, field, column or view is called {topic!r}"))
+        raise ToolError(
+            _shortened(f"no word, function, field, column, view or term is called {topic!r}")
+        )
 
 
 def _add_figures(server: MCPServer, commands: Commands) -> None:

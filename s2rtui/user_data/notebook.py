@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import os
 import stat
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -137,12 +137,27 @@ class Notebook:
 
     def note(self, iid: int, text: str) -> None:
         """Set the note of an instance; an empty text removes it."""
-        text = printable(" ".join(text.split())[:_MAX_NOTE_CHARACTERS])
 
         def change(notes: Notes) -> Notes:
             self._check_readable(notes, iid)
-            remark = replace(notes.remarks.get(iid, Remark()), note=text)
+            remark = replace(notes.remarks.get(iid, Remark()), note=_note_text(text))
             return _with_remarks(notes, {iid: remark})
+
+        self._change(change)
+
+    def add_remarks(self, remarks: Mapping[int, Remark]) -> None:
+        """Add tags of instances to those that they have, and set the notes that are not empty."""
+        tags = {valid_name(tag, "tag") for remark in remarks.values() for tag in remark.tags}
+
+        def change(notes: Notes) -> Notes:
+            _check_free(notes, tags)
+            changed = {}
+            for iid, remark in remarks.items():
+                self._check_readable(notes, iid)
+                before = notes.remarks.get(iid, Remark())
+                every = dict.fromkeys((*before.tags, *remark.tags))
+                changed[iid] = Remark(tuple(every), _note_text(remark.note) or before.note)
+            return _with_remarks(notes, changed)
 
         self._change(change)
 
@@ -153,10 +168,7 @@ class Notebook:
 
         def change(notes: Notes) -> Notes:
             nonlocal tagged
-            if tag in notes.selections:
-                raise RequestError(
-                    f"{reference(tag)} is a saved selection already; choose another tag"
-                )
+            _check_free(notes, [tag])
             remarks = {iid: notes.remarks.get(iid, Remark()) for iid in iids}
             tagged = not all(tag in remark.tags for remark in remarks.values())
             for iid, remark in remarks.items():
@@ -273,6 +285,17 @@ def _named_iids(expression: str, notes: Notes) -> set[tuple[int, int]]:
                 elif isinstance(leaf, Like):
                     ranges.add((leaf.iid, leaf.iid))
     return ranges
+
+
+def _note_text(text: str) -> str:
+    return printable(" ".join(text.split())[:_MAX_NOTE_CHARACTERS])
+
+
+def _check_free(notes: Notes, tags: Iterable[str]) -> None:
+    """Raise RequestError where a tag is the name of a saved selection."""
+    for tag in tags:
+        if tag in notes.selections:
+            raise RequestError(f"{reference(tag)} is a saved selection already; choose another tag")
 
 
 def _with_remarks(notes: Notes, changed: Mapping[int, Remark]) -> Notes:

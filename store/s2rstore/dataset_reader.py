@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_right
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
@@ -36,6 +37,7 @@ LOOSE_METRES, LOOSE_DEGREES = 1e-3, 0.01
 _COMPARABLE_METRES, _COMPARABLE_DEGREES = 0.02, 0.5
 """Offsets of a pair up to which both images count as having one pose."""
 
+_COUNT = re.compile(r"[0-9]{1,10}\Z")
 _COLUMN_BYTES = 384 * 2**20
 
 
@@ -257,7 +259,9 @@ class DatasetReader(IndexCatalog):
     def checked_domains(self) -> dict[str, int]:
         """The domains whose images `s2r check` has checked, with the number of instances then."""
         facts = self.provenance(schema.HEALTH)
-        return {name: int(facts[name]) for name in self.domains if facts.get(name, "").isdecimal()}
+        return {
+            name: int(facts[name]) for name in self.domains if _COUNT.match(facts.get(name, ""))
+        }
 
     def faults(self, domain: str) -> dict[str, NDArray[np.bool_]]:
         """(N,) the images of a domain with each of `FAULTS`, those that `s2r check` found."""

@@ -31,6 +31,13 @@ class InconclusiveError(S2RError):
     exit_code = 3
 
 
+def missing_package(package: str, extra: str = "") -> RequestError:
+    """The error where an optional package is not installed; `extra` is that of s2rtui with it."""
+    install = f"'s2rtui[{extra}]'" if extra else package
+    message = f"the Python package {package} is missing; install it with `pip install {install}`"
+    return RequestError(message)
+
+
 class StoreBusyError(RequestError):
     """Another process holds the lock that this one needs."""
 

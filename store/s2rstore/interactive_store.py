@@ -12,7 +12,9 @@ import duckdb
 import numpy as np
 
 from s2rstore.errors import RequestError
+from s2rstore.frame_table import Library, frame_table
 from s2rstore.index import user_query
+from s2rstore.language import Node
 from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
@@ -52,6 +54,22 @@ class InteractiveStore(Store):
         RequestError where the query fails or only statements without rows are given.
         """
         return user_query.relation(self.connection(), query)
+
+    def frame_table(
+        self,
+        run: str | None = None,
+        library: Library = "pandas",
+        select: str | Node = "all",
+        with_trained: bool = False,
+    ) -> Any:
+        """The fields of the selected instances of a run, by default the first, as a table.
+
+        It is a DataFrame of pandas or polars, or a table of Arrow (`arrow`). Columns have the names
+        and units that `s2r query` prints, such as `real_error_m` and `heading_deg`. Instances that
+        the model was trained on are left out unless `with_trained`. Raises RequestError for unknown
+        names, and where the package of the library is not installed.
+        """
+        return frame_table(self, run, library, select, with_trained)
 
     def figure(self, view: str, **options: Any) -> Any:
         """The figure of a view, such as `map`, as `s2r export` draws it.

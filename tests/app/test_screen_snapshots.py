@@ -3,7 +3,6 @@
 `S2R_UPDATE_SCREENS=1 pytest tests/app/test_screen_snapshots.py` rewrites them; check the diff.
 """
 
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +20,7 @@ from s2rtui.loaders.live_prediction import LivePredictor
 from s2rtui.session.session import Session
 from s2rtui.terminal import diagnostics
 from s2rtui.terminal.diagnostics import PARTS
+from s2rtui.testing import assert_screen
 from s2rtui.user_data.notebook import ReadNotebook
 from tests.support import tiny
 from tests.support.application import press
@@ -101,8 +101,4 @@ async def test_screens(tiny_store, shown):
 
 
 def check(name: str, text: str) -> None:
-    path = SCREENS / f"{name}.txt"
-    if os.environ.get("S2R_UPDATE_SCREENS"):
-        path.parent.mkdir(exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    assert text == path.read_text(encoding="utf-8"), f"{path.name} has changed"
+    assert_screen(SCREENS / f"{name}.txt", text)

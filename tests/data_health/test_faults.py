@@ -196,6 +196,23 @@ def test_the_command_records_the_faults_that_the_language_selects(tiny_store, tm
     s2r("check", path, "--domain", "nowhere").assert_refused("nowhere")
 
 
+def test_a_recording_is_checked_before_it_is_ingested(tmp_path, s2r):
+    walk = Walk()
+    freeze(walk)
+    lines = ["rgb,x,y,heading,timestamp"]
+    for iid, rgb in enumerate(walk.rgb):
+        cv2.imwrite(str(tmp_path / f"{iid}.png"), rgb[..., ::-1])
+        lines.append(f"{iid}.png,{walk.poses[iid, 0]},0,0,{walk.times[iid]}")
+    (tmp_path / "walk.csv").write_text("\n".join(lines))
+    (tmp_path / "walk.toml").write_text(f"[camera]\nwidth = {SIZE}\nheight = {SIZE}\nhfov = 70.0\n")
+    rows = s2r("check", f"csv:{tmp_path / 'walk.csv'}", "--json").json
+    found = {row["fault"]: row["images"] for row in rows}
+    assert found["frozen"] == [f"{iid}.png" for iid in PLANTED]
+    assert set(found) == {"frozen", "repeated"}  # image 8 is that of 6, too
+    assert "frozen" in s2r("check", f"csv:{tmp_path / 'walk.csv'}", "--strict").checked(1).out
+    s2r("check", "cvs:walk.csv").assert_refused("no layout 'cvs'")
+
+
 COUNT, RNG = 300, np.random.default_rng(3)
 SPOILED = np.sort(RNG.permutation(np.arange(10, COUNT - 10, 5))[:24])
 """Images of a tour that are made faulty; no two of them follow each other."""

@@ -17,6 +17,7 @@ from PIL import Image
 
 from s2rtui.cli import main
 from tests.support import notebooks
+from tests.support.copies import copy_store
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -154,6 +155,8 @@ def test_the_site_builds_and_loads_no_external_resources(tmp_path):
         cwd=ROOT, capture_output=True, text=True, timeout=300,
     )  # fmt: skip
     assert process.returncode == 0, process.stdout + process.stderr
+    listed = (tmp_path / "site" / "llms.txt").read_text(encoding="utf-8")
+    assert all((tmp_path / "site" / page).is_file() for page in re.findall(r"\]\((.+?)\)", listed))
     sources = r"<(?:script|img|iframe|source)[^>]*\ssrc=[\"']?(?:https?:)?//[^\"'> ]+"
     links = r"<link[^>]*rel=[\"']?(?:stylesheet|preconnect|icon)[^>]*href=[\"']?https?://[^\"'> ]+"
     loaded = re.compile(f"{sources}|{links}")
@@ -209,3 +212,24 @@ def test_shown_outputs_are_those_of_the_demo(tmp_path):
 
 def _words(line: str) -> list[str]:
     return re.sub(r"-{2,}", "-", _NUMBER.sub("0", line)).split()
+
+
+@pytest.mark.parametrize("title", ["Tables", "Train on a store", "Test screens of your own"])
+def test_examples_of_scripts_run(tiny_store, tmp_path, monkeypatch, title):
+    copy_store(tiny_store, tmp_path / "lab.s2r")
+    monkeypatch.chdir(tmp_path)
+    page = (DOCS / "how-to" / "scripts.md").read_text(encoding="utf-8")
+    (section,) = re.findall(rf"^## {title}$(.*?)(?=^## )", page, re.DOTALL | re.MULTILINE)
+    (example,) = re.findall(r"```python\n(.*?)```", section, re.DOTALL)
+    if "assert_screen" in example:
+        with pytest.raises(AssertionError, match="does not exist"):
+            exec(example, {})
+        monkeypatch.setenv("S2R_UPDATE_SCREENS", "1")
+        exec(example, {})
+        monkeypatch.delenv("S2R_UPDATE_SCREENS")
+        stored = Path("tests/screens/rooms.txt")
+        stored.write_text(stored.read_text(encoding="utf-8") + "another line", encoding="utf-8")
+        with pytest.raises(AssertionError, match="-another line"):
+            exec(example, {})
+    else:
+        exec(example, {})

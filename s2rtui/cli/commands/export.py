@@ -1,4 +1,4 @@
-"""`s2r export`: write a figure of a view, or an image of the screen."""
+"""`s2r export`: write a figure of a view, an image of the screen, or a file for another program."""
 
 from __future__ import annotations
 
@@ -19,12 +19,18 @@ EXAMPLE = "s2r export lab.s2r --view geomap --select worst15 --out map.png"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     from s2rtui.charts.registry import STORED
+    from s2rtui.export.other_programs import FORMATS
 
     store_argument.add_readable(parser)
-    parser.add_argument("--view", required=True, choices=(*STORED, SCREEN),
-                        help="view to draw; workbench is the whole screen")  # fmt: skip
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument("--view", choices=(*STORED, SCREEN),
+                      help="view to draw; workbench is the whole screen")  # fmt: skip
+    listed = "; ".join(f"{name}: {form.description}" for name, form in FORMATS.items())
+    what.add_argument("--to", choices=tuple(FORMATS),
+                      help=f"write selected instances for another program ({listed})")  # fmt: skip
     parser.add_argument("--out", type=Path, required=True,
-                        help="output file, *.png, *.svg or *.pdf")  # fmt: skip
+                        help="output file, *.png, *.svg or *.pdf; with --to a new file or "
+                        "folder")  # fmt: skip
     parser.add_argument("--size", metavar="WIDTHxHEIGHT", help="size in pixels, such as 1600x1200")
     page = display_arguments.add_page(parser, "page")
     page.add_argument("--title", default="", help="title of the figure (default: the view's title)")
@@ -39,6 +45,8 @@ def execute(options: argparse.Namespace) -> int:
     from s2rtui.export.figures import draw_figure, format_of
     from s2rtui.export.load_scene import open_scene
 
+    if options.to is not None:
+        return _write_for_others(options)
     if options.view == SCREEN and options.out.suffix != ".png":
         raise RequestError(f"--out {options.out}: must end in .png")
     form = format_of(options.out, "--out")
@@ -65,6 +73,16 @@ def execute(options: argparse.Namespace) -> int:
             print_notes(scene)
             image = draw_figure(scene, view, page, form)
     output.write_file(options.out, image)
+    return 0
+
+
+def _write_for_others(options: argparse.Namespace) -> int:
+    from s2rtui.export.load_scene import open_scene
+    from s2rtui.export.other_programs import ExportContent, write
+
+    with open_scene(options.store, scene_arguments.scene_options(options)) as scene:
+        print_notes(scene)
+        write(options.to, ExportContent.of(scene, options.heat is not None), options.out)
     return 0
 
 

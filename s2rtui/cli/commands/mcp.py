@@ -9,7 +9,7 @@ import signal
 import sys
 
 import s2rstore
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, missing_package
 from s2rtools.common.command_line import store_argument
 from s2rtui.cli.interrupts import EXIT_CODE
 
@@ -32,9 +32,7 @@ def execute(options: argparse.Namespace) -> int:
     except ModuleNotFoundError as error:
         if error.name != "mcp":
             raise
-        raise RequestError(
-            "the Python package mcp is missing; install it with `pip install 's2rtui[mcp]'`"
-        ) from None
+        raise missing_package("mcp", "mcp") from None
     if options.http is not None and not 0 < options.http < 1 << 16:
         raise RequestError(f"--http {options.http}: expected a port, 1 to 65535")
     s2rstore.open(options.store).close()  # a store that cannot be read is told before any client

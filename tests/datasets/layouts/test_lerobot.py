@@ -50,6 +50,7 @@ def truth(rows: slice) -> np.ndarray:
 
 
 def write_video(path: Path, frames: range) -> None:
+    pytest.importorskip("av")
     path.parent.mkdir(parents=True, exist_ok=True)
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"mp4v"), 10, (WIDTH, HEIGHT))
     for frame in frames:
