@@ -36,9 +36,10 @@ class SampledMean:
     @property
     def text(self) -> str:
         """The mean as a sentence, and how many images at random poses would be as exact."""
-        found = self.mean.with_bounds("{:.2f}".format)
+        value = "-" if math.isnan(self.mean.value) else f"{self.mean.value:.2f} m"
         text = (
-            f"mean real error over the free floor {found} m: {self.taken} images within "
+            f"mean real error over the free floor {value} ({self.mean.bounds_text(unit='m')}): "
+            f"{self.taken} images within "
             f"{MATCH_METRES:g} m and {MATCH_DEGREES:g} degrees of {self.planned} sampled poses"
         )
         if self.mean.sample is None:
