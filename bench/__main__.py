@@ -22,6 +22,7 @@ from bench import (
     contrast,
     end_to_end,
     exchange,
+    faults,
     growth,
     harm,
     harm_cost,
@@ -67,6 +68,7 @@ _MEASUREMENTS = (
     "rendering",
     "harm_cost",
     "sheet",
+    "faults",
     "end_to_end",
 )
 _ON_REQUEST = (
@@ -134,6 +136,8 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
             yield from remote.figures(store, folder / "remote")
     if "contrast" in selected:
         yield from contrast.figures(options.store)
+    if "faults" in selected:
+        yield from faults.figures(folder)
     if "scale" in selected:
         yield from scale.figures(folder)
     if "growth" in selected:

@@ -1,5 +1,6 @@
 """The documentation refers to what exists, shows present outputs, builds as a site and runs."""
 
+import asyncio
 import base64
 import importlib.util
 import re
@@ -17,6 +18,7 @@ from PIL import Image
 
 from s2rtui.cli import main
 from tests.support import notebooks
+from tests.support.chromium import browser, missing_program
 from tests.support.copies import copy_store
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -28,6 +30,16 @@ _BLOCK = re.compile(r"^```[a-z]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"(?<!`)\[[^\]]*\]\((?P<target>[^)\s]+)\)")
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e-?\d+)?")
 _PATH = re.compile(r"`(?P<path>(?:s2rtui|store|tools|tests|examples|docs|bench)/[^`\s]*)`")
+
+
+_FIELD = """
+{const field = document.querySelector("input.md-search__input"); field && field.focus();
+document.activeElement === field && document.readyState === "complete"}
+"""
+_FOUND = """
+[...document.querySelectorAll(".md-search-result__item h1, .md-search-result__item h2")]
+  .map((each) => each.textContent)
+"""
 
 
 def script(name: str):
@@ -144,26 +156,50 @@ def test_the_key_reference_and_the_cheat_sheet_list_every_action():
             assert pages.html.escape(action.description) in sheet
 
 
-@pytest.mark.deep
-def test_the_site_builds_and_loads_no_external_resources(tmp_path):
+@pytest.fixture(scope="module")
+def site(tmp_path_factory) -> Path:
     for package in ("mkdocs", "material", "mkdocstrings"):
         if importlib.util.find_spec(package) is None:
             pytest.skip(f"{package} is not installed: the site is not built")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet"]
+    folder = tmp_path_factory.mktemp("built") / "site"
     process = subprocess.run(
-        [*command, "--site-dir", str(tmp_path / "site")],
+        [*command, "--site-dir", str(folder)],
         cwd=ROOT, capture_output=True, text=True, timeout=300,
     )  # fmt: skip
     assert process.returncode == 0, process.stdout + process.stderr
-    listed = (tmp_path / "site" / "llms.txt").read_text(encoding="utf-8")
-    assert all((tmp_path / "site" / page).is_file() for page in re.findall(r"\]\((.+?)\)", listed))
+    return folder
+
+
+@pytest.mark.deep
+def test_the_site_lists_its_pages_for_agents_and_loads_no_external_resources(site):
+    listed = (site / "llms.txt").read_text(encoding="utf-8")
+    assert all((site / page).is_file() for page in re.findall(r"\]\((.+?)\)", listed))
     sources = r"<(?:script|img|iframe|source)[^>]*\ssrc=[\"']?(?:https?:)?//[^\"'> ]+"
     links = r"<link[^>]*rel=[\"']?(?:stylesheet|preconnect|icon)[^>]*href=[\"']?https?://[^\"'> ]+"
     loaded = re.compile(f"{sources}|{links}")
-    for page in (tmp_path / "site").rglob("*.html"):
+    for page in site.rglob("*.html"):
         assert not loaded.findall(page.read_text(encoding="utf-8")), page
-    for style in (tmp_path / "site").rglob("*.css"):
+    for style in site.rglob("*.css"):
         assert not re.findall(r"url\([\"']?https?://", style.read_text(encoding="utf-8")), style
+
+
+@pytest.mark.deep
+@pytest.mark.skipif(bool(missing_program()), reason="there is no chromium")
+async def test_search_works_on_pages_that_are_opened_from_a_file(site, tmp_path):
+    async with browser(tmp_path / "profile") as page:
+        await page.open((site / "how-to" / "scripts.html").as_uri())
+        found, typed = None, False
+        for _ in range(200):
+            if not typed and (typed := bool(await page.evaluate(_FIELD))):
+                for letter in "conformal":
+                    await page.press(letter)
+            if found := await page.evaluate(_FOUND):
+                break
+            await asyncio.sleep(0.1)
+        assert any("uncertainty" in title for title in found or ())
+        assert not page.failures
+        assert not [url for url in page.requests if not url.startswith(("file:", "data:"))]
 
 
 NOTEBOOK = Path(__file__).parents[2] / "examples" / "store.ipynb"
