@@ -9,11 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
-import s2rstore
 from s2rstore.image_faults import FAULTS
 from s2rstore.index import schema
 from s2rstore.index.transaction import edit
-from s2rstore.language import evaluation
 from s2rtools.data_health.faults import RULES, Recorded, faults
 from s2rtools.data_health.measures import ImageMeasures
 from tests.support.application import press, running
@@ -160,20 +158,12 @@ def test_the_command_records_the_faults_that_the_language_selects(tiny_store, tm
     s2r("query", path, "health:repeated").assert_refused("s2r check")
     faults = s2r("check", path, "--json").json
     assert s2r("query", path, "health:sharp").checked(2).err.count("blurred") == 1
-    rows = {
-        (row["fault"], row["domain"]): row for row in s2r("show", path, "health", "--json").json
-    }
+    rows = s2r("show", path, "health", "--json").json
+    counts = {(row["fault"], row["domain"]): row["n"] for row in rows}
+    assert counts == {(fault["fault"], fault["domain"]): fault["n"] for fault in faults}
     for fault in faults:
         selected = s2r("query", path, fault["expression"], "--with-trained", "--count")
-        row = rows.pop((fault["fault"], fault["domain"]))
-        assert int(selected.printed) == fault["n"] == row["n"]
-        with s2rstore.open(path) as store:
-            in_sql, parameters = evaluation.sql(store, row["expression"], with_trained=True)
-            mask = evaluation.select(store, row["expression"], with_trained=True)
-            assert np.flatnonzero(mask).tolist() == [
-                i for (i,) in store.execute(in_sql, parameters)
-            ]
-    assert not rows
+        assert int(selected.printed) == fault["n"]
     s2r("check", path, "--domain", "nowhere").assert_refused("nowhere")
 
 
