@@ -21,6 +21,7 @@ from bench import (
     collect,
     contrast,
     end_to_end,
+    evaluation_sample,
     exchange,
     faults,
     growth,
@@ -72,7 +73,8 @@ _MEASUREMENTS = (
     "end_to_end",
 )
 _ON_REQUEST = (
-    "harm", "suggest", "suggest_renderer", "collect", "intervals", "exchange", "verdicts",
+    "harm", "suggest", "suggest_renderer", "collect", "evaluation_sample", "intervals", "exchange",
+    "verdicts",
 )  # fmt: skip
 """Measurements of more than ten minutes, which run only where they are named."""
 
@@ -170,6 +172,8 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
         yield from harm.figures(folder)
     if "collect" in selected:
         yield from collect.figures(options.seeds or collect.SEEDS)
+    if "evaluation_sample" in selected:
+        yield from evaluation_sample.figures()
     if "intervals" in selected:
         yield from intervals.figures(options.repeats)
     if "exchange" in selected:

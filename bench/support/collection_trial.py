@@ -53,7 +53,7 @@ def shipped_model(name: str) -> LoadedModel:
 
 @dataclass(frozen=True, slots=True)
 class TrialSettings:
-    """Fine-tuning of all methods of a trial.
+    """Fine-tuning of all methods of a trial, in the building of a random seed.
 
     `layers`: all by recipe `finetune` for a number of steps, or those after the embedding alone.
     """
@@ -62,6 +62,7 @@ class TrialSettings:
     steps: int = 60
     held_out: int = HELD_OUT
     layers: Literal["all", "head"] = "all"
+    building: int = WORLD_SEED
 
 
 class Trial:
@@ -69,7 +70,7 @@ class Trial:
 
     def __init__(self, seed: int, settings: TrialSettings) -> None:
         self.seed, self.settings = seed, settings
-        self.data = WorldData(WorldRecipe(seed=WORLD_SEED))
+        self.data = WorldData(WorldRecipe(seed=settings.building))
         self.world = self.data.world
         self.model = shipped_model(settings.model)
 

@@ -20,16 +20,14 @@ if TYPE_CHECKING:
 
 Group = Literal["select", "brush", "move", "heat", "map", "adjust", "review", "views", "program"]
 When = Literal[
-    "always", "begun", "still", "plain", "brushing", "list", "adjust", "rooms", "not rooms",
-    "findings", "suggestions", "choices", "table", "instance", "sheet", "not sheet", "elsewhere",
+    "always", "begun", "still", "plain", "brushing", "list", "adjust", "groups", "not groups",
+    "rows", "instance", "sheet", "pivot", "not sheet", "elsewhere",
 ]  # fmt: skip
 
 GROUPS: dict[Group, str] = {group: group.capitalize() for group in get_args(Group)}
 
-_CHOICES = ("objects", "health")
-"""Views whose rows stand for selections."""
-_TABLES = ("rooms", "compare")
-"""Views whose tables are scrolled."""
+_TABLES = ("rooms", "pivot", "compare", "findings", "suggestions", "objects", "health")
+"""Views whose rows can be chosen."""
 _OF_RUNS = ("alike", "other_run", "map_mode", "map_value", "clip")
 """Actions outside of the groups adjust and heat that need a computed run."""
 
@@ -93,7 +91,10 @@ class Action:
         brushing = state.brush is not None
         return {
             "always": True,
-            "begun": brushing or state.operator != "replace" or state.is_error,
+            "begun": brushing
+            or state.operator != "replace"
+            or state.is_error
+            or state.chosen_row("objects") is not None,
             "still": not brushing,
             "plain": not brushing and state.view != "adjust",
             "adjust": not brushing and state.view == "adjust",
@@ -101,16 +102,12 @@ class Action:
             "list": not brushing and state.view == "list",
             "instance": not brushing and state.view == "instance",
             "sheet": state.view == "sheet",
-            "not sheet": not brushing and state.view not in ("adjust", "sheet"),
-            "rooms": not brushing and state.view == "rooms",
-            "not rooms": state.view != "rooms",
-            "findings": not brushing and state.view == "findings",
-            "suggestions": not brushing and state.view == "suggestions",
-            "choices": not brushing and state.view in _CHOICES,
-            "table": not brushing and state.view in _TABLES,
-            "elsewhere": not brushing
-            and state.view
-            not in ("list", "sheet", "adjust", "findings", "suggestions", *_CHOICES, *_TABLES),
+            "pivot": state.view == "pivot",
+            "not sheet": not brushing and state.view not in ("adjust", "sheet", "pivot"),
+            "groups": not brushing and state.view == "rooms",
+            "not groups": state.view != "rooms",
+            "rows": not brushing and state.view in _TABLES,
+            "elsewhere": not brushing and state.view not in ("list", "sheet", "adjust", *_TABLES),
         }[self.when]
 
 

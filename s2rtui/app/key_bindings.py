@@ -14,7 +14,6 @@ from s2rtui.session import (
     adjusting,
     brush_geometry,
     error_groups,
-    findings,
     images,
     instance_list,
     navigation,
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
 
 _OF_ONE_VIEW: tuple[When, ...] = (
-    "list", "adjust", "rooms", "findings", "suggestions", "choices", "table", "instance", "sheet",
+    "list", "adjust", "groups", "rows", "instance", "sheet", "pivot",
 )  # fmt: skip
 """Situations in which one view is active."""
 _PAGE, _ALL_ROWS = 10, 1 << 30
@@ -136,23 +135,25 @@ _ADJUSTING = (
 )  # fmt: skip
 
 
-def _scroll(rows: int) -> Callable[[S2RApp], object]:
-    return lambda app: app.navigation.scroll(rows)
+def _choose(rows: int) -> Callable[[S2RApp], object]:
+    return lambda app: app.navigation.move_choice(rows)
 
 
-_SCROLLING = (
-    Action("table_down", "down", "move", "next row of the table (rooms, comparison)", None, "rows",
-           "up, down", "table", command=_scroll(1)),
-    Action("table_up", "up", "move", "previous row of the table", when="table",
-           command=_scroll(-1)),
-    Action("table_page_down", "pagedown", "move", "next page of the table", when="table",
-           command=_scroll(_PAGE)),
-    Action("table_page_up", "pageup", "move", "previous page of the table", when="table",
-           command=_scroll(-_PAGE)),
-    Action("table_start", "home", "move", "first rows of the table", when="table",
-           command=_scroll(-_ALL_ROWS)),
-    Action("table_end", "end", "move", "last rows of the table", when="table",
-           command=_scroll(_ALL_ROWS)),
+_ROWS = (
+    Action("next_row_of_table", "down", "move",
+           "next row of a table (rooms, comparison, findings, objects, suggestions)", None, "rows",
+           "up, down", "rows", command=_choose(1)),
+    Action("previous_row_of_table", "up", "move", "", when="rows", command=_choose(-1)),
+    Action("next_page_of_table", "pagedown", "move", "next page of a table", when="rows",
+           command=_choose(_PAGE)),
+    Action("previous_page_of_table", "pageup", "move", "", when="rows", command=_choose(-_PAGE)),
+    Action("table_start", "home", "move", "first row of a table", when="rows",
+           command=_choose(-_ALL_ROWS)),
+    Action("table_end", "end", "move", "last row of a table", when="rows",
+           command=_choose(_ALL_ROWS)),
+    Action("open_row", "enter", "select",
+           "select the instances of the row of a table; suggestions: apply the answer", None,
+           "select", when="rows", command=lambda app: app.navigation.open_row()),
 )  # fmt: skip
 
 _IMAGES = (
@@ -177,6 +178,12 @@ _IMAGES = (
            _do(images.change_count, -1), "size", "<", "sheet"),
     Action("more_thumbnails", "greater_than_sign", "views", "sheet: more, smaller thumbnails",
            _do(images.change_count, 1), "", ">", "sheet"),
+    Action("cell_right", "right", "move", "pivot: cell beside the chosen one", None, "cell",
+           "<- ->", "pivot", command=lambda app: app.navigation.move_choice(0, 1)),
+    Action("cell_left", "left", "move", "", when="pivot",
+           command=lambda app: app.navigation.move_choice(0, -1)),
+    Action("figure", "backslash", "review", "pivot: median, number, recall or share of errors",
+           _do(error_groups.change_figure), "figure", "\\", "pivot"),
     Action("arrangement", "backslash", "views",
            "instance: both sides beside each other, blinking, or with a divider that slides",
            None, "sides", "\\", "instance", command=lambda app: app.player.change_arrangement()),
@@ -234,7 +241,7 @@ ACTIONS: tuple[Action, ...] = (
            shown="'", command=lambda app: app.player.change_speed()),
     Action("next_row", "down", "move", "next row of the list",
            _do(instance_list.move, 1), "rows", "up, down", "list"),
-    *_SCROLLING,
+    *_ROWS,
     Action("previous_row", "up", "move", "previous row of the list",
            _do(instance_list.move, -1), when="list"),
     Action("page_down", "pagedown", "move", "next page of the list",
@@ -277,7 +284,7 @@ ACTIONS: tuple[Action, ...] = (
     Action("map_value", "P", "map", "colour of the map: shift, errors, gap, shares of the gap",
            _do(view_settings.change_map_value)),
     Action("zoom_in", "z,plus,equals_sign", "views",
-           "zoom in at the instance (map, UMAP, scatter, comparison)", when="still",
+           "zoom in (map, images of the instance, UMAP, scatter, comparison)", when="still",
            command=lambda app: app.navigation.zoom(1 / 0.6)),
     Action("zoom_out", "Z", "views", "zoom out", when="still",
            command=lambda app: app.navigation.zoom(0.6)),
@@ -298,39 +305,18 @@ ACTIONS: tuple[Action, ...] = (
     Action("room_names", "N", "map", "show or hide room names",
            _do(view_settings.toggle_room_names)),
     Action("sort", "full_stop", "review", "sort the list by the next column",
-           _do(instance_list.sort_by_next_column), shown=".", when="not rooms"),
+           _do(instance_list.sort_by_next_column), shown=".", when="not groups"),
     Action("reverse", "comma", "review", "reverse the order of the list",
-           _do(instance_list.reverse), shown=",", when="not rooms"),
+           _do(instance_list.reverse), shown=",", when="not groups"),
     Action("sort_groups", "full_stop", "review", "in the rooms view: sort by the next column",
-           _do(error_groups.sort_by_next_column), shown=".", when="rooms"),
+           _do(error_groups.sort_by_next_column), shown=".", when="groups"),
     Action("reverse_groups", "comma", "review", "in the rooms view: reverse the order",
-           _do(error_groups.reverse), shown=",", when="rooms"),
+           _do(error_groups.reverse), shown=",", when="groups"),
     Action("group", "O", "review",
            "rooms view: errors by room, heading, curvature, trajectory; counts",
            _do(error_groups.change_grouping)),
-    Action("cross_groups", "asterisk", "review", "in the rooms view: group by a second one, too",
-           _do(error_groups.cross_grouping), shown="*", when="rooms"),
-    Action("select_row", "enter", "select", "rooms view: select the row of this instance",
-           None, "select", when="rooms", command=lambda app: app.navigation.select_row()),
-    Action("next_finding", "down", "move", "next finding", _do(findings.move, 1),
-           when="findings"),
-    Action("previous_finding", "up", "move", "previous finding", _do(findings.move, -1),
-           when="findings"),
-    Action("open_finding", "enter", "select", "select the instances of the finding", None, "select",
-           when="findings", command=lambda app: app.navigation.open_finding()),
-    Action("next_answer", "down", "move", "next answer of the suggestions",
-           _do(adjusting.choose_answer, 1), when="suggestions"),
-    Action("previous_answer", "up", "move", "previous answer of the suggestions",
-           _do(adjusting.choose_answer, -1), when="suggestions"),
-    Action("apply_answer", "enter", "review",
-           "apply the answer: adjust real images live; copy the command for the simulator",
-           None, "apply", when="suggestions", command=lambda app: app.adjust.apply_answer()),
-    Action("next_choice", "down", "move", "next class of objects or fault", when="choices",
-           command=lambda app: app.navigation.choose_row(1)),
-    Action("previous_choice", "up", "move", "previous class of objects or fault", when="choices",
-           command=lambda app: app.navigation.choose_row(-1)),
-    Action("select_choice", "enter", "select", "objects and health: select the images of the row",
-           None, "select", when="choices", command=lambda app: app.navigation.select_choice()),
+    Action("cross_groups", "asterisk", "review", "rooms view, pivot: another second grouping",
+           _do(error_groups.cross_grouping), shown="*"),
     Action("other_run", "k", "review", "compare with the next run",
            _do(view_settings.change_other)),
     Action("note", "e", "review", "write a note on this instance",

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from s2rstore.errors import sentence
 from s2rstore.findings import Finding, FindingReport
-from s2rtui.canvas import PlotArea, Point
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import Pane, Table, View
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.table import Cell, Column, Row, TableSpec
-from s2rtui.session import findings
+from s2rtui.session import findings, view_settings
 from s2rtui.session.session import Session
 
 PANEL = "findings"
@@ -37,11 +38,6 @@ def _row(finding: Finding, selections: bool) -> Row:
     return Row(cells, "text" if finding.evident else "muted", finding.evident, tuple(notes))
 
 
-def chosen_finding(report: FindingReport, chosen: int) -> Finding | None:
-    """The finding of a number taken modulo their number; None without any."""
-    return report.findings[chosen % len(report.findings)] if report.findings else None
-
-
 class FindingsView(View):
     name = "findings"
     key = "I"
@@ -66,7 +62,8 @@ class FindingsView(View):
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         state, failed = scene.state, scene.loaded.failed.get("findings")
         is_active = state.view == self.name
-        return scene.loaded.findings, state.run, state.finding, is_active, failed
+        chosen = state.chosen_row(self.name)
+        return scene.loaded.findings, state.run, chosen, is_active, failed
 
     def missing(self, scene: Scene) -> tuple[str, ...]:
         report = self.input(scene)
@@ -77,15 +74,18 @@ class FindingsView(View):
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         report = self.input(scene)
         assert report is not None
-        is_chosen = bool(report.findings) and scene.state.view == self.name
-        chosen = scene.state.finding % len(report.findings) if is_chosen else None
-        return findings_drawing(report, chosen)
+        return findings_drawing(report, self.chosen_row(scene))
 
-    def click(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> None:
-        report, index = self.input(scene), round(point[1])
-        if report is not None and 0 <= index < len(report.findings):
-            session.dispatch(findings.move, index - session.state.finding)
-            session.dispatch(findings.open_finding, report.findings[index])
+    def row_names(self, scene: Scene) -> Sequence[str]:
+        report = self.input(scene)
+        return [str(place) for place in range(len(report.findings))] if report else []
+
+    def select_row(self, session: Session, scene: Scene, row: int) -> None:
+        """Select the instances of a finding, and show what it names."""
+        report = self.input(scene)
+        assert report is not None
+        session.dispatch(view_settings.choose_row, self.name, str(row))
+        session.dispatch(findings.open_finding, report.findings[row])
 
     def numbers(self, scene: Scene) -> Table:
         names = ("finding", "evident", "run", "n", "low", "high", "of", "expression", "text",

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import NotComputedError, RequestError
+from s2rstore.geometry import camera
 from s2rstore.heatmap_kinds import heatmap_facts
 from s2rstore.index.columns import RunColumns
 from s2rstore.index.population import NEW_INSTANCES, Population
@@ -57,12 +59,13 @@ def instance_input(
     heat: HeatChoice | None,
     population: Population = NEW_INSTANCES,
     at_source: bool = False,
+    label: str | None = None,
 ) -> InstanceInput:
     """Images, heat and numbers of one instance; reads frames and heatmaps.
 
     `population` holds the instances that may be named as similar to this one. A note says so where
     the heat of this instance is not computed. at_source: whether images have the size of their
-    source, where it is stored.
+    source, where it is stored. label: a class of objects that is marked.
     """
     if not store.has_poses:
         return _image_input(store, iid, at_source)
@@ -78,15 +81,17 @@ def instance_input(
         heats, missing = dict.fromkeys(SIDES), (("heat", str(error)),)
         if not all(store.is_imaged(shown.domain(side), iid) for side in SIDES):
             missing = (("heat", f"needs images in {shown.sim_domain} and {shown.real_domain}"),)
+    marks = {side: _mark(store, run, side, iid, label) for side in SIDES if label is not None}
     harm = _harm_note(heat, heats["real"], float(store.run_columns(run).real.error[iid]))
     return InstanceInput(
         iid=iid,
-        sim=_side(store, run, iid, "sim", heats["sim"], sim),
-        real=_side(store, run, iid, "real", heats["real"], real),
+        sim=replace(_side(store, run, iid, "sim", heats["sim"], sim), **marks.get("sim", {})),
+        real=replace(_side(store, run, iid, "real", heats["real"], real), **marks.get("real", {})),
         **truth_fields(store, run, iid),
         **heat_fields(store, run, None if missing else heat),
         notes=(
             *missing,
+            *_mark_note(label, marks),
             *_heat_note(store, run, None if missing else heat),
             *harm,
             *(_objects_note(store, run, iid) if harm else ()),
@@ -109,6 +114,42 @@ def _predicted_notes(
     numbers = [("gap", _gap(columns, iid)), ("ranks", _ranks(store, run, iid, population))]
     neighbours = _neighbours(store, run, iid, population)
     return [*_split_note(columns, iid), *numbers, *neighbours]
+
+
+def _mark(store: Store, run: str, side: Side, iid: int, label: str) -> dict[str, Any]:
+    """The pixels of a class of objects in an image, and the middle of them on the map.
+
+    Both cameras of the domain are taken for the same, as far as the place is concerned.
+    """
+    name = store.displayed_run(run).domain(side)
+    if not name or not store.has_frames(name) or not store.is_imaged(name, iid):
+        return {}
+    values = [value for value, each in store.label_names.items() if each == label]
+    marked = np.isin(store.label_images(name, iid, iid + 1)[0], values)
+    if not marked.any():
+        return {}
+    domain = store.domain(name)
+    if not domain.has_depth:
+        return {"marked": marked}
+    depth = store.frames(name, iid, iid + 1, ("depth",))["depth"]
+    known = (depth[0] >= domain.depth_raw_min) & (depth[0] <= domain.depth_raw_max) & marked
+    if not known.any():
+        return {"marked": marked}
+    rows, columns = (np.arange(size, dtype=np.float64) + 0.5 for size in marked.shape)
+    x, y, _ = camera.to_floor(
+        camera.rays(domain.depth, rows, columns), depth * np.float64(domain.depth_scale), domain,
+        store.poses(name)[iid : iid + 1], store.dataset.y_down,
+    )  # fmt: skip
+    place = float(np.median(x[0][known])), float(np.median(y[0][known]))
+    return {"marked": marked, "place": place}
+
+
+def _mark_note(label: str | None, marks: dict[Side, dict[str, Any]]) -> list[tuple[str, str]]:
+    """Where a class of objects is marked; nothing without one."""
+    if label is None:
+        return []
+    found = [side for side, mark in marks.items() if mark]
+    return [("marked", f"{label} in {' and '.join(found) or 'neither image'} (escape: no mark)")]
 
 
 def _heat_note(store: Store, run: str, heat: HeatChoice | None) -> list[tuple[str, str]]:

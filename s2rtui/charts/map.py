@@ -65,6 +65,7 @@ class MapInput:
     the cursor that no column has. trained: (N,) instances that the model was trained on, None where
     none is shown. planned: poses at which new images shall be taken. unpaired: (N,) selected
     instances that lack an image of a side, None without any; `unpaired_text` says how many.
+    objects: where the images of the cursor show the marked class of objects, `object_name`.
     """
 
     truth: Columns
@@ -92,6 +93,8 @@ class MapInput:
     planned: tuple[PlannedPose, ...] = ()
     unpaired: Bools | None = None
     unpaired_text: str = ""
+    objects: tuple[Place, ...] = ()
+    object_name: str = ""
 
 
 def map_drawing(
@@ -115,6 +118,8 @@ def map_drawing(
         legend.append(ColourBar(data.heat_label, data.heat_unit, ends, ramp=ramp))
     if data.unpaired is not None:
         legend.append(Phrase(data.unpaired_text, "truth", "truth"))
+    if data.objects:
+        legend.append(Phrase(data.object_name, "truth", "pointer"))
     if data.planned:
         legend.append(Phrase(f"{len(data.planned)} planned poses", "planned", "planned"))
     legend += cursor_phrases(valid_cursor(data.cursor, data.valid))
@@ -159,6 +164,7 @@ def _pose_marks(data: MapInput) -> Iterator[Mark]:
         yield Poses(tuple(poses), "planned")
     for side, place in data.live:
         yield Poses((place,), side, side)
+    yield Poses(data.objects, "truth", "pointer")
     cursor = valid_cursor(data.cursor, shown)
     if data.mode == "full":
         yield Poses(place_of(data.sim, data.sim_headings, cursor), "sim", "sim")
@@ -230,6 +236,7 @@ class MapView(PointsView):
             value if state.run != NO_RUN else "", heat_label=label, heat_unit=of_heat,
             live=_live_poses(scene), trained=state.marked, planned=state.planned,
             unpaired=state.unpaired, unpaired_text=state.unpaired_text,
+            objects=_objects(scene), object_name=state.chosen_row("objects") or "",
         )  # fmt: skip
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
@@ -308,6 +315,15 @@ class MapView(PointsView):
 
 
 VIEW = MapView()
+
+
+def _objects(scene: Scene) -> tuple[Place, ...]:
+    """Where the instance's images show the marked class of objects."""
+    shown = scene.loaded.pictures
+    if shown is None or shown.iid != scene.state.cursor or not scene.state.chosen_row("objects"):
+        return ()
+    places = (side.place for _, side in reversed(shown.sides))
+    return tuple((*place, None) for place in places if place is not None)
 
 
 def _live_poses(scene: Scene) -> tuple[tuple[Side, Place], ...]:

@@ -118,9 +118,11 @@ def ordered(rows: Sequence[TranslatorRow], run: str) -> list[TranslatorRow]:
 
 def overview_table(
     rows: Sequence[OverviewRow], baseline: float, run: str, lines: RowLines | None = None,
-    on_paper: bool = False, first: int | None = None,
+    on_paper: bool = False, chosen: str | None = None,
 ) -> TableSpec:  # fmt: skip
     """A row per run: both accuracies on a common scale with the baseline, and in percent.
+
+    chosen: the run whose row is highlighted, by default `run`.
 
     On paper there are columns of the gap and of the number of instances, too.
     """
@@ -138,8 +140,8 @@ def overview_table(
         _row(row, math.nan if lines is None else lines.at_cursor(place), columns, row.run == run)
         for place, row in enumerate(rows)
     )
-    chosen = next((place for place, row in enumerate(rows) if row.run == run), None)
-    return TableSpec(tuple(columns), made, chosen=chosen, first=first, lines=lines)
+    place = next((place for place, row in enumerate(rows) if row.run == (chosen or run)), None)
+    return TableSpec(tuple(columns), made, chosen=place, lines=lines)
 
 
 def _row(row: OverviewRow, cursor: float, columns: Sequence[Column], bold: bool) -> Row:
@@ -220,17 +222,23 @@ class OverviewView(View):
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         loaded = scene.loaded
-        shown = scene.state.run, scene.state.first_row(self.name), scene.mark(self.name)
+        shown = scene.state.run, scene.state.chosen_row(self.name), scene.mark(self.name)
         lines = identity_key(self.lines(scene))
         return self._rows(scene), loaded.baseline, loaded.translators, lines, *shown
+
+    def row_names(self, scene: Scene) -> Sequence[str]:
+        return [row.run for row in self._rows(scene)]
+
+    def first_choice(self, scene: Scene) -> int:
+        return scene.state.runs.index(scene.state.run)
 
     def missing(self, scene: Scene) -> tuple[str, ...]:
         return () if self._rows(scene) else ("no run has been computed",)
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         loaded, run, lines = scene.loaded, scene.state.run, self.lines(scene)
-        first = scene.state.first_row(self.name)
-        table = overview_table(self._rows(scene), loaded.baseline, run, lines, first=first)
+        chosen = scene.state.chosen_row(self.name)
+        table = overview_table(self._rows(scene), loaded.baseline, run, lines, chosen=chosen)
         legend = lines.legend if lines is not None else ()
         if math.isfinite(loaded.baseline):
             legend = (*legend, Phrase(f"baseline {_percent(loaded.baseline)}", "truth", "baseline"))

@@ -19,6 +19,7 @@ NAMES = (
     "umap",
     "orientation",
     "rooms",
+    "pivot",
     "errors",
     "scatter",
     "shares",

@@ -73,7 +73,7 @@ def number_text(value: float, signed: bool = False) -> str:
 def groups_table(
     rows: Sequence[GroupErrors], grouping: str, sort: str, descending: bool,
     selected: Mapping[str, int], cursor: str | None = None, brush: BrushShape | None = None,
-    first: int | None = None,
+    chosen: int | None = None,
 ) -> TableSpec:  # fmt: skip
     """Median errors of groups in metres, with the interval of the real one, and their numbers.
 
@@ -118,7 +118,7 @@ def groups_table(
     )  # fmt: skip
     brushed = mark_rows(brush) if brush is not None else None
     return TableSpec((*columns, Column("", rank=7, scale=scale)), made, PANEL, brushed=brushed,
-                     first=first, descending=descending)  # fmt: skip
+                     chosen=chosen, descending=descending)  # fmt: skip
 
 
 def _strip(row: GroupErrors) -> Cell:
@@ -137,7 +137,7 @@ def _independent_text(row: GroupErrors) -> str:
 
 def counts_table(
     names: Sequence[str], part: Counts, whole: Counts, cursor: Sequence[int | None] = (),
-    brush: BrushShape | None = None, first: int | None = None,
+    brush: BrushShape | None = None, chosen: int | None = None,
 ) -> TableSpec:  # fmt: skip
     """Instances per room, (3, rows) of the selected and of all by side of `SIDES`.
 
@@ -159,7 +159,7 @@ def counts_table(
             cells.append(Cell(f"{_brief(count)}/{_brief(total)}", strip=tuple(strip)))
         rows.append(Row(tuple(cells), marked=len(cursor) > 1 and cursor[1] == room))
     brushed = mark_rows(brush) if brush is not None else None
-    return TableSpec(tuple(columns), tuple(rows), brushed=brushed, first=first)
+    return TableSpec(tuple(columns), tuple(rows), brushed=brushed, chosen=chosen)
 
 
 def _brief(count: int) -> str:
@@ -224,7 +224,7 @@ class RoomsView(View):
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         state = scene.state
         shown = (state.generation, state.run, state.grouping, state.cursor, scene.mark(self.name),
-                 state.first_row(self.name))  # fmt: skip
+                 state.chosen_row(self.name), state.view == self.name)  # fmt: skip
         arrays = identity_key((state.selected, state.base, state.trained))
         if state.grouping == COUNTS:
             return *shown, arrays
@@ -246,18 +246,36 @@ class RoomsView(View):
         return ("no instances",)
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
-        state, brush, first = scene.state, scene.mark(self.name), scene.state.first_row(self.name)
+        state, brush, chosen = scene.state, scene.mark(self.name), self.chosen_row(scene)
         if state.grouping == COUNTS:
-            table = counts_table(*self._counts(scene), self._cursor_rows(scene), brush, first)
+            table = counts_table(*self._counts(scene), self._cursor_rows(scene), brush, chosen)
             return Drawing(table=table)
         found = self._groups(scene)
         assert found is not None
         rows, selected, loaded = found
-        cursor = None
-        if state.cursor is not None and (code := loaded.grouped.codes[state.cursor]) >= 0:
-            cursor = loaded.grouped.groups[int(code)].name
+        cursor = _group_of(loaded, state.cursor)
         order = state.grouping, state.group_sort, state.group_descending
-        return Drawing(table=groups_table(rows, *order, selected, cursor, brush, first))
+        return Drawing(table=groups_table(rows, *order, selected, cursor, brush, chosen))
+
+    def row_names(self, scene: Scene) -> Sequence[str]:
+        if scene.state.grouping == COUNTS:
+            return self._counts(scene)[0]
+        found = self._groups(scene)
+        return [row.group.name for row in found[0]] if found else []
+
+    def first_choice(self, scene: Scene) -> int:
+        """The row of the cursor's instance, on the shown side where rooms are counted."""
+        if scene.state.grouping == COUNTS:
+            rows = dict(zip(SIDES, self._cursor_rows(scene), strict=False))
+            return rows.get(scene.state.side) or 0
+        found, names = self._groups(scene), list(self.row_names(scene))
+        name = _group_of(found[2], scene.state.cursor) if found else None
+        return names.index(name) if name in names else 0
+
+    def row_expression(self, scene: Scene, row: int) -> str:
+        name = scene.state.side if scene.state.grouping == COUNTS else PANEL
+        point = (0.0, float(row))
+        return self._expression(scene, name, BrushShape(name, (point, point)))
 
     def _cursor_rows(self, scene: Scene) -> tuple[int | None, ...]:
         cursor = valid_cursor(scene.state.cursor, scene.state.base)
@@ -288,19 +306,30 @@ class RoomsView(View):
             rows = dict(zip(SIDES, self._cursor_rows(scene), strict=False))
             row = rows.get(panel.name)  # type: ignore[call-overload]
             return None if row is None else (0.0, float(row))
-        table = self.drawing(scene, 80).table
-        places = [at for at, row in enumerate(table.rows) if row.marked] if table else []
-        return (0.0, float(places[0])) if places else None
+        chosen = self.chosen_row(scene)
+        return None if chosen is None else (0.0, float(chosen))
 
     def click(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> None:
-        session.select(self.to_expression(scene, panel, BrushShape(panel.name, (point, point))))
+        if panel.name == PANEL:
+            super().click(session, scene, panel, point)
+        else:
+            session.select(self.to_expression(scene, panel, BrushShape(panel.name, (point, point))))
 
     def to_expression(self, scene: Scene, panel: PlotArea, mark: BrushShape) -> str:
-        if panel.name != PANEL:
-            return names_expression(mark, _FIELDS[panel.name], scene.store.instances.room_names)
+        return self._expression(scene, panel.name, mark)
+
+    def _expression(self, scene: Scene, panel: str, mark: BrushShape) -> str:
+        if panel != PANEL:
+            return names_expression(mark, _FIELDS[panel], scene.store.instances.room_names)
         found, (low, high) = self._groups(scene), mark_rows(mark)
         chosen = found[0][max(0, low) : high + 1] if found else []
         return to_text(any_of(row.group.node for row in chosen)) if chosen else "none"
+
+
+def _group_of(loaded: LoadedGroups, cursor: int | None) -> str | None:
+    """The name of the group that holds an instance; None without one."""
+    code = -1 if cursor is None else int(loaded.grouped.codes[cursor])
+    return loaded.grouped.groups[code].name if code >= 0 else None
 
 
 @cached_by_identity(4)

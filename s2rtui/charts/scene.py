@@ -24,6 +24,7 @@ from s2rtui.canvas.fit_text import fit_text
 from s2rtui.charts.shared.instance import InstanceInput
 from s2rtui.drawing.drawing import ColourBar
 from s2rtui.drawing.image import Image
+from s2rtui.session.error_groups import pivot_grouping
 from s2rtui.session.provenance import (
     HeatProvenance,
     InstanceProvenance,
@@ -166,11 +167,11 @@ class LoadedData:
     """The results of background loading, each with its source where it may be out of date.
 
     `floor_heat` is the heat on the map and `seen_floor` the part of the floor that the selection
-    has seen, (rows, cols) each; `live` is the instance that is being adjusted. `groups`, `findings`
-    and `sheet` belong to the rooms, the findings and the sheet view. `models` are the numbers of
-    statistical views by name; None: they are computed when they are drawn. `progress` (0 .. 1) and
-    `failed` (messages) are by the name of the loader. `saving` is the progress of the run that is
-    being saved, `computing` that of a process which computes in the store.
+    has seen, (rows, cols) each; `live` is the instance that is being adjusted. `groups`, `cells`,
+    `findings` and `sheet` belong to the views rooms, pivot, findings and sheet. `models` are the
+    numbers of statistical views by name; None: they are computed when they are drawn. `progress` (0
+    .. 1) and `failed` (messages) are by the name of the loader. `saving` is the progress of the run
+    that is being saved, `computing` that of a process which computes in the store.
     """
 
     rows: tuple[OverviewRow, ...] = ()
@@ -189,6 +190,7 @@ class LoadedData:
     live_floor_heat: FloorGrid | None = None
     history: History | None = None
     groups: LoadedGroups | None = None
+    cells: LoadedGroups | None = None
     findings: FindingReport | None = None
     sheet: LoadedSheet | None = None
     models: Mapping[str, LoadedModel] | None = None
@@ -229,9 +231,13 @@ class LoadedData:
 
     def current_groups(self, state: State) -> LoadedGroups | None:
         """The groups that a state shows; None until they are computed."""
-        if self.groups is None or self.groups.source != groups_key(state):
-            return None
-        return self.groups
+        groups = self.groups
+        return groups if groups and groups.source == groups_key(state, state.grouping) else None
+
+    def current_cells(self, state: State) -> LoadedGroups | None:
+        """The groups of the pivot of a state; None until they are computed."""
+        cells = self.cells
+        return cells if cells and cells.source == groups_key(state, pivot_grouping(state)) else None
 
     def with_requested(self, loaders: Set[str], cleared: Mapping[str, Any]) -> LoadedData:
         """A copy after new requests: no progress or failure of these loaders, fields cleared."""

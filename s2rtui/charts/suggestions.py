@@ -21,7 +21,7 @@ from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Dots, Line, Mark, Phrase, Plot, Rule, Sign
 from s2rtui.drawing.scale import Scale, non_empty
 from s2rtui.drawing.table import Cell, Column, Dot, Row, Span, StripMark, TableSpec
-from s2rtui.session import adjusting
+from s2rtui.session import view_settings
 from s2rtui.session.session import Session
 
 MARKS = {"suggested": "*", "not evident": "?", "": " "}
@@ -66,10 +66,15 @@ class Direction:
 
 @dataclass(frozen=True, slots=True)
 class SuggestionsInput:
-    """Both directions of a run; `chosen` counts answers from the first suggested one, modulo."""
+    """Both directions of a run; `chosen` names an answer, by default the first suggested one."""
 
     directions: tuple[Direction, ...]
-    chosen: int = 0
+    chosen: str | None = None
+
+    @property
+    def names(self) -> list[str]:
+        """The names of the answers of `places`: side and number."""
+        return [f"{direction.side} {number + 1}" for direction, number in self.places]
 
     @property
     def places(self) -> tuple[tuple[Direction, int], ...]:
@@ -83,12 +88,11 @@ class SuggestionsInput:
     @property
     def chosen_index(self) -> int | None:
         """The place of the chosen answer in `places`; None without answers."""
-        places = self.places
-        if not places:
-            return None
+        names, places = self.names, self.places
+        if self.chosen in names:
+            return names.index(self.chosen)
         states = [direction.state(number) for direction, number in places]
-        first = states.index("suggested") if "suggested" in states else 0
-        return (first + self.chosen) % len(places)
+        return states.index("suggested") if "suggested" in states else 0 if places else None
 
     @property
     def chosen_answer(self) -> tuple[Direction, int] | None:
@@ -259,7 +263,7 @@ class SuggestionsView(View):
 
     def input(self, scene: Scene) -> SuggestionsInput:
         state = scene.state
-        return SuggestionsInput(_directions(scene.store, state.run), state.suggestion)
+        return SuggestionsInput(_directions(scene.store, state.run), state.chosen_row(self.name))
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         return self.input(scene), scene.state.view == self.name
@@ -277,10 +281,17 @@ class SuggestionsView(View):
     def heading(self, scene: Scene) -> tuple[str, str]:
         return f"{scene.state.run}: {self.title}", scene.store.dataset.name
 
+    def row_names(self, scene: Scene) -> Sequence[str]:
+        return self.input(scene).names
+
+    def first_choice(self, scene: Scene) -> int:
+        return self.input(scene).chosen_index or 0
+
     def click(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> None:
-        data, row = self.input(scene), round(point[1])
-        if data.chosen_index is not None and (place := answer_of_row(data, row)) is not None:
-            session.dispatch(adjusting.choose_answer, place - data.chosen_index)
+        """Choose the answer of a row; it is not applied."""
+        data = self.input(scene)
+        if (place := answer_of_row(data, round(point[1]))) is not None:
+            session.dispatch(view_settings.choose_row, self.name, data.names[place])
 
     def numbers(self, scene: Scene) -> Table:
         return _COLUMNS, [_row(direction, number) for direction, number in self.input(scene).places]

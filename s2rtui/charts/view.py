@@ -17,7 +17,7 @@ from s2rtui.canvas import BrushShape, Canvas, PlotArea, Point, RenderOptions, Si
 from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene, model_source
 from s2rtui.charts.shared.planes import known_point, nearest_iid, true_positions
-from s2rtui.drawing.cells import draw_cells, drawing_panels, drawing_table_layout
+from s2rtui.drawing.cells import draw_cells, drawing_panels
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.drawing_layout import drawing_layout
 from s2rtui.drawing.figures import NUMBERS, Figures, figure_rows, figure_table
@@ -34,20 +34,6 @@ Table = tuple[Sequence[str], Sequence[Sequence[object]]]
 Pixels = tuple[int, int]
 _REACH = 1.5
 """Largest distance in cells between the mouse and an instance under it."""
-
-
-@dataclass(frozen=True, slots=True)
-class TableWindow:
-    """The visible rows of a table of `rows` rows: `shown` of them from `first` on."""
-
-    first: int
-    shown: int
-    rows: int
-
-    @property
-    def hidden(self) -> int:
-        """The number of rows that do not fit."""
-        return max(0, self.rows - self.shown)
 
 
 class View:
@@ -171,13 +157,35 @@ class View:
         """The cursor's place in a panel, where a brush drawn with keys begins."""
         return None
 
-    def table_window(self, scene: Scene, size: Size, options: RenderOptions) -> TableWindow | None:
-        """The visible rows of its table, which keys scroll; None where it shows no table."""
-        drawing = self._sized(scene, size, options)
-        layout = drawing_table_layout(drawing, size, options)
-        if layout is None or drawing.table is None:
-            return None
-        return TableWindow(layout.first, layout.shown, len(drawing.table.rows))
+    def row_names(self, scene: Scene) -> Sequence[str]:
+        """Names of the rows of its table that can be chosen, in their order; by default none."""
+        return ()
+
+    def row_width(self, scene: Scene) -> int:
+        """How many of `row_names` are beside each other; the rows of a table of cells."""
+        return 1
+
+    def first_choice(self, scene: Scene) -> int:
+        """The place of the row that is chosen until the user chooses one."""
+        return 0
+
+    def chosen_row(self, scene: Scene) -> int | None:
+        """The place of the chosen row; None in a view that is not active and has none chosen."""
+        names, name = self.row_names(scene), scene.state.chosen_row(self.name)
+        if name in names:
+            return names.index(name)
+        return self.first_choice(scene) if names and scene.state.view == self.name else None
+
+    def row_expression(self, scene: Scene, row: int) -> str:
+        """The expression that selects the instances of a row that can be chosen."""
+        raise NotImplementedError
+
+    def select_row(self, session: Session, scene: Scene, row: int) -> None:
+        """Select the instances of a row that can be chosen, and choose it."""
+        session.dispatch(view_settings.choose_row, self.name, self.row_names(scene)[row])
+        state = session.select(self.row_expression(scene, row))
+        if not state.message:
+            session.show_message(f"selected {state.expression}: {state.count_text}")
 
     def zoom_plane(self, scene: Scene) -> ZoomPlane | None:
         """The plane that zoom and pan keys move; None where the view has none."""
@@ -192,7 +200,9 @@ class View:
         return None
 
     def click(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> None:
-        """Handle a click on a panel at a point in data coordinates."""
+        """Handle a click on a panel at a point in data coordinates: select the row of a table."""
+        if 0 <= (row := round(point[1])) < len(self.row_names(scene)):
+            self.select_row(session, scene, row)
 
     def drag(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> bool:
         """Handle dragging to a point in data coordinates; False lets it draw a mark."""
@@ -266,12 +276,15 @@ class StatisticsView(View):
         """Names of the rows, where each stands for a selection, and their expressions."""
         return ()
 
-    def chosen(self, scene: Scene) -> tuple[Sequence[tuple[str, str]], int]:
-        """The `choices` of a scene, and the place of the chosen one."""
+    def row_names(self, scene: Scene) -> Sequence[str]:
+        return [name for name, _ in self._choices(scene)]
+
+    def row_expression(self, scene: Scene, row: int) -> str:
+        return self._choices(scene)[row][1]
+
+    def _choices(self, scene: Scene) -> Sequence[tuple[str, str]]:
         model = self.input(scene)
-        choices = () if model is None or isinstance(model, str) else self.choices(model)
-        places = [place for place, (name, _) in enumerate(choices) if name == scene.state.row]
-        return choices, next(iter(places), 0)
+        return () if model is None or isinstance(model, str) else self.choices(model)
 
     def missing(self, scene: Scene) -> tuple[str, ...]:
         model = self.input(scene)
@@ -282,20 +295,8 @@ class StatisticsView(View):
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         model = self.input(scene)
-        table = replace(self.table(model), chosen=self._highlighted(scene))
+        table = replace(self.table(model), chosen=self.chosen_row(scene))
         return Drawing(self.plots(model), table, self.notes(model))
-
-    def _highlighted(self, scene: Scene) -> int | None:
-        """The place of the chosen row in the active view; None for no row."""
-        choices, place = self.chosen(scene)
-        return place if choices and scene.state.view == self.name else None
-
-    def click(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> None:
-        (choices, _), row = self.chosen(scene), round(point[1])
-        if 0 <= row < len(choices):
-            name, expression = choices[row]
-            session.dispatch(view_settings.choose_row, name)
-            session.select(expression)
 
     def numbers(self, scene: Scene) -> Table:
         model = self.input(scene)
@@ -316,7 +317,7 @@ class StatisticsView(View):
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         failed = scene.loaded.failed.get(self.name)
-        return identity_key(self.input(scene)), failed, self._highlighted(scene)
+        return identity_key(self.input(scene)), failed, self.chosen_row(scene)
 
 
 @dataclass(frozen=True, slots=True)

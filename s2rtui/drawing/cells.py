@@ -36,7 +36,7 @@ from s2rtui.drawing.plot import ROLES, Line
 from s2rtui.drawing.plot_cells import draw_marks, style_of
 from s2rtui.drawing.polar_cells import dial_of, dial_panel, draw_dial
 from s2rtui.drawing.table_cells import draw_axis, draw_table, table_panels
-from s2rtui.drawing.table_layout import GAP, TableLayout, table_layout
+from s2rtui.drawing.table_layout import GAP, table_layout
 
 _TICKS = 8
 """Columns of a plot for each tick of its axis."""
@@ -72,16 +72,6 @@ def drawing_panels(
     if drawing.table is None:
         return panels
     return (*panels, *table_panels(drawing.table, layout.table[0], size[0], layout.table[1]))
-
-
-def drawing_table_layout(
-    drawing: Drawing, size: Size, options: RenderOptions = DEFAULT_OPTIONS
-) -> TableLayout | None:
-    """The layout of the table in a drawing of `size`; None without a table."""
-    room = drawing_layout(drawing, size, options).table[1]
-    if drawing.table is None or room < 1:
-        return None
-    return table_layout(drawing.table, max(1, size[0]), room)
 
 
 def text_lines(drawing: Drawing, width: int) -> list[str]:

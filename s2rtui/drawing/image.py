@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from s2rtui.canvas import Pixels, mix, turbo
 from s2rtui.canvas.colour import NO_DEPTH, depth_tint
@@ -15,6 +16,9 @@ from s2rtui.drawing.scale import Floats, Interval
 
 Size = tuple[int, int]
 Area = tuple[float, float, float, float]
+Bools = NDArray[np.bool_]
+OUTLINE = (255, 222, 60)
+"""The colour of the outline of marked pixels."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,26 +44,31 @@ class Image:
 
     ground: pixels (H, W, 3) uint8, or values; None for no image. overlay: values over it, the
     stronger the more opaque. missing: the text in the place of an image. label: a text over its
-    upper left corner where it has no title.
+    upper left corner where it has no title. marked: (h, w), the pixels that are outlined.
     """
 
     ground: Pixels | ImageValues | None
     overlay: ImageValues | None = None
     missing: str = ""
     label: str = ""
+    marked: Bools | None = None
 
     @classmethod
     def joined(cls, left: Image, right: Image, share: float) -> Image:
         """One image up to a share of the width, and another one beyond; of the size of the left."""
         if left.ground is None or right.ground is None:
             return right if left.ground is None else left
-        overlay = left.overlay
+        overlay, marked = left.overlay, left.marked
+        if marked is not None and right.marked is not None:
+            marked = _joined(marked, right.marked, share)
         if overlay is not None and right.overlay is not None:
             overlay = replace(overlay, values=_joined(overlay.values, right.overlay.values, share))
         if isinstance(left.ground, ImageValues) and isinstance(right.ground, ImageValues):
             values = _joined(left.ground.values, right.ground.values, share)
-            return replace(left, ground=replace(left.ground, values=values), overlay=overlay)
-        return replace(left, ground=_joined(left.ground, right.ground, share), overlay=overlay)
+            ground: Pixels | ImageValues = replace(left.ground, values=values)
+        else:
+            ground = _joined(left.ground, right.ground, share)
+        return replace(left, ground=ground, overlay=overlay, marked=marked)
 
     def part(self, area: Area) -> Image:
         """The part of the image in an area: shares x0, y0, x1, y1 of its width and height."""
@@ -81,7 +90,8 @@ class Image:
             return cut(source)
 
         overlay = None if self.overlay is None else of(self.overlay)
-        return replace(self, ground=of(self.ground), overlay=overlay)
+        marked = None if self.marked is None else cut(self.marked)
+        return replace(self, ground=of(self.ground), overlay=overlay, marked=marked)
 
     @property
     def shape(self) -> Size | None:
@@ -109,12 +119,12 @@ class Image:
             pixels = self.ground
         else:
             pixels = np.rint(resample(self.ground, *size)).astype(np.uint8)
-        if self.overlay is None:
-            return pixels
-        over = self.overlay
-        values = resample(np.asarray(over.values, dtype=np.float32), *size)
-        colours, opacity = heat_colours(values, over.scale, over.is_signed, unsigned_colours)
-        return mix(pixels, colours, opacity)
+        if self.overlay is not None:
+            over = self.overlay
+            values = resample(np.asarray(over.values, dtype=np.float32), *size)
+            colours, opacity = heat_colours(values, over.scale, over.is_signed, unsigned_colours)
+            pixels = mix(pixels, colours, opacity)
+        return pixels if self.marked is None else _outlined(pixels, self.marked)
 
 
 def _joined(left: Any, right: Any, share: float) -> Any:
@@ -125,3 +135,13 @@ def _joined(left: Any, right: Any, share: float) -> Any:
     )
     split = round(share * left.shape[1])
     return np.concatenate([left[:, :split], right[rows[:, None], columns[split:]]], axis=1)
+
+
+def _outlined(pixels: Pixels, marked: Bools) -> Pixels:
+    """Pixels (H, W, 3) with the outer ones of those that are marked in the outline's colour."""
+    inside = resample(marked.astype(np.float32), *pixels.shape[:2]) >= 0.5
+    padded = np.pad(inside, 1)
+    neighbours = padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
+    shown = pixels.copy()
+    shown[inside & ~neighbours] = OUTLINE
+    return shown

@@ -110,7 +110,7 @@ def _draw_ground(canvas: Canvas, image: Image) -> None:
     draw_pixels(canvas, image.pixels((2 * canvas.height, canvas.width)))
     if canvas.options.supports_shading:
         true_pixels = partial(image.pixels, shades=DEPTH_SHADES)
-        key = identity_key((image.ground, image.overlay))
+        key = identity_key((image.ground, image.overlay, image.marked))
         canvas.images.append(
             InlineImage(0, 0, canvas.width, canvas.height, image.shape, true_pixels, key)
         )

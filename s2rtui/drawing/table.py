@@ -56,12 +56,14 @@ StripMark = Bar | Span | Dot | Text
 class Cell:
     """A text, a detail behind it that is left out where there is no room, and a strip before it.
 
-    strip: marks on the scale of the column, the first below the others.
+    strip: marks on the scale of the column, the first below the others. heat: share 0 .. 1 of a
+    scale of colours, the ground of the cell.
     """
 
     text: str = ""
     detail: str = ""
     strip: tuple[StripMark, ...] = ()
+    heat: float | None = None
 
     @property
     def whole(self) -> str:
@@ -139,18 +141,19 @@ class LazyRows(Sequence[Row]):
 class TableSpec:
     """Rows of cells below columns.
 
-    panel: name of the panel in which rows can be chosen. chosen: the highlighted row. brushed:
-    first and last row of a brush. first: the first visible row; by default the chosen, brushed or
-    marked row is visible. descending: the order of the column that sorts. lines: instances as
-    lines from strip to strip, for which rows are set apart where all of them are visible.
+    panel: name of the panel in which rows can be chosen. chosen: the highlighted row. column:
+    the place of the column of which its cell alone is highlighted. brushed:
+    first and last row of a brush. The chosen, brushed or marked row is visible. descending: the
+    order of the column that sorts. lines: instances as lines from strip to strip, for which rows
+    are set apart where all of them are visible.
     """
 
     columns: tuple[Column, ...]
     rows: Sequence[Row]
     panel: str = ""
     chosen: int | None = None
+    column: int | None = None
     brushed: tuple[int, int] | None = None
-    first: int | None = None
     descending: bool = True
     lines: RowLines | None = None
 

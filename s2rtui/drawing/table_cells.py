@@ -13,6 +13,7 @@ from s2rtui.canvas import Canvas, ColourMode, PlotArea, mix
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.raster import draw_braille
 from s2rtui.drawing.bars import draw_horizontal_bars, put_over_bar
+from s2rtui.drawing.legend import point_colours
 from s2rtui.drawing.plot import ROLES
 from s2rtui.drawing.row_lines import Density, LineLayer, RowLines, levels, line_dots
 from s2rtui.drawing.scale import Scale
@@ -57,7 +58,7 @@ def draw_table(canvas: Canvas, table: TableSpec, top: int, room: int) -> int:
 def _is_held(table: TableSpec, line: TableLine) -> bool:
     """Whether a line is highlighted; only the first one of a row from which lines go on."""
     low, high = table.brushed or (-1, -2)
-    is_chosen = line.row == table.chosen or low <= line.row <= high
+    is_chosen = (line.row == table.chosen and table.column is None) or low <= line.row <= high
     return is_chosen and not (table.lines and line.part)
 
 
@@ -158,9 +159,12 @@ def _draw_line(
     shown = zip(layout.columns, layout.starts, layout.widths, layout.text_widths, strict=True)
     for place, start, width, text in shown:
         column, cell = table.columns[place], row.cells[place]
+        is_held = (line.row, place) == (table.chosen, table.column)
         if column.wraps:
             ink = theme.muted if line.is_note else getattr(theme, row.ink)
             canvas.text(start, y, canvas.options.printable(line.text), ink)
+        elif line.part == 0 and (is_held or cell.heat is not None):
+            _draw_heat(canvas, cell, (start, y, width), is_held)
         elif line.part == 0 and (cell.text or cell.detail):
             room = width if column.scale is None else text
             _draw_text(canvas, row, column, cell, place, (start + width - room, y, room), held)
@@ -168,6 +172,19 @@ def _draw_line(
             line.is_note and place == 0 and not any(table.columns[p].wraps for p in layout.columns)
         ):
             canvas.text(start, y, canvas.options.printable(line.text), theme.muted)
+
+
+def _draw_heat(canvas: Canvas, cell: Cell, at: tuple[int, int, int], is_held: bool) -> None:
+    """A text on a ground of the colour of its value; the pointer stands before a held one."""
+    start, y, width = at
+    theme, ink = canvas.theme, canvas.theme.text
+    if canvas.options.supports_images and cell.heat is not None:
+        red, green, blue = point_colours(theme)(cell.heat).tolist()
+        canvas.fill(start - 1, y, width + 1, 1, (red, green, blue))
+        ink = theme.background
+    canvas.text(start + width, y, cell.text, ink, bold=is_held, align="right")
+    if is_held:
+        canvas.put(start - 1, y, canvas.glyphs.pointer, ink, bold=True)
 
 
 def _marks(column: Column, cell: Cell, line: TableLine) -> tuple[StripMark, ...]:

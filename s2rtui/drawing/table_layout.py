@@ -146,8 +146,6 @@ def _first_row(table: TableSpec, shown: int) -> int:
     first = 0
     if table.brushed is not None:
         first = table.brushed[1] - shown // 2
-    elif table.first is not None:
-        first = table.first
     elif table.chosen is not None:
         first = table.chosen - shown // 2
     elif len(table.rows) <= _MEASURED:
@@ -291,9 +289,6 @@ def _wrap(text: str, room: int) -> list[str]:
 
 def _first_line(table: TableSpec, lines: list[TableLine], room: int) -> int:
     """The first visible line; the chosen row is visible."""
-    if table.first is not None and table.chosen is None:
-        places = [at for at, line in enumerate(lines) if line.row >= table.first]
-        return min(places[0] if places else 0, max(0, len(lines) - room))
     places = [at for at, line in enumerate(lines) if line.row == table.chosen]
     if len(lines) <= room or not places:
         return 0

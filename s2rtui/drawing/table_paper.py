@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 import textwrap
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from s2rstore.errors import counted
 from s2rstore.security.printable_text import printable
+from s2rtui.canvas.colour import luminance
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.render_options import UNICODE
+from s2rtui.drawing.heat_colours import ramp_colours
 from s2rtui.drawing.page import LETTER, Ink, Page, style_axes
 from s2rtui.drawing.plot import ROLES
 from s2rtui.drawing.plot_paper import axis_name, marker_style, set_ticks
@@ -30,6 +32,8 @@ _AXIS = 0.42
 """Height of the axis of strips in inches."""
 _STEP, _STEP_WITH_LINES = 1.6, 2.8
 """Lines from a row with strips to the next one, and with lines from strip to strip."""
+_DARK = 0.2
+"""Luminance of a ground below which texts on it are white."""
 _BAR = 0.7
 """Height of a bar as a share of its row."""
 _BINS = 500
@@ -97,7 +101,7 @@ def draw_table(
             page.text(x, heights[0], name, ink, font, ha=side, va="center", fontweight=weight)
     for y, line in zip(heights[layout.top :], layout.lines, strict=True):
         row = table.rows[line.row]
-        if line.row == table.chosen or row.marked:
+        if (line.row == table.chosen and table.column is None) or row.marked:
             _highlight(page, y, step)
         for place, start, wide, texts in shown:
             column = table.columns[place]
@@ -110,6 +114,12 @@ def draw_table(
                 ink = "muted"
             if not text:
                 continue
+            on_ground: Ink | None = None
+            if (heat := row.cells[place].heat) is not None and line.part == 0:
+                ground = ramp_colours("values")(heat)
+                ends = left - letter, right + letter / 2
+                _fill(page, ends, (y, 0.92 * step), tuple(ground / 255))
+                on_ground = (1.0,) * 3 if luminance(ground) < _DARK else (0.0,) * 3
             at_right = column.right or column.scale is not None
             x, side = (right, "right") if at_right else (left, "left")
             most = wide if column.scale is None else max(wide, len(text))
@@ -117,8 +127,8 @@ def draw_table(
                 most = letters
             weight = "bold" if row.bold and not line.is_note else "normal"
             text = fit_text(printable(text), most + 1, "…")
-            page.text(x, y, text, getattr(page.inks, ink), font, ha=side, va="center",
-                      fontweight=weight)  # fmt: skip
+            colour = on_ground or getattr(page.inks, ink)
+            page.text(x, y, text, colour, font, ha=side, va="center", fontweight=weight)
     hidden = {"row": len(table.rows) - layout.shown, "column": _hidden_columns(table, layout)}
     more = " and ".join(counted(count, f"more {what}") for what, count in hidden.items() if count)
     if more:
@@ -170,12 +180,17 @@ def _text(
 
 
 def _highlight(page: Page, y: float, height: float) -> None:
+    _fill(page, (0.2, page.inches[0] - 0.2), (y, height), page.inks.highlight)
+
+
+def _fill(page: Page, ends: tuple[float, float], at: tuple[float, float], colour: Any) -> None:
+    """A rectangle from left to right around a height, which has a height; inches."""
     from matplotlib.patches import Rectangle
 
-    wide, high = page.inches
-    corner = (0.2 / wide, (y - height / 2) / high)
-    ground = Rectangle(corner, 1 - 0.4 / wide, height / high, linewidth=0, zorder=-1,
-                       color=page.inks.highlight)  # fmt: skip
+    (left, right), (y, height), (wide, high) = ends, at, page.inches
+    corner = (left / wide, (y - height / 2) / high)
+    ground = Rectangle(corner, (right - left) / wide, height / high, linewidth=0, zorder=-1,
+                       color=colour)  # fmt: skip
     page.figure.add_artist(ground)
 
 

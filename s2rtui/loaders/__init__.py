@@ -42,6 +42,7 @@ LOADERS: tuple[Loader, ...] = (
         store_data.read_history, ("history",),
     ),
     Loader("groups", store_data.groups_key, store_data.read_groups, ("groups",)),
+    Loader("cells", store_data.cells_key, store_data.read_cells, ("cells",)),
     Loader("findings", store_data.findings_key, store_data.read_findings, ("findings",)),
     *map(store_data.model_loader, (view for view in VIEWS if isinstance(view, StatisticsView))),
     Loader(

@@ -141,7 +141,8 @@ def pictures_key(store: Store, state: State) -> Key | None:
     if state.cursor is None:
         return None
     is_near = state.viewport_of("instance") is not None
-    return (*astuple(instance_provenance(state)), state.with_trained, is_near)
+    label = state.chosen_row("objects")
+    return (*astuple(instance_provenance(state)), state.with_trained, is_near, label)
 
 
 def read_pictures(store: Store, state: State, context: LoadContext) -> Fields:
@@ -149,8 +150,9 @@ def read_pictures(store: Store, state: State, context: LoadContext) -> Fields:
     population = Population(with_trained=state.with_trained)
     is_near = state.viewport_of("instance") is not None
     pictures = instance_input(
-        store, state.run, state.cursor, state.shown_heat, population, at_source=is_near
-    )
+        store, state.run, state.cursor, state.shown_heat, population, is_near,
+        state.chosen_row("objects"),
+    )  # fmt: skip
     return {"pictures": pictures, "pictures_source": instance_provenance(state)}
 
 
@@ -206,14 +208,29 @@ def read_history(store: Store, state: State, context: LoadContext) -> Fields:
 def groups_key(store: Store, state: State) -> Key | None:
     if not store.has_poses or state.grouping == error_groups.COUNTS or state.run == NO_RUN:
         return None
-    return provenance.groups_key(state)
+    return provenance.groups_key(state, state.grouping)
 
 
 def read_groups(store: Store, state: State, context: LoadContext) -> Fields:
     """The errors of the groups of the rooms view, over the base population."""
-    grouped = groups_of(store, state.grouping)
+    return {"groups": _groups(store, state, state.grouping)}
+
+
+def cells_key(store: Store, state: State) -> Key | None:
+    if not store.has_poses or state.centre != "pivot" or state.run == NO_RUN:
+        return None
+    return provenance.groups_key(state, error_groups.pivot_grouping(state))
+
+
+def read_cells(store: Store, state: State, context: LoadContext) -> Fields:
+    """The errors of the cells of the pivot, over the base population."""
+    return {"cells": _groups(store, state, error_groups.pivot_grouping(state))}
+
+
+def _groups(store: Store, state: State, grouping: str) -> LoadedGroups:
+    grouped = groups_of(store, grouping)
     rows = group_errors(store, state.run, grouped, state.base)
-    return {"groups": LoadedGroups(provenance.groups_key(state), grouped, rows)}
+    return LoadedGroups(provenance.groups_key(state, grouping), grouped, rows)
 
 
 def findings_key(store: Store, state: State) -> Key | None:

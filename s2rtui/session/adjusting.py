@@ -125,11 +125,6 @@ def reset_sliders(context: SessionContext, state: State) -> State:
     return state.updated(adjust=replace(adjust, values=tuple(values.items())))
 
 
-def choose_answer(context: SessionContext, state: State, steps: int) -> State:
-    """Choose another answer of the suggestions view, which takes the number modulo their count."""
-    return state.updated(suggestion=state.suggestion + steps)
-
-
 def set_chain(
     context: SessionContext, state: State, side: Side, chain: Sequence[Mapping[str, Any]]
 ) -> State:

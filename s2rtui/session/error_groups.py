@@ -8,7 +8,6 @@ from typing import get_args
 from s2rstore.findings.groups import Grouping, crossed, parts_of
 from s2rtui.session.context import SessionContext
 from s2rtui.session.state import State
-from s2rtui.session.view_settings import unscrolled
 
 COUNTS = "counts"
 """The rooms view's comparison of predicted and true rooms, in the place of a grouping."""
@@ -43,6 +42,43 @@ _BY_NAME = {column.name: column for column in COLUMNS}
 COLUMN_NAMES = tuple(_BY_NAME)
 
 
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """What the cells of the pivot show: its `name`, what it says, its unit and its factor."""
+
+    name: str
+    meaning: str
+    unit: str
+    factor: float = 1.0
+
+
+FIGURES = {
+    figure.name: figure
+    for figure in (
+        Figure("median", "median real error", "m"),
+        Figure("n", "number of instances", ""),
+        Figure("recall", "share within the thresholds of recall in reality", "%", 100.0),
+        Figure("share", "share of the sum of all real errors", "%", 100.0),
+    )
+}
+"""Figures of the pivot in the order in which the key goes through them."""
+
+
+def pivot_grouping(state: State) -> str:
+    """The two groupings of the pivot: those of the state, a single one with another one."""
+    first = state.grouping if state.grouping != COUNTS else "room"
+    if len(parts_of(first)) > 1:
+        return first
+    return crossed(first, "room" if first == "heading" else "heading")
+
+
+def change_figure(context: SessionContext, state: State) -> State:
+    """Show the next figure in the cells of the pivot."""
+    names = list(FIGURES)
+    name = names[(names.index(state.figure) + 1) % len(names)]
+    return state.updated(figure=name, message=f"cells: {FIGURES[name].meaning}")
+
+
 def change_grouping(context: SessionContext, state: State) -> State:
     """Group by the next of room, heading, curvature and trajectory; then compare room counts."""
     first = state.grouping.partition(",")[0]
@@ -50,7 +86,7 @@ def change_grouping(context: SessionContext, state: State) -> State:
     message = f"errors by {grouping}"
     if grouping == COUNTS:
         message = "instances per room: predicted in sim, true, predicted in reality"
-    return unscrolled(state.updated(grouping=grouping, message=message), "rooms")
+    return state.updated(grouping=grouping, message=message)
 
 
 def cross_grouping(context: SessionContext, state: State) -> State:
@@ -62,7 +98,7 @@ def cross_grouping(context: SessionContext, state: State) -> State:
     following = others[(others.index(second[0] if second else None) + 1) % len(others)]
     grouping = first if following is None else crossed(first, following)
     message = f"errors by {' and '.join(parts_of(grouping))}"
-    return unscrolled(state.updated(grouping=grouping, message=message), "rooms")
+    return state.updated(grouping=grouping, message=message)
 
 
 def sort_by_next_column(context: SessionContext, state: State) -> State:
@@ -72,12 +108,11 @@ def sort_by_next_column(context: SessionContext, state: State) -> State:
     at = (COLUMN_NAMES.index(state.group_sort) + 1) % len(COLUMNS)
     column = COLUMNS[at]
     message = f"sorted by {column.meaning}"
-    sorted_state = state.updated(
+    return state.updated(
         group_sort=column.name, group_descending=column.descending, message=message
     )
-    return unscrolled(sorted_state, "rooms")
 
 
 def reverse(context: SessionContext, state: State) -> State:
     """Reverse the order of the groups."""
-    return unscrolled(state.updated(group_descending=not state.group_descending), "rooms")
+    return state.updated(group_descending=not state.group_descending)

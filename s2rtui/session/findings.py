@@ -1,4 +1,4 @@
-"""Reducers of the findings view: choose a finding, and select its instances."""
+"""The reducer of the findings view: select the instances of a finding."""
 
 from __future__ import annotations
 
@@ -8,11 +8,6 @@ from s2rstore.findings import Finding
 from s2rtui.session import navigation, selection, targets
 from s2rtui.session.context import SessionContext
 from s2rtui.session.state import HeatChoice, State
-
-
-def move(context: SessionContext, state: State, steps: int) -> State:
-    """Choose another finding; the view takes the number modulo the number of findings."""
-    return state.updated(finding=state.finding + steps)
 
 
 def open_finding(context: SessionContext, state: State, finding: Finding) -> State:

@@ -76,10 +76,10 @@ def change_run(context: SessionContext, state: State, steps: int) -> State:
 def set_run(context: SessionContext, state: State, run: str) -> State:
     """Show a run with the selected or pending expression, or all if that cannot be evaluated.
 
-    The table of runs shows its row again where it was scrolled.
+    Its row is chosen in the table of runs.
     """
     target = replace(targets.final(state), run=run)
-    return go_to(context, view_settings.unscrolled(state, "overview"), target)
+    return go_to(context, view_settings.choose_row(context, state, "overview", None), target)
 
 
 def set_trajectories(context: SessionContext, state: State, names: tuple[str, ...] | None) -> State:

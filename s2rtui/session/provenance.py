@@ -75,6 +75,6 @@ def visible_floor_key(state: State) -> tuple[object, ...]:
     return (state.generation, state.run, state.side, ArrayKey(state.selected))
 
 
-def groups_key(state: State) -> tuple[object, ...]:
-    """Everything that the errors of the groups in the rooms view depend on."""
-    return state.generation, state.run, state.grouping, ArrayKey(state.base)
+def groups_key(state: State, grouping: str) -> tuple[object, ...]:
+    """Everything that the errors of the groups of a grouping depend on."""
+    return state.generation, state.run, grouping, ArrayKey(state.base)

@@ -186,15 +186,14 @@ class State:
     counts them. `trained` (N,) marks the instances in view that the run's model was trained on;
     they belong to `base` only if `with_trained`. `trajectories` None means all. `cursor` is an iid.
     `viewports` are the rectangles that zoomed planes show, by the name of the plane. `newest` is
-    the published generation. `first_rows` are the first visible rows of scrolled tables, by the
-    name of the view. `past` and `future` hold the steps before and after this one, the nearest
+    the published generation. `chosen_rows` are the names of the chosen rows of tables, by the name
+    of the view. `past` and `future` hold the steps before and after this one, the nearest
     last. `operator` combines the next selection with this one. `compared_run` is the run to compare
     with. `view` receives the keys; `centre` and `tab` name the views shown in these panes.
     `pending` is the target to show once it is loaded; `keeps_message` says that the message
     outlives that. `suggested` is the expression that the message of an empty selection suggests.
-    `grouping`, `group_sort` and `group_descending` belong to the rooms view, `finding` is the
-    chosen row of the findings view, `suggestion` the chosen answer of the suggestions view,
-    `label` the chosen class of the objects view.
+    `grouping`, `group_sort` and `group_descending` belong to the rooms view, `figure` is what the
+    cells of the pivot show.
     `history` is None if the store has no gap history. `fills_screen`: the active view takes the
     whole screen. `planned` are the poses of new images that the map shows.
     """
@@ -233,11 +232,9 @@ class State:
     grouping: str = "room"
     group_sort: str = "real_m"
     group_descending: bool = True
-    finding: int = 0
-    suggestion: int = 0
-    row: str = ""
+    figure: str = "median"
     viewports: tuple[tuple[str, Bounds], ...] = ()
-    first_rows: tuple[tuple[str, int], ...] = ()
+    chosen_rows: tuple[tuple[str, str], ...] = ()
     fills_screen: bool = False
     history: HistoryFile | None = None
     planned: tuple[PlannedPose, ...] = ()
@@ -310,9 +307,9 @@ class State:
         """The rectangle that a plane shows, in its coordinates; None for all of it."""
         return dict(self.viewports).get(plane)
 
-    def first_row(self, view: str) -> int | None:
-        """The first visible row of a view's table; None where it was not scrolled."""
-        return dict(self.first_rows).get(view)
+    def chosen_row(self, view: str) -> str | None:
+        """The name of the row that was chosen in a view; None without one."""
+        return dict(self.chosen_rows).get(view)
 
     @property
     def viewport(self) -> Bounds | None:

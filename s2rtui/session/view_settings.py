@@ -196,25 +196,10 @@ def _with_viewport(state: State, plane: ZoomPlane, view: Bounds | None) -> State
     return state.updated(viewports=tuple(viewports.items()), message=message)
 
 
-def choose_row(context: SessionContext, state: State, row: str) -> State:
-    """Choose a row, by its name, of a view whose rows stand for selections."""
-    return state.updated(row=row)
-
-
-def scroll_table(
-    context: SessionContext, state: State, view: str, first: int, hidden: int
-) -> State:
-    """Show the rows of a view's table from `first` on; `hidden` of them do not fit."""
-    if hidden <= 0:
-        return state.with_message("the table shows all of its rows (r: next run)")
-    others = tuple(entry for entry in state.first_rows if entry[0] != view)
-    return state.updated(first_rows=(*others, (view, min(max(first, 0), hidden))))
-
-
-def unscrolled(state: State, view: str) -> State:
-    """A copy that shows the first rows of a view's table."""
-    kept = tuple(entry for entry in state.first_rows if entry[0] != view)
-    return replace(state, first_rows=kept)
+def choose_row(context: SessionContext, state: State, view: str, name: str | None) -> State:
+    """Choose a row of a view's table by its name; None: that which the view chooses."""
+    kept = tuple(entry for entry in state.chosen_rows if entry[0] != view)
+    return state.updated(chosen_rows=kept if name is None else (*kept, (view, name)))
 
 
 def toggle_full_screen(context: SessionContext, state: State) -> State:
@@ -267,7 +252,9 @@ def toggle_lasso(context: SessionContext, state: State, panel: PlotArea | None =
 
 
 def cancel_input(context: SessionContext, state: State) -> State:
-    """Drop the unfinished brush, the pending operator and an error message."""
+    """Drop the unfinished brush, the pending operator and an error message; or else the mark of a
+    class of objects.
+    """
     if state.brush is None and state.operator == "replace" and not state.is_error:
-        return state
+        return choose_row(context, state, "objects", None)
     return state.updated(brush=None, operator="replace")

@@ -76,16 +76,19 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "tab": lambda _, state: "rooms",
     "sort": lambda _, state: "iid",
     "descending": lambda _, state: not state.descending,
-    "first_rows": lambda _, state: (("rooms", 1),),
+    "figure": lambda _, state: "n",
+    "chosen_rows": lambda _, state: (
+        ("rooms", "right"),
+        ("findings", "1"),
+        ("suggestions", "real 2"),
+        ("objects", "chair"),
+    ),
     "planned": lambda _, state: (PlannedPose(1.0, 2.0, 30.0, "left", 0.5, "novelty"),),
     "viewports": lambda _, state: (("map", Bounds(2.0, 2.0, 5.0, 4.0)),),
     "fills_screen": lambda _, state: not state.fills_screen,
     "grouping": lambda _, state: "heading",
     "group_sort": lambda _, state: "n",
     "group_descending": lambda _, state: not state.group_descending,
-    "finding": lambda _, state: state.finding + 1,
-    "suggestion": lambda _, state: state.suggestion + 1,
-    "row": lambda _, state: "chair",
     "history": lambda _, state: HistoryFile(Path("gap.jsonl"), (1, 2, 3)),
     "message": lambda _, state: "something",
     "is_error": lambda _, state: True,
@@ -117,6 +120,7 @@ RESOURCE_CHANGES: dict[str, Callable[[LoadedData], object]] = {
     "history": lambda resources: gaps.history(*gaps.week()),
     "groups": lambda resources: None,
     "sheet": lambda resources: None,
+    "cells": lambda resources: None,
     "findings": lambda resources: replace(resources.findings, findings=()),
     "models": lambda resources: {},
     "progress": lambda resources: {"live": 0.5},
@@ -127,7 +131,6 @@ RESOURCE_CHANGES: dict[str, Callable[[LoadedData], object]] = {
 NEVER_DRAWN = {
     "newest", "node", "operator", "lasso", "message", "is_error", "past",
     "future", "centre", "progress", "saving", "pending", "keeps_message", "suggested",
-    "first_rows",  # no table of these scenes is longer than its view
 }  # fmt: skip
 
 IN_SCENE = {
@@ -155,6 +158,7 @@ def scenes(session: Session) -> dict[str, Scene]:
     loaded = store_data.read_rows(store, state, None) | store_data.read_lines(store, state, None)
     loaded |= store_data.read_groups(store, state, LoadContext())
     loaded["findings"] = finding_report()
+    loaded |= store_data.read_cells(store, state, LoadContext())
     loaded |= store_data.read_sheet(store, state, LoadContext())
     pictures, live = (instance_input(store, state.run, i, state.heat) for i in (0, 2))
     sources = dict.fromkeys(("pictures_source", "live_source"), instance_provenance(state))

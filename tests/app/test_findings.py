@@ -1,4 +1,4 @@
-"""Findings, grouped errors and scrolled tables in the application."""
+"""Findings, grouped errors and rows of tables in the application."""
 
 from pathlib import Path
 
@@ -9,11 +9,11 @@ from textual.events import MouseScrollDown, MouseScrollUp
 from s2rstore.records import Room
 from s2rtui.app.key_bindings import footer
 from s2rtui.app.pilot import settle, take_screenshot
+from s2rtui.charts.compare.view import VIEW as COMPARE
 from s2rtui.charts.rooms import VIEW
 from s2rtui.session import navigation
 from s2rtui.session.error_groups import COLUMN_NAMES, GROUPINGS
 from s2rtui.session.session import Session
-from tests.app.test_focused_view import message
 from tests.support import tiny
 from tests.support.application import make_app, press, running
 
@@ -117,36 +117,35 @@ def many_rooms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tiny.build(tmp_path / "rooms.s2r")
 
 
-async def test_keys_scroll_the_table_of_the_comparison(many_rooms):
+async def test_keys_choose_rows_of_the_comparison_and_enter_selects_them(many_rooms):
     async with running(many_rooms, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "c", "9")
-        run, rooms = app.session.state.run, app.session.store.instances.room_names
-        count = len(rooms) + 1  # all instances are a row
-        text = take_screenshot(app).text
-        shown = int(text.partition("1-")[2].partition(f"/{count}")[0])
-        last = count - shown + 1
-        for key, first in (
-            ("down", 2), ("down", 3), ("up", 2), ("pagedown", last), ("end", last),
-            ("down", last), ("up", last - 1), ("home", 1), ("pageup", 1),
+        run, names = app.session.state.run, COMPARE.row_names(app.updater.scene)
+        assert len(names) == len(ROOMS) + 1  # all instances are a row
+        for key, row in (
+            ("down", 1), ("down", 2), ("up", 1), ("pagedown", 11), ("end", 12), ("up", 11),
+            ("home", 0), ("pageup", 0), ("up", 12), ("down", 0),
         ):  # fmt: skip
             await press(app, pilot, key)
-            first = min(first, last)
-            assert f"{first}-{first + shown - 1}/{count}" in take_screenshot(app).text, key
+            assert app.session.state.chosen_row("compare") == names[row], key
         assert app.session.state.run == run
         assert ("up, down", "rows") in footer(80, app.session.state)
+        await press(app, pilot, "end", "enter")
+        assert app.session.state.expression == f'room:"{names[-1]}"'
+        assert app.session.state.selected.any()
 
 
-async def test_the_mouse_wheel_scrolls_the_rooms_and_sorting_scrolls_back(many_rooms):
+async def test_the_mouse_wheel_moves_through_the_rooms(many_rooms):
     async with running(many_rooms, size=(80, 12)) as (app, pilot):
         await press(app, pilot, "c", "6")
-        plot, count = app.updater.plot("rooms"), len(app.loaded.groups.rows)
-        for event, first in ((MouseScrollDown, 2), (MouseScrollDown, 3), (MouseScrollUp, 2)):
+        plot, names = app.updater.plot("rooms"), VIEW.row_names(app.updater.scene)
+        before = VIEW.chosen_row(app.updater.scene)
+        for event, steps in ((MouseScrollDown, 1), (MouseScrollDown, 2), (MouseScrollUp, 1)):
             turn = event(plot, 5, 5, 0, 0, 0, False, False, False, 5, 5)
             plot.post_message(turn.stop())
             await settle(app, pilot)
-            assert f"{first}-{first + 6}/{count}" in take_screenshot(app).text
-        await press(app, pilot, "full_stop")
-        assert f"1-7/{count}" in take_screenshot(app).text
+            assert app.session.state.chosen_row("rooms") == names[min(before + steps, 11)]
+            assert names[before + steps] in take_screenshot(app).text
 
 
 async def test_the_room_of_the_cursor_is_shown(many_rooms):
@@ -160,9 +159,3 @@ async def test_the_room_of_the_cursor_is_shown(many_rooms):
         app.updater.refresh()
         await settle(app, pilot)
         assert last in take_screenshot(app).text
-
-
-async def test_a_table_that_fits_says_so(tiny_store):
-    async with running(tiny_store) as (app, pilot):
-        await press(app, pilot, "c", "9", "down")
-        assert "shows all of its rows" in message(app)

@@ -78,7 +78,7 @@ async def test_a_view_fills_the_screen_and_the_layout_comes_back(tiny_store):
 async def test_keys_that_change_nothing_say_why(tiny_store):
     async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "7", "z")
-        assert "errors cannot be zoomed (2 map, 4 umap" in message(app)
+        assert "errors cannot be zoomed (2 map, 3 instance, 4 umap" in message(app)
         assert app.session.state.viewports == ()
         await press(app, pilot, "V")
         assert "room for one view" in message(app)

@@ -1,6 +1,5 @@
 """Answers of `s2r suggest` in the application: choosing and applying them."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -90,7 +89,5 @@ async def test_the_finding_leads_to_the_view(store):
     async with running(store) as (app, pilot):
         await press(app, pilot, "I")
         kinds = [finding.kind for finding in app.loaded.findings.findings]
-        finding = kinds.index("suggested change")
-        app.session.set_state(replace(app.session.state, finding=finding))
-        await press(app, pilot, "enter")
+        await press(app, pilot, *["down"] * kinds.index("suggested change"), "enter")
         assert app.session.state.view == "suggestions"

@@ -136,12 +136,12 @@ def test_an_instance_is_found_on_the_row_of_a_run_alone(scene):
     assert VIEW.instance_at(scene, panel, (panel.x + 0.5, row + 0.5)) == first
 
 
-def test_the_row_of_another_run_is_visible_after_scrolling(tiny_store):
+def test_the_row_of_another_run_is_chosen_after_another_choice(tiny_store):
     session = Session(tiny_store)
-    session.dispatch(view_settings.scroll_table, VIEW.name, 1, 1)
-    assert session.state.first_row(VIEW.name) == 1
+    session.dispatch(view_settings.choose_row, VIEW.name, "vanilla")
+    assert VIEW.chosen_row(Scene(session.store, session.state, LoadedData())) == 0
     session.set_run("dataaug")
-    assert session.state.first_row(VIEW.name) is None
+    assert VIEW.drawing(Scene(session.store, session.state, LoadedData()), 60).table.chosen == 1
     session.close()
 
 

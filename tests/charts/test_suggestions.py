@@ -37,7 +37,7 @@ def test_directions_answers_gains_and_values_are_shown(size):
 
 
 def test_details_of_an_answer_hold_intervals_truth_and_the_command():
-    text = text_of(suggestions_input(chosen=1), (120, 40))
+    text = text_of(suggestions_input(chosen="sim 1"), (120, 40))
     assert "camera_height=-0.07 (-0.072 .. -0.068), true -0.09" in text
     assert "sim error 0.54 -> 2.84 m" in text
     assert "answer 1: enter copies the command" in text

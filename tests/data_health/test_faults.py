@@ -164,6 +164,11 @@ def test_the_command_records_the_faults_that_the_language_selects(tiny_store, tm
     for fault in faults:
         selected = s2r("query", path, fault["expression"], "--with-trained", "--count")
         assert int(selected.printed) == fault["n"]
+    of_real = [fault for fault in faults if fault["domain"] == "real"]
+    assert s2r("check", path, "--domain", "real", "--json").json == of_real  # still with pairs
+    with edit(path) as draft:
+        draft.set_provenance(schema.HEALTH, {"real": "30"})
+    assert "10 images were added after the check" in s2r("show", path, "health").out
     s2r("check", path, "--domain", "nowhere").assert_refused("nowhere")
 
 

@@ -51,12 +51,10 @@ def test_only_visible_rows_of_a_long_table_are_made():
     assert set(made) == set(range(499_995, 500_006))
 
 
-@pytest.mark.parametrize(("changes", "row"), [({"brushed": (2, 30)}, 30), ({"first": 17}, 17)])
-def test_the_window_follows_the_brush_and_scrolling(changes, row):
-    table = replace(list_drawing().table, **changes)
-    layout = table_layout(table, 60, 9)
+@pytest.mark.parametrize(("changes", "row"), [({"brushed": (2, 30)}, 30), ({"chosen": 17}, 17)])
+def test_the_window_follows_the_brush_and_the_chosen_row(changes, row):
+    layout = table_layout(replace(list_drawing().table, **changes), 60, 9)
     assert layout.first <= row < layout.first + layout.shown
-    assert layout.first == row or "first" not in changes
 
 
 def test_columns_of_the_largest_rank_are_left_out_before_names_are_cut():

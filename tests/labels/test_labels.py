@@ -19,6 +19,8 @@ from s2rtools.labels.write_labels import write_labels
 from s2rtools.models.load_model import load_model
 from s2rtools.models.preprocessing import preprocess
 from s2rtools.precompute.label_gains import image_gains
+from s2rtui.charts.map import VIEW as MAP
+from tests.support.application import press, running
 from tests.support.copies import copy_store
 
 RUN = "vanilla"
@@ -184,3 +186,29 @@ def test_the_table_ranks_classes_by_their_mean_gain(s2r, tiny_store):
 
 def test_a_run_without_gains_says_what_computes_them(s2r, computed_store):
     assert "`s2r labels import` adds them" in s2r("objects", computed_store).checked(2).err
+
+
+async def test_the_chosen_class_is_marked_on_images_and_map(objects_world):
+    async with running(objects_world, size=(200, 60)) as (app, pilot):
+        await press(app, pilot, "c", "colon", "down", "enter")
+        label = app.session.state.chosen_row("objects")
+        assert label in app.session.state.expression
+        shown = app.loaded.pictures
+        store = app.session.store
+        values = [value for value, name in store.label_names.items() if name == label]
+        for role, side in shown.sides:
+            found = np.isin(store.label_images(role, shown.iid, shown.iid + 1)[0], values)
+            assert found.any() == (side.marked is not None)
+            assert side.marked is None or np.array_equal(side.marked, found)
+        place = next(side.place for _, side in shown.sides if side.place is not None)
+        bounds = store.dataset.bounds
+        assert bounds.x0 <= place[0] <= bounds.x1
+        assert bounds.y0 <= place[1] <= bounds.y1
+        truth = store.instances
+        away = np.array(place) - (truth.x[shown.iid], truth.y[shown.iid])
+        heading = truth.heading[shown.iid]
+        assert away @ (np.cos(heading), np.sin(heading)) > 0  # the object is in front of the camera
+        assert len(MAP.input(app.updater.scene).objects) > 0
+        await press(app, pilot, "escape")
+        assert MAP.input(app.updater.scene).objects == ()
+        assert all(side.marked is None for _, side in app.loaded.pictures.sides)

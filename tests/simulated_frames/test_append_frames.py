@@ -93,7 +93,7 @@ def test_real_instances_get_sim_images(render, real_store):
         difference = store.poses("sim") - store.poses("real")
         assert np.abs(difference[:, :2]).max() < 1e-9
         assert angles.distance(difference[:, 2], 0).max() < 1e-9
-    assert "has images of all trajectories" in render(real_store, "--missing").checked(2).err
+    assert "has images of all instances" in render(real_store, "--missing").checked(2).err
 
 
 def test_real_instances_that_are_appended_later_get_sim_images(render, s2r, real_store):
@@ -105,6 +105,21 @@ def test_real_instances_that_are_appended_later_get_sim_images(render, s2r, real
         assert len(store.instances) == 12
         assert store.imaged("sim", "real").all()
         _assert_frames(store, range(12))
+
+
+def test_the_further_part_of_a_real_trajectory_gets_sim_images(render, s2r, tmp_path, monkeypatch):
+    monkeypatch.setitem(LAYOUTS, "test", recordings.LAYOUT)
+    path, poses = tmp_path / "real.s2r", recordings.walk(9, seed=4)
+    for count, options in ((6, ("--floor", "ground=0", "--size", "16")), (9, ("--append",))):
+        side = recordings.side(poses, np.arange(count))
+        real = recordings.write(tmp_path / f"real{count}", side, seed=1)
+        s2r("ingest", f"test:{real}", "--side", "real", "--store", path, *options).checked()
+        printed = render(path, "--missing").printed
+    assert "3 frames rendered by perl 3, 6 there before" in printed
+    assert verify(path) == []
+    with s2rstore.open(path) as store:
+        assert store.imaged("sim", "real").all()
+        _assert_frames(store, range(9))
 
 
 def test_cameras_ahead_of_the_pose_and_of_their_own_for_depth(render, store_copy, tmp_path):

@@ -49,7 +49,7 @@ def suggest_report(
     )  # fmt: skip
 
 
-def suggestions_input(real: int = 3, sim: int = 3, chosen: int = 0) -> SuggestionsInput:
+def suggestions_input(real: int = 3, sim: int = 3, chosen: str | None = None) -> SuggestionsInput:
     """Both directions with these numbers of answers; one with none has no stored report."""
     directions = []
     counts: tuple[tuple[Side, int], ...] = (("real", real), ("sim", sim))

@@ -11,7 +11,7 @@ from s2rtui.app.widgets.plot import Cell, PlotView, Stroke
 from s2rtui.canvas import Point, Size
 from s2rtui.canvas.marks import PlotArea, panel_at
 from s2rtui.charts.registry import BY_NAME, VIEWS
-from s2rtui.charts.view import TableWindow, View
+from s2rtui.charts.view import View
 from s2rtui.session import brush_geometry, instance_list, view_settings
 from s2rtui.session.state import Brush, Operator
 
@@ -37,13 +37,6 @@ class BrushController:
         if size is None:
             return ()
         return view.panels(self._app.updater.scene, size, self._app.render_options)
-
-    def table_window(self, view: View) -> TableWindow | None:
-        """The visible rows of a view's table; None if it is hidden or has none."""
-        size = self._drawn_size(view)
-        if size is None:
-            return None
-        return view.table_window(self._app.updater.scene, size, self._app.render_options)
 
     def _drawn_size(self, view: View) -> Size | None:
         """Columns and rows of a view on the screen below its title; None if it is hidden."""
@@ -204,7 +197,7 @@ class BrushController:
         self._app.updater.refresh()
 
     def on_wheeled(self, message: PlotView.Wheeled) -> None:
-        """Zoom the plane of the view, scroll its table, or move through the list."""
+        """Zoom the plane of the view, or move through the rows of its table or the list."""
         wheel = message.wheel
         steps = wheel.take_steps()
         if wheel.view not in BY_NAME or not steps:
@@ -218,7 +211,6 @@ class BrushController:
             steps = max(-_MAX_WHEEL_STEPS, min(steps, _MAX_WHEEL_STEPS))
             at = view.plane_point(self._app.updater.scene, point)
             session.dispatch(view_settings.zoom, _WHEEL_ZOOM**steps, at, plane)
-        elif (window := self.table_window(view)) is not None and window.hidden > 0:
-            first = window.first - steps
-            session.dispatch(view_settings.scroll_table, view.name, first, window.hidden)
+        else:
+            self._app.navigation.choose_row(view, -steps)
         self._app.updater.refresh()

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from s2rstore.findings import Finding
 from s2rtui.app.key_bindings import BY_NAME as ACTIONS
 from s2rtui.app.screens.jump import JumpScreen, JumpTarget
-from s2rtui.charts.findings import chosen_finding
+from s2rtui.charts.findings import VIEW as FINDINGS
 from s2rtui.charts.registry import BY_NAME, VIEWS
-from s2rtui.charts.view import StatisticsView, View
-from s2rtui.session import findings, instance_list, view_settings
+from s2rtui.charts.suggestions import VIEW as SUGGESTIONS
+from s2rtui.charts.view import View
+from s2rtui.session import instance_list, view_settings
 from s2rtui.session.view_settings import ZoomPlane
 
 if TYPE_CHECKING:
@@ -88,15 +89,24 @@ class NavigationController:
         if not session.state.fills_screen and not self._app.updater.shows_one_view:
             session.dispatch(view_settings.toggle_full_screen)
 
-    def scroll(self, rows: int) -> None:
-        """Move the visible rows of the active view's table down by some rows."""
-        app = self._app
-        view = BY_NAME[app.session.state.view]
-        window = app.brush.table_window(view)
-        if window is not None:
-            app.session.dispatch(
-                view_settings.scroll_table, view.name, window.first + rows, window.hidden
-            )
+    def choose_row(self, view: View, steps: int, across: int = 0, wraps: bool = False) -> None:
+        """Choose another row of a view's table, down by some rows; wraps: from end to end."""
+        scene = self._app.updater.scene
+        names = () if view.unavailable(scene.store) else view.row_names(scene)
+        if names:
+            present = view.chosen_row(scene)
+            present = view.first_choice(scene) if present is None else present
+            wide = view.row_width(scene)
+            row, column = divmod(present, wide)
+            last = len(names) // wide - 1
+            row = (row + steps) % (last + 1) if wraps else min(max(row + steps, 0), last)
+            name = names[row * wide + min(max(column + across, 0), wide - 1)]
+            self._app.session.dispatch(view_settings.choose_row, view.name, name)
+
+    def move_choice(self, steps: int, across: int = 0) -> None:
+        """Choose another row of the active view's table, or a cell beside the chosen one."""
+        view = BY_NAME[self._app.session.state.view]
+        self.choose_row(view, steps, across, wraps=abs(steps) == 1)
 
     def fill_screen(self) -> None:
         """Fill the screen with the active view, or show all views again."""
@@ -106,66 +116,30 @@ class NavigationController:
         else:
             app.session.dispatch(view_settings.toggle_full_screen)
 
-    def open_finding(self) -> None:
-        """Select the chosen finding's instances and show its view.
+    def open_row(self) -> None:
+        """Select the instances of the chosen row of the active view's table; apply an answer.
 
-        Where the findings stay on the screen beside that view, they keep the keys.
+        The view of a finding is shown; findings that stay on the screen beside it keep the keys.
         """
-        app = self._app
-        scene = app.updater.scene
-        report = BY_NAME["findings"].input(scene)
-        finding = chosen_finding(report, scene.state.finding) if report is not None else None
-        if finding is None:
-            app.session.show_message("there is no finding to select")
-            return
-        app.session.dispatch(findings.open_finding, finding)
+        app, session = self._app, self._app.session
+        view, scene = BY_NAME[session.state.view], app.updater.scene
+        row = None if view.unavailable(scene.store) else view.chosen_row(scene)
+        if view is SUGGESTIONS:
+            app.adjust.apply_answer()
+        elif row is None:
+            session.show_message(f"{view.name} has no row to select")
+        else:
+            view.select_row(session, scene, row)
+            if view is FINDINGS and (report := FINDINGS.input(scene)) is not None:
+                self._show_finding(report.findings[row])
+
+    def _show_finding(self, finding: Finding) -> None:
+        app, message = self._app, self._app.session.state.message
         stays = app.updater.is_placed("findings") and app.session.state.centre != "findings"
-        message = app.session.state.message
         self.show_view(finding.view)
         if stays:
             app.session.dispatch(view_settings.activate, "findings")
         app.session.show_message(message)
-
-    def select_row(self) -> None:
-        """Select the row of the active view's table that holds the cursor's instance."""
-        app, session = self._app, self._app.session
-        view, scene = BY_NAME[session.state.view], app.updater.scene
-        panels = app.brush.panels(view)
-        panel = next((p for p in panels if p.name == session.state.side), next(iter(panels), None))
-        point = None if panel is None else view.cursor_point(scene, panel)
-        if panel is None or point is None:
-            key = ACTIONS["brush"].key
-            session.show_message(f"this instance is in no row: {key} and the arrows choose rows")
-        else:
-            view.click(session, scene, panel, point)
-            state = session.state
-            if not state.message:
-                session.show_message(f"selected {state.expression}: {state.count_text}")
-
-    def choose_row(self, steps: int) -> None:
-        """Choose the row some rows below the present one in a view whose rows are selections."""
-        choices, place = self._choices()
-        if choices:
-            name, _ = choices[(place + steps) % len(choices)]
-            self._app.session.dispatch(view_settings.choose_row, name)
-
-    def select_choice(self) -> None:
-        """Select the instances that the chosen row of the active view stands for."""
-        session = self._app.session
-        choices, place = self._choices()
-        if not choices:
-            session.show_message("there is no row to select")
-            return
-        name, expression = choices[place]
-        session.dispatch(view_settings.choose_row, name)
-        state = session.select(expression)
-        if not state.message:
-            session.show_message(f"selected {state.expression}: {state.count_text}")
-
-    def _choices(self) -> tuple[Sequence[tuple[str, str]], int]:
-        scene = self._app.updater.scene
-        view = BY_NAME[scene.state.view]
-        return view.chosen(scene) if isinstance(view, StatisticsView) else ((), 0)
 
     def jump(self) -> None:
         """Put a letter on every view and part of the status line; the letter goes there."""

@@ -63,8 +63,8 @@ QUESTIONS = (
         ("overlay view('map')", "that heat on the map; o again: of the selection"),
     )),
     Question("What should change, and on which instances?", (
-        ("findings open_finding", "findings (?: not evident); enter selects the instances"),
-        ("view('suggestions') apply_answer", "changes that s2r suggest found; enter applies one"),
+        ("findings open_row", "findings (?: not evident); enter selects the instances"),
+        ("view('suggestions') open_row", "changes that s2r suggest found; enter applies one"),
         ("view('list')", "these instances, the largest error first"),
         ("write_selection", "write them as CSV, JSON or Parquet"),
     )),

@@ -6,8 +6,8 @@ position.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from s2rstore.records import Bounds, Room, Side
 from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
-from s2rtui.canvas import BrushShape
+from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.canvas.fit_text import fit_text
+from s2rtui.canvas.marks import mark_rows
 from s2rtui.charts.compare.change import (
     ALL,
     EQUAL,
@@ -32,6 +33,7 @@ from s2rtui.charts.compare.change import (
     sentences,
     table_rows,
 )
+from s2rtui.charts.mark_expressions import names_expression
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.planes import (
     PANEL,
@@ -45,7 +47,7 @@ from s2rtui.charts.shared.planes import (
     valid_cursor,
     value_range,
 )
-from s2rtui.charts.view import Pane, PointsView, Table
+from s2rtui.charts.view import Pane, PointsView, Table, View
 from s2rtui.drawing.drawing import ColourBar, Drawing
 from s2rtui.drawing.legend import NO_BREAK
 from s2rtui.drawing.plane_marks import Changes, Columns, Floor, Poses, Signs
@@ -53,8 +55,11 @@ from s2rtui.drawing.plot import Mark, Phrase, Plot
 from s2rtui.drawing.scale import Floats, short_number
 from s2rtui.drawing.table import Cell, Column, Row, TableSpec
 from s2rtui.session import run_comparison, targets
+from s2rtui.session.session import Session
 from s2rtui.session.view_settings import ZoomPlane, map_plane
 
+ROWS = "rows"
+"""The panel of the table of rooms."""
 BASELINE = "baseline"
 """The name of the constant prediction where it takes the place of the other run."""
 _RANKS = {"95 % interval": 3, "n": 2, "A m": 1, "B m": 1}
@@ -71,8 +76,7 @@ class CompareInput:
     NaN for none. Differences are second - first: below 0 the second run is better, within `equal`
     both are equal. trajectory, room: (N,) codes, -1 for none, of rooms as indices of `room_list`;
     None without them, as in `room_changes`. trained: (N,) marks instances that the model of either
-    run was trained on, None where none is shown. first_row: of the table of rooms, None for the
-    first.
+    run was trained on, None where none is shown. chosen: the highlighted row of the table.
     """
 
     truth: Columns
@@ -93,7 +97,7 @@ class CompareInput:
     room: Codes | None = None
     room_list: tuple[str, ...] = ()
     trained: Bools | None = None
-    first_row: int | None = None
+    chosen: int | None = None
 
     @property
     def changes(self) -> RoomChanges:
@@ -182,7 +186,7 @@ def _table(data: CompareInput) -> TableSpec | None:
             inks={len(texts) - 1: "muted" if texts[-1] in (NOT_EVIDENT, UNKNOWN) else "truth"})
         for texts in (whole, *rooms)
     )  # fmt: skip
-    return TableSpec(tuple(columns), rows, first=data.first_row)
+    return TableSpec(tuple(columns), rows, ROWS, chosen=data.chosen)
 
 
 @cached_by_identity(4)
@@ -252,7 +256,6 @@ class CompareView(PointsView):
             y_down=store.dataset.y_down, rooms=shown_rooms(scene),
             trajectory=store.instances.trajectory, room=store.instances.room,
             room_list=store.instances.room_names, trained=marked,
-            first_row=state.first_row(self.name),
         )  # fmt: skip
 
     def missing(self, scene: Scene) -> tuple[str, ...]:
@@ -264,10 +267,12 @@ class CompareView(PointsView):
         if missing := self.missing(scene):
             return missing
         data = identity_key(self.input(scene))
-        return state.generation, data, state.viewport, scene.mark(self.name)
+        chosen = state.chosen_row(self.name), state.view == self.name
+        return state.generation, data, state.viewport, scene.mark(self.name), *chosen
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         data, other = self.input(scene), run_comparison.other_run(scene.state)
+        data = replace(data, chosen=self.chosen_row(scene))
         notes = (*_camera_notes(scene, other), data.sentences)
         return compare_drawing(data, scene.state.viewport, scene.mark(self.name), notes)
 
@@ -286,6 +291,43 @@ class CompareView(PointsView):
         other = run_comparison.other_run(scene.state)
         left_out = "" if other is None else scene.other_trained_note(other)
         return self.input(scene).sentences + (f" {left_out}." if left_out else "")
+
+    def row_names(self, scene: Scene) -> Sequence[str]:
+        """All instances, then the rooms; none where there is one room alone."""
+        if self.missing(scene):
+            return []
+        changes = self.input(scene).changes
+        return [ALL, *(name for name, _ in changes.by_size)] if len(changes.rooms) > 1 else []
+
+    def row_expression(self, scene: Scene, row: int) -> str:
+        return self._rooms(scene, BrushShape(ROWS, ((0.0, float(row)),) * 2))
+
+    def _rooms(self, scene: Scene, mark: BrushShape) -> str:
+        """The expression of the rows of the table in a mark."""
+        names = self.row_names(scene)
+        low, high = mark_rows(mark)
+        rooms = names[max(1, low) : high + 1] if low > 0 else []
+        if not rooms:
+            return "all"
+        points = (0.0, 0.0), (0.0, float(len(rooms)))
+        return names_expression(BrushShape(ROWS, points), "room", rooms)
+
+    def click(self, session: Session, scene: Scene, panel: PlotArea, point: Point) -> None:
+        is_table = panel.name == ROWS
+        (View if is_table else PointsView).click(self, session, scene, panel, point)
+
+    def cursor_point(self, scene: Scene, panel: PlotArea) -> Point | None:
+        if panel.name == ROWS:
+            return 0.0, float(self.chosen_row(scene) or 0)
+        return super().cursor_point(scene, panel)
+
+    def instance_at(self, scene: Scene, panel: PlotArea, cell: Point) -> int | None:
+        return None if panel.name == ROWS else super().instance_at(scene, panel, cell)
+
+    def to_expression(self, scene: Scene, panel: PlotArea, mark: BrushShape) -> str:
+        if panel.name == ROWS:
+            return self._rooms(scene, mark)
+        return super().to_expression(scene, panel, mark)
 
     def zoom_plane(self, scene: Scene) -> ZoomPlane:
         return map_plane(scene.store, scene.state)

@@ -52,7 +52,9 @@ class SideView:
 
     rgb: (H, W, 3) uint8, (0, 0, 3) for none. depth: (H, W) metres, NaN where invalid. heat: (h, w)
     over the whole image, any resolution, NaN for none. pose: the prediction on this side.
-    original: (H, W, 3), the image before translation, None where rgb is not translated.
+    original: (H, W, 3), the image before translation, None where rgb is not translated. marked:
+    (H, W), the pixels of the chosen class of objects, None without any; place: where these are on
+    the map in metres, None where unknown.
     """
 
     rgb: NDArray[np.uint8]
@@ -61,6 +63,8 @@ class SideView:
     pose: PoseNumbers | None = None
     title: str = ""
     original: NDArray[np.uint8] | None = None
+    marked: NDArray[np.bool_] | None = None
+    place: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -194,7 +198,7 @@ def images(
         if side.heat is not None and heat is not None and data.over in (over, "both"):
             overlay = ImageValues(side.heat, heat, overlay_ramp(data.signed), "heat")
         label = kind if kind == "original" and ground is not None else ""
-        found[role] = Image(ground, overlay, _MISSING[kind], label)
+        found[role] = Image(ground, overlay, _MISSING[kind], label, side.marked)
     return found
 
 

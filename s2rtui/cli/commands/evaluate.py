@@ -8,10 +8,12 @@ import json
 import math
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import s2rstore
 from s2rstore.errors import RequestError, counted
+from s2rstore.files.planned_poses import read_planned_poses
 from s2rstore.intervals import Interval
 from s2rtools.common.command_line import output, store_argument
 from s2rtools.common.command_line.output import print_coverage
@@ -50,6 +52,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--runs", action="store_true",
         help="list the exchange rates of all runs, with those before their images were "
         "changed")  # fmt: skip
+    add("--sample", type=Path, metavar="FILE.csv",
+        help="poses of `s2r collect --for evaluation`: give the mean error over the free floor by "
+        "the images at them")  # fmt: skip
     add = parser.add_argument_group("output").add_argument
     add("--json", action="store_true", help="print JSON")
 
@@ -57,6 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(options: argparse.Namespace) -> int:
     from s2rstore.metrics.evaluation import evaluate
     from s2rstore.metrics.more_images import POWER
+    from s2rstore.metrics.sampled_mean import sampled_mean
 
     if options.target is not None and not 0 < options.target < math.inf:
         raise RequestError(f"--target {options.target:g}: expected metres above 0")
@@ -65,6 +71,7 @@ def execute(options: argparse.Namespace) -> int:
     power = POWER if options.power is None else options.power
     if not 0 < power < 1:
         raise RequestError(f"--power {power:g}: expected a probability between 0 and 1")
+    poses = () if options.sample is None else read_planned_poses(options.sample)
     with s2rstore.open(options.store) as store:
         store.require_poses("evaluate")
         run = store.run_name(options.run)
@@ -73,16 +80,21 @@ def execute(options: argparse.Namespace) -> int:
             raise RequestError(f"--against {other}: this is the evaluated run itself")
         print_coverage(store, [run, other])
         found = evaluate(store, run, other, options.target, power)
+        sample = sampled_mean(store, run, poses) if poses else None
         changes = _changes(store) if options.runs else []
         models = {name: record.model for name, record in store.runs.items()}
     if options.json:
         content = found.as_json()
+        if sample is not None:
+            content["sample"] = sample.as_json()
         if options.runs:
             content["runs"] = [each.as_json() for each in changes]
         json.dump(content, sys.stdout, indent=1, allow_nan=False)
         sys.stdout.write("\n")
         return 0
     print("\n".join(_lines(found, options.rooms)))
+    if sample is not None:
+        print(f"\n{sample.text}")
     if options.runs:
         rows = [_run_row(each, models[each.run]) for each in changes]
         print("\n" + output.table(_RUNS, rows).rstrip())

@@ -18,6 +18,7 @@ from s2rstore.geometry.rooms import NO_ROOM
 from s2rstore.intervals import LEVEL, Interval
 from s2rstore.language import Node, to_text
 from s2rstore.language.syntax_tree import And, Bend, Compare, Everything, Field, Minus, Named, Or
+from s2rstore.metrics.recall import headline_index, severities
 from s2rstore.reader import Store
 
 Grouping = Literal["room", "heading", "curvature", "trajectory"]
@@ -55,6 +56,8 @@ class GroupErrors:
 
     real: median real error with its 95 % interval, for this group alone, NaN bounds where there
     are too few instances. sim, gap: median sim error, median of real error minus sim error.
+    recall: share of the instances within the thresholds of the headline in reality. share: of the
+    sum of the real errors of all groups.
     """
 
     group: Group
@@ -62,6 +65,8 @@ class GroupErrors:
     real: Interval
     sim: float
     gap: float
+    recall: float = math.nan
+    share: float = math.nan
 
 
 def crossed(first: str, second: str) -> str:
@@ -126,8 +131,10 @@ def group_errors(
     store: Store, run: str, grouped: Groups, population: NDArray[np.bool_]
 ) -> tuple[GroupErrors, ...]:
     """Errors of all groups that have instances in `population` (N,), in the order of the groups."""
-    columns = store.run_columns(run)
-    found = []
+    columns, pairs = store.run_columns(run), store.dataset.recall_thresholds
+    real, found = columns.real, []
+    held = severities(real.error, real.heading_error, *pairs[headline_index(len(pairs))]) <= 1
+    total = float(np.nansum(real.error[np.flatnonzero(population)]))
     for code, members in members_of(store, grouped, population).items():
         found.append(
             GroupErrors(
@@ -136,6 +143,8 @@ def group_errors(
                 real_median(store, run, members),
                 float(np.median(columns.sim.error[members])),
                 float(np.median(columns.gap[members])),
+                float(held[members].mean()),
+                float(np.nansum(real.error[members])) / total if total else math.nan,
             )
         )
     return tuple(found)

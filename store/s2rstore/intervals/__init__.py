@@ -35,6 +35,7 @@ if TYPE_CHECKING:
         ranked_quantile,
         ratio_of_means,
         spearman,
+        stratified_mean,
     )
     from s2rstore.intervals.jackknife import of_rows, of_units, without_each
 
@@ -62,6 +63,7 @@ __all__ = [
     "ratio_of_means",
     "simultaneous_level",
     "spearman",
+    "stratified_mean",
     "without_each",
 ]
 

@@ -109,6 +109,27 @@ def _mean(
     return Interval(low, value, high, level, sample=_sample(values, codes, parts))
 
 
+def stratified_mean(values: Floats, *, level: float = LEVEL, minimum: int = MIN_MEAN) -> Interval:
+    """Mean of `values` (n,), one from each of n strata of equal size, similar strata side by side.
+
+    The variance is that of the differences of neighbours, which is not too small where strata
+    differ; the bounds are corrected for skewness as in `mean`. Source: Wolter, "Introduction to
+    variance estimation", 2007, section 8.2.
+    """
+    values, _ = _known(values, None)
+    value = float(values.mean()) if values.size else np.nan
+    reason = _too_few(values, minimum, "a mean") or _no_spread(values)
+    if reason:
+        return Interval.unknown(value, reason)
+    n = values.size
+    variance = float(np.square(np.diff(values)).sum()) / (2 * (n - 1))
+    part = Spread(np.sqrt(variance / n), 2 * (n - 1) ** 2 / (3 * n - 4))
+    g = skewness(values) * part.error / float(values.std())
+    low, high = skewed_bounds(value, part, g, level)
+    effective = float(values.var() / part.error**2) if part.error else float(n)
+    return Interval(low, value, high, level, sample=Sample(n, effective, 1))
+
+
 def linear(
     value: float, influence: Floats, trajectories: Codes | None = None, *, level: float = LEVEL,
     minimum: int = MIN_DIFFERENCE,

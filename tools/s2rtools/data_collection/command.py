@@ -1,18 +1,18 @@
-"""`s2r collect`: choose the poses at which new real images lower the real error the most."""
+"""`s2r collect`: choose poses for new real images, to train a model on or to evaluate it."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rstore.files.planned_poses import COLUMNS, as_rows
+from s2rstore.files.planned_poses import COLUMNS, PlannedPose, as_rows
 from s2rstore.security.printable_text import printable
 from s2rtools.common.command_line import output, store_argument
 from s2rtools.common.command_line.output import print_coverage
@@ -27,20 +27,28 @@ if TYPE_CHECKING:
 METHODS = ("combined", "error", "novelty", "uniform", "random")
 """As `s2rtools.data_collection.METHODS`, without importing the tools for `--help`."""
 EXAMPLE = "s2r collect lab.s2r --run vanilla --budget 60 --out poses.csv --save collect"
+PURPOSES = ("training", "evaluation")
+_BUDGET, _SAMPLE_BUDGET = 60, 100
 _SHOWN = 10
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", type=store_argument.folder, help="store folder")
     parser.add_argument("--run", help="run whose errors count (default: the first)")
-    parser.add_argument("--budget", type=int, default=60, metavar="N",
-                        help="number of new real images (default 60)")  # fmt: skip
-    parser.add_argument("--method", choices=METHODS, default="combined",
+    parser.add_argument("--for", dest="purpose", choices=PURPOSES, default="training",
+                        help="training: the images from which the run gains most; evaluation: a "
+                        "stratified sample of the free floor, whose mean error `s2r evaluate "
+                        "--sample` gives (default training)")  # fmt: skip
+    parser.add_argument("--budget", type=int, metavar="N",
+                        help="number of new real images (default 60, for evaluation "
+                        "100)")  # fmt: skip
+    parser.add_argument("--method", choices=METHODS,
                         help="what counts: the real error that the sim error does not explain, "
                         "and novelty (combined); the real error; novelty; nothing, spread evenly "
                         "(uniform) or at random (default combined)")  # fmt: skip
     parser.add_argument("--seed", type=int, default=0,
-                        help="random seed of --method random (default 0)")  # fmt: skip
+                        help="random seed of --method random and of the sample (default "
+                        "0)")  # fmt: skip
     group = parser.add_argument_group("your own simulator")
     group.add_argument("--renderer", metavar="COMMAND",
                        help="program that speaks the renderer protocol, as of `s2r render`: render "
@@ -64,28 +72,62 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace, save: Callable[[Store, CollectionPlan, str], None]) -> int:
     """Run the command; `save` saves the selection of `--save`, whose name is checked already."""
-    from s2rtools.data_collection.plan import CollectionRequest, plan_collection
-
-    request = CollectionRequest("", options.budget, options.method, options.seed)
-    renderer = _renderer(options)
     folder = None if options.out is None else options.out.resolve().parent
     if folder is not None and not folder.is_dir():
         raise RequestError(f"--out {options.out}: there is no folder {folder}")
+    if options.purpose == "evaluation":
+        return _execute_sample(options)
+    from s2rtools.data_collection.plan import CollectionRequest, plan_collection
+
+    budget = _BUDGET if options.budget is None else options.budget
+    request = CollectionRequest("", budget, options.method or "combined", options.seed)
+    renderer = _renderer(options)
     with s2rstore.open(options.store) as store, reporter() as progress:
         store.require_poses("collect")
         request = replace(request, run=store.run_name(options.run))
         print_coverage(store, [request.run])
         plan = plan_collection(store, request, progress, renderer)
         if options.out is not None:
-            _write(plan, options)
+            _write(plan.poses, options)
         if options.save is not None:
             save(store, plan, options.save)
-    if options.json:
-        json.dump(_content(plan), sys.stdout, indent=1, allow_nan=False)
-        sys.stdout.write("\n")
-        return 0
-    print("\n".join(_lines(plan, options)))
+    _print(_content(plan), _lines(plan, options), options)
     return 0
+
+
+def _execute_sample(options: argparse.Namespace) -> int:
+    """Choose a stratified sample of the free floor."""
+    from s2rtools.data_collection.evaluation_sample import sample_store
+
+    refuse(options, ("run", "method", "renderer", "save"), "not with --for evaluation")
+    _renderer(options)
+    budget = _SAMPLE_BUDGET if options.budget is None else options.budget
+    with s2rstore.open(options.store) as store, reporter() as progress:
+        store.require_poses("collect")
+        sample = sample_store(store, budget, options.seed, progress)
+    if options.out is not None:
+        _write(sample.poses, options)
+    content = {
+        "budget": budget, "seed": sample.seed, "candidates": sample.candidates,
+        "places": sample.places, "origin": sample.origin, "poses": _poses(sample.poses),
+    }  # fmt: skip
+    lines = [
+        f"a sample of {budget} of {sample.candidates:,} candidates, {sample.origin}, seed "
+        f"{sample.seed}: the plain mean over images at all of its poses is unbiased",
+        *_table(sample.poses, options),
+    ]
+    if options.out is not None:
+        lines += ["", f"then: s2r evaluate {options.store} --run RUN --sample {options.out}"]
+    _print(content, lines, options)
+    return 0
+
+
+def _print(content: dict[str, Any], lines: list[str], options: argparse.Namespace) -> None:
+    if options.json:
+        json.dump(content, sys.stdout, indent=1, allow_nan=False)
+        sys.stdout.write("\n")
+    else:
+        print("\n".join(lines))
 
 
 def _renderer(options: argparse.Namespace) -> CandidateRenderer | None:
@@ -103,10 +145,10 @@ def _renderer(options: argparse.Namespace) -> CandidateRenderer | None:
     )
 
 
-def _write(plan: CollectionPlan, options: argparse.Namespace) -> None:
+def _write(poses: Sequence[PlannedPose], options: argparse.Namespace) -> None:
     from s2rtools.common.command_line.row_formats import csv_text
 
-    text = csv_text(COLUMNS, as_rows(plan.poses), safe=options.safe_csv)
+    text = csv_text(COLUMNS, as_rows(poses), safe=options.safe_csv)
     output.write_file(options.out, text.encode(errors="backslashreplace"))
 
 
@@ -128,8 +170,20 @@ def _content(plan: CollectionPlan) -> dict[str, Any]:
         "rendered": None if plan.views is None else _views(plan.views),
         "covered_share_before": round(plan.covered_before, 6),
         "expression": plan.expression,
-        "poses": [dict(zip(COLUMNS, row, strict=True)) for row in as_rows(plan.poses)],
+        "poses": _poses(plan.poses),
     }
+
+
+def _poses(poses: Sequence[PlannedPose]) -> list[dict[str, Any]]:
+    return [dict(zip(COLUMNS, row, strict=True)) for row in as_rows(poses)]
+
+
+def _table(poses: Sequence[PlannedPose], options: argparse.Namespace) -> list[str]:
+    """The poses as a table; of those in a file, the first ones."""
+    shown = poses if options.out is None else poses[:_SHOWN]
+    more = len(poses) - len(shown)
+    rest = [f"... and {more} more in {options.out}"] if more else []
+    return ["", output.table(COLUMNS, as_rows(shown)).rstrip(), *rest]
 
 
 def _views(views: RenderedViews) -> dict[str, int]:
@@ -169,11 +223,7 @@ def _lines(plan: CollectionPlan, options: argparse.Namespace) -> list[str]:
         lines.append(_views_text(plan.views))
     if len(plan.poses) < request.budget:
         lines.append(f"there are only {len(plan.poses)} candidates for --budget {request.budget}")
-    shown = plan.poses if options.out is None else plan.poses[:_SHOWN]
-    lines += ["", output.table(COLUMNS, as_rows(shown)).rstrip()]
-    if len(shown) < len(plan.poses):
-        lines.append(f"... and {len(plan.poses) - len(shown)} more in {options.out}")
-    lines += ["", f"nearest instances: {plan.expression}"]
+    lines += [*_table(plan.poses, options), "", f"nearest instances: {plan.expression}"]
     if options.save is not None:
         lines.append(f"saved as @{options.save}")
     if options.out is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, get_args
 
@@ -41,14 +42,19 @@ class CollectionRequest:
 
     def __post_init__(self) -> None:
         """Raises RequestError for values out of range."""
-        if not 1 <= self.budget <= MAX_BUDGET:
-            raise RequestError(f"--budget {self.budget}: must be 1 to {MAX_BUDGET}")
+        check_request(self.budget, self.seed)
         if self.method not in get_args(Method):
             raise RequestError(
                 f"--method {self.method}: must be one of {', '.join(get_args(Method))}"
             )
-        if self.seed < 0:
-            raise RequestError(f"--seed {self.seed}: must be 0 or more")
+
+
+def check_request(budget: int, seed: int) -> None:
+    """Raise RequestError for a number of poses or a random seed out of range."""
+    if not 1 <= budget <= MAX_BUDGET:
+        raise RequestError(f"--budget {budget}: must be 1 to {MAX_BUDGET}")
+    if seed < 0:
+        raise RequestError(f"--seed {seed}: must be 0 or more")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,19 +128,8 @@ def plan_collection(
     # Where nothing is similar, the nearest position counts.
     nearest = np.where(alike.max(axis=1) > 0, alike.argmax(axis=1), distance.argmin(axis=1))
     names = (*store.instances.room_names, "")
-    planned = tuple(
-        PlannedPose(
-            round(float(x), 3),
-            round(float(y), 3),
-            round(math.degrees(angles.wrap(heading)), 1),
-            names[room],
-            float(f"{gain:.4g}"),
-            _reason(values, cell, evidence),
-        )
-        for (x, y, heading), room, gain, cell in zip(
-            poses.tolist(), rooms.tolist(), batch.gains.tolist(), cells.tolist(), strict=True
-        )
-    )
+    reasons = [_reason(values, cell, evidence) for cell in cells.tolist()]
+    planned = planned_poses(candidates, cells, names, batch.gains.tolist(), reasons)
     total = max(batch.total, 1e-12)
     return CollectionPlan(
         request=request,
@@ -151,6 +146,26 @@ def plan_collection(
         nearest=evidence.iids[nearest],
         views=views,
     )
+
+
+def planned_poses(
+    candidates: CandidatePoses, cells: NDArray[np.intp], rooms: Sequence[str],
+    gains: Sequence[float], reasons: Sequence[str],
+) -> tuple[PlannedPose, ...]:  # fmt: skip
+    """The poses of flat indices (n,) with the gain, NaN for none, and the reason of each.
+
+    `rooms` are the names of the rooms, the last one that of places in none.
+    """
+    return tuple(
+        PlannedPose(
+            round(x, 3), round(y, 3), round(math.degrees(angles.wrap(heading)), 1), rooms[room],
+            float(f"{gain:.4g}"), reason,
+        )
+        for (x, y, heading), room, gain, reason in zip(
+            candidates.poses(cells).tolist(), candidates.rooms_of(cells).tolist(), gains, reasons,
+            strict=True,
+        )
+    )  # fmt: skip
 
 
 def choose_poses(

@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("poses (one of these)")
     poses = group.add_mutually_exclusive_group(required=True)
     poses.add_argument("--missing", action="store_true",
-                       help="the instances of trajectories without sim images")  # fmt: skip
+                       help="the instances of trajectories that lack sim images")  # fmt: skip
     poses.add_argument("--poses", type=Path, metavar="FILE.csv",
                        help="the poses of a CSV file: x_m, y_m, heading_deg, as `s2r collect` "
                        "writes them")  # fmt: skip

@@ -93,15 +93,16 @@ def random_poses(store: Store, count: int, seed: int) -> RequestedPoses:
 
 
 def missing_poses(store: Store, domain: str) -> RequestedPoses:
-    """The poses of the instances of all trajectories of which a domain has no images.
+    """The poses of all instances of the trajectories of which a domain lacks images.
 
     Raises RequestError where there is none, and where some of their instances have no pose.
     """
     imaged = store.imaged_parts.get(domain, frozenset())
-    partly = {part.trajectory for part in imaged}
-    names = [each.trajectory for each in store.trajectories if each.trajectory not in partly]
+    names = list(dict.fromkeys(
+        part.trajectory for part in store.trajectory_parts if part not in imaged
+    ))  # fmt: skip
     if not names:
-        raise RequestError(f"{store.path}: domain {domain} has images of all trajectories")
+        raise RequestError(f"{store.path}: domain {domain} has images of all instances")
     iids = np.concatenate([store.iids_of(name) for name in names])
     truth = store.instances
     poses = np.column_stack([truth.x[iids], truth.y[iids], truth.heading[iids]])
