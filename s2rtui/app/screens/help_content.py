@@ -65,7 +65,7 @@ QUESTIONS = (
     Question("What should change, and on which instances?", (
         ("findings open_row", "findings (?: not evident); enter selects the instances"),
         ("view('suggestions')", "changes that s2r suggest found; enter applies one"),
-        ("view('pivot') figure", "instances by room and heading: where images are missing"),
+        ("view('pivot') figure", "instances by room and heading: where images lack"),
         ("write_selection", "write them as CSV, JSON or Parquet"),
     )),
 )  # fmt: skip
