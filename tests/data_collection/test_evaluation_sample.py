@@ -8,6 +8,7 @@ import pytest
 
 import s2rstore
 from s2rstore.files.planned_poses import COLUMNS, PlannedPose, read_planned_poses
+from s2rstore.index.transaction import edit
 from s2rstore.intervals import stratified_mean
 from s2rstore.metrics.sampled_mean import sampled_mean
 from s2rtools.data_collection.candidates import CandidatePoses
@@ -59,9 +60,12 @@ def test_the_mean_is_unbiased_and_varies_less_than_that_of_random_poses(candidat
     assert exact > count / 0.75
 
 
-def test_an_image_counts_for_the_nearest_pose_alone(tiny_store):
-    with s2rstore.open(tiny_store) as store:
-        iids = [3, 17, 30]
+def test_an_image_counts_for_the_nearest_pose_alone(store_copy):
+    """With or without a sim image."""
+    iids = [3, 17, 30]
+    with edit(store_copy) as draft:
+        draft.rows("DELETE FROM prediction WHERE run = 'vanilla' AND side = 'sim' AND iid = 17")
+    with s2rstore.open(store_copy) as store:
         poses = [
             PlannedPose(x + 0.05, y, math.degrees(heading) + 4)
             for x, y, heading in store.poses("real")[iids].tolist()

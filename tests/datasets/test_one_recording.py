@@ -75,6 +75,30 @@ def test_a_recording_is_appended_to_pairs_in_the_world_of_the_store(tmp_path):
         np.testing.assert_allclose(opened.poses("sim")[iids, :2], ALONE[:, :2], atol=1e-9)
 
 
+def test_what_pairs_left_out_is_appended_from_the_same_recordings(tmp_path):
+    """Each side has a trajectory of its own; the sim poses of pairs are off by 5 cm."""
+    store, folders = tmp_path / "s.s2r", []
+    for seed, (walk, name) in enumerate(
+        ((PAIRS + np.array([0.05, 0, 0]), "renders"), (PAIRS, "photos"))
+    ):
+        parts = recordings.side(walk), recordings.side(ALONE, name=name)
+        both = recordings.Side(*(
+            {**getattr(parts[0], each), **getattr(parts[1], each)}
+            for each in ("poses", "names", "times")
+        ))  # fmt: skip
+        folders.append(recordings.write(tmp_path / name, both, seed=seed))
+    floors = ("--sim-floor", "ground=0", "--real-floor", "ground=0", "--sim-trajectory", "walk",
+              "--real-trajectory", "walk")  # fmt: skip
+    pair = "--sim", f"test:{folders[0]}", "--real", f"test:{folders[1]}"
+    assert ingest(store, "pairs", *pair, *floors, "--match", "name") == 0
+    for side, folder in zip(("sim", "real"), folders, strict=True):
+        assert ingest(store, f"test:{folder}", "--side", side, "--append") == 0
+    assert verify(store) == []
+    assert selected(store, "paired", "traj:renders & has:sim", "traj:photos & has:real", "all") == [
+        N, MORE, MORE, N + 2 * MORE,
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -89,6 +89,7 @@ def test_a_jpeg_is_turned_as_its_metadata_state(tmp_path, target):
 
 
 def test_a_video_keeps_size_rate_and_length(tmp_path):
+    pytest.importorskip("av")
     writer = cv2.VideoWriter(
         str(tmp_path / "a.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 12.0, (32, 24)
     )

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry.rooms import NO_ROOM
+from s2rstore.index.columns import SideColumns
 from s2rstore.intervals import LEVEL, Interval, simulation
 from s2rstore.intervals.simulation import Simulated, WithSimulation
 from s2rstore.metrics.more_images import (
@@ -64,13 +65,17 @@ def images_of(
         columns = store.run_columns(run)
         new = ~columns.trained
         pairs &= columns.attempted & new
-        applied = (columns.sim.split >= 0) | ~np.isnan(columns.sim.error)
-        simulated &= ~columns.attempted & new & applied
+        simulated &= ~columns.attempted & new & applied_to(columns.sim)
     if not pairs.any():
         raise RequestError(
             f"{store.path}: no instance with both images is new to {' and '.join(runs)}"
         )
     return Images(store.in_recording_order(pairs), store.in_recording_order(simulated))
+
+
+def applied_to(side: SideColumns) -> NDArray[np.bool_]:
+    """The instances (N,) to whose image of a side a run was applied."""
+    return np.asarray((side.split >= 0) | ~np.isnan(side.error))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,7 +15,7 @@ from s2rstore import intervals
 from s2rstore.files.planned_poses import PlannedPose
 from s2rstore.geometry import angles
 from s2rstore.intervals import Interval
-from s2rstore.metrics.evaluation import images_of
+from s2rstore.metrics.evaluation import applied_to
 from s2rstore.reader import Store
 
 MATCH_METRES, MATCH_DEGREES = 0.5, 20.0
@@ -36,9 +36,10 @@ class SampledMean:
     @property
     def text(self) -> str:
         """The mean as a sentence, and how many images at random poses would be as exact."""
-        found = self.mean.with_bounds("{:.2f}".format)
+        value = "-" if math.isnan(self.mean.value) else f"{self.mean.value:.2f} m"
         text = (
-            f"mean real error over the free floor {found} m: {self.taken} images within "
+            f"mean real error over the free floor {value} ({self.mean.bounds_text(unit='m')}): "
+            f"{self.taken} images within "
             f"{MATCH_METRES:g} m and {MATCH_DEGREES:g} degrees of {self.planned} sampled poses"
         )
         if self.mean.sample is None:
@@ -53,14 +54,16 @@ class SampledMean:
 def sampled_mean(store: Store, run: str, poses: Sequence[PlannedPose]) -> SampledMean:
     """The mean real error from the images at the poses of a sample, in its order.
 
-    An image counts for the nearest pose, one for each. Raises RequestError where no pair is new to
-    the run.
+    An image counts for the nearest pose, one for each, with or without a sim image. Images that the
+    model was trained on do not count.
     """
-    images = images_of(store, [run]).pairs
-    truth = store.poses(store.run(run).real_domain)[images]
+    columns = store.run_columns(run)
+    truth = store.poses(store.run(run).real_domain)
+    counts = applied_to(columns.real) & ~columns.trained & np.isfinite(truth).all(axis=1)
+    images = store.in_recording_order(counts)
     wanted = np.array([(p.x_m, p.y_m, math.radians(p.heading_deg)) for p in poses]).reshape(-1, 3)
-    rows = _nearest(wanted, truth)
-    errors = store.run_columns(run).real.error[images[rows[rows >= 0]]].astype(np.float64)
+    rows = _nearest(wanted, truth[images])
+    errors = columns.real.error[images[rows[rows >= 0]]].astype(np.float64)
     mean = intervals.stratified_mean(errors[np.isfinite(errors)])
     return SampledMean(len(poses), int(np.count_nonzero(rows >= 0)), mean)
 

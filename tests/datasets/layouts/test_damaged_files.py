@@ -71,6 +71,12 @@ def polycam(folder: Path) -> Path:
     return folder
 
 
+def video(folder: Path) -> Path:
+    from tests.datasets.layouts import test_video  # skips where there is no av
+
+    return test_video.write(folder)
+
+
 def written(layout: str) -> Callable[[Path], Path]:
     return lambda folder: write(layout, folder / "side", drive(0.1 * k for k in range(4)))[0]
 
@@ -83,6 +89,7 @@ RECORDINGS: dict[str, tuple[Callable[[Path], Path], dict[str, str]]] = {
     "polycam": (polycam, {}),
     "lerobot (v2.1)": (partial(lerobot, version="v2.1"), test_lerobot.OPTIONS),
     "lerobot (v3.0)": (partial(lerobot, version="v3.0"), test_lerobot.OPTIONS),
+    "video": (video, {"start": "100"}),
     "bag (ROS 1)": (lambda folder: walk_bag(folder / "a.bag", walk(4)).write(), {}),
     "bag (SQLite)": (lambda folder: walk_bag(folder / "bag", walk(4)).write(), {}),
     "bag (MCAP)": (lambda folder: walk_bag(folder / "bag-mcap", walk(4)).write(), {}),

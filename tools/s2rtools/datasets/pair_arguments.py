@@ -86,7 +86,9 @@ def scan_one(
         with s2rstore.open(store) as opened:
             worlds, domain = stored_worlds(opened, ()), opened.domains.get(side)
     floor = _floor("--floor", options.floor)
-    recording = _read("", options.layout, options.option, options.trajectory, options.allow_outside)
+    recording = read_recording(
+        "", options.layout, options.option, options.trajectory, options.allow_outside
+    )
     map_options = MapOptions(frame, options.header, options.allow_outside, worlds)
     return scan_recording(recording, side, floor, map_options, domain)
 
@@ -119,10 +121,10 @@ def _recording(side: Side, options: argparse.Namespace) -> Recording:
     place, texts, trajectories = (
         getattr(options, f"{side}{name}") for name in ("", "_option", "_trajectory")
     )
-    return _read(f"{side}", place, texts, trajectories, options.allow_outside)
+    return read_recording(f"{side}", place, texts, trajectories, options.allow_outside)
 
 
-def _read(
+def read_recording(
     side: str, place: str, texts: Sequence[str], trajectories: Sequence[str], allow_outside: bool
 ) -> Recording:
     """The recording LAYOUT:PATH; `side` begins the names of its arguments, if they have one."""

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import cv2
-import numpy as np
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import check_regular, read_bytes
+from s2rstore.files.input_files import read_bytes
 from s2rtools.common.command_line.progress import Reporter
 from s2rtools.common.image_files import SUFFIXES
+from s2rtools.common.video_files import CODECS, Video, VideoWriter
 from s2rtools.translation.apply_bag import apply_to_bag
 from s2rtools.translation.apply_report import Translated, publish_at
 from s2rtools.translation.image_codec import UndecodableImageError, decode_compressed
@@ -22,13 +22,10 @@ from s2rtools.translation.image_set import (
 )
 from s2rtools.translation.method import Translator, translate_image
 
-VIDEO_CODECS = {".mp4": "mp4v", ".avi": "MJPG", ".mkv": "MJPG", ".mov": "mp4v"}
-"""Codec by suffix; each is part of OpenCV."""
-VIDEO_SUFFIXES = (*VIDEO_CODECS, ".webm", ".mpg", ".mpeg", ".m4v")
+VIDEO_SUFFIXES = (*CODECS, ".webm", ".mpg", ".mpeg", ".m4v")
 BAG_SUFFIXES = (".bag", ".mcap", ".db3")
 _KEPT_SUFFIXES = {".jpg": "jpeg", ".jpeg": "jpeg", ".png": "png"}
 _JPEG_QUALITY = 95
-_DEFAULT_RATE = 30.0
 
 Apply = Callable[[Translator, float, Path, Path, Reporter], Translated]
 
@@ -91,52 +88,21 @@ def apply_to_video(
     Frames announced by the file that cannot be decoded are counted. Raises RequestError if none
     can be.
     """
-    if target.suffix.lower() not in VIDEO_CODECS:
-        raise RequestError(f"{target}: not a video format; one of {', '.join(VIDEO_CODECS)}")
-    check_regular(source)
-    video = cv2.VideoCapture(str(source))
-    try:
-        size = int(video.get(cv2.CAP_PROP_FRAME_WIDTH)), int(video.get(cv2.CAP_PROP_FRAME_HEIGHT))
-        announced = max(0, int(video.get(cv2.CAP_PROP_FRAME_COUNT)))
-        if not video.isOpened() or min(size) < 1:
-            raise RequestError(f"{source}: cannot be decoded as a video")
+    if target.suffix.lower() not in CODECS:
+        raise RequestError(f"{target}: not a video format; one of {', '.join(CODECS)}")
+    with Video(source) as video, publish_at(target) as part:
+        announced = len(video.stamps)
         report.begin("translate", announced)
-        with publish_at(target) as part:
-            frames = _translate_video(translator, strength, video, part, size, report)
-            if not frames:
-                raise RequestError(f"{source}: no frame of this video can be decoded")
-        return Translated(frames, max(0, announced - frames))
-    finally:
-        video.release()
-
-
-def _translate_video(
-    translator: Translator,
-    strength: float,
-    video: cv2.VideoCapture,
-    part: Path,
-    size: tuple[int, int],
-    report: Reporter,
-) -> int:
-    codec = cv2.VideoWriter.fourcc(*VIDEO_CODECS[part.suffix.lower()])
-    rate = video.get(cv2.CAP_PROP_FPS)
-    rate = rate if 0 < rate < 1000 else _DEFAULT_RATE
-    writer = cv2.VideoWriter(str(part), codec, rate, size)
-    if not writer.isOpened():
-        raise RequestError(f"{part}: cannot be written as a video of {size[0]} x {size[1]} pixels")
-    frames = 0
-    try:
-        while True:
-            found, bgr = video.read()
-            if not found:
-                return frames
-            rgb = np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB))
-            translated = translate_image(translator, rgb, strength)
-            writer.write(cv2.cvtColor(translated, cv2.COLOR_RGB2BGR))
+        writer = VideoWriter(part, video.rate, video.size)
+        frames = 0
+        for rgb in video.frames():
+            writer.write(translate_image(translator, rgb, strength))
             frames += 1
             report.advance(1)
-    finally:
-        writer.release()
+        writer.close()
+        if not frames:
+            raise RequestError(f"{source}: no frame of this video can be decoded")
+    return Translated(frames, max(0, announced - frames))
 
 
 def _translate_file(translator: Translator, strength: float, source: Path, target: Path) -> None:

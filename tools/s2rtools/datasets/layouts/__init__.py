@@ -25,6 +25,7 @@ _MODULES = {
     "polycam": "polycam",
     "scannet": "scannet",
     "tum": "tum",
+    "video": "video",
 }
 """The modules of this package that define layouts, loaded when they are used."""
 LAYOUTS = Registry[Layout](

@@ -23,8 +23,6 @@ from s2rtools.datasets.recordings.lerobot_files import (
     STATE,
     Episode,
     FrameNumbers,
-    ImageStore,
-    StoredImage,
     episodes_of,
     first_size,
     image_store,
@@ -35,6 +33,7 @@ from s2rtools.datasets.recordings.recorded_poses import (
     poses_from_quaternions,
 )
 from s2rtools.datasets.recordings.stated_cameras import CAMERA_OPTION, camera_option
+from s2rtools.datasets.recordings.video_images import ImageStore, StoredImage
 from s2rtools.datasets.scan import choose_trajectories
 
 

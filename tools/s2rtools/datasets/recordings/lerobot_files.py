@@ -14,7 +14,7 @@ import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import cv2
 import msgspec
@@ -22,13 +22,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import decode_json, open_regular, read_bytes
+from s2rstore.files.input_files import decode_json, read_bytes
 from s2rstore.index.parquet_table import read_blobs, read_columns, read_vectors
-from s2rtools.common.image_files import MAX_PIXELS
 from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.files.image_decoding import decode_image
 from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recording import SourceImage
+from s2rtools.datasets.recordings.video_images import ImageStore, VideoImages
 
 STATE = "observation.state"
 _NUMBERS = ("episode_index", "frame_index", "timestamp")
@@ -37,11 +37,6 @@ _MAX_EPISODES = 100_000
 _MAX_NUMBER = 1e12
 """Largest number of an episode, a file or a frame, and time in seconds."""
 _FIELD = re.compile(r"\{(\w+)(?::0?(\d*)d)?\}")
-_MP4 = b"ftyp"
-"""Bytes 4 to 8 of every MP4 file; FFmpeg reads playlists, too, which name other files."""
-_AHEAD = 60
-"""Frames that are decoded to reach one ahead; beyond, the video is searched."""
-_CACHED = 16
 _BLOCK = 64
 """Images that are read from Parquet at once."""
 
@@ -229,13 +224,6 @@ class FrameNumbers:
         return self._state[rows]
 
 
-class ImageStore(Protocol):
-    """Images by file and number, from any thread."""
-
-    def read(self, file: str, number: int) -> SourceImage | InputIssue: ...
-    def path(self, file: str) -> Path: ...
-
-
 def first_size(
     path: Path, images: ImageStore, episode: Episode, number: int, codec: str
 ) -> tuple[int, int]:
@@ -248,71 +236,6 @@ def first_size(
         raise RequestError(f"{image.file}: {image.kind} ({image.detail}){advice}")
     height, width = image.pixels.shape[:2]
     return height, width
-
-
-class VideoImages:
-    """Frames of videos; the SHA-256 is that of the decoded pixels."""
-
-    def __init__(self, containment: PathContainment, codec: str) -> None:
-        self._containment, self._codec = containment, codec
-        self._lock = threading.Lock()
-        self._file: str | None = None
-        self._next = 0
-        self._capture = cv2.VideoCapture()
-        self._frames: dict[int, NDArray[np.uint8]] = {}
-
-    def read(self, file: str, number: int) -> SourceImage | InputIssue:
-        name = f"{file}:{number}"
-        with self._lock:
-            try:
-                self._open(file)
-            except RequestError as error:
-                return InputIssue("unreadable image", name, str(error))
-            pixels = self._frames.get(number)
-            if pixels is None:
-                pixels = self._decoded(number)
-        if pixels is None:
-            detail = f"frame {number} of a video in {self._codec} cannot be decoded"
-            return InputIssue("unreadable image", name, detail)
-        return SourceImage(pixels, hashlib.sha256(pixels.tobytes()).hexdigest(), 8)
-
-    def path(self, file: str) -> Path:
-        """The path of a file of the data set."""
-        return self._containment.folder / file
-
-    def _open(self, file: str) -> None:
-        if file == self._file:
-            return
-        path = self._containment.resolve(file, str(self._containment.folder))
-        with open_regular(path) as video:
-            is_mp4 = video.read(8)[4:] == _MP4
-        self._frames.clear()
-        self._file, self._next = file, 0
-        self._capture.release()
-        if not is_mp4:
-            return
-        self._capture.open(str(path.absolute()), cv2.CAP_FFMPEG)
-        width = self._capture.get(cv2.CAP_PROP_FRAME_WIDTH)
-        if width * self._capture.get(cv2.CAP_PROP_FRAME_HEIGHT) > MAX_PIXELS:
-            self._capture.release()
-
-    def _decoded(self, number: int) -> NDArray[np.uint8] | None:
-        if not self._capture.isOpened():
-            return None
-        if not 0 <= number - self._next <= _AHEAD:
-            self._capture.set(cv2.CAP_PROP_POS_FRAMES, number)
-            self._next = number
-        while self._next <= number:
-            found, pixels = self._capture.read()
-            if not found:
-                self._next = -1 - _AHEAD
-                return None
-            rgb = np.ascontiguousarray(pixels[..., ::-1])
-            self._frames[self._next] = rgb
-            self._next += 1
-            while len(self._frames) > _CACHED:
-                del self._frames[next(iter(self._frames))]
-        return self._frames[number]
 
 
 class ParquetImages:
@@ -356,37 +279,3 @@ def image_store(containment: PathContainment, key: str, feature: Feature) -> Ima
     if feature.dtype == "video":
         return VideoImages(containment, feature.codec)
     return ParquetImages(containment, key)
-
-
-@dataclass(frozen=True, slots=True)
-class StoredImage:
-    """An image of an `ImageStore`; see `recording.RecordedImage`."""
-
-    images: ImageStore
-    file: str
-    number: int
-    size: tuple[int, int]
-
-    @property
-    def name(self) -> str:
-        return f"{self.file}:{self.number}"
-
-    @property
-    def pixels(self) -> int:
-        return self.size[0] * self.size[1]
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        return (self.images.path(self.file),)
-
-    def checksum(self) -> str | None:
-        image = self.images.read(self.file, self.number)
-        return None if isinstance(image, InputIssue) else image.sha256
-
-    def read(self) -> SourceImage | InputIssue:
-        image = self.images.read(self.file, self.number)
-        if isinstance(image, SourceImage) and image.pixels.shape[:2] != self.size:
-            height, width = image.pixels.shape[:2]
-            expected = f"expected {self.size[1]}x{self.size[0]}"
-            return InputIssue("wrong size", self.name, f"{width}x{height}, {expected}")
-        return image

@@ -1,0 +1,150 @@
+"""A video with the poses of its camera: MP4, MKV, WebM, AVI or MOV, and a CSV file.
+
+    timestamp,x,y,z,qx,qy,qz,qw      6-DoF poses, or
+    timestamp,x,y,heading            poses on the floor, as in layout csv
+
+Times are seconds, ascending. Those of the frames are the exact ones of the video, which may have a
+varying rate; option `start` puts the first frame on the clock of the poses. A pose is interpolated
+between the two around a frame. The TOML or JSON file with the name of the video, or that of option
+`camera`, describes the camera: see `camera_description`. Depth is a second video, of 16 bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rtools.common.lazy_sequence import LazySequence
+from s2rtools.common.tables.csv_rows import missing_column, parse_float, read_rows
+from s2rtools.common.video_files import Video
+from s2rtools.datasets.recording import (
+    Layout,
+    ReadOptions,
+    RecordedFrame,
+    RecordedTrajectory,
+    Recording,
+    trajectory_name,
+)
+from s2rtools.datasets.recordings.camera_description import CameraDescription, describe_cameras
+from s2rtools.datasets.recordings.recorded_poses import (
+    in_optical_axes,
+    level_poses,
+    mutual_nearest,
+    poses_at,
+    poses_from_quaternions,
+)
+from s2rtools.datasets.recordings.stamped_lists import report_none_near
+from s2rtools.datasets.recordings.video_images import StoredImage, VideoImages
+
+MAX_GAP = 0.5
+"""Seconds between two poses that are interpolated."""
+TOLERANCE = 0.02
+"""Seconds between a frame and its depth image."""
+_FULL = ("x", "y", "z", "qx", "qy", "qz", "qw")
+_ON_FLOOR = ("x", "y", "heading")
+
+
+def read(path: Path, options: ReadOptions) -> Recording:
+    """Read a video, its poses and the description of its camera; frames are not decoded.
+
+    Raises RequestError if one of them is missing or malformed.
+    """
+    if not path.is_file():
+        raise RequestError(f"{path}: {'no regular file' if path.exists() else 'no such file'}")
+    name = trajectory_name(path.stem)
+    recording = Recording("video", name, path.parent, allow_outside=options.allow_outside)
+    description = describe_cameras(recording, options.values.get("camera"), path)
+    csv = recording.resolve(options.values.get("poses", f"{path.stem}.csv"))
+    known_times, known_poses = _poses(csv, description)
+    with Video(path) as video:
+        times, size, codec = video.times, video.size, video.codec
+    if not times.size:
+        raise RequestError(f"{path}: no frames in it")
+    start = options.values.get("start")
+    shift = 0.0 if start is None else _number("start", start) - float(times[0])
+    every = options.positive("every", 1.0)
+    if every != int(every):
+        raise RequestError(f"option every={options.values['every']}: must be a whole number")
+    poses = poses_at(times + shift, known_times, known_poses, MAX_GAP, max_hold=0)
+    posed = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
+    depth_rows = np.zeros(len(times), dtype=np.intp)
+    depth_size, depth = size, options.values.get("depth")
+    if depth is not None:
+        with Video(recording.resolve(depth)) as video:
+            depth_rows, depth_size = mutual_nearest(times, video.times, TOLERANCE), video.size
+    rows = np.arange(0, len(times), int(every))
+    lost = [(f"{path.name}:{row}", float(times[row] + shift)) for row in rows[~posed[rows]]]
+    rule = f"not between two poses at most {MAX_GAP * 1000:g} ms apart"
+    report_none_near(recording, "no pose", lost, known_times, rule)
+    rows = rows[posed[rows] & (depth_rows[rows] >= 0)]
+    images = VideoImages(recording.containment, codec)
+    deep = VideoImages(recording.containment, "depth")
+
+    def frame(place: int) -> RecordedFrame:
+        row = int(rows[place])
+        rgb = StoredImage(images, path.name, row, size)
+        if depth is None:
+            return RecordedFrame(rgb)
+        return RecordedFrame(rgb, StoredImage(deep, depth, int(depth_rows[row]), depth_size))
+
+    recording.trajectories[recording.only_name] = RecordedTrajectory(
+        LazySequence(len(rows), frame), poses[rows], times[rows] + shift
+    )
+    recording.provenance |= {"codec": codec, "poses": csv.name, "max_gap_s": MAX_GAP}
+    return recording
+
+
+def _poses(
+    csv: Path, description: CameraDescription
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Times (K,), ascending, and camera poses (K, 4, 4) of a CSV file."""
+    columns: tuple[str, ...] = ()
+
+    def check(names: Collection[str]) -> None:
+        nonlocal columns
+        columns = _FULL if "qx" in names else _ON_FLOOR
+        if missing := [name for name in ("timestamp", *columns) if name not in names]:
+            needed = f"timestamp, {', '.join(_FULL)}; or timestamp, {', '.join(_ON_FLOOR)}"
+            raise missing_column(csv, missing[0], names, needed)
+
+    table = [
+        [parse_float(row[name]) for name in ("timestamp", *columns)]
+        for _, row in read_rows(csv, ("timestamp", *_FULL, "heading"), check)
+    ]
+    values = np.array(table, dtype=np.float64).reshape(len(table), -1)
+    values = values[np.isfinite(values).all(axis=1)] if len(table) else values
+    if len(values) < 2:
+        raise RequestError(f"{csv}: {len(values)} poses; at least two are needed")
+    times, pose = values[:, 0], values[:, 1:]
+    if np.any(np.diff(times) <= 0):
+        raise RequestError(f"{csv}: times are not ascending")
+    if len(columns) == len(_ON_FLOOR):
+        headings = np.radians(pose[:, 2])
+        level = np.column_stack([pose[:, :2], headings])
+        return times, level_poses(level, description.camera_height)
+    full = poses_from_quaternions(pose[:, :3], pose[:, 3:])
+    return times, in_optical_axes(full) if description.pose_axes == "robot" else full
+
+
+def _number(option: str, text: str) -> float:
+    value = parse_float(text)
+    if not np.isfinite(value):
+        raise RequestError(f"option {option}={text}: must be a number of seconds")
+    return value
+
+
+LAYOUT = Layout(
+    read,
+    "video and a CSV file with the poses of its camera",
+    {
+        "poses": "CSV file beside the video (default: that with the name of the video)",
+        "camera": "TOML or JSON file that describes the camera (default: that beside the video)",
+        "depth": "video of depth beside it, of 16 bits, such as FFV1 in MKV",
+        "start": "time of the first frame on the clock of the poses, s (default: the video's own)",
+        "every": "read one of so many frames (default 1)",
+    },
+)
