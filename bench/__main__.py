@@ -23,6 +23,7 @@ from bench import (
     end_to_end,
     evaluation_sample,
     exchange,
+    faults,
     growth,
     harm,
     harm_cost,
@@ -68,6 +69,7 @@ _MEASUREMENTS = (
     "rendering",
     "harm_cost",
     "sheet",
+    "faults",
     "end_to_end",
 )
 _ON_REQUEST = (
@@ -136,6 +138,8 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
             yield from remote.figures(store, folder / "remote")
     if "contrast" in selected:
         yield from contrast.figures(options.store)
+    if "faults" in selected:
+        yield from faults.figures(folder)
     if "scale" in selected:
         yield from scale.figures(folder)
     if "growth" in selected:

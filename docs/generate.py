@@ -382,6 +382,24 @@ def changelog_page() -> str:
     return (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").replace("](docs/", "](")
 
 
+def gallery_page() -> str:
+    """A picture and a sentence of each view, from the registry; `update_gallery.py` draws them."""
+    from s2rtui.charts.registry import VIEWS
+
+    parts = [
+        "# Gallery of views\n",
+        "Every view of the application, on the demo store with the worst 15 % selected. The key "
+        "shows it, `V` lets it fill the screen, and [`s2r export`](how-to/figures-and-reports.md) "
+        "draws it on paper.\n",
+    ]
+    for view in VIEWS:
+        text = view.description.removeprefix(f"{view.name}: ")
+        parts.append(f"## {view.name}\n")
+        parts.append(f"{code(view.key)} · {cell(text[:1].upper() + text[1:])}.\n")
+        parts.append(f"![The view {view.name}](assets/views/{view.name}.png){{ loading=lazy }}\n")
+    return "\n".join(parts)
+
+
 def glossary_page() -> str:
     """The glossary that the package ships, whose links are those of the site."""
     return (ROOT / "s2rtui" / "glossary.md").read_text(encoding="utf-8")
@@ -397,6 +415,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "reference/registries.md": registries_page,
     "changelog.md": changelog_page,
     "glossary.md": glossary_page,
+    "gallery.md": gallery_page,
 }
 
 

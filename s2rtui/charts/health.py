@@ -47,7 +47,7 @@ class FaultRow:
 class FoundFaults:
     """The faults that occur, in the order of `FAULTS`, and the number of images by domain.
 
-    unchecked: the instances that were added after the check.
+    unchecked: the images of these domains that were added after the check.
     """
 
     rows: tuple[FaultRow, ...]
@@ -109,7 +109,7 @@ def health_notes(model: FoundFaults) -> tuple[str, ...]:
     counts = (f"{count} of {name}" for name, count in model.images)
     notes = [f"{'' if model.rows else 'no fault found; '}images: {', '.join(counts)}"]
     if model.unchecked:
-        notes.append(f"{model.unchecked} instances were added after the check; run it again")
+        notes.append(f"{model.unchecked} images were added after the check; run it again")
     return tuple(notes)
 
 
@@ -136,9 +136,9 @@ class HealthView(StatisticsView):
             return f"no image has been checked: `s2r check {store.path.name}` finds faults"
         checked = store.checked_domains
         faults = {domain: store.faults(domain) for domain in checked}
-        images = {domain: int(np.count_nonzero(store.imaged(domain))) for domain in checked}
-        unchecked = max(0, len(store.instances) - min(checked.values()))
-        return FoundFaults.of(faults, images, np.asarray(state.selected), unchecked)
+        now = sum(int(np.count_nonzero(store.imaged(domain))) for domain in checked)
+        unchecked = max(0, now - sum(checked.values()))
+        return FoundFaults.of(faults, checked, np.asarray(state.selected), unchecked)
 
     def table(self, model: FoundFaults) -> TableSpec:
         return health_table(model)

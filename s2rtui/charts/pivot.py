@@ -87,7 +87,8 @@ class PivotView(View):
 
         made = tuple(Row((Cell(row), *(cell((row, name)) for name in names))) for row in rows)
         heads = [
-            Column(name.removesuffix(DEGREES), right=True, least=5, panel=name) for name in names
+            Column(name.removesuffix(DEGREES), right=True, rank=at, panel=name)
+            for at, name in enumerate(names)
         ]
         chosen = self.chosen_row(scene)
         place, column = (None, -1) if chosen is None else divmod(chosen, len(names))
@@ -110,9 +111,16 @@ class PivotView(View):
         return len(self._sides(scene)[1]) if self.input(scene) else 1
 
     def first_choice(self, scene: Scene) -> int:
-        """The cell with the largest median, of those with an interval if there are any."""
+        """The cell with the largest median that has an interval; without any, that which holds
+        the largest share of all errors.
+        """
+
+        def badness(pair: tuple[str, str]) -> tuple[bool, float]:
+            cell = cells[pair]
+            return cell.real.is_known, cell.real.value if cell.real.is_known else cell.share
+
         cells = self.input(scene)
-        worst = max(cells, key=lambda pair: (cells[pair].real.is_known, cells[pair].real.value))
+        worst: tuple[str, str] = max(cells, key=badness)
         return list(self.row_names(scene)).index(", ".join(worst))
 
     def row_expression(self, scene: Scene, row: int) -> str:

@@ -66,10 +66,14 @@ class Direction:
 
 @dataclass(frozen=True, slots=True)
 class SuggestionsInput:
-    """Both directions of a run; `chosen` names an answer, by default the first suggested one."""
+    """Both directions of a run; `chosen` names an answer, by default the first suggested one.
+
+    collect: the command that chooses poses of new images; empty where it is not known.
+    """
 
     directions: tuple[Direction, ...]
     chosen: str | None = None
+    collect: str = ""
 
     @property
     def names(self) -> list[str]:
@@ -263,7 +267,11 @@ class SuggestionsView(View):
 
     def input(self, scene: Scene) -> SuggestionsInput:
         state = scene.state
-        return SuggestionsInput(_directions(scene.store, state.run), state.chosen_row(self.name))
+        store, run = scene.store, state.run
+        collect = shlex.join(
+            ["s2r", "collect", store.path.name, "--run", run, "--out", "poses.csv"]
+        )
+        return SuggestionsInput(_directions(store, run), state.chosen_row(self.name), collect)
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         return self.input(scene), scene.state.view == self.name
@@ -308,6 +316,8 @@ class SuggestionsView(View):
 def suggestions_drawing(data: SuggestionsInput, active: bool = True) -> Drawing:
     """The answers, and how the chosen one is applied."""
     notes = [f"{_TITLES[each.side]}: {each.note}" for each in data.directions if each.note]
+    if data.collect:
+        notes.append(f"collect images: `{data.collect}` chooses poses; s2r tui --poses shows them")
     if (chosen := data.chosen_answer) is not None:
         direction, number = chosen
         how = "enter adjusts the real images live; there S saves them as a run"

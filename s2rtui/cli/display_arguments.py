@@ -105,5 +105,5 @@ def page_options(options: argparse.Namespace, **changes: Any) -> PageOptions:
 
     check_colour_map(options.cmap)
     values = {"width": options.width, "dpi": options.dpi, "cmap": options.cmap}
-    title = getattr(options, "title", "")
+    title = getattr(options, "title", None)
     return PageOptions(**({**values, "title": title} | changes))

@@ -24,6 +24,7 @@ from s2rtui.canvas.raster import limit_ground
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.drawing_layout import (
     PlotPlace,
+    beside_images,
     dividers,
     drawing_layout,
     note_rows,
@@ -45,6 +46,10 @@ _TICKS = 8
 def draw_cells(drawing: Drawing, size: Size, options: RenderOptions = DEFAULT_OPTIONS) -> Canvas:
     """Draw the plots, the table and the notes in `size` (columns, rows)."""
     canvas = Canvas(*size, options)
+    for part, left, width in beside_images(drawing, size, options) or ():
+        canvas.paste(draw_cells(part, (width, size[1]), options), left, 0)
+        if part.table is not None:
+            return canvas
     layout = drawing_layout(drawing, size, options)
     for place in layout.plots:
         _draw_plot(canvas, place, drawing)
@@ -67,6 +72,8 @@ def drawing_panels(
     drawing: Drawing, size: Size, options: RenderOptions = DEFAULT_OPTIONS
 ) -> tuple[PlotArea, ...]:
     """The panels of the plots and the table in `size` (columns, rows)."""
+    if (parts := beside_images(drawing, size, options)) is not None:
+        drawing, size = parts[0][0], (parts[0][2], size[1])
     layout = drawing_layout(drawing, size, options)
     panels = tuple(_panel(place) for place in layout.plots if place.plot.name)
     if drawing.table is None:

@@ -30,7 +30,7 @@ from s2rtui.drawing.plot import Phrase, Plot, Points
 from s2rtui.drawing.plot_cells import row_of
 from s2rtui.drawing.points_cells import points_legend
 from s2rtui.drawing.polar_cells import dial_rows
-from s2rtui.drawing.table_layout import wanted_lines
+from s2rtui.drawing.table_layout import GAP, wanted_lines
 
 _FEWEST_ROWS = 5
 """Rows of a single plot above a table, without its axis, from which on it is drawn."""
@@ -48,6 +48,8 @@ _FEWEST_OF_IMAGE, _WITH_TITLE = 4, 4
 """Rows of each of several images; rows of a drawing from which on images have titles."""
 _GAP = 1
 """Columns between plots beside each other."""
+_TEXT_COLUMNS, _LARGER = 46, 1.2
+"""Columns of table and notes beside images; factor by which the area of these must grow so."""
 Rows = tuple[tuple[LegendPart, ...], ...]
 
 
@@ -389,6 +391,28 @@ def _sheet(drawing: Drawing, width: int, height: int, options: RenderOptions) ->
     )
     top = max((y + high for _, y, _, high in boxes), default=0) + len(bars)
     return DrawingLayout(places, (top, 0), (), bars)
+
+
+def beside_images(
+    drawing: Drawing, size: Size, options: RenderOptions
+) -> tuple[tuple[Drawing, int, int], tuple[Drawing, int, int]] | None:
+    """Images and their texts as drawings of their own, each with its first column and its width.
+
+    None where images are not clearly larger with their table and notes beside them.
+    """
+    width, height = size
+    room = width - _TEXT_COLUMNS - GAP
+    has_images = any(plot.image is not None for plot in drawing.plots)
+    if drawing.thumbnails or drawing.table is None or not has_images or room < _TEXT_COLUMNS:
+        return None
+    above = drawing_layout(drawing, size, options).plots
+    beside = arrange_images(visible_rows(drawing.plots, options), room, height - 1)
+    if not above or not beside:
+        return None
+    if beside[0][2] * beside[0][3] < _LARGER * above[0].width * above[0].rows:
+        return None
+    images, texts = Drawing(drawing.plots), replace(drawing, plots=())
+    return (images, 0, room), (texts, room + GAP, _TEXT_COLUMNS)
 
 
 def _image_place(plot: Plot, box: Box, head: int) -> PlotPlace:

@@ -79,7 +79,7 @@ class FigureFormat:
     form: Form = "png"
     type_size: float = 1.0
     dpi: float | None = None
-    title: str = ""
+    title: str | None = None
     colour_map: str = "turbo"
 
 
@@ -91,7 +91,7 @@ def figure_format(
     form: Form = "png",
     type_size: float = 1.0,
     dpi: float | None = None,
-    title: str = "",
+    title: str | None = None,
     colour_map: str = "turbo",
 ) -> Iterator[None]:
     """Inside this context figures are written as `FigureFormat` describes.
@@ -257,8 +257,9 @@ def new_page(size: Pixels, theme: Theme, title: str, subtitle: str = "", body: f
     wide = width / dpi
     lines, y = list[tuple[float, str, dict[str, Any]]](), 0.2
     inks = Inks(theme)
+    title = title if form.title is None else form.title
     for text, points, weight, ink, most in (
-        (form.title or title, 13 if wide > NARROW else 10, "bold", inks.text, 3 if form.dpi else 2),
+        (title, 13 if wide > NARROW else 10, "bold", inks.text, 3 if form.dpi else 2),
         (subtitle, 9 if wide > NARROW else 8, "normal", inks.muted, 10 if form.dpi else 3),
     ):
         for line in wrapped_text(text, wide - 2 * margin(wide), points, weight, most):

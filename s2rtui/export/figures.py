@@ -41,7 +41,7 @@ class PageOptions:
     RequestError for values out of range, and where `size` and a physical size are given.
     """
 
-    title: str = ""
+    title: str | None = None
     dpi: int | None = None
     width: float | None = None
     cmap: str = "turbo"

@@ -31,7 +31,9 @@ ReportShare = Callable[[float], bool]
 
 
 def heatmap_choices(store: Store, run: str) -> list[tuple[str, str | None]]:
-    """Kinds and modes of a run's heatmaps, from the most to the least trusted."""
+    """Kinds and modes of a run's heatmaps: the most trusted kind for what has changed, those that
+    say what it costs, then the others from the most to the least trusted.
+    """
     choices: list[tuple[str, str | None]] = []
     for record in store.array_kinds(run) if run != NO_RUN else ():
         if "row" not in record.axes or record.kind.startswith(("map:", "frames:")):
@@ -39,7 +41,16 @@ def heatmap_choices(store: Store, run: str) -> list[tuple[str, str | None]]:
         for mode in heatmap_facts(record.kind).modes or (record.mode,):
             if (record.kind, mode) not in choices:
                 choices.append((record.kind, mode))
-    return heatmap_scores.ranked(store, run, choices)
+    ranked = heatmap_scores.ranked(store, run, choices)
+
+    def place(choice: tuple[str, str | None]) -> tuple[int, bool]:
+        kind, mode = choice
+        facts = heatmap_facts(kind)
+        if kind == ranked[0][0] or facts.harm_auroc is None:
+            return (0 if kind == ranked[0][0] else 2), False
+        return 1, mode != facts.default_mode
+
+    return sorted(ranked, key=place)
 
 
 def with_heat(store: Store, state: State) -> State:

@@ -257,7 +257,7 @@ class DatasetReader(IndexCatalog):
 
     @property
     def checked_domains(self) -> dict[str, int]:
-        """The domains whose images `s2r check` has checked, with the number of instances then."""
+        """The domains whose images `s2r check` has checked, with the number of images then."""
         facts = self.provenance(schema.HEALTH)
         return {
             name: int(facts[name]) for name in self.domains if _COUNT.match(facts.get(name, ""))

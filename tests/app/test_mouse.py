@@ -6,40 +6,12 @@ import pytest
 from textual import events
 
 from s2rtui.app.pilot import settle
-from s2rtui.app.widgets.plot import Drag, PlotView, Stroke, Wheel
+from s2rtui.app.widgets.plot import PlotView, Wheel
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.session import view_settings
 from tests.support.application import press, running
 
 MOVES = 300
-
-
-async def test_mouse_moves_are_coalesced(tiny_store, monkeypatch):
-    strokes: list[Stroke] = []
-    taken = Drag.taken
-
-    def slow_taken(drag: Drag) -> Stroke:
-        strokes.append(taken(drag))
-        time.sleep(0.02)
-        return strokes[-1]
-
-    monkeypatch.setattr(Drag, "taken", slow_taken)
-    async with running(tiny_store) as (app, pilot):
-        plot = app.query_one("#map", PlotView)
-        await pilot.mouse_down("#map", offset=(20, 10))
-        cells = [(20 + n % 2, 10 + n % 7) for n in range(MOVES)]
-        for x, y in cells:
-            plot.post_message(events.MouseMove(plot, x, y, 0, 0, 1, False, False, False, x, y))
-        await pilot.pause()
-        await pilot.mouse_up("#map", offset=(40, 20))
-        await settle(app, pilot)
-    assert len(strokes) < MOVES / 10
-    assert [stroke.done for stroke in strokes] == [False] * (len(strokes) - 1) + [True]
-    last = strokes[-1]
-    assert last.start == (20, 10)
-    assert last.trail[-1] == (40, 20)
-    assert set(cells) <= {last.start, *last.trail}
-    assert app.session.state.expression.startswith("box(")
 
 
 async def test_a_mark_applied_by_a_key_is_not_applied_again(tiny_store):

@@ -16,6 +16,7 @@ async def test_completion_at_the_cursor(tiny_store):
             ("cur^ved & all", "curved^ & all"),
             ("!str^aight | worst15", "!straight^ | worst15"),
             ("real.error > ^ & all", "real.error > ^ & all"),
+            ("straight & heading ^", "straight & heading >^"),
             ('curved & room:"left h^', 'curved & room:"left hall"^'),
         ):
             line.value, line.cursor_position = typed.replace("^", ""), typed.index("^")
@@ -23,6 +24,9 @@ async def test_completion_at_the_cursor(tiny_store):
             await pilot.pause()
             assert line.value == completed.replace("^", "")
             assert line.cursor_position == completed.index("^")
+        line.cursor_position = 3
+        await pilot.press("ctrl+u")
+        assert line.value == ""
         line.value, line.cursor_position = "room: & all", 5
         values = []
         for _ in range(3):

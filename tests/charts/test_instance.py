@@ -167,3 +167,12 @@ def test_each_rank_has_the_number_of_predictions_of_its_side(store_copy):
         sim, real = columns.sim.rank[5], columns.real.rank[5]
     assert five == f"sim {sim} of {count - 2}, real {real} of {count} by error"
     assert four.startswith(f"sim none of {count - 2}, real ")
+
+
+def test_on_a_wide_screen_the_numbers_stand_beside_larger_images():
+    rows = cells(instance_input(), (120, 37)).lines()
+    head = next(row for row in rows if "err m" in row)
+    assert "sim" in head[:40]  # the title of an image begins the same line
+    assert not any("err m" in row[:70] for row in rows)
+    narrow = cells(instance_input(), (80, 37)).lines()
+    assert any("err m" in row[:70] for row in narrow)

@@ -30,7 +30,8 @@ async def test_enter_selects_the_chosen_cell_which_is_the_worst_at_first(tiny_st
     async with running(tiny_store) as (app, pilot):
         await press(app, pilot, "c", "right_parenthesis")
         cells = VIEW.input(app.updater.scene)
-        worst = max(cells.values(), key=lambda cell: (cell.real.is_known, cell.real.value))
+        assert not any(cell.real.is_known for cell in cells.values())
+        worst = max(cells.values(), key=lambda cell: cell.share)
         await press(app, pilot, "enter")
         assert app.session.state.expression == worst.group.expression
         names = VIEW.row_names(app.updater.scene)

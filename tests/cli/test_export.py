@@ -115,7 +115,8 @@ def test_pages_of_paper_have_their_width_title_and_colours(tiny_store, tmp_path)
     assert Image.open(BytesIO(narrow)).width == round(80 / 25.4 * 100)
     assert Image.open(BytesIO(narrow)).info["dpi"] == pytest.approx((100, 100), abs=0.1)
     assert Image.open(BytesIO(page("--dpi", "100"))).width == round(160 / 25.4 * 100)
-    assert page("--width", "80", "--dpi", "100", "--title", "Doors") != narrow
+    titled = page("--width", "80", "--dpi", "100", "--title", "Doors")
+    assert len({narrow, titled, page("--width", "80", "--dpi", "100", "--title", "")}) == 3
     assert page("--width", "80", "--dpi", "100", "--cmap", "viridis") != narrow
     assert page("--width", "80", "--dpi", "100", "--cmap", "turbo") == narrow
 

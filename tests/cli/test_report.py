@@ -1,7 +1,10 @@
 """HTML reports: self-contained, consistent with the store and deterministic."""
 
+import asyncio
 import re
+from base64 import b64encode
 from dataclasses import replace
+from hashlib import sha256
 from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
@@ -17,7 +20,7 @@ from s2rtui.cli import main
 from s2rtui.export.report.build_report import render_report
 from s2rtui.export.report.report_request import ReportRequest, RequestedSelection
 from s2rtui.user_data.notebook import Notebook, SavedSelection
-from tests.support import tiny
+from tests.support import chromium, tiny
 from tests.support.small_figures import draw_small_figures
 
 WORST = ReportRequest((RequestedSelection("worst15"),), runs=("dataaug",), theme="light")
@@ -84,7 +87,10 @@ def small_figures(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_report_is_self_contained(html, page):
-    assert not page.elements("script")
+    assert page.elements("script") == [{}]
+    script = html.partition("<script>")[2].partition("</script>")[0]
+    digest = b64encode(sha256(script.encode()).digest()).decode()
+    assert f"script-src 'sha256-{digest}'" in html
     assert not page.elements("link")
     addresses = [a.get("src") or a.get("href") or a.get("srcset") for _, a in page.tags]
     assert all(a.startswith(("data:image/", "#")) for a in addresses if a)
@@ -190,7 +196,7 @@ def test_a_report_contains_saved_selections_tags_and_notes(tiny_store, tmp_path)
     ]
     assert page.texts_in("blockquote") == ["<script>alert(1)</script> & more"]
     assert page.texts_in("li").count("#door") == 1
-    assert not page.elements("script")
+    assert len(page.elements("script")) == 1
     texts = page.texts_in("p")
     assert sum("cellar" in text or "No instance" in text for text in texts) == 2
 
@@ -264,7 +270,12 @@ def test_findings_lead_with_the_run_and_selection_that_were_asked_for(tmp_path):
     """Findings of the first run, if it was not asked for, come last and say so."""
     path = tiny.build(tmp_path / "s.s2r", 40)
     request = ReportRequest((RequestedSelection("seq >= 10"),), runs=("dataaug",))
-    found = Page(render_report(path, request).decode()).texts_in("li")
+    page = Page(render_report(path, request).decode())
+    expressions = [text for text in page.texts_in("code") if text.startswith("room:")]
+    with s2rstore.open(path) as store:
+        assert all(evaluation.select(store, each, "dataaug").any() for each in expressions)
+    assert expressions
+    found = page.texts_in("li")
     found = [line for line in found if re.match("(not asked for: )?(worst|best|largest)", line)]
     assert found[0].startswith("worst room of dataaug in seq >= 10: ")
     marked = [line.startswith("not asked for: ") for line in found]
@@ -274,3 +285,21 @@ def test_findings_lead_with_the_run_and_selection_that_were_asked_for(tmp_path):
                if "best run" not in line)  # fmt: skip
     first = ReportRequest((RequestedSelection("all"),))
     assert "not asked for" not in render_report(path, first).decode()
+
+
+@pytest.mark.skipif(chromium.missing_program() is not None, reason="needs chromium")
+async def test_a_click_on_a_head_sorts_the_rows_and_another_one_reverses_them(html, tmp_path):
+    file = tmp_path / "r.html"
+    file.write_text(html, encoding="utf-8")
+    rows = """[...document.querySelector("#front tbody").rows].map(
+        (row) => parseFloat(row.cells[2].textContent))"""
+    click = "document.querySelector('#front thead').rows[0].cells[2].click()"
+    async with chromium.browser(tmp_path / "profile") as page:
+        await page.open(file.as_uri())
+        while len(await page.evaluate(rows) or ()) < 2:
+            await asyncio.sleep(0.05)
+        stored = await page.evaluate(rows)
+        for order in (sorted(stored, reverse=True), sorted(stored)):
+            await page.evaluate(click)
+            assert await page.evaluate(rows) == order
+        assert not page.failures

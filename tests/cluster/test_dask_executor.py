@@ -6,7 +6,6 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -250,42 +249,7 @@ class _Facts:
     is_wanted = threading.Event()
 
 
-def _describe_late(root: Path, identity: StoreIdentity) -> dask_worker.WorkerFacts:
-    _Facts.asked += 1
-    if _Facts.asked == 2:
-        _Facts.is_second_asked.set()
-        assert _Facts.is_wanted.wait(30)
-    return _DESCRIBE(root, identity)
-
-
 _DESCRIBE = dask_worker.describe
-
-
-def test_a_worker_whose_facts_come_too_late_is_asked_again(tmp_path, monkeypatch):
-    """It connects during the first step, which ends before its facts are there."""
-    monkeypatch.setattr(dask_worker, "describe", _describe_late)
-    late: list[Any] = []
-
-    def connect() -> None:
-        late.append(started.sync(_new_worker, started.scheduler.address))
-        assert _Facts.is_second_asked.wait(30)
-
-    counted_units.on_start[3] = connect
-    with cluster(1) as (started, client):
-        executor = DaskExecutor(client, print)
-        for name in ("x", "y"):
-            plan = plan_of(tmp_path, stage_of(name))
-            for receipt in executor.run(
-                [Task(CountedComputation(tmp_path), u) for u in plan.units]
-            ):
-                plan.finish(receipt, is_checked=True)
-            plan.close()
-            counted_units.on_start.clear()
-            _Facts.is_wanted.set()
-            if name == "x":
-                close(started, next(iter(started.workers.values())))
-        close(started, late[0])
-    assert_complete(tmp_path, stage_of("x"), stage_of("y"))
 
 
 def test_the_last_job_that_is_refused_is_told(tmp_path):

@@ -42,3 +42,10 @@ def test_a_pose_that_the_program_cannot_render_is_not_proposed(moved_camera_stor
     assert (
         "11 usable views of 12 candidates; 0 show a near wall, 1 failed; the first: in" in printed
     )
+
+
+def test_a_renderer_lacks_depth_that_the_model_takes(moved_camera_store, s2r, tmp_path):
+    command = shlex.join([*perl_command(), "rgb"])
+    arguments = ["collect", moved_camera_store, "--run", "zero", "--renderer", command]
+    refused = s2r(*arguments, "--frames", tmp_path / "frames").checked(2)
+    assert "renderer perl: renders no depth, which the model of run zero takes" in refused.err

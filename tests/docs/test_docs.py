@@ -1,5 +1,6 @@
 """The documentation refers to what exists, shows present outputs, builds as a site and runs."""
 
+import asyncio
 import base64
 import importlib.util
 import re
@@ -17,6 +18,7 @@ from PIL import Image
 
 from s2rtui.cli import main
 from tests.support import notebooks
+from tests.support.chromium import browser, missing_program
 from tests.support.copies import copy_store
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -28,6 +30,16 @@ _BLOCK = re.compile(r"^```[a-z]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"(?<!`)\[[^\]]*\]\((?P<target>[^)\s]+)\)")
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e-?\d+)?")
 _PATH = re.compile(r"`(?P<path>(?:s2rtui|store|tools|tests|examples|docs|bench)/[^`\s]*)`")
+
+
+_FIELD = """
+{const field = document.querySelector("input.md-search__input"); field && field.focus();
+document.activeElement === field && document.readyState === "complete"}
+"""
+_FOUND = """
+[...document.querySelectorAll(".md-search-result__item h1, .md-search-result__item h2")]
+  .map((each) => each.textContent)
+"""
 
 
 def script(name: str):
@@ -144,26 +156,48 @@ def test_the_key_reference_and_the_cheat_sheet_list_every_action():
             assert pages.html.escape(action.description) in sheet
 
 
-@pytest.mark.deep
-def test_the_site_builds_and_loads_no_external_resources(tmp_path):
+@pytest.fixture(scope="module")
+def site(tmp_path_factory) -> Path:
     for package in ("mkdocs", "material", "mkdocstrings"):
         if importlib.util.find_spec(package) is None:
             pytest.skip(f"{package} is not installed: the site is not built")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet"]
+    folder = tmp_path_factory.mktemp("built") / "site"
     process = subprocess.run(
-        [*command, "--site-dir", str(tmp_path / "site")],
+        [*command, "--site-dir", str(folder)],
         cwd=ROOT, capture_output=True, text=True, timeout=300,
     )  # fmt: skip
     assert process.returncode == 0, process.stdout + process.stderr
-    listed = (tmp_path / "site" / "llms.txt").read_text(encoding="utf-8")
-    assert all((tmp_path / "site" / page).is_file() for page in re.findall(r"\]\((.+?)\)", listed))
+    return folder
+
+
+@pytest.mark.deep
+def test_the_site_lists_its_pages_for_agents_and_loads_no_external_resources(site):
+    listed = (site / "llms.txt").read_text(encoding="utf-8")
+    assert all((site / page).is_file() for page in re.findall(r"\]\((.+?)\)", listed))
     sources = r"<(?:script|img|iframe|source)[^>]*\ssrc=[\"']?(?:https?:)?//[^\"'> ]+"
     links = r"<link[^>]*rel=[\"']?(?:stylesheet|preconnect|icon)[^>]*href=[\"']?https?://[^\"'> ]+"
     loaded = re.compile(f"{sources}|{links}")
-    for page in (tmp_path / "site").rglob("*.html"):
+    for page in site.rglob("*.html"):
         assert not loaded.findall(page.read_text(encoding="utf-8")), page
-    for style in (tmp_path / "site").rglob("*.css"):
+    for style in site.rglob("*.css"):
         assert not re.findall(r"url\([\"']?https?://", style.read_text(encoding="utf-8")), style
+
+
+@pytest.mark.deep
+@pytest.mark.skipif(bool(missing_program()), reason="there is no chromium")
+async def test_search_works_on_pages_that_are_opened_from_a_file(site, tmp_path):
+    async with asyncio.timeout(60), browser(tmp_path / "profile") as page:
+        await page.open((site / "how-to" / "scripts.html").as_uri())
+        while not await page.evaluate(_FIELD):
+            await asyncio.sleep(0.1)
+        for letter in "conformal":
+            await page.press(letter)
+        while not (found := await page.evaluate(_FOUND)):
+            await asyncio.sleep(0.1)
+        assert any("uncertainty" in title for title in found)
+        assert not page.failures
+        assert not [url for url in page.requests if not url.startswith(("file:", "data:"))]
 
 
 NOTEBOOK = Path(__file__).parents[2] / "examples" / "store.ipynb"
@@ -218,18 +252,14 @@ def _words(line: str) -> list[str]:
 def test_examples_of_scripts_run(tiny_store, tmp_path, monkeypatch, title):
     copy_store(tiny_store, tmp_path / "lab.s2r")
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("S2R_UPDATE_SCREENS", "1")
     page = (DOCS / "how-to" / "scripts.md").read_text(encoding="utf-8")
     (section,) = re.findall(rf"^## {title}$(.*?)(?=^## )", page, re.DOTALL | re.MULTILINE)
     (example,) = re.findall(r"```python\n(.*?)```", section, re.DOTALL)
-    if "assert_screen" in example:
-        with pytest.raises(AssertionError, match="does not exist"):
-            exec(example, {})
-        monkeypatch.setenv("S2R_UPDATE_SCREENS", "1")
-        exec(example, {})
+    exec(example, {})
+    if (stored := Path("tests/screens/rooms.txt")).exists():
         monkeypatch.delenv("S2R_UPDATE_SCREENS")
-        stored = Path("tests/screens/rooms.txt")
-        stored.write_text(stored.read_text(encoding="utf-8") + "another line", encoding="utf-8")
+        exec(example, {})
+        stored.write_text("another line")
         with pytest.raises(AssertionError, match="-another line"):
             exec(example, {})
-    else:
-        exec(example, {})

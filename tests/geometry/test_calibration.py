@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 import pytest
 
-from s2rstore.geometry import camera
 from s2rstore.geometry.floor_grid import Projector
 from s2rstore.records import Domain, Intrinsics
 from s2rtools.datasets.dataset_config import DatasetConfig
@@ -64,30 +63,3 @@ def test_the_declared_camera_of_sim_edit_gives_the_sharpest_map(views):
     assert entropy(record, depth, poses, y_down=False) - best >= 1
     assert entropy(record, depth, poses * [1, 1, -1]) - best >= 1
     assert entropy(replace(record, forward_offset=0.0), depth, poses) > best
-
-
-def test_sim_and_sim_edit_depth_agree(views):
-    """Both render the same scan from the same poses; the median error is within one quantum."""
-    depths, _ = views
-    sim, edit = declared("sim"), declared("sim_edit")
-    centres = np.arange(4, 256, 8)
-    rays = camera.rays(sim.depth, centres + 0.5, centres + 0.5)
-    raw = depths["sim"][:, centres[:, None], centres[None]]
-    metres = raw * sim.depth_scale
-    ahead = metres * rays.forward + sim.forward_offset - edit.forward_offset
-    up = sim.camera_height + metres * rays.up - edit.camera_height
-    positive_ahead = np.maximum(ahead, 0.1)
-    u = edit.depth.cx + edit.depth.fx * metres * rays.right / positive_ahead
-    v = edit.depth.cy - edit.depth.fy * up / positive_ahead
-    inside = (u >= 0) & (u < FRAME[1]) & (v >= 0) & (v < FRAME[0])
-    row_indices, column_indices = (np.where(inside, at, 0).astype(int) for at in (v, u))
-    other_depth = depths["sim_edit"][
-        np.arange(len(raw))[:, None, None], row_indices, column_indices
-    ]
-    valid = inside & (ahead > 0.3)
-    for values, record in ((raw, sim), (other_depth, edit)):
-        valid &= (values >= record.depth_raw_min) & (values <= record.depth_raw_max)
-    error = (ahead - other_depth * edit.depth_scale)[valid]
-    assert valid.mean() > 0.5
-    assert np.median(np.abs(error)) < 0.04
-    assert abs(np.median(error)) < 0.01

@@ -121,28 +121,19 @@ def test_figures_need_an_installed_application(tiny_store, monkeypatch):
 def test_a_frame_table_holds_what_query_prints(tiny_store, library, s2r):
     pytest.importorskip({"arrow": "pyarrow"}.get(library, library))
     names = ["iid", "trajectory", "heading_deg", "real_error_m", "real_rank", "real_room"]
+    asked = "worst15 | ids(3)", "--columns", "iid,traj,heading,real.error,real.rank,real.room"
     with s2rstore.open(tiny_store) as store:
-        table = store.frame_table("vanilla", library, "worst15 | ids(3)")
-        rows = {name: list(map(_plain, table[name])) for name in names}
-        assert len(store.frame_table("vanilla")) == 40
-    fields = "iid,traj,heading,real.error,real.rank,real.room"
-    expected = s2r("query", tiny_store, "worst15 | ids(3)", "--columns", fields, "--json").json
-    for place, values in enumerate(rows.values()):
-        assert values == pytest.approx([[*row.values()][place] for row in expected])
-
-
-def _plain(value: object) -> object:
-    """A scalar of Arrow or numpy as Python's."""
-    for name in ("as_py", "item"):
-        if hasattr(value, name):
-            value = getattr(value, name)()
-    return None if value != value else value  # pandas: NaN for a missing text, too
+        table = store.frame_table("vanilla", library, asked[0])
+    lists = [table[name].to_pylist() if library == "arrow" else [*table[name]] for name in names]
+    rows = s2r("query", tiny_store, *asked, "--json").json
+    for values, row in zip(zip(*lists, strict=True), rows, strict=True):
+        found = [None if value != value else value for value in values]  # pandas: NaN for None
+        assert found == pytest.approx([*row.values()])
 
 
 def test_a_missing_library_says_how_to_install_it(tiny_store, monkeypatch):
     monkeypatch.setitem(sys.modules, "polars", None)
     with s2rstore.open(tiny_store) as store:
-        with refused(match="pip install polars"):
-            store.frame_table(library="polars")
-        with refused(match="'excel'"):
-            store.frame_table(library="excel")
+        for library, message in (("polars", "pip install polars"), ("excel", "'excel'")):
+            with refused(match=message):
+                store.frame_table(library=library)

@@ -13,33 +13,30 @@ from tests.support.refusals import refused
 @pytest.mark.parametrize("workers", [0, 2])
 def test_batches_hold_what_the_store_holds(tiny_store, workers):
     found = StoreDataset(tiny_store, "sim", select="traj:a")
+    samples = [
+        {name: batch[name][place] for name in batch}
+        for batch in DataLoader(found, batch_size=8, num_workers=workers)
+        for place in range(len(batch["iid"]))
+    ]
     with s2rstore.open(tiny_store) as store:
-        truth, domain = store.instances, store.domain("sim")
-        seen = []
-        for batch in DataLoader(found, batch_size=8, num_workers=workers):
-            for place, iid in enumerate(batch["iid"].tolist()):
-                frame = store.frame("sim", iid)
-                image = batch["image"][place].numpy().transpose(1, 2, 0)
-                assert np.allclose(255 * image, frame.rgb)
-                pose = truth.x[iid], truth.y[iid], truth.heading[iid]
-                assert batch["pose"][place].tolist() == pytest.approx(pose, rel=1e-6)
-                metres = batch["depth"][place].numpy()
-                assert np.array_equal(np.isfinite(metres), frame.valid)
-                expected = frame.depth[frame.valid] * domain.depth_scale
-                assert np.allclose(metres[frame.valid], expected)
-                seen.append(iid)
-    assert seen == list(range(25))
-    found.close()
+        for iid, sample in enumerate(samples):
+            frame, scale = store.frame("sim", iid), store.domain("sim").depth_scale
+            assert sample["iid"] == iid
+            assert np.allclose(255 * sample["image"].numpy().transpose(1, 2, 0), frame.rgb)
+            assert np.allclose(sample["pose"], store.poses("sim")[iid])
+            expected = np.where(frame.valid, frame.depth * scale, np.nan)
+            assert np.allclose(sample["depth"], expected, equal_nan=True)
+    assert len(samples) == 25
 
 
 def test_splits_are_those_of_training_and_transforms_are_applied(tiny_store):
-    parts = {name: StoreDataset(tiny_store, "sim", name) for name in ("train", "test")}
     with s2rstore.open(tiny_store) as store:
         codes = split_by_blocks(store.instances.trajectory)
     for name, code in (("train", TRAIN), ("test", TEST)):
-        assert np.array_equal(parts[name].iids, np.flatnonzero(codes == code))
+        found = StoreDataset(tiny_store, "sim", name).iids
+        assert np.array_equal(found, np.flatnonzero(codes == code))
     iids = StoreDataset(tiny_store, "real", transform=lambda sample: sample["iid"])
-    assert [iids[place] for place in (0, 39)] == [0, 39]
+    assert (iids[0], iids[39]) == (0, 39)
     for domain, split in (("nowhere", None), ("sim", "unseen")):
         with refused(match="nowhere|unseen"):
             StoreDataset(tiny_store, domain, split)

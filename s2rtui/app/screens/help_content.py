@@ -45,13 +45,13 @@ def _keys_of(names: str) -> str:
 QUESTIONS = (
     Question("Where is it worst?", (
         ("view('rooms')", "the rooms by median real error, the worst one first"),
-        ("group group", "the same by heading, then by curvature"),
+        ("view('pivot') open_row", "by room and heading; enter selects the worst cell"),
         ("worst_real view('map') room_names", "the worst 15 % on the map, with room names"),
     )),
     Question("What is poor in sim but good in real?", (
         ("view('scatter')", "sim error against real error; the title counts them"),
         ("worst_sim intersect best_real", "the worst in sim that are among the best in reality"),
-        ("view('list')", "the same as a list"),
+        ("view('sheet') picture", "their images; \\: sim, difference, heat"),
     )),
     Question("Which model is better where?", (
         ("all view('compare')", "this run and another on all instances, room by room"),
@@ -60,12 +60,12 @@ QUESTIONS = (
     Question("What triggers it?", (
         ("worst_real view('shares')", "metres that each factor causes in the worst 15 %"),
         ("view('instance') next_heat", "images with heat; kind harm: metres of changed parts"),
-        ("overlay view('map')", "that heat on the map; o again: of the selection"),
+        ("view('objects')", "metres that each class of labelled objects costs"),
     )),
     Question("What should change, and on which instances?", (
         ("findings open_row", "findings (?: not evident); enter selects the instances"),
-        ("view('suggestions') open_row", "changes that s2r suggest found; enter applies one"),
-        ("view('list')", "these instances, the largest error first"),
+        ("view('suggestions')", "changes that s2r suggest found; enter applies one"),
+        ("view('pivot') figure", "instances by room and heading: where images lack"),
         ("write_selection", "write them as CSV, JSON or Parquet"),
     )),
 )  # fmt: skip

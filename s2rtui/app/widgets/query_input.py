@@ -21,6 +21,7 @@ class QueryInput(Input):
     """Up and down recall earlier lines, tab completes; a closed line takes no focus."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("ctrl+u", "delete_line", "delete the line", show=False),
         Binding("up", "earlier", "earlier line", show=False),
         Binding("down", "later", "later line", show=False),
         Binding("tab", "complete(1)", "complete", show=False),
@@ -74,6 +75,10 @@ class QueryInput(Input):
         self.remove_class("open")
         self.can_focus = False
         self.screen.set_focus(None)
+
+    def action_delete_line(self) -> None:
+        """Delete the whole line, wherever the cursor is."""
+        self.value = ""
 
     def action_earlier(self) -> None:
         if self._place == len(self._history):

@@ -83,7 +83,7 @@ def _check_store(options: argparse.Namespace) -> tuple[_Checked, bool]:
         count = len(store.instances)
         images = {domain: int(store.imaged(domain).sum()) for domain in domains}
     if is_recorded:
-        record_faults(path, domains, found, count)
+        record_faults(path, images, found)
     return _Checked(found, images, count, [fault.as_json() for fault in found]), is_recorded
 
 

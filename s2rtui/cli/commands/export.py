@@ -33,7 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "folder")  # fmt: skip
     parser.add_argument("--size", metavar="WIDTHxHEIGHT", help="size in pixels, such as 1600x1200")
     page = display_arguments.add_page(parser, "page")
-    page.add_argument("--title", default="", help="title of the figure (default: the view's title)")
+    page.add_argument(
+        "--title", help="title of the figure, '' for none (default: the view's title)"
+    )
     add_theme(page, "light, for paper")
     scene_arguments.add_selection(parser)
     scene_arguments.add_drawing(parser)

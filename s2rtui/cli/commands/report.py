@@ -55,7 +55,7 @@ def execute(options: argparse.Namespace) -> int:
         title=options.title,
         date=options.date,
         theme=options.theme,
-        page=display_arguments.page_options(options, title=""),
+        page=display_arguments.page_options(options, title=None),
     )
     with reporter() as progress:
 

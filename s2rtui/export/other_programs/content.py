@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from s2rstore.heatmap_kinds import NO_HEAT
 from s2rstore.language import Query
@@ -122,6 +121,8 @@ class ExportContent:
         right = np.array([sin, -cos, 0.0])
         axes = np.stack([right, np.cross(forward, right), forward], axis=1)
         position = np.array([x + ahead * cos, y + ahead * sin, height])
+        from scipy.spatial.transform import Rotation  # not when the program starts
+
         return position, Rotation.from_matrix(axes).as_quat()
 
     def frames(self, side: Side) -> Iterator[ExportedFrame]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from s2rstore.errors import DamagedStoreError, RequestError
 from s2rstore.findings import store_summary
-from s2rstore.findings.report import find_in_selection
+from s2rstore.findings.report import find_all, find_in_selection
 from s2rstore.language import Node, parse
 from s2rstore.language.syntax_tree import Everything
 from s2rstore.metrics import run_metrics
@@ -123,11 +123,14 @@ def _evaluated(
 
 def _finding_lines(
     session: Session, request: ReportRequest, selections: Sequence[EvaluatedSelection]
-) -> list[str]:
-    """The findings of the selections, of their runs, and of the first run, in this order."""
+) -> list[tuple[str, str]]:
+    """The findings of the selections, of their runs, and of the first run, in this order.
+
+    Lines, each with the expression that selects its instances; empty where it concerns none.
+    """
     store, trajectories = session.store, request.trajectories
     runs = list(dict.fromkeys(run for selection in selections for run in selection.runs))
-    lines = [store_summary.store_line(store, runs[0])]
+    lines = [(store_summary.store_line(store, runs[0]), "")]
     for selection in selections:
         requested = selection.requested
         if requested.expression == "all" and trajectories is None:
@@ -140,14 +143,18 @@ def _finding_lines(
                     store, replace(state, with_trained=False), session.notes
                 ).selected
             found = find_in_selection(store, state.run, selected)
-            lines += [f"{each.kind} of {state.run} in {place}: {each.line}" for each in found]
-    for run in runs:
-        lines += store_summary.finding_lines(store, run)
+            lines += [
+                (f"{each.kind} of {state.run} in {place}: {each.line}", each.expression or "")
+                for each in found
+            ]
     first = session.state.runs[0]
-    if first not in runs:
-        others = store_summary.finding_lines(store, first)
-        lines += [f"not asked for: {line}" for line in others]
-    return [printable(line) for line in lines]
+    for run in [*runs, *([first] if first not in runs else [])]:
+        mark = "" if run in runs else "not asked for: "
+        lines += [
+            (f"{mark}{store_summary.finding_line(each)}", each.expression or "")
+            for each in find_all(store, run).findings
+        ]
+    return [(printable(line), expression) for line, expression in lines]
 
 
 def _runs(
@@ -296,4 +303,8 @@ def _numbers(scene: Scene, name: str, caption: str) -> ReportTable:
     def cell(value: object) -> str:
         return metric_tables.number(value) if isinstance(value, float | None) else str(value)
 
-    return ReportTable(caption, names, [[cell(value) for value in row] for row in rows])
+    view = BY_NAME[name]
+    known = {row: view.row_expression(scene, at) for at, row in enumerate(view.row_names(scene))}
+    expressions = [known.get(str(row[0]), "") for row in rows]
+    cells = [[cell(value) for value in row] for row in rows]
+    return ReportTable(caption, names, cells, expressions=expressions if known else ())

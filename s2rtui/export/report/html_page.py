@@ -1,7 +1,9 @@
-"""Rendering of a report as one self-contained HTML page: no script, no external resource."""
+"""Rendering of a report as one self-contained HTML page: one script, no external resource."""
 
 from __future__ import annotations
 
+from base64 import b64encode
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +27,12 @@ def render_page(report: Report) -> str:
     )  # fmt: skip
     template = environment.get_template("report.html")
     style = Markup(_style(report))
-    return template.render(report=report, dark_media=_DARK_MEDIA, style=style).lstrip()
+    script = (_FOLDER / "report.js").read_text(encoding="utf-8")
+    digest = b64encode(sha256(script.encode()).digest()).decode()
+    return template.render(
+        report=report, dark_media=_DARK_MEDIA, style=style, script=Markup(script),
+        script_hash=Markup(f"sha256-{digest}"),
+    ).lstrip()  # fmt: skip
 
 
 def _printable(value: Any) -> Any:

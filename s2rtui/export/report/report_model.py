@@ -12,13 +12,17 @@ Facts = Sequence[tuple[str, str]]
 
 @dataclass(frozen=True, slots=True)
 class ReportTable:
-    """Formatted cells; the first column names the rows, the others are numbers or `texts`."""
+    """Formatted cells; the first column names the rows, the others are numbers or `texts`.
+
+    expressions: that which selects the instances of each row, if known.
+    """
 
     caption: str
     names: Sequence[str]
     rows: Sequence[Sequence[str]]
     note: str = ""
     texts: bool = False
+    expressions: Sequence[str] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,13 +83,14 @@ class Section:
 class Report:
     """The page: an overview of all runs, then a section per selection.
 
+    findings: lines, each with the expression that selects its instances, or none.
     theme: the colours of the page, for light screens where it has figures for both.
     """
 
     title: str
     subtitle: str
     facts: Facts
-    findings: Sequence[str]
+    findings: Sequence[tuple[str, str]]
     runs: ReportTable
     images: Sequence[ReportImage]
     sections: Sequence[Section] = ()

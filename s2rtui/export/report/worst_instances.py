@@ -34,8 +34,9 @@ def worst_instances(scene: Scene, heat: HeatChoice | None) -> list[Example]:
             heat,
             Population(with_trained=scene.state.with_trained),
         )
+        facts = *instance.notes, ("select", f"ids({iid})")
         remark = scene.notes.remarks.get(iid, Remark())
-        content = _pose_table(instance), instance.notes, _images(instance)
+        content = _pose_table(instance), facts, _images(instance)
         examples.append(Example(iid, *content, remark.tags, remark.note))
     return examples
 

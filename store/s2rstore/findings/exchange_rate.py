@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from s2rstore.findings.finding import Finding
 from s2rstore.intervals import simultaneous_level
-from s2rstore.metrics.exchange import changed_runs, exchange_change
 from s2rstore.reader import Store
 
 KIND = "exchange rate"
@@ -17,6 +16,8 @@ def exchange_rate(store: Store, run: str) -> Finding | None:
     and after do not overlap, at a level that holds for all compared runs. None without such runs,
     and where no pair of exchange rates is known.
     """
+    from s2rstore.metrics.exchange import changed_runs, exchange_change  # imports SciPy
+
     names = changed_runs(store, run)
     level = simultaneous_level(max(len(names), 1))
     found = [exchange_change(store, name, level=level) for name in names]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from s2rstore.findings.finding import Finding
 from s2rstore.findings.report import find_all
 from s2rstore.metrics import run_metrics
 from s2rstore.metrics.recall import side_recall
@@ -18,7 +19,7 @@ def summary_lines(store: Store) -> list[str]:
     summary = [
         store_line(store, computed[0]),
         *(_run_line(store, name) for name in computed),
-        *finding_lines(store, computed[0]),
+        *(finding_line(finding) for finding in find_all(store, computed[0]).findings),
     ]
     return [printable(line) for line in summary]
 
@@ -32,13 +33,10 @@ def store_line(store: Store, run: str) -> str:
     )
 
 
-def finding_lines(store: Store, run: str) -> list[str]:
-    """The findings about a computed run, one per line."""
-    lines = []
-    for finding in find_all(store, run).findings:
-        of_run = "" if finding.kind == "best run" else f" of {finding.run}"
-        lines.append(f"{finding.kind}{of_run}: {finding.line}")
-    return lines
+def finding_line(finding: Finding) -> str:
+    """A finding about a run in one line."""
+    of_run = "" if finding.kind == "best run" else f" of {finding.run}"
+    return f"{finding.kind}{of_run}: {finding.line}"
 
 
 def _run_line(store: Store, run: str) -> str:

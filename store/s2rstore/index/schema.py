@@ -25,7 +25,7 @@ LABELS = "labels"
 
 HEALTH = "health"
 """Value of `provenance.what`: `key` is a domain whose images `s2r check` has checked, `value` the
-number of instances of the store at that time."""
+number of its images at that time."""
 
 CONVENTIONS = "conventions"
 """Value of `provenance.what`: `key` is a domain, or DOMAIN@PART for the instances of an appended

@@ -23,6 +23,8 @@ _WHOLE = re.compile(r"""[\w")%]\s*\Z""")
 _QUOTED = re.compile(r'"(\\.|[^"\\])*"')
 _WORD = re.compile(r"(?P<word>[\w.]*)\Z")
 _OPERATORS = (("&", "and"), ("|", "or"), ("-", "without"))
+_COMPARISONS = ((">", "above"), ("<", "below"), (":", "a range 1..2, or a value 90 +- 10"))
+_NUMERIC = {name for field in fields.NUMERIC for name in (field, fields.column_of(field))}
 _OPEN_CALL = re.compile(r"(?P<function>[\w.]+)\((?P<arguments>[^()]*)\Z")
 
 _FUNCTIONS = [(f"{name}(", text) for name, text in fields.FUNCTIONS.items()]
@@ -61,6 +63,8 @@ def complete(text: str, words: Vocabulary) -> list[Option]:
         return _completed(text, match["name"], [(f"{string(run)}).", "run") for run in words.runs])
     word = match["word"]
     longer = _completed(text, word, _here(text, word, words))
+    if word in _NUMERIC and _OPEN_CALL.search(text) is None:
+        longer = [*((text + sign, meaning) for sign, meaning in _COMPARISONS), *longer]
     if longer or word not in fields.WORDS:
         return longer
     return [(text + sign, description) for sign, description in _operators(text)]
@@ -94,5 +98,8 @@ def _here(text: str, word: str, words: Vocabulary) -> list[Option]:
 
 
 def _operators(before: str) -> list[Option]:
+    """What may follow a term: a comparison after the name of a number, or else an operator."""
+    if (last := _WORD.search(before.rstrip())) is not None and last["word"] in _NUMERIC:
+        return list(_COMPARISONS)
     space = "" if before[-1].isspace() else " "
     return [(f"{space}{sign} ", word) for sign, word in _OPERATORS]

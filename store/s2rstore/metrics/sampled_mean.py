@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from s2rstore import intervals
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, counted
 from s2rstore.files.planned_poses import PoseSample
 from s2rstore.geometry import angles
 from s2rstore.intervals import Interval
@@ -50,10 +50,11 @@ class SampledMean:
         """The mean as a sentence, and how many images at random poses would be as exact."""
         taken, metres, degrees = self.metres.size, self.metres, self.degrees
         of = " of the localised images" if self.lost else ""
+        value = "-" if math.isnan(self.mean.value) else f"{self.mean.value:.2f} m"
         text = (
-            f"mean real error{of} over the candidates ({self.candidates}) "
-            f"{self.mean.with_bounds('{:.2f}'.format)} m: {taken} images within {MATCH_METRES:g} m "
-            f"and {MATCH_DEGREES:g} degrees of {self.planned} sampled poses"
+            f"mean real error{of} over the candidates ({self.candidates}) {value} "
+            f"({self.mean.bounds_text(unit='m')}): {counted(taken, 'image')} within "
+            f"{MATCH_METRES:g} m and {MATCH_DEGREES:g} degrees of {self.planned} sampled poses"
         )
         if taken:
             text += (

@@ -9,7 +9,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from s2rstore.errors import RequestError
-from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.layouts import read
 from s2rtools.datasets.recording import ReadOptions, Recording
 from tests.datasets.helpers import kinds
@@ -211,19 +210,6 @@ def test_without_a_height_the_report_says_so(tmp_path):
     assert recording.trajectories["episode_000000"].poses[0, 2, 3] == 0
 
 
-def test_damaged_images_are_reported(tmp_path):
-    write(tmp_path, "v2.1")
-    video = tmp_path / f"videos/chunk-001/{KEY}/episode_000002.mp4"
-    video.write_bytes(b"nothing")
-    recording = read("lerobot", tmp_path, ReadOptions(OPTIONS))
-    found = recording.trajectories["episode_000002"].frames[0].rgb.read()
-    assert isinstance(found, InputIssue)
-    assert found.kind == "unreadable image"
-    video.unlink()
-    missing = read("lerobot", tmp_path, ReadOptions(OPTIONS))
-    assert missing.trajectories["episode_000002"].frames[0].rgb.checksum() is None
-
-
 @pytest.mark.parametrize(
     ("options", "changes", "message"),
     [
@@ -258,13 +244,4 @@ def test_missing_options_and_videos_that_cannot_be_decoded_are_named(tmp_path):
     video = tmp_path / f"videos/chunk-000/{KEY}/episode_000000.mp4"
     video.write_bytes(b"\0\0\0\x20ftypisom" + bytes(100))
     with pytest.raises(RequestError, match=r"the videos are in mpeg4, convert them to H\.264"):
-        read("lerobot", tmp_path, ReadOptions(OPTIONS))
-
-
-def test_playlists_in_place_of_videos_are_not_followed(tmp_path):
-    write(tmp_path, "v2.1")
-    video = tmp_path / f"videos/chunk-000/{KEY}/episode_000000.mp4"
-    video.rename(tmp_path / "other.mp4")
-    video.write_text(f"ffconcat version 1.0\nfile '{tmp_path}/other.mp4'\n")
-    with pytest.raises(RequestError, match="unreadable image"):
         read("lerobot", tmp_path, ReadOptions(OPTIONS))

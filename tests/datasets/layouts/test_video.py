@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from s2rtools.common.input_issue import InputIssue
-from s2rtools.common.video_files import Video
 from s2rtools.datasets.layouts import read
 from s2rtools.datasets.recording import ReadOptions
 from tests.datasets.helpers import kinds
@@ -21,19 +20,15 @@ av = pytest.importorskip("av")
 COUNT, HEIGHT, WIDTH = 40, 96, 128
 TICKS = np.cumsum([0, *([1, 3] * COUNT)])[:COUNT]
 """Times of the frames in 0.05 s: the rate varies."""
-CAMERA = "[camera]\nwidth = 128\nheight = 96\nhfov = 70.0\n"
-
-
-def level(frame: int) -> int:
-    return 30 + 5 * frame
+LEVELS = 30 + 5 * np.arange(COUNT)
 
 
 def write(folder: Path, codec: str = "libx264", suffix: str = ".mp4") -> Path:
     """A video that gets brighter, its camera, and poses on a line at the times of a clock."""
     path = folder / f"drive{suffix}"
-    write_video(path, codec, "yuv420p", [np.full((HEIGHT, WIDTH, 3), level(f), np.uint8)
-                                         for f in range(COUNT)], "rgb24")  # fmt: skip
-    (folder / "drive.toml").write_text(CAMERA)
+    frames = [np.full((HEIGHT, WIDTH, 3), level, np.uint8) for level in LEVELS]
+    write_video(path, codec, "yuv420p", frames, "rgb24")
+    (folder / "drive.toml").write_text("[camera]\nwidth = 128\nheight = 96\nhfov = 70.0\n")
     rows = "".join(f"{100 + 0.1 * step},{0.2 * step},1,90\n" for step in range(-1, 60))
     (folder / "drive.csv").write_text(f"timestamp,x,y,heading\n{rows}")
     return path
@@ -67,9 +62,7 @@ def test_frames_have_exact_times_and_interpolated_poses(tmp_path, codec, suffix)
     assert np.allclose(trajectory.poses[:, 0, 3], 2 * (times - 100), atol=2e-3)
     for row in (*range(COUNT), 3, 39, 0, 20):
         found = image(trajectory.frames[row].rgb.read())
-        assert found.pixels.shape == (HEIGHT, WIDTH, 3)
-        assert abs(found.pixels.mean() - level(row)) < 2.5
-    assert recording.provenance["codec"]
+        assert abs(found.pixels.mean() - LEVELS[row]) < 2.5
     assert kinds(recording) == {}
 
 
@@ -92,12 +85,9 @@ def test_frames_without_poses_and_damage_are_reported(tmp_path):
     assert kinds(recording) == {"no pose": np.count_nonzero(103 + TICKS / 20 > 105.9)}
     with refused(match="no usable image"):
         read("video", path)
-    with Video(path) as video:
-        stamps = video.stamps
     path.write_bytes(path.read_bytes()[:2000])
     found = recording.trajectories["drive"].frames[5].rgb.read()
     assert isinstance(found, InputIssue)
-    assert len(stamps) == COUNT
-    (tmp_path / "list.mp4").write_text(f"ffconcat version 1.0\nfile '{path}'\n")
+    path.write_text("ffconcat version 1.0\nfile 'other.mp4'\n")
     with refused(match="cannot be decoded as a video"):
-        Video(tmp_path / "list.mp4")
+        read("video", path)

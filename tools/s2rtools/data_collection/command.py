@@ -26,7 +26,9 @@ if TYPE_CHECKING:
 
 METHODS = ("combined", "error", "novelty", "uniform", "random")
 """As `s2rtools.data_collection.METHODS`, without importing the tools for `--help`."""
-EXAMPLE = "s2r collect lab.s2r --run vanilla --budget 60 --out poses.csv --save collect"
+EXAMPLE = """s2r collect lab.s2r --run vanilla --budget 60 --out poses.csv --save collect
+  s2r collect lab.s2r --run vanilla --renderer 'python my_sim.py' --out poses.csv
+  s2r collect lab.s2r --for evaluation --out sample.csv"""
 PURPOSES = ("training", "evaluation")
 _BUDGET, _SAMPLE_BUDGET = 60, 100
 _SHOWN = 10

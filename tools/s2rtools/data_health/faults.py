@@ -7,7 +7,7 @@ light are no faults. To add a rule, write a function below, add it to `RULES`, a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -97,11 +97,15 @@ class Recorded:
 
     @cached_property
     def alike(self) -> NDArray[np.intp]:
-        """(P, 2) ascending pairs of images that show the same; without a blank wall, which looks
-        like any other, and without those of a robot that stays where it is.
+        """(P, 2) ascending pairs of images that show the same, at nearly one pose or far apart;
+        without a blank wall, which looks like any other, and without those of a robot that stays.
         """
         known = np.isfinite(self.images.sharpness) & ~self.stays
-        return np.array(list(_alike_pairs(self.images.signature, known)), np.intp).reshape(-1, 2)
+        kept = [np.empty((0, 2), np.intp)]
+        for pairs in _alike_pairs(self.images.signature, known & np.isfinite(self.poses[:, 0])):
+            metres, _ = self.distances(pairs)
+            kept.append(pairs[(metres >= FAR) | (metres < max(SAME_POSE[0], MOVED[0]))])
+        return np.concatenate(kept)
 
     def distances(self, pairs: NDArray[np.intp]) -> tuple[Floats, Floats]:
         """Metres and radians between the poses of pairs (P, 2)."""
@@ -269,41 +273,48 @@ def faults(recorded: Recorded, domain: str) -> Iterator[Fault]:
 def check_store(store: Store, domains: Sequence[str], progress: Reporter) -> list[Fault]:
     """The faults of the images of some domains, and of their poses and times.
 
-    Pairs are compared where both domains are among these. Raises RequestError for an unknown
-    domain.
+    Raises RequestError for an unknown domain.
     """
+    compared = {domain: _paired_domain(store, domain) for domain in dict.fromkeys(domains)}
     measured: dict[str, ImageMeasures] = {}
-    for domain in dict.fromkeys(domains):
-        progress.begin(f"images of {domain}", sum(map(len, store.imaged_ranges(domain))))
-        measured[domain] = measure_domain(store, domain, progress.advance)
+    for name in dict.fromkeys([*compared, *filter(None, compared.values())]):
+        progress.begin(f"images of {name}", sum(map(len, store.imaged_ranges(name))))
+        measured[name] = measure_domain(store, name, progress.advance)
     found: list[Fault] = []
     truth = store.instances
-    sim = next((name for name in measured if store.domain(name).kind == "sim"), None)
-    for domain, measures in measured.items():
-        has_pairs = sim is not None and store.domain(domain).kind == "real" and store.has_poses
+    for domain, sim in compared.items():
         poses = store.poses(domain) if store.has_poses else np.full((len(truth), 3), np.nan)
         recorded = Recorded(
-            measures, poses, truth.timestamp, truth.trajectory, _splits(store, domain),
-            measured[sim] if has_pairs and sim is not None else None,
+            measured[domain], poses, truth.timestamp, truth.trajectory, _splits(store, domain),
+            measured[sim] if sim else None,
         )  # fmt: skip
         found += faults(recorded, domain)
     return found
 
 
-def record_faults(root: Path, domains: Sequence[str], found: Sequence[Fault], count: int) -> None:
-    """Publish the faults of some domains in a store of `count` instances, in place of earlier ones.
+def _paired_domain(store: Store, domain: str) -> str:
+    """The sim domain that runs compare with a real one, or else the first; empty for others."""
+    if store.domain(domain).kind != "real" or not store.has_poses:
+        return ""
+    compared = (run.domain("sim") for run in store.runs.values() if run.domain("real") == domain)
+    sims = (name for name, each in store.domains.items() if each.kind == "sim")
+    return next(compared, next(sims, ""))
+
+
+def record_faults(root: Path, images: Mapping[str, int], found: Sequence[Fault]) -> None:
+    """Publish the faults of domains, in place of earlier ones, with how many images were checked.
 
     Raises RequestError where the store cannot be written.
     """
     with edit(root) as draft:
-        for domain in domains:
+        for domain in images:
             draft.delete("frame_fault", domain=domain)
         for fault in found:
             size = fault.iids.size
             draft.insert("frame_fault", {"iid": fault.iids.astype(np.int32),
                                          "domain": [fault.domain] * size,
                                          "fault": [fault.name] * size})  # fmt: skip
-        draft.set_provenance(schema.HEALTH, dict.fromkeys(domains, str(count)))
+        draft.set_provenance(schema.HEALTH, {name: str(images[name]) for name in images})
 
 
 def _splits(store: Store, domain: str) -> list[tuple[Mask, Mask]]:
@@ -354,21 +365,20 @@ def _equal_pairs(codes: NDArray[np.unsignedinteger]) -> Iterator[tuple[int, int]
             yield from ((int(order[start]), int(row)) for row in order[start + 1 : stop])
 
 
-def _alike_pairs(signatures: NDArray[np.uint64], known: Mask) -> Iterator[tuple[int, int]]:
-    """Pairs of known rows whose signatures (N, 2) differ in at most `ALIKE` bits of each half.
+def _alike_pairs(signatures: NDArray[np.uint64], known: Mask) -> Iterator[NDArray[np.intp]]:
+    """Pairs (P, 2) of known rows whose signatures (N, 2) differ in at most `ALIKE` bits per half.
 
-    Of four parts of a half, at least one is equal in such a pair.
+    Of four parts of a half, at least one is equal in such a pair; the first one gives the pair.
     """
-    seen: set[tuple[int, int]] = set()
     rows = np.flatnonzero(known)
-    for part in range(4):
-        keys = (signatures[rows, 0] >> np.uint64(16 * part)) & np.uint64(0xFFFF)
-        for key in np.unique(keys):
-            members = rows[keys == key]
-            for at, first in enumerate(members[:-1].tolist()):
+    shifts = np.arange(0, 64, 16, dtype=np.uint64)
+    parts = ((signatures[:, :1] >> shifts) & np.uint64(0xFFFF)).astype(np.uint16)
+    for part in range(len(shifts)):
+        order = rows[np.argsort(parts[rows, part], kind="stable")]
+        for members in np.split(order, np.flatnonzero(np.diff(parts[order, part])) + 1):
+            for at, first in enumerate(members[:-1]):
                 others = members[at + 1 :]
                 bits = np.bitwise_count(signatures[others] ^ signatures[first])
-                for second in others[(bits <= ALIKE).all(axis=1)].tolist():
-                    if (first, second) not in seen:
-                        seen.add((first, second))
-                        yield first, second
+                is_given = (parts[others, :part] == parts[first, :part]).any(axis=1)
+                alike = others[(bits <= ALIKE).all(axis=1) & ~is_given]
+                yield np.stack([np.full(alike.size, first), alike], axis=1)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from array import array
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import astuple, dataclass, field
 from functools import partial
@@ -218,18 +218,9 @@ def _compare(
             if expected is not None and all(
                 expected.checksums.get(domain, sum) == sum for domain, sum in checksums.items()
             ):
-                pose = record.x, record.y, record.heading
-                if not all(map(is_close, pose, expected.pose)):
-                    file = _file(scan, record, next(iter(record.sources)), len(rows))
-                    raise _DifferenceError(f"the pose of {file}")
-                for domain, of_frame in expected.frame_poses.items():
-                    if domain not in checksums:
-                        continue
-                    found_pose = record.frame_poses.get(domain)
-                    own = pose if found_pose is None else astuple(found_pose)[:3]
-                    if not all(map(is_close, own, of_frame)):
-                        file = _file(scan, record, domain, len(rows))
-                        raise _DifferenceError(f"the pose of {file}")
+                moved = _moved_frame(record, expected, checksums)
+                if moved is not None:
+                    raise _DifferenceError(f"the pose of {_file(scan, record, moved, len(rows))}")
                 if record.seq is not None and record.seq != expected.seq:
                     found.renumbered.setdefault(name, Renumbered()).add(record.seq, expected.seq)
                 rows.append(number)
@@ -244,6 +235,26 @@ def _compare(
             progress(2 * len(checksums))
     if expected is not None:
         raise _DifferenceError(f"only the first {len(rows)} of the stored instances")
+    return None
+
+
+def _moved_frame(
+    record: InstanceRecord, stored: _StoredInstance, domains: Collection[str]
+) -> str | None:
+    """The first domain whose frame has another pose than the stored one, of its `domains`.
+
+    A stored instance has the pose of one of its images; so its own pose is compared where the
+    source has an image without a stored pose of its own.
+    """
+    pose = record.x, record.y, record.heading
+    known = [domain for domain in domains if domain in stored.frame_poses]
+    if (len(known) < len(domains) or not known) and not all(map(is_close, pose, stored.pose)):
+        return next(iter(record.sources))
+    for domain in known:
+        found = record.frame_poses.get(domain)
+        own = pose if found is None else astuple(found)[:3]
+        if not all(map(is_close, own, stored.frame_poses[domain])):
+            return domain
     return None
 
 
