@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import s2rstore
-from s2rstore.findings import exchange_rate
+from s2rstore.findings.exchange_rate import exchange_rate
 from s2rstore.index.transaction import edit
-from s2rstore.metrics import recall
+from s2rstore.metrics import exchange, recall
 from s2rstore.metrics.evaluation import images_of, run_figures
 from s2rstore.metrics.exchange import ExchangeChange, changed_runs, mean_errors
 from s2rtools.nightly import measurement
@@ -155,9 +155,9 @@ def test_the_finding_is_the_change_that_raises_the_rate_most(store, monkeypatch)
 
     with s2rstore.open(store) as opened:
         known = mean_errors(opened)["vanilla"]
-        monkeypatch.setattr(exchange_rate, "changed_runs", lambda *_: ["vanilla", "dataaug"])
-        monkeypatch.setattr(exchange_rate, "exchange_change", change)
-        assert exchange_rate.exchange_rate(opened, "base").run == "dataaug"
+        monkeypatch.setattr(exchange, "changed_runs", lambda *_: ["vanilla", "dataaug"])
+        monkeypatch.setattr(exchange, "exchange_change", change)
+        assert exchange_rate(opened, "base").run == "dataaug"
 
 
 def test_images_without_a_pose_are_failures_of_recall_and_median(store, tmp_path, s2r):
