@@ -181,7 +181,7 @@ def build_parser(commands: Collection[str] = ()) -> CommandParser:
             "--no-plugins", action="store_true", help="use no parts of other installed packages"
         )
         command.add_arguments(subparser)
-        subparser.set_defaults(execute=command.execute, command=name)
+        subparser.set_defaults(execute=command.execute, command=name, parser=subparser)
         for actions in subparser._actions:
             if isinstance(actions, argparse._SubParsersAction):
                 for entry in actions._choices_actions:

@@ -15,7 +15,7 @@ PARTS = {
     "application": ("textual", "rich", "numpy", "PIL"),
     "store": ("zarr", "duckdb", "lark"),
     "figures": ("matplotlib",),
-    "tools": ("torch", "cv2", "scipy", "sklearn", "umap", "safetensors"),
+    "tools": ("torch", "av", "cv2", "scipy", "sklearn", "umap", "safetensors"),
     "faster inference": ("openvino",),
     "in a browser": ("textual_serve",),
 }

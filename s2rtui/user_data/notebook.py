@@ -31,6 +31,7 @@ from s2rtui.user_data.notebook_schema import (
     SavedSelection,
     part_label,
     valid_name,
+    valid_tag,
 )
 
 __all__ = ["Notebook", "Notes", "ReadNotebook", "Remark", "SavedSelection", "valid_name"]
@@ -145,25 +146,34 @@ class Notebook:
 
         self._change(change)
 
-    def add_remarks(self, remarks: Mapping[int, Remark]) -> None:
-        """Add tags of instances to those that they have, and set the notes that are not empty."""
-        tags = {valid_name(tag, "tag") for remark in remarks.values() for tag in remark.tags}
+    def add_remarks(self, remarks: Mapping[int, Remark]) -> int:
+        """Add tags of instances to those that they have, and set the notes that are not empty.
+
+        Returns the number of instances whose tags or note changed.
+        """
+        added = {iid: tuple(map(valid_tag, remark.tags)) for iid, remark in remarks.items()}
+        count = 0
 
         def change(notes: Notes) -> Notes:
-            _check_free(notes, tags)
+            nonlocal count
             changed = {}
-            for iid, remark in remarks.items():
+            for iid, tags in added.items():
+                _check_free(notes, tags)
                 self._check_readable(notes, iid)
                 before = notes.remarks.get(iid, Remark())
-                every = dict.fromkeys((*before.tags, *remark.tags))
-                changed[iid] = Remark(tuple(every), _note_text(remark.note) or before.note)
+                note = _note_text(remarks[iid].note) or before.note
+                after = Remark(tuple(dict.fromkeys((*before.tags, *tags))), note)
+                if after != before:
+                    changed[iid] = after
+            count = len(changed)
             return _with_remarks(notes, changed)
 
         self._change(change)
+        return count
 
     def toggle_tag(self, iids: list[int], tag: str) -> bool:
         """Tag instances, or remove the tag if all have it; return whether they are tagged."""
-        tag = valid_name(tag.lstrip("#"), "tag")
+        tag = valid_tag(tag)
         tagged = True
 
         def change(notes: Notes) -> Notes:

@@ -261,8 +261,19 @@ def _selection_entry(saved: SavedSelection) -> dict[str, Any]:
 
 
 def valid_name(name: str, label: str) -> str:
-    """Return a name of a selection or a tag without blanks at its ends. Raises RequestError."""
-    name = name.strip().lstrip("@")
+    """Return a name of a selection or a tag without `@` before it and without blanks at its ends.
+
+    Raises RequestError.
+    """
+    name = name.strip().lstrip("@ ")
     if not name or len(name) > 60 or not name.isprintable() or '"' in name or "\\" in name:
         raise RequestError(f"{label}: must have 1 to 60 printable characters without quotes")
     return name
+
+
+def valid_tag(tag: str) -> str:
+    """Return a tag without `#` or `@` before it and without blanks at its ends.
+
+    Raises RequestError.
+    """
+    return valid_name(tag.strip().lstrip("#@ "), "tag")

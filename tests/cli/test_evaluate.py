@@ -1,15 +1,18 @@
 """`s2r evaluate` and the exchange view: figures, what simulation adds, plans, refusals."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import s2rstore
+from s2rstore.findings import exchange_rate
 from s2rstore.index.transaction import edit
 from s2rstore.metrics import recall
 from s2rstore.metrics.evaluation import images_of, run_figures
+from s2rstore.metrics.exchange import ExchangeChange, changed_runs, mean_errors
 from s2rtools.nightly import measurement
 from tests.support import tiny
 from tests.support.copies import copy_store
@@ -128,6 +131,27 @@ def test_the_exchange_rate_before_and_after_a_change(store, tmp_path, s2r):
     rows = {row["parameter"]: row for row in measurement.exchange_rows(report)}
     assert rows["exchange rate"]["value"] == report["exchange"]["after"]["value"]
     assert rows["exchange rate before the changes"]["note"] == "camera_fov=4"
+    with edit(path) as draft:  # a domain that was added later is the changed one
+        draft.rows("INSERT INTO domain SELECT * REPLACE ('new' AS domain) FROM domain "
+                   "WHERE domain = 'sim'")  # fmt: skip
+        draft.rows("UPDATE run SET sim_adjustments = '[]', sim_domain = 'new' "
+                   "WHERE run = 'vanilla'")  # fmt: skip
+        draft.set_provenance("dataset", {"domain:new": {"added_at": "2026-11-01T00:00:00+00:00"}})
+    with s2rstore.open(path) as opened:
+        assert changed_runs(opened, "dataaug") == ["vanilla"]
+
+
+def test_the_finding_is_the_change_that_raises_the_rate_most(store, monkeypatch):
+    def change(opened, run, level):
+        before, after = {"vanilla": (4.0, 3.0), "dataaug": (1.0, 2.0)}[run]
+        rates = [replace(known, rate=replace(known.rate, value=each)) for each in (after, before)]
+        return ExchangeChange(run, rates[0], "base", rates[1])
+
+    with s2rstore.open(store) as opened:
+        known = mean_errors(opened)["vanilla"]
+        monkeypatch.setattr(exchange_rate, "changed_runs", lambda *_: ["vanilla", "dataaug"])
+        monkeypatch.setattr(exchange_rate, "exchange_change", change)
+        assert exchange_rate.exchange_rate(opened, "base").run == "dataaug"
 
 
 def test_rooms_with_enough_pairs_have_an_exchange_rate(store, s2r):

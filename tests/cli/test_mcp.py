@@ -137,11 +137,6 @@ def test_a_hostile_store_gives_values_or_one_line_without_control_characters(sto
                 json.loads(part.text)
 
 
-def test_terms_of_the_glossary_are_explained(store):
-    text = call(store, "explain", topic="base population").content[0].text
-    assert text.startswith("term base population: the valid instances")
-
-
 def test_notes_are_written_only_where_that_is_allowed(store, s2r):
     names = ask(build_server(str(store)), lambda client: client.list_tools())
     assert "note" not in {tool.name for tool in names.tools}
@@ -156,8 +151,9 @@ def test_notes_are_written_only_where_that_is_allowed(store, s2r):
 
 def test_the_command_speaks_over_standard_streams(store):
     server = StdioServerParameters(command=sys.executable, args=["-m", "s2rtui", "mcp", str(store)])
-    result = ask(server, lambda client: client.call_tool("explain", {"topic": "worst15"}))
-    assert "15%" in result.content[0].text
+    result = ask(server, lambda client: client.call_tool("explain", {"topic": "gap"}))
+    assert "field gap: real error - sim error (m)" in result.content[0].text
+    assert "term gap: of an instance" in result.content[0].text
 
 
 @pytest.mark.parametrize(

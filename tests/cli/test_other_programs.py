@@ -120,11 +120,13 @@ def test_coco_and_fiftyone_list_the_images_with_their_facts(exported, store):
 
 def test_notes_and_tags_go_to_csv_and_back(exported, tiny_store, tmp_path, s2r):
     notes = tmp_path / "notes.csv"
-    notes.write_text('iid,tags,note\n3,door dark,"a, b"\n7,door,\n')
-    assert "2 instances" in s2r("import", tiny_store, notes).printed
+    notes.write_text('iid,tags,note\n3,door dark,"a, b"\n7,@door #door,\n8,,\n')
+    for count in ("2 instances", "0 instances"):
+        assert count in s2r("import", tiny_store, notes).printed
     first, second = exported("csv").read_text().splitlines()[1:3]
     assert first.endswith('door dark,"a, b"')
     assert second.endswith("door,")
-    notes.write_text("iid,note\n400,x\n")
-    s2r("import", tiny_store, notes).assert_refused("iid '400'")
+    for row, message in (("400,", "iid '400'"), ("9" * 5000, "iid '999"), ('1,a"', "tag:")):
+        notes.write_text(f"iid,tags\n{row}\n")
+        s2r("import", tiny_store, notes).assert_refused(f"{notes}:2: {message}")
     s2r("export", tiny_store, "--to", "csv", "--out", notes).assert_refused("exists already")

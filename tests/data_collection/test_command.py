@@ -73,6 +73,7 @@ def test_methods_of_the_command_are_those_of_the_tools():
     [
         (["--budget", "0"], "--budget 0: must be 1 to 5000"),
         (["--run", "no"], "no"),
+        (["--set", "lamp=1"], "--set: only with --renderer"),
         (["--save", " "], "name"),
         (["--out", "nowhere/poses.csv"], "--out nowhere/poses.csv: there is no folder"),
     ],

@@ -45,5 +45,8 @@ def test_a_pose_that_the_program_cannot_render_is_not_proposed(moved_camera_stor
     )
 
 
-def test_options_of_the_renderer_need_one(tiny_store, s2r):
-    s2r("collect", tiny_store, "--set", "lamp=1").assert_refused("--set: only with --renderer")
+def test_a_renderer_lacks_depth_that_the_model_takes(moved_camera_store, s2r, tmp_path):
+    command = shlex.join([*perl_command(), "rgb"])
+    arguments = ["collect", moved_camera_store, "--run", "zero", "--renderer", command]
+    refused = s2r(*arguments, "--frames", tmp_path / "frames").checked(2)
+    assert "renderer perl: renders no depth, which the model of run zero takes" in refused.err

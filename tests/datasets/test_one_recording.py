@@ -60,43 +60,31 @@ def test_a_recording_makes_a_store_to_which_the_other_side_is_appended(tmp_path,
         assert opened.frame("sim", int(iids[3])).rgb.any()
 
 
-def test_a_recording_is_appended_to_pairs_in_the_world_of_the_store(tmp_path):
-    store = tmp_path / "s.s2r"
-    sides = [write(tmp_path / side, PAIRS, "walk", seed) for seed, side in enumerate("sr")]
-    sim = write(tmp_path / "alone", ALONE, "alone", 3)
-    floors = ("--sim-floor", "ground=0", "--real-floor", "ground=0")
-    pair = "--sim", f"test:{sides[0]}", "--real", f"test:{sides[1]}"
-    assert ingest(store, "pairs", *pair, *floors) == 0
-    assert ingest(store, f"test:{sim}", "--side", "sim", "--append") == 0
-    assert verify(store) == []
-    assert selected(store, "has:real", "has:sim", "paired") == [N, N + MORE, N]
-    with s2rstore.open(store) as opened:
-        iids = opened.iids_of("alone")
-        np.testing.assert_allclose(opened.poses("sim")[iids, :2], ALONE[:, :2], atol=1e-9)
-
-
 def test_what_pairs_left_out_is_appended_from_the_same_recordings(tmp_path):
     """Each side has a trajectory of its own; the sim poses of pairs are off by 5 cm."""
     store, folders = tmp_path / "s.s2r", []
-    for seed, (walk, name) in enumerate(
-        ((PAIRS + np.array([0.05, 0, 0]), "renders"), (PAIRS, "photos"))
-    ):
-        parts = recordings.side(walk), recordings.side(ALONE, name=name)
-        both = recordings.Side(*(
-            {**getattr(parts[0], each), **getattr(parts[1], each)}
-            for each in ("poses", "names", "times")
-        ))  # fmt: skip
-        folders.append(recordings.write(tmp_path / name, both, seed=seed))
-    floors = ("--sim-floor", "ground=0", "--real-floor", "ground=0", "--sim-trajectory", "walk",
-              "--real-trajectory", "walk")  # fmt: skip
-    pair = "--sim", f"test:{folders[0]}", "--real", f"test:{folders[1]}"
-    assert ingest(store, "pairs", *pair, *floors, "--match", "name") == 0
+    for offset, name in ((0.05, "renders"), (0, "photos")):
+        walk, own = (
+            recordings.side(PAIRS + np.array([offset, 0, 0])),
+            recordings.side(ALONE, name=name),
+        )
+        both = recordings.Side(
+            walk.poses | own.poses, walk.names | own.names, walk.times | own.times
+        )
+        folders.append(recordings.write(tmp_path / name, both, seed=len(name)))
+    options = [word for side, folder in zip(("sim", "real"), folders, strict=True)
+               for word in (f"--{side}", f"test:{folder}", f"--{side}-floor", "ground=0",
+                            f"--{side}-trajectory", "walk")]  # fmt: skip
+    assert ingest(store, "pairs", *options, "--match", "name") == 0
     for side, folder in zip(("sim", "real"), folders, strict=True):
         assert ingest(store, f"test:{folder}", "--side", side, "--append") == 0
     assert verify(store) == []
     assert selected(store, "paired", "traj:renders & has:sim", "traj:photos & has:real", "all") == [
         N, MORE, MORE, N + 2 * MORE,
     ]  # fmt: skip
+    with s2rstore.open(store) as opened:
+        poses = opened.poses("sim")[opened.iids_of("renders"), :2]
+    np.testing.assert_allclose(poses, ALONE[:, :2], atol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -63,22 +63,23 @@ def test_sim_only_instances_are_added(render, s2r, store_copy):
 
 
 @pytest.fixture
-def real_store(s2r, tmp_path, monkeypatch):
-    """A store of a recording of the real side alone."""
+def ingest_real(s2r, tmp_path, monkeypatch):
+    """Ingest or append the first images of a real walk; returns the path of the store."""
     monkeypatch.setitem(LAYOUTS, "test", recordings.LAYOUT)
-    path = tmp_path / "real.s2r"
-    _ingest_real(s2r, path, "walk", "--floor", "ground=0", "--size", "16")
-    return path
+    path, poses = tmp_path / "real.s2r", recordings.walk(9, seed=4)
+
+    def ingest(count):
+        side = recordings.side(poses, np.arange(count))
+        real = recordings.write(tmp_path / f"real{count}", side, seed=1)
+        options = ("--append",) if path.exists() else ("--floor", "ground=0", "--size", "16")
+        s2r("ingest", f"test:{real}", "--side", "real", "--store", path, *options).checked()
+        return path
+
+    return ingest
 
 
-def _ingest_real(s2r, path, name, *arguments):
-    """Ingest a recording of six real images."""
-    side = recordings.side(recordings.walk(6, seed=len(name)), name=name)
-    real = recordings.write(path.with_name(name), side, seed=1)
-    s2r("ingest", f"test:{real}", "--side", "real", "--store", path, *arguments).checked()
-
-
-def test_real_instances_get_sim_images(render, real_store):
+def test_real_instances_get_sim_images(render, ingest_real):
+    real_store = ingest_real(6)
     failed = render(real_store, "--missing", mode="fails-at-1").checked(1)
     assert "1 frame failed; the first: pose 2: inside a wall" in failed.err
     assert "unchanged; images are added when all instances have one" in failed.err
@@ -96,24 +97,9 @@ def test_real_instances_get_sim_images(render, real_store):
     assert "has images of all instances" in render(real_store, "--missing").checked(2).err
 
 
-def test_real_instances_that_are_appended_later_get_sim_images(render, s2r, real_store):
-    render(real_store, "--missing").checked()
-    _ingest_real(s2r, real_store, "further", "--append")
-    assert "6 frames rendered by perl 3, 0 there before" in render(real_store, "--missing").printed
-    assert verify(real_store) == []
-    with s2rstore.open(real_store) as store:
-        assert len(store.instances) == 12
-        assert store.imaged("sim", "real").all()
-        _assert_frames(store, range(12))
-
-
-def test_the_further_part_of_a_real_trajectory_gets_sim_images(render, s2r, tmp_path, monkeypatch):
-    monkeypatch.setitem(LAYOUTS, "test", recordings.LAYOUT)
-    path, poses = tmp_path / "real.s2r", recordings.walk(9, seed=4)
-    for count, options in ((6, ("--floor", "ground=0", "--size", "16")), (9, ("--append",))):
-        side = recordings.side(poses, np.arange(count))
-        real = recordings.write(tmp_path / f"real{count}", side, seed=1)
-        s2r("ingest", f"test:{real}", "--side", "real", "--store", path, *options).checked()
+def test_the_further_part_of_a_real_trajectory_gets_sim_images(render, ingest_real):
+    for count in (6, 9):
+        path = ingest_real(count)
         printed = render(path, "--missing").printed
     assert "3 frames rendered by perl 3, 6 there before" in printed
     assert verify(path) == []

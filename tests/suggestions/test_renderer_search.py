@@ -66,7 +66,7 @@ def test_nothing_is_changed_where_images_are_equal(suggest, null_world):
         (["--renderer", "world:2"], "--renderer: needs --for sim"),
         (["--for", "sim", "--renderer", "world:2", "--apply", "1"], "--apply: not with --renderer"),
         (["--for", "sim", "--out", "frames"], "--out: only with --renderer"),
-        (["--workers", "2"], "--workers: only with --renderer"),
+        (["--workers", "0"], "--workers: only with --renderer"),
     ],
 )
 def test_options_without_use_are_refused(s2r, tiny_store, arguments, message):

@@ -6,11 +6,12 @@ import argparse
 from pathlib import Path
 
 import s2rstore
-from s2rstore.errors import RequestError, counted
+from s2rstore.errors import RequestError, counted, shortened
 from s2rtools.common.command_line import store_argument
 from s2rtools.common.tables.csv_rows import missing_column, read_rows
 from s2rtui.cli.command_parser import Command
 from s2rtui.user_data.notebook import Notebook, Remark
+from s2rtui.user_data.notebook_schema import valid_tag
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,13 +24,16 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 def _execute(options: argparse.Namespace) -> int:
     with s2rstore.open(options.store) as store:
         remarks = _read(options.file, len(store.instances))
-        Notebook(store.identity, parts=store.parts).add_remarks(remarks)
-    print(f"{options.store}: notes and tags of {counted(len(remarks), 'instance')}")
+        count = Notebook(store.identity, parts=store.parts).add_remarks(remarks)
+    print(f"{options.store}: new notes or tags of {counted(count, 'instance')}")
     return 0
 
 
 def _read(path: Path, count: int) -> dict[int, Remark]:
-    """Remarks by instance. Raises RequestError for one that the store does not have."""
+    """Remarks by instance, without empty ones.
+
+    Raises RequestError for an instance that the store does not have, and an invalid tag.
+    """
     remarks: dict[int, Remark] = {}
 
     def check(names: list[str]) -> None:
@@ -39,12 +43,17 @@ def _read(path: Path, count: int) -> dict[int, Remark]:
 
     for number, row in read_rows(path, ("iid", "note", "tags"), check):
         text = row["iid"]
-        if not text.isdecimal() or int(text) >= count:
-            raise RequestError(f"{path}:{number}: iid {text!r}: the store holds 0 .. {count - 1}")
-        tags = tuple(tag.lstrip("#") for tag in row.get("tags", "").split())
+        if not (text.isdecimal() and len(text) < 12 and int(text) < count):
+            iid = repr(shortened(text))
+            raise RequestError(f"{path}:{number}: iid {iid}: the store holds 0 .. {count - 1}")
+        try:
+            tags = [valid_tag(tag) for tag in row.get("tags", "").split()]
+        except RequestError as error:
+            raise RequestError(f"{path}:{number}: {error}") from None
         before = remarks.get(int(text), Remark())
-        note = row.get("note") or before.note
-        remarks[int(text)] = Remark(tuple(dict.fromkeys((*before.tags, *tags))), note)
+        remark = Remark((*before.tags, *tags), row.get("note") or before.note)
+        if remark != Remark():
+            remarks[int(text)] = remark
     return remarks
 
 

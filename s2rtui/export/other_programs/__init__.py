@@ -6,6 +6,7 @@ raise ModuleNotFoundError where a package is missing.
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
@@ -55,15 +56,28 @@ def write(name: str, content: ExportContent, path: Path) -> None:
         raise RequestError(f"--out {path}: must end in {form.suffix}")
     if path.exists() or path.is_symlink():
         raise RequestError(f"--out {path}: exists already")
+    is_written = False
     try:
         module = import_module(f"{__name__}.{form.module}")
         writer: Callable[[ExportContent, Path], None] = module.write
         if not form.suffix:
             path.mkdir(parents=True)
         writer(content, path)
+        is_written = True
     except ModuleNotFoundError as error:
         if not form.package or (error.name or "").startswith("s2r"):
             raise
         raise missing_package(form.package, "viewers") from None
     except OSError as error:
         raise RequestError(f"--out {path}: cannot be written ({error.strerror})") from error
+    finally:
+        if not is_written:
+            _remove(path)
+
+
+def _remove(path: Path) -> None:
+    """Remove what was written before an error."""
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)

@@ -10,33 +10,38 @@ KIND = "exchange rate"
 
 
 def exchange_rate(store: Store, run: str) -> Finding | None:
-    """The change of the images of the run that raises its exchange rate most.
+    """The change of the run's images with the largest ratio of the exchange rates after and before.
 
     Of a run whose images are changed itself, that change. It is evident where the intervals before
     and after do not overlap, at a level that holds for all compared runs. None without such runs,
-    and where no exchange rate is known.
+    and where no pair of exchange rates is known.
     """
     from s2rstore.metrics.exchange import changed_runs, exchange_change  # imports SciPy
 
     names = changed_runs(store, run)
     level = simultaneous_level(max(len(names), 1))
     found = [exchange_change(store, name, level=level) for name in names]
-    known = [each for each in found if each.after.rate.is_known]
-    if not known:
+    ratios = [
+        (each.after.rate.value / each.before.rate.value, each, each.before)
+        for each in found
+        if each.before is not None and each.before.rate.is_known and each.after.rate.is_known
+    ]
+    if not ratios:
         return None
-    best = max(known, key=lambda each: each.after.rate.value)
-    assert best.before is not None
+    _, best, before = max(ratios, key=lambda item: item[0])
     return Finding(
         kind=KIND,
         text=f"{best.run}: {best.text}, n {best.after.n}",
         run=best.run,
         n=best.after.n,
-        evidence=f"beside unlimited simulated images; the highest of {len(names)} changed runs"
-        if len(names) > 1 else "beside unlimited simulated images",
+        evidence="beside unlimited simulated images" + (
+            f"; the largest ratio after / before of {len(names)} changed runs"
+            if len(names) > 1 else ""
+        ),
         evident=best.is_evident,
         values={
-            "exchange_rate": best.after.rate.value, "before": best.before.rate.value,
-            "before_low": best.before.rate.low, "before_high": best.before.rate.high,
+            "exchange_rate": best.after.rate.value, "before": before.rate.value,
+            "before_low": before.rate.low, "before_high": before.rate.high,
             "changes": best.changes,
         },
         interval=best.after.rate,

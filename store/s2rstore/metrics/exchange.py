@@ -106,17 +106,23 @@ def changed_runs(store: Store, run: str) -> list[str]:
 
 
 def _baseline(store: Store, run: Run) -> Run | None:
-    """The first computed run of the same model and real domain without adjustments.
+    """The computed run of the same model and real domain without adjustments.
 
-    None for that run itself, for imported predictions, and where there is none.
+    Of several, it is that on the sim domain which came first into the store, and the oldest of
+    these. None for that run itself, for imported predictions, and where there is none.
     """
-    if run.model is None:
-        return None
-    for each in store.runs.values():
-        same = (each.model, each.real_domain) == (run.model, run.real_domain)
-        if each.key and same and not (each.sim_adjustments or each.real_adjustments):
-            return None if each.run == run.run else each
-    return None
+
+    def added_at(each: Run) -> str:
+        facts = store.provenance_object("dataset", f"domain:{each.sim_domain}")
+        return str(facts.get("added_at", ""))
+
+    unchanged = [
+        each for each in store.runs.values()
+        if each.key and (each.model, each.real_domain) == (run.model, run.real_domain)
+        and not (each.sim_adjustments or each.real_adjustments)
+    ]  # fmt: skip
+    base = min(unchanged, key=added_at, default=None)
+    return base if run.model is not None and base is not None and base.run != run.run else None
 
 
 def _changes(run: Run, base: Run) -> str:

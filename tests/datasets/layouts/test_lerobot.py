@@ -9,7 +9,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from s2rstore.errors import RequestError
-from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.layouts import read
 from s2rtools.datasets.recording import ReadOptions, Recording
 from tests.datasets.helpers import kinds
@@ -209,19 +208,6 @@ def test_without_a_height_the_report_says_so(tmp_path):
     recording = read("lerobot", tmp_path, ReadOptions(options))
     assert kinds(recording) == {"height unknown": 1}
     assert recording.trajectories["episode_000000"].poses[0, 2, 3] == 0
-
-
-def test_damaged_images_are_reported(tmp_path):
-    write(tmp_path, "v2.1")
-    video = tmp_path / f"videos/chunk-001/{KEY}/episode_000002.mp4"
-    video.write_bytes(b"nothing")
-    recording = read("lerobot", tmp_path, ReadOptions(OPTIONS))
-    found = recording.trajectories["episode_000002"].frames[0].rgb.read()
-    assert isinstance(found, InputIssue)
-    assert found.kind == "unreadable image"
-    video.unlink()
-    missing = read("lerobot", tmp_path, ReadOptions(OPTIONS))
-    assert missing.trajectories["episode_000002"].frames[0].rgb.checksum() is None
 
 
 @pytest.mark.parametrize(

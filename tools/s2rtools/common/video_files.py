@@ -22,6 +22,8 @@ from s2rtools.common.image_files import MAX_PIXELS
 
 Pixels = NDArray[Any]
 _CONTAINERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,mpegts,mpegvideo"
+_UNTIMED = ("avi", "mpegvideo")
+"""Containers that state no times of presentation."""
 _DEEP = ("gray16", "gray14", "gray12", "gray10")
 """Beginnings of the names of pixel formats that hold depth of 16 bits."""
 _AHEAD = 60
@@ -73,6 +75,7 @@ class Video:
         self.codec = str(self._stream.codec_context.name)
         self.rate = Fraction(rate) if rate and 0 < rate < 1000 else Fraction(30)
         self._stamps: NDArray[np.int64] | None = None
+        self._has_times = True
         self._decoder: Iterator[Any] | None = None
         self._next = 0
 
@@ -87,21 +90,29 @@ class Video:
 
     @property
     def stamps(self) -> NDArray[np.int64]:
-        """(N,) times of the frames in units of the stream, ascending; nothing is decoded."""
+        """(N,) times of the frames in units of the stream, ascending; nothing is decoded.
+
+        Frames of an AVI file, which has none, are numbered and have the constant rate.
+        """
         if self._stamps is None:
             packets = self._container.demux(self._stream)
             try:
-                found = [packet.pts for packet in packets if packet.pts is not None]
+                found = [packet.pts for packet in packets if packet.size]
             except self._av.FFmpegError as error:
                 raise RequestError(f"{self.path}: is damaged ({_reason(error)})") from None
-            self._stamps = np.unique(np.array(found, dtype=np.int64))
-            self._decoder, self._next = None, len(self._stamps) + _AHEAD + 1
+            is_untimed = self._container.format.name in _UNTIMED
+            self._has_times = not is_untimed and None not in found
+            numbers = found if self._has_times else range(len(found))
+            self._stamps = np.unique(np.array(numbers, dtype=np.int64))
+            self._decoder = None
         return self._stamps
 
     @property
     def times(self) -> NDArray[np.float64]:
         """(N,) seconds of the frames on the clock of the video, ascending."""
-        return np.asarray(self.stamps * float(self._stream.time_base), dtype=np.float64)
+        stamps = self.stamps
+        unit = self._stream.time_base if self._has_times else 1 / self.rate
+        return np.asarray(stamps * float(unit), dtype=np.float64)
 
     def frames(self) -> Iterator[Pixels]:
         """Yield all frames that can be decoded, (H, W, 3) uint8, in one pass from the first."""
@@ -119,14 +130,18 @@ class Video:
         stamps = self.stamps
         if not 0 <= number < len(stamps):
             return
+        ahead = _AHEAD if self._has_times else len(stamps)
         try:
-            if self._decoder is None or not 0 <= number - self._next <= _AHEAD:
-                self._container.seek(int(stamps[number]), stream=self._stream)
-                self._decoder = self._container.decode(self._stream)
+            if self._decoder is None or not 0 <= number - self._next <= ahead:
+                start = int(stamps[number]) if self._has_times else 0
+                self._container.seek(start, stream=self._stream)
+                self._decoder, self._next = self._container.decode(self._stream), 0
             for frame in self._decoder:
-                if frame.pts is None:
-                    continue
-                place = int(np.searchsorted(stamps, frame.pts))
+                place = self._next
+                if self._has_times:
+                    if frame.pts is None:
+                        continue
+                    place = int(np.searchsorted(stamps, frame.pts))
                 self._next = place + 1
                 yield place, self._pixels(frame)
                 if place >= number:

@@ -16,7 +16,7 @@ from s2rstore.run_inputs import run_domain
 from s2rtools.common.command_line.progress import Reporter
 from s2rtools.data_collection.candidates import CandidatePoses
 from s2rtools.data_collection.pose_similarity import Floats, Poses
-from s2rtools.precompute.frame_reader import FrameImages, side_frames
+from s2rtools.precompute.frame_reader import side_frames
 from s2rtools.precompute.pose_predictor import PosePredictor
 from s2rtools.renderer.protocol import Ready
 from s2rtools.simulated_frames.pose_renderer import FrameCameras, PoseRenderer
@@ -76,7 +76,7 @@ def render_views(
     """Render candidates as the sim side of a run has them, and predict.
 
     Frames that the folder has are not rendered again. Raises RequestError where the program cannot
-    be used or shows nothing, and where the run has no model.
+    be used, shows nothing or lacks depth that the model takes, and where the run has no model.
     """
     poses = candidates.poses(cells)
     predictor = PosePredictor(store, run, "collect --renderer", settings.trust)
@@ -84,6 +84,12 @@ def render_views(
     with PoseRenderer(
         settings.frames, settings.command, cameras, settings.workers, settings.timeout
     ) as renderer:
+        takes_depth = store.models[run.network("collect --renderer")].channels != "rgb"
+        if takes_depth and not renderer.ready.depth:
+            raise RequestError(
+                f"renderer {renderer.ready.name}: renders no depth, which the model of run "
+                f"{run.run} takes"
+            )
         values = [parameter_values(renderer.ready, settings.assignments)] * len(poses)
         report = () if reporter is None else (reporter.begin, reporter.advance)
         failures = renderer.render(poses, values, *report)
@@ -91,18 +97,17 @@ def render_views(
         rows = np.flatnonzero(~failed)
         depths = np.full(len(poses), np.inf)
 
-        def blocks() -> Iterator[FrameImages]:
+        def inputs() -> Iterator[NDArray[np.float32]]:
+            """The inputs of the network block by block; keeps the median depth of each view."""
             for start in range(0, rows.size, _BLOCK):
                 some = rows[start : start + _BLOCK]
                 images = renderer.images(poses[some], values[: some.size])
                 depth = np.where(images["depth"] > 0, images["depth"], np.inf)
                 depths[some] = np.median(depth, axis=(1, 2))
-                yield images
-
-        def inputs() -> Iterator[NDArray[np.float32]]:
-            chain = run.adjustments("sim")
-            for images in blocks():
-                yield side_frames(images, cameras.domain, chain, predictor.contract, store.path).x
+                frames = side_frames(
+                    images, cameras.domain, run.adjustments("sim"), predictor.contract, store.path
+                )
+                yield frames.x
 
         errors = np.full(len(poses), np.nan)
         errors[rows] = predictor.errors(inputs(), poses[rows])

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 EXAMPLE = "s2r render lab.s2r --renderer 'python my_sim.py' --grid 0.5,8"
 SIDE: Literal["sim"] = "sim"
 """Side and domain of rendered frames in a store."""
-WORKERS = 1
-TIMEOUT = 120.0
 _OPTIONS = {"values": "set"}
 """Options whose name in the parsed options is another."""
 
@@ -70,19 +68,17 @@ def add_values(parser: argparse._ActionsContainer) -> None:
 
 def add_processes(group: argparse._ArgumentGroup) -> None:
     """Add the options of the renderer's processes."""
-    group.add_argument("--workers", type=int, default=WORKERS, metavar="K",
+    group.add_argument("--workers", type=int, default=1, metavar="K",
                        help="processes of the renderer (default 1)")  # fmt: skip
-    group.add_argument("--timeout", type=float, default=TIMEOUT, metavar="SECONDS",
+    group.add_argument("--timeout", type=float, default=120.0, metavar="SECONDS",
                        help="time that the renderer has for each answer, its start included "
-                       f"(default {TIMEOUT:g})")  # fmt: skip
+                       "(default 120)")  # fmt: skip
 
 
 def refuse(options: argparse.Namespace, names: Sequence[str], reason: str) -> None:
-    """Raise RequestError for the first of some options that is set."""
-    defaults = {"workers": WORKERS, "timeout": TIMEOUT}
+    """Raise RequestError for the first of some options that is not at its default."""
     for name in names:
-        value = getattr(options, name)
-        if value not in (None, False, [], defaults.get(name)):
+        if getattr(options, name) != options.parser.get_default(name):
             raise RequestError(f"--{_OPTIONS.get(name, name).replace('_', '-')}: {reason}")
 
 
