@@ -11,7 +11,6 @@ from s2rstore.errors import RequestError
 from s2rstore.files.planned_poses import COLUMNS, PlannedPose, as_rows, read_planned_poses
 from s2rtools.common.command_line.row_formats import csv_text
 from s2rtools.data_collection import command
-from s2rtui.cli import main
 
 _NUMBERS = st.floats(-1e6, 1e6, allow_nan=False)
 _TEXT = st.text(st.characters(codec="utf-8", categories=("L", "N", "P", "Zs")), max_size=20)
@@ -35,7 +34,9 @@ def test_only_the_pose_is_required(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [("x_m,y_m\n1,2\n", "no column heading_deg"), ("x_m,y_m,heading_deg\n1,two,3\n", "pose 1: y_m"),
-     ("x_m,y_m,heading_deg\n1,nan,3\n", "not a finite number"), ("", "no column x_m")],
+     ("x_m,y_m,heading_deg\n1,nan,3\n", "not a finite number"), ("", "no column x_m"),
+     *((f"x_m,y_m,heading_deg\n{row}\n", "beyond 1,000,000")
+       for row in ("1e7,2,3", "1,-1e9,3", "1,2,1e300"))],
 )  # fmt: skip
 def test_wrong_files_are_refused(tmp_path, text, message):
     path = tmp_path / "poses.csv"
@@ -55,11 +56,11 @@ def test_the_command_writes_prints_and_saves(tiny_store, tmp_path, s2r):
     assert "choosing 12 of" in captured.err
     content = json.loads(captured.out)
     assert [pose["x_m"] for pose in content["poses"]] == [p.x_m for p in read_planned_poses(out)]
-    by_name = s2r("query", tiny_store, "@todo", "--run", "vanilla", "--count").printed
-    assert (
-        s2r("query", tiny_store, content["expression"], "--run", "vanilla", "--count").printed
-        == by_name
+    by_name, by_ids = (
+        s2r("query", tiny_store, expression, "--run", "vanilla", "--count").printed
+        for expression in ("@todo", content["expression"])
     )
+    assert by_name == by_ids
 
 
 def test_methods_of_the_command_are_those_of_the_tools():
@@ -70,48 +71,23 @@ def test_methods_of_the_command_are_those_of_the_tools():
 
 @pytest.mark.parametrize(
     ("options", "message"),
-    [
-        (["--budget", "0"], "--budget 0: must be 1 to 5000"),
-        (["--run", "no"], "no"),
-        (["--set", "lamp=1"], "--set: only with --renderer"),
-        (["--save", " "], "name"),
-        (["--out", "nowhere/poses.csv"], "--out nowhere/poses.csv: there is no folder"),
-    ],
-)
+    [(["--run", "no"], "no"), (["--save", " "], "name"),
+     (["--set", "lamp=1"], "--set: only with --renderer"),
+     (["--out", "nowhere/poses.csv"], "--out nowhere/poses.csv: there is no folder")],
+)  # fmt: skip
 def test_messages(tiny_store, s2r, options, message):
     s2r("collect", tiny_store, *options).assert_refused(message)
 
 
-def test_the_map_shows_planned_poses(tiny_store, tmp_path):
+def test_the_map_alone_shows_planned_poses(tiny_store, tmp_path, s2r):
     poses = tmp_path / "poses.csv"
     poses.write_text("x_m,y_m,heading_deg\n2,3,0\n7,5,90\n")
-    plain, marked = tmp_path / "plain.txt", tmp_path / "marked.txt"
-    base = ["snapshot", str(tiny_store), "--size", "160x48", "--out"]
-    assert main([*base, str(plain)]) == 0
-    assert main([*base, str(marked), "--poses", str(poses)]) == 0
-    assert "2 planned" in marked.read_text()
-    assert "2 planned" not in plain.read_text()
-    first, second = tmp_path / "a.svg", tmp_path / "b.svg"
-    base = ["export", str(tiny_store), "--view", "map", "--run", "vanilla", "--out"]
-    assert main([*base, str(first)]) == 0
-    assert main([*base, str(second), "--poses", str(poses)]) == 0
-    assert first.read_text().count("planned poses") == 0
-    assert second.read_text().count("planned poses") >= 1
-
-
-def test_poses_are_refused_where_no_map_is_drawn(tiny_store, tmp_path, s2r):
-    poses, figure = tmp_path / "poses.csv", tmp_path / "f.png"
-    poses.write_text("x_m,y_m,heading_deg\n1,2,90\n")
-    words = ["export", str(tiny_store), "--poses", str(poses), "--out", str(figure)]
-    s2r(*words, "--view", "rooms").assert_refused(
-        "--poses: drawn on the map; use --view map in place of rooms"
-    )
-    assert main([*words, "--view", "map"]) == 0
-
-
-@pytest.mark.parametrize("row", ["1e7,2,3", "1,-1e9,3", "1,2,1e300"])
-def test_poses_far_beyond_any_building_are_refused(tmp_path, row):
-    path = tmp_path / "poses.csv"
-    path.write_text(f"x_m,y_m,heading_deg\n{row}\n")
-    with pytest.raises(RequestError, match="beyond 1,000,000"):
-        read_planned_poses(path)
+    screen = tmp_path / "screen.txt"
+    for options, is_marked in ((), False), (("--poses", poses), True):
+        s2r("snapshot", tiny_store, "--size", "160x48", "--out", screen, *options).checked()
+        assert ("2 planned" in screen.read_text()) == is_marked
+    figure = tmp_path / "f.svg"
+    words = ["export", tiny_store, "--poses", poses, "--out", figure, "--view"]
+    s2r(*words, "rooms").assert_refused("drawn on the map; use --view map in place of rooms")
+    s2r(*words, "map").checked()
+    assert "planned poses" in figure.read_text()

@@ -17,6 +17,7 @@ from s2rtools.data_collection.expected_reduction import METHODS, local_values
 from s2rtools.data_collection.plan import CollectionRequest, choose_poses, plan_collection
 from s2rtools.data_collection.pose_similarity import PoseSimilarity
 from s2rtools.datasets.floor.free_floor import is_free
+from s2rtools.synthetic_world.dataset import WorldData
 from tests.support import tiny
 
 
@@ -55,8 +56,6 @@ def chosen(candidates: CandidatePoses, evidence: Evidence, **request: object) ->
 def test_candidates_of_a_world_lie_on_free_floor(moved_camera_store):
     with s2rstore.open(moved_camera_store) as store:
         found = find_candidates(store)
-        from s2rtools.synthetic_world.dataset import WorldData
-
         data = WorldData.of_store(store)
         poses = found.poses(np.flatnonzero(found.usable))
         assert is_free(data.world, poses[:, :2]).all()
@@ -74,66 +73,48 @@ def test_candidates_of_recorded_data_lie_near_recorded_poses(tiny_store):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_choice_is_deterministic_and_poses_differ(tiny_store, method):
+def test_poses_differ_and_the_seed_matters_for_random_ones_alone(tiny_store, method):
     with s2rstore.open(tiny_store) as store:
-        first, second = (
-            plan_collection(store, CollectionRequest("vanilla", 9, method, 3)).poses
-            for _ in range(2)
+        first, same, other = (
+            plan_collection(store, CollectionRequest("vanilla", 9, method, seed)).poses
+            for seed in (3, 3, 4)
         )
-    assert first == second
+    assert first == same
+    assert (first == other) == (method != "random")
     assert len({(pose.x_m, pose.y_m, pose.heading_deg) for pose in first}) == 9
 
 
-def test_the_seed_matters_for_random_poses_alone():
-    candidates = grid()
-    evidence = evidence_at(candidates, np.ones(candidates.usable.size))
-    draws = [chosen(candidates, evidence, method="random", seed=seed).tolist() for seed in (0, 1)]
-    assert draws[0] != draws[1]
-    spread = [chosen(candidates, evidence, method="uniform", seed=seed).tolist() for seed in (0, 1)]
-    assert spread[0] == spread[1]
+HALL = grid(24, 8)
+RIGHT = HALL.rooms_of(np.arange(HALL.usable.size)) == 1
+SAME = np.full(RIGHT.size, 3.0)
+
+
+def in_right_room(evidence: Evidence, budget: int = 20, **request: object) -> int:
+    return np.count_nonzero(RIGHT[chosen(HALL, evidence, budget=budget, **request)])
 
 
 def test_the_bad_room_gets_most_poses():
-    candidates = grid(24, 8)
-    bad = candidates.rooms_of(np.arange(candidates.usable.size)) == 1
-    evidence = evidence_at(candidates, np.where(bad, 4.0, 0.6))
+    evidence = evidence_at(HALL, np.where(RIGHT, 4.0, 0.6))
     for method in ("combined", "error"):
-        cells = chosen(candidates, evidence, budget=20, method=method)
-        assert np.count_nonzero(bad[cells]) > 14
-    spread = chosen(candidates, evidence, budget=20, method="uniform")
-    assert 7 <= np.count_nonzero(bad[spread]) <= 13
+        assert in_right_room(evidence, method=method) > 14
+    assert 7 <= in_right_room(evidence, method="uniform") <= 13
 
 
 def test_error_that_simulation_shares_is_not_reducible():
-    candidates = grid(24, 8)
-    right = candidates.rooms_of(np.arange(candidates.usable.size)) == 1
-    evidence = evidence_at(
-        candidates, np.where(right, 4.0, 2.0), sim_error=np.where(right, 3.9, 0.2)
-    )
-    by_error = chosen(candidates, evidence, budget=20, method="error")
-    combined = chosen(candidates, evidence, budget=20, method="combined")
-    assert np.count_nonzero(right[by_error]) > 10 > np.count_nonzero(right[combined])
+    sim_error = np.where(RIGHT, 3.9, 0.2)
+    evidence = evidence_at(HALL, np.where(RIGHT, 4.0, 2.0), sim_error=sim_error)
+    assert in_right_room(evidence, method="error") > 10 > in_right_room(evidence, method="combined")
 
 
 def test_training_images_cover_their_neighbourhood():
-    candidates = grid(24, 8)
-    right = candidates.rooms_of(np.arange(candidates.usable.size)) == 1
-    covered = candidates.poses(np.flatnonzero(right))
-    evidence = evidence_at(
-        candidates, np.full(candidates.usable.size, 3.0),
-        trained_poses=covered, trained_rooms=np.ones(len(covered), np.int32),
-    )  # fmt: skip
-    cells = chosen(candidates, evidence, budget=10)
-    assert not right[cells].any()
+    covered = HALL.poses(np.flatnonzero(RIGHT))
+    rooms = np.ones(len(covered), np.int32)
+    evidence = evidence_at(HALL, SAME, trained_poses=covered, trained_rooms=rooms)
+    assert in_right_room(evidence, 10) == 0
 
 
 def test_harm_attracts_poses():
-    candidates = grid(24, 8)
-    right = candidates.rooms_of(np.arange(candidates.usable.size)) == 1
-    same = np.full(candidates.usable.size, 3.0)
-    evidence = evidence_at(candidates, same, harm=np.where(right, 2.0, 0.1))
-    cells = chosen(candidates, evidence, budget=20)
-    assert np.count_nonzero(right[cells]) > 11
+    assert in_right_room(evidence_at(HALL, SAME, harm=np.where(RIGHT, 2.0, 0.1))) > 11
 
 
 def test_trained_instances_are_no_evidence_of_real_error(tmp_path):
@@ -144,14 +125,7 @@ def test_trained_instances_are_no_evidence_of_real_error(tmp_path):
         assert trained.any()
         assert not trained[evidence.iids].any()
         assert len(evidence) == np.count_nonzero(~trained)
-
-
-def test_a_run_without_new_instances_is_refused(tmp_path):
-    path = tiny.build(tmp_path / "t.s2r", n=8, trained=("vanilla",))
-    with s2rstore.open(path) as store:
-        columns = store.run_columns("vanilla")
-        trained = np.ones_like(columns.trained)
-        columns.__dict__["trained"] = trained
+        trained[:] = True
         with pytest.raises(RequestError, match="trained on all instances"):
             read_evidence(store, "vanilla")
 

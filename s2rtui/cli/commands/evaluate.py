@@ -9,12 +9,13 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import s2rstore
 from s2rstore.errors import RequestError, counted
-from s2rstore.files.planned_poses import read_planned_poses
+from s2rstore.files.planned_poses import read_pose_sample
 from s2rstore.intervals import Interval
+from s2rstore.security.printable_text import printable
 from s2rtools.common.command_line import output, store_argument
 from s2rtools.common.command_line.output import print_coverage
 
@@ -53,8 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="list the exchange rates of all runs, with those before their images were "
         "changed")  # fmt: skip
     add("--sample", type=Path, metavar="FILE.csv",
-        help="poses of `s2r collect --for evaluation`: give the mean error over the free floor by "
-        "the images at them")  # fmt: skip
+        help="poses of `s2r collect --for evaluation`: give the mean error over the candidates "
+        "by the images at them, with or without sim images")  # fmt: skip
     add = parser.add_argument_group("output").add_argument
     add("--json", action="store_true", help="print JSON")
 
@@ -71,7 +72,7 @@ def execute(options: argparse.Namespace) -> int:
     power = POWER if options.power is None else options.power
     if not 0 < power < 1:
         raise RequestError(f"--power {power:g}: expected a probability between 0 and 1")
-    poses = () if options.sample is None else read_planned_poses(options.sample)
+    poses = None if options.sample is None else read_pose_sample(options.sample)
     with s2rstore.open(options.store) as store:
         store.require_poses("evaluate")
         run = store.run_name(options.run)
@@ -79,12 +80,20 @@ def execute(options: argparse.Namespace) -> int:
         if other == run:
             raise RequestError(f"--against {other}: this is the evaluated run itself")
         print_coverage(store, [run, other])
-        found = evaluate(store, run, other, options.target, power)
-        sample = sampled_mean(store, run, poses) if poses else None
+        sample = None if poses is None else sampled_mean(store, run, poses)
+        found: Evaluation | RequestError
+        try:
+            found = evaluate(store, run, other, options.target, power)
+        except RequestError as error:
+            if sample is None:
+                raise
+            found = error
         changes = _changes(store) if options.runs else []
         models = {name: record.model for name, record in store.runs.items()}
     if options.json:
-        content = found.as_json()
+        content: dict[str, Any] = {"run": run, "reason": str(found)}
+        if not isinstance(found, RequestError):
+            content = found.as_json()
         if sample is not None:
             content["sample"] = sample.as_json()
         if options.runs:
@@ -92,9 +101,12 @@ def execute(options: argparse.Namespace) -> int:
         json.dump(content, sys.stdout, indent=1, allow_nan=False)
         sys.stdout.write("\n")
         return 0
-    print("\n".join(_lines(found, options.rooms)))
+    if isinstance(found, RequestError):
+        print(printable(str(found)))
+    else:
+        print("\n".join(_lines(found, options.rooms)))
     if sample is not None:
-        print(f"\n{sample.text}")
+        print(f"\n{printable(sample.text)}")
     if options.runs:
         rows = [_run_row(each, models[each.run]) for each in changes]
         print("\n" + output.table(_RUNS, rows).rstrip())

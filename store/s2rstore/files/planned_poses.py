@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,8 @@ from s2rstore.files.input_files import read_text
 
 COLUMNS = ("x_m", "y_m", "heading_deg", "room", "expected_gain_m", "reason")
 _REQUIRED = ("x_m", "y_m", "heading_deg")
+STRATUM_COLUMNS = (*_REQUIRED, "room", "stratum")
+SAMPLE_COLUMNS = (*STRATUM_COLUMNS, "instances", "candidates")
 MAX_POSES = 100_000
 MAX_VALUE = 1e6
 """Largest number of metres or degrees."""
@@ -43,26 +46,73 @@ class PlannedPose:
         return self.x_m, self.y_m, self.heading_deg, self.room, gain, self.reason
 
 
+@dataclass(frozen=True, slots=True)
+class PoseSample:
+    """A pose from each stratum of candidate poses, in the order of the strata.
+
+    candidates: what the candidates are, in one phrase. instances: how many the store had when the
+    poses were chosen, so that the images at the poses are those of later ones.
+    """
+
+    poses: tuple[PlannedPose, ...]
+    instances: int
+    candidates: str
+
+    @property
+    def rows(self) -> list[tuple[float | str | None, ...]]:
+        """The rows of `STRATUM_COLUMNS`."""
+        count = len(self.poses)
+        return [
+            (*pose.row[:4], f"{number} of {count}") for number, pose in enumerate(self.poses, 1)
+        ]
+
+    @property
+    def file_rows(self) -> list[tuple[float | str | None, ...]]:
+        """The rows of `SAMPLE_COLUMNS`."""
+        return [(*row, self.instances, self.candidates) for row in self.rows]
+
+
 def read_planned_poses(path: Path) -> tuple[PlannedPose, ...]:
     """Read a CSV file with a header; other columns are ignored, as are lines that begin with `#`.
 
     Only the columns of the pose are required. Raises RequestError, which names file and line.
     """
+    rows = _read_rows(path, _REQUIRED, "`s2r collect --out` writes it")
+    return tuple(_parse_row(row, f"{path}: pose {n}") for n, row in enumerate(rows, 1))
+
+
+def read_pose_sample(path: Path) -> PoseSample:
+    """Read a CSV file of `SAMPLE_COLUMNS`, whose rows may be in any order.
+
+    Raises RequestError, also unless there is one pose of each stratum.
+    """
+    rows = _read_rows(path, SAMPLE_COLUMNS, "`s2r collect --for evaluation --out` writes it")
+    numbers = [re.fullmatch(r"(\d{1,6}) of (\d{1,6})", row["stratum"] or "") for row in rows]
+    strata = [(int(found[1]), int(found[2])) for found in numbers if found]
+    if not rows or sorted(strata) != [(n, len(rows)) for n in range(1, len(rows) + 1)]:
+        raise RequestError(f"{path}: expected one pose of each stratum; take the whole sample")
+    same = {(row["instances"] or "", row["candidates"] or "") for row in rows}
+    instances, candidates = same.pop()
+    if same or not re.fullmatch(r"\d{1,9}", instances):
+        raise RequestError(f"{path}: expected one number of instances, and the same candidates")
+    poses = [_parse_row(row, f"{path}: stratum {row['stratum']}") for row in rows]
+    ordered = sorted(zip(strata, poses, strict=True), key=lambda item: item[0])
+    return PoseSample(tuple(pose for _, pose in ordered), int(instances), candidates)
+
+
+def _read_rows(path: Path, required: Sequence[str], writer: str) -> list[dict[str, str | None]]:
     text = read_text(path, _MAX_BYTES)
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     reader = csv.DictReader(io.StringIO("\n".join(lines)))
-    missing = [name for name in _REQUIRED if name not in (reader.fieldnames or ())]
+    missing = [name for name in required if name not in (reader.fieldnames or ())]
     if missing:
-        raise RequestError(f"{path}: no column {', '.join(missing)}; `s2r collect --out` writes it")
-    poses: list[PlannedPose] = []
+        raise RequestError(f"{path}: no column {', '.join(missing)}; {writer}")
+    if len(lines) > MAX_POSES + 1:
+        raise RequestError(f"{path}: more than {MAX_POSES:,} poses")
     try:
-        for number, row in enumerate(reader, 1):
-            if number > MAX_POSES:
-                raise RequestError(f"{path}: more than {MAX_POSES:,} poses")
-            poses.append(_parse_row(row, f"{path}: pose {number}"))
+        return list(reader)
     except csv.Error as error:
         raise RequestError(f"{path}: not valid CSV ({error})") from error
-    return tuple(poses)
 
 
 def _parse_row(row: dict[str, str | None], where: str) -> PlannedPose:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rstore.files.planned_poses import COLUMNS, PlannedPose, as_rows
+from s2rstore.files.planned_poses import COLUMNS, SAMPLE_COLUMNS, STRATUM_COLUMNS, as_rows
 from s2rstore.security.printable_text import printable
 from s2rtools.common.command_line import output, store_argument
 from s2rtools.common.command_line.output import print_coverage
@@ -32,6 +32,7 @@ EXAMPLE = """s2r collect lab.s2r --run vanilla --budget 60 --out poses.csv --sav
 PURPOSES = ("training", "evaluation")
 _BUDGET, _SAMPLE_BUDGET = 60, 100
 _SHOWN = 10
+Rows = Sequence[tuple[float | str | None, ...]]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--run", help="run whose errors count (default: the first)")
     parser.add_argument("--for", dest="purpose", choices=PURPOSES, default="training",
                         help="training: the images from which the run gains most; evaluation: a "
-                        "stratified sample of the free floor, whose mean error `s2r evaluate "
+                        "stratified sample of the candidates, whose mean error `s2r evaluate "
                         "--sample` gives (default training)")  # fmt: skip
     parser.add_argument("--budget", type=int, metavar="N",
                         help="number of new real images (default 60, for evaluation "
@@ -90,7 +91,7 @@ def execute(options: argparse.Namespace, save: Callable[[Store, CollectionPlan, 
         print_coverage(store, [request.run])
         plan = plan_collection(store, request, progress, renderer)
         if options.out is not None:
-            _write(plan.poses, options)
+            _write(COLUMNS, as_rows(plan.poses), options)
         if options.save is not None:
             save(store, plan, options.save)
     _print(_content(plan), _lines(plan, options), options)
@@ -98,7 +99,7 @@ def execute(options: argparse.Namespace, save: Callable[[Store, CollectionPlan, 
 
 
 def _execute_sample(options: argparse.Namespace) -> int:
-    """Choose a stratified sample of the free floor."""
+    """Choose a stratified sample of the candidates."""
     from s2rtools.data_collection.evaluation_sample import sample_store
 
     refuse(options, ("run", "method", "renderer", "save"), "not with --for evaluation")
@@ -106,17 +107,19 @@ def _execute_sample(options: argparse.Namespace) -> int:
     budget = _SAMPLE_BUDGET if options.budget is None else options.budget
     with s2rstore.open(options.store) as store, reporter() as progress:
         store.require_poses("collect")
-        sample = sample_store(store, budget, options.seed, progress)
+        chosen = sample_store(store, budget, options.seed, progress)
+    sample = chosen.sample
     if options.out is not None:
-        _write(sample.poses, options)
+        _write(SAMPLE_COLUMNS, sample.file_rows, options)
     content = {
-        "budget": budget, "seed": sample.seed, "candidates": sample.candidates,
-        "places": sample.places, "origin": sample.origin, "poses": _poses(sample.poses),
+        "budget": budget, "seed": chosen.seed, "candidates": chosen.candidates,
+        "places": chosen.places, "origin": sample.candidates, "instances": sample.instances,
+        "poses": _objects(STRATUM_COLUMNS, sample.rows),
     }  # fmt: skip
     lines = [
-        f"a sample of {budget} of {sample.candidates:,} candidates, {sample.origin}, seed "
-        f"{sample.seed}: the plain mean over images at all of its poses is unbiased",
-        *_table(sample.poses, options),
+        f"a sample of {budget} of {chosen.candidates:,} candidates, {sample.candidates}, seed "
+        f"{chosen.seed}: the plain mean over images at all of its poses is unbiased",
+        *_table(STRATUM_COLUMNS, sample.rows, options),
     ]
     if options.out is not None:
         lines += ["", f"then: s2r evaluate {options.store} --run RUN --sample {options.out}"]
@@ -147,10 +150,10 @@ def _renderer(options: argparse.Namespace) -> CandidateRenderer | None:
     )
 
 
-def _write(poses: Sequence[PlannedPose], options: argparse.Namespace) -> None:
+def _write(columns: Sequence[str], rows: Rows, options: argparse.Namespace) -> None:
     from s2rtools.common.command_line.row_formats import csv_text
 
-    text = csv_text(COLUMNS, as_rows(poses), safe=options.safe_csv)
+    text = csv_text(columns, rows, safe=options.safe_csv)
     output.write_file(options.out, text.encode(errors="backslashreplace"))
 
 
@@ -172,20 +175,20 @@ def _content(plan: CollectionPlan) -> dict[str, Any]:
         "rendered": None if plan.views is None else _views(plan.views),
         "covered_share_before": round(plan.covered_before, 6),
         "expression": plan.expression,
-        "poses": _poses(plan.poses),
+        "poses": _objects(COLUMNS, as_rows(plan.poses)),
     }
 
 
-def _poses(poses: Sequence[PlannedPose]) -> list[dict[str, Any]]:
-    return [dict(zip(COLUMNS, row, strict=True)) for row in as_rows(poses)]
+def _objects(columns: Sequence[str], rows: Rows) -> list[dict[str, Any]]:
+    return [dict(zip(columns, row, strict=True)) for row in rows]
 
 
-def _table(poses: Sequence[PlannedPose], options: argparse.Namespace) -> list[str]:
+def _table(columns: Sequence[str], rows: Rows, options: argparse.Namespace) -> list[str]:
     """The poses as a table; of those in a file, the first ones."""
-    shown = poses if options.out is None else poses[:_SHOWN]
-    more = len(poses) - len(shown)
+    shown = rows if options.out is None else rows[:_SHOWN]
+    more = len(rows) - len(shown)
     rest = [f"... and {more} more in {options.out}"] if more else []
-    return ["", output.table(COLUMNS, as_rows(shown)).rstrip(), *rest]
+    return ["", output.table(columns, shown).rstrip(), *rest]
 
 
 def _views(views: RenderedViews) -> dict[str, int]:
@@ -225,7 +228,8 @@ def _lines(plan: CollectionPlan, options: argparse.Namespace) -> list[str]:
         lines.append(_views_text(plan.views))
     if len(plan.poses) < request.budget:
         lines.append(f"there are only {len(plan.poses)} candidates for --budget {request.budget}")
-    lines += [*_table(plan.poses, options), "", f"nearest instances: {plan.expression}"]
+    rows = as_rows(plan.poses)
+    lines += [*_table(COLUMNS, rows, options), "", f"nearest instances: {plan.expression}"]
     if options.save is not None:
         lines.append(f"saved as @{options.save}")
     if options.out is not None:

@@ -1,10 +1,11 @@
-"""A stratified sample of poses, whose real images tell the mean error over the free floor.
+"""A stratified sample of poses, whose real images tell the mean error over the candidates.
 
 Candidates are put into an order that keeps similar poses together: rooms one after the other, and
 in each room halves along the coordinate that spreads most, again and again, as in a k-d tree. The
-order is cut into as many strata of equal size as images, and a pose is drawn from each. Every
-candidate has the same probability, so that the plain mean over the images is unbiased, whatever the
-errors are; its variance is what errors differ within strata.
+order, a circle with a random start, is cut into as many strata of equal size as images (or one
+candidate more), and a pose is drawn from each. Every candidate has the same probability, so that
+the plain mean over the images is unbiased, whatever the errors are; its variance is what errors
+differ within strata.
 
 Source: Cochran, "Sampling techniques", 1977, chapter 5.
 """
@@ -19,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.files.planned_poses import PlannedPose
+from s2rstore.files.planned_poses import PoseSample
 from s2rstore.reader import Store
 from s2rtools.data_collection.candidates import CandidatePoses, find_candidates
 from s2rtools.data_collection.plan import DEFAULT_SIMILARITY, check_request, planned_poses
@@ -33,22 +34,18 @@ Cells = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True)
 class EvaluationSample:
-    """Poses of a sample, neighbouring strata one after the other, of a number of candidates.
+    """A sample, neighbouring strata one after the other, of a number of candidates."""
 
-    `origin` says how the free floor is known.
-    """
-
-    poses: tuple[PlannedPose, ...]
+    sample: PoseSample
     candidates: int
     places: int
-    origin: str
     seed: int
 
 
 def sample_store(
     store: Store, budget: int, seed: int, reporter: Reporter | None = None
 ) -> EvaluationSample:
-    """A sample of `budget` poses of the free floor of a store.
+    """A sample of `budget` candidate poses of a store.
 
     Raises RequestError for a budget above the number of candidates, and where the store has no
     poses.
@@ -57,23 +54,22 @@ def sample_store(
     candidates = find_candidates(store, reporter=reporter)
     cells = stratified_sample(candidates, budget, np.random.default_rng(seed))
     names = (*store.instances.room_names, "")
-    reasons = [f"stratum {number} of {budget}" for number in range(1, budget + 1)]
-    poses = planned_poses(candidates, cells, names, [math.nan] * budget, reasons)
-    return EvaluationSample(
-        poses, candidates.count, len(candidates.places), candidates.origin, seed
-    )
+    poses = planned_poses(candidates, cells, names, [math.nan] * budget, [""] * budget)
+    sample = PoseSample(poses, len(store.instances), candidates.origin)
+    return EvaluationSample(sample, candidates.count, len(candidates.places), seed)
 
 
 def stratified_sample(candidates: CandidatePoses, count: int, rng: np.random.Generator) -> Cells:
-    """Flat indices (count,) of usable candidates, one of each stratum; neighbours are similar.
+    """Different flat indices (count,) of usable candidates, one of each stratum.
 
-    A candidate on the border of two strata may be drawn for both.
+    Neighbours are similar.
     """
     order = similar_order(candidates)
     if not 0 < count <= order.size:
         raise RequestError(f"--budget {count}: there are {order.size:,} candidates")
-    places = (np.arange(count) + rng.random(count)) * (order.size / count)
-    return order[np.minimum(places.astype(np.intp), order.size - 1)]
+    borders = np.arange(count + 1) * order.size // count
+    places = rng.integers(borders[:-1], borders[1:]) + rng.integers(order.size)
+    return order[places % order.size]
 
 
 def similar_order(candidates: CandidatePoses) -> Cells:
