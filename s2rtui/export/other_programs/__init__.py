@@ -6,7 +6,6 @@ raise ModuleNotFoundError where a package is missing.
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
