@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import NotComputedError, RequestError
-from s2rstore.geometry import camera
 from s2rstore.heatmap_kinds import heatmap_facts
 from s2rstore.index.columns import RunColumns
 from s2rstore.index.population import NEW_INSTANCES, Population
@@ -31,6 +29,7 @@ from s2rtui.charts.shared.instance import (
     instance_drawing,
     truth_fields,
 )
+from s2rtui.charts.shared.object_mark import mark_note, object_mark
 from s2rtui.charts.view import Pixels, Table, View
 from s2rtui.drawing.cells import draw_cells
 from s2rtui.drawing.drawing import Drawing
@@ -81,7 +80,7 @@ def instance_input(
         heats, missing = dict.fromkeys(SIDES), (("heat", str(error)),)
         if not all(store.is_imaged(shown.domain(side), iid) for side in SIDES):
             missing = (("heat", f"needs images in {shown.sim_domain} and {shown.real_domain}"),)
-    marks = {side: _mark(store, run, side, iid, label) for side in SIDES if label is not None}
+    marks = {side: object_mark(store, run, side, iid, label) for side in SIDES if label is not None}
     harm = _harm_note(heat, heats["real"], float(store.run_columns(run).real.error[iid]))
     return InstanceInput(
         iid=iid,
@@ -91,7 +90,7 @@ def instance_input(
         **heat_fields(store, run, None if missing else heat),
         notes=(
             *missing,
-            *_mark_note(label, marks),
+            *mark_note(label, marks),
             *_heat_note(store, run, None if missing else heat),
             *harm,
             *(_objects_note(store, run, iid) if harm else ()),
@@ -114,42 +113,6 @@ def _predicted_notes(
     numbers = [("gap", _gap(columns, iid)), ("ranks", _ranks(store, run, iid, population))]
     neighbours = _neighbours(store, run, iid, population)
     return [*_split_note(columns, iid), *numbers, *neighbours]
-
-
-def _mark(store: Store, run: str, side: Side, iid: int, label: str) -> dict[str, Any]:
-    """The pixels of a class of objects in an image, and the middle of them on the map.
-
-    Both cameras of the domain are taken for the same, as far as the place is concerned.
-    """
-    name = store.displayed_run(run).domain(side)
-    if not name or not store.has_frames(name) or not store.is_imaged(name, iid):
-        return {}
-    values = [value for value, each in store.label_names.items() if each == label]
-    marked = np.isin(store.label_images(name, iid, iid + 1)[0], values)
-    if not marked.any():
-        return {}
-    domain = store.domain(name)
-    if not domain.has_depth:
-        return {"marked": marked}
-    depth = store.frames(name, iid, iid + 1, ("depth",))["depth"]
-    known = (depth[0] >= domain.depth_raw_min) & (depth[0] <= domain.depth_raw_max) & marked
-    if not known.any():
-        return {"marked": marked}
-    rows, columns = (np.arange(size, dtype=np.float64) + 0.5 for size in marked.shape)
-    x, y, _ = camera.to_floor(
-        camera.rays(domain.depth, rows, columns), depth * np.float64(domain.depth_scale), domain,
-        store.poses(name)[iid : iid + 1], store.dataset.y_down,
-    )  # fmt: skip
-    place = float(np.median(x[0][known])), float(np.median(y[0][known]))
-    return {"marked": marked, "place": place}
-
-
-def _mark_note(label: str | None, marks: dict[Side, dict[str, Any]]) -> list[tuple[str, str]]:
-    """Where a class of objects is marked; nothing without one."""
-    if label is None:
-        return []
-    found = [side for side, mark in marks.items() if mark]
-    return [("marked", f"{label} in {' and '.join(found) or 'neither image'} (escape: no mark)")]
 
 
 def _heat_note(store: Store, run: str, heat: HeatChoice | None) -> list[tuple[str, str]]:

@@ -34,7 +34,7 @@ Pixels = NDArray[np.uint8]
 
 def sheet_page(store: Store, state: State) -> LoadedSheet:
     """The thumbnails of the page that a state shows; reads frames and heatmaps."""
-    iids, picture = images.page(store, state).tolist(), state.images.picture
+    iids, picture = images.page(store, state).tolist(), images.shown_picture(state)
     source = images.page_key(store, state)
     if picture == "difference":
         both = ((iid, *(_pixels(store, state, side, iid) for side in SIDES)) for iid in iids)
@@ -98,7 +98,8 @@ class SheetView(View):
         pages = max(1, math.ceil(iids.size / state.images.count))
         page = images.page_number(iids, state) + 1
         order = fields.with_unit(_sort(state))
-        return f"{state.images.picture}, {state.count_text} by {order}, page {page} of {pages}"
+        picture = images.shown_picture(state)
+        return f"{picture}, {state.count_text} by {order}, page {page} of {pages}"
 
     def input(self, scene: Scene) -> NDArray[np.intp]:
         """The iids of the selected instances (n,) in their order."""
@@ -156,7 +157,7 @@ class SheetView(View):
 
 def sentence_of(scene: Scene) -> str:
     """What the thumbnails show, and their order."""
-    return f"{scene.state.images.picture} images by {fields.with_unit(_sort(scene.state))}"
+    return f"{images.shown_picture(scene.state)} images by {fields.with_unit(_sort(scene.state))}"
 
 
 def _sort(state: State) -> str:

@@ -1,8 +1,9 @@
-"""Creation of files that never overwrite another file and appear only when complete."""
+"""Creation of files and folders that replace no other ones and appear only when complete."""
 
 from __future__ import annotations
 
 import secrets
+import shutil
 from collections.abc import Callable, Iterable, Iterator
 from itertools import chain, count
 from pathlib import Path
@@ -21,9 +22,9 @@ def numbered_paths(folder: Path, stem: str, suffix: str) -> Iterator[Path]:
 def create_exclusive(
     first: Path, fill: Callable[[Path], T], alternatives: Iterable[Path] = ()
 ) -> tuple[Path, T]:
-    """Create a file under the first free name; return that name and the result of `fill`.
+    """Create a file or a folder under the first free name; return it and the result of `fill`.
 
-    `fill` writes to a temporary name; if it raises, no file remains and the exception names
+    `fill` writes to a temporary name; if it raises, nothing remains and the exception names
     `first`. `alternatives` are in the same folder and have the same suffix. Raises RequestError
     if all names are taken.
     """
@@ -31,7 +32,7 @@ def create_exclusive(
     try:
         result = fill(temporary)
         for name in chain((first,), alternatives):
-            if _reserve(name):
+            if _reserve(name, temporary.is_dir()):
                 temporary.replace(name)
                 return name, result
     except RequestError as error:
@@ -41,14 +42,20 @@ def create_exclusive(
             error.filename = str(first)
         raise
     finally:
-        temporary.unlink(missing_ok=True)
+        if temporary.is_dir():
+            shutil.rmtree(temporary)
+        else:
+            temporary.unlink(missing_ok=True)
     raise RequestError(f"{first}: exists already; choose another name")
 
 
-def _reserve(name: Path) -> bool:
-    """Create an empty file; return False if the name is taken."""
+def _reserve(name: Path, is_folder: bool) -> bool:
+    """Create an empty file or folder; return False if the name is taken."""
     try:
-        with name.open("xb"):
-            return True
+        if is_folder:
+            name.mkdir()
+        else:
+            name.touch(exist_ok=False)
+        return True
     except FileExistsError:
         return False

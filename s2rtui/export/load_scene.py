@@ -115,6 +115,12 @@ def apply_options(session: Session, options: SceneOptions, *views: View) -> Stat
     overlay = options.overlay or ("run" if options.heat not in (None, NO_HEAT) else "off")
     if options.heat == NO_HEAT and overlay != "off":
         raise RequestError(f"--on {overlay}: --heat none leaves no heat for the map")
+    heat = _heat(session, state, options)
+    if options.images == "heat" and (heat is None or heat.kind == NO_HEAT):
+        reason = f"run {state.run} has no heatmaps" if heat is None else "not with --heat none"
+        raise RequestError(f"--images heat: {reason}")
+    if options.images != "real" and views and all(view.name != "sheet" for view in views):
+        raise RequestError(f"--images {options.images}: only view sheet shows them")
     iid, other = options.iid, options.other
     if iid is not None and not 0 <= iid < state.base.size:
         raise RequestError(f"--iid {iid}: must be 0 to {state.base.size - 1}")
@@ -129,7 +135,7 @@ def apply_options(session: Session, options: SceneOptions, *views: View) -> Stat
     return session.set_state(
         replace(
             state,
-            heat=_heat(session, state, options),
+            heat=heat,
             overlay=overlay,
             aggregate=options.aggregate,
             map_mode=options.map_mode,

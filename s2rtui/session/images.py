@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from s2rstore.reader import Store
 from s2rtui.session import instance_list
 from s2rtui.session.context import SessionContext
-from s2rtui.session.state import ARRANGEMENTS, PICTURES, State
+from s2rtui.session.state import ARRANGEMENTS, PICTURES, Picture, State
 from s2rtui.user_data.notebook import Notes
 
 COUNTS = (6, 12, 24, 48, 96)
@@ -56,10 +56,15 @@ def place_divider(context: SessionContext, state: State, share: float) -> State:
 def change_picture(context: SessionContext, state: State) -> State:
     """Show other thumbnails: the real images, those of sim, their differences, heat."""
     pictures = PICTURES if state.shown_heat is not None else PICTURES[:-1]
-    present = pictures.index(state.images.picture) if state.images.picture in pictures else -1
-    picture = pictures[(present + 1) % len(pictures)]
+    picture = pictures[(pictures.index(shown_picture(state)) + 1) % len(pictures)]
     text = {"difference": "differences of both sides, black: equal", "heat": _heat_text(state)}
     return _with(state, f"thumbnails: {text.get(picture, f'{picture} images')}", picture=picture)
+
+
+def shown_picture(state: State) -> Picture:
+    """What the thumbnails show: images of the side in place of heat where none is drawn."""
+    picture = state.images.picture
+    return state.side if picture == "heat" and state.shown_heat is None else picture
 
 
 def _heat_text(state: State) -> str:
@@ -100,5 +105,6 @@ def page(store: Store, state: State) -> NDArray[np.intp]:
 
 def page_key(store: Store, state: State) -> tuple[object, ...]:
     """Everything that the thumbnails of the page depend on."""
-    heat = state.shown_heat if state.images.picture == "heat" else None
-    return state.generation, state.run, state.images.picture, heat, *page(store, state).tolist()
+    picture = shown_picture(state)
+    heat = state.shown_heat if picture == "heat" else None
+    return state.generation, state.run, picture, heat, *page(store, state).tolist()

@@ -1,7 +1,10 @@
 """The sheet of thumbnails, and images of an instance: pages, pictures, zoom, divider."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from s2rstore.heatmap_kinds import NO_HEAT
 from s2rtui.charts.instance import VIEW as INSTANCE
 from s2rtui.charts.sheet import VIEW, sheet_page
 from s2rtui.drawing.image import Image, ImageValues
@@ -11,7 +14,7 @@ from s2rtui.user_data.notebook import Notes, ReadNotebook
 from tests.support.application import press, running
 
 
-def test_a_page_shows_the_images_of_its_instances_in_the_order_of_the_list(tiny_store, s2r):
+def test_a_page_shows_images_in_the_order_of_the_list(tiny_store, s2r, tmp_path):
     session = Session(tiny_store, notebooks=ReadNotebook)
     session.select("all")
     order = instance_list.order(session.store, session.state, Notes())
@@ -29,6 +32,11 @@ def test_a_page_shows_the_images_of_its_instances_in_the_order_of_the_list(tiny_
     stored = session.store.heatmap(session.state.run, heat.kind, "real", iid, heat.mode)
     assert np.array_equal(heated.images[iid].overlay.values, stored)
     assert heated.bar is not None
+    plain = replace(session.state, heat=replace(heat, kind=NO_HEAT))
+    assert images.shown_picture(plain) == "real"
+    words = "export", tiny_store, "--out", tmp_path / "sheet.png", "--images", "heat", "--view"
+    for view, *heat_option in (("map",), ("sheet", "--heat", "none")):
+        s2r(*words, view, *heat_option).assert_refused("--images heat")
     rows = s2r("show", tiny_store, "sheet", "--select", "worst(3, real.error)", "--json").json
     assert [row["iid"] for row in rows] == order[:3].tolist()
 

@@ -3,7 +3,9 @@
 import base64
 import io
 import json
+from contextlib import suppress
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -14,8 +16,9 @@ import s2rstore
 from s2rstore.geometry.camera import rays, to_floor
 from s2rstore.records import SIDES
 from s2rtui.export.load_scene import SceneOptions, open_scene
-from s2rtui.export.other_programs import FORMATS, ExportContent
+from s2rtui.export.other_programs import FORMATS, ExportContent, tum_trajectories
 from s2rtui.export.other_programs.coco_images import _geometry
+from tests.support import hostile
 
 IIDS = [3, 7, 8, 9, 10, 11, 12]
 
@@ -120,13 +123,36 @@ def test_coco_and_fiftyone_list_the_images_with_their_facts(exported, store):
 
 def test_notes_and_tags_go_to_csv_and_back(exported, tiny_store, tmp_path, s2r):
     notes = tmp_path / "notes.csv"
-    notes.write_text('iid,tags,note\n3,door dark,"a, b"\n7,@door #door,\n8,,\n')
+    notes.write_text('iid,tags,note\n3,door dark,"a, b"\n7,@door #door,=1\n8,,\n')
     for count in ("2 instances", "0 instances"):
         assert count in s2r("import", tiny_store, notes).printed
-    first, second = exported("csv").read_text().splitlines()[1:3]
-    assert first.endswith('door dark,"a, b"')
-    assert second.endswith("door,")
+    first, second = exported("csv", "--safe-csv").read_text().splitlines()[1:3]
+    assert first.endswith('"door dark","a, b"')
+    assert second.endswith('"door","\'=1"')
     for row, message in (("400,", "iid '400'"), ("9" * 5000, "iid '999"), ('1,a"', "tag:")):
         notes.write_text(f"iid,tags\n{row}\n")
         s2r("import", tiny_store, notes).assert_refused(f"{notes}:2: {message}")
     s2r("export", tiny_store, "--to", "csv", "--out", notes).assert_refused("exists already")
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["csv --title a", "tum --cmap viridis", "coco --heat harm", "tum --safe-csv", "mcap --clip"],
+)
+def test_options_without_effect_are_refused(tiny_store, tmp_path, s2r, words):
+    out = tmp_path / f"out{FORMATS[words.split()[0]].suffix}"
+    s2r("export", tiny_store, "--out", out, "--to", *words.split()).assert_refused("takes only")
+
+
+def test_an_export_appears_when_it_is_complete(store_copy, tmp_path, s2r):
+    renamed = "SET trajectory = if(trajectory = 'a', 'a+b', 'a_b')"
+    hostile.edit(store_copy, f"UPDATE trajectory {renamed}", f"UPDATE instance {renamed}")
+    words = "export", store_copy, "--out", tmp_path / "no" / "x.rrd", "--to", "rerun"
+    s2r(*words).assert_refused("there is no folder")
+    words = "export", store_copy, "--out", tmp_path / "tum", "--to", "tum"
+    with pytest.MonkeyPatch.context() as patch, suppress(KeyboardInterrupt):
+        patch.setattr(tum_trajectories, "_lines", Mock(side_effect=KeyboardInterrupt))
+        s2r(*words)
+    assert [path for path in tmp_path.iterdir() if path != store_copy] == []
+    s2r(*words)
+    assert {"a+b-sim.txt", "a_b-sim.txt"} <= {path.name for path in (tmp_path / "tum").iterdir()}

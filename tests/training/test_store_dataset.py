@@ -1,10 +1,13 @@
 """A data set of torch gives the images, depths and poses of a store, in several processes."""
 
+import gc
+
 import numpy as np
 import pytest
-from torch.utils.data import DataLoader
+from torch.utils.data import ConcatDataset, DataLoader
 
 import s2rstore
+from s2rstore.index.transaction import edit
 from s2rtools.training.splits import TEST, TRAIN, split_by_blocks
 from s2rtools.training.store_dataset import StoreDataset
 from tests.support.refusals import refused
@@ -27,6 +30,19 @@ def test_batches_hold_what_the_store_holds(tiny_store, workers):
             expected = np.where(frame.valid, frame.depth * scale, np.nan)
             assert np.allclose(sample["depth"], expected, equal_nan=True)
     assert len(samples) == 25
+
+
+def test_workers_destroy_no_inherited_index(store_copy):
+    def released(sample):
+        gc.collect()
+        return sample["iid"]
+
+    both = [StoreDataset(store_copy, domain, transform=released) for domain in ("sim", "real")]
+    assert both[0][3] == 3
+    with edit(store_copy):
+        pass
+    loader = DataLoader(ConcatDataset(both), batch_size=None, num_workers=1, timeout=60)
+    assert list(loader) == [*range(40), *range(40)]
 
 
 def test_splits_are_those_of_training_and_transforms_are_applied(tiny_store):

@@ -37,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--title", help="title of the figure, '' for none (default: the view's title)"
     )
     add_theme(page, "light, for paper")
+    output.add_safe_csv(parser)
     scene_arguments.add_selection(parser)
     scene_arguments.add_drawing(parser)
 
@@ -49,6 +50,8 @@ def execute(options: argparse.Namespace) -> int:
 
     if options.to is not None:
         return _write_for_others(options)
+    if options.safe_csv:
+        raise RequestError("--safe-csv: needs --to csv")
     if options.view == SCREEN and options.out.suffix != ".png":
         raise RequestError(f"--out {options.out}: must end in .png")
     form = format_of(options.out, "--out")
@@ -79,12 +82,30 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _write_for_others(options: argparse.Namespace) -> int:
-    from s2rtui.export.load_scene import open_scene
-    from s2rtui.export.other_programs import ExportContent, write
+    from s2rtui.export.figures import PageOptions
+    from s2rtui.export.load_scene import SceneOptions, open_scene
+    from s2rtui.export.other_programs import FORMATS, ExportContent, write
 
-    with open_scene(options.store, scene_arguments.scene_options(options)) as scene:
+    given = scene_arguments.scene_options(options)
+    names = ["select", "run", "trajectories", "with_trained"]
+    allowed = ["--select", "--run", "--trajectory", "--with-trained"]
+    if FORMATS[options.to].has_heat:
+        names.append("heat")
+        allowed.append("--heat")
+    if options.to == "csv":
+        allowed.append("--safe-csv")
+    page = display_arguments.page_options(options, size=_size(options.size))
+    if (
+        given != SceneOptions(**{name: getattr(given, name) for name in names})
+        or page != PageOptions()
+        or options.theme != "auto"
+        or (options.safe_csv and options.to != "csv")
+    ):
+        raise RequestError(f"--to {options.to}: of the options takes only {', '.join(allowed)}")
+    with open_scene(options.store, given) as scene:
         print_notes(scene)
-        write(options.to, ExportContent.of(scene, options.heat is not None), options.out)
+        content = ExportContent.of(scene, given.heat is not None, options.safe_csv)
+        write(options.to, content, options.out)
     return 0
 
 

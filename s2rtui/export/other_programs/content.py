@@ -45,21 +45,25 @@ class ExportedFrame:
 
 @dataclass(frozen=True, eq=False)
 class ExportContent:
-    """The selected instances of a scene. heat: the kind that lies over images, None for none."""
+    """The selected instances of a scene.
+
+    heat: the kind that lies over images, None for none. safe_csv: text in CSV cannot be a formula.
+    """
 
     store: Store
     run: str
     query: Query
     notes: Notes
     heat: HeatChoice | None
+    safe_csv: bool = False
 
     @classmethod
-    def of(cls, scene: Scene, with_heat: bool) -> ExportContent:
+    def of(cls, scene: Scene, with_heat: bool, safe_csv: bool = False) -> ExportContent:
         """The content of a scene; its heat only `with_heat`."""
         state, heat = scene.state, scene.state.heat if with_heat else None
         heat = None if heat is not None and heat.kind == NO_HEAT else heat
         query = query_of(scene.store, state, scene.notes)
-        return cls(scene.store, state.run, query, scene.notes, heat)
+        return cls(scene.store, state.run, query, scene.notes, heat, safe_csv)
 
     @cached_property
     def iids(self) -> NDArray[np.intp]:

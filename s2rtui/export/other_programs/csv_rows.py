@@ -18,4 +18,5 @@ def write(content: ExportContent, path: Path) -> None:
         if content.run != NO_RUN or fields.is_truth(name)
     ]  # fmt: skip
     found = selected_rows(content.store, content.query, content.notes, [*names, *NOTEBOOK_COLUMNS])
-    path.write_text(csv_text(found.names, found.rows), encoding="utf-8")
+    text = csv_text(found.names, found.rows, safe=content.safe_csv)
+    path.write_text(text, encoding="utf-8", errors="backslashreplace")

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
+from s2rstore.errors import RequestError, first_line
 from s2rstore.records import SIDES, Domain, Intrinsics, Side
 from s2rtui.canvas import LIGHT
 from s2rtui.export.other_programs.content import ExportContent, ExportedFrame, png_bytes
@@ -28,7 +29,10 @@ def write(content: ExportContent, path: Path) -> None:
     """
     store = content.store
     with rr.RecordingStream("s2rtui") as recording:
-        recording.save(path)
+        try:
+            recording.save(path)
+        except RuntimeError as error:
+            raise RequestError(f"--out {path}: cannot be written ({first_line(error)})") from error
         recording.send_recording_name(f"{store.dataset.name} {content.run}".strip())
         recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         _floor(recording, content)

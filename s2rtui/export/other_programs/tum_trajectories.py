@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from pathlib import Path
 
 import numpy as np
@@ -23,12 +22,11 @@ def write(content: ExportContent, path: Path) -> None:
     poses = {"truth": np.stack([truth.x, truth.y, truth.heading], axis=1)}
     poses |= {side: content.predicted(side) for side in SIDES}
     for name, iids in content.trajectories():
-        bare = re.sub(r"[^\w.-]", "_", name)
         for which, every in poses.items():
             kept = iids[np.isfinite(every[iids]).all(axis=1)]
             if kept.size:
                 lines = _lines(content.times[kept], every[kept])
-                (path / f"{bare}-{which}.txt").write_text(lines, encoding="utf-8")
+                (path / f"{name}-{which}.txt").write_text(lines, encoding="utf-8")
 
 
 def _lines(times: Floats, poses: NDArray[np.float64]) -> str:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from scipy import stats
+from scipy import special
 
 from s2rstore.intervals import FEWEST_TRAJECTORIES, Interval
 from s2rstore.intervals.dependence import series_freedom
@@ -77,8 +77,8 @@ def decided(interval: Interval, factor: float, rate: float = 1.0) -> float:
     if error == 0 or factor <= 1:
         return float(abs(interval.value) > half)
     spread = error * math.sqrt((factor - 1) / factor)
-    above = stats.t.sf((half - interval.value) / spread, freedom)
-    below = stats.t.sf((half + interval.value) / spread, freedom)
+    above = special.stdtr(freedom, (interval.value - half) / spread)
+    below = special.stdtr(freedom, (-interval.value - half) / spread)
     return float(above + below)
 
 
@@ -88,7 +88,7 @@ def half_width(interval: Interval, factor: float, rate: float = 1.0) -> float:
     Simulated images divide the variance by their exchange `rate`; they are no further visits.
     """
     error, _ = _error(interval)
-    critical = float(stats.t.ppf(0.5 + interval.level / 2, _freedom(interval, factor)))
+    critical = float(special.stdtrit(_freedom(interval, factor), 0.5 + interval.level / 2))
     return critical * error / math.sqrt(factor * rate)
 
 
@@ -118,7 +118,7 @@ def _error(interval: Interval) -> tuple[float, float]:
     """Standard error and degrees of freedom of an estimate, from its interval."""
     freedom = _freedom(interval, 1.0)
     half = (interval.high - interval.low) / 2
-    return half / float(stats.t.ppf(0.5 + interval.level / 2, freedom)), freedom
+    return half / float(special.stdtrit(freedom, 0.5 + interval.level / 2)), freedom
 
 
 def _freedom(interval: Interval, factor: float) -> float:

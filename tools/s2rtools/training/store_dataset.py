@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 import torch
@@ -28,7 +29,7 @@ class StoreDataset(Dataset[Sample]):
     A sample has `iid`; `image` (3, H, W) float32, 0 .. 1; `pose` (3,) float32: x and y in metres,
     heading in radians; and, in a domain with depth, `depth` (H, W) float32 in metres, NaN where it
     is unknown. `transform` gets a sample and returns what the data set gives. Workers of a
-    `DataLoader` open the store themselves.
+    `DataLoader` open the store themselves; a fork closes it first, and the next sample opens it.
     """
 
     def __init__(
@@ -45,7 +46,7 @@ class StoreDataset(Dataset[Sample]):
         Raises RequestError for an unknown domain or split, and a data set without poses.
         """
         self._path, self._domain, self._transform = str(store), domain, transform
-        self._opened: tuple[int, Store] | None = None
+        self._opened: Store | None = None
         opened = self._store()
         record = opened.domain(domain)
         opened.require_poses("a data set")
@@ -77,15 +78,28 @@ class StoreDataset(Dataset[Sample]):
 
     def close(self) -> None:
         """Close the store in this process; the next sample opens it again."""
-        if self._opened is not None and self._opened[0] == os.getpid():
-            self._opened[1].close()
+        if self._opened is not None:
+            self._opened.close()
         self._opened = None
 
     def _store(self) -> Store:
-        """The store as this process has opened it: an index is not shared with a forked one."""
-        if self._opened is None or self._opened[0] != os.getpid():
-            self._opened = os.getpid(), s2rstore.open(self._path)
-        return self._opened[1]
+        if self._opened is None:
+            self._opened = s2rstore.open(self._path)
+            _WITH_STORE.add(self)
+        return self._opened
+
+
+_WITH_STORE: WeakSet[StoreDataset] = WeakSet()
+"""Data sets that may have opened their store."""
+
+
+def _close_all() -> None:
+    """Close the stores: a forked process cannot use an index of its parent, nor destroy it."""
+    for each in list(_WITH_STORE):
+        each.close()
+
+
+os.register_at_fork(before=_close_all)
 
 
 def _code(split: str) -> int:
