@@ -62,11 +62,8 @@ def test_the_mcap_reader_gives_images_depth_and_poses(exported, store):
         for _, channel, message in reader.make_reader(file).iter_messages():
             topics.setdefault(channel.topic, []).append(json.loads(message.data))
     assert [each["iid"] for each in topics["/errors"]] == IIDS
-    frame, domain, real = (
-        store.frame("real", 3),
-        store.domain("real"),
-        store.run_columns("vanilla").real,
-    )
+    frame, domain = store.frame("real", 3), store.domain("real")
+    real = store.run_columns("vanilla").real
     position = topics["/real/predicted"][0]["pose"]["position"]
     hand = -1 if store.dataset.y_down else 1
     assert (position["x"], hand * position["y"]) == pytest.approx((real.x[3], real.y[3]))
