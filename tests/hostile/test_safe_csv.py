@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from s2rtools.common.command_line.row_formats import csv_text
-from s2rtui.cli import main
 from tests.support import hostile
 from tests.support.application import press, running
 
@@ -77,10 +76,3 @@ async def test_the_application_writes_safe_csv(formula_store, tmp_path, safe):
         await press(app, pilot, "c", "F", "enter")
     (written,) = tmp_path.glob("s2r-selection*.csv")
     assert ("'=HYPERLINK" in written.read_text()) == safe
-
-
-def test_the_option_is_documented(capsys):
-    for command in ("query", "sql", "show", "runs", "verify", "tui"):
-        with pytest.raises(SystemExit):
-            main([command, "--help"])
-        assert "--safe-csv" in capsys.readouterr().out
