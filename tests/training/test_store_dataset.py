@@ -23,7 +23,6 @@ def test_batches_hold_what_the_store_holds(store_copy, workers):
     parts = [StoreDataset(store_copy, "sim", None, f"traj:{name}", released) for name in "ab"]
     with edit(store_copy):  # workers open another generation than this process
         pass
-    gc.collect()  # of other tests: workers inherit it
     loader = DataLoader(ConcatDataset(parts), 8, num_workers=workers, timeout=30 * workers)
     samples = [
         {name: batch[name][place] for name in batch}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -99,7 +100,8 @@ def _close_all() -> None:
         each.close()
 
 
-os.register_at_fork(before=_close_all)
+# The garbage collector of the child leaves alone what the parent had not yet destroyed.
+os.register_at_fork(before=_close_all, after_in_child=gc.freeze)
 
 
 def _code(split: str) -> int:
