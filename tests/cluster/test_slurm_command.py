@@ -163,7 +163,7 @@ def parsed(words: list[str]) -> argparse.Namespace:
     return build_parser([words[0]]).parse_args(words)
 
 
-_IN_JOB = {"cluster", "show_job_script", "debug", "store", "config", "night"}
+_IN_JOB = {"cluster", "show_job_script", "debug", "store", "config", "night", "parser"}
 """Options that a job does not get as they were given."""
 
 
