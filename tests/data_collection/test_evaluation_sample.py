@@ -40,11 +40,11 @@ def errors(candidates: CandidatePoses) -> np.ndarray:
 
 def test_every_candidate_has_the_same_probability_and_is_drawn_once(candidates):
     rng, count = np.random.default_rng(0), 350
-    drawn = np.array([stratified_sample(candidates, count, rng) for _ in range(2000)])
+    drawn = np.array([stratified_sample(candidates, count, rng) for _ in range(400)])
     assert all(np.unique(one).size == count for one in drawn)
     times = np.bincount(drawn.ravel(), minlength=candidates.usable.size)
     assert not times[~candidates.usable.ravel()].any()
-    expected = 2000 * count / candidates.count
+    expected = 400 * count / candidates.count
     assert np.abs(times[candidates.usable.ravel()] - expected).max() < 5 * math.sqrt(expected)
 
 
@@ -52,7 +52,7 @@ def test_the_mean_is_unbiased_and_varies_less_than_that_of_random_poses(candidat
     rng, count = np.random.default_rng(1), 100
     every = errors.flat[similar_order(candidates)]
     means = [
-        stratified_mean(errors.flat[stratified_sample(candidates, count, rng)]) for _ in range(800)
+        stratified_mean(errors.flat[stratified_sample(candidates, count, rng)]) for _ in range(300)
     ]
     values = np.array([mean.value for mean in means])
     assert abs(values.mean() - every.mean()) < 4 * values.std() / math.sqrt(values.size)

@@ -168,6 +168,7 @@ def test_a_store_without_ground_truth_is_rejected(tiny_store):
         GroundTruth(store)
 
 
+@pytest.mark.deep
 def test_counterfactuals_use_the_constants_of_the_store(tmp_path):
     """Rendered again with all factors, the errors are the stored ones; the world is found again."""
     path = tmp_path / "other.s2r"

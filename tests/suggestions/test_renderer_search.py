@@ -41,6 +41,7 @@ def suggest(s2r, tmp_path):
     return run
 
 
+@pytest.mark.deep
 def test_what_differs_is_found_in_its_range(suggest, camera_world, tmp_path):
     found = suggest(camera_world, 0.03, "--json").json
     with s2rstore.open(camera_world) as store:

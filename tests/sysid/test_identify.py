@@ -72,6 +72,7 @@ def short(drive_folder: Callable[..., DriveFolder]) -> tuple[Identification, Sil
     return identify(drive_folder(latency=0.8, mass=1.0)[1], SHORT, reporter), reporter
 
 
+@pytest.mark.deep
 def test_identification_is_deterministic(drive_folder, short):
     repeated = identify(drive_folder(latency=0.8, mass=1.0)[1], SHORT, SilentReporter())
     assert record(repeated) == record(short[0])

@@ -4,7 +4,7 @@ import gc
 
 import numpy as np
 import pytest
-from torch.utils.data import ConcatDataset, DataLoader
+from torch.utils.data import ConcatDataset, DataLoader, get_worker_info
 
 import s2rstore
 from s2rstore.index.transaction import edit
@@ -14,7 +14,8 @@ from tests.support.refusals import refused
 
 
 def released(sample):
-    gc.collect()  # destroys what the fork left unused
+    if get_worker_info() is not None:
+        gc.collect()  # destroys what the fork left unused
     return sample
 
 
