@@ -19,7 +19,7 @@ def released(sample):
     return sample
 
 
-@pytest.mark.parametrize("workers", [0, 2])
+@pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.deep)])
 def test_batches_hold_what_the_store_holds(store_copy, workers):
     parts = [StoreDataset(store_copy, "sim", None, f"traj:{name}", released) for name in "ab"]
     with edit(store_copy):  # workers open another generation than this process
