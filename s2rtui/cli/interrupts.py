@@ -42,7 +42,6 @@ def _watch(source: int, command: str | None) -> None:
         if signal.SIGINT not in numbers:
             continue
         _received.set()
-        threading.excepthook = lambda _: None  # threads fail when their processes are killed
         if command in _READ_ONLY:
             time.sleep(GRACE_SECONDS)
             report_interrupt(command)
