@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Collection
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import parse_object
-from s2rstore.files.store_files import StoreFiles
 from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.index import row_check, schema
 from s2rstore.index.open_index import OpenIndex
@@ -40,23 +37,10 @@ NO_POSES = "the data set has no poses"
 class IndexCatalog(OpenIndex):
     """An open index with the rows of its small tables as records, which are checked at opening."""
 
-    def __init__(
-        self,
-        path: str | Path | StoreFiles,
-        memory: str = "",
-        generation: int | None = None,
-        left_out: Collection[str] = (),
-    ) -> None:
-        self._provenance: dict[str, dict[str, str]] = {}
-        super().__init__(path, memory, generation, left_out)
-        try:
-            self._check_rows()
-        except BaseException:
-            super().close()
-            raise
-
-    def _check_rows(self) -> None:
+    def _prepare(self) -> None:
         """Raise RequestError where a row of a small table is invalid."""
+        super()._prepare()
+        self._provenance: dict[str, dict[str, str]] = {}
         filled = self.execute("SELECT count(*) FROM dataset") != [(0,)]
         tables = [
             "trajectories",
