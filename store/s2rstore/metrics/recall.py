@@ -206,11 +206,17 @@ def skill(errors: Floats, constant: Floats, trajectories: Codes) -> Interval:
     return replace(ratio, low=low, value=value, high=high)
 
 
-def side_recall(store: Store, run: str, side: Side, members: Mask | None = None) -> SideRecall:
-    """Recall, medians and skill of one side of a computed run, over `members` (N,) or all."""
+def side_recall(
+    store: Store, run: str, side: Side, members: Mask | None = None,
+    population: Population = NEW_INSTANCES,
+) -> SideRecall:  # fmt: skip
+    """Recall, medians and skill of one side of a computed run, over `members` (N,) or all.
+
+    `population` may hold trained instances.
+    """
     columns = store.run_columns(run)
     chosen = columns.attempted if members is None else columns.attempted & members
-    keep = NEW_INSTANCES.attempted(store.instances, columns) & chosen
+    keep = population.attempted(store.instances, columns) & chosen
     errors, turns, codes, order = _side_errors(store, run, side, keep)
     limits = store.dataset.recall_thresholds
     return SideRecall(
