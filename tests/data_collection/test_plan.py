@@ -159,8 +159,9 @@ def test_the_greedy_batch_is_that_of_full_reevaluation():
 def test_the_expression_selects_the_nearest_instances(tiny_store):
     with s2rstore.open(tiny_store) as store:
         plan = plan_collection(store, CollectionRequest("vanilla", 12))
-        found = np.flatnonzero(evaluation.select(store, plan.expression, "vanilla"))
-        assert set(found.tolist()) == set(plan.nearest.tolist())
+        text, parameters = evaluation.sql(store, plan.expression, "vanilla", None, {}, False)
+        found = {row[0] for row in store.execute(text, parameters)}
+        assert found == set(plan.nearest.tolist())
         truth = store.instances
         for pose, iid in zip(plan.poses, plan.nearest, strict=True):
             assert np.hypot(truth.x[iid] - pose.x_m, truth.y[iid] - pose.y_m) < 2.5

@@ -107,7 +107,9 @@ def test_the_language_the_tables_and_the_views_know_the_offset(loose, s2r):
             ("pair_offset_deg: 5.9..6.1", N),
             ("worst(3, pair_offset_m)", 3),
         ):
+            query, parameters = evaluation.sql(store, text)
             assert np.count_nonzero(evaluation.select(store, text)) == count
+            assert len(store.execute(query, parameters)) == count
     header, row = (
         line.split(",") for line in s2r("query", path, "ids(4)", "--format", "csv").lines
     )
