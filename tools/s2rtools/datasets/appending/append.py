@@ -140,7 +140,7 @@ def append(
             for name in found.continued
         }
         find_folders = partial(append_staging_folders, target)
-        journal = open_folder(added, target, folder, find_folders, places, progress, report_line)
+        journal = open_folder(added, target, folder, find_folders, places, report_line)
         with removed_on_failure(folder, journal, target):
             written = _write(added, scan, store, found, folder, places, journal, progress)
             if written.checks:

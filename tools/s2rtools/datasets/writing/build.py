@@ -59,7 +59,7 @@ def build(
     refuse_unusable(scan, strict=False)
     folder = staging_folder(target)
     find_folders = partial(staging_folders, target)
-    journal = open_folder(scan, target, folder, find_folders, {}, progress, report_line)
+    journal = open_folder(scan, target, folder, find_folders, {}, report_line)
     with removed_on_failure(folder, journal, target):
         stored = write_frames(scan, folder, progress, journal=journal)
         plan = floor_plan_image(scan)
@@ -111,7 +111,6 @@ def open_folder(
     folder: Path,
     find_folders: Callable[[], list[StagingFolder]],
     places: Mapping[str, FramePlace],
-    progress: ReportProgress,
     report_line: ReportLine,
 ) -> IngestJournal | None:
     """Make the folder to write frames in, and its journal: that of an interrupted ingest, or a new
@@ -129,23 +128,17 @@ def open_folder(
                     left.path.rename(folder)  # its name states this process from now on
                 except FileNotFoundError:  # another process has taken it over
                     continue
-                journal = IngestJournal.resume(folder, mark)
-                steps, instances = 0, 0
-                for name, records in scan.trajectories.items():
-                    place = places[name].folder if name in places else name
-                    taken = journal.taken(place, len(records))
-                    steps, instances = steps + taken.steps, instances + len(taken)
+                journal = IngestJournal(folder, mark)
                 total = sum(map(len, scan.trajectories.values()))
                 report_line(
-                    f"{target}: an interrupted ingest ({left.builder}) is resumed; {instances} of "
-                    f"{total} instances are not decoded again"
+                    f"{target}: an interrupted ingest ({left.builder}) is resumed; "
+                    f"{journal.taken_instances} of {total} instances are not decoded again"
                 )
-                progress(2 * steps)
                 break
         remove_leftovers([each for each in find_folders() if each.path != folder], report_line)
         if journal is None:
             folder.mkdir(parents=True)
-            journal = None if mark is None else IngestJournal.begin(folder, mark)
+            journal = None if mark is None else IngestJournal(folder, mark)
     except OSError as error:
         shutil.rmtree(folder, ignore_errors=True)
         raise _unwritable(target, error) from error

@@ -85,22 +85,20 @@ def write_trajectory(
     """
     records = scan.trajectories[name]
     place = place or FramePlace(name, {})
-    taken = None if journal is None else journal.taken(place.folder, len(records))
     writer = _TrajectoryWriter(scan, root, name, place, journal)
+    done: set[int] = set()
+    for block in () if journal is None else journal.taken(place.folder):
+        writer.take(block)
+        done |= {*block.rows, *block.left_out}
+    progress(2 * len(done) * len(records[0].sources))
+    rows = [row for row in range(len(records)) if row not in done]
     largest = max(source.pixels for record in records for source in record.sources.values())
     threads = max(1, min(available_processors(), _DECODING_BYTES // (8 * largest)))
-
-    def decode(row: int) -> Decoded | None:
-        return None if taken is not None and row in taken else _decode(scan, records[row])
-
     with ThreadPoolExecutor(threads) as pool:
-        decoded = map_ahead(pool, decode, range(len(records)), _READ_AHEAD * threads)
-        for row, result in enumerate(decoded):
-            if result is None:
-                assert taken is not None
-                writer.take(row, taken[row])
-                continue
-            frames, sources, defects = result
+        decoded = map_ahead(
+            pool, lambda row: _decode(scan, records[row]), rows, _READ_AHEAD * threads
+        )
+        for row, (frames, sources, defects) in zip(rows, decoded, strict=True):
             progress(2 * (len(frames) + len(defects)))
             if defects:
                 writer.leave_out(row, defects)
@@ -138,13 +136,13 @@ class _TrajectoryWriter:
             for domain in self._records[0].sources
         }
         self._source_sizes: dict[str, tuple[tuple[int, ...], ...]] = {}
+        self._issues: dict[int, Sequence[InputIssue]] = {}
         self._conversions: dict[int, tuple[InputIssue, ...]] = {}
         self._left_out: dict[int, list[InputIssue]] = {}
 
     def leave_out(self, row: int, issues: list[InputIssue]) -> None:
         """Report the record number `row`, which is not stored."""
-        self._scan.issues += issues
-        self._left_out[row] = issues
+        self._issues[row] = self._left_out[row] = issues
         if len(self._left_out) == SHARD_ROWS:
             self._record(Block(self._place.folder, self._frames))
 
@@ -158,8 +156,7 @@ class _TrajectoryWriter:
             self.leave_out(row, issues)
             return
         if converted := tuple(issue for frame in frames.values() for issue in frame.issues):
-            self._scan.issues += converted
-            self._conversions[row] = converted
+            self._issues[row] = self._conversions[row] = converted
         for domain, frame in frames.items():
             arrays = self._arrays[domain]
             for image, pixels in (("rgb", frame.rgb), ("depth", frame.depth)):
@@ -191,24 +188,18 @@ class _TrajectoryWriter:
                 return [InputIssue("wrong size", file, detail)]
         return []
 
-    def take(self, row: int, block: Block) -> None:
-        """Take the record number `row` over from a block of an interrupted ingest."""
-        if row in block.left_out:
-            self._scan.issues += block.left_out[row]
-            return
-        for domain, sizes in block.source_sizes.items():
-            self._source_sizes.setdefault(domain, sizes)
-        for domain, kind in block.types.items():
-            self._types.setdefault(domain, kind)
-        self._scan.issues += block.conversions.get(row, ())
-        position = len(self._stored) - self._recorded
-        self._stored.add_checksums(row, block.checksums(position))
-        if position == 0:
-            for domain, shards in block.shards.items():
-                for image, shard in shards.items():
-                    self._arrays[domain][image].take(shard, len(block.rows))
-        if position == len(block.rows) - 1:
-            self._recorded = len(self._stored)
+    def take(self, block: Block) -> None:
+        """Take over what an interrupted ingest has recorded of some records."""
+        self._issues |= block.left_out
+        self._issues |= block.conversions
+        self._source_sizes = {**block.source_sizes, **self._source_sizes}
+        self._types = {**block.types, **self._types}
+        for position, row in enumerate(block.rows):
+            self._stored.add_checksums(row, block.checksums(position))
+        for domain, shards in block.shards.items():
+            for image, shard in shards.items():
+                self._arrays[domain][image].take(shard, len(block.rows))
+        self._recorded = len(self._stored)
 
     @property
     def _frames(self) -> int:
@@ -236,6 +227,8 @@ class _TrajectoryWriter:
     def finish(self) -> StoredTrajectory | None:
         """Record the last instances and complete the arrays."""
         self._record_stored()
+        for _, issues in sorted(self._issues.items()):
+            self._scan.issues += issues
         if not len(self._stored):
             return None
         entries: list[LedgerEntry] = []
