@@ -16,8 +16,8 @@ from s2rtools.common.command_line.progress import Reporter
 
 if TYPE_CHECKING:
     from s2rtools.datasets.floor.floor_poses import FloorOptions
-    from s2rtools.datasets.pairing.one_recording import RecordedScan
     from s2rtools.datasets.pairing.paired_recordings import PairedScan
+    from s2rtools.datasets.pairing.recorded_scan import RecordedScan
     from s2rtools.datasets.pairing.stored_worlds import StoredWorlds
     from s2rtools.datasets.recording import Recording
 
@@ -76,8 +76,7 @@ def scan_one(
 
     Raises RequestError for unusable arguments and input.
     """
-    from s2rtools.datasets.pairing.one_recording import scan_recording
-    from s2rtools.datasets.pairing.paired_recordings import MapOptions
+    from s2rtools.datasets.pairing.recorded_scan import MapOptions, scan_recording
     from s2rtools.datasets.pairing.stored_worlds import stored_worlds
 
     side: Side = options.side
@@ -104,12 +103,13 @@ def scan(
     Raises RequestError for unusable arguments and input.
     """
     from s2rtools.datasets.pairing.paired_recordings import PairOptions, scan_pairs
+    from s2rtools.datasets.pairing.recorded_scan import MapOptions
     from s2rtools.datasets.pairing.recording_pairs import parse_tolerance
 
     floors = {side: _floor(f"--{side}-floor", getattr(options, f"{side}_floor")) for side in SIDES}
     pair_options = PairOptions(
-        options.match, parse_tolerance(options.tolerance, options.match), frame, options.align,
-        floors, options.header, options.allow_outside, stored,
+        options.match, parse_tolerance(options.tolerance, options.match),
+        MapOptions(frame, options.header, options.allow_outside, stored), options.align, floors,
     )  # fmt: skip
     sim, real = (_recording(side, options) for side in SIDES)
     count = sum(len(t.frames) for each in (sim, real) for t in each.trajectories.values())
