@@ -17,7 +17,7 @@ from s2rtools.adjustments.translation import apply_translator
 from s2rtools.common.blocks import Blocks, split_into_blocks
 from s2rtools.gap.instance_selection import random_blocks
 from s2rtools.translation import fit_split
-from s2rtools.translation.image_set import Rgb
+from s2rtools.translation.image_set import ImageSet, Rgb
 from s2rtools.translation.translator_file import StoredTranslator, open_stored
 from s2rtools.translator_evaluation.fit_into_store import stored_split
 
@@ -109,7 +109,8 @@ class JudgedFrames:
 
     `source` and `translated` are RGB (N, H, W, 3); `target` (M, H, W, 3) shows the same poses where
     `paired`, else other places. `depth` and `translated_depth` (N, H, W) are raw values of the
-    source, `valid` where they are known.
+    source, `valid` where they are known. `labels` name the images; `groups` (N,) are codes, equal
+    for images that follow one another in a recording, or None where that is not known.
     """
 
     iids: Iids
@@ -120,6 +121,17 @@ class JudgedFrames:
     translated_depth: NDArray[Any]
     valid: NDArray[np.bool_]
     paired: bool
+    labels: Sequence[str]
+    groups: NDArray[np.int64] | None = None
+
+    @classmethod
+    def of_colours(cls, source: ImageSet, translated: Rgb, target: ImageSet) -> JudgedFrames:
+        """Frames without depth of images in files, `iids` being their rows."""
+        nothing = np.zeros(source.images.shape[:3])
+        return cls(
+            np.arange(len(source)), source.images, translated, target.images, nothing, nothing,
+            nothing.astype(np.bool_), False, source.names,
+        )  # fmt: skip
 
 
 def judged_instances(
@@ -195,6 +207,8 @@ def load_frames(store: Store, translator: Translation, chosen: JudgedInstances) 
         translated_depth=noisy,
         valid=valid,
         paired=store.has_poses,
+        labels=[f"instance {iid}" for iid in chosen.source.tolist()],
+        groups=runs_of_neighbours(store, chosen.source),
     )
 
 
