@@ -277,7 +277,7 @@ def test_unusable_images_are_reported_and_left_out(tmp_path, capsys):
         (("--tolerance", "3"), "--tolerance 3"),
         (("--align",), "--match time or --match name"),
         (("--sim-floor", "down=z"), "one of up, ground"),
-        (("--sim-option", "a"), "give KEY=VALUE"),
+        (("--sim-option", "a"), "expected NAME=VALUE"),
         (("--real-option", "a=1"), "no option 'a'"),
         (("--size", "2"), "must be 16 to 2048"),
         (("--match", "name", "--header", "cam.toml"), "camera=FILE"),

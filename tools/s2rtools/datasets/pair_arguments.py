@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.records import SIDES, Side
+from s2rtools.common.command_line.assignments import parse_assignments, parse_number
 from s2rtools.common.command_line.progress import Reporter
 
 if TYPE_CHECKING:
@@ -135,35 +136,14 @@ def read_recording(
     if not separator or not path:
         known, argument = ", ".join(sorted(LAYOUTS)), f"--{side} " if side else ""
         raise RequestError(f"{argument}{place}: give LAYOUT:PATH; layouts are {known}")
-    values = _values(f"--{side}-option" if side else "--option", texts)
+    values = parse_assignments(f"--{side}-option" if side else "--option", texts)
     return read(layout, Path(path), ReadOptions(values, tuple(trajectories), allow_outside))
 
 
 def _floor(argument: str, arguments: Sequence[str]) -> FloorOptions:
     from s2rtools.datasets.floor.floor_poses import FloorOptions
 
-    values = _values(argument, arguments)
-    numbers: dict[str, float] = {}
-    for key, text in values.items():
-        if key not in _FLOOR:
-            raise RequestError(f"{argument} {key}={text}: one of {', '.join(_FLOOR)}")
-        if key == "up":
-            continue
-        try:
-            numbers[key] = float(text)
-        except ValueError as error:
-            raise RequestError(f"{argument} {key}={text}: must be a number") from error
-    return FloorOptions(up=values.get("up"), **numbers)
-
-
-def _values(argument: str, texts: Sequence[str]) -> dict[str, str]:
-    """The values of `KEY=VALUE` by key. Raises RequestError for another form or a repeated key."""
-    values: dict[str, str] = {}
-    for text in texts:
-        key, separator, value = text.partition("=")
-        if not separator or not key:
-            raise RequestError(f"{argument} {text}: give KEY=VALUE")
-        if key in values:
-            raise RequestError(f"{argument} {text}: {key} twice")
-        values[key] = value
-    return values
+    values = parse_assignments(argument, arguments, _FLOOR)
+    up = values.pop("up", None)
+    numbers = {name: parse_number(argument, name, text) for name, text in values.items()}
+    return FloorOptions(up=up, **numbers)

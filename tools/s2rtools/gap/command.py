@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rtools.common.command_line import store_argument
+from s2rtools.common.command_line.assignments import parse_assignments
 from s2rtools.common.command_line.output import print_coverage
 
 if TYPE_CHECKING:
@@ -103,7 +104,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _request(options: argparse.Namespace) -> GapRequest:
-    from s2rtools.gap.axes import MAX_SEED, flags, option_texts, options_of
+    from s2rtools.gap.axes import MAX_SEED, flags, options_of
     from s2rtools.gap.axis import GapSettings
     from s2rtools.gap.gate.gate import GapRequest
 
@@ -116,7 +117,8 @@ def _request(options: argparse.Namespace) -> GapRequest:
     given = {name: getattr(options, name) for name in options_of(None)}
     texts = {name: text for name, text in given.items() if text is not None}
     for flag in flags():
-        texts |= option_texts(flag, getattr(options, flag.removeprefix("--")))
+        arguments = getattr(options, flag.removeprefix("--"))
+        texts |= parse_assignments(flag, arguments, options_of(flag))
     return GapRequest(
         run=options.run,
         expression=options.select,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from s2rstore.errors import RequestError
 from s2rstore.records import SIDES
 from s2rtools.common.command_line import output, store_argument
+from s2rtools.common.command_line.assignments import parse_assignments
 from s2rtools.common.command_line.progress import percent_callback, reporter
 
 if TYPE_CHECKING:
@@ -233,12 +234,7 @@ def _request(
     from s2rtools.translation.method import FitSettings, lower_share
     from s2rtools.translator_evaluation.fit_into_store import FitRequest
 
-    texts = {}
-    for text in options.option:
-        key, equals, value = text.partition("=")
-        if not equals:
-            raise RequestError(f"--option {text}: expected NAME=VALUE")
-        texts[key] = value
+    texts = parse_assignments("--option", options.option)
     METHODS.find(method).parse(texts)
     settings = FitSettings(
         seed=options.seed, steps=options.steps, minutes=options.minutes, paired=options.paired,
