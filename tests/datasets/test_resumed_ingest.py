@@ -21,8 +21,7 @@ from s2rtools.datasets.files.image_decoding import ImageFiles
 from s2rtools.datasets.scan import Scan
 from s2rtools.datasets.writing import build as build_module
 from s2rtools.datasets.writing import frame_writing, ingest_journal, trajectory_arrays
-from s2rtools.datasets.writing.build import build
-from s2rtools.datasets.writing.scan_fingerprint import fingerprint
+from s2rtools.datasets.writing.build import build, fingerprint
 from tests.datasets.helpers import Killed, kill_after, rows_by_trajectory, scan_of
 from tests.support import pairs
 

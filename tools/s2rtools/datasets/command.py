@@ -146,7 +146,7 @@ def execute(options: argparse.Namespace) -> int:
     scan = IMPORTERS[options.layout](getattr(options, "path", Path()), scan_options)
     code = _ingest(scan, options)
     if code == 0 and options.layout == "world" and not options.survey:
-        from s2rtools.labels.world_labels import label_world
+        from s2rtools.labels.write_labels import label_world
 
         label_world(options.store, _command())
     return code

@@ -292,7 +292,7 @@ def _check_judged_images(options: argparse.Namespace) -> None:
 
 def _judge(options: argparse.Namespace) -> None:
     import s2rstore
-    from s2rtools.translator_evaluation.generated_images import generated_images
+    from s2rtools.translator_evaluation.judged_frames import generated_images
 
     _check_judged_images(options)
     with s2rstore.open(options.store) as store:

@@ -18,8 +18,8 @@ from s2rtools.datasets.recording import (
     RecordedTrajectory,
     Recording,
 )
-from s2rtools.datasets.recordings.recorded_cameras import CAMERA_ID, choose_camera
 from s2rtools.datasets.recordings.recorded_files import ImageFile
+from s2rtools.datasets.recordings.stated_cameras import CAMERA_ID, choose_camera
 
 Floats = NDArray[np.float64]
 
@@ -75,7 +75,7 @@ class FrameTable:
     def choose_camera(self, options: ReadOptions, where: Path, default: str | None = None) -> str:
         """Set the recording's camera, leave out the rows of others, and give a remark.
 
-        Cameras are numbered as they come. See `recorded_cameras.choose_camera`. Raises RequestError
+        Cameras are numbered as they come. See `stated_cameras.choose_camera`. Raises RequestError
         if there are several and the option, or else `default`, chooses none, and without rows.
         """
         if not self._used:
