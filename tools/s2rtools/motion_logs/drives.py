@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rtools.motion_logs import csv_reader, rosbag_reader, tum_reader
+from s2rtools.motion_logs import csv_reader, pose_readers
 from s2rtools.motion_logs.motion_log import Drive, Log
 
 
@@ -63,12 +63,12 @@ def _log_path(folder: Path, role: str) -> Path | None:
 
 READERS: dict[str, Callable[[Path], Log]] = {
     ".csv": csv_reader.read,
-    ".tum": tum_reader.read,
-    ".txt": tum_reader.read,
-    ".bag": rosbag_reader.read,
-    ".db3": rosbag_reader.read,
-    ".mcap": rosbag_reader.read,
-    "": rosbag_reader.read,
+    ".tum": pose_readers.read_tum,
+    ".txt": pose_readers.read_tum,
+    ".bag": pose_readers.read_bag,
+    ".db3": pose_readers.read_bag,
+    ".mcap": pose_readers.read_bag,
+    "": pose_readers.read_bag,
 }
 """Readers by suffix; a name without a suffix is the folder of a ROS 2 bag."""
 
@@ -78,12 +78,12 @@ def read(path: Path, topic: str | None = None) -> Log:
 
     Raises RequestError that names the file and the line or topic.
     """
-    reader = rosbag_reader.read if path.is_dir() else READERS.get(path.suffix.lower())
+    reader = pose_readers.read_bag if path.is_dir() else READERS.get(path.suffix.lower())
     if reader is None:
         known = ", ".join(suffix for suffix in READERS if suffix)
         raise RequestError(f"{path}: unknown log format (known: {known}, ROS 2 bag folders)")
-    if reader is rosbag_reader.read:
-        return rosbag_reader.read(path, topic)
+    if reader is pose_readers.read_bag:
+        return pose_readers.read_bag(path, topic)
     if topic is not None:
         raise RequestError(f"{path}: has no topics; leave out {topic}")
     return reader(path)

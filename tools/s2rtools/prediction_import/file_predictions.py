@@ -15,7 +15,7 @@ from s2rstore.errors import RequestError
 from s2rstore.index.row_check import MAX_COORDINATE
 from s2rstore.records import SIDES, SPLITS, Side
 from s2rtools.common.input_issue import InputIssue, issue_lines
-from s2rtools.motion_logs.tum_reader import yaw
+from s2rtools.motion_logs.pose_readers import yaw
 from s2rtools.precompute.prediction_rows import UNSEEN
 from s2rtools.prediction_import import instance_matching, pose_units, row_matching
 from s2rtools.prediction_import.instance_matching import UNKNOWN, ImportTarget

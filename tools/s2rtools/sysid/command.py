@@ -52,7 +52,6 @@ def execute(options: argparse.Namespace) -> int:
     from s2rtools.sysid import report
     from s2rtools.sysid.identify import SysidSettings, identify
     from s2rtools.sysid.parameter_space import parse_ranges
-    from s2rtools.sysid.residual_training import learn
 
     names = None if options.parameters is None else _names(options.parameters)
     fixed = parse_assignments("--fix", options.fix)
@@ -69,6 +68,8 @@ def execute(options: argparse.Namespace) -> int:
         identification = identify(drives, settings, progress)
         residual, residual_error = None, None
         if options.residual:
+            from s2rtools.sysid.residual_network import learn
+
             try:
                 residual = learn(identification, progress)
             except InconclusiveError as error:

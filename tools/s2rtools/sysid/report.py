@@ -7,15 +7,17 @@ import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes
 from s2rstore.intervals import LEVEL
 from s2rtools.common.command_line import output
 from s2rtools.sysid.identify import Identification
-from s2rtools.sysid.residual_training import Residual
 from s2rtools.sysid.search import SearchTrace
+
+if TYPE_CHECKING:
+    from s2rtools.sysid.residual_network import Residual
 
 RESULT, TABLE, PICTURE = "sysid.json", "sysid.txt", "convergence.png"
 NETWORK = "residual.safetensors"
