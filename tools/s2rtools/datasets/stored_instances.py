@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.datasets.scan import DecodedFrame, FrameChecksum, InstanceRecord
+from s2rtools.datasets.scan import FrameChecksum, InstanceRecord
 
 _DIGEST = 32
 """Bytes of a SHA-256."""
@@ -58,12 +58,7 @@ class StoredTrajectory:
         digest = self._digests[domain][_DIGEST * position : _DIGEST * (position + 1)]
         return FrameChecksum(digest.hex(), self._valid_fractions[domain][position])
 
-    def add(self, row: int, frames: Mapping[str, DecodedFrame]) -> None:
-        """Add the record number `row` with its frames by domain."""
-        checksums = {d: FrameChecksum(f.sha256, f.valid_fraction) for d, f in frames.items()}
-        self.add_checksums(row, checksums)
-
-    def add_checksums(self, row: int, checksums: Mapping[str, FrameChecksum]) -> None:
+    def add(self, row: int, checksums: Mapping[str, FrameChecksum]) -> None:
         """Add the record number `row` with the checksums of its frames by domain."""
         self._rows.append(row)
         for domain, frame in checksums.items():

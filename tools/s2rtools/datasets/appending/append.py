@@ -41,9 +41,8 @@ from s2rtools.datasets.stored_instances import StoredRecords
 from s2rtools.datasets.writing.build import (
     ReportLine,
     ReportProgress,
-    open_folder,
+    building_folder,
     refuse_unusable,
-    removed_on_failure,
     report_outside_bounds,
     unlisted_checksums,
     write_frames,
@@ -140,8 +139,7 @@ def append(
             for name in found.continued
         }
         find_folders = partial(append_staging_folders, target)
-        journal = open_folder(added, target, folder, find_folders, places, report_line)
-        with removed_on_failure(folder, journal, target):
+        with building_folder(added, target, folder, find_folders, places, report_line) as journal:
             written = _write(added, scan, store, found, folder, places, journal, progress)
             if written.checks:
                 report_line(convention_report.line(written.checks))

@@ -63,8 +63,7 @@ def build(
     refuse_unusable(scan, strict=False)
     folder = staging_folder(target)
     find_folders = partial(staging_folders, target)
-    journal = open_folder(scan, target, folder, find_folders, {}, report_line)
-    with removed_on_failure(folder, journal, target):
+    with building_folder(scan, target, folder, find_folders, {}, report_line) as journal:
         stored = write_frames(scan, folder, progress, journal=journal)
         plan = floor_plan_image(scan)
         drawn = plan_from_depth(scan, stored, folder) if scan.floor_plan is None else None
@@ -91,38 +90,22 @@ def build(
 
 
 @contextmanager
-def removed_on_failure(folder: Path, journal: IngestJournal | None, target: Path) -> Iterator[None]:
-    """Remove the folder in which data for `target` is built where that fails.
-
-    It stays where an ingest with a journal is interrupted, or the store is busy: then the same
-    command resumes. Raises RequestError where files cannot be written.
-    """
-    try:
-        yield
-    except OSError as error:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise _unwritable(target, error) from error
-    except BaseException as error:
-        is_refused = isinstance(error, RequestError) and not isinstance(error, StoreBusyError)
-        if journal is None or is_refused:
-            shutil.rmtree(folder, ignore_errors=True)
-        raise
-
-
-def open_folder(
+def building_folder(
     scan: Scan,
     target: Path,
     folder: Path,
     find_folders: Callable[[], list[StagingFolder]],
     places: Mapping[str, FramePlace],
     report_line: ReportLine,
-) -> IngestJournal | None:
-    """Make the folder to write frames in, and its journal: that of an interrupted ingest, or a new
-    one.
+) -> Iterator[IngestJournal | None]:
+    """Make the `folder` in which data for `target` is written; gives its journal.
 
-    `find_folders` lists the folders of all ingests of the store `target`; abandoned ones that are
-    not taken over are removed. `places` are as in `write_frames`. There is no journal where a
-    source of the scan does not state its origin.
+    It is that of an interrupted ingest of the same frames, or a new one. `find_folders` lists the
+    folders of all ingests of the store; abandoned ones that are not taken over are removed.
+    `places` are as in `write_frames`. There is no journal where a source of the scan does not state
+    its origin. The folder is removed where the writing fails; it stays where an ingest with a
+    journal is interrupted, or the store is busy: then the same command resumes. Raises RequestError
+    where files cannot be written.
     """
     mark, journal = fingerprint(scan, places), None
     try:
@@ -143,14 +126,16 @@ def open_folder(
         if journal is None:
             folder.mkdir(parents=True)
             journal = None if mark is None else IngestJournal(folder, mark)
+        yield journal
     except OSError as error:
         shutil.rmtree(folder, ignore_errors=True)
-        raise _unwritable(target, error) from error
-    return journal
-
-
-def _unwritable(target: Path, error: OSError) -> RequestError:
-    return RequestError(f"{error.filename or target}: cannot be written ({error.strerror})")
+        reason = f"{error.filename or target}: cannot be written ({error.strerror})"
+        raise RequestError(reason) from error
+    except BaseException as error:
+        is_refused = isinstance(error, RequestError) and not isinstance(error, StoreBusyError)
+        if journal is None or is_refused:
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
 
 
 def report_outside_bounds(scan: Scan) -> None:

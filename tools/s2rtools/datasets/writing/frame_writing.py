@@ -21,7 +21,7 @@ from s2rstore.files.ledger import Ledger, LedgerEntry
 from s2rtools.common.input_issue import InputIssue
 from s2rtools.common.processors import available_processors
 from s2rtools.common.read_ahead import map_ahead
-from s2rtools.datasets.scan import DecodedFrame, InstanceRecord, Scan
+from s2rtools.datasets.scan import DecodedFrame, FrameChecksum, InstanceRecord, Scan
 from s2rtools.datasets.stored_instances import StoredTrajectory
 from s2rtools.datasets.writing.ingest_journal import SHARD_ROWS, Block, IngestJournal
 from s2rtools.datasets.writing.trajectory_arrays import (
@@ -164,7 +164,9 @@ class _TrajectoryWriter:
                     arrays[image].add(pixels, pixels.shape, str(pixels.dtype))
             for image, each in sources[domain].items():
                 arrays[image].add(each.content, each.shape, each.dtype)
-        self._stored.add(row, frames)
+        self._stored.add(
+            row, {d: FrameChecksum(f.sha256, f.valid_fraction) for d, f in frames.items()}
+        )
         if len(self._stored) - self._recorded == SHARD_ROWS:
             self._record_stored()
 
@@ -195,7 +197,7 @@ class _TrajectoryWriter:
         self._source_sizes = {**block.source_sizes, **self._source_sizes}
         self._types = {**block.types, **self._types}
         for position, row in enumerate(block.rows):
-            self._stored.add_checksums(row, block.checksums(position))
+            self._stored.add(row, block.checksums(position))
         for domain, shards in block.shards.items():
             for image, shard in shards.items():
                 self._arrays[domain][image].take(shard, len(block.rows))
