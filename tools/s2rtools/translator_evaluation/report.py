@@ -199,14 +199,10 @@ class _Judge:
         )
 
     def _distances(self, frames: JudgedFrames, features: Mapping[str, Features]) -> list[MetricRow]:
-        if not frames.paired:
-            return distance_metrics.folder_distances(
-                frames.translated, frames.source, frames.target, self.seed
-            )
-        found = distance_metrics.paired_distances(
-            frames.translated, frames.source, frames.target,
-            instance_blocks(self.store, frames.iids), features, self.seed,
-        )  # fmt: skip
+        blocks = instance_blocks(self.store, frames.iids) if frames.paired else None
+        found = distance_metrics.distances(
+            frames.translated, frames.source, frames.target, features, blocks, self.seed
+        )
         run = None if self.run is None else self.run.run
         return [replace(row, run=run) if row.metric.endswith("_network") else row for row in found]
 
@@ -286,8 +282,9 @@ def evaluate_folders(
         raise RequestError(f"{source}, {target}: judging needs at least 4 images of each")
     frames = JudgedFrames.of_colours(before, stored.translator.translate(before.images), after)
     content = _content(frames)
-    figures = _content_rows(content) + distance_metrics.folder_distances(
-        frames.translated, frames.source, frames.target, settings.seed
+    features = {"colour": distance_metrics.colour_features}
+    figures = _content_rows(content) + distance_metrics.distances(
+        frames.translated, frames.source, frames.target, features, seed=settings.seed
     )
     if downstream is not None:
         figures += judge_downstream(
