@@ -48,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
+    from s2rtools.common.result_files import check_folder
     from s2rtools.motion_logs import read_drives
     from s2rtools.sysid import report
     from s2rtools.sysid.identify import SysidSettings, identify
@@ -62,7 +63,7 @@ def execute(options: argparse.Namespace) -> int:
         options.seeds, options.held_out, options.window, options.evaluations, seed=options.seed,
         ranges=parse_ranges(ranges, "--range "),
     )  # fmt: skip
-    report.check_writable(options.out)
+    check_folder("--out", options.out)
     drives = read_drives(options.drives, options.topic)
     with reporter() as progress:
         identification = identify(drives, settings, progress)
