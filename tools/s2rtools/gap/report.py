@@ -15,8 +15,7 @@ from s2rstore.metrics.exchange import exchange_change
 from s2rtools.gap.axes import AXES, configured
 from s2rtools.gap.axis import Evidence, GapSettings, Measurement
 from s2rtools.gap.gate.golden_run import GoldenComparison
-from s2rtools.gap.gate.reference import AxisScale, Reference
-from s2rtools.gap.gate.verdict import NOTHING, Verdict
+from s2rtools.gap.gate.verdict import NOTHING, AxisScale, Reference, Verdict
 
 Report = dict[str, Any]
 

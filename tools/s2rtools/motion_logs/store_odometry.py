@@ -8,8 +8,7 @@ import numpy as np
 
 from s2rstore.errors import RequestError
 from s2rstore.reader import Store
-from s2rtools.motion_logs import rigid_alignment
-from s2rtools.motion_logs.motion_log import Drive, Floats, Log
+from s2rtools.motion_logs.motion_log import Drive, Floats, Log, RigidTransform, fit_transform
 from s2rtools.motion_logs.row_checks import Place, check_pace
 
 
@@ -32,9 +31,9 @@ def odometry(store: Store, rate: float | None = None, aligned: bool = True) -> t
         check_pace(time, _pose_of(where))
         real = _log(time, truth.x[at], truth.y[at], truth.heading[at], f"{where}, ground truth")
         sim = _log(time, ox, oy, heading, f"{where}, odometry")
-        transform = rigid_alignment.RigidTransform()
+        transform = RigidTransform()
         if aligned:
-            transform = rigid_alignment.fit((sim.x, sim.y), (real.x, real.y), reflection=True)
+            transform = fit_transform((sim.x, sim.y), (real.x, real.y), reflection=True)
         drives.append(Drive(name, real, transform(sim), odometry=transform))
     if not drives:
         raise RequestError(f"{store.path}: no trajectory has odometry throughout")

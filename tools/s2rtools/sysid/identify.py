@@ -11,7 +11,6 @@ import numpy as np
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.intervals import LEVEL
 from s2rtools.motion_logs import Drive
-from s2rtools.sysid.heldout_error import HeldOut, held_out_error
 from s2rtools.sysid.identifiability import (
     Identifiability,
     at_range_limits,
@@ -22,7 +21,7 @@ from s2rtools.sysid.identifiability import (
 )
 from s2rtools.sysid.model_mismatch import Structure, structure
 from s2rtools.sysid.parameter_space import Range, Space, check, space_of, with_ranges
-from s2rtools.sysid.prediction_error import PredictionError
+from s2rtools.sysid.prediction_error import HeldOut, PredictionError, held_out_error
 from s2rtools.sysid.search import SearchTrace, search
 from s2rtools.sysid.simulators import SIMULATORS
 from s2rtools.sysid.simulators.simulator import Floats, Simulator

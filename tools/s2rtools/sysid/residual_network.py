@@ -17,9 +17,8 @@ import torch
 from torch import Tensor, nn
 
 from s2rstore.errors import InconclusiveError
-from s2rtools.sysid.heldout_error import HeldOut, compared
 from s2rtools.sysid.identify import Identification
-from s2rtools.sysid.prediction_error import PredictionError
+from s2rtools.sysid.prediction_error import HeldOut, PredictionError, compared
 from s2rtools.sysid.simulators.simulator import LATENCY, Floats, Integers, Replays, Values
 
 if TYPE_CHECKING:

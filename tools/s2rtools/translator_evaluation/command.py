@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from s2rstore.reader import Store
     from s2rtools.translation.method import ReportProgress
     from s2rtools.translator_evaluation.fit_into_store import FitRequest
-    from s2rtools.translator_evaluation.gates import Verdict
     from s2rtools.translator_evaluation.judged_frames import Translation
+    from s2rtools.translator_evaluation.measures import Verdict
     from s2rtools.translator_evaluation.report import ReportSettings, TranslatorReport
 
 _IMAGES = 120

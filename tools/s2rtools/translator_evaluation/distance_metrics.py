@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from s2rstore.intervals import Interval, linear
 from s2rtools.common.blocks import Blocks
 from s2rtools.gap.instance_selection import random_halves
-from s2rtools.gap.visual.feature_distances import NEIGHBOURS, prdc
-from s2rtools.gap.visual.kid import block_mmd, kernel_distance
+from s2rtools.gap.visual.feature_distances import NEIGHBOURS, block_mmd, kernel_distance, prdc
 from s2rtools.translation.image_set import Rgb
 from s2rtools.translator_evaluation.image_structure import Floats
 from s2rtools.translator_evaluation.measures import CHANNELS, MetricRow, figure

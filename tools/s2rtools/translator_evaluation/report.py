@@ -45,7 +45,6 @@ from s2rtools.translator_evaluation.downstream import (
     judge_downstream,
     read_truth,
 )
-from s2rtools.translator_evaluation.gates import Verdict, judge
 from s2rtools.translator_evaluation.image_structure import Floats
 from s2rtools.translator_evaluation.judged_frames import (
     MIN_IMAGES,
@@ -56,7 +55,14 @@ from s2rtools.translator_evaluation.judged_frames import (
     judged_instances,
     load_frames,
 )
-from s2rtools.translator_evaluation.measures import Content, MetricRow, figure, measure_content
+from s2rtools.translator_evaluation.measures import (
+    Content,
+    MetricRow,
+    Verdict,
+    figure,
+    judge,
+    measure_content,
+)
 
 MAX_IMAGES = 120
 """Most images on which translators are judged by default."""

@@ -36,8 +36,7 @@ from s2rtools.datasets.appending.new_domains import (
 from s2rtools.datasets.appending.store_agreement import in_store_terms
 from s2rtools.datasets.conventions import convention_report
 from s2rtools.datasets.conventions.convention_check import ConventionCheck
-from s2rtools.datasets.scan import InstanceRecord, Scan
-from s2rtools.datasets.stored_instances import StoredRecords
+from s2rtools.datasets.scan import InstanceRecord, Scan, StoredRecords
 from s2rtools.datasets.writing.build import (
     ReportLine,
     ReportProgress,

@@ -15,7 +15,7 @@ from s2rtools.common.bag_files import refusing_damage
 from s2rtools.common.bag_messages import BagMessages, stamp_of
 from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.bags import image_messages
-from s2rtools.datasets.bags.frame_tree import plain
+from s2rtools.datasets.bags.camera_poses import plain
 from s2rtools.datasets.files.image_decoding import type_of_bits
 from s2rtools.datasets.recording import SourceImage
 

@@ -27,8 +27,7 @@ from s2rstore.index.transaction import edit
 from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.conventions import convention_report
 from s2rtools.datasets.floor.floor_plans import plan_from_depth, read_floor_plan
-from s2rtools.datasets.scan import Scan
-from s2rtools.datasets.stored_instances import StoredRecords
+from s2rtools.datasets.scan import Scan, StoredRecords
 from s2rtools.datasets.writing.frame_writing import FramePlace, ReportProgress, write_trajectory
 from s2rtools.datasets.writing.index_rows import write_index
 from s2rtools.datasets.writing.ingest_journal import IngestJournal, fingerprint_of

@@ -21,8 +21,13 @@ from s2rstore.files.ledger import Ledger, LedgerEntry
 from s2rtools.common.input_issue import InputIssue
 from s2rtools.common.processors import available_processors
 from s2rtools.common.read_ahead import map_ahead
-from s2rtools.datasets.scan import DecodedFrame, FrameChecksum, InstanceRecord, Scan
-from s2rtools.datasets.stored_instances import StoredTrajectory
+from s2rtools.datasets.scan import (
+    DecodedFrame,
+    FrameChecksum,
+    InstanceRecord,
+    Scan,
+    StoredTrajectory,
+)
 from s2rtools.datasets.writing.ingest_journal import SHARD_ROWS, Block, IngestJournal
 from s2rtools.datasets.writing.trajectory_arrays import (
     CompressedImages,

@@ -22,8 +22,7 @@ from s2rstore.arrays.zarr_metadata import Layout
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rtools.common.input_issue import InputIssue
-from s2rtools.datasets.scan import FrameChecksum
-from s2rtools.datasets.stored_instances import StoredTrajectory
+from s2rtools.datasets.scan import FrameChecksum, StoredTrajectory
 
 NAME = "journal.jsonl"
 SHARD_ROWS = 64

@@ -29,9 +29,12 @@ from s2rtools.gap.axis import (
     Parser,
     whole_number,
 )
-from s2rtools.gap.visual.kid import KERNEL, block_mmd
-from s2rtools.gap.visual.kl_divergence import bias_warning
-from s2rtools.gap.visual.low_dimensional_samples import prediction_samples, principal_components
+from s2rtools.gap.visual.divergence import (
+    bias_warning,
+    prediction_samples,
+    principal_components,
+)
+from s2rtools.gap.visual.feature_distances import KERNEL, block_mmd
 from s2rtools.gap.visual.split_half_metrics import split_half_metrics
 
 Floats = NDArray[np.float64]
