@@ -11,7 +11,7 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.language import evaluation
 from s2rtools.data_collection.batch_choice import PoseCoverage, choose_batch
-from s2rtools.data_collection.candidates import CandidatePoses, find_candidates
+from s2rtools.data_collection.candidates import CandidatePoses, PoseSimilarity, find_candidates
 from s2rtools.data_collection.expected_reduction import (
     METHODS,
     Evidence,
@@ -19,7 +19,6 @@ from s2rtools.data_collection.expected_reduction import (
     read_evidence,
 )
 from s2rtools.data_collection.plan import CollectionRequest, choose_poses, plan_collection
-from s2rtools.data_collection.pose_similarity import PoseSimilarity
 from s2rtools.datasets.floor.free_floor import is_free
 from s2rtools.synthetic_world.dataset import WorldData
 from tests.support import tiny

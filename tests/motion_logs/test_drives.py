@@ -11,8 +11,8 @@ from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.geometry import angles
 from s2rstore.index.transaction import edit
 from s2rtools.motion_logs import csv_reader, read_drives
+from s2rtools.motion_logs.drives import odometry
 from s2rtools.motion_logs.motion_log import fit_transform
-from s2rtools.motion_logs.store_odometry import odometry
 
 
 def write_drive(folder: Path, seed: int, untuned: bool = True) -> Path:

@@ -189,3 +189,8 @@ def choose_topic(
             f"{bag}: several topics have {content}; name one of {', '.join(usable)} ({option})"
         )
     return usable[0]
+
+
+def frame_name(frame: str) -> str:
+    """The name of a frame without the slash that older versions of ROS began it with."""
+    return frame.removeprefix("/")

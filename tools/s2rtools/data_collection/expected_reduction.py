@@ -18,8 +18,7 @@ from s2rstore.errors import NotComputedError, RequestError
 from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store
 from s2rstore.records import SPLITS
-from s2rtools.data_collection.candidates import CandidatePoses
-from s2rtools.data_collection.pose_similarity import Codes, Floats, Poses, PoseSimilarity
+from s2rtools.data_collection.candidates import CandidatePoses, Codes, Floats, Poses, PoseSimilarity
 
 if TYPE_CHECKING:
     from s2rtools.data_collection.rendered_views import RenderedViews

@@ -70,8 +70,7 @@ def execute(options: argparse.Namespace) -> int:
     from s2rstore.gap_history.gate_status import EXIT_CODES, report_outcome
     from s2rtools.common import result_files
     from s2rtools.gap.gate import gate, golden_run
-    from s2rtools.gap.report import report
-    from s2rtools.gap.tables import gap_text
+    from s2rtools.gap.report import gap_text, report
 
     request = _request(options)
     written = {"--freeze": options.freeze, "--freeze-golden": options.freeze_golden,

@@ -12,8 +12,7 @@ from s2rstore.errors import RequestError
 from s2rstore.intervals import LEVEL
 from s2rtools.common.command_line import output
 from s2rtools.common.result_files import write_all
-from s2rtools.sysid.identify import Identification
-from s2rtools.sysid.search import SearchTrace
+from s2rtools.sysid.identify import Identification, SearchTrace
 
 if TYPE_CHECKING:
     from s2rtools.sysid.residual_network import Residual

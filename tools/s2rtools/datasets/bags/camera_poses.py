@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rtools.common.bag_messages import ODOMETRY, BagMessages, pose_of, stamp_of
+from s2rtools.common.bag_messages import ODOMETRY, BagMessages, frame_name, pose_of, stamp_of
 from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.bags.topics import TF, Topics, is_static
 from s2rtools.datasets.recording import ReadOptions
@@ -93,8 +93,8 @@ class FrameTree:
         links = self._static if is_static else self._moving
         for each in message.transforms:
             stamp, transform = each.header.stamp, each.transform
-            parents = links.setdefault(plain(each.child_frame_id), {})
-            log = parents.setdefault(plain(each.header.frame_id), PoseLog())
+            parents = links.setdefault(frame_name(each.child_frame_id), {})
+            log = parents.setdefault(frame_name(each.header.frame_id), PoseLog())
             time = int(stamp.sec) * 10**9 + int(stamp.nanosec)
             log.add(time, transform.translation, transform.rotation)
             self._count += 1
@@ -160,11 +160,6 @@ class FrameTree:
         return result, issues
 
 
-def plain(frame: str) -> str:
-    """The name of a frame without the slash that older versions of ROS began it with."""
-    return frame.removeprefix("/")
-
-
 class CameraPoses:
     """Collects poses and transforms, and gives the camera's poses at the times of images.
 
@@ -193,9 +188,9 @@ class CameraPoses:
             return
         pose = pose_of(message)
         self._log.add(stamp_of(message) or recorded, pose.position, pose.orientation)
-        self._worlds.add(plain(message.header.frame_id))
+        self._worlds.add(frame_name(message.header.frame_id))
         if self._bag.types[topic] == ODOMETRY:
-            self._body = plain(message.child_frame_id)
+            self._body = frame_name(message.child_frame_id)
 
     def at(
         self, seconds: NDArray[np.float64], origin: int, frames: Collection[str]

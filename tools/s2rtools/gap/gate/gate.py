@@ -18,8 +18,7 @@ from s2rtools.gap.gate import golden_run as golden
 from s2rtools.gap.gate.verdict import freeze_scale, judge, read_reference, reference_text, unjudged
 from s2rtools.gap.report import GapResult, Report, report
 from s2rtools.motion_logs import Drive
-from s2rtools.motion_logs.drives import read_drives
-from s2rtools.motion_logs.store_odometry import odometry
+from s2rtools.motion_logs.drives import odometry, read_drives
 
 
 @dataclass(frozen=True, slots=True)
