@@ -96,7 +96,9 @@ def write_trajectory(
         writer.take(block)
         done |= {*block.rows, *block.left_out}
     progress(2 * len(done) * len(records[0].sources))
-    rows = [row for row in range(len(records)) if row not in done]
+    rows: Sequence[int] = range(len(records))
+    if done:
+        rows = [row for row in rows if row not in done]
     largest = max(source.pixels for record in records for source in record.sources.values())
     threads = max(1, min(available_processors(), _DECODING_BYTES // (8 * largest)))
     with ThreadPoolExecutor(threads) as pool:
@@ -149,7 +151,7 @@ class _TrajectoryWriter:
         """Report the record number `row`, which is not stored."""
         self._issues[row] = self._left_out[row] = issues
         if len(self._left_out) == SHARD_ROWS:
-            self._record(Block(self._place.folder, self._frames))
+            self._record(Block(self._place.folder))
 
     def add(self, row: int, frames: Frames, sources: Sources) -> None:
         """Write the frames of the record number `row`.
@@ -208,14 +210,9 @@ class _TrajectoryWriter:
                 self._arrays[domain][image].take(shard, len(block.rows))
         self._recorded = len(self._stored)
 
-    @property
-    def _frames(self) -> int:
-        """The number of frames of an instance."""
-        return len(self._records[0].sources)
-
     def _record_stored(self) -> None:
         """Record the instances that are in no block yet."""
-        block = Block(self._place.folder, self._frames)
+        block = Block(self._place.folder)
         block.types, block.source_sizes = self._types, self._source_sizes
         block.conversions, self._conversions = self._conversions, {}
         start, self._recorded = self._recorded, len(self._stored)

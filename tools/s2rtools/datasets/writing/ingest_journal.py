@@ -26,7 +26,7 @@ from s2rtools.datasets.scan import FrameChecksum, StoredTrajectory
 
 NAME = "journal.jsonl"
 SHARD_ROWS = 64
-_VERSION = 2
+_VERSION = 3
 _MAX_LINE = 16 << 20
 _HEX = 64
 """Characters of a SHA-256."""
@@ -47,11 +47,10 @@ class Block(msgspec.Struct, forbid_unknown_fields=True):
     `trajectory` is the name of the trajectory's folder in that of each domain. `rows` are numbers
     of the trajectory's records. `types` is the depth type of each domain. `digests` (64 hexadecimal
     characters a row) and `valid_fractions` are those of the frames, `shards` the files by domain
-    and image. `frames` is the number of frames of every instance.
+    and image.
     """
 
     trajectory: str
-    frames: int
     left_out: dict[int, list[InputIssue]] = {}
     types: dict[str, str] = {}
     rows: list[int] = []
