@@ -141,7 +141,7 @@ def _choose(rows: int) -> Callable[[S2RApp], object]:
 
 _ROWS = (
     Action("next_row_of_table", "down", "move",
-           "next row of a table (rooms, comparison, findings, objects, suggestions)", None, "rows",
+           "next row of a table, such as that of rooms, recall or findings", None, "rows",
            "up, down", "rows", command=_choose(1)),
     Action("previous_row_of_table", "up", "move", "", when="rows", command=_choose(-1)),
     Action("next_page_of_table", "pagedown", "move", "next page of a table", when="rows",

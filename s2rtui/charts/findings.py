@@ -40,6 +40,7 @@ def _row(finding: Finding, selections: bool) -> Row:
 
 class FindingsView(View):
     name = "findings"
+    has_rows = True
     key = "I"
     pane: Pane = "centre"
     description = "what the store shows about the run, with evidence"

@@ -188,6 +188,7 @@ def _bins(rooms: Codes, number: int) -> Bins:
 
 class RoomsView(View):
     name = "rooms"
+    has_rows = True
     key = "6"
     description = "errors by room, heading, curvature or trajectory; instances per room"
     loads = ("groups",)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from s2rstore.errors import counted
 from s2rstore.metrics.gap_shares import GapShares, has_shares, mean_shares
 from s2rstore.reader import Store
+from s2rstore.records import GAP_FACTORS, Side
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import StatisticsView, Table
 from s2rtui.drawing.scale import Scale, non_empty
@@ -74,6 +75,11 @@ class SharesView(StatisticsView):
     def table(self, model: SharesModel) -> TableSpec:
         strip = Column("", scale=shares_scale(model))
         return TableSpec((Column("factor"), strip), tuple(_rows(model)))
+
+    def choices(self, model: SharesModel, side: Side) -> Sequence[tuple[str, str]]:
+        """Factors with the instances whose gap each enlarges; a sum of factors has no field."""
+        known = (share.factor for share in model.selected.shares)
+        return [(name, f"share.{name} > 0" if name in GAP_FACTORS else "") for name in known]
 
     def notes(self, model: SharesModel) -> tuple[str, ...]:
         return (

@@ -253,6 +253,7 @@ def paper_drawing(directions: Sequence[Direction]) -> Drawing:
 
 class SuggestionsView(View):
     name = "suggestions"
+    has_rows = True
     key = "J"
     pane: Pane = "centre"
     description = "stored answers of s2r suggest: what would help, and how much"

@@ -226,6 +226,7 @@ def constant_errors(x: Floats, y: Floats, valid: Bools, trained: Bools) -> NDArr
 
 class CompareView(PointsView):
     name = "compare"
+    has_rows = True
     key = "9"
     pane: Pane = "centre"
     description = "two runs, or a run and its baseline, compared on the selection"

@@ -307,4 +307,4 @@ def _numbers(scene: Scene, name: str, caption: str) -> ReportTable:
     known = {row: view.row_expression(scene, at) for at, row in enumerate(view.row_names(scene))}
     expressions = [known.get(str(row[0]), "") for row in rows]
     cells = [[cell(value) for value in row] for row in rows]
-    return ReportTable(caption, names, cells, expressions=expressions if known else ())
+    return ReportTable(caption, names, cells, expressions=expressions if any(expressions) else ())
