@@ -13,7 +13,7 @@ from s2rtui.charts.scene import Scene
 from s2rtui.drawing.plane_marks import Changes, Signs
 from s2rtui.drawing.plot import Points
 from s2rtui.drawing.points import Grid, change_cells, point_cells, sign_cells
-from s2rtui.drawing.row_lines import line_dots
+from s2rtui.drawing.row_lines import layer_dots
 from s2rtui.session import instance_list, navigation, selection, undo_history, view_settings
 from s2rtui.session.session import Session
 from s2rtui.session.state import Brush, Operator
@@ -92,7 +92,7 @@ def _overview(scene: Scene) -> None:
     table = BY_NAME["overview"].drawing(scene, _TAB[0]).table
     if table is not None and table.lines is not None:
         for layer in table.lines.layers:
-            line_dots(layer, table.columns[1].scale, _TAB[0] // 2, 1)
+            layer_dots(layer, table.columns[1].scale, _TAB[0] // 2, 1)
 
 
 def moves(session: Session, turn: int) -> list[tuple[str, Step]]:

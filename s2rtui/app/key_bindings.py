@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from s2rstore.metrics import nearest_neighbours
 from s2rtui.app.action import Action, When, key_name
-from s2rtui.charts.instance import NEIGHBOURS
 from s2rtui.charts.registry import VIEWS
+from s2rtui.charts.shared.instance_input import NEIGHBOURS
 from s2rtui.security import Permissions
 from s2rtui.session import (
     adjusting,

@@ -37,7 +37,7 @@ def plane_frame(x: Scale, y: Scale, width: int, height: int) -> MapFrame:
 
 
 @cached_by_identity(8)
-def heat_scale(heat: Floats, is_signed: bool) -> Interval | None:
+def floor_heat_scale(heat: Floats, is_signed: bool) -> Interval | None:
     """The scale of heat, up to its 99th percentile; None where there is no heat.
 
     It starts at 0; with signed or negative heat it is symmetric about 0.
@@ -161,7 +161,7 @@ def heat_layer(floor: Floor, frame: MapFrame, pixels: tuple[int, int] = PAIR) ->
     """The heat as fractions of its scale (rows, columns), NaN where there is none."""
     if floor.heat is None or _is_empty(floor.bounds):
         return None
-    scale = floor.heat_scale or heat_scale(floor.heat, floor.heat_is_signed)
+    scale = floor_heat_scale(floor.heat, floor.heat_is_signed)
     if scale is None:
         return None
     return scale_fraction(_sampled(floor.heat, floor.bounds, frame, True, pixels), scale)

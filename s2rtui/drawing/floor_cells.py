@@ -11,7 +11,7 @@ from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import Canvas, Theme, legible, luma, mix
 from s2rtui.canvas.block_symbols import BlockCells, SymbolSet, cells_of, fit_blocks
 from s2rtui.canvas.colour import ANSI_16
-from s2rtui.canvas.raster import draw_blocks, draw_braille, draw_shades, line_dots
+from s2rtui.canvas.raster import draw_blocks, draw_braille, draw_shades, segment_dots
 from s2rtui.drawing.floor import (
     floor_pixels,
     heat_layer,
@@ -60,7 +60,7 @@ def draw_outlines(canvas: Canvas, plot: Plot, outlines: Outlines) -> None:
                 canvas.put(int(np.floor(column)), int(np.floor(row)), "'", canvas.theme.muted)
             continue
         lines = [(corners[start], corners[end]) for start, end in ((0, 1), (2, 3), (0, 2), (1, 3))]
-        dots |= line_dots(lines, canvas.width, canvas.height, every=3)
+        dots |= segment_dots(lines, canvas.width, canvas.height, every=3)
     if dots.any():
         dots &= ~np.repeat(np.repeat(_beside_walls(canvas, plot, frame), 4, axis=0), 2, axis=1)
     draw_braille(canvas, dots, canvas.theme.muted)

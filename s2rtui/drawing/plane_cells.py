@@ -13,7 +13,7 @@ from s2rstore.records import Room
 from s2rtui.analysis.binning import Bools, count_selected, selection_indices
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import Canvas, RenderOptions, Rgb, heading_arrow, legible
-from s2rtui.canvas.raster import braille_bits, draw_braille, line_dots, put_glyphs
+from s2rtui.canvas.raster import braille_bits, draw_braille, put_glyphs, segment_dots
 from s2rtui.drawing.arcs_cells import arcs_legend, draw_arcs
 from s2rtui.drawing.floor import plane_frame
 from s2rtui.drawing.floor_cells import draw_floor, draw_outlines
@@ -209,7 +209,7 @@ def _draw_segments(canvas: Canvas, plot: Plot, segments: Segments) -> None:
     ends = [grid.places(x[ids], y[ids]) for x, y in (segments.start, segments.end)]
     lines = np.stack(ends, axis=1)
     known = lines[np.isfinite(lines).all(axis=(1, 2))].tolist()
-    dots = line_dots(known, grid.width, grid.height)
+    dots = segment_dots(known, grid.width, grid.height)
     _draw_dots(canvas, dots, getattr(canvas.theme, segments.ink), ".")
 
 

@@ -31,14 +31,12 @@ class Floor:
 
     plan: (H, W, 3) uint8 over `bounds`, its first row drawn at the top. heat and seen:
     (rows, columns) over `bounds`, row 0 at bounds.y0; heat is NaN where there is none, and floor is
-    unseen where `seen` is False, 0 or NaN. heat_scale: by default that of `floor.heat_scale`; with
-    `heat_is_signed` colours diverge from 0.
+    unseen where `seen` is False, 0 or NaN. With `heat_is_signed` colours diverge from 0.
     """
 
     bounds: Bounds
     plan: NDArray[np.uint8] | None = None
     heat: Floats | None = None
-    heat_scale: Interval | None = None
     heat_is_signed: bool = False
     seen: Floats | Bools | None = None
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from s2rstore.geometry import angles
 from s2rtui.canvas import BrushShape, Canvas, PlotArea, Point, RenderOptions, Rgb, heading_arrow
 from s2rtui.canvas.marks import mark_arc, mark_on_panel
-from s2rtui.canvas.raster import cells_with_dots, draw_braille, line_dots
+from s2rtui.canvas.raster import cells_with_dots, draw_braille, segment_dots
 from s2rtui.drawing.plot import Bars, Dots, Plot
 from s2rtui.drawing.plot_cells import style_of
 
@@ -184,7 +184,7 @@ def _draw_directions(canvas: Canvas, dial: Dial, plot: Plot, dots: Dots) -> None
             canvas.put(int(dial.x), int(dial.y), arrow, colour, bold=True)
         else:
             line = (dial.x, dial.y), dial.to_cells(degrees, 0.0)
-            draw_braille(canvas, line_dots([line], canvas.width, canvas.height), colour)
+            draw_braille(canvas, segment_dots([line], canvas.width, canvas.height), colour)
         _put(canvas, dial, (degrees, radius), glyph, colour)
 
 

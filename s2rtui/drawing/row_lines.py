@@ -159,7 +159,7 @@ def _binned(values: Floats, scale: Scale, size: int) -> NDArray[np.unsignedinteg
     return codes
 
 
-def line_dots(layer: LineLayer, scale: Scale, width: int, step: int) -> Density:
+def layer_dots(layer: LineLayer, scale: Scale, width: int, step: int) -> Density:
     """A layer in `width` cells per row and `step` lines from row to row, (4 lines, 2 columns) each.
 
     Lines: how many cross a dot. Bands: 1 in some dots of the outer one, 2 in the inner one, 3 at

@@ -15,9 +15,9 @@ from s2rstore.errors import RequestError
 from s2rstore.language import ExpressionError, fields
 from s2rstore.metrics import nearest_neighbours
 from s2rtui.app.key_bindings import BY_NAME
-from s2rtui.charts.instance import NEIGHBOURS
 from s2rtui.charts.list import ListView
 from s2rtui.charts.scene import LoadedData, Scene
+from s2rtui.charts.shared.instance_input import NEIGHBOURS
 from s2rtui.session import (
     evaluation,
     instance_list,

@@ -137,7 +137,7 @@ def heat_fields(store: Store, run: str, heat: HeatChoice | None) -> dict[str, An
     }  # fmt: skip
 
 
-def heat_scale(data: InstanceInput) -> Interval | None:
+def image_heat_scale(data: InstanceInput) -> Interval | None:
     """The scale of the heat of both sides; None without heat."""
     maps = [side.heat for _, side in data.sides if side.heat is not None]
     return common_scale(maps, data.signed, data.heat_range)
@@ -215,7 +215,7 @@ def instance_drawing(
 
     settings: how both sides are arranged. area: the shown part, in units of the image's height.
     """
-    heat, depth = heat_scale(data), depth_scale(data)
+    heat, depth = image_heat_scale(data), depth_scale(data)
     shown: dict[Kind, bool] = {
         "image": any(side.rgb.size for _, side in data.sides),
         "original": any(side.original is not None for _, side in data.sides),
