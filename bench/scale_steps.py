@@ -14,7 +14,7 @@ from s2rtui.drawing.plane_marks import Changes, Signs
 from s2rtui.drawing.plot import Points
 from s2rtui.drawing.points import Grid, change_cells, point_cells, sign_cells
 from s2rtui.drawing.row_lines import layer_dots
-from s2rtui.session import instance_list, navigation, selection, undo_history, view_settings
+from s2rtui.session import instance_list, navigation, selection, view_settings
 from s2rtui.session.session import Session
 from s2rtui.session.state import Brush, Operator
 
@@ -59,7 +59,7 @@ def changes(session: Session, turn: int) -> list[tuple[str, Step]]:
         ("intersection", join("intersect", _room(t + 3))),
         ("union", join("union", _room(t + 5))),
         ("complement", lambda: session.dispatch(selection.complement)),
-        ("undo", lambda: session.dispatch(undo_history.undo)),
+        ("undo", lambda: session.dispatch(navigation.undo)),
     ]
 
 

@@ -18,7 +18,6 @@ from s2rtui.session import (
     instance_list,
     navigation,
     selection,
-    undo_history,
     view_settings,
 )
 from s2rtui.session.context import Reducer, SessionContext
@@ -216,8 +215,8 @@ ACTIONS: tuple[Action, ...] = (
     *_IMAGES,
     Action("edit", "slash", "select", "type a selection expression", None, "query", "/", "still",
            command=lambda app: app.prompt.edit_expression()),
-    Action("undo", "u", "select", "undo: the previous selection or run", _do(undo_history.undo)),
-    Action("redo", "U", "select", "redo: the next selection or run", _do(undo_history.redo)),
+    Action("undo", "u", "select", "undo: the previous selection or run", _do(navigation.undo)),
+    Action("redo", "U", "select", "redo: the next selection or run", _do(navigation.redo)),
     Action("select_suggested", "Y", "select",
            "after an empty selection: the wider expression that the message suggests",
            _do(selection.select_suggested), when="still"),

@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import contextlib
 import sys
+from contextlib import suppress
+
+from textual.drivers.linux_driver import LinuxDriver
 
 from s2rstore.errors import S2RError
 from s2rtui.app.app import S2RApp
 from s2rtui.app.process_signals import terminal_mode
+from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import ColourMode
 from s2rtui.jobs import background_thread
 from s2rtui.security import Permissions
 from s2rtui.session.session import Session
 from s2rtui.terminal.capabilities import Terminal
+from s2rtui.terminal.graphics.image_manager import ImageManager
+from s2rtui.terminal.graphics.protocols import Graphics
 from s2rtui.user_data import is_first_start
 
 _SHUTDOWN_SECONDS = 0.3
@@ -30,7 +36,7 @@ def run_app(
     app.export.safe_csv = safe_csv
     app.is_first_start, app.terminal = is_first_start(), terminal
     if terminal.graphics is not None:
-        from s2rtui.app.inline_images import enable_inline_images
+        from s2rtui.app.runner import enable_inline_images
 
         enable_inline_images(app, terminal.graphics)
     terminal_mode.remember()
@@ -41,3 +47,36 @@ def run_app(
             print(f"s2r: {line}", file=sys.stderr)
     if app.fault is not None:
         raise S2RError(f"{type(app.fault).__name__}: {app.fault}") from app.fault
+
+
+def enable_inline_images(app: S2RApp, graphics: Graphics) -> None:
+    """Show images in true pixels once the application runs, or say why that is impossible."""
+    if not graphics.supported:
+        app.session.show_message(f"--graphics: images are drawn in cells: {graphics.reason}")
+        return
+
+    def attach_all() -> None:
+        for plot in app.query(PlotView):
+            plot.attach_images()
+
+    def on_ready() -> None:
+        with suppress(RuntimeError):  # the event loop is closed
+            app.call_later(attach_all)
+
+    def report_error(error: Exception) -> None:
+        app.run_on_ui(app.show_error, f"inline images: {type(error).__name__}: {error}")
+
+    images = ImageManager(graphics, app.write_to_terminal, on_ready, report_error)
+
+    class Driver(LinuxDriver):
+        """Deletes the images when the application leaves the terminal's screen."""
+
+        def start_application_mode(self) -> None:
+            super().start_application_mode()
+            app.call_later(attach_all)
+
+        def stop_application_mode(self) -> None:
+            images.delete_all()
+            super().stop_application_mode()
+
+    app.image_host, app.driver_class = images, Driver

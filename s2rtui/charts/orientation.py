@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import SIDES
-from s2rtui.analysis import joint_histogram
-from s2rtui.analysis.binning import Bools, selection_indices
+from s2rtui.analysis.binning import Bools, joint_counts, selection_indices
 from s2rtui.analysis.circular import mean_direction, turn_bins
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import BrushShape, PlotArea, Point
@@ -67,7 +66,7 @@ def orientation_model(
     """Count headings (N,) in radians (sim, true, real; NaN for none) and compute their means."""
     selection, fine = selection_indices(selected, valid), bins * -(-BINS // bins)
     columns = [turn_bins(side, fine) for side in sides]
-    counted = joint_histogram.joint_counts(columns, selection)
+    counted = joint_counts(columns, selection)
     headings: dict[Name, Headings] = {}
     for name, side, (part, whole) in zip(NAMES, sides, counted, strict=True):
         mean = mean_direction(side, part, selection)

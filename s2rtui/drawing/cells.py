@@ -34,8 +34,7 @@ from s2rtui.drawing.drawing_layout import (
 from s2rtui.drawing.legend import draw_rows
 from s2rtui.drawing.plane_marks import Floor
 from s2rtui.drawing.plot import ROLES, Line
-from s2rtui.drawing.plot_cells import draw_marks, style_of
-from s2rtui.drawing.polar_cells import dial_of, dial_panel, draw_dial
+from s2rtui.drawing.plot_cells import dial_of, dial_panel, draw_dial, draw_marks, style_of
 from s2rtui.drawing.table_cells import draw_axis, draw_table, table_panels
 from s2rtui.drawing.table_layout import GAP, table_layout
 
@@ -179,8 +178,7 @@ def _image(place: PlotPlace, theme: Theme) -> InlineImage:
         x, y, width, height = dial_of(plot, width, height).box
 
     def pixels(size: Size) -> Pixels:
-        from s2rtui.drawing.plot_paper import plot_pixels
-        from s2rtui.drawing.polar_paper import dial_pixels
+        from s2rtui.drawing.plot_paper import dial_pixels, plot_pixels
 
         if plot.turns:
             return dial_pixels(plot, theme, size)

@@ -14,9 +14,8 @@ from s2rtui.analysis.binning import Bools, count_selected, selection_indices
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import Canvas, RenderOptions, Rgb, heading_arrow, legible
 from s2rtui.canvas.raster import braille_bits, draw_braille, put_glyphs, segment_dots
-from s2rtui.drawing.arcs_cells import arcs_legend, draw_arcs
-from s2rtui.drawing.floor import plane_frame
-from s2rtui.drawing.floor_cells import draw_floor, draw_outlines
+from s2rtui.drawing.arcs import arcs_legend, draw_arcs
+from s2rtui.drawing.floor import draw_floor, draw_outlines, plane_frame
 from s2rtui.drawing.heat_colours import change_colours, ramp_glyphs
 from s2rtui.drawing.legend import (
     LegendPart,

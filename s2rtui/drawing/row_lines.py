@@ -12,9 +12,15 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.analysis.binning import Bins, Bools, Counts, SelectionIndices, selection_indices
+from s2rtui.analysis.binning import (
+    Bins,
+    Bools,
+    Counts,
+    SelectionIndices,
+    joint_counts,
+    selection_indices,
+)
 from s2rtui.analysis.identity_cache import cached_by_identity
-from s2rtui.analysis.joint_histogram import joint_counts
 from s2rtui.drawing.plot import Ink, Phrase
 from s2rtui.drawing.scale import Floats, Scale
 

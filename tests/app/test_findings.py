@@ -10,7 +10,7 @@ from s2rstore.records import Room
 from s2rtui.app.action import key_name
 from s2rtui.app.key_bindings import footer
 from s2rtui.app.pilot import settle, take_screenshot
-from s2rtui.charts.compare.view import VIEW as COMPARE
+from s2rtui.charts.compare import VIEW as COMPARE
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.rooms import VIEW
 from s2rtui.session import navigation

@@ -17,11 +17,10 @@ from s2rtui.canvas import Canvas, ColourMode, InlineImage, Size
 from s2rtui.canvas.colour import Pixels
 from s2rtui.terminal.capabilities import Terminal
 from s2rtui.terminal.graphics import probe
-from s2rtui.terminal.graphics.choice import choose_graphics
+from s2rtui.terminal.graphics.choice import choose_graphics, parse_answer
 from s2rtui.terminal.graphics.image_manager import ImageManager
 from s2rtui.terminal.graphics.kitty_images import NUMBERS
 from s2rtui.terminal.graphics.png import MAX_BYTES, MAX_DRAWN_PIXELS, MAX_PIXELS, reduced_size
-from s2rtui.terminal.graphics.probe import parse_answer
 from s2rtui.terminal.graphics.protocols import Graphics
 from s2rtui.terminal.strips import to_strips
 from tests.support.kitty import (

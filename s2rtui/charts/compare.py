@@ -18,21 +18,6 @@ from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.marks import mark_rows
-from s2rtui.charts.compare.change import (
-    ALL,
-    EQUAL,
-    HEADINGS,
-    NOT_EVIDENT,
-    UNKNOWN,
-    Change,
-    Codes,
-    RoomChanges,
-    evidence,
-    interval_text,
-    room_changes,
-    sentences,
-    table_rows,
-)
 from s2rtui.charts.mark_expressions import names_expression
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.planes import (
@@ -46,6 +31,21 @@ from s2rtui.charts.shared.planes import (
     true_columns,
     valid_cursor,
     value_range,
+)
+from s2rtui.charts.shared.run_changes import (
+    ALL,
+    EQUAL,
+    HEADINGS,
+    NOT_EVIDENT,
+    UNKNOWN,
+    Change,
+    Codes,
+    RoomChanges,
+    evidence,
+    interval_text,
+    room_changes,
+    sentences,
+    table_rows,
 )
 from s2rtui.charts.view import Pane, PointsView, Table, View
 from s2rtui.drawing.drawing import ColourBar, Drawing
