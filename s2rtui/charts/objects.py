@@ -20,7 +20,7 @@ from s2rstore.reader import Store
 from s2rstore.records import Side
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import StatisticsView, Table
-from s2rtui.drawing.scale import Scale, non_empty
+from s2rtui.drawing.scale import Scale, range_with_bounds
 from s2rtui.drawing.table import Bar, Cell, Column, Row, Span, StripMark, TableSpec
 from s2rtui.session.state import State
 
@@ -36,11 +36,8 @@ _MARGIN = 0.5
 def objects_table(model: ObjectGains, with_strips: bool = True) -> TableSpec:
     """A row per class: the mean gain of its images in metres, and how many show and pay for it."""
     means = [0.0, *(each.gain.value for each in model.classes)]
-    margin = _MARGIN * (max(means) - min(means))
-    bounds = [float(end) for each in model.classes for end in each.gain.bounds]
-    bounds = [end for end in bounds if math.isfinite(end)]
-    ends = np.clip([*means, *bounds], min(means) - margin, max(means) + margin)
-    scale = Scale(*non_empty(float(ends.min()), float(ends.max())), ("gain (m)", "gain (m)", "m"))
+    bounds = (float(end) for each in model.classes for end in each.gain.bounds)
+    scale = Scale(*range_with_bounds(means, bounds, _MARGIN), ("gain (m)", "gain (m)", "m"))
     columns = (
         Column("object"), Column("gain m", right=True), Column("95 %", right=True, rank=2),
         Column("images", right=True), Column(f"> {CLAIM:g} m", right=True, rank=3),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -14,7 +13,7 @@ from s2rstore.reader import Store
 from s2rstore.records import GAP_FACTORS, Side
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import StatisticsView, Table
-from s2rtui.drawing.scale import Scale, non_empty
+from s2rtui.drawing.scale import Scale, range_with_bounds
 from s2rtui.drawing.table import Bar, Cell, Column, Dot, Row, Span, TableSpec
 from s2rtui.session.state import State
 
@@ -46,13 +45,8 @@ class SharesModel:
 def shares_scale(model: SharesModel) -> Scale:
     """The axis in metres: it holds 0, all means, and bounds that are not far beyond these."""
     means = [0.0, *model.overall.values(), *(s.mean.value for s in model.selected.shares)]
-    margin = _MARGIN * (max(means) - min(means))
-    bounds = [
-        end for share in model.selected.shares for end in share.mean.bounds if end is not None
-    ]
-    bounds = [end for end in bounds if math.isfinite(end)]
-    ends = np.clip([*means, *bounds], min(means) - margin, max(means) + margin)
-    return Scale(*non_empty(float(ends.min()), float(ends.max())),
+    bounds = (float(end) for share in model.selected.shares for end in share.mean.bounds)
+    return Scale(*range_with_bounds(means, bounds, _MARGIN),
                  ("mean share of the gap (m)", "share (m)", "m"))  # fmt: skip
 
 

@@ -56,14 +56,14 @@ def draw_cells(drawing: Drawing, size: Size, options: RenderOptions = DEFAULT_OP
         last = layout.table[0] - 1
         canvas.vline(column, 0, last, canvas.glyphs.vertical, canvas.theme.faint)
     end = layout.table[0]
-    draw_rows(canvas, 0, end - len(layout.bars), layout.bars, GAP)
+    draw_rows(canvas, 0, end - len(layout.bars), layout.bars)
     if drawing.table is not None:
         end = draw_table(canvas, drawing.table, *layout.table)
         if drawing.brush is not None:
             for panel in table_panels(drawing.table, layout.table[0], size[0], layout.table[1]):
                 draw_ground(canvas, panel, drawing.brush)
                 draw_mark(canvas, panel, drawing.brush)
-    draw_rows(canvas, 0, min(end, canvas.height - len(layout.notes)), layout.notes, GAP)
+    draw_rows(canvas, 0, min(end, canvas.height - len(layout.notes)), layout.notes)
     return canvas
 
 

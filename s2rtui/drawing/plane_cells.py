@@ -68,12 +68,6 @@ _UNSELECTED, _SELECTED, _CURSOR = 1, 20, 1000
 """Costs of a name in a cell with unselected points, with a selected mark, with the cursor."""
 
 
-def draw_plane_mark(canvas: Canvas, plot: Plot, mark: PlaneMark) -> None:
-    """Draw a mark of a plane on the whole canvas."""
-    if (draw := _DRAWINGS.get(type(mark))) is not None:
-        draw(canvas, plot, mark)
-
-
 def draw_names(canvas: Canvas, plot: Plot, before: Canvas) -> Bools:
     """Write the names of rooms over the marks; `before` is the canvas with its ground alone.
 
@@ -248,7 +242,7 @@ def _unselected_legend(mark: Unselected, options: RenderOptions) -> list[LegendP
     return [text_part(((f"{grey} ", theme.unselected), ("not selected", theme.muted)))]
 
 
-_DRAWINGS: dict[type, Callable[[Canvas, Plot, Any], None]] = {
+PLANE_DRAWINGS: dict[type, Callable[[Canvas, Plot, Any], None]] = {
     Floor: draw_floor, Outlines: draw_outlines, Unselected: _draw_unselected, Signs: _draw_signs,
     Changes: _draw_changes, Segments: _draw_segments, Arcs: draw_arcs, Poses: _draw_poses,
 }  # fmt: skip

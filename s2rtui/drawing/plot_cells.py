@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +19,7 @@ from s2rtui.drawing.arcs import number_cells
 from s2rtui.drawing.bars import draw_vertical_bars, put_over_bar
 from s2rtui.drawing.image import Image
 from s2rtui.drawing.image_cells import draw_image
-from s2rtui.drawing.plane_cells import draw_names, draw_plane_mark
+from s2rtui.drawing.plane_cells import PLANE_DRAWINGS, draw_names
 from s2rtui.drawing.plane_marks import GROUND
 from s2rtui.drawing.plot import ROLES, Bars, Dots, Ink, Line, Plot, Points, Rule
 from s2rtui.drawing.points_cells import draw_points
@@ -38,21 +40,8 @@ def draw_marks(canvas: Canvas, plot: Plot) -> NDArray[np.bool_]:
     for each in plot.marks:
         if ground is None and not isinstance(each, GROUND):
             ground = _copy(canvas)
-        if isinstance(each, Bars):
-            _draw_bars(canvas, plot, each)
-        elif isinstance(each, Line):
-            _draw_line(canvas, plot, each)
-        elif isinstance(each, Dots):
-            _draw_dots(canvas, plot, each)
-        elif isinstance(each, Points):
-            draw_points(canvas, plot, each)
-            _draw_cursor(canvas, plot, each)
-        elif isinstance(each, Image):
-            draw_image(canvas, each)
-        elif isinstance(each, Rule):
-            _draw_rule(canvas, plot, each)
-        else:
-            draw_plane_mark(canvas, plot, each)
+        if (draw := _DRAWINGS.get(type(each))) is not None:
+            draw(canvas, plot, each)
     return number_cells(canvas, plot) | draw_names(canvas, plot, ground or canvas)
 
 
@@ -62,7 +51,9 @@ def _copy(canvas: Canvas) -> Canvas:
     return copy
 
 
-def _draw_cursor(canvas: Canvas, plot: Plot, points: Points) -> None:
+def _draw_points(canvas: Canvas, plot: Plot, points: Points) -> None:
+    """The cells of points, and the sign of the cursor's instance."""
+    draw_points(canvas, plot, points)
     if points.cursor is None:
         return
     x, y = float(points.x[points.cursor]), float(points.y[points.cursor])
@@ -193,6 +184,14 @@ def _draw_rule(canvas: Canvas, plot: Plot, rule: Rule) -> None:
         canvas.hline(0, canvas.width - 1, row, glyphs.horizontal, colour)
 
 
+def _draw_image(canvas: Canvas, plot: Plot, image: Image) -> None:
+    draw_image(canvas, image)
+
+
+_DRAWINGS: dict[type, Callable[[Canvas, Plot, Any], None]] = {
+    Bars: _draw_bars, Line: _draw_line, Dots: _draw_dots, Points: _draw_points, Rule: _draw_rule,
+    Image: _draw_image, **PLANE_DRAWINGS,
+}  # fmt: skip
 Floats = NDArray[np.float64]
 Grid = NDArray[np.bool_]
 RING = 0.32

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,13 +17,12 @@ from s2rtui.drawing.page import BOLD, LETTER, NARROW, Ink, Inks, Page, style_axe
 from s2rtui.drawing.plane_marks import PlaneMark
 from s2rtui.drawing.plane_paper import CELLS_PER_INCH, draw_plane_mark
 from s2rtui.drawing.plot import Bars, Dots, Line, Plot, Points, Rule, Sign
+from s2rtui.drawing.plot_cells import RING
 from s2rtui.drawing.scale import Scale, short_number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-from collections.abc import Sequence
 
-from s2rtui.drawing.plot_cells import RING
 
 _X_TICKS, _Y_TICKS = 0.7, 0.35
 """Inches between ticks at least."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,6 +108,18 @@ def percentile_range(values: ArrayLike, low: float = 1.0, high: float = 99.0) ->
         return (0.0, 1.0)
     bottom, top = np.percentile(array, [low, high])
     return non_empty(float(bottom), float(top))
+
+
+def range_with_bounds(values: Sequence[float], bounds: Iterable[float], margin: float) -> Interval:
+    """The range of values, and of those bounds that are not far beyond it.
+
+    They add at most `margin` times the range on either side.
+    """
+    low, high = min(values), max(values)
+    reach = margin * (high - low)
+    known = [end for end in bounds if math.isfinite(end)]
+    ends = np.clip([low, high, *known], low - reach, high + reach)
+    return non_empty(float(ends.min()), float(ends.max()))
 
 
 def non_empty(low: float, high: float) -> Interval:
