@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from contextlib import suppress
+from typing import TYPE_CHECKING
 
 from textual.drivers.linux_driver import LinuxDriver
 
@@ -17,9 +17,10 @@ from s2rtui.jobs import background_thread
 from s2rtui.security import Permissions
 from s2rtui.session.session import Session
 from s2rtui.terminal.capabilities import Terminal
-from s2rtui.terminal.graphics.image_manager import ImageManager
-from s2rtui.terminal.graphics.protocols import Graphics
 from s2rtui.user_data import is_first_start
+
+if TYPE_CHECKING:
+    from s2rtui.terminal.graphics.protocols import Graphics
 
 _SHUTDOWN_SECONDS = 0.3
 """How long background work may take after the application is closed."""
@@ -36,8 +37,6 @@ def run_app(
     app.export.safe_csv = safe_csv
     app.is_first_start, app.terminal = is_first_start(), terminal
     if terminal.graphics is not None:
-        from s2rtui.app.runner import enable_inline_images
-
         enable_inline_images(app, terminal.graphics)
     terminal_mode.remember()
     app.run(mouse=terminal.mode is not ColourMode.NONE)
@@ -51,6 +50,8 @@ def run_app(
 
 def enable_inline_images(app: S2RApp, graphics: Graphics) -> None:
     """Show images in true pixels once the application runs, or say why that is impossible."""
+    from s2rtui.terminal.graphics.image_manager import ImageManager
+
     if not graphics.supported:
         app.session.show_message(f"--graphics: images are drawn in cells: {graphics.reason}")
         return
@@ -60,7 +61,7 @@ def enable_inline_images(app: S2RApp, graphics: Graphics) -> None:
             plot.attach_images()
 
     def on_ready() -> None:
-        with suppress(RuntimeError):  # the event loop is closed
+        with contextlib.suppress(RuntimeError):  # the event loop is closed
             app.call_later(attach_all)
 
     def report_error(error: Exception) -> None:
