@@ -19,7 +19,7 @@ from s2rtui.terminal.capabilities import Terminal
 from s2rtui.terminal.graphics import choice
 from s2rtui.terminal.graphics.choice import choose_graphics, parse_answer
 from s2rtui.terminal.graphics.image_manager import ImageManager
-from s2rtui.terminal.graphics.kitty_images import NUMBERS
+from s2rtui.terminal.graphics.kitty import MOST_IMAGES
 from s2rtui.terminal.graphics.png import MAX_BYTES, MAX_DRAWN_PIXELS, MAX_PIXELS, reduced_size
 from s2rtui.terminal.graphics.protocols import Graphics
 from s2rtui.terminal.strips import to_strips
@@ -300,10 +300,10 @@ def test_a_displayed_image_keeps_its_number():
     terminal = FakeTerminal()
     (strip, *_) = terminal.draw(canvas(noise((16, 16))), "instance")[1:]
     shown = set(placed_cells(codes([strip])))
-    for shade in range(3 * NUMBERS):
+    for shade in range(3 * MOST_IMAGES):
         canvas_with_image = canvas(np.full((4, 4, 3), shade, np.uint8))
         assert not shown & set(placed_cells(codes(terminal.draw(canvas_with_image, "adjust"))))
-    assert len(KittyTerminal.after(terminal.written.encode()).images) <= NUMBERS
+    assert len(KittyTerminal.after(terminal.written.encode()).images) <= MOST_IMAGES
 
 
 def test_every_sequence_is_wrapped_for_tmux():

@@ -15,7 +15,7 @@ from s2rtui.app.runner import enable_inline_images
 from s2rtui.canvas.colour import DEPTH_SHADES
 from s2rtui.charts.shared.instance import InstanceInput, instance_drawing
 from s2rtui.terminal.graphics.choice import parse_answer
-from s2rtui.terminal.graphics.kitty_protocol import PLACEHOLDER
+from s2rtui.terminal.graphics.kitty import PLACEHOLDER
 from tests.support.application import make_app, running
 from tests.support.kitty import (
     ANSWER,

@@ -19,7 +19,7 @@ from typing import get_args
 
 from s2rtui.canvas import RenderOptions, Size
 from s2rtui.terminal.capabilities import Terminal
-from s2rtui.terminal.graphics import kitty_protocol
+from s2rtui.terminal.graphics import kitty
 from s2rtui.terminal.graphics.protocols import (
     NAMES,
     USUAL_CELL,
@@ -164,8 +164,8 @@ def _question() -> bytes:
 
     A terminal without placeholders shows the pixel at once, which moves the cursor.
     """
-    pixel = kitty_protocol.command(f"a=T,U=1,i={_NUMBER},c=1,r=1,s=1,v=1,f=24,t=d;AAAA")
-    return f"\x1b[6n{pixel}\x1b[6n{kitty_protocol.forget([_NUMBER])}\x1b[16t\x1b[c".encode()
+    pixel = kitty.command(f"a=T,U=1,i={_NUMBER},c=1,r=1,s=1,v=1,f=24,t=d;AAAA")
+    return f"\x1b[6n{pixel}\x1b[6n{kitty.forget([_NUMBER])}\x1b[16t\x1b[c".encode()
 
 
 def _ask_terminal() -> bytes:
