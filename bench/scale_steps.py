@@ -110,14 +110,17 @@ def moves(session: Session, turn: int) -> list[tuple[str, Step]]:
         session.dispatch(instance_list.sort_by_next_column)
         instance_list.order(session.store, session.state, session.notes)
 
+    def plane() -> view_settings.ZoomPlane:
+        return view_settings.map_plane(session.store, session.state)
+
     return [
         ("box moved on the map", mark("map", "map", False)),
         ("lasso moved on the map", mark("map", "map", True)),
         ("box moved on the embedding", mark("umap", "real", False)),
         ("brush left", lambda: session.dispatch(view_settings.cancel_input)),
         ("cursor to the next instance", lambda: session.dispatch(navigation.move_cursor, 1)),
-        ("zoom", lambda: session.dispatch(view_settings.zoom, 1 / 0.8)),
-        ("pan", lambda: session.dispatch(view_settings.pan, 0.1, 0.0)),
+        ("zoom", lambda: session.dispatch(view_settings.zoom, plane(), 1 / 0.8)),
+        ("pan", lambda: session.dispatch(view_settings.pan, plane(), 0.1, 0.0)),
         ("map mode", lambda: session.dispatch(view_settings.change_map_mode)),
         ("another trajectory", lambda: session.dispatch(navigation.change_trajectory)),
         ("list by another column", sort),

@@ -32,6 +32,8 @@ _TOLERANCE = 14
 _WINDOW, _LEAST_FILLED = 1.2, 0.08
 """Metres around a pixel of a wall, and the share of the walls' colour in them. Furniture has less
 of the colour, or smaller pieces."""
+_LEAST_COVERED = 0.08
+"""Share of a pixel below which a thin line is not drawn."""
 _FINEST = 0.02
 """Metres of a pixel below which plans are reduced first."""
 
@@ -109,14 +111,14 @@ def _opened(mask: Mask, size: float) -> Mask:
     return _dilated(~_dilated(~mask, reach), reach) & mask
 
 
-def thin_lines(coverage: NDArray[np.floating], least: float = 0.08) -> Mask:
+def thin_lines(coverage: NDArray[np.floating]) -> Mask:
     """Which pixels (h, w) are drawn for a mask, by the share of each that it covers.
 
     Those that are mostly covered, and, so that lines thinner than a pixel stay whole and one pixel
     wide, those that are covered more than the pixels at both of their sides.
     """
     peak = _peaks(coverage) | _peaks(coverage.T).T
-    return np.asarray((coverage >= 0.75) | (peak & (coverage >= least)))
+    return np.asarray((coverage >= 0.75) | (peak & (coverage >= _LEAST_COVERED)))
 
 
 def _peaks(values: NDArray[np.floating]) -> Mask:

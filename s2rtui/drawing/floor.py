@@ -21,7 +21,7 @@ from s2rtui.canvas.raster import draw_blocks, draw_braille, draw_shades, segment
 from s2rtui.drawing.heat_colours import heat_glyphs, heat_ramp, heat_strength, map_opacity
 from s2rtui.drawing.plane_marks import Floor, Outlines
 from s2rtui.drawing.plot import Plot
-from s2rtui.drawing.scale import Floats, Interval, Scale, percentile_range, scale_fraction
+from s2rtui.drawing.scale import Floats, Range, Scale, percentile_range, scale_fraction
 
 Layer = NDArray[np.floating]
 PAIR = (2, 1)
@@ -40,7 +40,7 @@ def plane_frame(x: Scale, y: Scale, width: int, height: int) -> MapFrame:
 
 
 @cached_by_identity(8)
-def floor_heat_scale(heat: Floats, is_signed: bool) -> Interval | None:
+def floor_heat_scale(heat: Floats, is_signed: bool) -> Range | None:
     """The scale of heat, up to its 99th percentile; None where there is no heat.
 
     It starts at 0; with signed or negative heat it is symmetric about 0.
@@ -55,7 +55,7 @@ def floor_heat_scale(heat: Floats, is_signed: bool) -> Interval | None:
 
 
 @cached_by_identity(4)
-def plan_tones(plan: Pixels, width: float) -> Interval:
+def plan_tones(plan: Pixels, width: float) -> Range:
     """The 5th and 95th percentile of the brightness of a plan's floor, 0 .. 1.
 
     `width` is that of the plan in metres.
@@ -105,7 +105,7 @@ def floor_pixels(
     return layer
 
 
-def _floor_colours(colours: Layer, tones: Interval, theme: Theme) -> Pixels:
+def _floor_colours(colours: Layer, tones: Range, theme: Theme) -> Pixels:
     """Colours of floor (..., 3), 0 .. 255 with NaN outside the plan, which gets the page colour.
 
     Brightness between `tones` is spread over the luminances of the theme's floor in equal ratios.

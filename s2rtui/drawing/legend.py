@@ -13,7 +13,7 @@ from rich.cells import cell_len
 from s2rtui.canvas import Canvas, RenderOptions, Rgb, Theme, legible, turbo
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.drawing.heat_colours import Ramp
-from s2rtui.drawing.scale import Interval, short_number, tick_step
+from s2rtui.drawing.scale import Range, short_number, tick_step
 
 NO_BREAK = "\u00a0"
 """A blank at which texts are not wrapped, as between a number and its unit."""
@@ -96,7 +96,7 @@ def role_legend(options: RenderOptions, **texts: str) -> LegendPart:
 def colour_bar(
     label: str,
     unit: str,
-    scale: Interval,
+    scale: Range,
     options: RenderOptions,
     length: int = 12,
     colours: Ramp = turbo,

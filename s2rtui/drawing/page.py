@@ -24,7 +24,7 @@ from s2rtui.canvas.colour import NO_DEPTH
 from s2rtui.drawing.drawing import ColourBar
 from s2rtui.drawing.heat_colours import ramp_colours
 from s2rtui.drawing.scale import (
-    Interval,
+    Range,
     short_number,
     tick_step,
     tick_text,
@@ -287,7 +287,7 @@ def wrapped_label(bar: ColourBar, letters: int) -> str:
 
 
 def colour_bar_ticks(
-    scale: Interval, height: float, clipped: bool = False
+    scale: Range, height: float, clipped: bool = False
 ) -> tuple[list[float], list[str]]:
     """Ticks of a colour bar of `height` inches with their labels: both ends, and round numbers
     that keep their distance.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from s2rstore.records import Bounds, Room
 from s2rtui.analysis.binning import Bools
-from s2rtui.drawing.scale import Floats, Interval
+from s2rtui.drawing.scale import Floats, Range
 
 if TYPE_CHECKING:
     from s2rtui.drawing.plot import Ink, Sign
@@ -78,7 +78,7 @@ class Signs:
     sign: Sign = "selected"
     ink: Ink = "text"
     values: Floats | None = None
-    scale: Interval = (0.0, 1.0)
+    scale: Range = (0.0, 1.0)
     trained: Bools | None = None
 
 
