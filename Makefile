@@ -21,17 +21,20 @@ $(VENV)/.installed: pyproject.toml constraints.txt
 demo: install
 	$(BIN)/s2r demo --out "$(OUT)" $(if $(DATA),--data "$(DATA)") $(DEMO)
 
-# Three processes on two cores, because some tests wait for other programs.
+# Three processes on two cores, because some tests wait for other programs. If one of them crashes,
+# the run ends: pytest-xdist would wait forever for the rest of its group.
+PYTEST := $(BIN)/python -m pytest -n 3 --dist loadgroup --max-worker-restart 0
+
 test: install
-	$(BIN)/python -m pytest -n 3 --dist loadgroup
+	$(PYTEST)
 
 # The slow and exhaustive tests, and property tests with more examples.
 test-deep: install
-	$(BIN)/python -m pytest -n 3 --dist loadgroup --deep
+	$(PYTEST) --deep
 
 # The tests that executed changed code at their last run; at first, all of them.
 test-changed: install
-	$(BIN)/python -m pytest -n 3 --dist loadgroup --testmon
+	$(PYTEST) --testmon
 
 check: install format-check lint types contracts test
 
