@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from s2rstore.records import Bounds, Room, Side
 from s2rtui.analysis.binning import Bools
-from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.marks import mark_rows
@@ -268,12 +268,7 @@ class CompareView(PointsView):
         return () if _is_loaded(scene, other) else (f"loading run {other}",)
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        state = scene.state
-        if missing := self.missing(scene):
-            return missing
-        data = identity_key(self.input(scene))
-        chosen = state.chosen_row(self.name), state.view == self.name
-        return state.generation, data, state.viewport, scene.mark(self.name), *chosen
+        return self.missing(scene) or (*super().cache_key(scene), scene.state.viewport)
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         data, other = self.input(scene), run_comparison.other_run(scene.state)

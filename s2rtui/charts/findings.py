@@ -60,12 +60,6 @@ class FindingsView(View):
         report = scene.loaded.findings
         return report if report is not None and report.run == scene.state.run else None
 
-    def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        state, failed = scene.state, scene.loaded.failed.get("findings")
-        is_active = state.view == self.name
-        chosen = state.chosen_row(self.name)
-        return scene.loaded.findings, state.run, chosen, is_active, failed
-
     def missing(self, scene: Scene) -> tuple[str, ...]:
         report = self.input(scene)
         if report is None:

@@ -272,9 +272,6 @@ class SuggestionsView(View):
         )
         return SuggestionsInput(_directions(store, run), state.chosen_row(self.name), collect)
 
-    def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        return self.input(scene), scene.state.view == self.name
-
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         return suggestions_drawing(self.input(scene), scene.state.view == self.name)
 

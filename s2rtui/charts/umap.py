@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from s2rstore.records import SIDES, Bounds, Side
 from s2rtui.analysis.binning import Bins, Bools, Codes, count_selected, selection_indices
-from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import BrushShape, PlotArea
 from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene
@@ -110,12 +110,6 @@ class UmapView(PointsView):
         if any(np.isfinite(column).any() for column in self._all(scene)):
             return ()
         return (f"run {scene.state.run} has no projection; `s2r precompute` computes it",)
-
-    def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        state = scene.state
-        arrays = (*self._all(scene), state.selected, state.base, state.marked)
-        return (identity_key(arrays), state.cursor, scene.mark(self.name),
-                state.viewport_of(self.name))  # fmt: skip
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         state, embeddings = scene.state, self.input(scene)

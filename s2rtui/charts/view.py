@@ -114,12 +114,15 @@ class View:
         raise NotImplementedError
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        """Everything that the drawing depends on: by default the input, the cursor, the marked
-        instances, the brush mark and the part of the plane in view.
+        """Everything that the drawing depends on: by default the input, the run, the selection,
+        the cursor, the view's mark, viewport and chosen row, and what could not be loaded.
         """
-        state = scene.state
-        shown = state.cursor, scene.mark(self.name), state.viewport_of(self.name)
-        return identity_key((self.input(scene), state.marked)), *shown
+        state, name = scene.state, self.name
+        arrays = identity_key((self.input(scene), state.selected, state.base, state.marked))
+        failed = tuple([scene.loaded.failed.get(load) for load in (*self.loads, name)])
+        row = state.chosen_row(name), state.view == name
+        shown = state.cursor, scene.mark(name), state.viewport_of(name)
+        return state.generation, state.run, arrays, failed, *row, *shown
 
     def missing(self, scene: Scene) -> tuple[str, ...]:
         """Lines that say why there is nothing to draw; empty if there is."""
@@ -327,10 +330,6 @@ class StatisticsView(View):
         loaded = (scene.loaded.models or {}).get(self.name)
         is_older = loaded is not None and loaded.source != model_source(scene.state)
         return "figures of the selection" if is_older else ""
-
-    def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        failed = scene.loaded.failed.get(self.name)
-        return identity_key(self.input(scene)), failed, self.chosen_row(scene)
 
 
 @dataclass(frozen=True, slots=True)
