@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import AsyncMock
 
 import pytest
 
@@ -164,15 +165,8 @@ def test_http_needs_the_token(store, token, status):
     """A request that passes the check reaches the server, which knows no such path."""
     application = http_application(build_server(str(store)), "secret")
     headers = [(b"authorization", token.encode())] if token else []
-    sent: list[dict[str, Any]] = []
     scope = {"type": "http", "method": "GET", "path": "/nothing", "headers": headers,
              "query_string": b"", "root_path": ""}  # fmt: skip
-
-    async def receive() -> dict[str, Any]:
-        return {"type": "http.request"}
-
-    async def send(message: dict[str, Any]) -> None:
-        sent.append(message)
-
-    asyncio.run(application(scope, receive, send))
-    assert sent[0]["status"] == status
+    send = AsyncMock()
+    asyncio.run(application(scope, AsyncMock(return_value={"type": "http.request"}), send))
+    assert send.await_args_list[0].args[0]["status"] == status

@@ -9,13 +9,14 @@ import subprocess
 import sys
 import tomllib
 from io import BytesIO
-from itertools import zip_longest
+from itertools import pairwise, zip_longest
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 from PIL import Image
 
+from s2rstore.language import parse
 from s2rtui.cli import main
 from tests.support import notebooks
 from tests.support.chromium import browser, missing_program
@@ -78,7 +79,7 @@ def test_the_readme_has_at_most_150_lines():
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 150
 
 
-def test_shown_commands_and_their_options_exist():
+def test_shown_commands_and_their_options_exist_and_expressions_parse():
     options = documented_options(script("generate").commands_page())
     unknown = []
     for page in TEXTS:
@@ -91,21 +92,11 @@ def test_shown_commands_and_their_options_exist():
             if name not in options and arguments[0] not in ("--help", "--version"):
                 unknown.append((page.name, arguments[0]))
             unknown += [(page.name, name, flag) for flag in sorted(flags - known)]
-    assert not unknown
-
-
-def test_expressions_of_shown_commands_parse():
-    from s2rstore.language import parse
-
-    for page in TEXTS:
-        for arguments in shown_commands(page.read_text(encoding="utf-8")):
-            expressions = [
-                arguments[i + 1] for i, argument in enumerate(arguments) if argument == "--select"
-            ]
-            if arguments[0] == "query":
-                expressions.append(arguments[2])
-            for expression in expressions:
+            follows = pairwise(arguments)
+            expressions = [second for first, second in follows if first == "--select"]
+            for expression in [*expressions, *arguments[2:3]] if name == "query" else expressions:
                 parse(expression)
+    assert not unknown
 
 
 def test_links_between_pages_resolve():
@@ -123,25 +114,16 @@ def test_links_between_pages_resolve():
     assert not broken
 
 
-def test_named_paths_exist():
+def test_named_paths_and_the_registries_in_them_exist():
     missing = []
     for page in TEXTS:
-        for match in _PATH.finditer(page.read_text(encoding="utf-8")):
-            path = match["path"]
-            if not any(placeholder in path for placeholder in ("NAME", "FOLDER", "<")):
-                missing += [] if (ROOT / path).exists() else [(page.name, path)]
-    assert not missing
-
-
-def test_registry_names_beside_their_files_exist():
-    missing = []
-    for page in TEXTS:
-        pairs = re.findall(r"`([A-Z_]+)` in `([^`]+\.py)`", page.read_text(encoding="utf-8"))
-        for name, path in pairs:
-            if not re.search(
-                rf"^{name}\b", (ROOT / path).read_text(encoding="utf-8"), re.MULTILINE
-            ):
-                missing.append((page.name, name, path))
+        text = page.read_text(encoding="utf-8")
+        paths = [match["path"] for match in _PATH.finditer(text)]
+        known = (path for path in paths if not re.search("NAME|FOLDER|<", path))
+        missing += [(page.name, path) for path in known if not (ROOT / path).exists()]
+        for name, path in re.findall(r"`([A-Z_]+)` in `([^`]+\.py)`", text):
+            content = (ROOT / path).read_text(encoding="utf-8")
+            missing += [] if re.search(rf"^{name}\b", content, re.MULTILINE) else [(name, path)]
     assert not missing
 
 

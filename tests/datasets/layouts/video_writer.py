@@ -9,13 +9,9 @@ import pytest
 
 
 def write_video(
-    path: Path,
-    codec: str,
-    pixels: str,
-    frames: Sequence[np.ndarray],
-    ticks: Sequence[int] | None = None,
-    **options: str,
-) -> None:
+    path: Path, codec: str, pixels: str, frames: Sequence[np.ndarray],
+    ticks: Sequence[int] | None = None, **options: str,
+) -> None:  # fmt: skip
     """Frames (H, W, 3) or (H, W) at `ticks` of 0.05 s, by default one each."""
     av = pytest.importorskip("av")
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -24,12 +20,10 @@ def write_video(
             stream = container.add_stream(codec, rate=20, options=options)
         except (av.FFmpegError, ValueError):
             pytest.skip(f"this FFmpeg has no encoder {codec}")
-        stream.height, stream.width = frames[0].shape[:2]
-        stream.pix_fmt = pixels
+        (stream.height, stream.width), stream.pix_fmt = frames[0].shape[:2], pixels
         stream.codec_context.time_base = Fraction(1, 20)
         for number, each in enumerate(frames):
-            form = "rgb24" if each.ndim == 3 else pixels
-            frame = av.VideoFrame.from_ndarray(each, format=form)
+            frame = av.VideoFrame.from_ndarray(each, "rgb24" if each.ndim == 3 else pixels)
             frame.pts = number if ticks is None else int(ticks[number])
             frame.time_base = Fraction(1, 20)
             container.mux(stream.encode(frame))
