@@ -7,14 +7,14 @@ export OMP_WAIT_POLICY = PASSIVE
 export GOMP_SPINCOUNT = 0
 export NO_MKDOCS_2_WARNING = 1
 
-.PHONY: install demo test test-deep test-changed check docs format lint types contracts bench checkpoints clean
+.PHONY: install demo test test-deep test-changed check docs release-check format lint types contracts bench checkpoints clean
 
 install: $(VENV)/.installed
 
 $(VENV)/.installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/pip install --quiet --constraint constraints.txt torch==2.13.0
+	$(BIN)/pip install --quiet --constraint constraints.txt torch
 	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[tools,dev]'
 	touch $@
 
@@ -58,6 +58,11 @@ contracts: install
 # The documentation as a site in build/site; needs no network.
 docs: install
 	$(BIN)/mkdocs build --strict --quiet
+
+# A release in build/release: wheel, source archive, licences, bill of materials. The wheel is installed into an
+# empty environment and runs the demo there.
+release-check: install
+	$(BIN)/python release/check.py
 
 bench: install
 	$(BIN)/python -m bench --json

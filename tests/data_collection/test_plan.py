@@ -11,11 +11,14 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.language import evaluation
 from s2rtools.data_collection.batch_choice import PoseCoverage, choose_batch
-from s2rtools.data_collection.candidates import CandidatePoses, find_candidates
-from s2rtools.data_collection.evidence import Evidence, read_evidence
-from s2rtools.data_collection.expected_reduction import METHODS, local_values
+from s2rtools.data_collection.candidates import CandidatePoses, PoseSimilarity, find_candidates
+from s2rtools.data_collection.expected_reduction import (
+    METHODS,
+    Evidence,
+    local_values,
+    read_evidence,
+)
 from s2rtools.data_collection.plan import CollectionRequest, choose_poses, plan_collection
-from s2rtools.data_collection.pose_similarity import PoseSimilarity
 from s2rtools.datasets.floor.free_floor import is_free
 from s2rtools.synthetic_world.dataset import WorldData
 from tests.support import tiny

@@ -19,6 +19,7 @@ from s2rstore.maintenance.verify import verify
 from s2rstore.records import SIDES
 from s2rtools.datasets.floor.floor_poses import FloorOptions
 from s2rtools.datasets.pairing.paired_recordings import PairOptions, scan_pairs
+from s2rtools.datasets.pairing.recorded_scan import MapOptions
 from s2rtools.datasets.writing.build import build
 from s2rtools.interactive.live_model import LiveModel
 from s2rtools.models import build_network
@@ -53,7 +54,7 @@ def make_store(folder: Path, has_depth: bool) -> Path:
     ]
     read = [recordings.LAYOUT.read(path, recordings.ReadOptions()) for path in paths]
     floors = {side: FloorOptions(ground=0.0) for side in SIDES}
-    options = PairOptions("name", None, (64, 64), floors=floors)
+    options = PairOptions("name", None, MapOptions((64, 64)), floors=floors)
     made = scan_pairs(*read, options)
     build(made.scan, folder / "s.s2r", "s2r ingest", False, lambda steps: None)
     return folder / "s.s2r"
