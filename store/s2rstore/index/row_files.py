@@ -24,10 +24,10 @@ import msgspec
 from msgspec import Meta
 
 from s2rstore.errors import RequestError, first_line
-from s2rstore.files.layout import Name
 from s2rstore.files.plain_paths import plain_path
 from s2rstore.files.store_files import LocalFiles, StoreFiles
 from s2rstore.index import schema
+from s2rstore.records import Name
 
 MAX_ROWS = 1_000_000
 """Rows that a table may have inside an index; copying so many takes one or two seconds."""
