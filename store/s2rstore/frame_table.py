@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError, missing_package
 from s2rstore.language import Node, evaluation, fields
-from s2rstore.language.masks import MaskContext, field_values
+from s2rstore.language.numpy_backend import MaskContext, field_values
 from s2rstore.language.syntax_tree import Field
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN

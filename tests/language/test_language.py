@@ -15,7 +15,7 @@ from s2rstore.language import (
     parse,
     to_text,
 )
-from s2rstore.language.masks import mask
+from s2rstore.language.numpy_backend import mask
 from s2rstore.reader import Store
 from tests.support.columns import mask_context
 

@@ -7,8 +7,8 @@ columns. A `Query` is a tree with the instances that count.
 from s2rstore.errors import ExpressionError
 from s2rstore.language.canonical_text import located, quoted, to_text
 from s2rstore.language.completion import complete
-from s2rstore.language.masks import MaskContext, base_population, mask
 from s2rstore.language.name_resolution import Neighbours, Vocabulary, expand, used_runs
+from s2rstore.language.numpy_backend import MaskContext, base_population, mask
 from s2rstore.language.query import Query
 from s2rstore.language.syntax_tree import Node
 

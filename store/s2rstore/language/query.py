@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from s2rstore.index.population import count_text, unpaired_text
-from s2rstore.language.masks import Mask, MaskContext, mask, unpaired_mask
 from s2rstore.language.name_resolution import expand, used_fields
+from s2rstore.language.numpy_backend import Mask, MaskContext, mask, unpaired_mask
 from s2rstore.language.syntax_tree import Field, Named, Node, Training, leaves
 from s2rstore.records import TRAINING_SPLITS
 

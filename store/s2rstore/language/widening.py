@@ -19,7 +19,7 @@ from s2rstore.geometry import angles
 from s2rstore.language import fields
 from s2rstore.language import syntax_tree as tree
 from s2rstore.language.canonical_text import to_text
-from s2rstore.language.masks import (
+from s2rstore.language.numpy_backend import (
     Mask,
     MaskContext,
     Values,

@@ -26,7 +26,6 @@ from s2rstore.language.name_resolution import (
 from s2rstore.lru_cache import LruCache
 from s2rstore.metrics.pose_metrics import population_ranks
 from s2rstore.metrics.top_k import top_k
-from s2rstore.records import SPLITS
 
 Mask = NDArray[np.bool_]
 Values = NDArray[np.float64]
@@ -250,7 +249,7 @@ def _named(node: tree.Named, context: MaskContext) -> Mask:
     if node.field.name == "health":
         return truth.faulty(node.value)
     own = {"rooms": truth.room_names, "trajectories": truth.trajectory_names}
-    names = own.get(text.vocabulary, SPLITS)
+    names = own.get(text.vocabulary, context.words.splits)
     codes = _column(text.path, node.field.run, context)
     return np.asarray(codes == names.index(node.value))
 
