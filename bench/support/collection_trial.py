@@ -15,8 +15,7 @@ from s2rstore.geometry.rooms import room_codes
 from s2rstore.records import SPLITS, Room, Side
 from s2rtools.common.weights_file import read_state
 from s2rtools.data_collection.candidates import CandidatePoses, world_candidates
-from s2rtools.data_collection.evidence import Evidence
-from s2rtools.data_collection.expected_reduction import LocalValues, Method, local_values
+from s2rtools.data_collection.expected_reduction import Evidence, LocalValues, Method, local_values
 from s2rtools.data_collection.plan import CollectionRequest, choose_poses
 from s2rtools.models import build_network
 from s2rtools.models.load_model import load_state

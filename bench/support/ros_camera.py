@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.ros.master_link import MasterLink, MasterUnreachableError
 from s2rtools.ros.proxy_node import camera_info_topic
+from s2rtools.ros.ros1_node import MasterLink, MasterUnreachableError
 from s2rtools.ros.ros_environment import ros_module
 
 NAME = "/test_camera"

@@ -75,11 +75,13 @@ def _forget(number: int, deleted_ref: object) -> None:
 
 
 def identity_key(value: object) -> object:
-    """A hashable key of a value; arrays in tuples and dataclasses count by identity."""
+    """A key of a value; arrays in tuples, dictionaries and dataclasses count by identity."""
     if isinstance(value, np.ndarray):
         return ArrayKey(value)
     if isinstance(value, tuple):
         return tuple([identity_key(part) for part in value])
+    if isinstance(value, dict):
+        return tuple([(name, identity_key(part)) for name, part in value.items()])
     if is_dataclass(value) and type(value).__eq__ is object.__eq__:
         parts = [identity_key(getattr(value, field.name)) for field in fields(value)]
         return type(value), *parts

@@ -10,7 +10,7 @@ from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import Pane, Table, View
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.table import Cell, Column, Row, TableSpec
-from s2rtui.session import findings, view_settings
+from s2rtui.session import navigation, view_settings
 from s2rtui.session.session import Session
 
 PANEL = "findings"
@@ -40,6 +40,7 @@ def _row(finding: Finding, selections: bool) -> Row:
 
 class FindingsView(View):
     name = "findings"
+    has_rows = True
     key = "I"
     pane: Pane = "centre"
     description = "what the store shows about the run, with evidence"
@@ -58,12 +59,6 @@ class FindingsView(View):
         """The findings about the present run; None until they are computed."""
         report = scene.loaded.findings
         return report if report is not None and report.run == scene.state.run else None
-
-    def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        state, failed = scene.state, scene.loaded.failed.get("findings")
-        is_active = state.view == self.name
-        chosen = state.chosen_row(self.name)
-        return scene.loaded.findings, state.run, chosen, is_active, failed
 
     def missing(self, scene: Scene) -> tuple[str, ...]:
         report = self.input(scene)
@@ -85,7 +80,7 @@ class FindingsView(View):
         report = self.input(scene)
         assert report is not None
         session.dispatch(view_settings.choose_row, self.name, str(row))
-        session.dispatch(findings.open_finding, report.findings[row])
+        session.dispatch(navigation.open_finding, report.findings[row])
 
     def numbers(self, scene: Scene) -> Table:
         names = ("finding", "evident", "run", "n", "low", "high", "of", "expression", "text",

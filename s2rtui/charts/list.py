@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.language import fields
-from s2rtui.analysis.identity_cache import ArrayKey
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.canvas.marks import mark_rows
 from s2rtui.charts.scene import Scene
@@ -74,9 +73,8 @@ class ListView(View):
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         state = scene.state
-        shown = state.generation, state.run, state.sort, state.descending, state.cursor
-        brush = scene.mark(self.name)
-        return ArrayKey(self.input(scene)), *shown, state.with_trained, scene.notes.remarks, brush
+        order = state.sort, state.descending, state.with_trained
+        return *super().cache_key(scene), *order, scene.notes.remarks
 
     def cursor_point(self, scene: Scene, panel: PlotArea) -> Point | None:
         return 0.0, float(_place(self.input(scene), scene.state.cursor) or 0)

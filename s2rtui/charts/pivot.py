@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from s2rstore.findings.groups import GroupErrors, parts_of
-from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import PlotArea, Point
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import Pane, Table, View
@@ -26,6 +25,7 @@ _NAMES = ("n", "median_m", "low_m", "high_m", "recall", "share", "evident", "exp
 
 class PivotView(View):
     name = "pivot"
+    has_rows = True
     key = ")"
     pane: Pane = "centre"
     description = "real errors by two groupings, such as room and heading: n, median, recall, share"
@@ -57,10 +57,7 @@ class PivotView(View):
         return rows, columns
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        state, loaded = scene.state, scene.loaded
-        shown = state.figure, state.chosen_row(self.name), state.view == self.name
-        key = identity_key((loaded.current_cells(state),))
-        return key, pivot_grouping(state), *shown, loaded.failed.get("cells")
+        return *super().cache_key(scene), pivot_grouping(scene.state), scene.state.figure
 
     def missing(self, scene: Scene) -> tuple[str, ...]:
         if scene.loaded.current_cells(scene.state) is None:

@@ -13,7 +13,6 @@ from s2rstore.errors import NotComputedError
 from s2rstore.language import fields
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
-from s2rtui.analysis.identity_cache import ArrayKey
 from s2rtui.canvas import PlotArea, Point
 from s2rtui.charts.scene import LoadedSheet, Scene
 from s2rtui.charts.shared.instance import common_scale, overlay_ramp
@@ -109,9 +108,9 @@ class SheetView(View):
         return () if self.input(scene).size else ("nothing is selected",)
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        state = scene.state
-        order = ArrayKey(self.input(scene)), state.cursor, state.sort
-        return *order, state.images.count, images.page_key(scene.store, state), scene.loaded.sheet
+        state, page = scene.state, images.page_key(scene.store, scene.state)
+        loaded = scene.loaded.sheet
+        return *super().cache_key(scene), page, state.sort, state.images.count, loaded
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         state, loaded = scene.state, scene.loaded.sheet

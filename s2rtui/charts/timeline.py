@@ -85,9 +85,6 @@ class TimelineView(View):
             columns.real.error, columns.real.sigma, state.base,
         )  # fmt: skip
 
-    def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        return *super().cache_key(scene), id(scene.state.selected)
-
     def missing(self, scene: Scene) -> tuple[str, ...]:
         return (_NO_POSES,) if self.input(scene) is None else ()
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from s2rstore.records import SIDES, Bounds, Side
 from s2rtui.analysis.binning import Bins, Bools, Codes, count_selected, selection_indices
-from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import BrushShape, PlotArea
 from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene
@@ -17,7 +17,7 @@ from s2rtui.charts.shared.planes import cursor_phrases, known_point, stacked_poi
 from s2rtui.charts.view import PointsView, Table
 from s2rtui.drawing.drawing import ColourBar, Drawing
 from s2rtui.drawing.plot import LEVELS, Phrase, Plot, Points
-from s2rtui.drawing.scale import Floats, Interval, Scale, percentile_range, scale_fraction
+from s2rtui.drawing.scale import Floats, Range, Scale, percentile_range, scale_fraction
 from s2rtui.session.population_values import population_values
 from s2rtui.session.view_settings import ZoomPlane
 
@@ -78,7 +78,7 @@ distance_range = cached_by_identity(16)(percentile_range)
 
 
 @cached_by_identity(16)
-def distance_levels(values: Floats, scale: Interval) -> Codes:
+def distance_levels(values: Floats, scale: Range) -> Codes:
     """The level 1 .. `LEVELS` of each value (N,) on a scale, 0 where it is unknown."""
     steps = np.minimum(np.floor(scale_fraction(values, scale) * LEVELS), LEVELS - 1) + 1
     return np.nan_to_num(steps).astype(np.uint16)
@@ -110,12 +110,6 @@ class UmapView(PointsView):
         if any(np.isfinite(column).any() for column in self._all(scene)):
             return ()
         return (f"run {scene.state.run} has no projection; `s2r precompute` computes it",)
-
-    def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        state = scene.state
-        arrays = (*self._all(scene), state.selected, state.base, state.marked)
-        return (identity_key(arrays), state.cursor, scene.mark(self.name),
-                state.viewport_of(self.name))  # fmt: skip
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         state, embeddings = scene.state, self.input(scene)

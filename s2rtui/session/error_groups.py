@@ -43,7 +43,7 @@ COLUMN_NAMES = tuple(_BY_NAME)
 
 
 @dataclass(frozen=True, slots=True)
-class Figure:
+class PivotFigure:
     """What the cells of the pivot show: its `name`, what it says, its unit and its factor."""
 
     name: str
@@ -55,10 +55,10 @@ class Figure:
 FIGURES = {
     figure.name: figure
     for figure in (
-        Figure("median", "median real error", "m"),
-        Figure("n", "number of instances", ""),
-        Figure("recall", "share within the thresholds of recall in reality", "%", 100.0),
-        Figure("share", "share of the sum of all real errors", "%", 100.0),
+        PivotFigure("median", "median real error", "m"),
+        PivotFigure("n", "number of instances", ""),
+        PivotFigure("recall", "share within the thresholds of recall in reality", "%", 100.0),
+        PivotFigure("share", "share of the sum of all real errors", "%", 100.0),
     )
 }
 """Figures of the pivot in the order in which the key goes through them."""

@@ -5,7 +5,6 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
-import numpy as np
 import pytest
 from textual.pilot import Pilot
 
@@ -70,15 +69,15 @@ async def test_the_exported_rows_equal_those_of_s2r_query(tiny_store, tmp_path):
     assert json.loads((tmp_path / "mine.json").read_text()) == json.loads(out.read_text())
 
 
-def test_the_rows_of_a_query_are_those_of_its_instances(tiny_store, monkeypatch):
+def test_the_rows_of_a_query_equal_those_of_the_sql_back_end(tiny_store, monkeypatch):
     monkeypatch.setattr(exported_rows, "_BLOCK_IIDS", 7)
     columns = ", ".join(exported_rows.COLUMNS)
     with s2rstore.open(tiny_store) as store:
         for expression in ("worst15", "all", "none", "room:right | ids(3, 7)"):
             rows = exported_rows.selected_rows(store, evaluation.query(store, expression))
-            iids = np.flatnonzero(evaluation.select(store, expression)).tolist()
-            query = f"SELECT {columns} FROM pair WHERE run = 'vanilla' AND list_contains(?, iid)"
-            assert rows.rows == store.execute(f"{query} ORDER BY iid", [iids])
+            text, parameters = evaluation.sql(store, expression)
+            query = f"SELECT {columns} FROM pair JOIN ({text}) USING (iid) WHERE run = 'vanilla'"
+            assert rows.rows == store.execute(f"{query} ORDER BY iid", parameters)
             assert rows.facts["count"] == len(rows.rows)
 
 

@@ -2,8 +2,9 @@
 
 import re
 
+import s2rstore
 from s2rstore.index import pair_view
-from s2rstore.language import fields, parse, to_text
+from s2rstore.language import evaluation, fields, parse, to_text
 
 UNIT = re.compile(r"_(m|deg|rad|s)$")
 PHYSICAL = re.compile(
@@ -27,13 +28,17 @@ def test_columns_of_rows_name_their_units(tiny_store, s2r):
     assert_units(list(pair_view.column_comments()))
 
 
-def test_expressions_take_fields_with_their_units():
-    for name in fields.NUMERIC:
-        named = fields.with_unit(name)
-        text = "worst(3, {0}) | {0} > 0.5"
-        assert to_text(parse(text.format(named))) == to_text(parse(text.format(name)))
-    text = 'run("dataaug").real.error_m > 0.5 & heading_deg:90+-45'
-    assert to_text(parse(text)) == 'run("dataaug").real.error > 0.5 & heading:90+-45'
+def test_expressions_take_fields_with_their_units(tiny_store):
+    with s2rstore.open(tiny_store) as store:
+        for name in fields.NUMERIC:
+            named = fields.with_unit(name)
+            assert to_text(parse(f"{named} > 1")) == to_text(parse(f"{name} > 1"))
+            query, parameters = evaluation.sql(store, f"worst(3, {named}) | {named} > 0.5")
+            stored = [row[0] for row in store.execute(query, parameters)]
+            chosen = evaluation.select(store, f"worst(3, {name}) | {name} > 0.5")
+            assert stored == chosen.nonzero()[0].tolist()
+        text = 'run("dataaug").real.error_m > 0.5 & heading_deg:90+-45'
+        assert to_text(parse(text)) == 'run("dataaug").real.error > 0.5 & heading:90+-45'
 
 
 def test_columns_and_sort_take_the_names_that_rows_have(tiny_store, s2r):

@@ -7,7 +7,7 @@ import pytest
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rtools.data_collection import evidence
+from s2rtools.data_collection import expected_reduction
 from tests.support import embeddings, tiny
 
 N = 40
@@ -32,7 +32,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_harm_sums_the_positive_positions_of_the_new_real_images(store, monkeypatch):
-    monkeypatch.setattr(evidence, "_HARM_ROWS", 8)
+    monkeypatch.setattr(expected_reduction, "_HARM_ROWS", 8)
     new = np.array([3, 6, 33])
     read: list[int] = []
     with s2rstore.open(store) as opened:
@@ -43,7 +43,7 @@ def test_harm_sums_the_positive_positions_of_the_new_real_images(store, monkeypa
             return heatmaps(run, kind, side, start, stop, mode)
 
         monkeypatch.setattr(type(opened), "heatmaps", lambda _, *words: counted(*words))
-        np.testing.assert_array_equal(evidence._harm(opened, "vanilla", new), 2.0 * new)
+        np.testing.assert_array_equal(expected_reduction._harm(opened, "vanilla", new), 2.0 * new)
     assert set(new) <= set(read)
     assert not set(range(8, 32)) & set(read)
 

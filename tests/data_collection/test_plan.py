@@ -11,11 +11,14 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.language import evaluation
 from s2rtools.data_collection.batch_choice import PoseCoverage, choose_batch
-from s2rtools.data_collection.candidates import CandidatePoses, find_candidates
-from s2rtools.data_collection.evidence import Evidence, read_evidence
-from s2rtools.data_collection.expected_reduction import METHODS, local_values
+from s2rtools.data_collection.candidates import CandidatePoses, PoseSimilarity, find_candidates
+from s2rtools.data_collection.expected_reduction import (
+    METHODS,
+    Evidence,
+    local_values,
+    read_evidence,
+)
 from s2rtools.data_collection.plan import CollectionRequest, choose_poses, plan_collection
-from s2rtools.data_collection.pose_similarity import PoseSimilarity
 from s2rtools.datasets.floor.free_floor import is_free
 from s2rtools.synthetic_world.dataset import WorldData
 from tests.support import tiny
@@ -159,8 +162,9 @@ def test_the_greedy_batch_is_that_of_full_reevaluation():
 def test_the_expression_selects_the_nearest_instances(tiny_store):
     with s2rstore.open(tiny_store) as store:
         plan = plan_collection(store, CollectionRequest("vanilla", 12))
-        found = np.flatnonzero(evaluation.select(store, plan.expression, "vanilla"))
-        assert set(found.tolist()) == set(plan.nearest.tolist())
+        text, parameters = evaluation.sql(store, plan.expression, "vanilla", None, {}, False)
+        found = {row[0] for row in store.execute(text, parameters)}
+        assert found == set(plan.nearest.tolist())
         truth = store.instances
         for pose, iid in zip(plan.poses, plan.nearest, strict=True):
             assert np.hypot(truth.x[iid] - pose.x_m, truth.y[iid] - pose.y_m) < 2.5

@@ -188,6 +188,9 @@ def test_a_trajectory_of_other_domains_is_appended(whole, tmp_path, first, secon
             ("has:sim - paired", "sim"),
         ):  # fmt: skip
             expected = np.sort(np.concatenate([opened.iids_of(name) for name in names.split()]))
+            query, parameters = evaluation.sql(opened, text, evaluation.NO_RUN)
+            rows = opened.execute(query, parameters)
+            assert sorted(row[0] for row in rows) == expected.tolist(), text
             chosen = evaluation.select(opened, text, evaluation.NO_RUN)
             assert np.flatnonzero(chosen).tolist() == expected.tolist(), text
 

@@ -103,14 +103,17 @@ def test_files_of_a_folder_itself_are_a_trajectory_named_after_the_domain(tmp_pa
         assert [t.trajectory for t in store.trajectories] == ["real_day", "sim"]
 
 
-def test_expressions_select_images(store_path):
+def test_expressions_select_alike_in_both_back_ends(store_path):
     with s2rstore.open(store_path) as store:
         for expression, count in (
             ("all", 14), ("traj:real_night", 3), ("traj:sim_loop & seq < 2", 2),
             ("!traj:sim_city", 12), ("ids(3..5) - iid = 4", 2), ("worst15", 0),
             ("real.error > 0 | x < 3", 0), ("!straight", 14), ("near(0, 0, 5)", 0),
         ):  # fmt: skip
-            assert evaluation.select(store, expression).sum() == count, expression
+            chosen = np.flatnonzero(evaluation.select(store, expression)).tolist()
+            query, parameters = evaluation.sql(store, expression)
+            assert chosen == [iid for (iid,) in store.execute(query, parameters)]
+            assert len(chosen) == count, expression
 
 
 def test_image_sets_hold_the_images_of_one_domain(store_path):

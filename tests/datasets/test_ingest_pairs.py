@@ -19,6 +19,7 @@ from s2rtools.datasets.floor.floor_poses import FloorOptions
 from s2rtools.datasets.layouts import LAYOUTS
 from s2rtools.datasets.pairing.pair_matching import PoseTolerance
 from s2rtools.datasets.pairing.paired_recordings import PairOptions, scan_pairs
+from s2rtools.datasets.pairing.recorded_scan import MapOptions
 from s2rtools.datasets.recording import PinholeCamera, Recording, SourceImage
 from s2rtools.datasets.recordings.recorded_frame_source import read_undistorted
 from s2rtui.cli import main
@@ -165,7 +166,7 @@ def test_align_fits_the_scale_and_keeps_what_is_in_metres(declared, depth_in_wor
     if depth_in_world_units:
         sim.depth_scale, sim.depth_in_world_units = 0.001 / 2.5, True
     floors = {"sim": FloorOptions(**declared), "real": FloorOptions(ground=0.0)}
-    options = PairOptions("name", None, (16, 16), align=True, floors=floors)  # type: ignore[arg-type]
+    options = PairOptions("name", None, MapOptions((16, 16)), align=True, floors=floors)  # type: ignore[arg-type]
     found = scan_pairs(sim, real, options)
     domain = found.scan.domains["sim"]
     assert domain.camera_height == pytest.approx(recordings.HEIGHT)
@@ -276,7 +277,7 @@ def test_unusable_images_are_reported_and_left_out(tmp_path, capsys):
         (("--tolerance", "3"), "--tolerance 3"),
         (("--align",), "--match time or --match name"),
         (("--sim-floor", "down=z"), "one of up, ground"),
-        (("--sim-option", "a"), "give KEY=VALUE"),
+        (("--sim-option", "a"), "expected NAME=VALUE"),
         (("--real-option", "a=1"), "no option 'a'"),
         (("--size", "2"), "must be 16 to 2048"),
         (("--match", "name", "--header", "cam.toml"), "camera=FILE"),
@@ -360,7 +361,7 @@ def test_poses_of_different_worlds_are_not_compared(tmp_path):
     real.trajectories["c"] = sim.trajectories["a"]
     floors = {side: FloorOptions(ground=0.0) for side in ("sim", "real")}
     tolerance = PoseTolerance(0.2, 0.2)
-    options = PairOptions("pose", tolerance, (16, 16), floors=floors)  # type: ignore[arg-type]
+    options = PairOptions("pose", tolerance, MapOptions((16, 16)), floors=floors)  # type: ignore[arg-type]
     found = scan_pairs(sim, real, options)
     names = [(found.sim.image(int(a)), found.real.image(int(b)))
              for a, b in zip(found.pairing.sim, found.pairing.real, strict=True)]  # fmt: skip
@@ -372,6 +373,6 @@ def test_poses_of_different_worlds_are_not_compared(tmp_path):
 
 def test_align_refuses_several_worlds(tmp_path):
     sim, real = recordings_of_own_worlds(tmp_path)
-    options = PairOptions("name", None, (16, 16), align=True)
+    options = PairOptions("name", None, MapOptions((16, 16)), align=True)
     with pytest.raises(RequestError, match="choose one by --sim-trajectory and --real-trajectory"):
         scan_pairs(sim, real, options)

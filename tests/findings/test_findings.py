@@ -45,6 +45,8 @@ def test_every_expression_selects_exactly_the_counted_instances(store, run, requ
         for finding in selecting:
             text = str(finding.expression)
             assert evaluation.select(opened, text, finding.run).sum() == finding.n
+            query, parameters = evaluation.sql(opened, text, finding.run)
+            assert len(opened.execute(query, parameters)) == finding.n
 
 
 def test_the_worst_room_has_the_largest_median_of_new_instances(marked):

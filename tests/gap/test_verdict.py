@@ -15,7 +15,7 @@ from s2rstore.errors import RequestError
 from s2rstore.gap_history.gate_status import outcome_of
 from s2rstore.intervals import Interval
 from s2rtools.gap.axis import Anchor, AxisResult, GapSettings, Measurement
-from s2rtools.gap.gate import reference
+from s2rtools.gap.gate import verdict
 from s2rtools.gap.gate.verdict import judge
 
 SETTINGS = GapSettings()
@@ -38,13 +38,13 @@ def measurement_of(**axes: AxisResult) -> Measurement:
     return Measurement(axes, {}, {})
 
 
-def scale(*axes: str, anchor: float = 1.1, floor: float = 0.1) -> reference.Reference:
+def scale(*axes: str, anchor: float = 1.1, floor: float = 0.1) -> verdict.Reference:
     frozen = {
-        axis: reference.AxisScale(anchor, anchor, anchor, floor, "bad",
+        axis: verdict.AxisScale(anchor, anchor, anchor, floor, "bad",
                                {"features": "f", "n": 50})
         for axis in axes
     }  # fmt: skip
-    return reference.Reference(axes=frozen, made_from={}, source="ref.json", sha256="0" * 64)
+    return verdict.Reference(axes=frozen, made_from={}, source="ref.json", sha256="0" * 64)
 
 
 def test_the_floor_is_0_and_the_anchor_100() -> None:
@@ -128,7 +128,7 @@ def test_an_anchor_within_the_noise_of_the_floor_cannot_be_frozen() -> None:
     noisy = axis_result(0.1, spread=0.5)
     anchor = Anchor(Interval(-0.7, 0.3, 1.3), "the constant prediction")
     with pytest.raises(RequestError, match=r"constant prediction.*within noise"):
-        reference.freeze("task", noisy, anchor)
+        verdict.freeze_scale("task", noisy, anchor)
 
 
 @pytest.mark.parametrize(
@@ -141,39 +141,39 @@ def test_an_invalid_reference_file_is_rejected(tmp_path: Path, content: str) -> 
     path = tmp_path / "ref.json"
     path.write_bytes(content.encode("latin-1"))
     with pytest.raises(RequestError, match=r"ref\.json"):
-        reference.read(path)
+        verdict.read_reference(path)
 
 
 @pytest.mark.parametrize("change", [{"anchor": 1e-320}, {"floor": 1.1}, {"state": ["bad"]}])
 def test_a_scale_without_span_or_state_is_rejected(tmp_path: Path, change: dict) -> None:
     frozen = {"anchor": 1.1, "anchor_low": 1.0, "anchor_high": 1.2, "floor": 0.0, "state": "bad",
               "fingerprint": {}}  # fmt: skip
-    content = {"format": reference.FORMAT, "made_from": {}, "axes": {"task": frozen | change}}
+    content = {"format": verdict.FORMAT, "made_from": {}, "axes": {"task": frozen | change}}
     (tmp_path / "ref.json").write_text(json.dumps(content))
     with pytest.raises(RequestError, match=r"ref\.json: axes\.task"):
-        reference.read(tmp_path / "ref.json")
+        verdict.read_reference(tmp_path / "ref.json")
 
 
 def test_non_numeric_scales_are_rejected(tmp_path: Path) -> None:
     low_noise = axis_result(0.1)
-    frozen = reference.freeze("task", low_noise, BAD)
+    frozen = verdict.freeze_scale("task", low_noise, BAD)
     path = tmp_path / "ref.json"
-    text = reference.text({"task": frozen}, {})
+    text = verdict.reference_text({"task": frozen}, {})
     for key in ("anchor", "anchor_low", "anchor_high", "floor"):
         for value in (None, "1", True, float("inf"), 10**400, -1e308):
             content = json.loads(text)
             content["axes"]["task"][key] = value
             path.write_text(json.dumps(content))
             with pytest.raises(RequestError, match="task"):
-                reference.read(path)
+                verdict.read_reference(path)
 
 
 def test_a_file_with_an_anchor_within_noise_is_rejected(tmp_path: Path) -> None:
     path = tmp_path / "ref.json"
     frozen = msgspec.structs.replace(scale("task").axes["task"], anchor_low=0.05)
-    path.write_text(reference.text({"task": frozen}, {}))
+    path.write_text(verdict.reference_text({"task": frozen}, {}))
     with pytest.raises(RequestError, match="within noise of the floor"):
-        reference.read(path)
+        verdict.read_reference(path)
 
 
 @given(st.floats(-50, 200), st.floats(0, 50), st.floats(0, 50), st.floats(1, 100))

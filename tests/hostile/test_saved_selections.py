@@ -16,7 +16,7 @@ from s2rstore.language.name_resolution import MAX_TERMS, expand
 from s2rtui.app.pilot import settle
 from s2rtui.cli import main
 from s2rtui.user_data.notebook import Notebook
-from tests.support import hostile, row_by_row
+from tests.support import hostile
 from tests.support.application import running
 
 DEPTH = 3000
@@ -76,7 +76,7 @@ def test_a_name_is_expanded_once(tiny_store):
         assert to_text(node).count("gap > 1") == 2**8
 
 
-def test_large_expressions_are_evaluated(tiny_store):
+def test_large_expressions_are_evaluated_equally_by_numpy_and_sql(tiny_store):
     links = {f"s{i}": f"@s{i + 1} | ids({i % 40})" for i in range(95)}
     long = {f"t{i}": " | ".join(f"sim.error > {i}.{j:03d}" for j in range(MAX_TERMS // 6 - 10))
             for i in range(6)}  # fmt: skip
@@ -91,8 +91,9 @@ def test_large_expressions_are_evaluated(tiny_store):
             "!@r0 - @s3",
             "!!!@s1",
         ):
-            selected = np.flatnonzero(evaluation.select(store, expression, saved=saved)).tolist()
-            assert row_by_row.select(store, parse(expression), saved=saved) == selected
+            selected = np.flatnonzero(evaluation.select(store, expression, saved=saved))
+            sql, parameters = evaluation.sql(store, expression, saved=saved)
+            assert [row[0] for row in store.execute(sql, parameters)] == selected.tolist()
 
 
 @pytest.mark.parametrize("name", EXTREME_EXPRESSIONS)

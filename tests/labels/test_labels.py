@@ -119,6 +119,8 @@ def test_imported_labels_are_stored_and_select(s2r, store_copy, tmp_path, write)
         for expression, iids in (
             ("label:chair", [3, 30]), ('label:"fire door" - traj:a', [30]), ("label:lamp", []),
         ):  # fmt: skip
+            query, parameters = evaluation.sql(store, expression)
+            assert [iid for (iid,) in store.execute(query, parameters)] == iids
             assert np.flatnonzero(evaluation.select(store, expression)).tolist() == iids
     assert s2r("query", store_copy, "ids(3)", "--columns", "label", "--json").json == [
         {"label": "chair fire door"}

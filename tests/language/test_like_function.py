@@ -51,6 +51,8 @@ def _add(path: Path) -> None:
 )
 def test_like_selects_the_instance_and_its_nearest_neighbours(store, text, expected):
     assert set(np.flatnonzero(evaluation.select(store, text, "vanilla"))) == expected
+    query, parameters = evaluation.sql(store, text, "vanilla")
+    assert {row[0] for row in store.execute(query, parameters)} == expected
 
 
 def test_neighbours_are_searched_in_the_chosen_trajectories(store):
@@ -62,10 +64,13 @@ def test_neighbours_are_searched_in_the_chosen_trajectories(store):
 
 
 def test_a_run_without_embeddings_is_an_error(store):
-    with pytest.raises(ExpressionError, match=r"column 10: like: run 'dataaug' has no embeddings"):
-        evaluation.select(store, "gap > 0 |like(3, 4)", "dataaug")
-    with pytest.raises(ExpressionError, match=r"instance 40: the store holds 0 \.\. 39"):
-        evaluation.select(store, "like(40, 4)", "vanilla")
+    for evaluate in (evaluation.select, evaluation.sql):
+        with pytest.raises(
+            ExpressionError, match=r"column 10: like: run 'dataaug' has no embeddings"
+        ):
+            evaluate(store, "gap > 0 |like(3, 4)", "dataaug")
+        with pytest.raises(ExpressionError, match=r"instance 40: the store holds 0 \.\. 39"):
+            evaluate(store, "like(40, 4)", "vanilla")
 
 
 def test_embeddings_replace_missing_components(store_copy):

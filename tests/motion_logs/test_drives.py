@@ -11,8 +11,8 @@ from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.geometry import angles
 from s2rstore.index.transaction import edit
 from s2rtools.motion_logs import csv_reader, read_drives
-from s2rtools.motion_logs.rigid_alignment import fit
-from s2rtools.motion_logs.store_odometry import odometry
+from s2rtools.motion_logs.drives import odometry
+from s2rtools.motion_logs.motion_log import fit_transform
 
 
 def write_drive(folder: Path, seed: int, untuned: bool = True) -> Path:
@@ -101,4 +101,4 @@ def test_missing_timestamps_or_odometry_are_reported(store_with_odometry, tiny_s
 def test_constant_positions_cannot_be_aligned():
     constant_position = (np.full(9, 2.0), np.full(9, 1.0))
     with pytest.raises(InconclusiveError, match="nothing to align by"):
-        fit(constant_position, constant_position)
+        fit_transform(constant_position, constant_position)

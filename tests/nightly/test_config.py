@@ -126,7 +126,7 @@ def test_all_keys_are_read(tmp_path):
         (f'{SYSID}fix = {{ track = 9 }}', "sysid: track=9: out of its range"),
         (f'{SYSID}fix = {{ latency = 0.1 }}', "sysid: latency: always searched"),
         (f'{SYSID}range = {{ latency = 3 }}', "sysid.range.latency: expected text, got 3"),
-        (f'{SYSID}range = {{ latency = "3" }}', "sysid: range.latency: 3: expected LOW..HIGH"),
+        (f'{SYSID}range = {{ latency = "3" }}', "sysid: range.latency=3: expected LOW..HIGH"),
         (f'{SYSID}range = {{ track = "1..2" }}', "sysid: track: not searched"),
         ('store = "s.s2r"\n[drives]\ndynamics = ["reach=x"]', "drives.dynamics: reach=x: expected"),
         ('store = "s.s2r"\n[stale]\nafter_days = -1', "stale.after_days: expected a number >= 0"),

@@ -16,7 +16,7 @@ import pytest
 from s2rstore.gap_history import reader
 from s2rtools.gap.axes import AXES
 from s2rtools.nightly import config
-from s2rtools.nightly.prometheus_metrics import metrics
+from s2rtools.nightly.report_files import metrics
 from s2rtui.cli.command_parser import build_parser
 from tests.nightly.test_files import samples
 

@@ -17,7 +17,7 @@ from prometheus_client.openmetrics import parser as openmetrics
 from prometheus_client.parser import text_string_to_metric_families
 
 from s2rstore.gap_history import reader
-from s2rtools.nightly.prometheus_metrics import metrics
+from s2rtools.nightly.report_files import metrics
 from s2rtools.nightly.run import nightly
 from tests.support import nights
 from tests.support.nights import Week, day

@@ -19,6 +19,7 @@ from s2rstore.maintenance.verify import verify
 from s2rstore.records import SIDES
 from s2rtools.datasets.floor.floor_poses import FloorOptions
 from s2rtools.datasets.pairing.paired_recordings import PairOptions, scan_pairs
+from s2rtools.datasets.pairing.recorded_scan import MapOptions
 from s2rtools.datasets.writing.build import build
 from s2rtools.interactive.live_model import LiveModel
 from s2rtools.models import build_network
@@ -53,7 +54,7 @@ def make_store(folder: Path, has_depth: bool) -> Path:
     ]
     read = [recordings.LAYOUT.read(path, recordings.ReadOptions()) for path in paths]
     floors = {side: FloorOptions(ground=0.0) for side in SIDES}
-    options = PairOptions("name", None, (64, 64), floors=floors)
+    options = PairOptions("name", None, MapOptions((64, 64)), floors=floors)
     made = scan_pairs(*read, options)
     build(made.scan, folder / "s.s2r", "s2r ingest", False, lambda steps: None)
     return folder / "s.s2r"
@@ -107,7 +108,9 @@ def test_the_language_the_tables_and_the_views_know_the_offset(loose, s2r):
             ("pair_offset_deg: 5.9..6.1", N),
             ("worst(3, pair_offset_m)", 3),
         ):
+            query, parameters = evaluation.sql(store, text)
             assert np.count_nonzero(evaluation.select(store, text)) == count
+            assert len(store.execute(query, parameters)) == count
     header, row = (
         line.split(",") for line in s2r("query", path, "ids(4)", "--format", "csv").lines
     )

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from s2rtools.prediction_import.row_matching import (
+from s2rtools.prediction_import.instance_matching import (
     NONE,
     ImageIndex,
     first_of_each,

@@ -17,13 +17,12 @@ from scipy import stats
 import s2rstore
 from s2rstore.index import row_files
 from s2rstore.index.transaction import edit
-from s2rstore.language import evaluation, parse
+from s2rstore.language import evaluation
 from s2rstore.maintenance.verify import verify
 from s2rstore.metrics.uncertainty import conformal_radius
 from s2rstore.records import SIDES
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtui.cli import main
-from tests.support import row_by_row
 from tests.support.predictions import make, write_rows
 from tests.support.refusals import run_command
 from tests.support.silent_reporter import SilentReporter
@@ -64,7 +63,8 @@ def test_a_sigma_is_stored_selected_and_kept(store, tmp_path, monkeypatch, capsy
             assert {(iid, side): sigma for iid, side, sigma in stored} == pytest.approx(expected)
             for text in ("real.sigma > 0.25 | sim.sigma_m < 0.2", "worst(5, real.sigma)"):
                 mask = evaluation.select(opened, text, run="theirs")
-                found = row_by_row.select(opened, parse(text), "theirs")
+                query, parameters = evaluation.sql(opened, text, "theirs")
+                found = [iid for (iid,) in opened.execute(query, parameters)]
                 assert found == np.flatnonzero(mask).tolist() != []
         if not is_computed:
             options = PrecomputeOptions(("pixel_difference",))

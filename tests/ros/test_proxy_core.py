@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from s2rstore.errors import RequestError
-from s2rtools.ros.frame_flow import LatestFrame, SlidingWindow
-from s2rtools.ros.proxy_core import Frame, ProxyCore
+from s2rtools.ros.proxy_core import Frame, LatestFrame, ProxyCore, SlidingWindow
 from s2rtools.ros.proxy_node import camera_info_topic, check_topics, is_compressed
 from s2rtools.ros.proxy_settings import ProxySettings, parse_age
 from s2rtools.translation.colour_maps import IdentityTranslator

@@ -12,12 +12,12 @@ from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.suggestions import SuggestReport, from_json, read_report
 from s2rtools.suggestions import simulator_match
+from s2rtools.suggestions.command import apply_answer, save_report
 from s2rtools.suggestions.held_out_split import split_instances
 from s2rtools.suggestions.search import Candidate, FactorFit, SearchResult
 from s2rtools.suggestions.settings import SuggestSettings, parse_duration, parse_share
 from s2rtools.suggestions.simulator_match import SimulatorMatch
 from s2rtools.suggestions.sliders import Slider, sliders_of
-from s2rtools.suggestions.stored_reports import apply_answer, save_report
 from s2rtools.suggestions.suggest import _on_whole_frames, suggest
 from s2rtui.cli import main
 from tests.support.copies import copy_store

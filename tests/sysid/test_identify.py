@@ -8,8 +8,8 @@ import pytest
 from scipy import stats
 
 from s2rstore.errors import InconclusiveError, RequestError
-from s2rtools.sysid.heldout_error import HeldOut, compared
 from s2rtools.sysid.identify import Identification, SysidSettings, identify
+from s2rtools.sysid.prediction_error import HeldOut, compared
 from s2rtools.sysid.report import record
 from s2rtools.sysid.simulators import Planar
 from s2rtools.sysid.synthetic_drives import SEVERITIES

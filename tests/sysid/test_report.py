@@ -57,7 +57,7 @@ def test_the_command_writes_and_prints(drive_folder, run, out, capsys):
         (["--simulator", "bullet"], "--simulator bullet: unknown"),
         (["--parameters", "weight"], "weight: no parameter"),
         (["--parameters", ","], "--parameters: is empty; give names"),
-        (["--fix", "track"], "--fix track: must be NAME=VALUE"),
+        (["--fix", "track"], "--fix track: expected NAME=VALUE"),
         (["--seeds", "0"], "--seeds"),
         (["--window", "nan"], "--window"),
     ],
@@ -86,8 +86,8 @@ def test_undetermined_parameters_exit_with_3(run, out, capsys):
 
 
 @pytest.mark.parametrize(("limits", "line"), [
-    ("latency=0..0.1..2", "--range latency=0..0.1..2: expected NAME=LOW..HIGH"),
-    ("latency=0..1:root", "expected NAME=LOW..HIGH"),
+    ("latency=0..0.1..2", "--range latency=0..0.1..2: expected LOW..HIGH"),
+    ("latency=0..1:root", "expected LOW..HIGH"),
     ("weight=1..2", "weight: no parameter"),
     ("mass=9..3", "the lower first"),
     ("mass=0..3", "must be above 0"),

@@ -9,8 +9,7 @@ import torch
 
 from s2rstore.intervals import Interval
 from s2rtools.sysid.identify import identify
-from s2rtools.sysid.residual_network import CorrectionNetwork, stretches_of
-from s2rtools.sysid.residual_training import learn
+from s2rtools.sysid.residual_network import CorrectionNetwork, learn, stretches_of
 from s2rtools.sysid.synthetic_drives import DriveSettings, make_drives
 from tests.support.silent_reporter import SilentReporter
 from tests.sysid.conftest import QUICK

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from s2rstore.errors import RequestError
-from s2rtools.translation import METHODS, feature_network, fit_loop, network_translator
+from s2rtools.translation import METHODS, fit_loop, network_translator, style_losses
 from s2rtools.translation.adversarial_training import AdversarialLearner, ImagePool, luminance_loss
 from s2rtools.translation.method import FitResult, FitSettings
 from s2rtools.translation.translator_file import StoredTranslator, decode, encode
@@ -27,7 +27,7 @@ def tiny_settings(name: str, steps: int = 4, **more: str) -> FitSettings:
 
 @pytest.fixture(autouse=True)
 def few_feature_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(feature_network, "TRAINING_STEPS", 20)
+    monkeypatch.setattr(style_losses, "TRAINING_STEPS", 20)
 
 
 @cache

@@ -5,17 +5,16 @@ import torch
 from safetensors.torch import save_file
 
 from s2rstore.errors import RequestError
-from s2rtools.translation import METHODS, feature_network
-from s2rtools.translation.feature_network import FeatureNetwork, read_vgg19
+from s2rtools.translation import METHODS, style_losses
 from s2rtools.translation.method import FitSettings
 from s2rtools.translation.network_translator import to_tensor
-from s2rtools.translation.style_losses import StyleLosses, gram_matrix
+from s2rtools.translation.style_losses import FeatureNetwork, StyleLosses, gram_matrix, read_vgg19
 from tests.translation.palette_world import counterparts, image_set, unpaired
 
 
 @pytest.fixture(autouse=True)
 def few_feature_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(feature_network, "TRAINING_STEPS", 30)
+    monkeypatch.setattr(style_losses, "TRAINING_STEPS", 30)
 
 
 def style_loss(losses: StyleLosses, images) -> float:

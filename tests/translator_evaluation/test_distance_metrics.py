@@ -5,12 +5,11 @@ import pytest
 
 from s2rtools.common.blocks import split_into_blocks
 from s2rtools.common.wasserstein import wasserstein_by_dimension
+from s2rtools.translator_evaluation import distance_metrics
 from s2rtools.translator_evaluation.distance_metrics import (
     channel_histograms,
     colour_features,
-    folder_distances,
     histogram_distance,
-    paired_distances,
 )
 from s2rtools.translator_evaluation.measures import CHANNELS
 from tests.translator_evaluation.scenes import Images, as_images, recoloured, rooms
@@ -22,7 +21,7 @@ FEATURES = {"colour": colour_features}
 
 
 def distances(translated: Images):
-    found = paired_distances(translated, SOURCE, TARGET, BLOCKS, FEATURES)
+    found = distance_metrics.distances(translated, SOURCE, TARGET, FEATURES, BLOCKS)
     return {(row.metric, row.reference): row.interval for row in found}
 
 
@@ -57,14 +56,15 @@ def test_intervals_hold_their_value_and_depend_on_the_seed_alone():
 
 def test_few_blocks_give_no_interval():
     blocks = split_into_blocks(np.zeros(8, dtype=np.int64), 4)
-    found = paired_distances(SOURCE[:8], SOURCE[:8], TARGET[:8], blocks, FEATURES)
+    found = distance_metrics.distances(SOURCE[:8], SOURCE[:8], TARGET[:8], FEATURES, blocks)
     kid = next(row for row in found if row.metric == "kid_colour" and row.reference != "target")
     assert np.isfinite(kid.interval.value)
     assert np.isnan(kid.interval.low)
 
 
 def test_folders_are_compared_without_pairs():
-    rows = folder_distances(as_images(SOURCE[:9] * 0.4), SOURCE[:9], as_images(rooms(5, 14) * 0.4))
+    target = as_images(rooms(5, 14) * 0.4)
+    rows = distance_metrics.distances(as_images(SOURCE[:9] * 0.4), SOURCE[:9], target, FEATURES)
     found = {(row.metric, row.reference): row.interval.value for row in rows}
     assert found["w1_red", "translator"] < found["w1_red", "identity"]
     assert found["kid_colour", "translator"] < found["kid_colour", "identity"]

@@ -102,8 +102,8 @@ def test_the_report_of_folders_scores_the_model(tmp_path, capsys, monkeypatch):
     report = ["translate", "report", file, *folders, "--downstream", "bright:MODEL"]
     assert main(report) == 2
     assert main([*report, "--truth", "truth"]) == 0
-    assert "model behind it" in capsys.readouterr().out
+    assert "model behind the translator" in capsys.readouterr().out
     assert main([*report, "--truth", "truth", "--json"]) == 0
-    rows = json.loads(capsys.readouterr().out)["look"]["rows"]
+    rows = json.loads(capsys.readouterr().out)[0]["rows"]
     gain = next(row for row in rows if row["metric"] == "downstream_gain")
     assert gain["interval"]["value"] > 0.2

@@ -14,8 +14,8 @@ from s2rtools.translation.translator_file import read_translator
 from s2rtools.translator_evaluation import fit_into_store as fitting
 from s2rtools.translator_evaluation.fit_into_store import FitRequest, fit_folders, fit_into_store
 from s2rtools.translator_evaluation.judged_frames import named_translator
-from s2rtools.translator_evaluation.report import evaluate_folders
-from s2rtools.translator_evaluation.tables import folder_text
+from s2rtools.translator_evaluation.report import ReportSettings, evaluate_folders
+from s2rtools.translator_evaluation.tables import reports_text
 from s2rtui.cli import main
 from tests.translator_evaluation.scenes import recoloured, rooms, write_folder
 
@@ -133,13 +133,13 @@ def test_folders_are_judged_on_images_that_the_fit_held_out(tmp_path, used):
     assert [len(each) for each in used] == [14, 14]
     assert "016.png" not in used[0].names
     stored = read_translator(file)
-    judged = evaluate_folders(source, target, stored)
+    judged = evaluate_folders(source, target, stored, "t", ReportSettings())
     assert (judged.images, judged.held_out) == (8, True)
-    assert "held out from the fit" in folder_text(judged)
+    assert "8 images that no translator was fitted on" in reports_text([judged], None)
     (source / "000.png").unlink()
-    other = evaluate_folders(source, target, stored)
+    other = evaluate_folders(source, target, stored, "t", ReportSettings())
     assert (other.images, other.held_out) == (23, None)
-    assert "perhaps judged on images of the fit" in folder_text(other)
+    assert "23 images of folders, perhaps used to train" in reports_text([other], None)
 
 
 def test_small_folders_are_judged_on_images_of_the_fit_and_say_so(tmp_path):
@@ -147,6 +147,6 @@ def test_small_folders_are_judged_on_images_of_the_fit_and_say_so(tmp_path):
     target = write_folder(tmp_path / "simulation", recoloured(rooms(1, 6)))
     file = tmp_path / "t.safetensors"
     assert fit_folders(source, target, FitRequest("mkl", "mkl"), file) is None
-    judged = evaluate_folders(source, target, read_translator(file))
+    judged = evaluate_folders(source, target, read_translator(file), "t", ReportSettings())
     assert (judged.images, judged.held_out) == (6, False)
-    assert "\njudged on images of the fit" in folder_text(judged)
+    assert "6 images of the fit" in reports_text([judged], None)

@@ -8,8 +8,7 @@ import pytest
 
 from s2rtools.translation import METHODS
 from s2rtools.translation.method import FitSettings
-from s2rtools.translator_evaluation.gates import judge
-from s2rtools.translator_evaluation.measures import measure_content
+from s2rtools.translator_evaluation.measures import judge, measure_content
 from tests.translation.palette_world import image_set
 from tests.translator_evaluation.scenes import (
     Images,

@@ -13,7 +13,7 @@ import numpy as np
 
 from s2rstore.errors import counted
 from s2rstore.index.columns import BoolColumn, InstanceColumns, RunColumns
-from s2rstore.records import SIDES, SPLITS
+from s2rstore.records import SIDES, SPLITS, TRAINING_SPLITS
 
 INCLUDE_HINT = "M includes them"
 """What brings trained instances back on the screen."""
@@ -75,6 +75,13 @@ class Population:
 
 NEW_INSTANCES = Population()
 """The instances of all trajectories that are new to the run."""
+
+
+def new_to_run(alias: str) -> str:
+    """The SQL condition that a row of view `pair`, named `alias`, is a new instance."""
+    known = ", ".join(f"'{split}'" for split in TRAINING_SPLITS)
+    sides = (f"coalesce({alias}.{side}_split NOT IN ({known}), true)" for side in SIDES)
+    return " AND ".join(sides)
 
 
 def count_text(

@@ -1,7 +1,7 @@
-"""Selections as a language.
+"""Selections as a language: text, tree, and two back ends that agree.
 
-`parse` gives the tree of a text, `to_text` its canonical text and `mask` a boolean mask over dense
-columns. A `Query` is a tree with the instances that count.
+`parse` gives the tree, `to_text` its canonical text, `mask` a boolean mask over dense columns and
+`to_sql` a query with bound parameters. A `Query` is a tree with the instances that count.
 """
 
 from s2rstore.errors import ExpressionError
@@ -10,6 +10,7 @@ from s2rstore.language.completion import complete
 from s2rstore.language.name_resolution import Neighbours, Vocabulary, expand, used_runs
 from s2rstore.language.numpy_backend import MaskContext, base_population, mask
 from s2rstore.language.query import Query
+from s2rstore.language.sql_backend import SqlContext, to_sql
 from s2rstore.language.syntax_tree import Node
 
 
@@ -37,6 +38,7 @@ __all__ = [
     "Neighbours",
     "Node",
     "Query",
+    "SqlContext",
     "Vocabulary",
     "base_population",
     "check_size",
@@ -46,6 +48,7 @@ __all__ = [
     "mask",
     "parse",
     "quoted",
+    "to_sql",
     "to_text",
     "used_runs",
 ]

@@ -16,8 +16,10 @@ from s2rstore.language import (
     MaskContext,
     Node,
     Query,
+    SqlContext,
     Vocabulary,
     parse,
+    to_sql,
 )
 from s2rstore.language.fields import is_truth
 from s2rstore.language.name_resolution import used_fields
@@ -103,6 +105,28 @@ def require_predictions(store: Store, asked: Query) -> None:
             raise RequestError(f"{store.path}: {used[0]} needs predictions: {store.no_run}")
 
 
+def sql(
+    store: Store,
+    expression: str | Node,
+    run: str | None = None,
+    trajectories: Sequence[str] | None = None,
+    saved: Saved | None = None,
+    with_trained: bool = False,
+) -> tuple[str, list[object]]:
+    """The same selection as a DuckDB query with bound parameters.
+
+    Raises RequestError for a field of predictions where `run` is `NO_RUN` in a data set with poses.
+    """
+    asked = query(store, expression, run, trajectories, saved, with_trained)
+    require_predictions(store, asked)
+    of = asked.context
+    context = SqlContext(
+        of.run, of.words, of.population, of.neighbours, store.stored_rooms,
+        rows_of_run(store, of.run), _has_unpaired(store, of.run),
+    )  # fmt: skip
+    return to_sql(asked.node, context)
+
+
 def rows_of_run(store: Store, run: str) -> str:
     """SQL text of the table of a run's instances and predictions, for a FROM clause.
 
@@ -111,8 +135,11 @@ def rows_of_run(store: Store, run: str) -> str:
     """
     if not store.has_computed_run:
         return pair_view.unpredicted()
-    is_paired = store.run_columns(run).paired.all()
-    return "pair" if is_paired else pair_view.with_all_instances(run)
+    return pair_view.with_all_instances(run) if _has_unpaired(store, run) else "pair"
+
+
+def _has_unpaired(store: Store, run: str) -> bool:
+    return not store.run_columns(run).paired.all()
 
 
 def _neighbours(

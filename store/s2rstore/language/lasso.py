@@ -1,4 +1,4 @@
-"""Which points a polygon holds, by the even-odd rule.
+"""Which points a polygon holds, by the even-odd rule: one formula for both back ends.
 
 A point is inside where an odd number of edges lies to its right. An edge runs from its end with the
 smaller y (included) to the one with the larger y (not included) and lies to the right where

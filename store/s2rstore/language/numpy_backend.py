@@ -1,4 +1,4 @@
-"""Evaluate syntax trees to boolean masks over dense columns."""
+"""Evaluate syntax trees to boolean masks over dense columns: the back end of the application."""
 
 from __future__ import annotations
 

@@ -16,8 +16,7 @@ from s2rstore.geometry import angles
 from s2rtools.gap.dynamics import ape_rpe
 from s2rtools.gap.dynamics.ape_rpe import LogAlignment, RpeStep
 from s2rtools.motion_logs import Log
-from s2rtools.motion_logs.motion_log import RigidTransform
-from s2rtools.motion_logs.rigid_alignment import fit
+from s2rtools.motion_logs.motion_log import RigidTransform, fit_transform
 
 metrics = pytest.importorskip("evo.core.metrics")
 trajectory = pytest.importorskip("evo.core.trajectory")
@@ -95,7 +94,7 @@ def test_a_mirrored_log_is_aligned_only_by_a_reflection():
     mirrored = RigidTransform(1.0, reflected=True)(DRIVE.sim)
     turned = ape_rpe.ape(DRIVE.sim, mirrored, LogAlignment(rigid=True))
     assert ape_rpe.rmse(turned.position) > 0.3
-    assert not fit((DRIVE.sim.x, DRIVE.sim.y), (DRIVE.sim.x, DRIVE.sim.y), True).reflected
+    assert not fit_transform((DRIVE.sim.x, DRIVE.sim.y), (DRIVE.sim.x, DRIVE.sim.y), True).reflected
 
 
 def test_headings_are_interpolated_across_the_wrap():

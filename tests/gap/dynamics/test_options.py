@@ -11,7 +11,8 @@ import pytest
 import s2rstore
 from bench.support import robot
 from s2rstore.index.transaction import edit
-from s2rtools.gap.axes import MOTION, configured, option_texts
+from s2rtools.common.command_line.assignments import parse_assignments
+from s2rtools.gap.axes import MOTION, configured, options_of
 from s2rtools.gap.axis import Evidence, GapSettings
 from s2rtools.gap.delay.delay_axis import DelayAxis
 from s2rtools.gap.dynamics.ape_rpe import LogAlignment, RpeStep
@@ -29,7 +30,7 @@ def evidence(tiny_store: Path):
 
 
 def parse_axes(*arguments: str) -> tuple[DynamicsAxis, DelayAxis]:
-    both = configured(option_texts(MOTION, arguments))
+    both = configured(parse_assignments(MOTION, arguments, options_of(MOTION)))
     dynamics, delay = both["dynamics"], both["delay"]
     assert isinstance(dynamics, DynamicsAxis)
     assert isinstance(delay, DelayAxis)

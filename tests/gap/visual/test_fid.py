@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from torchmetrics.image.fid import FrechetInceptionDistance
 from torchmetrics.image.kid import poly_mmd
 
-from s2rtools.gap.visual import kid
+from s2rtools.gap.visual import feature_distances
 from s2rtools.gap.visual.feature_distances import (
     frechet_distance,
     trace_root,
@@ -59,7 +59,7 @@ def test_a_single_image_is_rejected():
     with pytest.raises(ValueError, match="2 samples"):
         frechet_distance(np.zeros((1, 3)), np.zeros((5, 3)))
     with pytest.raises(ValueError, match="2 samples"):
-        kid.kernel_distance(np.zeros((1, 3)), np.zeros((5, 3)))
+        feature_distances.kernel_distance(np.zeros((1, 3)), np.zeros((5, 3)))
 
 
 @given(st.integers(0, 10_000), st.integers(2, 40), st.integers(1, 30))
@@ -67,4 +67,4 @@ def test_the_kernel_distance_equals_torchmetrics(seed, n, d):
     rng = np.random.default_rng(seed)
     x, y = rng.normal(size=(n, d)), rng.normal(0.4, 1.2, size=(n, d))
     expected = float(poly_mmd(torch.from_numpy(x), torch.from_numpy(y)))
-    assert kid.kernel_distance(x, y) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    assert feature_distances.kernel_distance(x, y) == pytest.approx(expected, rel=1e-9, abs=1e-9)

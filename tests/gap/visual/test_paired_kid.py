@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from s2rstore.intervals import Interval
 from s2rtools.common.blocks import Blocks, split_into_blocks
 from s2rtools.gap.instance_selection import random_blocks, random_halves
-from s2rtools.gap.visual.kid import block_mmd, kernel_distance, polynomial_gram
-from s2rtools.gap.visual.low_dimensional_samples import principal_components
+from s2rtools.gap.visual.divergence import principal_components
+from s2rtools.gap.visual.feature_distances import block_mmd, kernel_distance, polynomial_gram
 from s2rtools.gap.visual.split_half_metrics import split_half_metrics
 
 

@@ -16,9 +16,12 @@ from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
 from s2rtools.common.blocks import split_into_blocks
 from s2rtools.common.wasserstein import sliced_wasserstein, wasserstein_by_dimension
+from s2rtools.gap.visual.divergence import (
+    divergences,
+    prediction_samples,
+    principal_components,
+)
 from s2rtools.gap.visual.feature_distances import prdc
-from s2rtools.gap.visual.kl_divergence import divergences
-from s2rtools.gap.visual.low_dimensional_samples import prediction_samples, principal_components
 from s2rtools.gap.visual.split_half_metrics import split_half_metrics
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import weakref
-from collections.abc import Collection, Generator, Iterator
+from collections.abc import Collection, Generator, Iterator, Mapping
 from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
@@ -157,3 +157,40 @@ def stamp_of(message: Any) -> int:
 def pose_of(message: Any) -> Any:
     """The position and orientation of a message of a type in `POSES`."""
     return getattr(message.pose, "pose", message.pose)
+
+
+def choose_topic(
+    bag: Path,
+    types: Mapping[str, str],
+    usable_types: Collection[str],
+    requested: str | None,
+    names: tuple[str, str],
+) -> str:
+    """The requested topic, or else the only one of a usable type; `types` are those of all topics.
+
+    `names` are what such topics hold, and the option that names one. Raises RequestError where
+    there is no such topic, or several.
+    """
+    content, option = names
+    usable = sorted(topic for topic, kind in types.items() if kind in usable_types)
+    if requested is not None:
+        if requested not in types:
+            known = ", ".join(usable) or f"none with {content}"
+            raise RequestError(f"{bag}: no topic {requested} (has: {known})")
+        if requested not in usable:
+            kind = types[requested]
+            raise RequestError(f"{bag}: topic {requested} is {kind}, which holds no {content}")
+        return requested
+    if not usable:
+        known = ", ".join(sorted({each.rpartition("/")[2] for each in usable_types}))
+        raise RequestError(f"{bag}: no topic with {content} ({known})")
+    if len(usable) > 1:
+        raise RequestError(
+            f"{bag}: several topics have {content}; name one of {', '.join(usable)} ({option})"
+        )
+    return usable[0]
+
+
+def frame_name(frame: str) -> str:
+    """The name of a frame without the slash that older versions of ROS began it with."""
+    return frame.removeprefix("/")

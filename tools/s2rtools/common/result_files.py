@@ -33,6 +33,16 @@ def check_writable(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path
             raise RequestError(f"{option} {path}: is the file of {other}, too; name another")
 
 
+def check_folder(option: str, folder: Path) -> None:
+    """Raise RequestError, beginning with `option`, unless files can be written to a folder.
+
+    It need not exist yet.
+    """
+    existing = next(each for each in (folder, *folder.absolute().parents) if each.exists())
+    if not existing.is_dir() or not os.access(existing, os.W_OK | os.X_OK):
+        raise RequestError(f"{option}: cannot write to {existing}; name another folder")
+
+
 def write_all(contents: Mapping[Path, bytes]) -> None:
     """Write all files beside their paths, then rename them. Raises RequestError."""
     partial: dict[Path, Path] = {}

@@ -16,8 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.data_collection.candidates import CandidatePoses
-from s2rtools.data_collection.pose_similarity import Codes, Floats, Poses, PoseSimilarity
+from s2rtools.data_collection.candidates import CandidatePoses, Codes, Floats, Poses, PoseSimilarity
 
 _ROWS = 512
 _EQUAL = 1e-12

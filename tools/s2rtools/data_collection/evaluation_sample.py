@@ -22,9 +22,8 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.files.planned_poses import PoseSample
 from s2rstore.reader import Store
-from s2rtools.data_collection.candidates import CandidatePoses, find_candidates
+from s2rtools.data_collection.candidates import CandidatePoses, Floats, find_candidates
 from s2rtools.data_collection.plan import DEFAULT_SIMILARITY, check_request, planned_poses
-from s2rtools.data_collection.pose_similarity import Floats
 
 if TYPE_CHECKING:
     from s2rtools.common.command_line.progress import Reporter

@@ -17,10 +17,19 @@ from s2rstore.language import to_text
 from s2rstore.language.syntax_tree import Ids
 from s2rstore.reader import Store
 from s2rtools.data_collection.batch_choice import Batch, PoseCoverage, add_in_order, choose_batch
-from s2rtools.data_collection.candidates import CandidatePoses, find_candidates
-from s2rtools.data_collection.evidence import Evidence, read_evidence
-from s2rtools.data_collection.expected_reduction import LocalValues, Method, local_values
-from s2rtools.data_collection.pose_similarity import Floats, PoseSimilarity
+from s2rtools.data_collection.candidates import (
+    CandidatePoses,
+    Floats,
+    PoseSimilarity,
+    find_candidates,
+)
+from s2rtools.data_collection.expected_reduction import (
+    Evidence,
+    LocalValues,
+    Method,
+    local_values,
+    read_evidence,
+)
 
 if TYPE_CHECKING:
     from s2rtools.common.command_line.progress import Reporter

@@ -14,8 +14,7 @@ from s2rstore.reader import Store
 from s2rstore.records import Run
 from s2rstore.run_inputs import run_domain
 from s2rtools.common.command_line.progress import Reporter
-from s2rtools.data_collection.candidates import CandidatePoses
-from s2rtools.data_collection.pose_similarity import Floats, Poses
+from s2rtools.data_collection.candidates import CandidatePoses, Floats, Poses
 from s2rtools.precompute.frame_reader import side_frames
 from s2rtools.precompute.pose_predictor import PosePredictor
 from s2rtools.renderer.protocol import Ready

@@ -10,7 +10,7 @@ import shlex
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -144,17 +144,9 @@ def execute(options: argparse.Namespace) -> int:
         tuple(options.trajectory), header, frame, world, allow_outside, folders
     )
     scan = IMPORTERS[options.layout](getattr(options, "path", Path()), scan_options)
-    _print_outside_folders(scan)
-    try:
-        code = (
-            append_scan(scan, options.store, options.strict)
-            if options.append
-            else _build(scan, options)
-        )
-    finally:
-        print_issues(scan.issues, options.strict)
+    code = _ingest(scan, options)
     if code == 0 and options.layout == "world" and not options.survey:
-        from s2rtools.labels.world_labels import label_world
+        from s2rtools.labels.write_labels import label_world
 
         label_world(options.store, _command())
     return code
@@ -167,36 +159,31 @@ def _ingest_pairs(options: argparse.Namespace, size: int) -> int:
         stored = _stored_worlds(options)
     with reporter() as progress:
         made = pair_arguments.scan(options, (size, size), progress, stored)
-    for line in made.summary:
-        print(printable(line))
-    _print_outside_folders(made.scan)
-    try:
-        if options.report is not None:
-            made.write_report(options.report)
-        return (
-            append_scan(made.scan, options.store, options.strict)
-            if options.append
-            else _build(made.scan, options)
-        )
-    finally:
-        print_issues(made.scan.issues, options.strict)
+    if options.report is not None:
+        made.write_report(options.report)
+    return _ingest(made.scan, options, made.summary)
 
 
 def _ingest_recording(options: argparse.Namespace, size: int) -> int:
     _check_store(options)
     store = options.store if options.append else None
     made = pair_arguments.scan_one(options, (size, size), store)
-    for line in made.summary:
+    return _ingest(made.scan, options, made.summary)
+
+
+def _ingest(scan: Any, options: argparse.Namespace, summary: Sequence[str] = ()) -> int:
+    """Make a store of a scan, or append it to one; prints the summary and the issues."""
+    for line in summary:
         print(printable(line))
-    _print_outside_folders(made.scan)
+    for folder, count in sorted(scan.outside_folders.items()):
+        files = counted(count, "file")
+        print(printable(f"read from outside the data folder: {folder} ({files})"), file=sys.stderr)
     try:
-        return (
-            append_scan(made.scan, options.store, options.strict)
-            if options.append
-            else _build(made.scan, options)
-        )
+        if options.append:
+            return append_scan(scan, options.store, options.strict)
+        return _build(scan, options)
     finally:
-        print_issues(made.scan.issues, options.strict)
+        print_issues(scan.issues, options.strict)
 
 
 def _check_store(options: argparse.Namespace) -> None:
@@ -221,12 +208,6 @@ def _stored_worlds(options: argparse.Namespace) -> StoredWorlds:
         if getattr(options, f"{side}_floor"):
             print(f"--{side}-floor is not used: the floor is that of the store")
     return worlds
-
-
-def _print_outside_folders(scan: Any) -> None:
-    for folder, count in sorted(scan.outside_folders.items()):
-        files = counted(count, "file")
-        print(printable(f"read from outside the data folder: {folder} ({files})"), file=sys.stderr)
 
 
 def _frame_size(options: argparse.Namespace) -> int:

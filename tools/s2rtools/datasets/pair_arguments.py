@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.records import SIDES, Side
+from s2rtools.common.command_line.assignments import parse_assignments, parse_number
 from s2rtools.common.command_line.progress import Reporter
 
 if TYPE_CHECKING:
     from s2rtools.datasets.floor.floor_poses import FloorOptions
-    from s2rtools.datasets.pairing.one_recording import RecordedScan
     from s2rtools.datasets.pairing.paired_recordings import PairedScan
+    from s2rtools.datasets.pairing.recorded_scan import RecordedScan
     from s2rtools.datasets.pairing.stored_worlds import StoredWorlds
     from s2rtools.datasets.recording import Recording
 
@@ -76,8 +77,7 @@ def scan_one(
 
     Raises RequestError for unusable arguments and input.
     """
-    from s2rtools.datasets.pairing.one_recording import scan_recording
-    from s2rtools.datasets.pairing.paired_recordings import MapOptions
+    from s2rtools.datasets.pairing.recorded_scan import MapOptions, scan_recording
     from s2rtools.datasets.pairing.stored_worlds import stored_worlds
 
     side: Side = options.side
@@ -104,12 +104,13 @@ def scan(
     Raises RequestError for unusable arguments and input.
     """
     from s2rtools.datasets.pairing.paired_recordings import PairOptions, scan_pairs
+    from s2rtools.datasets.pairing.recorded_scan import MapOptions
     from s2rtools.datasets.pairing.recording_pairs import parse_tolerance
 
     floors = {side: _floor(f"--{side}-floor", getattr(options, f"{side}_floor")) for side in SIDES}
     pair_options = PairOptions(
-        options.match, parse_tolerance(options.tolerance, options.match), frame, options.align,
-        floors, options.header, options.allow_outside, stored,
+        options.match, parse_tolerance(options.tolerance, options.match),
+        MapOptions(frame, options.header, options.allow_outside, stored), options.align, floors,
     )  # fmt: skip
     sim, real = (_recording(side, options) for side in SIDES)
     count = sum(len(t.frames) for each in (sim, real) for t in each.trajectories.values())
@@ -135,35 +136,14 @@ def read_recording(
     if not separator or not path:
         known, argument = ", ".join(sorted(LAYOUTS)), f"--{side} " if side else ""
         raise RequestError(f"{argument}{place}: give LAYOUT:PATH; layouts are {known}")
-    values = _values(f"--{side}-option" if side else "--option", texts)
+    values = parse_assignments(f"--{side}-option" if side else "--option", texts)
     return read(layout, Path(path), ReadOptions(values, tuple(trajectories), allow_outside))
 
 
 def _floor(argument: str, arguments: Sequence[str]) -> FloorOptions:
     from s2rtools.datasets.floor.floor_poses import FloorOptions
 
-    values = _values(argument, arguments)
-    numbers: dict[str, float] = {}
-    for key, text in values.items():
-        if key not in _FLOOR:
-            raise RequestError(f"{argument} {key}={text}: one of {', '.join(_FLOOR)}")
-        if key == "up":
-            continue
-        try:
-            numbers[key] = float(text)
-        except ValueError as error:
-            raise RequestError(f"{argument} {key}={text}: must be a number") from error
-    return FloorOptions(up=values.get("up"), **numbers)
-
-
-def _values(argument: str, texts: Sequence[str]) -> dict[str, str]:
-    """The values of `KEY=VALUE` by key. Raises RequestError for another form or a repeated key."""
-    values: dict[str, str] = {}
-    for text in texts:
-        key, separator, value = text.partition("=")
-        if not separator or not key:
-            raise RequestError(f"{argument} {text}: give KEY=VALUE")
-        if key in values:
-            raise RequestError(f"{argument} {text}: {key} twice")
-        values[key] = value
-    return values
+    values = parse_assignments(argument, arguments, _FLOOR)
+    up = values.pop("up", None)
+    numbers = {name: parse_number(argument, name, text) for name, text in values.items()}
+    return FloorOptions(up=up, **numbers)

@@ -1,9 +1,10 @@
-"""Records that an importer returns before any image is decoded."""
+"""Records that an importer returns before any image is decoded, and those that are stored."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from array import array
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -19,6 +20,8 @@ from s2rstore.records import Bounds, Domain, RecallThresholds, Room, Side
 from s2rtools.common.input_issue import InputIssue
 
 FRAME_SIZE = (256, 256)
+_DIGEST = 32
+"""Bytes of a SHA-256."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,3 +214,58 @@ def choose_trajectories(
         if name not in names:
             raise RequestError(f"{argument} {name}: not in {where} (has: {', '.join(names)})")
     return [checked_name(name, "trajectory") for name in requested or names]
+
+
+class StoredTrajectory:
+    """The stored ones of a trajectory's records, in recording order.
+
+    An instance takes 4 bytes of memory, and 40 for each of its domains.
+    """
+
+    def __init__(self, records: Sequence[InstanceRecord]) -> None:
+        self._records = records
+        self._rows = array("i")
+        self._digests: dict[str, bytearray] = {}
+        self._valid_fractions: dict[str, array[float]] = {}
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def __iter__(self) -> Iterator[tuple[InstanceRecord, dict[str, FrameChecksum]]]:
+        """The records and the checksums of their frames, by domain."""
+        for position, row in enumerate(self._rows):
+            checksums = {domain: self.checksum(domain, position) for domain in self._digests}
+            yield self._records[row], checksums
+
+    def records(self, start: int = 0, stop: int | None = None) -> list[InstanceRecord]:
+        """The stored records of some positions."""
+        return [self._records[row] for row in self._rows[start:stop]]
+
+    @property
+    def domains(self) -> list[str]:
+        """The domains of the frames."""
+        return list(self._digests)
+
+    def row_numbers(self, start: int = 0) -> list[int]:
+        """The numbers of the stored records from a position on."""
+        return self._rows[start:].tolist()
+
+    def headings(self) -> NDArray[np.float64]:
+        """The headings of all instances, radians."""
+        headings = (self._records[row].heading for row in self._rows)
+        return np.fromiter(headings, np.float64, len(self))
+
+    def checksum(self, domain: str, position: int) -> FrameChecksum:
+        """The checksum of the frame of a domain at a position."""
+        digest = self._digests[domain][_DIGEST * position : _DIGEST * (position + 1)]
+        return FrameChecksum(digest.hex(), self._valid_fractions[domain][position])
+
+    def add(self, row: int, checksums: Mapping[str, FrameChecksum]) -> None:
+        """Add the record number `row` with the checksums of its frames by domain."""
+        self._rows.append(row)
+        for domain, frame in checksums.items():
+            self._digests.setdefault(domain, bytearray()).extend(bytes.fromhex(frame.sha256))
+            self._valid_fractions.setdefault(domain, array("d")).append(frame.valid_fraction)
+
+
+StoredRecords = dict[str, StoredTrajectory]

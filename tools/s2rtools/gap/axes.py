@@ -8,7 +8,7 @@ read the records.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -117,21 +117,6 @@ def options_of(flag: str | None) -> dict[str, str]:
 def flags() -> list[str]:
     """The flags that take NAME=VALUE."""
     return list(dict.fromkeys(record.flag for record in AXES.values() if record.flag))
-
-
-def option_texts(flag: str, arguments: Iterable[str]) -> dict[str, str]:
-    """The values of `flag` NAME=VALUE by name. Raises RequestError."""
-    known, texts = options_of(flag), dict[str, str]()
-    for argument in arguments:
-        name, equals, value = (part.strip() for part in argument.partition("="))
-        if not equals or name not in known:
-            raise RequestError(
-                f"{flag} {argument}: expected NAME=VALUE with NAME one of {', '.join(known)}"
-            )
-        if name in texts:
-            raise RequestError(f"{flag} {argument}: {name} is repeated")
-        texts[name] = value
-    return texts
 
 
 def configured(options: Mapping[str, str]) -> dict[str, Axis]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rtools.common.command_line import store_argument
+from s2rtools.common.command_line.assignments import parse_assignments
 from s2rtools.common.command_line.output import print_coverage
 
 if TYPE_CHECKING:
@@ -69,8 +70,7 @@ def execute(options: argparse.Namespace) -> int:
     from s2rstore.gap_history.gate_status import EXIT_CODES, report_outcome
     from s2rtools.common import result_files
     from s2rtools.gap.gate import gate, golden_run
-    from s2rtools.gap.report import report
-    from s2rtools.gap.tables import gap_text
+    from s2rtools.gap.report import gap_text, report
 
     request = _request(options)
     written = {"--freeze": options.freeze, "--freeze-golden": options.freeze_golden,
@@ -103,7 +103,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _request(options: argparse.Namespace) -> GapRequest:
-    from s2rtools.gap.axes import MAX_SEED, flags, option_texts, options_of
+    from s2rtools.gap.axes import MAX_SEED, flags, options_of
     from s2rtools.gap.axis import GapSettings
     from s2rtools.gap.gate.gate import GapRequest
 
@@ -116,7 +116,8 @@ def _request(options: argparse.Namespace) -> GapRequest:
     given = {name: getattr(options, name) for name in options_of(None)}
     texts = {name: text for name, text in given.items() if text is not None}
     for flag in flags():
-        texts |= option_texts(flag, getattr(options, flag.removeprefix("--")))
+        arguments = getattr(options, flag.removeprefix("--"))
+        texts |= parse_assignments(flag, arguments, options_of(flag))
     return GapRequest(
         run=options.run,
         expression=options.select,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -19,12 +20,15 @@ from s2rstore.files.ledger import Ledger, LedgerEntry
 from s2rstore.index import schema
 from s2rstore.index.transaction import check_writable, edit
 from s2rstore.reader import Store
-from s2rstore.records import TrajectoryPart
+from s2rstore.records import SIDES, TrajectoryPart
 from s2rtools.common.frame_resizing import resized_depth
 from s2rtools.labels.label_sources import LabelImage, LabelSource
 from s2rtools.precompute.label_gains import update_label_gains
+from s2rtools.synthetic_world.dataset import WorldData
 
 Open = Callable[[Store], LabelSource]
+_KEPT = 1024
+"""Rendered label images that are kept in memory: 32 MB of 128 x 128 pixels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,3 +156,25 @@ class _Images:
 
     def _image(self, iid: int) -> LabelImage:
         return np.asarray(resized_depth(self._source.read(iid), self._size))
+
+
+def label_world(root: Path, command: str) -> None:
+    """Store the label images of both sides of a world; each object has a value of its own."""
+    for side in SIDES:
+        write_labels(root, side, partial(world_source, domain=side), command)
+
+
+def world_source(store: Store, domain: str) -> LabelSource:
+    """The labels of a side of the world that a store was made from; RequestError for other data."""
+    data, side = WorldData.of_store(store), next((s for s in SIDES if s == domain), None)
+    if data is None or side is None:
+        raise RequestError(f"{store.path}: {domain} is no side of the synthetic world")
+    poses, camera, renderer = store.poses(domain), data.camera(side), data.renderer(side)
+    names = {number: item.name for number, item in enumerate(data.world.objects, 1)}
+
+    @lru_cache(_KEPT)  # every image is read twice
+    def read(iid: int) -> LabelImage:
+        views = renderer.render(poses[iid : iid + 1], camera, samples=0)
+        return views.identity[0].astype(np.uint16)
+
+    return LabelSource(names, frozenset(np.flatnonzero(store.imaged(domain)).tolist()), read)

@@ -15,6 +15,7 @@ from s2rstore.files import layout, safe_files
 from s2rstore.files.input_files import read_toml
 from s2rstore.gap_history import reader as history
 from s2rstore.gap_history.change_check import YEAR_LEVEL
+from s2rtools.common.command_line.assignments import parse_assignments
 from s2rtools.common.documents import convert
 from s2rtools.gap.axes import (
     AXES,
@@ -25,7 +26,7 @@ from s2rtools.gap.axes import (
     SEED,
     THRESHOLD,
     configured,
-    option_texts,
+    options_of,
 )
 from s2rtools.gap.axis import GapSettings
 from s2rtools.gap.gate.gate import GapRequest
@@ -66,14 +67,9 @@ class SysidTable(Struct, frozen=True, forbid_unknown_fields=True):
     def settings(self) -> SysidSettings:
         """The settings of the identification. Raises RequestError for invalid ranges."""
         from s2rtools.sysid.identify import SysidSettings
-        from s2rtools.sysid.parameter_space import parse_range
+        from s2rtools.sysid.parameter_space import parse_ranges
 
-        ranges = {}
-        for name, text in self.ranges.items():
-            try:
-                ranges[name] = parse_range(text)
-            except RequestError as error:
-                raise RequestError(f"range.{name}: {error}") from None
+        ranges = parse_ranges(self.ranges, "range.")
         return SysidSettings(
             self.simulator, self.parameters, self.fixed, self.seeds, seed=self.seed,
             evaluations=self.evaluations, ranges=ranges,
@@ -218,7 +214,7 @@ def _axes(source: Path, names: list[str]) -> tuple[str, ...]:
 
 def _options(source: Path, written: list[str]) -> dict[str, str]:
     try:
-        texts = option_texts(MOTION, written)
+        texts = parse_assignments(MOTION, written, options_of(MOTION))
         if texts:
             configured(texts)
     except RequestError as error:

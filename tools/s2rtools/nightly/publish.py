@@ -15,8 +15,7 @@ from s2rstore.gap_history.reader import History, Night
 from s2rtools.common.result_files import write_all
 from s2rtools.nightly.config import NightlyConfig
 from s2rtools.nightly.history_plot import history_plot
-from s2rtools.nightly.prometheus_metrics import metrics
-from s2rtools.nightly.report_files import html, junit, markdown
+from s2rtools.nightly.report_files import html, junit, markdown, metrics
 from s2rtools.nightly.report_model import night_report
 
 LATEST = "latest"

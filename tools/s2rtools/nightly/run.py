@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime
 import json
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from s2rstore.errors import InconclusiveError, RequestError, StoreBusyError
 from s2rstore.files import locks
 from s2rstore.gap_history import reader, writer
 from s2rstore.gap_history.reader import History, Night
+from s2rtools.common.result_files import check_folder
 from s2rtools.nightly import input_fingerprint, measurement
 from s2rtools.nightly.config import NightlyConfig
 from s2rtools.nightly.measurement import Estimates, Estimating, Measuring
@@ -170,6 +170,4 @@ def check_writable(config: NightlyConfig) -> None:
     if config.metrics is not None:
         folders["metrics"] = config.metrics.parent
     for name, folder in folders.items():
-        existing = next(each for each in (folder, *folder.parents) if each.exists())
-        if not existing.is_dir() or not os.access(existing, os.W_OK | os.X_OK):
-            raise RequestError(f"{config.source}: output.{name}: cannot write to {existing}")
+        check_folder(f"{config.source}: output.{name}", folder)

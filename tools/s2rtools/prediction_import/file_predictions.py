@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.records import MAX_COORDINATE, SIDES, SPLITS, Side
 from s2rtools.common.input_issue import InputIssue, issue_lines
-from s2rtools.motion_logs.tum_reader import yaw
+from s2rtools.motion_logs.pose_readers import yaw
 from s2rtools.precompute.prediction_rows import UNSEEN
-from s2rtools.prediction_import import instance_matching, pose_units, row_matching
-from s2rtools.prediction_import.instance_matching import UNKNOWN, ImportTarget
+from s2rtools.prediction_import import instance_matching, pose_units
+from s2rtools.prediction_import.instance_matching import NONE, UNKNOWN, ImportTarget, Matches
 from s2rtools.prediction_import.pose_units import AUTO, Units
 from s2rtools.prediction_import.prediction_table import PredictionTable, sigmas_of
-from s2rtools.prediction_import.row_matching import NONE, Matches
 
 MAX_HEADING = 1e6
 """Largest heading that is read, radians."""
@@ -374,7 +373,7 @@ def _in_range(table: PredictionTable, entries: _Entries, poses: Floats) -> _Entr
 
 def _first_of_each(table: PredictionTable, entries: _Entries) -> _Entries:
     """The first entry of each instance and side; reports the others."""
-    first, repeated = row_matching.first_of_each(2 * entries.iids + entries.sides)
+    first, repeated = instance_matching.first_of_each(2 * entries.iids + entries.sides)
     table.issues.extend(
         InputIssue(
             "duplicate row",

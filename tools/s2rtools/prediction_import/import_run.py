@@ -31,11 +31,15 @@ from s2rtools.precompute.publish_results import array_row, run_key
 from s2rtools.precompute.run_registration import find_domain, insert_run
 from s2rtools.precompute.segment_plan import segments
 from s2rtools.precompute.work_units import ArraySpec
-from s2rtools.prediction_import.embedding_file import InstanceEmbeddings
 from s2rtools.prediction_import.file_predictions import ReadingOptions, read_predictions
 from s2rtools.prediction_import.instance_matching import ImportTarget
 from s2rtools.prediction_import.prediction_table import read_table
-from s2rtools.prediction_import.sided_files import PredictionFile, SidedFile, read_embeddings
+from s2rtools.prediction_import.sided_files import (
+    InstanceEmbeddings,
+    PredictionFile,
+    SidedFile,
+    read_embeddings,
+)
 
 _TABLES = ("prediction", "projection", "zarr_array", "run")
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rtools.common.tables.csv_rows import missing_column, parse_float, read_rows
-from s2rtools.motion_logs import rigid_alignment
+from s2rtools.motion_logs.motion_log import fit_transform
 from s2rtools.renderer import CameraPose, Hello, Parameter, serve
 from s2rtools.renderer.serving import Render
 
@@ -193,9 +193,7 @@ def placement_of(path: Path, y_down: bool) -> NDArray[np.float64]:
         raise RequestError(f"{path}: needs numbers in two rows or more: {', '.join(_COLUMNS)}")
     if y_down:
         points[:, 3] *= -1
-    found = rigid_alignment.fit(
-        (points[:, 0], points[:, 1]), (points[:, 2], points[:, 3]), scale=True
-    )
+    found = fit_transform((points[:, 0], points[:, 1]), (points[:, 2], points[:, 3]), scale=True)
     cos, sin = found.scale * math.cos(found.angle), found.scale * math.sin(found.angle)
     matrix = np.eye(4)
     matrix[:2, :2] = [[cos, -sin], [sin, cos]]

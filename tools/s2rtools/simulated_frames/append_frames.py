@@ -13,8 +13,7 @@ from s2rtools.common.lazy_sequence import LazySequence
 from s2rtools.datasets.command import append_scan, print_issues
 from s2rtools.datasets.floor.floor_poses import FloorOptions
 from s2rtools.datasets.layouts import read
-from s2rtools.datasets.pairing.one_recording import scan_recording
-from s2rtools.datasets.pairing.paired_recordings import MapOptions
+from s2rtools.datasets.pairing.recorded_scan import MapOptions, scan_recording
 from s2rtools.datasets.pairing.stored_worlds import stored_worlds
 from s2rtools.datasets.scan import InstanceRecord
 from s2rtools.simulated_frames.command import SIDE

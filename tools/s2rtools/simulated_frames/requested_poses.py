@@ -15,6 +15,7 @@ from s2rstore.errors import RequestError
 from s2rstore.files.planned_poses import read_planned_poses
 from s2rstore.reader import Store
 from s2rstore.records import Domain
+from s2rtools.common.command_line.assignments import parse_assignments, parse_number
 from s2rtools.datasets.floor.free_floor import FreeFloor, turns
 from s2rtools.datasets.recording import trajectory_name
 from s2rtools.renderer.protocol import CameraPose, Ready
@@ -138,20 +139,11 @@ def parameter_values(ready: Ready, assignments: Sequence[str]) -> dict[str, floa
     """
     declared = {parameter.name: parameter for parameter in ready.parameters}
     values = {name: parameter.default for name, parameter in declared.items()}
-    for assignment in assignments:
-        name, sign, text = assignment.partition("=")
-        if not sign:
-            raise RequestError(f"--set {assignment}: expected NAME=VALUE")
-        if name not in declared:
-            names = ", ".join(declared) or "none"
-            raise RequestError(f"--set {assignment}: the renderer declares {names}")
+    for name, text in parse_assignments("--set", assignments, declared).items():
         parameter = declared[name]
-        span = f"{parameter.minimum:g} to {parameter.maximum:g}"
-        try:
-            value = float(text)
-        except ValueError:
-            raise RequestError(f"--set {assignment}: must be a number, {span}") from None
+        value = parse_number("--set", name, text)
         if not parameter.minimum <= value <= parameter.maximum:
-            raise RequestError(f"--set {assignment}: must be {span}")
+            span = f"{parameter.minimum:g} to {parameter.maximum:g}"
+            raise RequestError(f"--set {name}={text}: must be {span}")
         values[name] = value
     return values

@@ -15,7 +15,7 @@ import s2rstore
 from s2rstore.errors import RequestError, counted
 from s2rstore.records import SIDES, Run
 from s2rstore.security.printable_text import printable
-from s2rstore.suggestions import Answer, SuggestReport, bounds_text, read_report
+from s2rstore.suggestions import Answer, SuggestReport, bounds_text, read_report, section
 from s2rtools.common.command_line import output, store_argument
 from s2rtools.common.command_line.progress import reporter
 from s2rtools.simulated_frames.command import add_processes, refuse
@@ -82,7 +82,6 @@ def execute(
     if options.renderer is not None:
         return _execute_renderer(options)
     refuse(options, ("out", "workers", "timeout"), "only with --renderer")
-    from s2rtools.suggestions.stored_reports import apply_answer, save_report
     from s2rtools.suggestions.suggest import suggest
 
     given = [name for name in _SEARCH_DEFAULTS if getattr(options, name) is not None]
@@ -189,6 +188,35 @@ def _check_outputs(options: argparse.Namespace) -> None:
 def _stored(options: argparse.Namespace) -> SuggestReport | None:
     with s2rstore.open(options.store) as store:
         return read_report(store, store.run_name(options.run), options.side)
+
+
+def save_report(root: Path, report: SuggestReport) -> None:
+    """Publish a report in the store, in place of an earlier one of the same run and side."""
+    from s2rstore.index.transaction import edit
+
+    with edit(root) as draft:
+        draft.set_provenance(section(report.run), {report.side: report.as_json()})
+
+
+def apply_answer(root: Path, report: SuggestReport, number: int, name: str | None) -> str:
+    """Register answer `number`, counted from 1, as a run; return the run's name.
+
+    Raises RequestError for a number that the report does not have, and as `add_run` does.
+    """
+    from s2rtools.precompute.run_registration import add_run
+
+    if not 1 <= number <= len(report.answers):
+        known = f"1 .. {len(report.answers)}" if report.answers else "it has no answer"
+        raise RequestError(f"--apply {number}: no answer of that number ({known})")
+    answer = report.answers[number - 1]
+    with s2rstore.open(root) as store:
+        run = store.run(report.run)
+    chains = {"sim": run.sim_adjustments, "real": run.real_adjustments}
+    chains[report.side] = [dict(step) for step in answer.chain]
+    return add_run(
+        root, name or f"{run.run}-{answer.default_name}", run.network("suggestions"),
+        run.sim_domain, run.real_domain, chains,
+    )  # fmt: skip
 
 
 def _lines(report: SuggestReport, run: Run, store: str) -> list[str]:

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import InconclusiveError, RequestError
+from s2rtools.common.command_line.assignments import parse_assignments, parse_number
 from s2rtools.common.command_line.progress import reporter
 
 if TYPE_CHECKING:
     from s2rtools.sysid.identify import Identification
-    from s2rtools.sysid.parameter_space import Range
 EXAMPLE = "s2r sysid drives/ --simulator planar --out identified/"
 
 
@@ -48,22 +48,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
+    from s2rtools.common.result_files import check_folder
     from s2rtools.motion_logs import read_drives
     from s2rtools.sysid import report
     from s2rtools.sysid.identify import SysidSettings, identify
-    from s2rtools.sysid.residual_training import learn
+    from s2rtools.sysid.parameter_space import parse_ranges
 
     names = None if options.parameters is None else _names(options.parameters)
+    fixed = parse_assignments("--fix", options.fix)
+    ranges = parse_assignments("--range", options.range)
     settings = SysidSettings(
-        options.simulator, names, _fixed(options.fix), options.seeds, options.held_out,
-        options.window, options.evaluations, seed=options.seed, ranges=_ranges(options.range),
+        options.simulator, names,
+        {name: parse_number("--fix", name, text) for name, text in fixed.items()},
+        options.seeds, options.held_out, options.window, options.evaluations, seed=options.seed,
+        ranges=parse_ranges(ranges, "--range "),
     )  # fmt: skip
-    report.check_writable(options.out)
+    check_folder("--out", options.out)
     drives = read_drives(options.drives, options.topic)
     with reporter() as progress:
         identification = identify(drives, settings, progress)
         residual, residual_error = None, None
         if options.residual:
+            from s2rtools.sysid.residual_network import learn
+
             try:
                 residual = learn(identification, progress)
             except InconclusiveError as error:
@@ -104,30 +111,3 @@ def _names(text: str) -> tuple[str, ...]:
     if not names:
         raise RequestError("--parameters: is empty; give names such as mass,friction")
     return names
-
-
-def _fixed(texts: list[str]) -> dict[str, float]:
-    values = {}
-    for text in texts:
-        name, _, value = text.partition("=")
-        try:
-            values[name.strip()] = float(value)
-        except ValueError:
-            raise RequestError(f"--fix {text}: must be NAME=VALUE, such as track=0.4") from None
-    return values
-
-
-def _ranges(texts: list[str]) -> dict[str, Range]:
-    from s2rtools.sysid.parameter_space import parse_range
-
-    ranges = {}
-    for text in texts:
-        name, _, bounds = text.partition("=")
-        try:
-            ranges[name.strip()] = parse_range(bounds)
-        except RequestError:
-            raise RequestError(
-                f"--range {text}: expected NAME=LOW..HIGH or NAME=LOW..HIGH:log, "
-                "such as latency=0.1..0.5"
-            ) from None
-    return ranges

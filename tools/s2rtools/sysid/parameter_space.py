@@ -167,18 +167,24 @@ class Range:
     scale: Literal["linear", "log"] | None = None
 
 
-def parse_range(text: str) -> Range:
-    """Parse LOW..HIGH, LOW..HIGH:log or LOW..HIGH:linear. Raises RequestError."""
-    bounds, _, scale = text.partition(":")
+def parse_ranges(texts: Mapping[str, str], prefix: str) -> dict[str, Range]:
+    """The range of each parameter, from LOW..HIGH, LOW..HIGH:log or LOW..HIGH:linear.
+
+    Raises RequestError, beginning with `prefix` and the parameter.
+    """
     scales: dict[str, Literal["linear", "log"] | None]
     scales = {"": None, "log": "log", "linear": "linear"}
-    try:
-        low, high = bounds.split("..", 1)
-        return Range(float(low), float(high), scales[scale.strip()])
-    except (KeyError, ValueError):
-        raise RequestError(
-            f"{text}: expected LOW..HIGH or LOW..HIGH:log, such as 0.1..0.5"
-        ) from None
+    ranges = {}
+    for name, text in texts.items():
+        bounds, _, scale = text.partition(":")
+        try:
+            low, high = bounds.split("..", 1)
+            ranges[name] = Range(float(low), float(high), scales[scale.strip()])
+        except (KeyError, ValueError):
+            raise RequestError(
+                f"{prefix}{name}={text}: expected LOW..HIGH or LOW..HIGH:log, such as 0.1..0.5"
+            ) from None
+    return ranges
 
 
 def with_ranges(simulator: Simulator, ranges: Mapping[str, Range]) -> Simulator:

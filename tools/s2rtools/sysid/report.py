@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import io
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from s2rstore.errors import RequestError
-from s2rstore.files import atomic_writes
 from s2rstore.intervals import LEVEL
 from s2rtools.common.command_line import output
-from s2rtools.sysid.identify import Identification
-from s2rtools.sysid.residual_training import Residual
-from s2rtools.sysid.search import SearchTrace
+from s2rtools.common.result_files import write_all
+from s2rtools.sysid.identify import Identification, SearchTrace
+
+if TYPE_CHECKING:
+    from s2rtools.sysid.residual_network import Residual
 
 RESULT, TABLE, PICTURE = "sysid.json", "sysid.txt", "convergence.png"
 NETWORK = "residual.safetensors"
@@ -26,7 +26,7 @@ _NESTED = 3
 
 
 def write(folder: Path, result: Identification, residual: Residual | None) -> dict[str, Any]:
-    """Write all files into `folder`, the JSON last, each atomically; return its content.
+    """Write all files into `folder`, or none; return the content of the JSON.
 
     The residual network is written only if it helps. Raises RequestError on failure.
     """
@@ -40,20 +40,10 @@ def write(folder: Path, result: Identification, residual: Residual | None) -> di
         folder.mkdir(parents=True, exist_ok=True)
         if NETWORK not in files:
             (folder / NETWORK).unlink(missing_ok=True)
-        for name, data in files.items():
-            atomic_writes.write_file(folder / name, data)
     except OSError as error:
         raise RequestError(f"{folder}: cannot be written ({error.strerror})") from error
+    write_all({folder / name: data for name, data in files.items()})
     return content
-
-
-def check_writable(folder: Path) -> None:
-    """Raises RequestError where results could not be written, before the search starts."""
-    if folder.exists() and not folder.is_dir():
-        raise RequestError(f"{folder}: is a file; give a folder with --out")
-    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-    if not os.access(existing, os.W_OK | os.X_OK):
-        raise RequestError(f"{folder}: cannot be written; give another folder with --out")
 
 
 def table(content: dict[str, Any]) -> str:

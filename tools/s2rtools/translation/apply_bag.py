@@ -7,6 +7,9 @@ the old one: `.bag` for ROS 1, a folder for ROS 2 with the same storage.
 from __future__ import annotations
 
 import errno
+import os
+import secrets
+import shutil
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -18,8 +21,8 @@ import numpy as np
 from s2rstore.errors import RequestError
 from s2rstore.security.memory_limit import bounded_memory
 from s2rtools.common.bag_files import check_bag, unreadable
+from s2rtools.common.bag_messages import choose_topic
 from s2rtools.common.command_line.progress import Reporter
-from s2rtools.translation.apply_report import Translated, publish_at
 from s2rtools.translation.image_codec import (
     RawLayout,
     UndecodableImageError,
@@ -35,9 +38,45 @@ _MEMORY, _LARGEST_FILE = 4 << 30, 1 << 40
 _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 MAX_MESSAGE = 256 << 20
 """Bytes of the largest image message."""
-
 BagImage = tuple[int, Rgb, Rgb]
 """Stamp in nanoseconds, image (H, W, 3) and translated image."""
+
+
+@dataclass(frozen=True, slots=True)
+class Translated:
+    """Number of translated images, and of those that could not be decoded."""
+
+    translated: int
+    undecodable: int = 0
+
+    def summary(self) -> str:
+        """One phrase for the user."""
+        images = f"{self.translated} image{'s' * (self.translated != 1)} translated"
+        return f"{images}, {self.undecodable} undecodable" if self.undecodable else images
+
+
+@contextmanager
+def publish_at(target: Path) -> Iterator[Path]:
+    """A path to write to, which becomes `target` at the end and is removed after an error.
+
+    Raises RequestError if `target` exists or its folder does not.
+    """
+    if os.path.lexists(target):
+        raise RequestError(f"{target}: exists; give a new name")
+    if not target.parent.is_dir():
+        raise RequestError(f"{target.parent}: no such folder")
+    folder = target.with_name(f".{target.name}-{secrets.token_hex(4)}.part")
+    try:
+        folder.mkdir()
+        part = folder / target.name
+        yield part
+        if os.path.lexists(target):
+            raise RequestError(f"{target}: exists; give a new name")
+        part.rename(target)
+    except OSError as error:
+        raise RequestError(f"{target}: cannot be written ({error.strerror or error})") from error
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +123,8 @@ def translated_images(
     with publish_at(target) as part:
         try:
             with bounded_memory(_MEMORY, _LARGEST_FILE), _reader(source) as reader:
-                topic = _topic(source, reader.connections, request.topic)
+                types = {each.topic: each.msgtype for each in reader.connections}
+                topic = choose_topic(source, types, IMAGE_TYPES, request.topic, ("images", "--in"))
                 with _writer(part, source, reader) as write:
                     return (yield from _copy(
                         translator, strength, reader, topic, write, report, request
@@ -203,22 +243,3 @@ def _added(bag: Any, connection: Any, reader: Any, known: dict[tuple[object, ...
     if key not in known:
         known[key] = bag.add_connection(topic, kind, **settings, **definition)
     return known[key]
-
-
-def _topic(source: Path, connections: list[Any], topic: str | None) -> str:
-    kinds = {each.topic: each.msgtype for each in connections}
-    usable = sorted(name for name, kind in kinds.items() if kind in IMAGE_TYPES)
-    if topic is not None:
-        if topic not in kinds:
-            known = ", ".join(usable) or "none with images"
-            raise RequestError(f"{source}: no topic {topic} (has: {known})")
-        if topic not in usable:
-            raise RequestError(f"{source}: topic {topic} is {kinds[topic]}, which holds no images")
-        return topic
-    if len(usable) == 1:
-        return usable[0]
-    if not usable:
-        raise RequestError(f"{source}: no topic with images (Image or CompressedImage)")
-    raise RequestError(
-        f"{source}: several topics have images; name one of {', '.join(usable)} (--in)"
-    )

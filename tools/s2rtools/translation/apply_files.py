@@ -12,8 +12,7 @@ from s2rstore.files.input_files import read_bytes
 from s2rtools.common.command_line.progress import Reporter
 from s2rtools.common.image_files import SUFFIXES
 from s2rtools.common.video_files import CODECS, Video, VideoWriter
-from s2rtools.translation.apply_bag import apply_to_bag
-from s2rtools.translation.apply_report import Translated, publish_at
+from s2rtools.translation.apply_bag import Translated, apply_to_bag, publish_at
 from s2rtools.translation.image_codec import UndecodableImageError, decode_compressed
 from s2rtools.translation.image_set import (
     MAX_IMAGE_BYTES,

@@ -14,7 +14,6 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from s2rtools.translation.feature_network import build_features, fitted_features
 from s2rtools.translation.image_set import ImageSet
 from s2rtools.translation.method import (
     FitResult,
@@ -26,7 +25,12 @@ from s2rtools.translation.method import (
 )
 from s2rtools.translation.network_translator import NetworkTranslator
 from s2rtools.translation.networks import check_fit_size
-from s2rtools.translation.style_losses import StyleLosses, total_variation
+from s2rtools.translation.style_losses import (
+    StyleLosses,
+    build_features,
+    fitted_features,
+    total_variation,
+)
 
 MAX_ITERATIONS = 300
 STEP = 0.02

@@ -15,7 +15,6 @@ from torch import Tensor
 
 from s2rtools.common.checkpoint import FitState
 from s2rtools.translation.adversarial_training import crop_size
-from s2rtools.translation.feature_network import fitted_features
 from s2rtools.translation.fit_loop import (
     Batch,
     BatchSampler,
@@ -34,7 +33,7 @@ from s2rtools.translation.networks import (
     initialised,
     size_options,
 )
-from s2rtools.translation.style_losses import StyleLosses, total_variation
+from s2rtools.translation.style_losses import StyleLosses, fitted_features, total_variation
 
 STEPS = 800
 LEARNING_RATE = 2e-4

@@ -6,23 +6,23 @@ import argparse
 import json
 import shlex
 import sys
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError
 from s2rstore.records import SIDES
 from s2rtools.common.command_line import output, store_argument
+from s2rtools.common.command_line.assignments import parse_assignments
 from s2rtools.common.command_line.progress import percent_callback, reporter
 
 if TYPE_CHECKING:
     from s2rstore.reader import Store
     from s2rtools.translation.method import ReportProgress
     from s2rtools.translator_evaluation.fit_into_store import FitRequest
-    from s2rtools.translator_evaluation.gates import Verdict
     from s2rtools.translator_evaluation.judged_frames import Translation
-    from s2rtools.translator_evaluation.report import TranslatorReport
+    from s2rtools.translator_evaluation.measures import Verdict
+    from s2rtools.translator_evaluation.report import ReportSettings, TranslatorReport
 
 _IMAGES = 120
 """Most images on which translators are judged."""
@@ -234,12 +234,7 @@ def _request(
     from s2rtools.translation.method import FitSettings, lower_share
     from s2rtools.translator_evaluation.fit_into_store import FitRequest
 
-    texts = {}
-    for text in options.option:
-        key, equals, value = text.partition("=")
-        if not equals:
-            raise RequestError(f"--option {text}: expected NAME=VALUE")
-        texts[key] = value
+    texts = parse_assignments("--option", options.option)
     METHODS.find(method).parse(texts)
     settings = FitSettings(
         seed=options.seed, steps=options.steps, minutes=options.minutes, paired=options.paired,
@@ -297,7 +292,7 @@ def _check_judged_images(options: argparse.Namespace) -> None:
 
 def _judge(options: argparse.Namespace) -> None:
     import s2rstore
-    from s2rtools.translator_evaluation.generated_images import generated_images
+    from s2rtools.translator_evaluation.judged_frames import generated_images
 
     _check_judged_images(options)
     with s2rstore.open(options.store) as store:
@@ -309,23 +304,21 @@ def _judge_in_store(
     options: argparse.Namespace, store: Store, translators: Sequence[Translation]
 ) -> list[TranslatorReport]:
     """Judge translations, draw their contact sheets, and print the report."""
-    from s2rtools.translator_evaluation import contact_sheet, report
-    from s2rtools.translator_evaluation.judged_frames import judged_instances
-    from s2rtools.translator_evaluation.tables import reports_text
+    from s2rtools.translator_evaluation import report
 
-    settings = report.ReportSettings(options.run, options.images, options.seed, options.trust)
     with reporter() as progress:
         show = percent_callback(progress, "judge translators")
         found = report.evaluate(
-            store, translators, settings, lambda fraction, name: show(fraction, 0.0, 0.0)
+            store, translators, _settings(options), lambda fraction, name: show(fraction, 0.0, 0.0)
         )
-    for translator in translators if options.out else ():
-        chosen = judged_instances(store, translators, translator, options.images, options.seed)
-        sheet = contact_sheet.store_sheet(store, translator, chosen, options.seed)
-        contact_sheet.write_png(options.out / f"{translator.name}.png", sheet)
-    text = partial(reports_text, found, options.run)
-    _print_report(options, options.out, [report.as_json(each) for each in found], text)
+    _print_reports(options, [found])
     return found
+
+
+def _settings(options: argparse.Namespace) -> ReportSettings:
+    from s2rtools.translator_evaluation.report import ReportSettings
+
+    return ReportSettings(options.run, options.images, options.seed, options.trust, _out(options))
 
 
 def _report_store(options: argparse.Namespace) -> None:
@@ -350,9 +343,8 @@ def _report_store(options: argparse.Namespace) -> None:
 
 def _report_folders(options: argparse.Namespace) -> None:
     from s2rtools.translation.translator_file import load_translator
-    from s2rtools.translator_evaluation import contact_sheet, report
+    from s2rtools.translator_evaluation import report
     from s2rtools.translator_evaluation.downstream import load_downstream
-    from s2rtools.translator_evaluation.tables import folder_text
 
     if options.target is None or not options.translators:
         raise RequestError("--source needs --target DIR and translator files")
@@ -362,36 +354,38 @@ def _report_folders(options: argparse.Namespace) -> None:
     if options.downstream is not None:
         model = load_downstream(options.downstream)
         downstream = report.Downstream(model, options.truth)
-    out = _sheet_folder(options)
-    content, texts = {}, []
-    for file in options.translators:
-        stored = load_translator(file)
-        found = report.evaluate_folders(
-            options.source, options.target, stored, options.images, downstream
+    settings = _settings(options)
+    found = [
+        report.evaluate_folders(
+            options.source, options.target, load_translator(file), Path(file).stem, settings,
+            downstream,
         )
-        content[Path(file).stem] = report.as_json(found)
-        texts.append(f"{file}\n{folder_text(found)}")
-        if out:
-            sheet = contact_sheet.folder_sheet(
-                options.source, options.target, stored.translator, options.seed
-            )
-            contact_sheet.write_png(out / f"{Path(file).stem}.png", sheet)
-    _print_report(options, out, content, lambda: "\n\n".join(texts))
+        for file in options.translators
+    ]  # fmt: skip
+    _print_reports(options, [[each] for each in found])
 
 
-def _sheet_folder(options: argparse.Namespace) -> Path | None:
-    """The folder of contact sheets; a fit of one file has none."""
+def _out(options: argparse.Namespace) -> Path | None:
+    """The folder of the report and the contact sheets; a fit of one file has none."""
     out: Path | None = options.out
     return None if out is not None and out.suffix == ".safetensors" else out
 
 
-def _print_report(
-    options: argparse.Namespace, out: Path | None, content: object, text: Callable[[], str]
+def _print_reports(
+    options: argparse.Namespace, groups: Sequence[Sequence[TranslatorReport]]
 ) -> None:
-    """Print the text, or the JSON with --json; write the JSON to the folder of --out."""
-    as_json = json.dumps(content, indent=1, sort_keys=True, allow_nan=False) + "\n"
-    if out:
-        output.write_file(out / "report.json", as_json.encode())
-    sys.stdout.write(as_json if options.json else text() + "\n")
+    """Print the tables of translators that were judged on the same images, or the JSON of all.
+
+    The JSON is also written to the folder of --out.
+    """
+    from s2rtools.translator_evaluation.report import as_json
+    from s2rtools.translator_evaluation.tables import reports_text
+
+    content = [as_json(each) for group in groups for each in group]
+    document = json.dumps(content, indent=1, sort_keys=True, allow_nan=False) + "\n"
+    if out := _out(options):
+        output.write_file(out / "report.json", document.encode())
+    text = "\n\n".join(reports_text(group, options.run) for group in groups) + "\n"
+    sys.stdout.write(document if options.json else text)
     if out:
         print(f"wrote {out}", file=sys.stderr)

@@ -10,15 +10,9 @@ import numpy as np
 
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes
-from s2rstore.reader import Store
-from s2rtools.translation.image_set import Rgb, from_folder, resize
-from s2rtools.translation.method import Translator
+from s2rtools.translation.image_set import Rgb
 from s2rtools.translator_evaluation import image_structure as structure
-from s2rtools.translator_evaluation.judged_frames import (
-    JudgedInstances,
-    Translation,
-    load_frames,
-)
+from s2rtools.translator_evaluation.judged_frames import JudgedFrames
 
 ROWS = 6
 MIN_WIDTH = 256
@@ -27,42 +21,22 @@ _MARGIN, _LINE = 6, 26
 _INK, _PAPER = (20, 20, 20), 255
 
 
-def store_sheet(store: Store, translator: Translation, chosen: JudgedInstances, seed: int) -> Rgb:
-    """Sheet (H, W, 3) of some of the judged instances, beside the target's image of the same pose.
+def frames_sheet(frames: JudgedFrames, titles: tuple[str, str, str], seed: int) -> Rgb:
+    """Sheet (H, W, 3) of some judged frames, beside the target's image of the same pose.
 
-    In a store without poses, beside the target's image of the nearest layout.
+    Where the target shows other places, beside its image of the nearest layout. `titles` are those
+    of the source, the translation and the target.
     """
-    count = min(ROWS, len(chosen.source))
-    drawn = np.sort(np.random.default_rng(seed).choice(chosen.source, count, replace=False))
-    target = drawn if store.has_poses else chosen.target
-    frames = load_frames(store, translator, JudgedInstances(drawn, target, chosen.held_out))
-    target_images = frames.target if frames.paired else _nearest(frames.source, frames.target)
+    count = min(ROWS, len(frames.source))
+    drawn = np.sort(np.random.default_rng(seed).choice(len(frames.source), count, replace=False))
+    source = frames.source[drawn]
+    target = frames.target[drawn] if frames.paired else _nearest(source, frames.target)
     columns = (
-        (f"{translator.source} (source)", frames.source),
-        (f"{translator.name} ({translator.method})", frames.translated),
-        (
-            f"{translator.target}, {'same pose' if frames.paired else 'nearest layout'}",
-            target_images,
-        ),
+        (titles[0], source),
+        (titles[1], frames.translated[drawn]),
+        (f"{titles[2]}, {'same pose' if frames.paired else 'nearest layout'}", target),
     )
-    return draw_sheet(columns, [f"instance {iid}" for iid in frames.iids], seed)
-
-
-def folder_sheet(source: Path, target: Path, translator: Translator, seed: int) -> Rgb:
-    """Sheet of images of a folder, with the image of the target folder of the nearest layout."""
-    before, target_images = from_folder(source), from_folder(target)
-    count = min(ROWS, len(before))
-    drawn = np.sort(np.random.default_rng(seed).choice(len(before), count, replace=False))
-    images = before.images[drawn]
-    columns = (
-        (f"{before.name} (source)", images),
-        (translator.method, translator.translate(images)),
-        (
-            f"{target_images.name}, nearest layout",
-            resize(_nearest(images, target_images.images), before.size),
-        ),
-    )
-    return draw_sheet(columns, [before.names[row] for row in drawn], seed)
+    return draw_sheet(columns, [frames.labels[row] for row in drawn], seed)
 
 
 def _nearest(images: Rgb, candidates: Rgb) -> Rgb:

@@ -8,7 +8,7 @@ blocks, because images of one place are alike.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 import cv2
 import numpy as np
@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from s2rstore.intervals import Interval, linear
 from s2rtools.common.blocks import Blocks
 from s2rtools.gap.instance_selection import random_halves
-from s2rtools.gap.visual.feature_distances import NEIGHBOURS, prdc
-from s2rtools.gap.visual.kid import block_mmd, kernel_distance
+from s2rtools.gap.visual.feature_distances import NEIGHBOURS, block_mmd, kernel_distance, prdc
 from s2rtools.translation.image_set import Rgb
 from s2rtools.translator_evaluation.image_structure import Floats
 from s2rtools.translator_evaluation.measures import CHANNELS, MetricRow, figure
@@ -56,38 +55,58 @@ def histogram_distance(first: Floats, second: Floats) -> Floats:
     return np.asarray(np.abs(np.cumsum(first - second, axis=-1)).sum(axis=-1))
 
 
-def paired_distances(
+def distances(
     translated: Rgb,
     source: Rgb,
     target: Rgb,
-    blocks: Blocks,
     features: Mapping[str, Features],
+    blocks: Blocks | None = None,
     seed: int = 1,
 ) -> list[MetricRow]:
     """Distances of the translator, then those of the controls.
 
-    All images (N, H, W, 3) show the poses of the same instances in recording order. `features` are
-    functions by name, such as `colour_features`.
+    `source` and `translated` are (N, H, W, 3), `target` (M, H, W, 3). `features` are functions by
+    name, such as `colour_features`. With `blocks` all images show the poses of the same instances
+    in recording order; without them, distances have no intervals, and nothing tells which images
+    show one place, so that neither precision nor recall is measured.
     """
-    repeated = np.broadcast_to(target[len(target) // 2], target.shape)
-    halves = random_halves(blocks, SPLITS, seed)
+    repeated = np.broadcast_to(target[len(target) // 2], source.shape)
+    halves = _random_halves(len(target), seed)
+    if blocks is not None:
+        halves = random_halves(blocks, SPLITS, seed)
     known = {name: compute(target) for name, compute in features.items()}
     shares = channel_histograms(target)
     rows: list[MetricRow] = []
     for reference, images in (
         ("translator", translated), ("identity", source), ("repeated_image", repeated),
     ):  # fmt: skip
+        of_images = channel_histograms(images)
+        w1: Iterable[Interval | float]
+        if blocks is None:
+            w1 = histogram_distance(of_images.mean(axis=0), shares.mean(axis=0))
+        else:
+            w1 = _channel_intervals(of_images, shares, blocks)
         for name, compute in features.items():
             values = compute(images)
-            distance = block_mmd(values, known[name], blocks).interval()
-            rows.append(figure(f"kid_{name}", distance, reference))
-            rows += _prdc(name, reference, values, known[name], halves)
-        w1 = _channel_intervals(channel_histograms(images), shares, blocks)
+            if blocks is None:
+                distance = kernel_distance(values, known[name])
+                rows.append(figure(f"kid_{name}", distance, reference))
+            else:
+                interval = block_mmd(values, known[name], blocks).interval()
+                rows.append(figure(f"kid_{name}", interval, reference))
+                rows += _prdc(name, reference, values, known[name], halves)
         rows += [
-            figure(f"w1_{channel}", interval, reference)
-            for channel, interval in zip(CHANNELS, w1, strict=True)
+            figure(f"w1_{channel}", value, reference)
+            for channel, value in zip(CHANNELS, w1, strict=True)
         ]
     return rows + _target_against_target(known, shares, halves)
+
+
+def _random_halves(count: int, seed: int) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """Rows of random halves of images; none of fewer than four."""
+    rng, half = np.random.default_rng(seed), count // 2
+    orders = [rng.permutation(count) for _ in range(SPLITS if half >= 2 else 0)]
+    return [(order[:half], order[half : 2 * half]) for order in orders]
 
 
 def _prdc(
@@ -129,7 +148,9 @@ def _target_against_target(
     halves: list[tuple[NDArray[np.int64], NDArray[np.int64]]],
 ) -> list[MetricRow]:
     """Halves of the target: means over the splits, without intervals."""
-    rows = []
+    rows: list[MetricRow] = []
+    if not halves:
+        return rows
     for name, values in known.items():
         kid = [kernel_distance(values[a], values[b]) for a, b in halves]
         rows.append(figure(f"kid_{name}", np.mean(kid), "target"))
@@ -141,30 +162,3 @@ def _target_against_target(
         figure(f"w1_{channel}", value, "target")
         for channel, value in zip(CHANNELS, w1.mean(axis=0), strict=True)
     ]
-
-
-def folder_distances(translated: Rgb, source: Rgb, target: Rgb, seed: int = 1) -> list[MetricRow]:
-    """Distances of colours between sets without common poses, without intervals.
-
-    `source` and `translated` are (N, h, w, 3), `target` is (M, h, w, 3).
-    """
-    repeated = np.broadcast_to(target[len(target) // 2], source.shape)
-    known, shares = colour_features(target), channel_histograms(target).mean(axis=0)
-    rows = []
-    for reference, images in (
-        ("translator", translated), ("identity", source), ("repeated_image", repeated),
-    ):  # fmt: skip
-        kid = kernel_distance(colour_features(images), known)
-        rows.append(figure("kid_colour", kid, reference))
-        w1 = histogram_distance(channel_histograms(images).mean(axis=0), shares)
-        rows += [
-            figure(f"w1_{channel}", value, reference)
-            for channel, value in zip(CHANNELS, w1, strict=True)
-        ]
-    rng = np.random.default_rng(seed)
-    count = len(target) // 2
-    orders = [rng.permutation(len(target)) for _ in range(SPLITS)]
-    halves = [(order[:count], order[count : 2 * count]) for order in orders]
-    if count >= 2:
-        rows += _target_against_target({"colour": known}, channel_histograms(target), halves)
-    return rows

@@ -44,8 +44,7 @@ from s2rtools.translation.translator_file import (
     names_digest,
     stored_path,
 )
-from s2rtools.translator_evaluation.gates import Verdict, judge
-from s2rtools.translator_evaluation.measures import measure_content
+from s2rtools.translator_evaluation.measures import Verdict, judge, measure_content
 
 MAX_FITTED = 2000
 """Most images of a domain that a translator is fitted on; of more, evenly spaced ones."""

@@ -1,10 +1,11 @@
-"""Translations that are judged, translators of a store among them, and the frames that judge."""
+"""Translations that are judged, by translators of a store or in a folder, and their frames."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,9 @@ from s2rtools.adjustments.translation import apply_translator
 from s2rtools.common.blocks import Blocks, split_into_blocks
 from s2rtools.gap.instance_selection import random_blocks
 from s2rtools.translation import fit_split
-from s2rtools.translation.image_set import Rgb
+from s2rtools.translation.image_set import ImageSet, Rgb, image_files, read_image, resize
 from s2rtools.translation.translator_file import StoredTranslator, open_stored
-from s2rtools.translator_evaluation.fit_into_store import stored_split
+from s2rtools.translator_evaluation.fit_into_store import named_domains, stored_split
 
 Iids = NDArray[np.int64]
 
@@ -109,7 +110,8 @@ class JudgedFrames:
 
     `source` and `translated` are RGB (N, H, W, 3); `target` (M, H, W, 3) shows the same poses where
     `paired`, else other places. `depth` and `translated_depth` (N, H, W) are raw values of the
-    source, `valid` where they are known.
+    source, `valid` where they are known. `labels` name the images; `groups` (N,) are codes, equal
+    for images that follow one another in a recording, or None where that is not known.
     """
 
     iids: Iids
@@ -120,6 +122,17 @@ class JudgedFrames:
     translated_depth: NDArray[Any]
     valid: NDArray[np.bool_]
     paired: bool
+    labels: Sequence[str]
+    groups: NDArray[np.int64] | None = None
+
+    @classmethod
+    def of_colours(cls, source: ImageSet, translated: Rgb, target: ImageSet) -> JudgedFrames:
+        """Frames without depth of images in files, `iids` being their rows."""
+        nothing = np.zeros(source.images.shape[:3])
+        return cls(
+            np.arange(len(source)), source.images, translated, target.images, nothing, nothing,
+            nothing.astype(np.bool_), False, source.names,
+        )  # fmt: skip
 
 
 def judged_instances(
@@ -195,6 +208,8 @@ def load_frames(store: Store, translator: Translation, chosen: JudgedInstances) 
         translated_depth=noisy,
         valid=valid,
         paired=store.has_poses,
+        labels=[f"instance {iid}" for iid in chosen.source.tolist()],
+        groups=runs_of_neighbours(store, chosen.source),
     )
 
 
@@ -207,3 +222,56 @@ def _read(
     runs = np.split(iids, np.flatnonzero(breaks) + 1)
     parts = [store.frames(domain, int(run[0]), int(run[-1]) + 1, images) for run in runs]
     return {image: np.concatenate([part[image] for part in parts]) for image in images}
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class GeneratedImages(Translation):
+    """Images of a folder, each made from the source's image of an instance.
+
+    `files` holds the file of each iid; whether what generated them was trained on these images is
+    not known.
+    """
+
+    files: dict[int, Path]
+
+    @property
+    def method(self) -> str:
+        return "folder"
+
+    def translated(
+        self, iids: Iids, rgb: Rgb, depth: NDArray[Any], valid: NDArray[np.bool_]
+    ) -> tuple[Rgb, NDArray[Any]]:
+        """The images at the size of the source's, and the depth of the source."""
+        size = rgb.shape[1], rgb.shape[2]
+        images = [resize(read_image(self.files[iid])[None], size) for iid in iids.tolist()]
+        return np.concatenate(images), depth
+
+
+def generated_images(
+    store: Store, folder: Path, like: Side, domains: tuple[str, str] | None = None
+) -> GeneratedImages:
+    """The images of a folder and its subfolders that shall look like side `like` of a store.
+
+    Their names are the iids of the instances, such as `17.png` or `000017.jpg`. `domains` are the
+    names of the sim and the real domain. Raises RequestError for other names, for two images of an
+    instance, for instances of which a domain has no image, and for fewer than `MIN_IMAGES` images.
+    """
+    direction: Direction = "sim2real" if like == "real" else "real2sim"
+    source, target = named_domains(store, direction, domains)
+    imaged = store.imaged(*((source, target) if store.has_poses else (source,)))
+    files: dict[int, Path] = {}
+    for path in image_files(folder):
+        if not (path.stem.isascii() and path.stem.isdecimal()):
+            raise RequestError(f"{path}: name it by the iid of its instance, such as 17.png")
+        iid = int(path.stem)
+        if iid >= len(imaged) or not imaged[iid]:
+            needed = f"{source} and {target}" if store.has_poses else source
+            raise RequestError(f"{path}: instance {iid} has no images of {needed} in {store.path}")
+        if iid in files:
+            raise RequestError(f"{path}: instance {iid} has another image, {files[iid]}")
+        files[iid] = path
+    if len(files) < MIN_IMAGES:
+        raise RequestError(f"{folder}: {len(files)} images; judging needs {MIN_IMAGES}")
+    iids = np.array(sorted(files), dtype=np.int64)
+    name = folder.resolve().name
+    return GeneratedImages(name, direction, source, target, iids[:0], iids, files=files)

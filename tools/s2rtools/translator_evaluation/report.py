@@ -30,18 +30,21 @@ from s2rtools.translation.image_set import (
     evenly_spaced,
     from_folder,
     read_image,
-    resize,
 )
 from s2rtools.translation.method import Translator
 from s2rtools.translation.translator_file import StoredTranslator, names_digest
-from s2rtools.translator_evaluation import content_metrics, distance_metrics, task_metrics
+from s2rtools.translator_evaluation import (
+    contact_sheet,
+    content_metrics,
+    distance_metrics,
+    task_metrics,
+)
 from s2rtools.translator_evaluation.distance_metrics import Features
 from s2rtools.translator_evaluation.downstream import (
     DownstreamModel,
     judge_downstream,
     read_truth,
 )
-from s2rtools.translator_evaluation.gates import Verdict, judge
 from s2rtools.translator_evaluation.image_structure import Floats
 from s2rtools.translator_evaluation.judged_frames import (
     MIN_IMAGES,
@@ -51,9 +54,15 @@ from s2rtools.translator_evaluation.judged_frames import (
     instance_blocks,
     judged_instances,
     load_frames,
-    runs_of_neighbours,
 )
-from s2rtools.translator_evaluation.measures import Content, MetricRow, figure, measure_content
+from s2rtools.translator_evaluation.measures import (
+    Content,
+    MetricRow,
+    Verdict,
+    figure,
+    judge,
+    measure_content,
+)
 
 MAX_IMAGES = 120
 """Most images on which translators are judged by default."""
@@ -61,18 +70,27 @@ MIN_TIMED, TIMED_SECONDS = 5, 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Judgement:
-    """How a translator was judged on `images` images, by content, distances and perhaps a model.
+class TranslatorReport:
+    """How a translator was judged on `images` images, by content, distances and perhaps a task.
 
-    `held_out` tells whether none of the images was used for the fit, None where it is not known,
-    as for folders.
+    `source` and `target` are domains of a store, or folders; a translator that was judged on
+    folders has no direction. `run` is the run whose network judged the task, or None. `held_out`
+    tells whether none of the images was used for the fit, None where it is not known. `notes` are
+    for the reader.
     """
 
+    name: str
+    method: str
+    direction: str = ""
+    source: str
+    target: str
+    run: str | None = None
     images: int
     held_out: bool | None
     verdict: Verdict
     content: Content
     rows: tuple[MetricRow, ...]
+    notes: tuple[str, ...] = ()
 
     def row(self, metric: str, reference: str = "translator") -> MetricRow | None:
         """The first figure of a metric."""
@@ -80,30 +98,27 @@ class Judgement:
         return next(found, None)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TranslatorReport(Judgement):
-    """How a translator of a store was judged.
-
-    `run` is the run whose network judged the task, or None; `notes` are for the reader.
-    """
-
-    name: str
-    method: str
-    direction: str
-    source: str
-    target: str
-    run: str | None
-    notes: tuple[str, ...]
-
-
 @dataclass(frozen=True, slots=True)
 class ReportSettings:
-    """`run` is the run whose network judges, None for no network; `seed` draws the images."""
+    """`run` is the run whose network judges, None for no network; `seed` draws the images.
+
+    Contact sheets are written to the folder `sheets`; none where it is None.
+    """
 
     run: str | None = None
     max_images: int = MAX_IMAGES
     seed: int = 1
     trust: bool = False
+    sheets: Path | None = None
+
+    def write_sheet(self, report: TranslatorReport, frames: JudgedFrames) -> None:
+        """Write the contact sheet of a translator, where sheets are written."""
+        if self.sheets is not None:
+            titles = (
+                f"{report.source} (source)", f"{report.name} ({report.method})", report.target
+            )  # fmt: skip
+            sheet = contact_sheet.frames_sheet(frames, titles, self.seed)
+            contact_sheet.write_png(self.sheets / f"{report.name}.png", sheet)
 
 
 Progress = Callable[[float, str], None]
@@ -134,7 +149,9 @@ def evaluate(
         )
         single = _Judge(store, translator, run, backend, settings.seed)
         held_out = chosen.held_out if isinstance(translator, NamedTranslator) else None
-        reports.append(single.report(load_frames(store, translator, chosen), held_out))
+        frames = load_frames(store, translator, chosen)
+        reports.append(single.report(frames, held_out))
+        settings.write_sheet(reports[-1], frames)
     progress(1.0, "")
     return reports
 
@@ -150,7 +167,7 @@ class _Judge:
     seed: int
 
     def report(self, frames: JudgedFrames, held_out: bool | None) -> TranslatorReport:
-        translator, content = self.translator, self._content(frames)
+        translator, content = self.translator, _content(frames)
         notes = []
         if held_out is False:
             notes.append("judged on images of the fit: none or too few are held out")
@@ -187,25 +204,11 @@ class _Judge:
             notes=tuple(notes),
         )
 
-    def _content(self, frames: JudgedFrames) -> Content:
-        edges = None
-        if frames.valid.any():
-            edges = np.stack([
-                content_metrics.depth_edges(depth, valid)
-                for depth, valid in zip(frames.depth, frames.valid, strict=True)
-            ])  # fmt: skip
-        groups = runs_of_neighbours(self.store, frames.iids)
-        return measure_content(frames.source, frames.translated, frames.target, groups, edges)
-
     def _distances(self, frames: JudgedFrames, features: Mapping[str, Features]) -> list[MetricRow]:
-        if not frames.paired:
-            return distance_metrics.folder_distances(
-                frames.translated, frames.source, frames.target, self.seed
-            )
-        found = distance_metrics.paired_distances(
-            frames.translated, frames.source, frames.target,
-            instance_blocks(self.store, frames.iids), features, self.seed,
-        )  # fmt: skip
+        blocks = instance_blocks(self.store, frames.iids) if frames.paired else None
+        found = distance_metrics.distances(
+            frames.translated, frames.source, frames.target, features, blocks, self.seed
+        )
         run = None if self.run is None else self.run.run
         return [replace(row, run=run) if row.metric.endswith("_network") else row for row in found]
 
@@ -214,6 +217,16 @@ class _Judge:
         return task_metrics.network_outputs(
             self.store, run, self.translator, backend, np.ascontiguousarray(rgb), frames.depth
         ).embedding
+
+
+def _content(frames: JudgedFrames) -> Content:
+    edges = None
+    if frames.valid.any():
+        edges = np.stack([
+            content_metrics.depth_edges(depth, valid)
+            for depth, valid in zip(frames.depth, frames.valid, strict=True)
+        ])  # fmt: skip
+    return measure_content(frames.source, frames.translated, frames.target, frames.groups, edges)
 
 
 def _content_rows(content: Content) -> list[MetricRow]:
@@ -255,36 +268,44 @@ def evaluate_folders(
     source: Path,
     target: Path,
     stored: StoredTranslator,
-    max_images: int = MAX_IMAGES,
+    name: str,
+    settings: ReportSettings,
     downstream: Downstream | None = None,
-) -> Judgement:
-    """Judge a translator on evenly spaced images of two folders.
+) -> TranslatorReport:
+    """Judge a translator on evenly spaced images of two folders, at the size of the source's.
 
     Of the folders that it was fitted on, only held-out images are judged where there are enough.
     Raises RequestError for folders without images.
     """
-    images = from_folder(source), from_folder(target)
+    before = from_folder(source)
+    images = before, from_folder(target, before.size)
     held_out, rows = _held_out_rows(images, stored)
-    chosen = [evenly_spaced(each, max_images) for each in rows]
-    before, target_images = (each.images[kept] for each, kept in zip(images, chosen, strict=True))
-    if min(len(before), len(target_images)) < 4:
+    before, after = (
+        each.rows(evenly_spaced(kept, settings.max_images))
+        for each, kept in zip(images, rows, strict=True)
+    )
+    if min(len(before), len(after)) < 4:
         raise RequestError(f"{source}, {target}: judging needs at least 4 images of each")
-    translated = stored.translator.translate(before)
-    content = measure_content(before, translated, target_images)
-    figures = _content_rows(content) + distance_metrics.folder_distances(
-        translated, before, resize(target_images, (before.shape[1], before.shape[2]))
+    frames = JudgedFrames.of_colours(before, stored.translator.translate(before.images), after)
+    content = _content(frames)
+    features = {"colour": distance_metrics.colour_features}
+    figures = _content_rows(content) + distance_metrics.distances(
+        frames.translated, frames.source, frames.target, features, seed=settings.seed
     )
     if downstream is not None:
-        names = [images[0].names[row] for row in chosen[0]]
         figures += judge_downstream(
-            downstream.model, stored.translator, (read_image(source / name) for name in names),
-            [read_truth(downstream.truth, name) for name in names], images[0].groups[chosen[0]],
+            downstream.model, stored.translator,
+            (read_image(source / name) for name in before.names),
+            [read_truth(downstream.truth, name) for name in before.names], before.groups,
         )  # fmt: skip
-    figures.append(_cost(stored.translator, before[0]))
-    return Judgement(
+    figures.append(_cost(stored.translator, before.images[0]))
+    report = TranslatorReport(
+        name=name, method=stored.method, source=source.name, target=target.name,
         images=len(before), held_out=held_out, verdict=judge(content), content=content,
         rows=tuple(figures),
     )  # fmt: skip
+    settings.write_sheet(report, frames)
+    return report
 
 
 def _held_out_rows(
@@ -302,7 +323,7 @@ def _held_out_rows(
     return True, rows
 
 
-def as_json(report: Judgement) -> dict[str, Any]:
+def as_json(report: TranslatorReport) -> dict[str, Any]:
     """A report as JSON data; non-finite values are null."""
     return dict(plain(asdict(report)))
 

@@ -17,7 +17,7 @@ from s2rtools.translator_evaluation.measures import (
 )
 
 if TYPE_CHECKING:
-    from s2rtools.translator_evaluation.report import Judgement, TranslatorReport
+    from s2rtools.translator_evaluation.report import TranslatorReport
 
 _CONTENT = [measure for measure in CONTENT if measure.title]
 _CONTROLS = (
@@ -27,13 +27,8 @@ _CONTROLS = (
 
 _WHERE = {
     True: "that no translator was fitted on",
-    False: "of the fit",
-    None: "of a folder, perhaps used to train what generated them",
-}
-_IMAGES_JUDGED = {
-    True: "judged on images that were held out from the fit",
-    False: "judged on images of the fit: none or too few are held out",
-    None: "perhaps judged on images of the fit: the translator was not fitted on these two folders",
+    False: "of the fit, because none or too few are held out",
+    None: "of folders, perhaps used to train what translated them",
 }
 
 
@@ -68,11 +63,22 @@ def _parts(reports: Sequence[TranslatorReport], run: str | None) -> Iterator[str
         [(r.name, *(_figure(r.content[each.name]) for each in _CONTENT)) for r in reports],
     )
     for target, group in groupby(sorted(reports, key=_target), key=_target):
-        yield f"\nDistance to images of {target} (0 = equal); precision and recall of features\n"
+        yield f"\nDistance to images of {target} (0 = equal)\n"
         yield _distances(list(group))
     if run is not None:
         yield f"\nTask: the network of run {run}\n"
         yield from _task(reports)
+    if reports[0].row("downstream_gain"):
+        yield "\nTask: the score of a model behind the translator\n"
+        yield output.table(
+            ("translator", "without", "with", "gain", "answer"),
+            [
+                (r.name, _bounded(r.row("downstream_score", "identity")),
+                 _bounded(r.row("downstream_score")), _bounded(r.row("downstream_gain")),
+                 _answer(r.row("downstream_gain")))
+                for r in reports
+            ],
+        )  # fmt: skip
 
 
 def _target(report: TranslatorReport) -> str:
@@ -83,6 +89,7 @@ def _distances(reports: list[TranslatorReport]) -> str:
     features = "network" if reports[0].row("kid_network") else "colour"
     shown = [each for each in DISTANCES if reports[0].row(each.name)]
     shares = [each for each in COVERAGE if each.name.endswith(features)]
+    shares = [each for each in shares if reports[0].row(each.name)]
     entries = [(r.name, r, "translator") for r in reports]
     entries += [(title, reports[0], reference) for reference, title in _CONTROLS]
     return output.table(
@@ -125,31 +132,6 @@ def _task(reports: Sequence[TranslatorReport]) -> Iterator[str]:
     if trained:
         yield "\nMean real error, m, of networks trained on translated images\n"
         yield output.table(("translator", "run", "error", "gain", "answer"), trained)
-
-
-def folder_text(report: Judgement) -> str:
-    """Tables of a translator that was judged on two folders."""
-    verdict = report.verdict
-    outcome = "accepted" if verdict.passed else f"refused: {'; '.join(verdict.reasons)}"
-    content = [(each.title, _figure(report.content[each.name])) for each in _CONTENT]
-    distances = [
-        (each.title, *(_value(report.row(each.name, r)) for r in ("translator", *dict(_CONTROLS))))
-        for each in DISTANCES
-        if report.row(each.name)
-    ]
-    gain = report.row("downstream_gain")
-    scores = [report.row("downstream_score", each) for each in ("identity", "translator")]
-    downstream = output.table(
-        ("model behind it", "without", "with", "gain", "answer"),
-        [("score", *map(_bounded, scores), _bounded(gain), _answer(gain))],
-    )
-    return "\n".join((
-        f"{report.images} images: {outcome}",
-        f"{_IMAGES_JUDGED[report.held_out]}\n",
-        output.table(("content", "value"), content),
-        output.table(("distance", "translated", *(title for _, title in _CONTROLS)), distances),
-        *([downstream] if gain else []),
-    ))  # fmt: skip
 
 
 def _figure(value: float) -> float:

@@ -36,14 +36,12 @@ from s2rtools.datasets.appending.new_domains import (
 from s2rtools.datasets.appending.store_agreement import in_store_terms
 from s2rtools.datasets.conventions import convention_report
 from s2rtools.datasets.conventions.convention_check import ConventionCheck
-from s2rtools.datasets.scan import InstanceRecord, Scan
-from s2rtools.datasets.stored_instances import StoredRecords
+from s2rtools.datasets.scan import InstanceRecord, Scan, StoredRecords
 from s2rtools.datasets.writing.build import (
     ReportLine,
     ReportProgress,
-    open_folder,
+    building_folder,
     refuse_unusable,
-    removed_on_failure,
     report_outside_bounds,
     unlisted_checksums,
     write_frames,
@@ -140,8 +138,7 @@ def append(
             for name in found.continued
         }
         find_folders = partial(append_staging_folders, target)
-        journal = open_folder(added, target, folder, find_folders, places, progress, report_line)
-        with removed_on_failure(folder, journal, target):
+        with building_folder(added, target, folder, find_folders, places, report_line) as journal:
             written = _write(added, scan, store, found, folder, places, journal, progress)
             if written.checks:
                 report_line(convention_report.line(written.checks))

@@ -16,8 +16,7 @@ from s2rstore.records import Domain, TrajectoryPart
 from s2rtools.common.input_issue import InputIssue
 from s2rtools.common.lazy_sequence import LazySequence
 from s2rtools.datasets.appending.instance_agreement import stored_depth_types
-from s2rtools.datasets.scan import InstanceRecord, Scan
-from s2rtools.datasets.stored_instances import StoredTrajectory
+from s2rtools.datasets.scan import InstanceRecord, Scan, StoredTrajectory
 from s2rtools.datasets.writing.frame_writing import FramePlace, ReportProgress, write_trajectory
 from s2rtools.datasets.writing.index_rows import (
     dataset_hash,

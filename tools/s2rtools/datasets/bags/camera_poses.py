@@ -1,25 +1,163 @@
-"""Poses of a bag's camera, from a topic of poses or from transforms."""
+"""Poses of a bag's camera, from a topic of poses or from transforms that join coordinate frames."""
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Collection
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rtools.common.bag_messages import ODOMETRY, BagMessages, pose_of, stamp_of
+from s2rtools.common.bag_messages import ODOMETRY, BagMessages, frame_name, pose_of, stamp_of
 from s2rtools.common.input_issue import InputIssue
-from s2rtools.datasets.bags.frame_tree import FrameTree, PoseLog, plain
 from s2rtools.datasets.bags.topics import TF, Topics, is_static
 from s2rtools.datasets.recording import ReadOptions
-from s2rtools.datasets.recordings.recorded_poses import in_optical_axes, poses_at
+from s2rtools.datasets.recordings.recorded_poses import (
+    in_optical_axes,
+    poses_at,
+    poses_from_quaternions,
+    usable_poses,
+)
 
+_MOST_POSES = 4_000_000
+"""Poses that are held at once, 80 bytes each; 50 Hz for six links and four hours."""
+_SAME = 1e-6
+"""Difference of elements of a pose (metres, 1) below which it is repeated without change."""
 OPTICAL, FORWARD = "optical", "forward"
 """Values of the option `axes`."""
 MAX_GAP = 0.2
 """Seconds between poses that are interpolated, by default."""
+
+
+@dataclass(slots=True)
+class PoseLog:
+    """Poses of one frame in another, in the order of the bag; times are nanoseconds."""
+
+    times: array[int] = field(default_factory=lambda: array("q"))
+    values: array[float] = field(default_factory=lambda: array("d"))
+
+    def add(self, time: int, position: Any, rotation: Any) -> None:
+        self.times.append(time)
+        self.values.extend(
+            (position.x, position.y, position.z, rotation.x, rotation.y, rotation.z, rotation.w)
+        )
+
+    def ordered(
+        self, origin: int, name: str
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], list[InputIssue]]:
+        """Sort the poses by time: times (K,), seconds since `origin` (ns), poses (K, 4, 4), issues.
+
+        Unusable poses, and those with the time of another, are left out. `name` names the log in
+        the issues.
+        """
+        issues = []
+        stamps = np.frombuffer(self.times, dtype=np.int64)
+        values = np.frombuffer(self.values).reshape(-1, 7)
+        poses = poses_from_quaternions(values[:, :3], values[:, 3:])
+        good = usable_poses(poses)
+        if not good.all():
+            bad = np.flatnonzero(~good)
+            detail = (
+                f"{len(bad)} of {len(good)}, first at {stamps[bad[0]]} ns: "
+                "not finite, or a quaternion that is not normalised"
+            )
+            issues.append(InputIssue("bad pose", name, detail))
+        stamps, poses = stamps[good], poses[good]
+        late = int((np.diff(stamps) < 0).sum())
+        if late:
+            detail = f"{late} of {len(stamps)} before the one in front of them; sorted"
+            issues.append(InputIssue("unordered stamps", name, detail))
+        stamps, first, row = np.unique(stamps, return_index=True, return_inverse=True)
+        apart = np.abs(poses - poses[first][row]).max(axis=(1, 2)) > _SAME
+        if apart.any():
+            detail = f"{int(apart.sum())} of {len(poses)} with the stamp of another are left out"
+            issues.append(InputIssue("repeated stamps", name, detail))
+        return (stamps - origin).astype(np.float64) * 1e-9, poses[first], issues
+
+
+class FrameTree:
+    """Transforms between frames, by child and parent; a static one holds at all times."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._moving: dict[str, dict[str, PoseLog]] = {}
+        self._static: dict[str, dict[str, PoseLog]] = {}
+        self._count = 0
+
+    def add(self, message: Any, is_static: bool) -> None:
+        """Add the transforms of a TFMessage. Raises RequestError for too many."""
+        links = self._static if is_static else self._moving
+        for each in message.transforms:
+            stamp, transform = each.header.stamp, each.transform
+            parents = links.setdefault(frame_name(each.child_frame_id), {})
+            log = parents.setdefault(frame_name(each.header.frame_id), PoseLog())
+            time = int(stamp.sec) * 10**9 + int(stamp.nanosec)
+            log.add(time, transform.translation, transform.rotation)
+            self._count += 1
+            if self._count > _MOST_POSES:
+                raise RequestError(f"{self._path}: more than {_MOST_POSES:,} poses; split the bag")
+
+    def chain(self, frame: str, end: str | None) -> list[tuple[str, str]]:
+        """(child, parent) of the links from a frame up to `end`, by default to the root.
+
+        Raises RequestError if the frames are not joined, or a frame has several parents.
+        """
+        links: list[tuple[str, str]] = []
+        at = frame
+        while at != end:
+            parents = sorted({*self._moving.get(at, {}), *self._static.get(at, {})})
+            if len(parents) > 1:
+                names = ", ".join(map(repr, parents))
+                raise RequestError(f"{self._path}: frame {at!r} has several parents: {names}")
+            if not parents:
+                break
+            links.append((at, parents[0]))
+            at = parents[0]
+            if any(at == child for child, _ in links):
+                raise RequestError(f"{self._path}: the parents of frame {at!r} form a circle")
+        if end is not None and at != end:
+            known = sorted({*self._moving, *self._static} | {parent for _, parent in links})
+            names = ", ".join(known[:12]) or "none"
+            raise RequestError(
+                f"{self._path}: no transforms from frame {frame!r} up to {end!r} (has: {names}); "
+                "set frame=, body= or world="
+            )
+        return links
+
+    def moves(self, links: list[tuple[str, str]]) -> bool:
+        """Whether a link of a chain is not static."""
+        return any(parent not in self._static.get(child, {}) for child, parent in links)
+
+    def poses(
+        self,
+        links: list[tuple[str, str]],
+        times: NDArray[np.float64],
+        origin: int,
+        max_gap: float,
+    ) -> tuple[NDArray[np.float64], list[InputIssue]]:
+        """Poses (N, 4, 4) along a chain at `times` (N,), seconds since `origin`; NaN for none.
+
+        Moving transforms are interpolated by `poses_at`.
+        """
+        result = np.tile(np.eye(4), (len(times), 1, 1))
+        issues: list[InputIssue] = []
+        for child, parent in links:
+            name = f"{self._path.name}:{parent}->{child}"
+            static = self._static.get(child, {}).get(parent)
+            log = static or self._moving[child][parent]
+            known, poses, bad = log.ordered(origin, name)
+            issues += bad
+            if static is not None and len(poses):
+                if np.abs(poses - poses[-1]).max() > _SAME:
+                    issues.append(InputIssue("changing static transform", name, "the last is used"))
+                result = poses[-1] @ result
+            else:
+                result = poses_at(times, known, poses, max_gap) @ result
+        return result, issues
 
 
 class CameraPoses:
@@ -50,9 +188,9 @@ class CameraPoses:
             return
         pose = pose_of(message)
         self._log.add(stamp_of(message) or recorded, pose.position, pose.orientation)
-        self._worlds.add(plain(message.header.frame_id))
+        self._worlds.add(frame_name(message.header.frame_id))
         if self._bag.types[topic] == ODOMETRY:
-            self._body = plain(message.child_frame_id)
+            self._body = frame_name(message.child_frame_id)
 
     def at(
         self, seconds: NDArray[np.float64], origin: int, frames: Collection[str]

@@ -30,8 +30,7 @@ from s2rtools.datasets.conventions.depth_frames import (
     read_depth,
     stored_rows,
 )
-from s2rtools.datasets.scan import Scan
-from s2rtools.datasets.stored_instances import StoredRecords
+from s2rtools.datasets.scan import Scan, StoredRecords
 
 Floats = NDArray[np.float64]
 Image = NDArray[np.uint8]

@@ -16,8 +16,7 @@ from s2rstore.files import layout, safe_files
 from s2rstore.geometry import camera
 from s2rstore.geometry.floor_grid import HEIGHTS
 from s2rstore.records import Bounds, Domain
-from s2rtools.datasets.scan import InstanceRecord, Scan
-from s2rtools.datasets.stored_instances import StoredRecords, StoredTrajectory
+from s2rtools.datasets.scan import InstanceRecord, Scan, StoredRecords, StoredTrajectory
 
 Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]

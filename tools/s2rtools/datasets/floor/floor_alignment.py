@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
-from s2rtools.motion_logs import rigid_alignment
+from s2rtools.motion_logs.motion_log import fit_transform, transform_about
 
 Floats = NDArray[np.float64]
 
@@ -73,7 +73,7 @@ def fit_alignment(moved: Floats, fixed: Floats, with_scale: bool = False) -> Flo
         raise RequestError(f"--align: {len(moved)} pairs; a transform needs at least {MIN_PAIRS}")
     extents = (points[:, :2].std(axis=0) for points in (moved, fixed))
     if min(float(np.hypot(*extent)) for extent in extents) > _MIN_SPREAD:
-        motion = rigid_alignment.fit(
+        motion = fit_transform(
             (moved[:, 0], moved[:, 1]), (fixed[:, 0], fixed[:, 1]), scale=with_scale
         )
     elif with_scale:
@@ -81,7 +81,7 @@ def fit_alignment(moved: Floats, fixed: Floats, with_scale: bool = False) -> Flo
     else:
         turns = fixed[:, 2] - moved[:, 2]
         angle = math.atan2(float(np.sin(turns).sum()), float(np.cos(turns).sum()))
-        motion = rigid_alignment.about(angle, moved[:, :2].mean(axis=0), fixed[:, :2].mean(axis=0))
+        motion = transform_about(angle, moved[:, :2].mean(axis=0), fixed[:, :2].mean(axis=0))
     found = FloorAlignment(
         motion.angle, motion.scale, motion.x, motion.y, len(moved), math.nan, math.nan, math.nan
     )

@@ -40,9 +40,8 @@ from s2rtools.datasets.conventions.depth_frames import (
     read_depth,
     spread_rows,
 )
-from s2rtools.datasets.scan import Scan
-from s2rtools.datasets.stored_instances import StoredRecords
-from s2rtools.motion_logs import rigid_alignment
+from s2rtools.datasets.scan import Scan, StoredRecords
+from s2rtools.motion_logs.motion_log import fit_transform
 
 Floats = NDArray[np.float64]
 Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]
@@ -178,7 +177,7 @@ def fit_similarity(pixels: Floats, metres: Floats, y_down: bool, where: str) -> 
     if np.hypot(*(pixels - pixels.mean(axis=0)).T).max() < 1.0 or extent < 0.01:
         raise RequestError(f"{where}: the points coincide; give two that are far apart")
     upright, known = (pixels[:, 0], hand * pixels[:, 1]), (metres[:, 0], metres[:, 1])
-    found = rigid_alignment.fit(upright, known, scale=True)
+    found = fit_transform(upright, known, scale=True)
     cos, sin = found.scale * math.cos(found.angle), found.scale * math.sin(found.angle)
     matrix = np.array([[cos, -sin * hand, found.x], [sin, cos * hand, found.y]])
     moved = pixels @ matrix[:, :2].T + matrix[:, 2]

@@ -17,8 +17,8 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Iterable, Iterator
-from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,12 +64,11 @@ def scan(path: Path, options: ScanOptions) -> Scan:
     containment = PathContainment(path.parent, options.allow_outside)
     result = config.empty_scan(path.parent, options.frame, containment)
     result.recorded_at = {name: str(date) for name, date in config.table.recorded_at.items()}
-    result.issues += rows.incomplete
+    result.issues += rows.issues
     chosen = options.choose_trajectories(rows.trajectories, path)
     domains = {trajectory: rows.domains_of(trajectory) for trajectory in chosen}
     names = [name for name in rows.domains if any(name in each for each in domains.values())]
     result.domains = {name: config.domain(name, options.frame) for name in names}
-    result.issues += rows.unusable()
     for trajectory in chosen:
         sizes = {name: config.image_sizes(name) for name in domains[trajectory]}
         _add_trajectory(result, trajectory, rows, sizes, containment)
@@ -92,8 +91,9 @@ class _RowFile(RowFile):
 class _Rows:
     """The rows of a manifest in a temporary file; in memory are the numbers that sort them.
 
-    `domains` are their names in order of the first row, `incomplete` the issues of rows that do
-    not name their instance and files.
+    `domains` are their names in order of the first row. `issues` are those of rows that do not name
+    their instance and files, and of repeated rows: of rows of one trajectory, seq and domain the
+    first one counts.
     """
 
     def __init__(self, path: Path) -> None:
@@ -102,8 +102,7 @@ class _Rows:
         self.file = _RowFile()
         self._trajectories: dict[str, int] = {}
         self.domains: dict[str, int] = {}
-        self.incomplete: list[InputIssue] = []
-        self._bad_seq: list[tuple[int, InputIssue]] = []
+        self.issues: list[InputIssue] = []
         self._keys = tuple(array(kind) for kind in ("i", "q", "i"))
         empty = True
         for number, row in read_rows(path, (*REQUIRED, *_OPTIONAL), self._check_names):
@@ -111,6 +110,7 @@ class _Rows:
             self._add(number, row)
         if empty:
             raise RequestError(f"{path}: no rows; the first line names {', '.join(REQUIRED)}")
+        self._sort()
 
     def _check_names(self, names: list[str]) -> None:
         if missing := [name for name in REQUIRED if name not in names]:
@@ -119,7 +119,7 @@ class _Rows:
     def _add(self, number: int, row: Row) -> None:
         where = f"{self.path.name}:{number}"
         if blank := [name for name in _IDENTIFYING if not row[name]]:
-            self.incomplete.append(InputIssue("incomplete row", where, f"no {blank[0]}"))
+            self.issues.append(InputIssue("incomplete row", where, f"no {blank[0]}"))
             return
         domain = self.domains.setdefault(row["domain"], len(self.domains))
         try:
@@ -128,39 +128,28 @@ class _Rows:
                 raise ValueError(f"{seq} is out of range")
         except ValueError:
             detail = f"{row['seq'][:_MAX_SHOWN]}: not a whole number from 0 to {_MAX_SEQ}"
-            self._bad_seq.append((len(self.file), InputIssue("bad seq", where, detail)))
+            self.issues.append(InputIssue("bad seq", where, detail))
             return
         trajectory = self._trajectories.setdefault(row["trajectory"], len(self._trajectories))
         for column, value in zip(self._keys, (trajectory, seq, domain), strict=True):
             column.append(value)
         self.file.append(number, *(row.get(name, "") for name in (*REQUIRED, *_OPTIONAL)))
 
-    @cached_property
-    def _order(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """The rows by trajectory, seq and line, and the repeated ones, in order of their lines.
-
-        Of rows of one trajectory, seq and domain the first one counts.
-        """
+    def _sort(self) -> None:
+        """Put the rows of each instance together, without repeated ones, which are reported."""
         trajectory, seq, domain = (np.asarray(column) for column in self._keys)
         order = np.lexsort((domain, seq, trajectory)).astype(np.int32)
-        same = np.ones(max(len(order) - 1, 0), dtype=bool)
-        for column in (trajectory, seq, domain):
-            same &= column[order[1:]] == column[order[:-1]]
-        repeated = np.sort(order[1:][same])
-        kept = np.ones(len(order), dtype=bool)
-        kept[repeated] = False
-        order = np.lexsort((seq, trajectory)).astype(np.int32)
-        return order[kept[order]], repeated
-
-    def unusable(self) -> list[InputIssue]:
-        """The issues of rows without a number as `seq`, and of repeated rows, in their order."""
-        issues = list(self._bad_seq)
-        for row in self._order[1].tolist():
+        repeated = np.zeros(len(order), dtype=bool)
+        repeated[1:] = ~_changes(order, trajectory, seq, domain)
+        for row in np.sort(order[repeated]).tolist():
             ((number, values),) = self.file.instance([row]).values()
             detail = f"{values['trajectory']} {int(values['seq'])} {values['domain']}"
-            issue = InputIssue("duplicate row", f"{self.path.name}:{number}", detail)
-            issues.append((row + 0.5, issue))
-        return [issue for _, issue in sorted(issues, key=lambda each: each[0])]
+            place = f"{self.path.name}:{number}"
+            self.issues.append(InputIssue("duplicate row", place, detail))
+        kept = np.sort(order[~repeated])
+        self._order = kept[np.lexsort((seq[kept], trajectory[kept]))]
+        starts = np.flatnonzero(_changes(self._order, trajectory, seq)) + 1
+        self._bounds = np.concatenate([[0], starts, [len(kept)]]).astype(np.int32)
 
     @property
     def trajectories(self) -> list[str]:
@@ -175,20 +164,18 @@ class _Rows:
 
     def instances(self, trajectory: str) -> Iterator[list[int]]:
         """The rows of each instance of a trajectory."""
-        order, bounds, codes = self._bounds
-        code = self._trajectories[trajectory]
+        code, bounds = self._trajectories[trajectory], self._bounds
+        codes = np.asarray(self._keys[0])[self._order[bounds[:-1]]]
         first, last = np.searchsorted(codes, [code, code + 1]).tolist()
-        return (order[bounds[k] : bounds[k + 1]].tolist() for k in range(first, last))
+        return (self._order[bounds[k] : bounds[k + 1]].tolist() for k in range(first, last))
 
-    @cached_property
-    def _bounds(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
-        """The rows in order, the first and last + 1 in it of each instance, and its trajectory."""
-        order, _ = self._order
-        trajectory, seq = (np.asarray(column)[order] for column in self._keys[:2])
-        new_trajectory = np.diff(trajectory, prepend=-1) != 0
-        starts = np.flatnonzero(new_trajectory | (np.diff(seq, prepend=0) != 0))
-        bounds = np.append(starts, len(order)).astype(np.int32)
-        return order, bounds, trajectory[starts]
+
+def _changes(order: NDArray[np.int32], *columns: NDArray[Any]) -> NDArray[np.bool_]:
+    """(n - 1,) whether a row in `order` differs in any column from the one before it."""
+    changes = np.zeros(max(len(order) - 1, 0), dtype=bool)
+    for column in columns:
+        changes |= column[order[1:]] != column[order[:-1]]
+    return changes
 
 
 def _add_trajectory(

@@ -26,7 +26,7 @@ from s2rtools.datasets.recordings.colmap_model import (
     read_model,
 )
 from s2rtools.datasets.recordings.frame_table import FrameTable
-from s2rtools.datasets.recordings.recorded_cameras import CAMERA_ID, choose_camera
+from s2rtools.datasets.recordings.stated_cameras import CAMERA_ID, choose_camera
 
 
 def read(path: Path, options: ReadOptions) -> Recording:

@@ -17,19 +17,11 @@ from __future__ import annotations
 from collections.abc import Collection
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from s2rstore.errors import RequestError
 from s2rtools.common.tables.csv_rows import missing_column, parse_float, read_rows
 from s2rtools.datasets.recording import Layout, ReadOptions, Recording, trajectory_name
 from s2rtools.datasets.recordings.camera_description import CameraDescription, describe_cameras
 from s2rtools.datasets.recordings.frame_table import FrameTable
-from s2rtools.datasets.recordings.recorded_poses import (
-    in_optical_axes,
-    level_poses,
-    poses_from_quaternions,
-)
 
 _QUATERNION = ("qx", "qy", "qz", "qw")
 _FULL = ("rgb", "x", "y", "z", *_QUATERNION)
@@ -83,16 +75,7 @@ def _add_rows(recording: Recording, path: Path, description: CameraDescription) 
             )
     if not columns:
         raise RequestError(f"{path}: no rows; the first line names {', '.join(_FULL)}")
-    table.fill(lambda values: _poses(values, description))
-
-
-def _poses(values: NDArray[np.float64], description: CameraDescription) -> NDArray[np.float64]:
-    """Camera poses (N, 4, 4) of rows x, y, heading or x, y, z, qx, qy, qz, qw."""
-    if values.shape[1] == 3:
-        headings = np.radians(values[:, 2])
-        return level_poses(np.column_stack([values[:, :2], headings]), description.camera_height)
-    poses = poses_from_quaternions(values[:, :3], values[:, 3:])
-    return in_optical_axes(poses) if description.pose_axes == "robot" else poses
+    table.fill(description.poses)
 
 
 def _check_columns(path: Path, names: Collection[str]) -> None:

@@ -24,7 +24,7 @@ from s2rtools.datasets.recording import (
     trajectory_name,
 )
 from s2rtools.datasets.recordings.frame_table import FrameTable
-from s2rtools.datasets.recordings.recorded_cameras import CAMERA_ID
+from s2rtools.datasets.recordings.stated_cameras import CAMERA_ID
 from s2rtools.datasets.recordings.transforms_file import (
     Intrinsics,
     Transforms,

@@ -31,9 +31,8 @@ from s2rtools.datasets.recording import (
     Recording,
 )
 from s2rtools.datasets.recordings.frame_table import FrameTable, matrices
-from s2rtools.datasets.recordings.recorded_cameras import CAMERA_ID, MEDIAN
 from s2rtools.datasets.recordings.recorded_files import NumberedFiles
-from s2rtools.datasets.recordings.stated_cameras import image_size
+from s2rtools.datasets.recordings.stated_cameras import CAMERA_ID, MEDIAN, image_size
 
 _IMAGE = re.compile(r"([0-9]+)\.(?:jpg|jpeg|png)", re.IGNORECASE)
 _MAX_BYTES = 64 << 10

@@ -30,7 +30,7 @@ from s2rtools.datasets.recording import (
     ReadOptions,
     Recording,
 )
-from s2rtools.datasets.recordings.pose_files import read_frames
+from s2rtools.datasets.recordings.frame_table import read_frames
 from s2rtools.datasets.recordings.stated_cameras import image_size, opencv_camera
 
 _FILES = {

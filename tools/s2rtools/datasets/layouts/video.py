@@ -31,11 +31,8 @@ from s2rtools.datasets.recording import (
 )
 from s2rtools.datasets.recordings.camera_description import CameraDescription, describe_cameras
 from s2rtools.datasets.recordings.recorded_poses import (
-    in_optical_axes,
-    level_poses,
     mutual_nearest,
     poses_at,
-    poses_from_quaternions,
 )
 from s2rtools.datasets.recordings.stamped_lists import report_none_near
 from s2rtools.datasets.recordings.video_images import StoredImage, VideoImages
@@ -122,12 +119,7 @@ def _poses(
     times, pose = values[:, 0], values[:, 1:]
     if np.any(np.diff(times) <= 0):
         raise RequestError(f"{csv}: times are not ascending")
-    if len(columns) == len(_ON_FLOOR):
-        headings = np.radians(pose[:, 2])
-        level = np.column_stack([pose[:, :2], headings])
-        return times, level_poses(level, description.camera_height)
-    full = poses_from_quaternions(pose[:, :3], pose[:, 3:])
-    return times, in_optical_axes(full) if description.pose_axes == "robot" else full
+    return times, description.poses(pose)
 
 
 def _number(option: str, text: str) -> float:

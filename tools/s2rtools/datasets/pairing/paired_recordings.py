@@ -9,16 +9,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import read_document
 from s2rstore.files.layout import checked_name
-from s2rstore.records import Bounds, Domain, Intrinsics, Side
+from s2rstore.records import Side
 from s2rtools.common.input_issue import InputIssue
-from s2rtools.common.lazy_sequence import LazySequence
-from s2rtools.datasets.dataset_config import DatasetConfig
-from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.floor.floor_alignment import FloorAlignment, fit_alignment
 from s2rtools.datasets.floor.floor_poses import (
     FittedScale,
@@ -29,11 +24,10 @@ from s2rtools.datasets.floor.floor_poses import (
 )
 from s2rtools.datasets.pairing import pair_facts
 from s2rtools.datasets.pairing.pair_matching import (
-    Floats,
     PoseTolerance,
     ReportProgress,
-    Rows,
 )
+from s2rtools.datasets.pairing.recorded_scan import MapOptions, scan_of_sides
 from s2rtools.datasets.pairing.recording_pairs import (
     Match,
     Pairing,
@@ -45,13 +39,7 @@ from s2rtools.datasets.pairing.recording_pairs import (
 )
 from s2rtools.datasets.pairing.stored_worlds import StoredWorlds
 from s2rtools.datasets.recording import Recording
-from s2rtools.datasets.recordings.recorded_frame_source import RecordedFrameSource
-from s2rtools.datasets.scan import FramePose, InstanceRecord, Scan
-
-MARGIN = 2.0
-"""Metres of the map around the outermost poses, where no calibration file states the bounds."""
-_MAX_RAW = 65535
-_NO_CAMERA = Intrinsics(*[math.nan] * 5)
+from s2rtools.datasets.scan import Scan
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,19 +48,15 @@ class PairOptions:
 
     `tolerance` is that of `recording_pairs.parse_tolerance`. With `align`, the floor of the sim
     recording is fitted to that of the real one by the pairs, which then are those of times or
-    names. `floors` say how poses are put on the floor. `calibration` is a file with bounds, rooms
-    and floor plan; its cameras are not used. `stored` are the worlds of a store to which the pairs
-    are appended; `floors` are not used then, and `align` needs an alignment in the store.
+    names. `floors` say how poses are put on the floor. Where the pairs are appended to a store,
+    `floors` are not used, and `align` needs an alignment in the store.
     """
 
     match: Match
     tolerance: PoseTolerance | float | None
-    frame: tuple[int, int]
+    map: MapOptions
     align: bool = False
     floors: Mapping[Side, FloorOptions] = field(default_factory=dict)
-    calibration: Path | None = None
-    allow_outside: bool = False
-    stored: StoredWorlds | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,8 +113,8 @@ def scan_pairs(
     `progress` is called with numbers of images that are compared. Raises RequestError where there
     is no pair, or where poses, cameras or options are not usable.
     """
-    if options.stored is not None:
-        return _scan_further_pairs(sim, real, options, options.stored, progress)
+    if options.map.stored is not None:
+        return _scan_further_pairs(sim, real, options, options.map.stored, progress)
     if options.align and options.match == "pose":
         raise RequestError("--align: the worlds differ; pair by --match time or --match name")
     worlds = _several_worlds(sim, real)
@@ -189,21 +173,11 @@ def _paired_scan(
     unmatched = list(unmatched_images(*sides, pairing, options.match))
     if not pairing.sim.size:
         raise RequestError(_no_pairs(*sides, options, unmatched))
-    places = sides[0].poses[pairing.sim], sides[1].poses[pairing.real]
-    map_options = MapOptions(
-        options.frame, options.calibration, options.allow_outside, options.stored
-    )
-    scan = empty_scan(sides[1].recording, np.concatenate(places), map_options)
-    for side in sides:
-        add_reports(scan, side)
-    scan.issues += worlds
-    scan.issues += pairing.issues
-    scan.issues += [each.issue() for each in unmatched]
-    scan.domains = {each.side: side_domain(each, options.frame) for each in sides}
-    _add_trajectories(scan, *sides, pairing)
+    scan = scan_of_sides(sides, (pairing.sim, pairing.real), options.map)
+    scan.issues += [*worlds, *pairing.issues, *(each.issue() for each in unmatched)]
     tolerance = options.match, options.tolerance
     scan.part_provenance = pair_facts.provenance(*sides, pairing, tolerance, alignment)
-    is_stored = options.stored is not None
+    is_stored = options.map.stored is not None
     if options.match != "pose":
         scan.issues += pair_facts.far_apart(sides[1], pairing, is_stored)
     summary = pair_facts.summary(*sides, pairing, options.match, alignment, is_stored)
@@ -257,133 +231,3 @@ def _no_pairs(
     )
     found = f"; the nearest: {best.issue().file}, {best.issue().detail}" if best else ""
     return f"{start}{found}"
-
-
-@dataclass(frozen=True, slots=True)
-class MapOptions:
-    """The (height, width) of frames and the map of a data set of recordings; see `PairOptions`."""
-
-    frame: tuple[int, int]
-    calibration: Path | None = None
-    allow_outside: bool = False
-    stored: StoredWorlds | None = None
-
-
-def empty_scan(recording: Recording, poses: Floats, options: MapOptions) -> Scan:
-    """The data set of a recording without domains and trajectories.
-
-    Its bounds are those of the calibration file or of the store, else those of `poses` (N, 3).
-    """
-    root = recording.root
-    if options.calibration is not None:
-        _refuse_camera(options.calibration)
-        config = DatasetConfig(options.calibration, name=recording.name, y_down=False)
-        containment = PathContainment(config.path.parent, options.allow_outside)
-        if config.table.y_down:
-            raise RequestError(
-                f"{config.path}: y_down = true; on the floor of recordings y grows upwards"
-            )
-        return config.empty_scan(root, options.frame, containment)
-    name, stored = recording.name, options.stored
-    if stored is not None:
-        bounds, scale = stored.bounds, stored.accuracy_scale
-        return Scan(name, root, options.frame, stored.y_down, bounds, scale, ())
-    (x0, y0), (x1, y1) = poses[:, :2].min(axis=0) - MARGIN, poses[:, :2].max(axis=0) + MARGIN
-    bounds = Bounds(float(x0), float(y0), float(x1), float(y1))
-    return Scan(name, root, options.frame, False, bounds, bounds.diagonal, ())
-
-
-def add_reports(scan: Scan, side: RecordedSide) -> None:
-    """Add the issues of a recording and of its floor, and the folders that it was read from."""
-    issues = [*side.recording.issues, *side.floor.issues]
-    scan.issues += [issue.of_side(side.side) for issue in issues]
-    counts = dict(scan.outside_folders)
-    for folder, count in side.recording.outside_folders.items():
-        counts[folder] = counts.get(folder, 0) + count
-    scan.outside_folders = counts
-
-
-def _refuse_camera(path: Path) -> None:
-    """Raise RequestError for a file that describes a camera, as layout csv takes it."""
-    document = read_document(path)
-    if isinstance(document, dict) and "camera" in document:
-        raise RequestError(
-            f"{path}: describes a camera, but --calibration (--header) names a file with bounds, "
-            "rooms and floor plan; name that of a camera by --sim-option or --real-option "
-            "camera=FILE"
-        )
-
-
-def side_domain(side: RecordedSide, frame: tuple[int, int]) -> Domain:
-    """The domain of one side. Raises RequestError where depth cannot be put on the floor."""
-    recording, floor = side.recording, side.floor
-    has_depth = any(
-        each.depth is not None
-        for trajectory in recording.trajectories.values()
-        for each in trajectory.frames
-    )
-    if has_depth and not math.isfinite(floor.camera_height):
-        raise RequestError(
-            f"{recording.layout}:{recording.name}: the height of the camera above the floor is not "
-            f"known; give --{side.side}-floor camera_height=METRES"
-        )
-    depth, scale, raw_max = _NO_CAMERA, math.nan, 0
-    if has_depth:
-        depth = recording.camera_of_depth.intrinsics(frame, floor.pitch)
-        scale = recording.metres_of_depth(floor.metres_per_unit)
-        raw_max = min(recording.depth_raw_max, _MAX_RAW)
-    return Domain(
-        domain=side.side,
-        kind=side.side,
-        rgb=recording.camera.intrinsics(frame, floor.pitch),
-        depth=depth,
-        camera_height=floor.camera_height,
-        forward_offset=0.0,
-        depth_scale=scale,
-        depth_raw_min=1,
-        depth_raw_max=raw_max,
-        sources={"intrinsics": "declared", "camera_height": "estimated", "pitch": "estimated"},
-        has_depth=has_depth,
-    )
-
-
-def _add_trajectories(scan: Scan, sim: RecordedSide, real: RecordedSide, pairing: Pairing) -> None:
-    """Add the pairs, by the trajectories of the real side, in its recording order."""
-
-    def records(sims: Rows, reals: Rows) -> LazySequence[InstanceRecord]:
-        def record(row: int) -> InstanceRecord:
-            numbers = int(sims[row]), int(reals[row])
-            sides = list(zip((sim, real), numbers, strict=True))
-            x, y, heading = real.poses[numbers[1]].tolist()
-            time = float(real.times[numbers[1]])
-            return InstanceRecord(
-                x, y, heading,
-                {side.side: frame_source(side, number, scan) for side, number in sides},
-                timestamp=time if math.isfinite(time) else None,
-                frame_poses={side.side: frame_pose(side, number) for side, number in sides},
-            )  # fmt: skip
-
-        return LazySequence(len(sims), record)
-
-    codes = real.codes[pairing.real]
-    for code, name in enumerate(real.names):
-        chosen = np.flatnonzero(codes == code)
-        if chosen.size:
-            trajectory = checked_name(name, "trajectory")
-            scan.add_trajectory(trajectory, records(pairing.sim[chosen], pairing.real[chosen]))
-
-
-def frame_source(side: RecordedSide, number: int, scan: Scan) -> RecordedFrameSource:
-    """The source of an image of a side, whose domain `scan` has."""
-    recording, has_depth = side.recording, scan.domains[side.side].has_depth
-    depth = recording.camera_of_depth if has_depth else None
-    return RecordedFrameSource(side.frame(number), recording.camera, depth)
-
-
-def frame_pose(side: RecordedSide, number: int) -> FramePose:
-    """The pose of an image on the map, and that of its camera in the recording's world."""
-    x, y, heading = side.poses[number].tolist()
-    pose = side.camera_pose(number)
-    position = (float(pose[0, 3]), float(pose[1, 3]), float(pose[2, 3]))
-    a, b, c, d = (float(each) for each in Rotation.from_matrix(pose[:3, :3]).as_quat())
-    return FramePose(x, y, heading, (*position, a, b, c, d))

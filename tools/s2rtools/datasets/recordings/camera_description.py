@@ -20,7 +20,9 @@ import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from msgspec import Meta, Struct, field
+from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import read_document
@@ -33,6 +35,11 @@ from s2rtools.datasets.dataset_config import (
     Positive,
 )
 from s2rtools.datasets.recording import PinholeCamera, Recording
+from s2rtools.datasets.recordings.recorded_poses import (
+    in_optical_axes,
+    level_poses,
+    poses_from_quaternions,
+)
 
 
 class CameraDescription(Struct, forbid_unknown_fields=True):
@@ -52,6 +59,13 @@ class CameraDescription(Struct, forbid_unknown_fields=True):
     def __post_init__(self) -> None:
         if len(self.up) not in (0, 3) or (self.up and math.hypot(*self.up) < 1e-6):
             raise ValueError("up must be a direction of 3 numbers, or []")
+
+    def poses(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Camera poses (N, 4, 4) of rows x, y, heading (degrees) or x, y, z, qx, qy, qz, qw."""
+        if values.shape[1] == 3:
+            return level_poses(values * (1, 1, math.pi / 180), self.camera_height)
+        poses = poses_from_quaternions(values[:, :3], values[:, 3:])
+        return in_optical_axes(poses) if self.pose_axes == "robot" else poses
 
 
 def describe_cameras(recording: Recording, stated: str | None, csv: Path) -> CameraDescription:

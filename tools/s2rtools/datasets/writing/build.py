@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
 import shlex
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import astuple
 from functools import partial
 from pathlib import Path
+from typing import Protocol, runtime_checkable
 
 import cv2
+import numcodecs
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,12 +27,10 @@ from s2rstore.index.transaction import edit
 from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.conventions import convention_report
 from s2rtools.datasets.floor.floor_plans import plan_from_depth, read_floor_plan
-from s2rtools.datasets.scan import Scan
-from s2rtools.datasets.stored_instances import StoredRecords
+from s2rtools.datasets.scan import Scan, StoredRecords
 from s2rtools.datasets.writing.frame_writing import FramePlace, ReportProgress, write_trajectory
 from s2rtools.datasets.writing.index_rows import write_index
 from s2rtools.datasets.writing.ingest_journal import IngestJournal, fingerprint_of
-from s2rtools.datasets.writing.scan_fingerprint import fingerprint
 
 _MAX_FLOOR_PLAN_SIDE = 1056
 
@@ -59,8 +62,7 @@ def build(
     refuse_unusable(scan, strict=False)
     folder = staging_folder(target)
     find_folders = partial(staging_folders, target)
-    journal = open_folder(scan, target, folder, find_folders, {}, progress, report_line)
-    with removed_on_failure(folder, journal, target):
+    with building_folder(scan, target, folder, find_folders, {}, report_line) as journal:
         stored = write_frames(scan, folder, progress, journal=journal)
         plan = floor_plan_image(scan)
         drawn = plan_from_depth(scan, stored, folder) if scan.floor_plan is None else None
@@ -87,39 +89,22 @@ def build(
 
 
 @contextmanager
-def removed_on_failure(folder: Path, journal: IngestJournal | None, target: Path) -> Iterator[None]:
-    """Remove the folder in which data for `target` is built where that fails.
-
-    It stays where an ingest with a journal is interrupted, or the store is busy: then the same
-    command resumes. Raises RequestError where files cannot be written.
-    """
-    try:
-        yield
-    except OSError as error:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise _unwritable(target, error) from error
-    except BaseException as error:
-        is_refused = isinstance(error, RequestError) and not isinstance(error, StoreBusyError)
-        if journal is None or is_refused:
-            shutil.rmtree(folder, ignore_errors=True)
-        raise
-
-
-def open_folder(
+def building_folder(
     scan: Scan,
     target: Path,
     folder: Path,
     find_folders: Callable[[], list[StagingFolder]],
     places: Mapping[str, FramePlace],
-    progress: ReportProgress,
     report_line: ReportLine,
-) -> IngestJournal | None:
-    """Make the folder to write frames in, and its journal: that of an interrupted ingest, or a new
-    one.
+) -> Iterator[IngestJournal | None]:
+    """Make the `folder` in which data for `target` is written; gives its journal.
 
-    `find_folders` lists the folders of all ingests of the store `target`; abandoned ones that are
-    not taken over are removed. `places` are as in `write_frames`. There is no journal where a
-    source of the scan does not state its origin.
+    It is that of an interrupted ingest of the same frames, or a new one. `find_folders` lists the
+    folders of all ingests of the store; abandoned ones that are not taken over are removed.
+    `places` are as in `write_frames`. There is no journal where a source of the scan does not state
+    its origin. The folder is removed where the writing fails; it stays where an ingest with a
+    journal is interrupted, or the store is busy: then the same command resumes. Raises RequestError
+    where files cannot be written.
     """
     mark, journal = fingerprint(scan, places), None
     try:
@@ -129,31 +114,27 @@ def open_folder(
                     left.path.rename(folder)  # its name states this process from now on
                 except FileNotFoundError:  # another process has taken it over
                     continue
-                journal = IngestJournal.resume(folder, mark)
-                steps, instances = 0, 0
-                for name, records in scan.trajectories.items():
-                    place = places[name].folder if name in places else name
-                    taken = journal.taken(place, len(records))
-                    steps, instances = steps + taken.steps, instances + len(taken)
+                journal = IngestJournal(folder, mark)
                 total = sum(map(len, scan.trajectories.values()))
                 report_line(
-                    f"{target}: an interrupted ingest ({left.builder}) is resumed; {instances} of "
-                    f"{total} instances are not decoded again"
+                    f"{target}: an interrupted ingest ({left.builder}) is resumed; "
+                    f"{journal.taken_instances} of {total} instances are not decoded again"
                 )
-                progress(2 * steps)
                 break
         remove_leftovers([each for each in find_folders() if each.path != folder], report_line)
         if journal is None:
             folder.mkdir(parents=True)
-            journal = None if mark is None else IngestJournal.begin(folder, mark)
+            journal = None if mark is None else IngestJournal(folder, mark)
+        yield journal
     except OSError as error:
         shutil.rmtree(folder, ignore_errors=True)
-        raise _unwritable(target, error) from error
-    return journal
-
-
-def _unwritable(target: Path, error: OSError) -> RequestError:
-    return RequestError(f"{error.filename or target}: cannot be written ({error.strerror})")
+        reason = f"{error.filename or target}: cannot be written ({error.strerror})"
+        raise RequestError(reason) from error
+    except BaseException as error:
+        is_refused = isinstance(error, RequestError) and not isinstance(error, StoreBusyError)
+        if journal is None or is_refused:
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
 
 
 def report_outside_bounds(scan: Scan) -> None:
@@ -252,3 +233,57 @@ def unlisted_checksums(root: Path) -> dict[str, str]:
             or entry.path.startswith((f"{layout.ASSETS}/", f"{layout.DRIVES}/"))
         )
     }
+
+
+@runtime_checkable
+class TracedSource(Protocol):
+    """A `FrameSource` whose changes are found without reading it."""
+
+    def origin(self) -> tuple[Iterable[Path], str] | None:
+        """Files or folders that the frame is read from, and a text of all else it depends on.
+
+        None where it does not know its files.
+        """
+
+
+def fingerprint(scan: Scan, places: Mapping[str, FramePlace] | None = None) -> str | None:
+    """SHA-256 of the scan's frame size, domains and sources, and of the releases that decode them.
+
+    `places` are those of trajectories that have frames in the store already. None where a source
+    does not state its origin.
+    """
+    digest = hashlib.sha256()
+    facts = [domain.facts() for domain in scan.domains.values()]
+    releases = schema.VERSION, cv2.__version__, numcodecs.__version__
+    _add(digest, releases, os.path.abspath(scan.root), scan.frame, scan.has_poses, facts)
+    _add(digest, [(name, astuple(place)) for name, place in sorted((places or {}).items())])
+    folders: dict[Path, str] = {}
+    for name, records in scan.trajectories.items():
+        _add(digest, name, len(records))
+        for record in records:
+            for domain, source in record.sources.items():
+                origin = source.origin() if isinstance(source, TracedSource) else None
+                if origin is None:
+                    return None
+                files, text = origin
+                _add(digest, domain, text, *(_state(path, folders) for path in files))
+    return digest.hexdigest()
+
+
+def _add(digest: hashlib._Hash, *values: object) -> None:
+    digest.update(repr(values).encode())
+
+
+def _state(path: Path, folders: dict[Path, str]) -> str:
+    """Path, bytes and time of the last change in nanoseconds; of all files of a folder."""
+    if path in folders:
+        return folders[path]
+    try:
+        state = path.stat()
+    except OSError:
+        return f"{os.path.abspath(path)} is missing"
+    if not path.is_dir():
+        return f"{os.path.abspath(path)} {state.st_size} {state.st_mtime_ns}"
+    files = sorted(each for each in path.rglob("*") if not each.is_dir())
+    folders[path] = repr([_state(each, folders) for each in files])
+    return folders[path]

@@ -21,8 +21,13 @@ from s2rstore.files.ledger import Ledger, LedgerEntry
 from s2rtools.common.input_issue import InputIssue
 from s2rtools.common.processors import available_processors
 from s2rtools.common.read_ahead import map_ahead
-from s2rtools.datasets.scan import DecodedFrame, InstanceRecord, Scan
-from s2rtools.datasets.stored_instances import StoredTrajectory
+from s2rtools.datasets.scan import (
+    DecodedFrame,
+    FrameChecksum,
+    InstanceRecord,
+    Scan,
+    StoredTrajectory,
+)
 from s2rtools.datasets.writing.ingest_journal import SHARD_ROWS, Block, IngestJournal
 from s2rtools.datasets.writing.trajectory_arrays import (
     CompressedImages,
@@ -85,22 +90,22 @@ def write_trajectory(
     """
     records = scan.trajectories[name]
     place = place or FramePlace(name, {})
-    taken = None if journal is None else journal.taken(place.folder, len(records))
     writer = _TrajectoryWriter(scan, root, name, place, journal)
+    done: set[int] = set()
+    for block in () if journal is None else journal.taken(place.folder):
+        writer.take(block)
+        done |= {*block.rows, *block.left_out}
+    progress(2 * len(done) * len(records[0].sources))
+    rows: Sequence[int] = range(len(records))
+    if done:
+        rows = [row for row in rows if row not in done]
     largest = max(source.pixels for record in records for source in record.sources.values())
     threads = max(1, min(available_processors(), _DECODING_BYTES // (8 * largest)))
-
-    def decode(row: int) -> Decoded | None:
-        return None if taken is not None and row in taken else _decode(scan, records[row])
-
     with ThreadPoolExecutor(threads) as pool:
-        decoded = map_ahead(pool, decode, range(len(records)), _READ_AHEAD * threads)
-        for row, result in enumerate(decoded):
-            if result is None:
-                assert taken is not None
-                writer.take(row, taken[row])
-                continue
-            frames, sources, defects = result
+        decoded = map_ahead(
+            pool, lambda row: _decode(scan, records[row]), rows, _READ_AHEAD * threads
+        )
+        for row, (frames, sources, defects) in zip(rows, decoded, strict=True):
             progress(2 * (len(frames) + len(defects)))
             if defects:
                 writer.leave_out(row, defects)
@@ -138,15 +143,15 @@ class _TrajectoryWriter:
             for domain in self._records[0].sources
         }
         self._source_sizes: dict[str, tuple[tuple[int, ...], ...]] = {}
+        self._issues: dict[int, Sequence[InputIssue]] = {}
         self._conversions: dict[int, tuple[InputIssue, ...]] = {}
         self._left_out: dict[int, list[InputIssue]] = {}
 
     def leave_out(self, row: int, issues: list[InputIssue]) -> None:
         """Report the record number `row`, which is not stored."""
-        self._scan.issues += issues
-        self._left_out[row] = issues
+        self._issues[row] = self._left_out[row] = issues
         if len(self._left_out) == SHARD_ROWS:
-            self._record(Block(self._place.folder, self._frames))
+            self._record(Block(self._place.folder))
 
     def add(self, row: int, frames: Frames, sources: Sources) -> None:
         """Write the frames of the record number `row`.
@@ -158,8 +163,7 @@ class _TrajectoryWriter:
             self.leave_out(row, issues)
             return
         if converted := tuple(issue for frame in frames.values() for issue in frame.issues):
-            self._scan.issues += converted
-            self._conversions[row] = converted
+            self._issues[row] = self._conversions[row] = converted
         for domain, frame in frames.items():
             arrays = self._arrays[domain]
             for image, pixels in (("rgb", frame.rgb), ("depth", frame.depth)):
@@ -167,7 +171,9 @@ class _TrajectoryWriter:
                     arrays[image].add(pixels, pixels.shape, str(pixels.dtype))
             for image, each in sources[domain].items():
                 arrays[image].add(each.content, each.shape, each.dtype)
-        self._stored.add(row, frames)
+        self._stored.add(
+            row, {d: FrameChecksum(f.sha256, f.valid_fraction) for d, f in frames.items()}
+        )
         if len(self._stored) - self._recorded == SHARD_ROWS:
             self._record_stored()
 
@@ -191,33 +197,22 @@ class _TrajectoryWriter:
                 return [InputIssue("wrong size", file, detail)]
         return []
 
-    def take(self, row: int, block: Block) -> None:
-        """Take the record number `row` over from a block of an interrupted ingest."""
-        if row in block.left_out:
-            self._scan.issues += block.left_out[row]
-            return
-        for domain, sizes in block.source_sizes.items():
-            self._source_sizes.setdefault(domain, sizes)
-        for domain, kind in block.types.items():
-            self._types.setdefault(domain, kind)
-        self._scan.issues += block.conversions.get(row, ())
-        position = len(self._stored) - self._recorded
-        self._stored.add_checksums(row, block.checksums(position))
-        if position == 0:
-            for domain, shards in block.shards.items():
-                for image, shard in shards.items():
-                    self._arrays[domain][image].take(shard, len(block.rows))
-        if position == len(block.rows) - 1:
-            self._recorded = len(self._stored)
-
-    @property
-    def _frames(self) -> int:
-        """The number of frames of an instance."""
-        return len(self._records[0].sources)
+    def take(self, block: Block) -> None:
+        """Take over what an interrupted ingest has recorded of some records."""
+        self._issues |= block.left_out
+        self._issues |= block.conversions
+        self._source_sizes = {**block.source_sizes, **self._source_sizes}
+        self._types = {**block.types, **self._types}
+        for position, row in enumerate(block.rows):
+            self._stored.add(row, block.checksums(position))
+        for domain, shards in block.shards.items():
+            for image, shard in shards.items():
+                self._arrays[domain][image].take(shard, len(block.rows))
+        self._recorded = len(self._stored)
 
     def _record_stored(self) -> None:
         """Record the instances that are in no block yet."""
-        block = Block(self._place.folder, self._frames)
+        block = Block(self._place.folder)
         block.types, block.source_sizes = self._types, self._source_sizes
         block.conversions, self._conversions = self._conversions, {}
         start, self._recorded = self._recorded, len(self._stored)
@@ -236,6 +231,8 @@ class _TrajectoryWriter:
     def finish(self) -> StoredTrajectory | None:
         """Record the last instances and complete the arrays."""
         self._record_stored()
+        for _, issues in sorted(self._issues.items()):
+            self._scan.issues += issues
         if not len(self._stored):
             return None
         entries: list[LedgerEntry] = []

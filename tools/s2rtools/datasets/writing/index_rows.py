@@ -21,8 +21,7 @@ from s2rstore.index.row_records import CAMERA_COLUMNS, DEPTH_COLUMNS
 from s2rstore.index.transaction import IndexTransaction
 from s2rstore.reader import Store
 from s2rstore.records import Domain
-from s2rtools.datasets.scan import FramePose, InstanceRecord, Scan
-from s2rtools.datasets.stored_instances import StoredRecords, StoredTrajectory
+from s2rtools.datasets.scan import FramePose, InstanceRecord, Scan, StoredRecords, StoredTrajectory
 
 _POSE_COLUMNS = schema.BY_NAME["frame_pose"].column_names[2:]
 _BLOCK = 2048

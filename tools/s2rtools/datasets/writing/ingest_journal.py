@@ -9,29 +9,24 @@ count up to the first one that is damaged or unfinished.
 from __future__ import annotations
 
 import io
-import itertools
 import json
-import os
 import zlib
-from collections import Counter, OrderedDict
-from collections.abc import Iterator, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
-import numpy as np
 
 from s2rstore.arrays.stored_array import shard_name
 from s2rstore.arrays.zarr_metadata import Layout
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rtools.common.input_issue import InputIssue
-from s2rtools.datasets.scan import FrameChecksum
-from s2rtools.datasets.stored_instances import StoredTrajectory
+from s2rtools.datasets.scan import FrameChecksum, StoredTrajectory
 
 NAME = "journal.jsonl"
 SHARD_ROWS = 64
-_VERSION = 2
-_CACHED_BLOCKS = 16
+_VERSION = 3
 _MAX_LINE = 16 << 20
 _HEX = 64
 """Characters of a SHA-256."""
@@ -52,11 +47,10 @@ class Block(msgspec.Struct, forbid_unknown_fields=True):
     `trajectory` is the name of the trajectory's folder in that of each domain. `rows` are numbers
     of the trajectory's records. `types` is the depth type of each domain. `digests` (64 hexadecimal
     characters a row) and `valid_fractions` are those of the frames, `shards` the files by domain
-    and image. `frames` is the number of frames of every instance.
+    and image.
     """
 
     trajectory: str
-    frames: int
     left_out: dict[int, list[InputIssue]] = {}
     types: dict[str, str] = {}
     rows: list[int] = []
@@ -89,76 +83,23 @@ class _Header(msgspec.Struct, forbid_unknown_fields=True):
 
 
 _Line = _Header | Block
-Place = tuple[int, int]
-"""Offset and length of a line, bytes."""
-
-
-class TakenTrajectory:
-    """What an earlier ingest has stored of a trajectory; blocks are read when they are needed.
-
-    `steps` is the number of frames in its blocks.
-    """
-
-    def __init__(self, path: Path, places: Sequence[Place], count: int) -> None:
-        self.steps = 0
-        self._path, self._places = path, places
-        self._block_of = np.full(count, -1, np.int32)
-        self._cached: OrderedDict[int, Block] = OrderedDict()
-        for number in range(len(places)):
-            block = self._block(number)
-            rows = [*block.rows, *block.left_out]
-            self._block_of[rows] = number
-            self.steps += len(rows) * block.frames
-
-    def __len__(self) -> int:
-        return int(np.count_nonzero(self._block_of >= 0))
-
-    def __contains__(self, row: int) -> bool:
-        return bool(self._block_of[row] >= 0)
-
-    def __getitem__(self, row: int) -> Block:
-        """The block of a record that it contains."""
-        return self._block(int(self._block_of[row]))
-
-    def _block(self, number: int) -> Block:
-        if number not in self._cached:
-            block = _parsed(_read_at(self._path, self._places[number]))
-            if not isinstance(block, Block):
-                raise RequestError(f"{self._path}: was changed; remove its folder and ingest again")
-            self._cached[number] = block
-            if len(self._cached) > _CACHED_BLOCKS:
-                self._cached.popitem(last=False)
-        self._cached.move_to_end(number)
-        return self._cached[number]
 
 
 class IngestJournal:
     """Writes the journal of a building folder, and gives what it held when it was opened."""
 
-    def __init__(self, root: Path) -> None:
-        self._root = root
-        self._places: dict[str, list[Place]] = {}
+    def __init__(self, root: Path, fingerprint: str) -> None:
+        """Begin the journal of a new folder, or open that of an abandoned one with a fingerprint.
 
-    @classmethod
-    def begin(cls, root: Path, fingerprint: str) -> IngestJournal:
-        """Begin the journal of an empty folder."""
-        journal = cls(root)
-        journal.add(_Header(fingerprint))
-        return journal
-
-    @classmethod
-    def resume(cls, root: Path, fingerprint: str) -> IngestJournal:
-        """Open the journal of an abandoned folder; remove all files that it does not prove.
-
-        The blocks of a trajectory count up to the first one of which a file lacks.
+        Files that the journal does not prove are removed. The blocks of a trajectory count up to
+        the first one of which a file lacks.
         """
-        journal, files = cls(root), {NAME}
+        self._root = root
+        self._taken: dict[str, list[Block]] = defaultdict(list)
+        lines, files = [_line(_Header(fingerprint))], {NAME}
         shards: Counter[str] = Counter()
         ended: set[str] = set()
-        header = _line(_Header(fingerprint))
-        old: list[Place] = []
-        end = len(header)
-        for place, block in _lines(root):
+        for block in _lines(root):
             if not isinstance(block, Block) or block.trajectory in ended:
                 continue
             found = _files(block, shards[block.trajectory])
@@ -167,21 +108,24 @@ class IngestJournal:
                 continue
             shards[block.trajectory] += bool(found)
             files |= found.keys()
-            old.append(place)
-            journal._places.setdefault(block.trajectory, []).append((end, place[1]))
-            end += place[1]
+            lines.append(_line(block))
+            self._taken[block.trajectory].append(block)
         _remove_others(root, files)
-        kept = (_read_at(root / NAME, place) for place in old)
-        atomic_writes.write(root, NAME, itertools.chain([header], kept))
-        return journal
+        atomic_writes.write(root, NAME, b"".join(lines))
 
-    def taken(self, trajectory: str, count: int) -> TakenTrajectory:
-        """What was stored of a trajectory of `count` records before the journal was opened."""
-        return TakenTrajectory(self._root / NAME, self._places.get(trajectory, []), count)
+    @property
+    def taken_instances(self) -> int:
+        """The number of instances that are not decoded again."""
+        blocks = [block for each in self._taken.values() for block in each]
+        return sum(len(block.rows) + len(block.left_out) for block in blocks)
 
-    def add(self, line: _Line) -> None:
+    def taken(self, trajectory: str) -> list[Block]:
+        """What was stored of a trajectory before the journal was opened; it is given once."""
+        return self._taken.pop(trajectory, [])
+
+    def add(self, block: Block) -> None:
         """Record instances whose shards are complete and durable."""
-        atomic_writes.append_lines(self._root, NAME, _line(line))
+        atomic_writes.append_lines(self._root, NAME, _line(block))
 
     def close(self) -> None:
         """Remove the journal: the store is complete."""
@@ -190,26 +134,24 @@ class IngestJournal:
 
 def fingerprint_of(root: Path) -> str | None:
     """The fingerprint of the scan that a folder was built from; None without a usable journal."""
-    try:
-        _, header = next(_lines(root), (None, None))
-    except (OSError, RequestError):
-        return None
+    header = next(_lines(root), None)
     return header.fingerprint if isinstance(header, _Header) else None
 
 
-def _lines(root: Path) -> Iterator[tuple[Place, _Line]]:
-    """The lines before the first damaged one, and their places; the first one is the header."""
-    offset = 0
-    with io.BufferedReader(safe_files.open_read(root, NAME)) as file:
-        while text := file.readline(_MAX_LINE):
+def _lines(root: Path) -> Iterator[_Line]:
+    """The lines of a folder's journal up to the first unusable one; none without a journal."""
+    try:
+        file = io.BufferedReader(safe_files.open_read(root, NAME))
+    except (OSError, RequestError):
+        return
+    with file:
+        for number, text in enumerate(iter(lambda: file.readline(_MAX_LINE), b"")):
             line = _parsed(text)
-            is_first = offset == 0
-            if line is None or isinstance(line, _Header) != is_first:
+            if line is None or isinstance(line, _Header) != (number == 0):
                 return
             if isinstance(line, _Header) and line.version != _VERSION:
                 return
-            yield (offset, len(text)), line
-            offset += len(text)
+            yield line
 
 
 def _line(line: _Line) -> bytes:
@@ -243,12 +185,6 @@ def _files(block: Block, number: int) -> dict[str, int]:
 
 def _shard_name(shard: Shard, number: int) -> str:
     return shard_name(Layout((1, *shard.item), shard.dtype, SHARD_ROWS, 1), number)
-
-
-def _read_at(path: Path, place: Place) -> bytes:
-    offset, length = place
-    with path.open("rb") as file:
-        return os.pread(file.fileno(), length, offset)
 
 
 def _size(root: Path, path: str) -> int | None:

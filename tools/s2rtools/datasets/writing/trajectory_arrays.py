@@ -7,10 +7,9 @@ the threads that decode, because that takes longest.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +22,6 @@ from s2rstore.files.ledger import LedgerEntry
 from s2rtools.datasets.scan import SourceImages
 from s2rtools.datasets.writing.ingest_journal import SHARD_ROWS, Shard
 
-Row = TypeVar("Row")
-
-Plan = Callable[[int, tuple[int, ...], str], Layout]
-"""The layout of an array of so many rows of a shape and a numpy type."""
-Encode = Callable[[Layout, Sequence[Row]], Sequence[bytes]]
-"""The compressed chunks of the rows of a shard."""
-
 
 @dataclass(frozen=True, slots=True)
 class CompressedImage:
@@ -41,7 +33,7 @@ class CompressedImage:
 
     @classmethod
     def of(cls, image: NDArray[Any]) -> CompressedImage:
-        layout = _source_layout(1, image.shape, str(image.dtype))
+        layout = Layout((1, *image.shape), str(image.dtype), SHARD_ROWS, 1)
         (content,) = array_writer.encode_chunks(layout, image[None])
         return cls(image.shape, str(image.dtype), content)
 
@@ -67,17 +59,20 @@ def sizes_of(images: CompressedImages) -> tuple[tuple[int, ...], ...]:
     return tuple(image.shape[:2] for image in images.values())
 
 
-class GrowingArray(Generic[Row]):
-    """An array in `folder` inside `root`; `plan` and `encode` say how rows become chunks."""
+class GrowingArray:
+    """An array in `folder` inside `root`.
 
-    def __init__(self, root: Path, folder: str, plan: Plan, encode: Encode[Row]) -> None:
+    Its rows are pixels, or with `holds_chunks` the contents of chunks of one row.
+    """
+
+    def __init__(self, root: Path, folder: str, holds_chunks: bool) -> None:
         self.folder = folder
-        self._root, self._plan, self._encode = root, plan, encode
-        self._rows: list[Row] = []
+        self._root, self._holds_chunks = root, holds_chunks
+        self._rows: list[Any] = []
         self._count = 0
         self._entries: list[LedgerEntry] = []
 
-    def add(self, row: Row, shape: tuple[int, ...], dtype: str) -> None:
+    def add(self, row: NDArray[Any] | bytes, shape: tuple[int, ...], dtype: str) -> None:
         """Add a row, and write a shard that it completes."""
         self._item = shape, dtype
         self._rows.append(row)
@@ -107,10 +102,9 @@ class GrowingArray(Generic[Row]):
         if not self._rows:
             return
         rows, self._rows = self._rows, []
-        chunks, shard = self._encode(self._layout, rows), len(self._entries)
-        file = array_writer.write_chunks(
-            self._root, self.folder, self._layout, shard, len(rows), chunks
-        )
+        layout, shard = self._layout, len(self._entries)
+        chunks = rows if self._holds_chunks else array_writer.encode_chunks(layout, np.stack(rows))
+        file = array_writer.write_chunks(self._root, self.folder, layout, shard, len(rows), chunks)
         self._entries.append(LedgerEntry("", file.path, file.bytes, file.sha256, len(rows)))
 
     def finish(self) -> list[LedgerEntry]:
@@ -122,31 +116,13 @@ class GrowingArray(Generic[Row]):
 
     @property
     def _layout(self) -> Layout:
-        return self._plan(self._count, *self._item)
+        shape, dtype = self._item
+        if self._holds_chunks:
+            return Layout((self._count, *shape), dtype, SHARD_ROWS, 1)
+        return array_writer.plan_layout(self._count, shape, dtype, SHARD_ROWS)
 
 
-def domain_arrays(root: Path, folder: str) -> dict[str, GrowingArray[Any]]:
+def domain_arrays(root: Path, folder: str) -> dict[str, GrowingArray]:
     """The arrays of a trajectory's frames and source images in a domain, by the image's name."""
-    frames = {image: _frame_array(root, f"{folder}/{image}") for image in ("rgb", "depth")}
-    return frames | {
-        image: _source_array(root, f"{folder}/{image}") for image in SOURCE_IMAGES.values()
-    }
-
-
-def _frame_array(root: Path, folder: str) -> GrowingArray[NDArray[Any]]:
-    def plan(count: int, item: tuple[int, ...], dtype: str) -> Layout:
-        return array_writer.plan_layout(count, item, dtype, SHARD_ROWS)
-
-    def encode(layout: Layout, rows: Sequence[NDArray[Any]]) -> list[bytes]:
-        return array_writer.encode_chunks(layout, np.stack(rows))
-
-    return GrowingArray(root, folder, plan, encode)
-
-
-def _source_array(root: Path, folder: str) -> GrowingArray[bytes]:
-    """An array in `folder` inside `root` whose rows are the contents of compressed images."""
-    return GrowingArray(root, folder, _source_layout, lambda layout, chunks: chunks)
-
-
-def _source_layout(count: int, shape: tuple[int, ...], dtype: str) -> Layout:
-    return Layout((count, *shape), dtype, SHARD_ROWS, 1)
+    names = {"rgb": False, "depth": False} | dict.fromkeys(SOURCE_IMAGES.values(), True)
+    return {name: GrowingArray(root, f"{folder}/{name}", kind) for name, kind in names.items()}

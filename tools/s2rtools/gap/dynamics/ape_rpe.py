@@ -11,8 +11,14 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
 from s2rtools.gap.axis import number
-from s2rtools.motion_logs.motion_log import Drive, Floats, Log, RigidTransform, poses_at
-from s2rtools.motion_logs.rigid_alignment import fit
+from s2rtools.motion_logs.motion_log import (
+    Drive,
+    Floats,
+    Log,
+    RigidTransform,
+    fit_transform,
+    poses_at,
+)
 
 _PARTS = ("rigid", "reflection", "scale")
 
@@ -31,7 +37,7 @@ class LogAlignment:
             if self.reflection or self.scale:
                 raise RequestError("alignment: reflection and scale need rigid as well")
             return RigidTransform()
-        return fit((sim.x, sim.y), (real.x, real.y), self.reflection, self.scale)
+        return fit_transform((sim.x, sim.y), (real.x, real.y), self.reflection, self.scale)
 
     @classmethod
     def parse(cls, text: str) -> LogAlignment:

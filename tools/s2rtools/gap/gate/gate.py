@@ -15,12 +15,10 @@ from s2rstore.reader import Store
 from s2rtools.gap.axes import AXES, MARGIN, ODOMETRY, THRESHOLD, configured
 from s2rtools.gap.axis import Axis, Evidence, GapSettings, measure
 from s2rtools.gap.gate import golden_run as golden
-from s2rtools.gap.gate import reference
-from s2rtools.gap.gate.verdict import judge, unjudged
+from s2rtools.gap.gate.verdict import freeze_scale, judge, read_reference, reference_text, unjudged
 from s2rtools.gap.report import GapResult, Report, report
 from s2rtools.motion_logs import Drive
-from s2rtools.motion_logs.drives import read_drives
-from s2rtools.motion_logs.store_odometry import odometry
+from s2rtools.motion_logs.drives import odometry, read_drives
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +92,7 @@ def judge_gap(evidence: Evidence, request: GapRequest) -> GapResult:
     Raises RequestError where an axis that is requested by name has no evidence.
     """
     settings, axes = request.settings, request.requested_axes
-    frozen = reference.read(request.reference) if request.reference else None
+    frozen = read_reference(request.reference) if request.reference else None
     accepted = golden.read(request.golden) if request.golden else None
     measurement = measure(evidence, settings, axes)
     for name in request.axes:
@@ -139,10 +137,10 @@ def freeze(evidence: Evidence, request: GapRequest, measured: GapResult) -> tupl
     }
     settings, requested = request.settings, request.requested_axes
     scales = {
-        name: reference.freeze(name, result, requested[name].anchor(evidence, settings))
+        name: freeze_scale(name, result, requested[name].anchor(evidence, settings))
         for name, result in measurement.measured.items()
     }
-    return replace(measured, scales=scales), reference.text(scales, made_from)
+    return replace(measured, scales=scales), reference_text(scales, made_from)
 
 
 def _drives(store: Store, request: GapRequest) -> tuple[Drive, ...]:

@@ -17,13 +17,12 @@ from numpy.typing import NDArray
 from s2rtools.common.blocks import Blocks
 from s2rtools.common.wasserstein import sliced_wasserstein, wasserstein_by_dimension
 from s2rtools.gap.instance_selection import random_halves
+from s2rtools.gap.visual.divergence import NEIGHBOURS, PairedSamples, divergences
 from s2rtools.gap.visual.feature_distances import (
     frechet_distance,
+    kernel_distance,
     prdc,
 )
-from s2rtools.gap.visual.kid import kernel_distance
-from s2rtools.gap.visual.kl_divergence import NEIGHBOURS, divergences
-from s2rtools.gap.visual.low_dimensional_samples import PairedSamples
 
 Floats = NDArray[np.float64]
 Splits = list[tuple[NDArray[np.int64], NDArray[np.int64]]]
