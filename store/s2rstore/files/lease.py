@@ -163,6 +163,7 @@ class Lease:
                 found = self._place.read()
                 if found is not None and self._place.swap(found, None):
                     return
+            self._timing.pause(_PAUSE)
 
     def _beat(self) -> None:
         while self._loss is None and not self._released.wait(self._timing.interval):
