@@ -110,9 +110,7 @@ class CandidatePoses:
         return self.rooms[cells // self.headings.size]
 
 
-def find_candidates(
-    store: Store, headings: int = HEADINGS, reporter: Reporter | None = None
-) -> CandidatePoses:
+def find_candidates(store: Store, reporter: Reporter | None = None) -> CandidatePoses:
     """The poses at which a robot could take an image.
 
     Of a synthetic world they are its free floor without views of a near wall; else places
@@ -122,10 +120,10 @@ def find_candidates(
     names = store.instances.room_names
     if floor.world is None:
         places = _places(floor)
-        usable = np.ones((len(places), headings), dtype=np.bool_)
+        usable = np.ones((len(places), HEADINGS), dtype=np.bool_)
         candidates = _candidates(places, usable, store.rooms, names, floor.origin)
     else:
-        candidates = world_candidates(floor.world, store.rooms, names, headings, reporter)
+        candidates = world_candidates(floor.world, store.rooms, names, reporter=reporter)
     if not candidates.count:
         raise RequestError(f"{store.path}: no free place was found; ingest more poses")
     return candidates
