@@ -7,31 +7,34 @@ export OMP_WAIT_POLICY = PASSIVE
 export GOMP_SPINCOUNT = 0
 export NO_MKDOCS_2_WARNING = 1
 
-.PHONY: install demo test test-deep test-changed check docs format lint types contracts bench checkpoints clean
+.PHONY: install demo test test-deep test-changed check docs release-check format lint types contracts bench checkpoints clean
 
 install: $(VENV)/.installed
 
 $(VENV)/.installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/pip install --quiet --constraint constraints.txt torch==2.13.0
+	$(BIN)/pip install --quiet --constraint constraints.txt torch
 	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[tools,dev]'
 	touch $@
 
 demo: install
 	$(BIN)/s2r demo --out "$(OUT)" $(if $(DATA),--data "$(DATA)") $(DEMO)
 
-# Three processes on two cores, because some tests wait for other programs.
+# Three processes on two cores, because some tests wait for other programs. If one of them crashes,
+# the run ends: pytest-xdist would wait forever for the rest of its group.
+PYTEST := $(BIN)/python -m pytest -n 3 --dist loadgroup --max-worker-restart 0
+
 test: install
-	$(BIN)/python -m pytest -n 3 --dist loadgroup
+	$(PYTEST)
 
 # The slow and exhaustive tests, and property tests with more examples.
 test-deep: install
-	$(BIN)/python -m pytest -n 3 --dist loadgroup --deep
+	$(PYTEST) --deep
 
 # The tests that executed changed code at their last run; at first, all of them.
 test-changed: install
-	$(BIN)/python -m pytest -n 3 --dist loadgroup --testmon
+	$(PYTEST) --testmon
 
 check: install format-check lint types contracts test
 
@@ -55,6 +58,11 @@ contracts: install
 # The documentation as a site in build/site; needs no network.
 docs: install
 	$(BIN)/mkdocs build --strict --quiet
+
+# A release in build/release: wheel, source archive, licences, bill of materials. The wheel is installed into an
+# empty environment and runs the demo there.
+release-check: install
+	$(BIN)/python release/check.py
 
 bench: install
 	$(BIN)/python -m bench --json

@@ -23,6 +23,7 @@ from bench import (
     end_to_end,
     evaluation_sample,
     exchange,
+    exchange_buildings,
     faults,
     growth,
     harm,
@@ -74,7 +75,7 @@ _MEASUREMENTS = (
 )
 _ON_REQUEST = (
     "harm", "suggest", "suggest_renderer", "collect", "evaluation_sample", "intervals", "exchange",
-    "verdicts",
+    "exchange_buildings", "verdicts",
 )  # fmt: skip
 """Measurements of more than ten minutes, which run only where they are named."""
 
@@ -178,6 +179,8 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
         yield from intervals.figures(options.repeats)
     if "exchange" in selected:
         yield from exchange.figures(options.repeats)
+    if "exchange_buildings" in selected:
+        yield from exchange_buildings.figures()
     if "verdicts" in selected:
         yield from verdicts.figures(options.repeats)
     if "suggest" in selected:

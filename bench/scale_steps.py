@@ -13,8 +13,8 @@ from s2rtui.charts.scene import Scene
 from s2rtui.drawing.plane_marks import Changes, Signs
 from s2rtui.drawing.plot import Points
 from s2rtui.drawing.points import Grid, change_cells, point_cells, sign_cells
-from s2rtui.drawing.row_lines import line_dots
-from s2rtui.session import instance_list, navigation, selection, undo_history, view_settings
+from s2rtui.drawing.row_lines import layer_dots
+from s2rtui.session import instance_list, navigation, selection, view_settings
 from s2rtui.session.session import Session
 from s2rtui.session.state import Brush, Operator
 
@@ -59,7 +59,7 @@ def changes(session: Session, turn: int) -> list[tuple[str, Step]]:
         ("intersection", join("intersect", _room(t + 3))),
         ("union", join("union", _room(t + 5))),
         ("complement", lambda: session.dispatch(selection.complement)),
-        ("undo", lambda: session.dispatch(undo_history.undo)),
+        ("undo", lambda: session.dispatch(navigation.undo)),
     ]
 
 
@@ -92,7 +92,7 @@ def _overview(scene: Scene) -> None:
     table = BY_NAME["overview"].drawing(scene, _TAB[0]).table
     if table is not None and table.lines is not None:
         for layer in table.lines.layers:
-            line_dots(layer, table.columns[1].scale, _TAB[0] // 2, 1)
+            layer_dots(layer, table.columns[1].scale, _TAB[0] // 2, 1)
 
 
 def moves(session: Session, turn: int) -> list[tuple[str, Step]]:
@@ -110,14 +110,17 @@ def moves(session: Session, turn: int) -> list[tuple[str, Step]]:
         session.dispatch(instance_list.sort_by_next_column)
         instance_list.order(session.store, session.state, session.notes)
 
+    def plane() -> view_settings.ZoomPlane:
+        return view_settings.map_plane(session.store, session.state)
+
     return [
         ("box moved on the map", mark("map", "map", False)),
         ("lasso moved on the map", mark("map", "map", True)),
         ("box moved on the embedding", mark("umap", "real", False)),
         ("brush left", lambda: session.dispatch(view_settings.cancel_input)),
         ("cursor to the next instance", lambda: session.dispatch(navigation.move_cursor, 1)),
-        ("zoom", lambda: session.dispatch(view_settings.zoom, 1 / 0.8)),
-        ("pan", lambda: session.dispatch(view_settings.pan, 0.1, 0.0)),
+        ("zoom", lambda: session.dispatch(view_settings.zoom, plane(), 1 / 0.8)),
+        ("pan", lambda: session.dispatch(view_settings.pan, plane(), 0.1, 0.0)),
         ("map mode", lambda: session.dispatch(view_settings.change_map_mode)),
         ("another trajectory", lambda: session.dispatch(navigation.change_trajectory)),
         ("list by another column", sort),

@@ -32,6 +32,8 @@ _TOLERANCE = 14
 _WINDOW, _LEAST_FILLED = 1.2, 0.08
 """Metres around a pixel of a wall, and the share of the walls' colour in them. Furniture has less
 of the colour, or smaller pieces."""
+_LEAST_COVERED = 0.08
+"""Share of a pixel below which a thin line is not drawn."""
 _FINEST = 0.02
 """Metres of a pixel below which plans are reduced first."""
 
@@ -75,43 +77,32 @@ def _solid(floor_plan: NDArray[np.uint8]) -> Mask:
 
 def _without_specks(solid: Mask, metre: float) -> Mask:
     """Drop thin lines, and pieces with little of the colour around them, as of furniture."""
+    from scipy import ndimage  # not when the program starts
+
     reach = max(1, round(_WINDOW * metre / 2))
     kept = _opened(solid, USUAL_WALL * metre) & (_filled(solid, reach) >= _LEAST_FILLED)
     solid = _opened(solid, THINNEST_WALL * metre)
-    for _ in range(reach):
-        grown = _dilated(kept, 1) & solid
-        if (grown == kept).all():
-            break
-        kept = grown
-    return kept
+    near = np.ones((3, 3))
+    return np.asarray(ndimage.binary_dilation(kept & solid, near, iterations=reach, mask=solid))
 
 
 def _filled(mask: Mask, reach: int) -> NDArray[np.float32]:
     """The share of a mask within `reach` pixels in both directions of each pixel."""
-    sums: NDArray[np.generic] = mask.astype(np.int32)
-    sizes = []
-    for axis, length in enumerate(mask.shape):
-        start, stop = np.arange(length) - reach, np.arange(length) + reach + 1
-        start, stop = np.maximum(start, 0), np.minimum(stop, length)
-        sizes.append(stop - start)
-        sums = np.insert(np.cumsum(sums, axis=axis), 0, 0, axis=axis)
-        sums = np.take(sums, stop, axis=axis) - np.take(sums, start, axis=axis)
-    return np.asarray(sums / np.multiply.outer(*sizes), dtype=np.float32)
+    from scipy import ndimage
+
+    size, everything = 2 * reach + 1, np.ones(mask.shape, dtype=np.float32)
+    held, inside = (
+        ndimage.uniform_filter(part.astype(np.float32), size, mode="constant")
+        for part in (mask, everything)
+    )
+    return np.asarray(held / inside)
 
 
 def _dilated(mask: Mask, reach: int) -> Mask:
     """The mask grown by `reach` pixels in both directions, a square neighbourhood."""
-    grown, done = mask, 0
-    while done < reach:
-        step = min(reach - done, 2 * done + 1)
-        for axis in (0, 1):
-            before, grown = grown, grown.copy()
-            head, tail = [slice(None)] * 2, [slice(None)] * 2
-            head[axis], tail[axis] = slice(step, None), slice(None, -step)
-            grown[tuple(head)] |= before[tuple(tail)]
-            grown[tuple(tail)] |= before[tuple(head)]
-        done += step
-    return grown
+    from scipy import ndimage
+
+    return np.asarray(ndimage.maximum_filter(mask, 2 * reach + 1, mode="constant"))
 
 
 def _opened(mask: Mask, size: float) -> Mask:
@@ -120,14 +111,14 @@ def _opened(mask: Mask, size: float) -> Mask:
     return _dilated(~_dilated(~mask, reach), reach) & mask
 
 
-def thin_lines(coverage: NDArray[np.floating], least: float = 0.08) -> Mask:
+def thin_lines(coverage: NDArray[np.floating]) -> Mask:
     """Which pixels (h, w) are drawn for a mask, by the share of each that it covers.
 
     Those that are mostly covered, and, so that lines thinner than a pixel stay whole and one pixel
     wide, those that are covered more than the pixels at both of their sides.
     """
     peak = _peaks(coverage) | _peaks(coverage.T).T
-    return np.asarray((coverage >= 0.75) | (peak & (coverage >= least)))
+    return np.asarray((coverage >= 0.75) | (peak & (coverage >= _LEAST_COVERED)))
 
 
 def _peaks(values: NDArray[np.floating]) -> Mask:

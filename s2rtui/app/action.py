@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 from textual.keys import KEY_NAME_REPLACEMENTS
 
 from s2rstore.index.catalog import NO_POSES
+from s2rtui.charts.registry import VIEWS
 from s2rtui.security import Capability
 from s2rtui.session.session import Session
 from s2rtui.session.state import State
@@ -26,8 +27,7 @@ When = Literal[
 
 GROUPS: dict[Group, str] = {group: group.capitalize() for group in get_args(Group)}
 
-_TABLES = ("rooms", "pivot", "compare", "findings", "suggestions", "objects", "health")
-"""Views whose rows can be chosen."""
+_TABLES = tuple(view.name for view in VIEWS if view.has_rows)
 _OF_RUNS = ("alike", "other_run", "map_mode", "map_value", "clip")
 """Actions outside of the groups adjust and heat that need a computed run."""
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
-from pathlib import Path
 from typing import Any, ClassVar
 
 from textual import events
@@ -79,10 +78,8 @@ class S2RApp(GuardedApp):
         self,
         session: Session,
         render_options: RenderOptions,
-        output_folder: Path | None = None,
         access: Permissions | None = None,
     ) -> None:
-        """`output_folder` is where files are written (default: the folder of the permissions)."""
         super().__init__(ansi_color=render_options.mode in (ColourMode.ANSI, ColourMode.NONE))
         self.animation_level = "none"
         theme = textual_theme(render_options.theme)
@@ -94,7 +91,7 @@ class S2RApp(GuardedApp):
         session.defers_loading = True
         self.render_options = render_options
         self.access = access or Permissions.for_store(session.store.path)
-        self.output_folder = output_folder or self.access.output_dir
+        self.output_folder = self.access.output_dir
         self.loaded = LoadedData(models={})
         self.jobs = BackgroundJobs(partial(self.run_on_ui, self.show_error))
         self.load_scheduler = LoadScheduler(self)

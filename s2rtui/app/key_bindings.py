@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from s2rstore.metrics import nearest_neighbours
 from s2rtui.app.action import Action, When, key_name
-from s2rtui.charts.instance import NEIGHBOURS
 from s2rtui.charts.registry import VIEWS
+from s2rtui.charts.shared.instance_input import NEIGHBOURS
 from s2rtui.security import Permissions
 from s2rtui.session import (
     adjusting,
@@ -18,7 +18,6 @@ from s2rtui.session import (
     instance_list,
     navigation,
     selection,
-    undo_history,
     view_settings,
 )
 from s2rtui.session.context import Reducer, SessionContext
@@ -141,7 +140,7 @@ def _choose(rows: int) -> Callable[[S2RApp], object]:
 
 _ROWS = (
     Action("next_row_of_table", "down", "move",
-           "next row of a table (rooms, comparison, findings, objects, suggestions)", None, "rows",
+           "next row of a table, such as that of rooms, recall or findings", None, "rows",
            "up, down", "rows", command=_choose(1)),
     Action("previous_row_of_table", "up", "move", "", when="rows", command=_choose(-1)),
     Action("next_page_of_table", "pagedown", "move", "next page of a table", when="rows",
@@ -216,8 +215,8 @@ ACTIONS: tuple[Action, ...] = (
     *_IMAGES,
     Action("edit", "slash", "select", "type a selection expression", None, "query", "/", "still",
            command=lambda app: app.prompt.edit_expression()),
-    Action("undo", "u", "select", "undo: the previous selection or run", _do(undo_history.undo)),
-    Action("redo", "U", "select", "redo: the next selection or run", _do(undo_history.redo)),
+    Action("undo", "u", "select", "undo: the previous selection or run", _do(navigation.undo)),
+    Action("redo", "U", "select", "redo: the next selection or run", _do(navigation.redo)),
     Action("select_suggested", "Y", "select",
            "after an empty selection: the wider expression that the message suggests",
            _do(selection.select_suggested), when="still"),

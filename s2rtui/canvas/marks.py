@@ -11,7 +11,7 @@ import numpy as np
 
 from s2rstore.geometry import angles
 from s2rtui.canvas.canvas import Canvas
-from s2rtui.canvas.raster import cells_with_dots, draw_braille, line_dots
+from s2rtui.canvas.raster import cells_with_dots, draw_braille, segment_dots
 
 Point = tuple[float, float]
 Shape = Literal["plane", "range", "turn", "steps"]
@@ -117,7 +117,7 @@ def _frame(canvas: Canvas, panel: PlotArea, corners: list[Point]) -> None:
 def _outline(canvas: Canvas, panel: PlotArea, corners: list[Point]) -> None:
     """A closed polygon in braille dots, in ASCII in full stops."""
     lines = zip(corners, [*corners[1:], corners[0]], strict=True)
-    dots = line_dots(lines, canvas.width, canvas.height)
+    dots = segment_dots(lines, canvas.width, canvas.height)
     inside = np.zeros_like(dots)
     rows_held = slice(4 * panel.y, 4 * (panel.y + panel.height))
     columns_held = slice(2 * panel.x, 2 * (panel.x + panel.width))

@@ -160,7 +160,7 @@ def draw_braille(canvas: Canvas, dots: NDArray[np.bool_], fg: ArrayLike) -> None
     canvas.fg[rows, columns] = colours if colours.ndim == 1 else colours[rows, columns]
 
 
-def line_dots(
+def segment_dots(
     lines: Iterable[tuple[Place, Place]], width: int, height: int, every: int = 1
 ) -> NDArray[np.bool_]:
     """Rasterise lines between cell coordinates to braille dots (4 height, 2 width).

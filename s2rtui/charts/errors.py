@@ -9,8 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import SIDES, Side
-from s2rtui.analysis import joint_histogram
-from s2rtui.analysis.binning import Bins, Bools, bin_values, median_selected, selection_indices
+from s2rtui.analysis.binning import (
+    Bins,
+    Bools,
+    bin_values,
+    joint_counts,
+    median_selected,
+    selection_indices,
+)
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.charts.mark_expressions import cell_width, number_text, range_expression, round_to_cell
@@ -60,7 +66,7 @@ def errors_model(
     """Count the position errors (N,) of both sides in metres in common bins."""
     upper = _upper(sim, real, valid)
     columns = [_bins(side, upper, bins * max(1, FINE // bins)) for side in (sim, real)]
-    counted = joint_histogram.joint_counts(columns, selection_indices(selected, valid))
+    counted = joint_counts(columns, selection_indices(selected, valid))
     sides = zip(SIDES, (sim, real), columns, counted, strict=True)
     histograms = {
         side: Histogram(

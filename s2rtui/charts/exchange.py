@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from s2rstore.language.canonical_text import string
 from s2rstore.reader import Store
-from s2rtui.charts.scene import Scene
+from s2rstore.records import Side
 from s2rtui.charts.view import StatisticsView
 from s2rtui.drawing.figures import Figure, Figures
 from s2rtui.drawing.plot import Dots, Line, Mark, Plot
@@ -43,10 +44,8 @@ class ExchangeView(StatisticsView):
     name = "exchange"
     key = "$"
     description = "exchange rate: what simulated images add to real ones"
+    about = "mean real errors, and real images that simulation saves"
     title = "what simulated images are worth"
-
-    def subtitle(self, scene: Scene) -> str:
-        return "mean real errors, and real images that simulation saves"
 
     def model(self, store: Store, state: State) -> ExchangeModel | str:
         from s2rstore.metrics.evaluation import images_of, room_figures
@@ -85,6 +84,11 @@ class ExchangeView(StatisticsView):
         rows = (_row(run, mean, run == model.run, with_simulation)
                 for run, mean in model.means.items())  # fmt: skip
         return TableSpec(columns, tuple(rows))
+
+    def choices(self, model: ExchangeModel, side: Side) -> Sequence[tuple[str, str]]:
+        """Runs with their real images: the pairs that are new to each."""
+        runs = {run: "" if run == model.run else f"run({string(run)})." for run in model.means}
+        return [(run, f"{prefix}paired & {prefix}new") for run, prefix in runs.items()]
 
     def notes(self, model: ExchangeModel) -> tuple[str, ...]:
         from s2rstore.intervals.simulation import MIN_PAIRS
@@ -132,7 +136,7 @@ def _row(run: str, mean: WithSimulation, bold: bool, with_simulation: bool) -> R
     shown = (combined if mean.simulated else Cell("-"),) if with_simulation else ()
     cells = (Cell(run), Cell(strip=tuple(strip)), alone, *shown, rate, correlation,
              Cell(f"{mean.n}"))  # fmt: skip
-    return Row(cells, bold=bold, name=run)
+    return Row(cells, bold=bold)
 
 
 def _figures(run: str, mean: WithSimulation) -> Iterator[Figure]:

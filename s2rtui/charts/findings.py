@@ -10,7 +10,7 @@ from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import Pane, Table, View
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.table import Cell, Column, Row, TableSpec
-from s2rtui.session import findings, view_settings
+from s2rtui.session import navigation, view_settings
 from s2rtui.session.session import Session
 
 PANEL = "findings"
@@ -40,6 +40,7 @@ def _row(finding: Finding, selections: bool) -> Row:
 
 class FindingsView(View):
     name = "findings"
+    has_rows = True
     key = "I"
     pane: Pane = "centre"
     description = "what the store shows about the run, with evidence"
@@ -85,7 +86,7 @@ class FindingsView(View):
         report = self.input(scene)
         assert report is not None
         session.dispatch(view_settings.choose_row, self.name, str(row))
-        session.dispatch(findings.open_finding, report.findings[row])
+        session.dispatch(navigation.open_finding, report.findings[row])
 
     def numbers(self, scene: Scene) -> Table:
         names = ("finding", "evident", "run", "n", "low", "high", "of", "expression", "text",

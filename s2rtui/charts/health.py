@@ -9,13 +9,13 @@ import numpy as np
 
 from s2rstore.image_faults import FAULTS
 from s2rstore.reader import Store
+from s2rstore.records import Side
 from s2rtui.analysis.binning import Bools
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import StatisticsView, Table
 from s2rtui.drawing.table import Cell, Column, Row, TableSpec
 from s2rtui.session.state import State
 
-PANEL = "health"
 NAMES = ("fault", "domain", "n", "share", "selected", "meaning", "expression")
 _RANGES = 12
 """Ranges of instances that a row lists."""
@@ -101,7 +101,7 @@ def health_table(model: FoundFaults, with_selected: bool = True) -> TableSpec:
             cells.append(Cell(f"{row.selected}"))
         listed = (f"{count.domain}: {count.instances}" for count in row.counts)
         rows.append(Row(tuple(cells), notes=(FAULTS[row.name], *listed)))
-    return TableSpec(tuple(columns), tuple(rows), PANEL)
+    return TableSpec(tuple(columns), tuple(rows))
 
 
 def health_notes(model: FoundFaults) -> tuple[str, ...]:
@@ -146,7 +146,7 @@ class HealthView(StatisticsView):
     def notes(self, model: FoundFaults) -> tuple[str, ...]:
         return health_notes(model)
 
-    def choices(self, model: FoundFaults) -> Sequence[tuple[str, str]]:
+    def choices(self, model: FoundFaults, side: Side) -> Sequence[tuple[str, str]]:
         return [(row.name, f"health:{row.name}") for row in model.rows]
 
     def numbers(self, scene: Scene) -> Table:

@@ -31,7 +31,7 @@ from s2rtui.charts.shared.planes import (
 )
 from s2rtui.charts.view import Pane, PointsView, Table
 from s2rtui.drawing.drawing import ColourBar, Drawing
-from s2rtui.drawing.floor import heat_scale
+from s2rtui.drawing.floor import floor_heat_scale
 from s2rtui.drawing.heat_colours import RampName
 from s2rtui.drawing.plane_marks import Arcs, Columns, Floor, Place, Poses, Segments, Signs
 from s2rtui.drawing.plot import Mark, Phrase
@@ -113,7 +113,7 @@ def map_drawing(
     if data.mode == "full":
         legend += [Phrase(role, role, role) for role in ("sim", "real", "truth")]
     heat = data.floor.heat
-    if heat is not None and (ends := heat_scale(heat, data.floor.heat_is_signed)) is not None:
+    if heat is not None and (ends := floor_heat_scale(heat, data.floor.heat_is_signed)) is not None:
         ramp: RampName = "signed heat" if data.floor.heat_is_signed else "heat"
         legend.append(ColourBar(data.heat_label, data.heat_unit, ends, ramp=ramp))
     if data.unpaired is not None:

@@ -17,13 +17,13 @@ from s2rstore.metrics.object_gains import (
     object_gains,
 )
 from s2rstore.reader import Store
+from s2rstore.records import Side
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import StatisticsView, Table
-from s2rtui.drawing.scale import Scale, non_empty
+from s2rtui.drawing.scale import Scale, range_with_bounds
 from s2rtui.drawing.table import Bar, Cell, Column, Row, Span, StripMark, TableSpec
 from s2rtui.session.state import State
 
-PANEL = "objects"
 NOTHING = (
     "no selected pair shows a labelled object; pairs more than 2 cm or 0.5 degrees apart have no "
     "gains"
@@ -36,11 +36,8 @@ _MARGIN = 0.5
 def objects_table(model: ObjectGains, with_strips: bool = True) -> TableSpec:
     """A row per class: the mean gain of its images in metres, and how many show and pay for it."""
     means = [0.0, *(each.gain.value for each in model.classes)]
-    margin = _MARGIN * (max(means) - min(means))
-    bounds = [float(end) for each in model.classes for end in each.gain.bounds]
-    bounds = [end for end in bounds if math.isfinite(end)]
-    ends = np.clip([*means, *bounds], min(means) - margin, max(means) + margin)
-    scale = Scale(*non_empty(float(ends.min()), float(ends.max())), ("gain (m)", "gain (m)", "m"))
+    bounds = (float(end) for each in model.classes for end in each.gain.bounds)
+    scale = Scale(*range_with_bounds(means, bounds, _MARGIN), ("gain (m)", "gain (m)", "m"))
     columns = (
         Column("object"), Column("gain m", right=True), Column("95 %", right=True, rank=2),
         Column("images", right=True), Column(f"> {CLAIM:g} m", right=True, rank=3),
@@ -48,7 +45,7 @@ def objects_table(model: ObjectGains, with_strips: bool = True) -> TableSpec:
     )  # fmt: skip
     kept = len(columns) if with_strips else len(columns) - 1
     rows = tuple(replace(row, cells=row.cells[:kept]) for row in map(_row, model.classes))
-    return TableSpec(columns[:kept], rows, PANEL)
+    return TableSpec(columns[:kept], rows)
 
 
 def _row(each: ObjectGain) -> Row:
@@ -96,11 +93,9 @@ class ObjectsView(StatisticsView):
     name = "objects"
     key = ":"
     description = "objects: the metres that each labelled class costs the real prediction"
+    about = "what objects cost (enter: select)"
     title = "what labelled objects cost"
     figure_size = (1600, 1000)
-
-    def subtitle(self, scene: Scene) -> str:
-        return "what objects cost (enter: select)"
 
     def model(self, store: Store, state: State) -> ObjectGains | str:
         if reason := missing_gains(store, state.run):
@@ -113,7 +108,7 @@ class ObjectsView(StatisticsView):
     def notes(self, model: ObjectGains) -> tuple[str, ...]:
         return objects_notes(model)
 
-    def choices(self, model: ObjectGains) -> Sequence[tuple[str, str]]:
+    def choices(self, model: ObjectGains, side: Side) -> Sequence[tuple[str, str]]:
         return [(each.name, expression_of(each.name)) for each in model.classes]
 
     def numbers(self, scene: Scene) -> Table:

@@ -10,9 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import SIDES
-from s2rtui.analysis import joint_histogram
-from s2rtui.analysis.binning import Bools, selection_indices
-from s2rtui.analysis.circular import mean_direction, turn_bins
+from s2rtui.analysis.binning import (
+    Bins,
+    Bools,
+    SelectionIndices,
+    bin_values,
+    joint_counts,
+    selection_indices,
+)
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.canvas.marks import wrap_degrees
@@ -26,6 +31,8 @@ from s2rtui.drawing.scale import Floats, Scale, short_number, tick_values
 
 BINS = 72
 """Bins of dials and of the numbers, of 5 degrees."""
+EXACTLY_UP_TO = 20_000
+"""Up to this number, mean directions are exact; above it they are computed from bins."""
 Name = Literal["sim", "truth", "real"]
 NAMES: tuple[Name, ...] = ("sim", "truth", "real")
 _FIELDS = {"sim": "sim.heading", "truth": "heading", "real": "real.heading"}
@@ -60,6 +67,42 @@ class OrientationModel:
     share: float
 
 
+@cached_by_identity(16)
+def turn_bins(angles: NDArray[np.floating], count: int) -> Bins:
+    """The bin of each angle (N,) in radians, of `count` bins from -180 degrees on; NaN: none."""
+    turned = np.degrees(np.asarray(angles, dtype=np.float64)) + 180
+    turned = (turned - 360 * np.floor(turned / 360)) / 360 * count
+    return bin_values(np.where(turned >= count, 0.0, turned), count)
+
+
+def mean_direction(
+    angles: NDArray[np.floating], counts: NDArray[np.intp], selection: SelectionIndices
+) -> complex:
+    """The mean unit vector of the selected angles; NaN without any.
+
+    counts: (n,) the selected in each of n bins of `turn_bins`.
+    """
+    number = int(counts.sum())
+    if number == 0:
+        return complex(math.nan, math.nan)
+    if number > EXACTLY_UP_TO:
+        return complex((counts * _directions(angles, counts.size)).sum() / number)
+    units = np.exp(1j * np.asarray(angles[selection.members], dtype=np.float64))
+    return complex(units[np.isfinite(units)].mean())
+
+
+@cached_by_identity(16)
+def _directions(angles: NDArray[np.floating], count: int) -> NDArray[np.complex128]:
+    """(count,) the mean unit vector of all angles in each bin, in single precision."""
+    column = np.asarray(angles, dtype=np.float32)
+    codes = turn_bins(angles, count).codes
+    known = np.where(codes < count, column, 0.0)
+    cosines = np.bincount(codes, np.cos(known), count + 1)[:count]
+    sines = np.bincount(codes, np.sin(known), count + 1)[:count]
+    number = np.maximum(np.bincount(codes, minlength=count + 1)[:count], 1)
+    return np.asarray((cosines + 1j * sines) / number)
+
+
 @cached_by_identity(8)
 def orientation_model(
     sides: tuple[Floats, Floats, Floats], selected: Bools, valid: Bools, bins: int = BINS
@@ -67,7 +110,7 @@ def orientation_model(
     """Count headings (N,) in radians (sim, true, real; NaN for none) and compute their means."""
     selection, fine = selection_indices(selected, valid), bins * -(-BINS // bins)
     columns = [turn_bins(side, fine) for side in sides]
-    counted = joint_histogram.joint_counts(columns, selection)
+    counted = joint_counts(columns, selection)
     headings: dict[Name, Headings] = {}
     for name, side, (part, whole) in zip(NAMES, sides, counted, strict=True):
         mean = mean_direction(side, part, selection)

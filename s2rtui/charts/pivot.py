@@ -26,6 +26,7 @@ _NAMES = ("n", "median_m", "low_m", "high_m", "recall", "share", "evident", "exp
 
 class PivotView(View):
     name = "pivot"
+    has_rows = True
     key = ")"
     pane: Pane = "centre"
     description = "real errors by two groupings, such as room and heading: n, median, recall, share"

@@ -70,7 +70,7 @@ class RecallView(StatisticsView):
         return RecallModel(figures, curves, everything, int(lost.sum()))
 
     def figures(self, model: RecallModel) -> Figures:
-        return {side: tuple(_figures(figures)) for side, figures in model.figures.items()}
+        return {side: tuple(_figures(side, found)) for side, found in model.figures.items()}
 
     def plots(self, model: RecallModel) -> tuple[Plot, ...]:
         return (_plot(model),)
@@ -100,11 +100,13 @@ def _plot(model: RecallModel) -> Plot:
     return Plot(x, y, tuple(marks))
 
 
-def _figures(found: recall.SideRecall) -> Iterator[Figure]:
+def _figures(side: Side, found: recall.SideRecall) -> Iterator[Figure]:
     """Recall at the thresholds, medians, skill, and the number that is not localised."""
     n, in_degrees = found.n, found.heading.scaled(180 / math.pi)
     for point in found.points:
-        yield Figure("recall", point.share.scaled(100), "%", 0, point.name, n)
+        within = f"{side}.error <= {point.metres:g} & {side}.heading_error <= {point.degrees:g}"
+        share = point.share.scaled(100)
+        yield Figure("recall", share, "%", 0, point.name, n, expression=within)
     yield Figure("median position", found.position, "m", n=n, text=found.position_text)
     yield Figure("median heading", in_degrees, "deg", 1, n=n, text=found.heading_text)
     yield Figure("skill", found.skill, n=n)

@@ -37,15 +37,13 @@ NAMES = (
     "suggestions",
     "adjust",
 )
-"""Modules or folders of `s2rtui.charts`, in the order in which views are listed."""
+"""Modules of `s2rtui.charts`, in the order in which views are listed."""
 _NEEDED = ("name", "key", "description")
 
 
 def _view(name: str) -> View:
-    """The view of a module or folder. Raises TypeError where its `VIEW` is missing or misnamed."""
+    """The view of a module. Raises TypeError where its `VIEW` is missing or misnamed."""
     module = import_module(f"s2rtui.charts.{name}")
-    if not hasattr(module, "VIEW"):
-        module = import_module(f"s2rtui.charts.{name}.view")
     view = getattr(module, "VIEW", None)
     if not isinstance(view, View) or view.name != name:
         raise TypeError(f"{module.__name__}: VIEW must be a View named {name!r}")

@@ -7,7 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from s2rstore.geometry.rooms import NO_ROOM
 from s2rstore.intervals import Interval
+from s2rstore.language.canonical_text import quoted
 from s2rstore.metrics.uncertainty import (
     ALPHA,
     COVERAGES,
@@ -102,10 +104,11 @@ def _figures(found: SideUncertainty) -> Iterator[Figure]:
 
 def _radius(room: str, radius: Radius, unit: str) -> Figure:
     kind = radius.unit if radius.count == 1 else PLURALS[radius.unit]
+    of_room = f"room:{quoted(room)}" if room not in (WHOLE, NO_ROOM) else ""
     return Figure(
         "radius", Interval.unknown(radius.value, radius.reason), unit, of=room, n=radius.n,
         detail=f"{radius.count} {kind}", text="no radius" if radius.reason else "",
-        in_table=not radius.reason or room == WHOLE,
+        in_table=not radius.reason or room == WHOLE, expression="all" if room == WHOLE else of_room,
     )  # fmt: skip
 
 

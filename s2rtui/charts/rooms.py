@@ -13,8 +13,7 @@ from s2rstore.findings.groups import GroupErrors, Groups
 from s2rstore.geometry.rooms import NO_ROOM
 from s2rstore.index.population import INCLUDE_HINT
 from s2rstore.language import to_text
-from s2rtui.analysis import joint_histogram
-from s2rtui.analysis.binning import Bins, Bools, count_selected, selection_indices
+from s2rtui.analysis.binning import Bins, Bools, count_selected, joint_counts, selection_indices
 from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.canvas.marks import mark_rows
@@ -173,7 +172,7 @@ def room_counts(
 ) -> tuple[Counts, Counts]:
     """Counts (3, number + 1) of selected and of all by room; the last column is "no room"."""
     bins = [_bins(column, number) for column in rooms]
-    counted = joint_histogram.joint_counts(bins, selection_indices(selected, valid))
+    counted = joint_counts(bins, selection_indices(selected, valid))
     part, whole = (np.stack(each) for each in zip(*counted, strict=True))
     return part, whole
 
@@ -188,6 +187,7 @@ def _bins(rooms: Codes, number: int) -> Bins:
 
 class RoomsView(View):
     name = "rooms"
+    has_rows = True
     key = "6"
     description = "errors by room, heading, curvature or trajectory; instances per room"
     loads = ("groups",)

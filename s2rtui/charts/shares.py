@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,9 +10,10 @@ import numpy as np
 from s2rstore.errors import counted
 from s2rstore.metrics.gap_shares import GapShares, has_shares, mean_shares
 from s2rstore.reader import Store
+from s2rstore.records import GAP_FACTORS, Side
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import StatisticsView, Table
-from s2rtui.drawing.scale import Scale, non_empty
+from s2rtui.drawing.scale import Scale, range_with_bounds
 from s2rtui.drawing.table import Bar, Cell, Column, Dot, Row, Span, TableSpec
 from s2rtui.session.state import State
 
@@ -45,13 +45,8 @@ class SharesModel:
 def shares_scale(model: SharesModel) -> Scale:
     """The axis in metres: it holds 0, all means, and bounds that are not far beyond these."""
     means = [0.0, *model.overall.values(), *(s.mean.value for s in model.selected.shares)]
-    margin = _MARGIN * (max(means) - min(means))
-    bounds = [
-        end for share in model.selected.shares for end in share.mean.bounds if end is not None
-    ]
-    bounds = [end for end in bounds if math.isfinite(end)]
-    ends = np.clip([*means, *bounds], min(means) - margin, max(means) + margin)
-    return Scale(*non_empty(float(ends.min()), float(ends.max())),
+    bounds = (float(end) for share in model.selected.shares for end in share.mean.bounds)
+    return Scale(*range_with_bounds(means, bounds, _MARGIN),
                  ("mean share of the gap (m)", "share (m)", "m"))  # fmt: skip
 
 
@@ -74,6 +69,11 @@ class SharesView(StatisticsView):
     def table(self, model: SharesModel) -> TableSpec:
         strip = Column("", scale=shares_scale(model))
         return TableSpec((Column("factor"), strip), tuple(_rows(model)))
+
+    def choices(self, model: SharesModel, side: Side) -> Sequence[tuple[str, str]]:
+        """Factors with the instances whose gap each enlarges; a sum of factors has no field."""
+        known = (share.factor for share in model.selected.shares)
+        return [(name, f"share.{name} > 0" if name in GAP_FACTORS else "") for name in known]
 
     def notes(self, model: SharesModel) -> tuple[str, ...]:
         return (

@@ -19,7 +19,7 @@ from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import Pane, Table, View
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Dots, Line, Mark, Phrase, Plot, Rule, Sign
-from s2rtui.drawing.scale import Scale, non_empty
+from s2rtui.drawing.scale import Scale, range_with_bounds
 from s2rtui.drawing.table import Cell, Column, Dot, Row, Span, StripMark, TableSpec
 from s2rtui.session import view_settings
 from s2rtui.session.session import Session
@@ -113,10 +113,8 @@ def gain_scale(report: SuggestReport) -> Scale:
     gains = [answer.gain for answer in report.answers]
     values = [0.0, *(price_of(report, answer) for answer in report.answers)]
     values += [gain.value for gain in gains if math.isfinite(gain.value)]
-    margin = _MARGIN * (max(values) - min(values))
-    bounds = [end for gain in gains for end in (gain.low, gain.high) if math.isfinite(end)]
-    ends = np.clip([*values, *bounds], min(values) - margin, max(values) + margin)
-    return Scale(*non_empty(float(ends.min()), float(ends.max())))
+    bounds = (end for gain in gains for end in (gain.low, gain.high))
+    return Scale(*range_with_bounds(values, bounds, _MARGIN))
 
 
 def price_of(report: SuggestReport, answer: Answer) -> float:
@@ -253,6 +251,7 @@ def paper_drawing(directions: Sequence[Direction]) -> Drawing:
 
 class SuggestionsView(View):
     name = "suggestions"
+    has_rows = True
     key = "J"
     pane: Pane = "centre"
     description = "stored answers of s2r suggest: what would help, and how much"

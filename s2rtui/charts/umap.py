@@ -17,7 +17,7 @@ from s2rtui.charts.shared.planes import cursor_phrases, known_point, stacked_poi
 from s2rtui.charts.view import PointsView, Table
 from s2rtui.drawing.drawing import ColourBar, Drawing
 from s2rtui.drawing.plot import LEVELS, Phrase, Plot, Points
-from s2rtui.drawing.scale import Floats, Interval, Scale, percentile_range, scale_fraction
+from s2rtui.drawing.scale import Floats, Range, Scale, percentile_range, scale_fraction
 from s2rtui.session.population_values import population_values
 from s2rtui.session.view_settings import ZoomPlane
 
@@ -78,7 +78,7 @@ distance_range = cached_by_identity(16)(percentile_range)
 
 
 @cached_by_identity(16)
-def distance_levels(values: Floats, scale: Interval) -> Codes:
+def distance_levels(values: Floats, scale: Range) -> Codes:
     """The level 1 .. `LEVELS` of each value (N,) on a scale, 0 where it is unknown."""
     steps = np.minimum(np.floor(scale_fraction(values, scale) * LEVELS), LEVELS - 1) + 1
     return np.nan_to_num(steps).astype(np.uint16)

@@ -11,6 +11,7 @@ import numpy as np
 from s2rstore.errors import RequestError
 from s2rstore.index.catalog import NO_POSES
 from s2rstore.reader import Store
+from s2rstore.records import Side
 from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
 from s2rtui.canvas import BrushShape, Canvas, PlotArea, Point, RenderOptions, Size, Theme
@@ -20,7 +21,7 @@ from s2rtui.charts.shared.planes import known_point, nearest_iid, true_positions
 from s2rtui.drawing.cells import draw_cells, drawing_panels
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.drawing_layout import drawing_layout
-from s2rtui.drawing.figures import NUMBERS, Figures, figure_rows, figure_table
+from s2rtui.drawing.figures import NUMBERS, Figures, figure_choices, figure_rows, figure_table
 from s2rtui.drawing.plot import Plot
 from s2rtui.drawing.scale import Floats
 from s2rtui.drawing.table import TableSpec
@@ -57,6 +58,7 @@ class View:
         counts_instances: whether its numbers are those of the selected instances.
         needs_poses: whether it shows nothing of a data set without poses.
         needs_run: whether it shows nothing of a store without a computed run.
+        has_rows: whether keys choose rows of its table, which enter selects.
     """
 
     name: str
@@ -75,6 +77,7 @@ class View:
     counts_instances: bool = True
     needs_poses: bool = True
     needs_run: bool = True
+    has_rows: bool = False
 
     def unavailable(self, store: Store) -> str:
         """Why the view has nothing to show of a store, in one line; empty if it has."""
@@ -177,13 +180,17 @@ class View:
         return self.first_choice(scene) if names and scene.state.view == self.name else None
 
     def row_expression(self, scene: Scene, row: int) -> str:
-        """The expression that selects the instances of a row that can be chosen."""
+        """The expression that selects the instances of a row; empty where it stands for none."""
         raise NotImplementedError
 
     def select_row(self, session: Session, scene: Scene, row: int) -> None:
         """Select the instances of a row that can be chosen, and choose it."""
-        session.dispatch(view_settings.choose_row, self.name, self.row_names(scene)[row])
-        state = session.select(self.row_expression(scene, row))
+        name, expression = self.row_names(scene)[row], self.row_expression(scene, row)
+        session.dispatch(view_settings.choose_row, self.name, name)
+        if not expression:
+            session.show_message(f"the row {name} stands for no instances")
+            return
+        state = session.select(expression)
         if not state.message:
             session.show_message(f"selected {state.expression}: {state.count_text}")
 
@@ -247,6 +254,7 @@ class StatisticsView(View):
     """
 
     brushable = False
+    has_rows = True
 
     def model(self, store: Store, state: State) -> Any:
         """Compute the numbers of a state; a text where there are none. Pure, and may be slow."""
@@ -272,9 +280,12 @@ class StatisticsView(View):
         """Lines below the table."""
         return ()
 
-    def choices(self, model: Any) -> Sequence[tuple[str, str]]:
-        """Names of the rows, where each stands for a selection, and their expressions."""
-        return ()
+    def choices(self, model: Any, side: Side) -> Sequence[tuple[str, str]]:
+        """Names of the rows, and the expressions that select their instances on a side.
+
+        By default those of the figures; an expression is empty where a row stands for none.
+        """
+        return figure_choices(self.figures(model), side)
 
     def row_names(self, scene: Scene) -> Sequence[str]:
         return [name for name, _ in self._choices(scene)]
@@ -284,7 +295,9 @@ class StatisticsView(View):
 
     def _choices(self, scene: Scene) -> Sequence[tuple[str, str]]:
         model = self.input(scene)
-        return () if model is None or isinstance(model, str) else self.choices(model)
+        if model is None or isinstance(model, str):
+            return ()
+        return self.choices(model, scene.state.side)
 
     def missing(self, scene: Scene) -> tuple[str, ...]:
         model = self.input(scene)
@@ -295,7 +308,7 @@ class StatisticsView(View):
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         model = self.input(scene)
-        table = replace(self.table(model), chosen=self.chosen_row(scene))
+        table = replace(self.table(model), panel=self.name, chosen=self.chosen_row(scene))
         return Drawing(self.plots(model), table, self.notes(model))
 
     def numbers(self, scene: Scene) -> Table:

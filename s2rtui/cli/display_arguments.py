@@ -100,10 +100,8 @@ def add_page(parser: argparse.ArgumentParser, group: str) -> argparse._ArgumentG
 
 def page_options(options: argparse.Namespace, **changes: Any) -> PageOptions:
     """The parsed options. Raises RequestError for wrong values."""
-    from s2rtui.drawing.page import check_colour_map
     from s2rtui.export.figures import PageOptions
 
-    check_colour_map(options.cmap)
     values = {"width": options.width, "dpi": options.dpi, "cmap": options.cmap}
     title = getattr(options, "title", None)
     return PageOptions(**({**values, "title": title} | changes))

@@ -34,8 +34,7 @@ from s2rtui.drawing.drawing_layout import (
 from s2rtui.drawing.legend import draw_rows
 from s2rtui.drawing.plane_marks import Floor
 from s2rtui.drawing.plot import ROLES, Line
-from s2rtui.drawing.plot_cells import draw_marks, style_of
-from s2rtui.drawing.polar_cells import dial_of, dial_panel, draw_dial
+from s2rtui.drawing.plot_cells import dial_of, dial_panel, draw_dial, draw_marks, style_of
 from s2rtui.drawing.table_cells import draw_axis, draw_table, table_panels
 from s2rtui.drawing.table_layout import GAP, table_layout
 
@@ -57,14 +56,14 @@ def draw_cells(drawing: Drawing, size: Size, options: RenderOptions = DEFAULT_OP
         last = layout.table[0] - 1
         canvas.vline(column, 0, last, canvas.glyphs.vertical, canvas.theme.faint)
     end = layout.table[0]
-    draw_rows(canvas, 0, end - len(layout.bars), layout.bars, GAP)
+    draw_rows(canvas, 0, end - len(layout.bars), layout.bars)
     if drawing.table is not None:
         end = draw_table(canvas, drawing.table, *layout.table)
         if drawing.brush is not None:
             for panel in table_panels(drawing.table, layout.table[0], size[0], layout.table[1]):
                 draw_ground(canvas, panel, drawing.brush)
                 draw_mark(canvas, panel, drawing.brush)
-    draw_rows(canvas, 0, min(end, canvas.height - len(layout.notes)), layout.notes, GAP)
+    draw_rows(canvas, 0, min(end, canvas.height - len(layout.notes)), layout.notes)
     return canvas
 
 
@@ -179,8 +178,7 @@ def _image(place: PlotPlace, theme: Theme) -> InlineImage:
         x, y, width, height = dial_of(plot, width, height).box
 
     def pixels(size: Size) -> Pixels:
-        from s2rtui.drawing.plot_paper import plot_pixels
-        from s2rtui.drawing.polar_paper import dial_pixels
+        from s2rtui.drawing.plot_paper import dial_pixels, plot_pixels
 
         if plot.turns:
             return dial_pixels(plot, theme, size)

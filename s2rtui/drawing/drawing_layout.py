@@ -27,9 +27,8 @@ from s2rtui.drawing.legend import (
 from s2rtui.drawing.plane_cells import plane_legend
 from s2rtui.drawing.plane_marks import PlaneMark
 from s2rtui.drawing.plot import Phrase, Plot, Points
-from s2rtui.drawing.plot_cells import row_of
+from s2rtui.drawing.plot_cells import dial_rows, row_of
 from s2rtui.drawing.points_cells import points_legend
-from s2rtui.drawing.polar_cells import dial_rows
 from s2rtui.drawing.table_layout import GAP, wanted_lines
 
 _FEWEST_ROWS = 5

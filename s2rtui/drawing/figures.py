@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from s2rstore.intervals import Interval
+from s2rstore.records import Side
 from s2rtui.drawing.plot import Ink
 from s2rtui.drawing.table import Cell, Column, Row, TableSpec
 
@@ -17,6 +18,7 @@ class Figure:
 
     of: what it is of, such as a room. text: what the table shows in place of the number; detail:
     in place of the bounds. in_table: whether the table has it; `s2r show` prints all.
+    expression: that which selects the instances that it stands for, if any.
     """
 
     name: str
@@ -28,6 +30,7 @@ class Figure:
     text: str = ""
     detail: str = ""
     in_table: bool = True
+    expression: str = ""
 
     @property
     def label(self) -> str:
@@ -57,12 +60,26 @@ def figure_rows(figures: Figures) -> Iterator[tuple[object, ...]]:
 
 def figure_table(figures: Figures) -> TableSpec:
     """The figures side by side, a row for each name."""
-    cells = {
-        side: {f.label: f.cell for f in found if f.in_table} for side, found in figures.items()
-    }
-    labels = dict.fromkeys(label for each in cells.values() for label in each)
+    shown = _by_label(figures)
     rows = (
-        Row((Cell(label), *(each.get(label, Cell()) for each in cells.values())))
-        for label in labels
+        Row((Cell(label), *(found[side].cell if side in found else Cell() for side in figures)))
+        for label, found in shown.items()
     )
-    return TableSpec((Column(""), *(Column(side, side) for side in cells)), tuple(rows))
+    return TableSpec((Column(""), *(Column(side, side) for side in figures)), tuple(rows))
+
+
+def figure_choices(figures: Figures, side: Side) -> list[tuple[str, str]]:
+    """The name of each row of the table, and the expression of its figure of a side."""
+    shown = _by_label(figures)
+    return [(label, found[side].expression if side in found else "")
+            for label, found in shown.items()]  # fmt: skip
+
+
+def _by_label(figures: Figures) -> dict[str, dict[Ink, Figure]]:
+    """The figures of the table by their label and side."""
+    shown: dict[str, dict[Ink, Figure]] = {}
+    for side, found in figures.items():
+        for figure in found:
+            if figure.in_table:
+                shown.setdefault(figure.label, {})[side] = figure
+    return shown

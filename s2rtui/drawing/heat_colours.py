@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from s2rtui.canvas import DIGITS, ColourMode, Pixels, RenderOptions, diverging, turbo
 from s2rtui.canvas.colour import depth_tint
-from s2rtui.drawing.scale import Floats, Interval, scale_fraction
+from s2rtui.drawing.scale import Floats, Range, scale_fraction
 
 Ramp = Callable[[ArrayLike], Pixels]
 RampName = Literal[
@@ -64,7 +64,7 @@ def heat_strength(shares: ArrayLike, signed: bool) -> Floats:
 
 
 def heat_colours(
-    heat: Floats, scale: Interval, signed: bool, unsigned_colours: Ramp = turbo
+    heat: Floats, scale: Range, signed: bool, unsigned_colours: Ramp = turbo
 ) -> tuple[Pixels, Floats]:
     """Colours (h, w, 3) and opacity (h, w) of a heatmap on an image."""
     shares = scale_fraction(heat, scale)

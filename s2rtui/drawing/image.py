@@ -12,7 +12,7 @@ from s2rtui.canvas import Pixels, mix, turbo
 from s2rtui.canvas.colour import NO_DEPTH, depth_tint
 from s2rtui.canvas.raster import resample
 from s2rtui.drawing.heat_colours import Ramp, RampName, heat_colours
-from s2rtui.drawing.scale import Floats, Interval
+from s2rtui.drawing.scale import Floats, Range
 
 Size = tuple[int, int]
 Area = tuple[float, float, float, float]
@@ -29,7 +29,7 @@ class ImageValues:
     """
 
     values: Floats
-    scale: Interval
+    scale: Range
     ramp: RampName
     name: str = ""
 

@@ -13,12 +13,14 @@ from rich.cells import cell_len
 from s2rtui.canvas import Canvas, RenderOptions, Rgb, Theme, legible, turbo
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.drawing.heat_colours import Ramp
-from s2rtui.drawing.scale import Interval, short_number, tick_step
+from s2rtui.drawing.scale import Range, short_number, tick_step
 
 NO_BREAK = "\u00a0"
 """A blank at which texts are not wrapped, as between a number and its unit."""
 _SHORTEST_BAR = 4
 """Cells of a colour bar beside its label at least."""
+_GAP = 2
+"""Columns between parts."""
 Piece = tuple[str, Rgb | None, Rgb | None]
 """A text, its colour and that of its ground; None for those of the canvas."""
 
@@ -94,7 +96,7 @@ def role_legend(options: RenderOptions, **texts: str) -> LegendPart:
 def colour_bar(
     label: str,
     unit: str,
-    scale: Interval,
+    scale: Range,
     options: RenderOptions,
     length: int = 12,
     colours: Ramp = turbo,
@@ -151,21 +153,21 @@ def scale_bar(metres_per_cell: float, room: int, options: RenderOptions) -> Lege
     return LegendPart(pieces, is_text=False)
 
 
-def fit_rows(parts: Sequence[LegendPart], width: int, gap: int = 2) -> list[list[LegendPart]]:
+def fit_rows(parts: Sequence[LegendPart], width: int) -> list[list[LegendPart]]:
     """Arrange parts in rows of at most `width` cells; wider texts are wrapped."""
     rows: list[list[LegendPart]] = []
     free = -1
     for part in (line for whole in parts for line in whole.lines(width)):
-        if not rows or part.width + gap > free:
+        if not rows or part.width + _GAP > free:
             rows.append([])
-            free = width + gap
+            free = width + _GAP
         rows[-1].append(part)
-        free -= part.width + gap
+        free -= part.width + _GAP
     return rows
 
 
 def cut_rows(
-    rows: list[list[LegendPart]], width: int, most: int | None, options: RenderOptions, gap: int = 2
+    rows: list[list[LegendPart]], width: int, most: int | None, options: RenderOptions
 ) -> list[list[LegendPart]]:
     """The first `most` rows; an ellipsis ends the last one where others are left out.
 
@@ -175,25 +177,23 @@ def cut_rows(
     if not kept or len(kept) == len(rows):
         return kept
     last = kept[-1]
-    while len(last) > 1 and sum(part.width + gap for part in last) + 1 > width:
+    while len(last) > 1 and sum(part.width + _GAP for part in last) + 1 > width:
         last.pop()
-    if last and last[0].width + gap + 1 > width:
-        room = max(1, width - gap - 1)
+    if last and last[0].width + _GAP + 1 > width:
+        room = max(1, width - _GAP - 1)
         last[:] = last[0].lines(room)[:1] if last[0].is_text else []
     last.append(text_part(((options.glyphs.ellipsis, options.theme.muted),)))
     return kept
 
 
-def draw_rows(
-    canvas: Canvas, x: int, y: int, rows: Sequence[Sequence[LegendPart]], gap: int = 2
-) -> None:
+def draw_rows(canvas: Canvas, x: int, y: int, rows: Sequence[Sequence[LegendPart]]) -> None:
     """Draw rows of parts from (x, y) downwards."""
     for offset, row in enumerate(rows):
         at = x
         for part in row:
             for text, ink, ground in part.pieces:
                 at = canvas.text(at, y + offset, text, ink, ground)
-            at += gap
+            at += _GAP
 
 
 @lru_cache(4)

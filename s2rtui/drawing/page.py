@@ -24,7 +24,7 @@ from s2rtui.canvas.colour import NO_DEPTH
 from s2rtui.drawing.drawing import ColourBar
 from s2rtui.drawing.heat_colours import ramp_colours
 from s2rtui.drawing.scale import (
-    Interval,
+    Range,
     short_number,
     tick_step,
     tick_text,
@@ -87,19 +87,9 @@ _format: ContextVar[FigureFormat] = ContextVar("format", default=FigureFormat())
 
 
 @contextmanager
-def figure_format(
-    form: Form = "png",
-    type_size: float = 1.0,
-    dpi: float | None = None,
-    title: str | None = None,
-    colour_map: str = "turbo",
-) -> Iterator[None]:
-    """Inside this context figures are written as `FigureFormat` describes.
-
-    Raises RequestError for an unknown colour map.
-    """
-    check_colour_map(colour_map)
-    before = _format.set(FigureFormat(form, type_size, dpi, title, colour_map))
+def figure_format(form: FigureFormat) -> Iterator[None]:
+    """Inside this context figures are written in a format."""
+    before = _format.set(form)
     try:
         yield
     finally:
@@ -277,7 +267,7 @@ def new_page(size: Pixels, theme: Theme, title: str, subtitle: str = "", body: f
     return page
 
 
-def style_axes(axes: Axes, page: Page, grid: bool = False) -> None:
+def style_axes(axes: Axes, page: Page) -> None:
     """Style spines, ticks and labels in the theme's colours."""
     inks = page.inks
     axes.set_facecolor(inks.background)
@@ -288,9 +278,6 @@ def style_axes(axes: Axes, page: Page, grid: bool = False) -> None:
     axes.tick_params(colors=inks.muted, labelsize=8, width=0.8, length=3)
     for label in (axes.xaxis.label, axes.yaxis.label):
         label.set(color=inks.muted, fontsize=9)
-    if grid:
-        axes.grid(True, axis="x", color=inks.faint, linewidth=0.6)
-        axes.set_axisbelow(True)
 
 
 def wrapped_label(bar: ColourBar, letters: int) -> str:
@@ -300,7 +287,7 @@ def wrapped_label(bar: ColourBar, letters: int) -> str:
 
 
 def colour_bar_ticks(
-    scale: Interval, height: float, clipped: bool = False
+    scale: Range, height: float, clipped: bool = False
 ) -> tuple[list[float], list[str]]:
     """Ticks of a colour bar of `height` inches with their labels: both ends, and round numbers
     that keep their distance.

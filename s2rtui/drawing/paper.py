@@ -25,8 +25,7 @@ from s2rtui.drawing.page import (
 from s2rtui.drawing.plane_marks import PlaneMark
 from s2rtui.drawing.plane_paper import plane_note
 from s2rtui.drawing.plot import Phrase, Plot, Points
-from s2rtui.drawing.plot_paper import LEGEND_COLUMNS, draw_plot, draw_sign
-from s2rtui.drawing.polar_paper import dial_inches, draw_dials
+from s2rtui.drawing.plot_paper import LEGEND_COLUMNS, dial_inches, draw_dials, draw_plot, draw_sign
 from s2rtui.drawing.table_paper import (
     LINE,
     draw_table,

@@ -13,10 +13,9 @@ from s2rstore.records import Room
 from s2rtui.analysis.binning import Bools, count_selected, selection_indices
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import Canvas, RenderOptions, Rgb, heading_arrow, legible
-from s2rtui.canvas.raster import braille_bits, draw_braille, line_dots, put_glyphs
-from s2rtui.drawing.arcs_cells import arcs_legend, draw_arcs
-from s2rtui.drawing.floor import plane_frame
-from s2rtui.drawing.floor_cells import draw_floor, draw_outlines
+from s2rtui.canvas.raster import braille_bits, draw_braille, put_glyphs, segment_dots
+from s2rtui.drawing.arcs import arcs_legend, draw_arcs
+from s2rtui.drawing.floor import draw_floor, draw_outlines, plane_frame
 from s2rtui.drawing.heat_colours import change_colours, ramp_glyphs
 from s2rtui.drawing.legend import (
     LegendPart,
@@ -67,12 +66,6 @@ _RINGED, _LETTERS = "⊖⊜⊕", "bea"
 """The same without colours, and in ASCII."""
 _UNSELECTED, _SELECTED, _CURSOR = 1, 20, 1000
 """Costs of a name in a cell with unselected points, with a selected mark, with the cursor."""
-
-
-def draw_plane_mark(canvas: Canvas, plot: Plot, mark: PlaneMark) -> None:
-    """Draw a mark of a plane on the whole canvas."""
-    if (draw := _DRAWINGS.get(type(mark))) is not None:
-        draw(canvas, plot, mark)
 
 
 def draw_names(canvas: Canvas, plot: Plot, before: Canvas) -> Bools:
@@ -209,7 +202,7 @@ def _draw_segments(canvas: Canvas, plot: Plot, segments: Segments) -> None:
     ends = [grid.places(x[ids], y[ids]) for x, y in (segments.start, segments.end)]
     lines = np.stack(ends, axis=1)
     known = lines[np.isfinite(lines).all(axis=(1, 2))].tolist()
-    dots = line_dots(known, grid.width, grid.height)
+    dots = segment_dots(known, grid.width, grid.height)
     _draw_dots(canvas, dots, getattr(canvas.theme, segments.ink), ".")
 
 
@@ -249,7 +242,7 @@ def _unselected_legend(mark: Unselected, options: RenderOptions) -> list[LegendP
     return [text_part(((f"{grey} ", theme.unselected), ("not selected", theme.muted)))]
 
 
-_DRAWINGS: dict[type, Callable[[Canvas, Plot, Any], None]] = {
+PLANE_DRAWINGS: dict[type, Callable[[Canvas, Plot, Any], None]] = {
     Floor: draw_floor, Outlines: draw_outlines, Unselected: _draw_unselected, Signs: _draw_signs,
     Changes: _draw_changes, Segments: _draw_segments, Arcs: draw_arcs, Poses: _draw_poses,
 }  # fmt: skip

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from s2rstore.records import Bounds, Room
 from s2rtui.analysis.binning import Bools
-from s2rtui.drawing.scale import Floats, Interval
+from s2rtui.drawing.scale import Floats, Range
 
 if TYPE_CHECKING:
     from s2rtui.drawing.plot import Ink, Sign
@@ -31,14 +31,12 @@ class Floor:
 
     plan: (H, W, 3) uint8 over `bounds`, its first row drawn at the top. heat and seen:
     (rows, columns) over `bounds`, row 0 at bounds.y0; heat is NaN where there is none, and floor is
-    unseen where `seen` is False, 0 or NaN. heat_scale: by default that of `floor.heat_scale`; with
-    `heat_is_signed` colours diverge from 0.
+    unseen where `seen` is False, 0 or NaN. With `heat_is_signed` colours diverge from 0.
     """
 
     bounds: Bounds
     plan: NDArray[np.uint8] | None = None
     heat: Floats | None = None
-    heat_scale: Interval | None = None
     heat_is_signed: bool = False
     seen: Floats | Bools | None = None
 
@@ -80,7 +78,7 @@ class Signs:
     sign: Sign = "selected"
     ink: Ink = "text"
     values: Floats | None = None
-    scale: Interval = (0.0, 1.0)
+    scale: Range = (0.0, 1.0)
     trained: Bools | None = None
 
 

@@ -23,7 +23,7 @@ from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import Canvas
 from s2rtui.drawing.plane_marks import Changes, Segments, Signs
 from s2rtui.drawing.plot import Plot, Points
-from s2rtui.drawing.scale import Floats, Interval, Scale, scale_fraction
+from s2rtui.drawing.scale import Floats, Range, Scale, scale_fraction
 
 _PIECE = 1 << 15
 """Points that are placed at a time, which fit into the processor's cache."""
@@ -227,7 +227,7 @@ def selected_count(selected: Bools, valid: Bools) -> int:
     return int(np.count_nonzero(selected & valid))
 
 
-def level_of(values: Floats, scale: Interval) -> NDArray[np.uint8]:
+def level_of(values: Floats, scale: Range) -> NDArray[np.uint8]:
     """The level 1 .. `LEVELS` of each value (N,) on a scale; 0 for unknown values."""
     steps = np.minimum(scale_fraction(values, scale) * LEVELS, LEVELS - 1) + 1
     return np.nan_to_num(steps).astype(np.uint8)
@@ -243,7 +243,7 @@ def level_shares(levels: NDArray[np.integer]) -> NDArray[np.float64]:
 
 @cached_by_identity(8)
 def _highest_levels(
-    x: Floats, y: Floats, values: Floats, scale: Interval, selection: SelectionIndices, grid: Grid
+    x: Floats, y: Floats, values: Floats, scale: Range, selection: SelectionIndices, grid: Grid
 ) -> tuple[Counts, Counts]:
     """(cells,) the highest level and the number of the selected instances of each cell."""
     levels = _cell_levels(x, y, values, scale, grid)
@@ -270,7 +270,7 @@ class _CellLevels:
 
 
 @cached_by_identity(4)
-def _cell_levels(x: Floats, y: Floats, values: Floats, scale: Interval, grid: Grid) -> _CellLevels:
+def _cell_levels(x: Floats, y: Floats, values: Floats, scale: Range, grid: Grid) -> _CellLevels:
     places = cell_bins(x, y, grid)
     steps = np.uint32(LEVELS + 1)
     wide = places.codes.astype(np.uint32) * steps + _levels(values, scale)

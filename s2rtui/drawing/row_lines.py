@@ -12,9 +12,15 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.analysis.binning import Bins, Bools, Counts, SelectionIndices, selection_indices
+from s2rtui.analysis.binning import (
+    Bins,
+    Bools,
+    Counts,
+    SelectionIndices,
+    joint_counts,
+    selection_indices,
+)
 from s2rtui.analysis.identity_cache import cached_by_identity
-from s2rtui.analysis.joint_histogram import joint_counts
 from s2rtui.drawing.plot import Ink, Phrase
 from s2rtui.drawing.scale import Floats, Scale
 
@@ -159,7 +165,7 @@ def _binned(values: Floats, scale: Scale, size: int) -> NDArray[np.unsignedinteg
     return codes
 
 
-def line_dots(layer: LineLayer, scale: Scale, width: int, step: int) -> Density:
+def layer_dots(layer: LineLayer, scale: Scale, width: int, step: int) -> Density:
     """A layer in `width` cells per row and `step` lines from row to row, (4 lines, 2 columns) each.
 
     Lines: how many cross a dot. Bands: 1 in some dots of the outer one, 2 in the inner one, 3 at

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Interval = tuple[float, float]
+Range = tuple[float, float]
 Floats = NDArray[np.floating]
 Tick = tuple[float, str]
 """A value and its label."""
@@ -100,7 +100,7 @@ def finite_or_none(value: float | None) -> float | None:
     return float(value) if value is not None and math.isfinite(value) else None
 
 
-def percentile_range(values: ArrayLike, low: float = 1.0, high: float = 99.0) -> Interval:
+def percentile_range(values: ArrayLike, low: float = 1.0, high: float = 99.0) -> Range:
     """The `low` and `high` percentiles of the finite values; (0, 1) without any."""
     array = np.asarray(values, dtype=np.float64).ravel()
     array = array[np.isfinite(array)]
@@ -110,12 +110,24 @@ def percentile_range(values: ArrayLike, low: float = 1.0, high: float = 99.0) ->
     return non_empty(float(bottom), float(top))
 
 
-def non_empty(low: float, high: float) -> Interval:
+def range_with_bounds(values: Sequence[float], bounds: Iterable[float], margin: float) -> Range:
+    """The range of values, and of those bounds that are not far beyond it.
+
+    They add at most `margin` times the range on either side.
+    """
+    low, high = min(values), max(values)
+    reach = margin * (high - low)
+    known = [end for end in bounds if math.isfinite(end)]
+    ends = np.clip([low, high, *known], low - reach, high + reach)
+    return non_empty(float(ends.min()), float(ends.max()))
+
+
+def non_empty(low: float, high: float) -> Range:
     """The interval, widened a little where both ends coincide."""
     return (low, high) if high > low else (low, low + max(abs(low) * 1e-3, 1e-3))
 
 
-def scale_fraction(values: ArrayLike, scale: Interval) -> NDArray[np.float64]:
+def scale_fraction(values: ArrayLike, scale: Range) -> NDArray[np.float64]:
     """Convert numbers to fractions 0 .. 1 of a range, clipped; NaN stays NaN."""
     low, high = scale
     return np.clip((np.asarray(values, dtype=np.float64) - low) / (high - low), 0.0, 1.0)

@@ -15,7 +15,7 @@ from s2rtui.canvas.raster import draw_braille
 from s2rtui.drawing.bars import draw_horizontal_bars, put_over_bar
 from s2rtui.drawing.legend import point_colours
 from s2rtui.drawing.plot import ROLES
-from s2rtui.drawing.row_lines import Density, LineLayer, RowLines, levels, line_dots
+from s2rtui.drawing.row_lines import Density, LineLayer, RowLines, layer_dots, levels
 from s2rtui.drawing.scale import Scale
 from s2rtui.drawing.table import Bar, Cell, Column, Dot, Row, Span, StripMark, TableSpec, Text
 from s2rtui.drawing.table_layout import TableLayout, TableLine, table_layout
@@ -294,7 +294,7 @@ def draw_row_lines(canvas: Canvas, table: TableSpec, lines: RowLines, layout: Ta
         )
         for layer in shown.layers:
             if layer.size and (layout.each > 1 or layer.ink != "cursor"):
-                _draw_layer(part, layer, line_dots(layer, scale, width, layout.each))
+                _draw_layer(part, layer, layer_dots(layer, scale, width, layout.each))
         canvas.paste(part, left, layout.top)
 
 

@@ -91,9 +91,9 @@ def table_layout(
 
     Details, then columns of the largest rank, are left out first. Rows are spread where they have
     bars or lines between them, and there is room. has_window: whether the head counts the visible
-    rows where not all are.
+    rows where not all are, and a pointer can stand before the rows.
     """
-    gutter = _GUTTER if table.panel or table.chosen is not None else 0
+    gutter = _GUTTER if has_window and (table.panel or table.chosen is not None) else 0
     top = int(table.has_head and height > 1)
     has_axis = any(column.scale is not None and column.scale.names for column in table.columns)
     free = max(1, height - top)

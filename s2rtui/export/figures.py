@@ -16,7 +16,7 @@ from s2rstore.reader import Store
 from s2rtui.canvas import DARK, LIGHT, Theme
 from s2rtui.charts.registry import STORED, View
 from s2rtui.charts.scene import Scene
-from s2rtui.drawing.page import FileFormat, Form, figure_format
+from s2rtui.drawing.page import FigureFormat, FileFormat, Form, check_colour_map, figure_format
 from s2rtui.export.load_scene import SceneOptions, open_scene
 
 Pixels = tuple[int, int]
@@ -38,7 +38,7 @@ class PageOptions:
     points; dpi: pixels per inch of this width (default 300; without `width` of a page of 160
     mm). size: pixels of a page whose fonts scale with it; by default the size of the view. cmap:
     colour map of continuous values, one of `s2rtui.drawing.page.COLOUR_MAPS`. Raises
-    RequestError for values out of range, and where `size` and a physical size are given.
+    RequestError for values out of range or unknown, and where `size` and a physical size are given.
     """
 
     title: str | None = None
@@ -49,6 +49,7 @@ class PageOptions:
     dark: bool = False
 
     def __post_init__(self) -> None:
+        check_colour_map(self.cmap)
         for name, value, (low, high) in (
             ("width", self.width, _MM_RANGE), ("dpi", self.dpi, _DPI_RANGE),
         ):  # fmt: skip
@@ -81,7 +82,7 @@ class PageOptions:
     def format(self, form: Form = "png", type_size: float = 1.0) -> Iterator[None]:
         """The context in which figures are drawn for this page."""
         dpi = float(self.dpi or DEFAULT_DPI) if self.is_physical else None
-        with figure_format(form, type_size, dpi, self.title, self.cmap):
+        with figure_format(FigureFormat(form, type_size, dpi, self.title, self.cmap)):
             yield
 
 
@@ -147,8 +148,7 @@ def figure(store: Store, view: str, **options: Any) -> Figure:
         given["trajectories"] = (given["trajectories"],)
     page = PageOptions(**{name: given[name] for name in page_names if name in given})
     scene = SceneOptions(**{name: given[name] for name in scene_names if name in given})
-    with page.format():
-        return Figure(store.path, store.generation, view, scene, page)
+    return Figure(store.path, store.generation, view, scene, page)
 
 
 _ALIASES = {

@@ -21,9 +21,9 @@ from s2rstore.index.population import Population
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN
 from s2rtui.canvas import Pixels
-from s2rtui.charts.instance import instance_input
 from s2rtui.charts.overview import overview_rows, translator_rows
 from s2rtui.charts.scene import LoadedGroups, LoadedModel, RunAccuracies, model_source
+from s2rtui.charts.shared.instance_input import instance_input
 from s2rtui.charts.sheet import sheet_page
 from s2rtui.charts.view import StatisticsView
 from s2rtui.drawing.floor import plan_tones

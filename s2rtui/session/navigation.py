@@ -1,24 +1,33 @@
-"""Move the session: cursor, run, trajectories and generation."""
+"""Move the session: cursor, run, trajectories, generation, finding, and steps of the history."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
 from s2rstore.errors import RequestError, counted
+from s2rstore.findings import Finding
 from s2rstore.index.catalog import NO_POSES
 from s2rstore.language import Node
 from s2rstore.language.syntax_tree import Everything
 from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN
-from s2rtui.session import adjusting, saved_selection_diff, targets, view_settings
+from s2rtui.session import (
+    adjusting,
+    navigation,
+    saved_selection_diff,
+    selection,
+    targets,
+    view_settings,
+)
 from s2rtui.session.context import SessionContext
 from s2rtui.session.evaluation import evaluate
 from s2rtui.session.heatmaps import with_heat
 from s2rtui.session.selection import defer, keep_input
-from s2rtui.session.state import History, State, Target
+from s2rtui.session.state import HeatChoice, History, State, Target
 
 
 def computed_runs(store: Store) -> tuple[str, ...]:
@@ -267,3 +276,69 @@ def _evaluate_present(context: SessionContext, state: State, history: History) -
         result = evaluate(context, state, Everything(), history)
         message = f"all selected: {state.expression} cannot be evaluated here ({error})"
         return replace(result, message=message)
+
+
+def open_finding(context: SessionContext, state: State, finding: Finding) -> State:
+    """Select the instances of a finding in its run, with the heatmap, run and grouping it names.
+
+    Findings are about the new instances of all trajectories, so these are shown.
+    """
+    if finding.heat is not None:
+        side = state.heat.side if state.heat else "real"
+        state = replace(state, heat=HeatChoice(*finding.heat, side), overlay="run")
+    if finding.grouping is not None:
+        state = replace(state, grouping=finding.grouping)
+    if finding.other is not None and finding.other in state.runs:
+        state = replace(state, compared_run=finding.other)
+    place = replace(
+        targets.place_of(targets.final(state)),
+        run=finding.run,
+        trajectories=None,
+        with_trained=False,
+    )
+    is_here = place == targets.place_of(state)
+    if is_here and finding.node is not None:
+        state = selection.select(context, state, finding.node, "replace")
+    elif not is_here:
+        target = targets.with_expression(state, place, finding.node or targets.upcoming(state).node)
+        state = navigation.go_to(context, replace(state, operator="replace"), target)
+    return state.with_message(finding.message)
+
+
+def undo(context: SessionContext, state: State) -> State:
+    """Show the previous step of the history that can still be evaluated."""
+    return _walk_history(context, state, "undo")
+
+
+def redo(context: SessionContext, state: State) -> State:
+    """Show the next step of the history that can still be evaluated."""
+    return _walk_history(context, state, "redo")
+
+
+def _walk_history(
+    context: SessionContext, state: State, direction: Literal["undo", "redo"]
+) -> State:
+    """Skip expressions that cannot be evaluated any more and name them in the message."""
+    upcoming, backwards = targets.upcoming(state), direction == "undo"
+    generation = targets.final(state).generation
+    remaining, skipped = list(upcoming.past if backwards else upcoming.future), []
+    while remaining:
+        step = remaining.pop()
+        history = tuple(remaining), (*upcoming.future, upcoming.step)
+        if not backwards:
+            history = (*upcoming.past, upcoming.step), tuple(remaining)
+        target = Target(
+            step.run, generation, step.node, trajectories=step.trajectories,
+            with_trained=step.with_trained, history=history, cursor=step.cursor,
+        )  # fmt: skip
+        try:
+            result = navigation.select_at(context, state, target)
+        except RequestError as error:
+            skipped.append(f"left out: {step.expression} ({error})")
+            continue
+        changed = "" if step.with_trained == upcoming.with_trained else result.population_message
+        message = "; ".join(part for part in (result.message, changed, *skipped) if part)
+        return replace(result, message=message)
+    if upcoming is state:
+        state = replace(state, past=()) if backwards else replace(state, future=())
+    return state.with_message("; ".join((f"nothing to {direction}", *skipped)))

@@ -151,17 +151,12 @@ def map_plane(store: Store, state: State) -> ZoomPlane:
 
 
 def zoom(
-    context: SessionContext,
-    state: State,
-    factor: float,
-    at: Point | None = None,
-    plane: ZoomPlane | None = None,
+    context: SessionContext, state: State, plane: ZoomPlane, factor: float, at: Point | None = None
 ) -> State:
-    """Zoom a plane (default: the map) by a factor around a point, by default its `centre`.
+    """Zoom a plane by a factor around a point, by default its `centre`.
 
     Factor 0, or zooming out far enough, shows the whole plane.
     """
-    plane = plane or map_plane(context.store, state)
     whole, shown = plane.whole, state.viewport_of(plane.name)
     view = shown or whole
     share = max(view.width / max(whole.width, 1e-9), view.height / max(whole.height, 1e-9))
@@ -173,14 +168,9 @@ def zoom(
 
 
 def pan(
-    context: SessionContext,
-    state: State,
-    across: float,
-    down: float,
-    plane: ZoomPlane | None = None,
+    context: SessionContext, state: State, plane: ZoomPlane, across: float, down: float
 ) -> State:
     """Move the viewport of a plane by shares of its size; its centre stays on the plane."""
-    plane = plane or map_plane(context.store, state)
     view = state.viewport_of(plane.name) or plane.whole
     moved = panned(view, across, down, plane.y_down)
     return _with_viewport(state, plane, plane.limited(moved))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +18,6 @@ from s2rstore.arrays.row_array import row_numbers
 from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.errors import DamagedStoreError, RequestError
 from s2rstore.files import layout
-from s2rstore.files.store_files import StoreFiles
 from s2rstore.image_faults import FAULTS
 from s2rstore.index import column_loader, schema
 from s2rstore.index.catalog import IndexCatalog
@@ -61,14 +60,8 @@ class Frame:
 class DatasetReader(IndexCatalog):
     """The data set of a store at one generation; runs are added by `reader.Store`."""
 
-    def __init__(
-        self,
-        path: str | Path | StoreFiles,
-        memory: str = "",
-        generation: int | None = None,
-        left_out: Collection[str] = (),
-    ) -> None:
-        super().__init__(path, memory, generation, left_out)
+    def _prepare(self) -> None:
+        super()._prepare()
         self._columns = LruCache(_COLUMN_BYTES)
         self._arrays: dict[str, StoredArray] = {}
         self._with_frames: dict[str, bool] = {}

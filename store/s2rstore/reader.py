@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.dataset_reader import DatasetReader, check_metadata
 from s2rstore.errors import NotComputedError, RequestError
 from s2rstore.files import layout
-from s2rstore.files.store_files import Stamp, StoreFiles
+from s2rstore.files.store_files import Stamp
 from s2rstore.geometry.map_grid import merged_aggregate
 from s2rstore.heatmap_kinds import HEATMAPS
 from s2rstore.index import column_loader
@@ -54,14 +54,8 @@ class Store(DatasetReader):
     `in_use` names the runs whose columns `drop_run_columns` keeps.
     """
 
-    def __init__(
-        self,
-        path: str | Path | StoreFiles,
-        memory: str = "",
-        generation: int | None = None,
-        left_out: Collection[str] = (),
-    ) -> None:
-        super().__init__(path, memory, generation, left_out)
+    def _prepare(self) -> None:
+        super()._prepare()
         self.in_use: frozenset[str] = frozenset()
         self._runs_columns: dict[str, RunColumns] = {}
         self._coverages: dict[str, Coverage] = {}

@@ -1,11 +1,41 @@
-"""Records of the index: one class per table that is read as a whole."""
+"""Records of the index: one class per table that is read as a whole.
+
+The types of the fields state which values the rows of an index may have; `index.row_records` makes
+records of rows.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
+
+from msgspec import Meta
 
 from s2rstore.errors import RequestError
+from s2rstore.files.layout import Hash, Name
+
+MAX_COORDINATE = 1e6
+"""Metres from the origin that bounds and rooms may reach."""
+MAX_LABEL = 65_535
+"""Largest value of a pixel of a label image."""
+MAX_TEXT = 1_000
+
+Text = Annotated[str, Meta(min_length=1, max_length=MAX_TEXT)]
+Metres = Annotated[float, Meta(ge=-MAX_COORDINATE, le=MAX_COORDINATE)]
+Scale = Annotated[float, Meta(ge=1e-6, le=2 * MAX_COORDINATE)]
+Pixels = Annotated[float, Meta(ge=-1e7, le=1e7)]
+FocalLength = Annotated[float, Meta(ge=1e-6, le=1e7)]
+Angle = Annotated[float, Meta(ge=-math.pi, le=math.pi)]
+DepthScale = Annotated[float, Meta(ge=1e-12, le=1e6)]
+Count = Annotated[int, Meta(ge=0, le=2**31 - 1)]
+ImageSide = Annotated[int, Meta(ge=1, le=16_384)]
+"""Rows or columns of a stored frame, or of the input of a model."""
+Level = Annotated[float, Meta(ge=-1e9, le=1e9)]
+Kind = Annotated[str, Meta(pattern=r"\A[a-z][a-z0-9_:]{0,79}\Z")]
+DataType = Literal[
+    "uint8", "uint16", "int8", "int16", "int32", "float16", "float32", "float64",
+]  # fmt: skip
 
 Side = Literal["sim", "real"]
 SIDES: tuple[Side, Side] = ("sim", "real")
@@ -30,10 +60,10 @@ NO_RUN = ""
 class Bounds:
     """The floor plan's rectangle in map coordinates, metres."""
 
-    x0: float
-    y0: float
-    x1: float
-    y1: float
+    x0: Metres
+    y0: Metres
+    x1: Metres
+    y1: Metres
 
     @property
     def width(self) -> float:
@@ -63,35 +93,43 @@ class Dataset:
     and no runs; `bounds` and `accuracy_scale` are NaN.
     """
 
-    name: str
-    hash: str
+    name: Text
+    hash: Hash
     bounds: Bounds
     y_down: bool
-    floor_plan: str | None
-    accuracy_scale: float
-    frame_height: int
-    frame_width: int
+    floor_plan: Text | None
+    accuracy_scale: Scale
+    frame_height: ImageSide
+    frame_width: ImageSide
     has_poses: bool = True
     recall_thresholds: RecallThresholds = RECALL_THRESHOLDS
 
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    trajectory: str
-    recorded_at: str | None
-    instances: int
+    trajectory: Name
+    recorded_at: Text | None
+    instances: Count
 
 
 @dataclass(frozen=True, slots=True)
 class Room:
     """An axis-aligned rectangle; the first by `position` wins where rooms overlap."""
 
-    room: str
-    position: int
-    x0: float
-    y0: float
-    x1: float
-    y1: float
+    room: Text
+    position: Count
+    x0: Metres
+    y0: Metres
+    x1: Metres
+    y1: Metres
+
+
+@dataclass(frozen=True, slots=True)
+class Label:
+    """A class of objects: the value of its pixels in label images, and its name."""
+
+    label: Annotated[int, Meta(ge=1, le=MAX_LABEL)]
+    name: Text
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,11 +140,11 @@ class Intrinsics:
     are in pixels of the stored frame; `pitch` is in radians, positive upwards.
     """
 
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    pitch: float = 0.0
+    fx: FocalLength
+    fy: FocalLength
+    cx: Pixels
+    cy: Pixels
+    pitch: Angle = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,15 +161,15 @@ class Domain:
     each group of figures whether it was `declared` or `estimated`.
     """
 
-    domain: str
+    domain: Name
     kind: Side
     rgb: Intrinsics
     depth: Intrinsics
-    camera_height: float
-    forward_offset: float
-    depth_scale: float
-    depth_raw_min: int
-    depth_raw_max: int
+    camera_height: Metres
+    forward_offset: Metres
+    depth_scale: DepthScale
+    depth_raw_min: Count
+    depth_raw_max: Count
     sources: dict[str, str] = field(default_factory=dict)
     has_depth: bool = True
 
@@ -206,11 +244,11 @@ class Part:
     `hash` is that of their poses, frames and calibration; `added_at` is UTC, ISO 8601.
     """
 
-    part: int
-    first_iid: int
-    instances: int
-    hash: str
-    added_at: str | None = None
+    part: Count
+    first_iid: Count
+    instances: Count
+    hash: Hash
+    added_at: Text | None = None
 
     @property
     def stop(self) -> int:
@@ -253,13 +291,13 @@ class TrajectoryPart:
 class Model:
     """A network in the store; `input` is its input contract."""
 
-    model: str
-    architecture: str
-    sha256: str
-    input_height: int
-    input_width: int
+    model: Name
+    architecture: Text
+    sha256: Hash
+    input_height: ImageSide
+    input_width: ImageSide
     convention: str
-    trained_by: str | None
+    trained_by: Annotated[str, Meta(min_length=1, max_length=100_000)] | None
     input: dict[str, Any]
 
     @property
@@ -280,15 +318,15 @@ class TranslatorRecord:
     `accepted` is None until its content was checked; `reasons` say why it is not accepted.
     """
 
-    translator: str
-    method: str
+    translator: Name
+    method: Name
     direction: Direction
-    source_domain: str
-    target_domain: str
-    sha256: str
+    source_domain: Name
+    target_domain: Name
+    sha256: Hash
     accepted: bool | None
     reasons: tuple[str, ...]
-    created_at: str
+    created_at: Text
 
     @property
     def side(self) -> Side:
@@ -304,15 +342,15 @@ class Run:
     is None until the run has been computed. `model` is None where the predictions were imported.
     """
 
-    run: str
-    model: str | None
-    sim_domain: str
-    real_domain: str
+    run: Name
+    model: Name | None
+    sim_domain: Name
+    real_domain: Name
     sim_adjustments: list[dict[str, Any]]
     real_adjustments: list[dict[str, Any]]
-    key: str | None
-    precision: str | None
-    created_at: str
+    key: Name | None
+    precision: Text | None
+    created_at: Text
 
     def domain(self, side: Side) -> str:
         return self.sim_domain if side == "sim" else self.real_domain
@@ -354,15 +392,15 @@ class ArrayRecord:
     """
 
     run: str
-    kind: str
+    kind: Kind
     side: Side | None
-    mode: str | None
-    path: str
-    dtype: str
-    shape: tuple[int, ...]
+    mode: Kind | None
+    path: Text
+    dtype: DataType
+    shape: tuple[Count, ...]
     axes: tuple[str, ...]
-    scale: float
-    zero: float
+    scale: Level
+    zero: Level
     unit: str
-    metadata_sha256: str
-    first_iid: int = 0
+    metadata_sha256: Hash
+    first_iid: Count = 0

@@ -14,9 +14,9 @@ from s2rstore.records import Bounds
 from s2rtui.app.titled_view import TitledView
 from s2rtui.canvas import Canvas, RenderOptions
 from s2rtui.canvas.marks import BrushShape
-from s2rtui.charts.instance import instance_input
 from s2rtui.charts.registry import VIEWS
 from s2rtui.charts.scene import LoadedData, RunAccuracies, Scene, TranslatorRow
+from s2rtui.charts.shared.instance_input import instance_input
 from s2rtui.charts.view import View
 from s2rtui.loaders import LoadContext, store_data
 from s2rtui.session.provenance import (

@@ -7,9 +7,11 @@ import pytest
 from textual.events import MouseScrollDown, MouseScrollUp
 
 from s2rstore.records import Room
+from s2rtui.app.action import key_name
 from s2rtui.app.key_bindings import footer
 from s2rtui.app.pilot import settle, take_screenshot
-from s2rtui.charts.compare.view import VIEW as COMPARE
+from s2rtui.charts.compare import VIEW as COMPARE
+from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.rooms import VIEW
 from s2rtui.session import navigation
 from s2rtui.session.error_groups import COLUMN_NAMES, GROUPINGS
@@ -159,3 +161,30 @@ async def test_the_room_of_the_cursor_is_shown(many_rooms):
         app.updater.refresh()
         await settle(app, pilot)
         assert last in take_screenshot(app).text
+
+
+@pytest.mark.parametrize(("view", "row", "expression"), [
+    ("recall", "recall 2 m, 20 deg", "real.error <= 2 & real.heading_error <= 20"),
+    ("recall", "skill", ""),
+    ("risk", "radius all rooms", "all"),
+    ("shares", "lighting", "share.lighting > 0"),
+    ("shares", "sensor and camera", ""),
+    ("exchange", "vanilla", "paired & new"),
+    ("exchange", "dataaug", 'run("dataaug").paired & run("dataaug").new'),
+])  # fmt: skip
+async def test_a_row_of_numbers_selects_the_instances_that_it_stands_for(
+    tiny_store, view, row, expression
+):
+    shown = BY_NAME[view]
+    async with running(tiny_store, size=(80, 40)) as (app, pilot):
+        await press(app, pilot, "c", key_name(shown.key))
+        number = list(shown.row_names(app.updater.scene)).index(row)
+        await press(app, pilot, *["down"] * number, "enter")
+        state = app.session.state
+        assert (state.chosen_row(view), state.is_error) == (row, False)
+        if expression:
+            assert state.expression == expression
+            assert state.message == f"selected {expression}: {state.count_text}"
+        else:
+            assert f"{row} stands for no instances" in state.message
+            assert state.expression == "all"

@@ -10,8 +10,8 @@ from textual.pilot import Pilot
 from s2rtui.app import load_scheduler
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, take_screenshot
-from s2rtui.charts.instance import instance_input
 from s2rtui.charts.registry import BY_NAME
+from s2rtui.charts.shared.instance_input import instance_input
 from s2rtui.loaders import LOADERS
 from s2rtui.session.provenance import instance_provenance
 from s2rtui.session.state import Adjust, Slider

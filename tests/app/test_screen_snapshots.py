@@ -14,8 +14,8 @@ from s2rstore.reader import Store
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, snapshot, take_screenshot
 from s2rtui.canvas import RenderOptions
-from s2rtui.charts.instance import instance_input
 from s2rtui.charts.registry import VIEWS
+from s2rtui.charts.shared.instance_input import instance_input
 from s2rtui.loaders.live_prediction import LivePredictor
 from s2rtui.session.session import Session
 from s2rtui.terminal import diagnostics

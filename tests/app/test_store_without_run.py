@@ -12,11 +12,11 @@ from s2rstore.metrics import run_metrics
 from s2rtui.app.key_bindings import ACTIONS
 from s2rtui.app.pilot import settle, snapshot, take_screenshot
 from s2rtui.canvas import RenderOptions
-from s2rtui.charts.compare.view import constant_errors
+from s2rtui.charts.compare import constant_errors
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.export.load_scene import SceneOptions, open_scene
 from s2rtui.export.report.build_report import render_report
-from s2rtui.export.report.report_request import ReportRequest
+from s2rtui.export.report.report_model import ReportRequest
 from s2rtui.session.session import Session
 from tests.support import tiny
 from tests.support.application import make_app, press, running

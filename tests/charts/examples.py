@@ -14,7 +14,7 @@ from s2rstore.records import Bounds, Room, Side
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, RenderOptions
 from s2rtui.canvas.marks import BrushShape
-from s2rtui.charts.compare.view import CompareInput, compare_drawing
+from s2rtui.charts.compare import CompareInput, compare_drawing
 from s2rtui.charts.errors import errors_model, errors_plots
 from s2rtui.charts.findings import findings_drawing
 from s2rtui.charts.history import history_model, history_plots

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from s2rtui.analysis import joint_histogram
+from s2rtui.analysis import binning
 from s2rtui.analysis import ranked_column as ranked
 from s2rtui.analysis.binning import bin_values, count_selected, selection_indices
 
@@ -19,21 +19,21 @@ positions = arrays.arrays(np.float64, SIZE, elements=values)
 @pytest.mark.parametrize(
     ("few", "largest", "piece"),
     [
-        (SIZE, 0, joint_histogram.PIECE), (0, joint_histogram.LARGEST, 7), (0, 12, 7),
-        (0, 1, joint_histogram.PIECE),
+        (SIZE, 0, binning.PIECE), (0, binning.LARGEST, 7), (0, 12, 7),
+        (0, 1, binning.PIECE),
     ],
 )  # fmt: skip
 def test_counts_and_margins_equal_those_of_masks(few, largest, piece, monkeypatch):
-    monkeypatch.setattr(joint_histogram, "FEW", few)
-    monkeypatch.setattr(joint_histogram, "LARGEST", largest)
-    monkeypatch.setattr(joint_histogram, "PIECE", piece)
+    monkeypatch.setattr(binning, "FEW", few)
+    monkeypatch.setattr(binning, "LARGEST", largest)
+    monkeypatch.setattr(binning, "PIECE", piece)
 
     @given(positions, positions, positions, masks, masks)
     def check(first, second, third, selected, base):
         widths = (3, 5, 1)
         binned = [bin_values(*each) for each in zip((first, second, third), widths, strict=True)]
         selection = selection_indices(selected, base)
-        counted = joint_histogram.joint_counts(binned, selection)
+        counted = binning.joint_counts(binned, selection)
         for column, bins, counts in zip((first, second, third), binned, counted, strict=True):
             for found in (counts, count_selected(bins, selection)):
                 for mask, numbers in zip((selected & base, base), found, strict=True):

@@ -8,8 +8,8 @@ from hypothesis.extra import numpy as arrays
 
 from s2rstore import intervals
 from s2rstore.geometry.rooms import NO_ROOM
-from s2rtui.charts.compare.change import room_changes, sentences
-from s2rtui.charts.compare.view import CompareInput, compare_drawing
+from s2rtui.charts.compare import CompareInput, compare_drawing
+from s2rtui.charts.shared.run_changes import room_changes, sentences
 from s2rtui.drawing.plane_marks import Floor
 from tests.charts.examples import BOUNDS, N, columns, draw_compare, map_place
 

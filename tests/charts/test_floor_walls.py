@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from s2rtui.analysis.floor_walls import EMPTY, WALL, plan_parts, thin_lines
 from s2rtui.canvas import DIGITS, ColourMode, RenderOptions
 from s2rtui.charts.map import map_drawing
-from s2rtui.drawing.floor_cells import FLOOR_RAMPS, WALL_LINES, wall_lines
+from s2rtui.drawing.floor import FLOOR_RAMPS, WALL_LINES, wall_lines
 from s2rtui.drawing.heat_colours import heat_glyphs
 from tests.charts.examples import BOUNDS, draw_map, map_input, map_place
 

@@ -7,10 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import array_shapes, arrays
-from scipy import ndimage
 
 import s2rstore
 from s2rstore.heatmap_kinds import heatmap_facts
@@ -19,9 +15,9 @@ from s2rstore.reader import Store
 from s2rstore.records import ArrayRecord
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtui.canvas import LIGHT
-from s2rtui.charts.instance import _harm_note, connected_regions, place_in_image
 from s2rtui.charts.map import heat_facts, map_drawing
 from s2rtui.charts.shared.instance import heat_fields, instance_drawing
+from s2rtui.charts.shared.instance_input import _harm_note, place_in_image
 from s2rtui.drawing import paper
 from s2rtui.drawing.cells import draw_cells
 from s2rtui.session.heatmaps import heatmap_choices
@@ -112,13 +108,6 @@ def test_modes_of_a_kind_have_units_of_their_own(store):
 def test_numbers_of_pixels_have_no_sign(store, state):
     counted = replace(state, heat=HeatChoice("harm", "position"), overlay="run", aggregate="count")
     assert heat_facts(store, counted)[1:] == ("pixels", False)
-
-
-@given(arrays(np.bool_, array_shapes(min_dims=2, max_dims=2, max_side=12), elements=st.booleans()))
-def test_regions_are_those_of_scipy(mask):
-    labels, count = ndimage.label(mask, structure=np.ones((3, 3)))
-    expected = {(labels == number).tobytes() for number in range(1, count + 1)}
-    assert {region.tobytes() for region in connected_regions(mask)} == expected
 
 
 @pytest.mark.parametrize(

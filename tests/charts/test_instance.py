@@ -10,12 +10,12 @@ import s2rstore
 from s2rstore.index.transaction import edit
 from s2rstore.records import SIDES
 from s2rtui.canvas import DARK, DEFAULT_OPTIONS
-from s2rtui.charts.instance import instance_input as stored_instance_input
 from s2rtui.charts.map import VIEW as MAP
 from s2rtui.charts.map import MapInput
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.scene import LoadedData, Scene
-from s2rtui.charts.shared.instance import heat_scale, instance_drawing, pose_rows
+from s2rtui.charts.shared.instance import image_heat_scale, instance_drawing, pose_rows
+from s2rtui.charts.shared.instance_input import instance_input as stored_instance_input
 from s2rtui.drawing.cells import draw_cells
 from s2rtui.session.session import Session
 from tests.charts.examples import draw_map, instance_input, side
@@ -33,13 +33,13 @@ def pose_texts(data):
 
 
 def test_signed_scale_is_symmetric_and_shared_and_unsigned_starts_at_zero():
-    scale = heat_scale(instance_input())
+    scale = image_heat_scale(instance_input())
     assert scale is not None
     low, high = scale
     assert low == -high
     both = np.concatenate([side(1).heat.ravel(), side(2).heat.ravel()])  # type: ignore[union-attr]
     assert high == pytest.approx(np.abs(both).max())
-    unsigned = heat_scale(instance_input(signed=False, sim=side(1, heat=False)))
+    unsigned = image_heat_scale(instance_input(signed=False, sim=side(1, heat=False)))
     assert unsigned is not None
     assert unsigned[0] <= 0
 

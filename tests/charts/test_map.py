@@ -13,7 +13,7 @@ from s2rtui.canvas import DARK, DEFAULT_OPTIONS, LIGHT, ColourMode, RenderOption
 from s2rtui.canvas.colour import legible, mix, turbo
 from s2rtui.charts.map import MapInput, map_drawing
 from s2rtui.drawing.drawing_layout import drawing_layout
-from s2rtui.drawing.floor import DIMMED, heat_scale
+from s2rtui.drawing.floor import DIMMED, floor_heat_scale
 from s2rtui.drawing.heat_colours import map_opacity
 from s2rtui.drawing.paper import draw_paper
 from s2rtui.drawing.plane_cells import SEGMENTS_UP_TO
@@ -135,7 +135,7 @@ def test_signed_heat_on_the_map_is_blue_and_orange_and_transparent_at_0():
     assert high[0] > high[2] + 80
     assert not is_green(canvas.fg).any()
     assert not is_green(canvas.bg).any()
-    assert heat_scale(np.full((15, 30), -0.5), True) == (-0.5, 0.5)
+    assert floor_heat_scale(np.full((15, 30), -0.5), True) == (-0.5, 0.5)
 
 
 def test_signed_heat_without_colours_differs_by_its_glyphs():

@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from s2rtui.analysis.circular import EXACTLY_UP_TO
 from s2rtui.canvas.marks import wrap_degrees
-from s2rtui.charts.orientation import BINS, orientation_model
+from s2rtui.charts.orientation import BINS, EXACTLY_UP_TO, orientation_model
 
 COUNT = 30
 columns = arrays.arrays(np.float64, COUNT, elements=st.floats(-9, 9) | st.just(np.nan))

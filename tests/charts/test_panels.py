@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from s2rstore.records import Bounds
 from s2rtui.canvas import RenderOptions
-from s2rtui.charts.compare.view import compare_drawing
+from s2rtui.charts.compare import compare_drawing
 from s2rtui.charts.map import map_drawing
 from s2rtui.drawing.cells import drawing_panels
 from s2rtui.drawing.drawing import Drawing

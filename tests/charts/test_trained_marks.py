@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from s2rtui.canvas import Canvas, ColourMode, RenderOptions
-from s2rtui.charts.compare.view import compare_drawing
+from s2rtui.charts.compare import compare_drawing
 from s2rtui.charts.map import map_drawing
 from tests.charts.examples import (
     N,

@@ -8,7 +8,7 @@ import pytest
 import s2rstore
 from s2rtui.app.pilot import snapshot
 from s2rtui.canvas import RenderOptions
-from s2rtui.charts.instance import instance_input
+from s2rtui.charts.shared.instance_input import instance_input
 from s2rtui.export.report import worst_instances
 
 

@@ -7,6 +7,7 @@ import pytest
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rstore.index.schema import HEALTH
 from s2rstore.index.transaction import edit
 from s2rtools.synthetic_world.dataset import WorldData
 from s2rtools.synthetic_world.factors import FACTORS
@@ -24,6 +25,7 @@ def demo_folder(tmp_path: Path, tiny_store: Path) -> Path:
     recipe = {"seed": 1, "count": 4, "factors": dict.fromkeys(FACTORS, 1.0)}
     with edit(path) as draft:
         draft.set_provenance("world", {"recipe": json.dumps(recipe)})
+        draft.delete("provenance", what=HEALTH)
     return path.parent
 
 
@@ -42,7 +44,7 @@ def test_stages_are_run_until_the_store_is_complete(demo_folder, capsys, monkeyp
 
     monkeypatch.setattr("s2rtui.cli.commands.demo.main", record)
     assert main([*DEMO_ARGUMENTS, str(demo_folder)]) == 0
-    assert commands == ["ingest", "precompute", "score", "suggest"]
+    assert commands == ["ingest", "precompute", "score", "check", "suggest"]
     output = capsys.readouterr()
     assert "2 runs" in output.out
     assert f"open it with: s2r {path}" in output.out
@@ -53,6 +55,7 @@ def test_stages_are_run_until_the_store_is_complete(demo_folder, capsys, monkeyp
     with edit(path) as draft:
         draft.set_provenance("score", {"report": json.dumps({"runs": keys})})
         draft.delete("run", run="vanilla")
+        draft.set_provenance(HEALTH, {"real": "4"})
     del commands[:]
     assert main([*DEMO_ARGUMENTS, str(demo_folder)]) == 0
     assert commands == ["model", "suggest"]

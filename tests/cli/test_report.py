@@ -18,7 +18,7 @@ from s2rstore.language import evaluation
 from s2rstore.metrics import pose_metrics, run_metrics
 from s2rtui.cli import main
 from s2rtui.export.report.build_report import render_report
-from s2rtui.export.report.report_request import ReportRequest, RequestedSelection
+from s2rtui.export.report.report_model import ReportRequest, RequestedSelection
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import chromium, tiny
 from tests.support.small_figures import draw_small_figures

@@ -25,8 +25,8 @@ from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.cli import main
 from s2rtui.export.load_scene import SceneOptions, open_scene
 from s2rtui.export.report.build_report import render_report
-from s2rtui.export.report.report_request import ReportRequest, RequestedSelection
-from s2rtui.session import navigation, shared_selection, undo_history
+from s2rtui.export.report.report_model import ReportRequest, RequestedSelection
+from s2rtui.session import navigation, shared_selection
 from s2rtui.session.session import Session
 from s2rtui.user_data.notebook import Notebook
 from tests.support import tiny
@@ -233,11 +233,11 @@ def test_undo_restores_the_population_of_a_selection(session):
     for expression, with_trained in (
         ("room:right", False), ("room:right", True), ("worst(20%, real.error)", True),
     ):  # fmt: skip
-        state = session.dispatch(undo_history.undo)
+        state = session.dispatch(navigation.undo)
         assert (state.expression, state.with_trained) == (expression, with_trained)
     np.testing.assert_array_equal(session.state.selected, included)
-    session.dispatch(undo_history.redo)
-    state = session.dispatch(undo_history.redo)
+    session.dispatch(navigation.redo)
+    state = session.dispatch(navigation.redo)
     assert (state.expression, state.with_trained) == ("room:right", False)
     assert "left out" in state.message
 

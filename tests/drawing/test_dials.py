@@ -11,7 +11,7 @@ from s2rtui.canvas.marks import BrushShape, mark_arc, wrap_degrees
 from s2rtui.drawing.cells import draw_cells, drawing_panels
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Bars, Phrase, Plot
-from s2rtui.drawing.polar_cells import bar_dots, dial_of
+from s2rtui.drawing.plot_cells import bar_dots, dial_of
 from s2rtui.drawing.scale import Scale
 
 EDGES = np.linspace(-180, 180, 73)

@@ -15,7 +15,7 @@ from s2rtui.canvas import DARK, Canvas, ColourMode, RenderOptions
 from s2rtui.canvas.marks import panel_at
 from s2rtui.drawing.cells import draw_cells, drawing_panels
 from s2rtui.drawing.drawing import Drawing
-from s2rtui.drawing.row_lines import MOST_LINES, QUANTILES, RowLines, line_dots
+from s2rtui.drawing.row_lines import MOST_LINES, QUANTILES, RowLines, layer_dots
 from s2rtui.drawing.scale import Scale
 from s2rtui.drawing.table import Cell, Column, Row, TableSpec
 
@@ -66,7 +66,7 @@ def test_each_line_is_counted_once_at_each_dot(first, second, third, selected, v
     members = ~selected & valid, selected & valid, np.arange(FEW) == 3
     for layer, held in zip(lines.layers, members, strict=True):
         assert layer.size == held.sum()
-        found = line_dots(layer, SCALE, 20, 3)
+        found = layer_dots(layer, SCALE, 20, 3)
         assert (found == dots_one_by_one(lines, held, 20, 3)).all()
 
 
@@ -74,7 +74,7 @@ def test_each_line_is_counted_once_at_each_dot(first, second, third, selected, v
 def test_more_lines_than_sixty_are_bands(count):
     lines = many(count)
     assert lines.is_banded == (count > MOST_LINES)
-    found = line_dots(lines.layers[-1], SCALE, 40, 4)
+    found = layer_dots(lines.layers[-1], SCALE, 40, 4)
     assert set(np.unique(found)) <= {0, 1, 2, 3} if lines.is_banded else found[5].sum() >= count
     assert lines.legend[0].text == f"{'bands' if lines.is_banded else 'lines'}: real"
     others, selected = many(selected=np.arange(400) < count).layers
@@ -86,7 +86,7 @@ def test_bands_lie_at_the_quantiles():
     exact = np.array([np.quantile((column - 0.5) / 0.5, QUANTILES) for column in layer.values])
     np.testing.assert_allclose(layer.quantiles(SCALE), exact, atol=0.006)
     assert np.isnan(many().layers[0].quantiles(SCALE)).all()
-    inner = line_dots(layer, SCALE, 100, 10) >= 2
+    inner = layer_dots(layer, SCALE, 100, 10) >= 2
     for row, places in ((2, exact[0]), (-3, exact[1])):
         dots = np.flatnonzero(inner[row]) / 200
         assert (dots.min(), dots.max()) == pytest.approx((places[1], places[3]), abs=0.02)
@@ -94,7 +94,7 @@ def test_bands_lie_at_the_quantiles():
 
 def test_rows_that_follow_each_other_have_bars_of_their_instances():
     lines = many(selected=np.arange(400) < 100)
-    others, selected = (line_dots(layer, SCALE, 40, 1) for layer in lines.layers)
+    others, selected = (layer_dots(layer, SCALE, 40, 1) for layer in lines.layers)
     assert others.shape == (8, 80)
     assert selected[3].sum() == pytest.approx(100)  # the lowest dots of the first row
     assert others[3].sum() == pytest.approx(300)

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rtui.canvas import Canvas
-from s2rtui.drawing.plane_cells import draw_plane_mark
 from s2rtui.drawing.plane_marks import Changes, Signs, Unselected
 from s2rtui.drawing.plot import Plot
+from s2rtui.drawing.plot_cells import draw_marks
 from s2rtui.drawing.points import (
     LEVELS,
     Grid,
@@ -96,7 +96,7 @@ def test_unselected_instances_are_braille_dots(points, selected, valid, grid):
     x, y = points.T.copy()
     across, up, width, height = grid
     canvas = Canvas(width, height)
-    draw_plane_mark(canvas, Plot(across, up, ()), Unselected(x, y, selected, valid))
+    draw_marks(canvas, Plot(across, up, (Unselected(x, y, selected, valid),)))
     cells = cells_of_points(grid, points)
     assert {(row, column) for row, column in np.argwhere(canvas.char != " ").tolist()} == {
         cell for at, cell in enumerate(cells) if cell and valid[at] and not selected[at]

@@ -1,6 +1,8 @@
 """Inference backends: batch norm folding and reduced precision."""
 
+import ctypes
 import importlib.util
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -45,6 +47,24 @@ def test_reduced_networks_take_the_channels_of_their_contract(name):
     assert x.shape == (3, 3, 20, 24)
     poses = open_backend(model, name).forward_all(x).pose
     np.testing.assert_allclose(poses, Backend(model).forward_all(x).pose, atol=0.05)
+
+
+def test_openvino_leaves_the_signal_stack_of_this_thread():
+    """It would free the stack in the thread that destroys the model, and a signal would crash."""
+    pytest.importorskip("openvino")
+    before = _signal_stack()
+    backend = open_backend(networks.build_model("posest"), "openvino-float32")
+    assert _signal_stack() == before
+    with ThreadPoolExecutor(1) as executor:
+        executor.submit(backend.__dict__.clear).result()
+    assert _signal_stack() == before
+
+
+def _signal_stack() -> bytes:
+    """The alternate signal stack of this thread: address, flags and size."""
+    stack = ctypes.create_string_buffer(24)
+    assert ctypes.CDLL(None).sigaltstack(None, stack) == 0
+    return stack.raw
 
 
 def test_torch_is_float32_and_deterministic():

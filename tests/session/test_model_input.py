@@ -12,7 +12,7 @@ from s2rstore.reader import Store
 from s2rstore.records import Side
 from s2rtools.adjustments import parse_adjustment
 from s2rtools.precompute.run_registration import add_run
-from s2rtui.charts.instance import instance_input
+from s2rtui.charts.shared.instance_input import instance_input
 from s2rtui.session.model_input import ModelInput, model_input
 from tests.support.copies import copy_store
 

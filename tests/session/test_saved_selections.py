@@ -13,7 +13,7 @@ from s2rstore.files.lock_file import LockFile
 from s2rstore.files.locks import file_lock
 from s2rstore.language.syntax_tree import Saved
 from s2rstore.records import Part
-from s2rtui.session import navigation, shared_selection, undo_history
+from s2rtui.session import navigation, shared_selection
 from s2rtui.session.session import Session
 from s2rtui.user_data import notebook
 from s2rtui.user_data.notebook import Notebook, Notes, SavedSelection
@@ -31,15 +31,15 @@ def test_undo_and_redo_skip_invalid_expressions(session):
     session.select("curved&@gone")
     session.select("worst15")
     session.writable_notebook.forget("gone")
-    state = session.dispatch(undo_history.undo)
+    state = session.dispatch(navigation.undo)
     assert state.expression == "best15"
     assert "left out: curved & @gone (column 10: no saved selection 'gone'" in state.message
-    assert session.dispatch(undo_history.redo).expression == "worst15"
+    assert session.dispatch(navigation.redo).expression == "worst15"
     session.writable_notebook.save("gone", shared_selection.current_selection(session.state))
     session.select("@gone")
-    session.dispatch(undo_history.undo)
+    session.dispatch(navigation.undo)
     session.writable_notebook.forget("gone")
-    state = session.dispatch(undo_history.redo)
+    state = session.dispatch(navigation.redo)
     assert (state.expression, state.future) == ("worst15", ())
     assert "nothing to redo; left out: @gone" in state.message
 

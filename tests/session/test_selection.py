@@ -15,16 +15,15 @@ from s2rstore.errors import RequestError
 from s2rstore.language import ExpressionError, fields
 from s2rstore.metrics import nearest_neighbours
 from s2rtui.app.key_bindings import BY_NAME
-from s2rtui.charts.instance import NEIGHBOURS
 from s2rtui.charts.list import ListView
 from s2rtui.charts.scene import LoadedData, Scene
+from s2rtui.charts.shared.instance_input import NEIGHBOURS
 from s2rtui.session import (
     evaluation,
     instance_list,
     navigation,
     selection,
     shared_selection,
-    undo_history,
 )
 from s2rtui.session.session import Session
 from s2rtui.user_data.notebook import Notebook, SavedSelection
@@ -126,25 +125,25 @@ def test_undo_restores_run_trajectories_and_cursor(session):
         steps.append(shown())
     assert len(set(steps)) == 4
     for expected in steps[-2::-1]:
-        session.dispatch(undo_history.undo)
+        session.dispatch(navigation.undo)
         assert shown() == expected
     for expected in steps[1:]:
-        session.dispatch(undo_history.redo)
+        session.dispatch(navigation.redo)
         assert shown() == expected
 
 
 def test_undo_goes_back_one_expression_and_redo_ends_at_a_new_one(session):
     session.select("worst15")
     session.select("best15")
-    assert session.dispatch(undo_history.undo).expression == "worst15"
-    assert session.dispatch(undo_history.redo).expression == "best15"
-    assert session.dispatch(undo_history.redo).message == "nothing to redo"
-    session.dispatch(undo_history.undo)
+    assert session.dispatch(navigation.undo).expression == "worst15"
+    assert session.dispatch(navigation.redo).expression == "best15"
+    assert session.dispatch(navigation.redo).message == "nothing to redo"
+    session.dispatch(navigation.undo)
     session.select("none")
-    assert session.dispatch(undo_history.redo).message == "nothing to redo"
+    assert session.dispatch(navigation.redo).message == "nothing to redo"
     for _ in range(3):
-        session.dispatch(undo_history.undo)
-    assert session.dispatch(undo_history.undo).message == "nothing to undo"
+        session.dispatch(navigation.undo)
+    assert session.dispatch(navigation.undo).message == "nothing to undo"
 
 
 def test_concurrent_sessions_keep_each_other_s_changes(tiny_store):

@@ -56,22 +56,26 @@ def test_an_uncomputed_run_is_rejected(store_copy):
     assert (state.run, state.view) == ("", "instance")
 
 
+def map_plane(session: Session) -> view_settings.ZoomPlane:
+    return view_settings.map_plane(session.store, session.state)
+
+
 def test_zoom_and_pan_are_limited(session):
     bounds = session.store.dataset.bounds
     for _ in range(40):
-        session.dispatch(view_settings.zoom, 1 / 0.6)
+        session.dispatch(view_settings.zoom, map_plane(session), 1 / 0.6)
     closest = session.state.viewport
     assert closest.width == pytest.approx(bounds.width * view_settings.CLOSEST)
     for _ in range(60):
-        session.dispatch(view_settings.pan, 0.2, -0.2)
-    session.dispatch(view_settings.pan, 500.0, -500.0)
+        session.dispatch(view_settings.pan, map_plane(session), 0.2, -0.2)
+    session.dispatch(view_settings.pan, map_plane(session), 500.0, -500.0)
     panned = session.state.viewport
     middle = (panned.x0 + panned.x1) / 2, (panned.y0 + panned.y1) / 2
     assert middle == pytest.approx((bounds.x1, bounds.y0))
     for _ in range(40):
-        session.dispatch(view_settings.zoom, 0.6)
+        session.dispatch(view_settings.zoom, map_plane(session), 0.6)
     assert session.state.viewport is None
-    session.dispatch(view_settings.zoom, 0.6)
+    session.dispatch(view_settings.zoom, map_plane(session), 0.6)
     assert session.state.viewport is None
 
 
@@ -80,7 +84,7 @@ def test_a_map_is_zoomed_at_its_middle_where_the_instance_has_no_pose(store_copy
         draft.rows("UPDATE instance SET x = NULL, y = NULL")
     session = Session(store_copy)
     session.set_cursor(3)
-    session.dispatch(view_settings.zoom, 1 / 0.6)
+    session.dispatch(view_settings.zoom, map_plane(session), 1 / 0.6)
     viewport = session.state.viewport
     assert np.isfinite([viewport.width, viewport.height, viewport.x0, viewport.y0]).all()
 

@@ -15,7 +15,7 @@ from s2rstore.language.syntax_tree import Everything
 from s2rstore.metrics import nearest_neighbours
 from s2rtui.app.key_bindings import ACTIONS
 from s2rtui.loaders import store_data
-from s2rtui.session import navigation, shared_selection, targets, undo_history
+from s2rtui.session import navigation, shared_selection, targets
 from s2rtui.session.session import Session
 from s2rtui.session.state import State, Step
 from s2rtui.user_data.notebook import Notebook
@@ -37,8 +37,8 @@ PENDING_ACTIONS: dict[str, Key] = {
     "saved": lambda s: s.dispatch(shared_selection.select_text, "@costly & all"),
     "pasted": paste_shared_selection,
     "run": lambda s: s.dispatch(navigation.change_run, 1),
-    "undo": lambda s: s.dispatch(undo_history.undo),
-    "redo": lambda s: s.dispatch(undo_history.redo),
+    "undo": lambda s: s.dispatch(navigation.undo),
+    "redo": lambda s: s.dispatch(navigation.redo),
     "alike": lambda s: s.select("like(20, 6)"),
     "other run": lambda s: s.select('worst(3, run("c").real.error)'),
 }

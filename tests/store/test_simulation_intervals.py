@@ -127,3 +127,16 @@ def test_what_cannot_be_estimated_is_refused_with_the_reason() -> None:
     assert "unlike those of the pairs" in refused(drawn=np.full(500, 40.0))
     with pytest.raises(ValueError, match="one shape"):
         simulation.mean(few, few[1:], Simulated.none())
+
+
+def test_estimates_agree_with_those_of_ppi_python() -> None:
+    """Its intervals presume independent rows; ours allow for dependence and are no narrower."""
+    reference = pytest.importorskip("ppi_py")
+    for correlation in (0.0, 0.6, 0.9):
+        rng = np.random.default_rng(1)
+        sim, drawn = rng.normal(5, 1, 1000), rng.normal(5, 1, 20_000)
+        real = correlation * sim + math.sqrt(1 - correlation**2) * rng.normal(5, 1, 1000)
+        low, high = (float(end[0]) for end in reference.ppi_mean_ci(real, sim, drawn, alpha=0.05))
+        found = simulation.mean(real, sim, Simulated(drawn), np.arange(1000)).combined
+        assert abs(found.value - (low + high) / 2) < 0.1 * (high - low)
+        assert 0.95 * (high - low) < found.high - found.low < 1.6 * (high - low)

@@ -26,7 +26,8 @@ def make_app(
     """The application of a store, which loads data at once; exports are written to `folder`."""
     session = Session(store, run, Notebook, with_trained=with_trained)
     access = Permissions.for_store(store, restricted)
-    app = S2RApp(session, options or RenderOptions(), folder, access)
+    app = S2RApp(session, options or RenderOptions(), access)
+    app.output_folder = folder or app.output_folder
     app.load_scheduler.debounce_seconds = 0.001
     return app
 

@@ -10,7 +10,7 @@ from io import BytesIO
 import numpy as np
 from PIL import Image
 
-from s2rtui.terminal.graphics.kitty_protocol import NUMBERS, PLACEHOLDER
+from s2rtui.terminal.graphics.kitty import NUMBERS, PLACEHOLDER
 
 QUESTION_END = b"\x1b[c"
 ATTRIBUTES = b"\x1b[?62;22c"

@@ -16,12 +16,11 @@ from bench.support.processes import wait_until
 from s2rtui.canvas import Canvas, ColourMode, InlineImage, Size
 from s2rtui.canvas.colour import Pixels
 from s2rtui.terminal.capabilities import Terminal
-from s2rtui.terminal.graphics import probe
-from s2rtui.terminal.graphics.choice import choose_graphics
+from s2rtui.terminal.graphics import choice
+from s2rtui.terminal.graphics.choice import choose_graphics, parse_answer
 from s2rtui.terminal.graphics.image_manager import ImageManager
-from s2rtui.terminal.graphics.kitty_images import NUMBERS
+from s2rtui.terminal.graphics.kitty import MOST_IMAGES
 from s2rtui.terminal.graphics.png import MAX_BYTES, MAX_DRAWN_PIXELS, MAX_PIXELS, reduced_size
-from s2rtui.terminal.graphics.probe import parse_answer
 from s2rtui.terminal.graphics.protocols import Graphics
 from s2rtui.terminal.strips import to_strips
 from tests.support.kitty import (
@@ -149,10 +148,10 @@ def test_only_the_named_protocol_is_used(wanted, answer, expected):
     ],
 )
 def test_tmux_is_queried_for_its_terminal(monkeypatch, answer, protocol, expected):
-    monkeypatch.setattr(probe, "_ask_tmux", lambda: answer)
-    monkeypatch.setattr(probe, "_has_terminal", lambda: True)
+    monkeypatch.setattr(choice, "_ask_tmux", lambda: answer)
+    monkeypatch.setattr(choice, "_has_terminal", lambda: True)
     environment = {"TMUX": "/tmp/tmux,1,0"}
-    capabilities = probe.probe_terminal(TRUECOLOR_TERMINAL, None, environment)
+    capabilities = choice.probe_terminal(TRUECOLOR_TERMINAL, None, environment)
     assert (capabilities.protocol, capabilities.in_tmux) == (protocol, protocol is not None)
     assert expected in capabilities.reason
     assert choose_graphics("auto", TRUECOLOR_TERMINAL, None, environment) == capabilities
@@ -172,7 +171,7 @@ def test_tmux_is_queried_for_its_terminal(monkeypatch, answer, protocol, expecte
     ],
 )
 def test_auto_decides_by_the_environment_and_never_over_ssh(monkeypatch, environment, protocol):
-    monkeypatch.setattr(probe, "_ask_terminal", lambda: pytest.fail("asked"))
+    monkeypatch.setattr(choice, "_ask_terminal", lambda: pytest.fail("asked"))
     chosen = choose_graphics("auto", TRUECOLOR_TERMINAL, None, environment)
     assert chosen.protocol == protocol
 
@@ -188,9 +187,9 @@ def test_a_given_cell_size_is_used():
     [replace(TRUECOLOR_TERMINAL, mode=ColourMode.ANSI), replace(TRUECOLOR_TERMINAL, ascii=True)],
 )
 def test_unsuitable_terminals_are_not_queried(terminal, monkeypatch):
-    monkeypatch.setattr(probe, "_ask_terminal", lambda: pytest.fail("asked"))
-    monkeypatch.setattr(probe, "_has_terminal", lambda: True)
-    assert "256 colours" in probe.probe_terminal(terminal, None, {}).reason
+    monkeypatch.setattr(choice, "_ask_terminal", lambda: pytest.fail("asked"))
+    monkeypatch.setattr(choice, "_has_terminal", lambda: True)
+    assert "256 colours" in choice.probe_terminal(terminal, None, {}).reason
     chosen = choose_graphics("auto", terminal, None, {"TERM": "foot"})
     assert "256 colours" in chosen.reason
 
@@ -301,10 +300,10 @@ def test_a_displayed_image_keeps_its_number():
     terminal = FakeTerminal()
     (strip, *_) = terminal.draw(canvas(noise((16, 16))), "instance")[1:]
     shown = set(placed_cells(codes([strip])))
-    for shade in range(3 * NUMBERS):
+    for shade in range(3 * MOST_IMAGES):
         canvas_with_image = canvas(np.full((4, 4, 3), shade, np.uint8))
         assert not shown & set(placed_cells(codes(terminal.draw(canvas_with_image, "adjust"))))
-    assert len(KittyTerminal.after(terminal.written.encode()).images) <= NUMBERS
+    assert len(KittyTerminal.after(terminal.written.encode()).images) <= MOST_IMAGES
 
 
 def test_every_sequence_is_wrapped_for_tmux():

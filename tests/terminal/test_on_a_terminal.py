@@ -10,12 +10,12 @@ import pytest
 
 import s2rstore
 from bench.support.screen import PATIENCE, RIGHT, Screen
-from s2rtui.app.inline_images import enable_inline_images
 from s2rtui.app.pilot import settle, take_screenshot
+from s2rtui.app.runner import enable_inline_images
 from s2rtui.canvas.colour import DEPTH_SHADES
 from s2rtui.charts.shared.instance import InstanceInput, instance_drawing
-from s2rtui.terminal.graphics.kitty_protocol import PLACEHOLDER
-from s2rtui.terminal.graphics.probe import parse_answer
+from s2rtui.terminal.graphics.choice import parse_answer
+from s2rtui.terminal.graphics.kitty import PLACEHOLDER
 from tests.support.application import make_app, running
 from tests.support.kitty import (
     ANSWER,

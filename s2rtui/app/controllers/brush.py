@@ -210,7 +210,7 @@ class BrushController:
             point = panel.to_data(*self.place_of(view, wheel.cell))
             steps = max(-_MAX_WHEEL_STEPS, min(steps, _MAX_WHEEL_STEPS))
             at = view.plane_point(self._app.updater.scene, point)
-            session.dispatch(view_settings.zoom, _WHEEL_ZOOM**steps, at, plane)
+            session.dispatch(view_settings.zoom, plane, _WHEEL_ZOOM**steps, at)
         else:
             self._app.navigation.choose_row(view, -steps)
         self._app.updater.refresh()

@@ -76,7 +76,7 @@ class ExportController:
     def _report(self, session: Session, state: State, notes: Notes, path: Path) -> str:
         """Runs in a background thread."""
         from s2rtui.export.report.build_report import session_report
-        from s2rtui.export.report.report_request import ReportRequest, RequestedSelection, saved
+        from s2rtui.export.report.report_model import ReportRequest, RequestedSelection, saved
 
         selections = saved(notes) or (RequestedSelection(state.expression),)
         runs = () if notes.selections else (state.run,)

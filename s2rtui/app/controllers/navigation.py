@@ -55,12 +55,12 @@ class NavigationController:
     def zoom(self, factor: float) -> None:
         """Zoom the active view at the cursor; factor 0 shows all of it."""
         if (plane := self._plane()) is not None:
-            self._app.session.dispatch(view_settings.zoom, factor, None, plane)
+            self._app.session.dispatch(view_settings.zoom, plane, factor)
 
     def pan(self, across: float, down: float) -> None:
         """Move what the active view shows by shares of its size."""
         if (plane := self._plane()) is not None:
-            self._app.session.dispatch(view_settings.pan, across, down, plane)
+            self._app.session.dispatch(view_settings.pan, plane, across, down)
 
     def _plane(self) -> ZoomPlane | None:
         """The plane of the active view; None after a message where it has none."""

@@ -17,7 +17,7 @@ from s2rtui.drawing.drawing import ColourBar, Drawing
 from s2rtui.drawing.heat_colours import RampName
 from s2rtui.drawing.image import Image, ImageValues
 from s2rtui.drawing.plot import Ink, Phrase, Plot
-from s2rtui.drawing.scale import Floats, Interval, Scale, non_empty, percentile_range
+from s2rtui.drawing.scale import Floats, Range, Scale, non_empty, percentile_range
 from s2rtui.drawing.table import Cell, Column, Row, TableSpec
 from s2rtui.session.heatmaps import SIGNED, ray_of, run_range, unit
 from s2rtui.session.state import HeatChoice, ImageSettings
@@ -85,9 +85,9 @@ class InstanceInput:
     mode: str | None = None
     unit: str = ""
     signed: bool = False
-    heat_range: Interval | None = None
+    heat_range: Range | None = None
     over: Literal["rgb", "depth", "both"] = "rgb"
-    depth_range: Interval | None = None
+    depth_range: Range | None = None
     notes: tuple[tuple[str, str], ...] = ()
     sim_truth: Pose | None = None
     real_truth: Pose | None = None
@@ -137,15 +137,13 @@ def heat_fields(store: Store, run: str, heat: HeatChoice | None) -> dict[str, An
     }  # fmt: skip
 
 
-def heat_scale(data: InstanceInput) -> Interval | None:
+def image_heat_scale(data: InstanceInput) -> Range | None:
     """The scale of the heat of both sides; None without heat."""
     maps = [side.heat for _, side in data.sides if side.heat is not None]
     return common_scale(maps, data.signed, data.heat_range)
 
 
-def common_scale(
-    maps: Sequence[Floats], signed: bool, heat_range: Interval | None
-) -> Interval | None:
+def common_scale(maps: Sequence[Floats], signed: bool, heat_range: Range | None) -> Range | None:
     """A scale of heatmaps, by default from all their values; None without any.
 
     A signed one is symmetric about 0.
@@ -166,7 +164,7 @@ def common_scale(
     return non_empty(low, high)
 
 
-def depth_scale(data: InstanceInput) -> Interval | None:
+def depth_scale(data: InstanceInput) -> Range | None:
     """The scale of the depth of both sides in metres; None without depth."""
     if data.depth_range is not None:
         return data.depth_range
@@ -181,7 +179,7 @@ def overlay_ramp(signed: bool) -> RampName:
 
 
 def images(
-    data: InstanceInput, kind: Kind, heat: Interval | None, depth: Interval | None
+    data: InstanceInput, kind: Kind, heat: Range | None, depth: Range | None
 ) -> dict[Side, Image]:
     """The images of a row with their heat, on scales that are common to both sides."""
     over = "depth" if kind == "depth" else "rgb" if kind == "image" else ""
@@ -215,7 +213,7 @@ def instance_drawing(
 
     settings: how both sides are arranged. area: the shown part, in units of the image's height.
     """
-    heat, depth = heat_scale(data), depth_scale(data)
+    heat, depth = image_heat_scale(data), depth_scale(data)
     shown: dict[Kind, bool] = {
         "image": any(side.rgb.size for _, side in data.sides),
         "original": any(side.original is not None for _, side in data.sides),

@@ -15,7 +15,7 @@ from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.charts.scene import Scene
 from s2rtui.drawing.plane_marks import Columns, Floor, Outlines, Place, ScaleBar, Unselected
 from s2rtui.drawing.plot import Mark, Phrase, Plot
-from s2rtui.drawing.scale import Floats, Interval, Scale, percentile_range
+from s2rtui.drawing.scale import Floats, Range, Scale, percentile_range
 
 PANEL = "map"
 
@@ -80,7 +80,7 @@ def shown_area(viewport: Bounds | None, bounds: Bounds, truth: Columns, valid: B
 
 
 @cached_by_identity(16)
-def value_range(values: Floats, valid: Bools) -> Interval:
+def value_range(values: Floats, valid: Bools) -> Range:
     """The scale of values (N,): 1st to 99th percentile of the valid ones."""
     return percentile_range(values[valid])
 

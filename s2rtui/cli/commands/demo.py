@@ -223,6 +223,7 @@ def _world_stages(options: argparse.Namespace, store: Path) -> Iterator[_Stage]:
         yield _Stage(("precompute", path, *_workers(options)), is_late=True)
         scored = "--instances", str(_SCORED_INSTANCES), "--quiet"
         yield _Stage(("score", path, *scored), is_late=True)
+    yield from _check_stages(store)
     if not _read(store, _has_suggestions):
         yield _Stage(("suggest", path, *_SUGGESTED), is_late=True, accepted=(0, _NOTHING_HELPS))
 
@@ -341,6 +342,13 @@ def _data_stages(options: argparse.Namespace, store: Path) -> Iterator[_Stage]:
         if not _has_run(store, name):
             yield _Stage((*arguments, "--store", path))
     yield _Stage(("precompute", path, *_workers(options)), is_late=True)
+    yield from _check_stages(store)
+
+
+def _check_stages(store: Path) -> Iterator[_Stage]:
+    """Yield the stage that checks the images for faults, unless they have been checked."""
+    if not _read(store, lambda opened: opened.checked_domains):
+        yield _Stage(("check", str(store)), is_late=True)
 
 
 def _workers(options: argparse.Namespace) -> list[str]:

@@ -35,7 +35,7 @@ def execute(options: argparse.Namespace) -> int:
 
     terminal = detect_display(options)
     if options.graphics:
-        from s2rtui.terminal.graphics.probe import probe_terminal
+        from s2rtui.terminal.graphics.choice import probe_terminal
 
         terminal = replace(terminal, graphics=probe_terminal(terminal))
     rows = [*_machine(), *diagnostics.terminal(terminal)]

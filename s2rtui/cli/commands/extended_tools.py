@@ -68,14 +68,14 @@ def _check_figure(path: Path) -> None:
 def _write_figure(report: SuggestReport, run: Run, options: argparse.Namespace) -> None:
     from s2rtui.canvas import LIGHT
     from s2rtui.charts.suggestions import Direction, paper_drawing
-    from s2rtui.drawing.page import figure_format
+    from s2rtui.drawing.page import FigureFormat, figure_format
     from s2rtui.drawing.paper import draw_paper
     from s2rtui.export.figures import format_of
 
     store = str(options.store)
     commands = tuple(answer.command(store, run, report.side) for answer in report.answers)
     direction = Direction(report.side, AIMS[report.side], report, commands)
-    with figure_format(format_of(options.figure, "--figure")):
+    with figure_format(FigureFormat(format_of(options.figure, "--figure"))):
         title = f"{report.run}: what would help"
         data = draw_paper(paper_drawing((direction,)), _FIGURE_SIZE, LIGHT, title)
     output.write_file(options.figure, data)

@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     from s2rtui.export.report.build_report import render_report
-    from s2rtui.export.report.report_request import ReportRequest, selections
+    from s2rtui.export.report.report_model import ReportRequest, selections
     from s2rtui.user_data.notebook import ReadNotebook
 
     if options.out.suffix != ".html":

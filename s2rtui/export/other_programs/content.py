@@ -18,7 +18,9 @@ from s2rstore.reader import Store
 from s2rstore.records import NO_RUN, SIDES, Domain, Side
 from s2rtui.canvas import Pixels
 from s2rtui.charts.scene import Scene
+from s2rtui.charts.shared.instance import common_scale
 from s2rtui.drawing.heat_colours import heat_ramp
+from s2rtui.drawing.scale import scale_fraction
 from s2rtui.session import heatmaps
 from s2rtui.session.evaluation import query_of
 from s2rtui.session.state import HeatChoice
@@ -153,20 +155,15 @@ class ExportContent:
             return None
         choice = self.heat
         values = self.store.heatmaps(self.run, choice.kind, side, start, stop, choice.mode)
-        low, high = heatmaps.run_range(self.store, self.run, choice) or (
-            float(np.nanmin(values)), float(np.nanmax(values)),
-        )  # fmt: skip
         is_signed = choice.kind in heatmaps.SIGNED
-        if is_signed:
-            high = max(abs(low), abs(high))
-            low = -high
-        shares = np.clip((values - low) / max(high - low, 1e-12), 0.0, 1.0)
+        fixed = heatmaps.run_range(self.store, self.run, choice)
+        scale = common_scale([values], is_signed, fixed) or (0.0, 1.0)
         size = self.store.dataset.frame_height, self.store.dataset.frame_width
         rows, columns = (
             np.arange(whole) * part // whole
             for whole, part in zip(size, values.shape[1:], strict=True)
         )
-        colours = heat_ramp(is_signed)(np.nan_to_num(shares))
+        colours = heat_ramp(is_signed)(np.nan_to_num(scale_fraction(values, scale)))
         return np.asarray(colours[:, rows][:, :, columns])
 
     def facts(self, iid: int) -> dict[str, Any]:

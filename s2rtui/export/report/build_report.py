@@ -20,8 +20,16 @@ from s2rtui.export.load_scene import SceneOptions, apply_options, load_scene
 from s2rtui.export.report import metric_tables
 from s2rtui.export.report.data_uri_images import figure
 from s2rtui.export.report.html_page import render_page
-from s2rtui.export.report.report_model import Report, ReportImage, ReportTable, RunPart, Section
-from s2rtui.export.report.report_request import ReportRequest, RequestedSelection, StepCallback
+from s2rtui.export.report.report_model import (
+    Report,
+    ReportImage,
+    ReportRequest,
+    ReportTable,
+    RequestedSelection,
+    RunPart,
+    Section,
+    StepCallback,
+)
 from s2rtui.export.report.worst_instances import worst_instances
 from s2rtui.session.error_groups import COUNTS
 from s2rtui.session.evaluation import query_of
@@ -307,4 +315,4 @@ def _numbers(scene: Scene, name: str, caption: str) -> ReportTable:
     known = {row: view.row_expression(scene, at) for at, row in enumerate(view.row_names(scene))}
     expressions = [known.get(str(row[0]), "") for row in rows]
     cells = [[cell(value) for value in row] for row in rows]
-    return ReportTable(caption, names, cells, expressions=expressions if known else ())
+    return ReportTable(caption, names, cells, expressions=expressions if any(expressions) else ())

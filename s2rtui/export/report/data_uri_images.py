@@ -13,8 +13,7 @@ from s2rtui.canvas import DARK, LIGHT
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import View
 from s2rtui.export.figures import NARROW_MM
-from s2rtui.export.report.report_model import ReportImage, ReportTable
-from s2rtui.export.report.report_request import ReportRequest
+from s2rtui.export.report.report_model import ReportImage, ReportRequest, ReportTable
 
 _QUALITY, _FEW_COLOURS = 92, 1 << 13
 _THEMES = {"auto": (LIGHT, DARK), "light": (LIGHT,), "dark": (DARK,)}

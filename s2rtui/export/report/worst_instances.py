@@ -6,9 +6,9 @@ import math
 from dataclasses import replace
 
 from s2rstore.index.population import Population
-from s2rtui.charts.instance import instance_input
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.instance import InstanceInput, Kind, depth_scale, heat_scale, images
+from s2rtui.charts.shared.instance import InstanceInput, Kind, depth_scale, image_heat_scale, images
+from s2rtui.charts.shared.instance_input import instance_input
 from s2rtui.drawing.scale import short_number
 from s2rtui.export.report.data_uri_images import image
 from s2rtui.export.report.metric_tables import number
@@ -58,7 +58,7 @@ def _pose(x: float, y: float, heading: float) -> tuple[str, str, str]:
 
 
 def _images(instance: InstanceInput) -> list[ReportImage]:
-    heat, depth = heat_scale(instance), depth_scale(instance)
+    heat, depth = image_heat_scale(instance), depth_scale(instance)
     scale = ""
     if heat is not None:
         low, high = heat

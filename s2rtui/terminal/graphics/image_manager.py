@@ -15,7 +15,7 @@ from s2rtui.canvas import Canvas, InlineImage, Size
 from s2rtui.jobs.background_thread import LatestOnlyWorker, ReportError
 from s2rtui.terminal.graphics.drawn_images import Iterm2Images, SixelImages
 from s2rtui.terminal.graphics.image_strips import ImageSpan, with_spans
-from s2rtui.terminal.graphics.kitty_images import KittyImages
+from s2rtui.terminal.graphics.kitty import KittyImages
 from s2rtui.terminal.graphics.protocols import Graphics
 from s2rtui.terminal.strips import ImagePlace, PaintedStrips
 

@@ -95,15 +95,13 @@ def parent_folder(
         yield descriptor, name
 
 
-def open_descriptor(
-    path: str | Path, flags: int, folder: int | None = None, mode: int = 0o666
-) -> int:
+def open_descriptor(path: str | Path, flags: int, folder: int | None = None) -> int:
     """`os.open` of a path's last component, with errors that name the path."""
     name = os.fspath(path)
     if folder is not None:
         name = name.rpartition("/")[2]
     try:
-        return os.open(name, flags, mode, dir_fd=folder)
+        return os.open(name, flags, 0o666, dir_fd=folder)
     except OSError as error:
         if folder is not None and kind_in(folder, name) == "link":
             raise LinkError(Path(path)) from error

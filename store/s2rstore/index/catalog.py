@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-import json
-import math
-from collections.abc import Collection
+from dataclasses import replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import parse_object
-from s2rstore.files.store_files import StoreFiles
 from s2rstore.geometry.camera_offset import RigOffset
-from s2rstore.index import row_check, schema
+from s2rstore.index import row_records, schema
 from s2rstore.index.open_index import OpenIndex
 from s2rstore.records import (
     NO_RUN,
-    RECALL_THRESHOLDS,
     SIDES,
     ArrayRecord,
-    Bounds,
     Dataset,
     Domain,
-    Intrinsics,
     Model,
     Part,
     Room,
@@ -40,23 +33,10 @@ NO_POSES = "the data set has no poses"
 class IndexCatalog(OpenIndex):
     """An open index with the rows of its small tables as records, which are checked at opening."""
 
-    def __init__(
-        self,
-        path: str | Path | StoreFiles,
-        memory: str = "",
-        generation: int | None = None,
-        left_out: Collection[str] = (),
-    ) -> None:
-        self._provenance: dict[str, dict[str, str]] = {}
-        super().__init__(path, memory, generation, left_out)
-        try:
-            self._check_rows()
-        except BaseException:
-            super().close()
-            raise
-
-    def _check_rows(self) -> None:
+    def _prepare(self) -> None:
         """Raise RequestError where a row of a small table is invalid."""
+        super()._prepare()
+        self._provenance: dict[str, dict[str, str]] = {}
         filled = self.execute("SELECT count(*) FROM dataset") != [(0,)]
         tables = [
             "trajectories",
@@ -67,7 +47,7 @@ class IndexCatalog(OpenIndex):
             "translators",
             "runs",
         ]
-        for name, most in row_check.MAX_ROWS.items():
+        for name, most in row_records.MAX_ROWS.items():
             (count,) = self.execute(f'SELECT count(*) FROM "{name}"')[0]
             if count > most:
                 raise RequestError(f"{self._index}: table {name}: {count} rows, at most {most}")
@@ -81,17 +61,7 @@ class IndexCatalog(OpenIndex):
             raise RequestError(f"{self.path}: holds no data set; run `s2r ingest`")
         if len(rows) > 1:
             raise RequestError(f"{self._index}: table dataset: more than one row; run `s2r verify`")
-        row = rows[0]
-        row_check.check_dataset(self._index, row)
-        row["has_poses"] = row["has_poses"] is not False
-        if not row["has_poses"]:
-            row = {name: math.nan if _is_map(name) else value for name, value in row.items()}
-        bounds = Bounds(*(row.pop(f"bounds_{name}") for name in ("x0", "y0", "x1", "y1")))
-        stored = row.pop("recall_thresholds")
-        thresholds = RECALL_THRESHOLDS
-        if stored is not None:
-            thresholds = tuple((float(m), float(deg)) for m, deg in json.loads(stored))
-        return Dataset(bounds=bounds, recall_thresholds=thresholds, **row)
+        return row_records.dataset(self._index, rows[0])
 
     @property
     def has_poses(self) -> bool:
@@ -106,28 +76,25 @@ class IndexCatalog(OpenIndex):
     @cached_property
     def trajectories(self) -> tuple[Trajectory, ...]:
         """In the order of their instances: of each part by name."""
-        rows = self._rows("trajectory")
-        row_check.check_trajectories(self._index, rows)
-        if len(self._part_rows) > 1:
+        found = row_records.trajectories(self._index, self._rows("trajectory"))
+        if len(self._stored_parts) > 1:
             query = "SELECT trajectory, min(iid) FROM instance GROUP BY trajectory"
             first_iids = {name: int(first) for name, first in self.execute(query)}
-            rows.sort(key=lambda row: first_iids.get(row["trajectory"], 2**31))
-        return tuple(Trajectory(**row) for row in rows)
+            found.sort(key=lambda each: first_iids.get(each.trajectory, 2**31))
+        return tuple(found)
 
     @cached_property
     def rooms(self) -> tuple[Room, ...]:
         """Rectangles in order of precedence."""
-        rows = self._stored_rows("room")
-        row_check.check_rooms(self._index, rows)
+        found = row_records.rooms(self._index, self._stored_rows("room"))
         displayed = {stored: name for name, stored in self.stored_rooms.items()}
-        return tuple(Room(**row | {"room": displayed[row["room"]]}) for row in rows)
+        return tuple(replace(room, room=displayed[room.room]) for room in found)
 
     @cached_property
     def label_names(self) -> dict[int, str]:
         """The classes of objects by their values in label images; empty without labels."""
-        rows = self._rows("label")
-        row_check.check_labels(self._index, rows)
-        return {row["label"]: row["name"] for row in rows}
+        found = row_records.labels(self._index, self._rows("label"))
+        return {each.label: each.name for each in found}
 
     @cached_property
     def stored_rooms(self) -> dict[str, str]:
@@ -148,8 +115,9 @@ class IndexCatalog(OpenIndex):
 
     @cached_property
     def domains(self) -> dict[str, Domain]:
-        rows = row_check.check_domains(self._index, self._rows("domain"), self._may_have_cameras)
-        return {row["domain"]: _domain(row) for row in rows}
+        rows = self._rows("domain")
+        found = row_records.domains(self._index, rows, self._may_have_cameras)
+        return {each.domain: each for each in found}
 
     @property
     def _may_have_cameras(self) -> bool:
@@ -166,18 +134,17 @@ class IndexCatalog(OpenIndex):
     @cached_property
     def parts(self) -> tuple[Part, ...]:
         """In order of their instances; one part where nothing was appended."""
-        if self._part_rows:
-            return tuple(Part(**row) for row in self._part_rows)
-        (count,) = self.execute("SELECT count(*) FROM instance")[0]
-        return (Part(0, 0, int(count), self.dataset.hash),)
+        return self._stored_parts or (Part(0, 0, self._count, self.dataset.hash),)
 
     @cached_property
-    def _part_rows(self) -> list[dict[str, Any]]:
-        rows = self._rows("part")
-        if rows:
-            (count,) = self.execute("SELECT count(*) FROM instance")[0]
-            row_check.check_parts(self._index, rows, int(count))
-        return rows
+    def _stored_parts(self) -> tuple[Part, ...]:
+        """Those of table `part`, which is empty where nothing was appended."""
+        return tuple(row_records.parts(self._index, self._rows("part"), self._count))
+
+    @cached_property
+    def _count(self) -> int:
+        ((count,),) = self.execute("SELECT count(*) FROM instance")
+        return int(count)
 
     @property
     def identity(self) -> str:
@@ -189,14 +156,13 @@ class IndexCatalog(OpenIndex):
 
     @cached_property
     def models(self) -> dict[str, Model]:
-        rows = row_check.check_models(self._index, self._rows("model"))
-        return {row["model"]: Model(**row) for row in rows}
+        return {each.model: each for each in row_records.models(self._index, self._rows("model"))}
 
     @cached_property
     def translators(self) -> dict[str, TranslatorRecord]:
         """In order of creation."""
-        rows = row_check.check_translators(self._index, self._rows("translator"))
-        return {row["translator"]: TranslatorRecord(**row) for row in rows}
+        found = row_records.translators(self._index, self._rows("translator"))
+        return {each.translator: each for each in found}
 
     def translator(self, name: str) -> TranslatorRecord:
         """Raises RequestError with the known names."""
@@ -208,13 +174,13 @@ class IndexCatalog(OpenIndex):
     @cached_property
     def runs(self) -> dict[str, Run]:
         """In order of creation."""
-        rows = row_check.check_runs(self._index, self._rows("run"))
-        if rows and not self.has_poses:
+        found = row_records.runs(self._index, self._rows("run"))
+        if found and not self.has_poses:
             raise RequestError(
-                f"{self._index}: table run: {rows[0]['run']!r} in a data set without poses; "
+                f"{self._index}: table run: {found[0].run!r} in a data set without poses; "
                 "run `s2r verify`"
             )
-        return {row["run"]: Run(**row) for row in rows}
+        return {each.run: each for each in found}
 
     def run(self, name: str | None = None) -> Run:
         """The named run, by default the first computed one.
@@ -323,8 +289,8 @@ class IndexCatalog(OpenIndex):
     @cached_property
     def _array_records(self) -> dict[str, list[ArrayRecord]]:
         grouped: dict[str, list[ArrayRecord]] = {}
-        for row in row_check.check_arrays(self._index, self._rows("zarr_array")):
-            grouped.setdefault(row["run"], []).append(ArrayRecord(**row))
+        for record in row_records.arrays(self._index, self._rows("zarr_array")):
+            grouped.setdefault(record.run, []).append(record)
         return grouped
 
     @cached_property
@@ -346,23 +312,3 @@ class IndexCatalog(OpenIndex):
         for record in sorted(self.array_parts(run), key=lambda record: record.first_iid):
             records.setdefault((record.kind, record.side, record.mode), record)
         return list(records.values())
-
-
-def _is_map(column: str) -> bool:
-    """Whether a column of table `dataset` describes the map and the scale of errors on it."""
-    return column.startswith("bounds_") or column == "accuracy_scale"
-
-
-def _domain(row: dict[str, Any]) -> Domain:
-    row["has_depth"] = row["depth_scale"] is not None
-    if not row["has_depth"]:
-        row |= {"depth_raw_min": 1, "depth_raw_max": 0}
-    row |= {name: math.nan for name in row_check.CAMERA_COLUMNS if row[name] is None}
-    figures = ("fx", "fy", "cx", "cy", "pitch")
-    rgb, depth = (
-        Intrinsics(*(row.pop(f"{image}_{figure}") for figure in figures))
-        for image in ("rgb", "depth")
-    )
-    sources = row.pop("source")
-    row.pop("hash")
-    return Domain(rgb=rgb, depth=depth, sources=sources, **row)

@@ -136,7 +136,7 @@ def _connect_with_files(
 
 
 def connect_empty(
-    folders: Sequence[Path], memory: str = DEFAULT_MEMORY, search_folder: Path | None = None
+    folders: Sequence[Path], search_folder: Path | None = None
 ) -> duckdb.DuckDBPyConnection:
     """A locked connection to an empty database that can attach files in `folders` alone.
 
@@ -154,18 +154,18 @@ def connect_empty(
     connection.execute(f"SET allowed_directories = [{listed}]")
     for setting in _CLOSED_SETTINGS:
         connection.execute(f"SET {setting}")
-    _lock(connection, memory)
+    _lock(connection, DEFAULT_MEMORY)
     return connection
 
 
-def connect_to_file(path: Path, memory: str = DEFAULT_MEMORY) -> duckdb.DuckDBPyConnection:
+def connect_to_file(path: Path) -> duckdb.DuckDBPyConnection:
     """A locked connection to an empty database that can read one file, by its absolute path."""
     safe_files.checked_path(path.parent, path.name)
     connection = duckdb.connect()
     connection.execute(f"SET allowed_paths = ['{escaped(_link(path))}']")
     for setting in _CLOSED_SETTINGS:
         connection.execute(f"SET {setting}")
-    _lock(connection, memory)
+    _lock(connection, DEFAULT_MEMORY)
     return connection
 
 

@@ -59,9 +59,13 @@ class OpenIndex:
         )
         try:
             self.row_files = row_files.listed(self._opened, self._index)
+            self._prepare()
         except BaseException:
             self._opened.close()
             raise
+
+    def _prepare(self) -> None:
+        """Complete the opened index; a class that adds state or checks extends it."""
 
     def _place_rows(self, file: row_files.RowFile) -> None:
         """Make sure that a file of rows lies beside the index, if the store has it."""

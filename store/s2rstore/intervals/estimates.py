@@ -109,7 +109,7 @@ def _mean(
     return Interval(low, value, high, level, sample=_sample(values, codes, parts))
 
 
-def stratified_mean(values: Floats, *, level: float = LEVEL, minimum: int = MIN_MEAN) -> Interval:
+def stratified_mean(values: Floats) -> Interval:
     """Mean of `values` (n,), one from each of n strata of equal size, similar strata side by side.
 
     The variance is that of the differences of neighbours, which is not too small where strata
@@ -118,16 +118,16 @@ def stratified_mean(values: Floats, *, level: float = LEVEL, minimum: int = MIN_
     """
     values, _ = _known(values, None)
     value = float(values.mean()) if values.size else np.nan
-    reason = _too_few(values, minimum, "a mean") or _no_spread(values)
+    reason = _too_few(values, MIN_MEAN, "a mean") or _no_spread(values)
     if reason:
         return Interval.unknown(value, reason)
     n = values.size
     variance = float(np.square(np.diff(values)).sum()) / (2 * (n - 1))
     part = Spread(np.sqrt(variance / n), 2 * (n - 1) ** 2 / (3 * n - 4))
     g = skewness(values) * part.error / float(values.std())
-    low, high = skewed_bounds(value, part, g, level)
+    low, high = skewed_bounds(value, part, g, LEVEL)
     effective = float(values.var() / part.error**2) if part.error else float(n)
-    return Interval(low, value, high, level, sample=Sample(n, effective, 1))
+    return Interval(low, value, high, sample=Sample(n, effective, 1))
 
 
 def linear(

@@ -142,13 +142,11 @@ class Interval:
             return self.no_bounds
         return f"{to.join(self.bound_texts(number))} {unit}".rstrip()
 
-    def with_bounds(
-        self, number: Callable[[float], str] = "{:.2f}".format, to: str = " .. "
-    ) -> str:
+    def with_bounds(self, number: Callable[[float], str] = "{:.2f}".format) -> str:
         """`1.20 (0.84 .. >1.57)`, `1.20 (no interval: n 7, a median needs 25)`, `-` if unknown."""
         if math.isnan(self.value):
             return f"- ({self.no_bounds})" if self.reason else "-"
-        return f"{number(self.value)} ({self.bounds_text(number, to=to)})"
+        return f"{number(self.value)} ({self.bounds_text(number, to=' .. ')})"
 
     def as_columns(self, name: str) -> dict[str, float | str | None]:
         """The columns `name`, `name_low`, `name_high`, which are null where not finite.

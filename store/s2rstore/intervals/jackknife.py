@@ -51,7 +51,7 @@ def of_units(
                     sample=Sample(count, count, count))  # fmt: skip
 
 
-def of_rows(statistics: Statistics, trajectories: Codes, *, level: float = LEVEL) -> list[Interval]:
+def of_rows(statistics: Statistics, trajectories: Codes) -> list[Interval]:
     """Statistics of rows in recording order, whose trajectories are given (n,).
 
     Neighbouring rows may depend on each other, as in `estimates.linear`.
@@ -65,7 +65,7 @@ def of_rows(statistics: Statistics, trajectories: Codes, *, level: float = LEVEL
     for value, column in zip(values, without_each(statistics, n).T, strict=True):
         influence = (n - 1) * (value - column)
         if np.isfinite(influence).all():
-            found.append(linear(value, influence, trajectories, level=level, minimum=MIN_MEDIAN))
+            found.append(linear(value, influence, trajectories, minimum=MIN_MEDIAN))
         else:
             found.append(Interval.unknown(value, "a single row determines it"))
     return found

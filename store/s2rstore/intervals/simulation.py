@@ -120,13 +120,12 @@ def mean(
 
 
 def difference(
-    real: Floats, sim: Floats, simulated: Simulated, trajectories: Codes | None = None, *,
-    level: float = LEVEL,
-) -> WithSimulation:  # fmt: skip
+    real: Floats, sim: Floats, simulated: Simulated, trajectories: Codes | None = None
+) -> WithSimulation:
     """Mean of paired differences `real` (n,) of two runs; `sim` and `simulated` in simulation."""
-    alone = estimates.paired_difference(real, trajectories, level=level)
-    adjusted = _adjust(real, sim, simulated, trajectories, level)
-    return adjusted.result(alone, lambda: adjusted.mean(level, symmetric=True))
+    alone = estimates.paired_difference(real, trajectories)
+    adjusted = _adjust(real, sim, simulated, trajectories, LEVEL)
+    return adjusted.result(alone, lambda: adjusted.mean(LEVEL, symmetric=True))
 
 
 def proportion(

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry.rooms import NO_ROOM
-from s2rstore.index.row_check import MAX_TEXT
 from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
+from s2rstore.records import MAX_TEXT
 from s2rstore.security.printable_text import printable
 
 

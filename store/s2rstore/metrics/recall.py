@@ -19,7 +19,7 @@ from s2rstore.index.population import NEW_INSTANCES, Population
 from s2rstore.intervals import MIN_MEAN, Interval
 from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store
-from s2rstore.records import RecallThresholds, Side
+from s2rstore.records import Side
 
 NOT_LOCALISED = "not localised"
 Floats = NDArray[np.float64]
@@ -208,17 +208,17 @@ def skill(errors: Floats, constant: Floats, trajectories: Codes) -> Interval:
 
 def side_recall(
     store: Store, run: str, side: Side, members: Mask | None = None,
-    thresholds: RecallThresholds | None = None, population: Population = NEW_INSTANCES,
+    population: Population = NEW_INSTANCES,
 ) -> SideRecall:  # fmt: skip
     """Recall, medians and skill of one side of a computed run, over `members` (N,) or all.
 
-    `thresholds` are those of the data set by default; `population` may hold trained instances.
+    `population` may hold trained instances.
     """
     columns = store.run_columns(run)
     chosen = columns.attempted if members is None else columns.attempted & members
     keep = population.attempted(store.instances, columns) & chosen
     errors, turns, codes, order = _side_errors(store, run, side, keep)
-    limits = store.dataset.recall_thresholds if thresholds is None else thresholds
+    limits = store.dataset.recall_thresholds
     return SideRecall(
         n=int(keep.sum()),
         not_localised=int(np.isnan(errors).sum()),

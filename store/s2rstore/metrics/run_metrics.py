@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore import intervals
-from s2rstore.index.population import NEW_INSTANCES, Population
+from s2rstore.index.population import NEW_INSTANCES
 from s2rstore.intervals import Interval
 from s2rstore.metrics import pose_metrics
 from s2rstore.reader import Store
@@ -33,12 +33,12 @@ class SideMetrics:
     median_error: float
 
 
-def population(store: Store, *runs: str, only: Population = NEW_INSTANCES) -> NDArray[np.bool_]:
+def population(store: Store, *runs: str) -> NDArray[np.bool_]:
     """The instances that count in all of some computed runs, shape (N,); read-only.
 
-    By default those that every run predicted on both sides and that are new to all of them.
+    They are those that every run predicted on both sides and that are new to all of them.
     """
-    return only.mask(store.instances, *(store.run_columns(run) for run in runs))
+    return NEW_INSTANCES.mask(store.instances, *(store.run_columns(run) for run in runs))
 
 
 def knows_training_set(store: Store, run: str) -> bool:

@@ -2,7 +2,6 @@ import itertools
 import json
 from pathlib import Path
 
-import cv2
 import duckdb
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from s2rtools.datasets.recording import ReadOptions, Recording
 from tests.datasets.helpers import kinds
 from tests.datasets.layouts.bag_writer import png
 from tests.datasets.layouts.rooms import assert_poses, image
+from tests.datasets.layouts.video_writer import write_video
 from tests.support.refusals import refused
 
 LENGTHS = (7, 12, 9)
@@ -21,6 +21,7 @@ STEP = 8
 """Grey levels from one frame to the next, more than the codec changes."""
 HEIGHT, WIDTH = 48, 64
 KEY = "observation.images.front"
+DEPTH = f"{KEY}_depth"
 OPTIONS = {"pose": "x,y,theta", "camera": "50,50,31.5,23.5", "height": "0.4"}
 
 
@@ -48,13 +49,9 @@ def truth(rows: slice) -> np.ndarray:
     return np.array(poses)
 
 
-def write_video(path: Path, frames: range) -> None:
-    pytest.importorskip("av")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"mp4v"), 10, (WIDTH, HEIGHT))
-    for frame in frames:
-        writer.write(np.full((HEIGHT, WIDTH, 3), level(frame), np.uint8))
-    writer.release()
+def write_frames(path: Path, frames: range) -> None:
+    images = [np.full((HEIGHT, WIDTH, 3), level(frame), np.uint8) for frame in frames]
+    write_video(path, "libx264", "yuv420p", images)
 
 
 def write_table(path: Path, columns: str, rows: list[tuple]) -> None:
@@ -121,7 +118,7 @@ def write(folder: Path, version: str, images: bool = False, **changes) -> None:
             rows = data_rows(number, frames, images)
             write_table(folder / f"data/{place}/{name}.parquet", columns, rows)
             if not images:
-                write_video(folder / f"videos/{place}/{KEY}/{name}.mp4", frames)
+                write_frames(folder / f"videos/{place}/{KEY}/{name}.mp4", frames)
     else:
         info |= {
             "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
@@ -130,10 +127,10 @@ def write(folder: Path, version: str, images: bool = False, **changes) -> None:
         names = ("chunk_index", "file_index", "from_timestamp")
         columns_of_episodes = (
             'episode_index BIGINT, "data/chunk_index" BIGINT, "data/file_index" BIGINT, '
-            + ", ".join(f'"videos/{KEY}/{name}" DOUBLE' for name in names)
+            + ", ".join(f'"videos/{key}/{name}" DOUBLE' for key in (KEY, DEPTH) for name in names)
         )
         rows = [
-            (number, 0, 0, 0.0, float(number // 2), (0.0, 0.7, 0.0)[number])
+            (number, 0, 0, *(0.0, float(number // 2), (0.0, 0.7, 0.0)[number]) * 2)
             for number in range(len(LENGTHS))
         ]
         write_table(folder / "meta/episodes/chunk-000/file-000.parquet", columns_of_episodes, rows)
@@ -145,8 +142,8 @@ def write(folder: Path, version: str, images: bool = False, **changes) -> None:
         write_table(folder / "data/chunk-000/file-000.parquet", columns, all_rows)
         if not images:
             _, second, third = spans()
-            write_video(folder / f"videos/{KEY}/chunk-000/file-000.mp4", range(second.stop))
-            write_video(folder / f"videos/{KEY}/chunk-000/file-001.mp4", third)
+            write_frames(folder / f"videos/{KEY}/chunk-000/file-000.mp4", range(second.stop))
+            write_frames(folder / f"videos/{KEY}/chunk-000/file-001.mp4", third)
     (folder / "meta").mkdir(exist_ok=True)
     (folder / "meta/info.json").write_text(json.dumps(info | changes))
 
@@ -176,6 +173,26 @@ def test_poses_and_images_are_those_that_were_written(tmp_path, version, images)
     assert recording.camera.cx == 32.0
     assert recording.up == (0.0, 0.0, 1.0)
     assert kinds(recording) == {}
+
+
+@pytest.mark.parametrize("version", ["v2.1", "v3.0"])
+def test_depth_of_a_video_is_that_of_its_codes(tmp_path, version):
+    write(tmp_path, version)
+    info = json.loads((tmp_path / "meta/info.json").read_text())
+    limits = {"depth_min": 0.5, "depth_max": 8.5, "shift": 3.5, "use_log": True}
+    facts = {"is_depth_map": True} | {f"video.{name}": value for name, value in limits.items()}
+    info["features"][DEPTH] = {"dtype": "video", "shape": [24, 32, 1], "info": facts}
+    (tmp_path / "meta/info.json").write_text(json.dumps(info))
+    for video in sorted((tmp_path / "videos").rglob("*.mp4")):
+        codes = [np.tile(np.arange(32, dtype=np.uint16) * n, (24, 1)) for n in range(114, 133)]
+        path = Path(str(video).replace(KEY, DEPTH))
+        write_video(path, "libx265", "gray12le", codes, **{"x265-params": "lossless=1"})
+    options = OPTIONS | {"depth_camera": "25,25,15.5,11.5"}
+    trajectory = read("lerobot", tmp_path, ReadOptions(options)).trajectories["episode_000001"]
+    found = image(trajectory.frames[3].depth.read())
+    code = np.arange(32) * (117 + (LENGTHS[0] if version == "v3.0" else 0))
+    metres = 4 * (12 / 4) ** (code / 4095) - 3.5
+    assert np.abs(found.pixels - 1000 * np.where(code, metres, 0)).max() <= 0.5
 
 
 def test_a_pose_of_six_degrees_of_freedom_is_that_of_the_camera(tmp_path):

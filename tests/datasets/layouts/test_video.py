@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +12,8 @@ from s2rtools.datasets.layouts import read
 from s2rtools.datasets.recording import ReadOptions
 from tests.datasets.helpers import kinds
 from tests.datasets.layouts.rooms import image
+from tests.datasets.layouts.video_writer import write_video
 from tests.support.refusals import refused
-
-av = pytest.importorskip("av")
 
 COUNT, HEIGHT, WIDTH = 40, 96, 128
 TICKS = np.cumsum([0, *([1, 3] * COUNT)])[:COUNT]
@@ -27,26 +25,11 @@ def write(folder: Path, codec: str = "libx264", suffix: str = ".mp4") -> Path:
     """A video that gets brighter, its camera, and poses on a line at the times of a clock."""
     path = folder / f"drive{suffix}"
     frames = [np.full((HEIGHT, WIDTH, 3), level, np.uint8) for level in LEVELS]
-    write_video(path, codec, "yuv420p", frames, "rgb24")
+    write_video(path, codec, "yuv420p", frames, TICKS)
     (folder / "drive.toml").write_text("[camera]\nwidth = 128\nheight = 96\nhfov = 70.0\n")
     rows = "".join(f"{100 + 0.1 * step},{0.2 * step},1,90\n" for step in range(-1, 60))
     (folder / "drive.csv").write_text(f"timestamp,x,y,heading\n{rows}")
     return path
-
-
-def write_video(path: Path, codec: str, pixels: str, frames: list[np.ndarray], form: str) -> None:
-    with av.open(str(path), "w") as container:
-        try:
-            stream = container.add_stream(codec, rate=20)
-        except (av.FFmpegError, ValueError):
-            pytest.skip(f"this FFmpeg has no encoder {codec}")
-        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, pixels
-        stream.codec_context.time_base = Fraction(1, 20)
-        for number, each in enumerate(frames):
-            frame = av.VideoFrame.from_ndarray(each, format=form)
-            frame.pts, frame.time_base = int(TICKS[number]), Fraction(1, 20)
-            container.mux(stream.encode(frame))
-        container.mux(stream.encode(None))
 
 
 @pytest.mark.parametrize(
@@ -69,7 +52,7 @@ def test_frames_have_exact_times_and_interpolated_poses(tmp_path, codec, suffix)
 def test_depth_of_16_bits_belongs_to_the_frame_of_its_time(tmp_path):
     path = write(tmp_path)
     depths = [np.full((HEIGHT, WIDTH), 1000 + 7 * f, np.uint16) for f in range(COUNT)]
-    write_video(tmp_path / "depth.mkv", "ffv1", "gray16le", depths, "gray16le")
+    write_video(tmp_path / "depth.mkv", "ffv1", "gray16le", depths, TICKS)
     options = {"start": "100", "depth": "depth.mkv", "every": "3"}
     (trajectory,) = read("video", path, ReadOptions(options)).trajectories.values()
     assert len(trajectory.frames) == 14

@@ -25,7 +25,7 @@ _CONTAINERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,mpegts,mpegvideo"
 _UNTIMED = ("avi", "mpegvideo")
 """Containers that state no times of presentation."""
 _DEEP = ("gray16", "gray14", "gray12", "gray10")
-"""Beginnings of the names of pixel formats that hold depth of 16 bits."""
+"""Beginnings of the names of pixel formats that hold depth of 10 to 16 bits."""
 _AHEAD = 60
 """Frames that are decoded to reach one ahead; beyond, the video is searched."""
 CODECS = {".mp4": "mpeg4", ".avi": "mjpeg", ".mkv": "mjpeg", ".mov": "mpeg4"}
@@ -151,9 +151,9 @@ class Video:
         self._decoder = None
 
     def _pixels(self, frame: Any) -> Pixels:
-        """Colours (H, W, 3) uint8, or the values (H, W) uint16 of a video of depth."""
+        """Colours (H, W, 3) uint8, or the stored values (H, W) uint16 of a video of depth."""
         is_deep = frame.format.name.startswith(_DEEP)
-        pixels = frame.to_ndarray(format="gray16le" if is_deep else "rgb24")
+        pixels = frame.to_ndarray() if is_deep else frame.to_ndarray(format="rgb24")
         return np.ascontiguousarray(pixels)
 
 

@@ -21,14 +21,12 @@ def wasserstein_by_dimension(x: Floats, y: Floats) -> Floats:
     return np.asarray(np.abs(np.sort(x, axis=0) - np.sort(y, axis=0)).mean(axis=0))
 
 
-def sliced_wasserstein(
-    x: Floats, y: Floats, projections: int = PROJECTIONS, seed: int = 1
-) -> float:
+def sliced_wasserstein(x: Floats, y: Floats, seed: int = 1) -> float:
     """Mean Wasserstein-1 distance over directions drawn uniformly from the sphere.
 
     Source: Bonneel et al., "Sliced and Radon Wasserstein barycenters of measures", 2015.
     """
     rng = np.random.default_rng(seed)
-    directions = rng.normal(size=(x.shape[1], projections))
+    directions = rng.normal(size=(x.shape[1], PROJECTIONS))
     directions /= np.linalg.norm(directions, axis=0)
     return float(wasserstein_by_dimension(x @ directions, y @ directions).mean())

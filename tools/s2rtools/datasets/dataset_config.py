@@ -32,7 +32,7 @@ from msgspec import Meta, Struct, field
 from s2rstore.errors import RequestError, shortened
 from s2rstore.files.input_files import read_document
 from s2rstore.files.layout import checked_name
-from s2rstore.index.row_check import THRESHOLDS_ARE, are_thresholds
+from s2rstore.index.row_records import THRESHOLDS_ARE, are_thresholds
 from s2rstore.records import Bounds, Domain, Intrinsics, Room
 from s2rtools.common.documents import convert
 from s2rtools.common.image_files import MAX_PIXELS

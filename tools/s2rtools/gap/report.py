@@ -170,7 +170,7 @@ def _lines(report: dict[str, Any], with_details: bool) -> Iterator[str]:
     for name, reason in (report["absent"] | report["inconclusive"]).items():
         yield f"  {name}: not measured: {reason}"
     if report["across"]:
-        yield from _rank_consistency(report["across"])
+        yield from _rank_consistency(report["across"], with_details)
     if report["exchange"]:
         yield f"  simulation: {report['exchange']['text']}"
     if report["golden"]:
@@ -211,7 +211,7 @@ def _notes(axis: dict[str, Any]) -> Iterator[str]:
     yield from (f"  {axis['axis']}: {note}" for note in axis["notes"])
 
 
-def _rank_consistency(across: dict[str, Any]) -> Iterator[str]:
+def _rank_consistency(across: dict[str, Any], with_details: bool) -> Iterator[str]:
     if "refused" in across:
         yield f"  across runs: {across['refused']}"
         return
@@ -222,12 +222,23 @@ def _rank_consistency(across: dict[str, Any]) -> Iterator[str]:
     yield (
         f"  across {len(across['runs'])} runs: Spearman {with_interval(across, 'spearman', 2)}, "
         f"about {across['scope']}; of these runs only: {correlations}, MMRV "
-        f"{across['mmrv']:.2f} m, which noise in the errors makes larger"
+        f"{across['mmrv']:.2f} m"
     )
     yield (
         f"  regret of {across['chosen_run']}, which simulation ranks first: "
         f"{with_interval(across, 'regret', 2)} m more real error than {across['best_run']}"
     )
+    if not with_details or not across["rooms"]:
+        return
+    rows = [
+        (
+            room, within["n"], *(within[name] for name in ("spearman", "kendall", "mmrv")),
+            within["chosen_run"], within["best_run"], with_interval(within, "regret", 2),
+        )
+        for room, within in across["rooms"].items()
+    ]  # fmt: skip
+    names = ("room", "n", "Spearman", "Kendall", "MMRV m", "by sim", "best", "regret m")
+    yield output.table(names, rows)
 
 
 def _golden(golden: dict[str, Any]) -> str:

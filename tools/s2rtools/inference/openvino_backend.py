@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from types import ModuleType
 from typing import Any, ClassVar
 from weakref import WeakKeyDictionary
@@ -43,7 +45,7 @@ class OpenVinoBackend(Backend):
         options: dict[str, Any] = {"INFERENCE_NUM_THREADS": threads} if threads else {}
         if self.hint is not None:
             options["INFERENCE_PRECISION_HINT"] = self.hint
-        self._compiled = openvino.compile_model(converted[shape], "CPU", options)
+        self._compiled = _call_in_thread(openvino.compile_model, converted[shape], "CPU", options)
         kind = self._compiled.get_property("INFERENCE_PRECISION_HINT")
         self.precision = f"openvino {kind.get_type_name()}"
 
@@ -58,8 +60,8 @@ class OpenVinoBackend(Backend):
         """Whether OpenVINO computes in reduced precision here; else it is `openvino-float32`."""
         if cls.unavailable_reason() is not None:
             return False
-        capabilities = _import_openvino().Core().get_property("CPU", "OPTIMIZATION_CAPABILITIES")
-        return "BF16" in capabilities
+        core = _import_openvino().Core()
+        return "BF16" in _call_in_thread(core.get_property, "CPU", "OPTIMIZATION_CAPABILITIES")
 
     def features(self, x: Tensor) -> Tensor:
         output = self._compiled([x.contiguous().numpy()])[0]
@@ -75,6 +77,17 @@ class OpenVinoFloat32Backend(OpenVinoBackend):
     @classmethod
     def is_accelerated(cls) -> bool:
         return cls.unavailable_reason() is None
+
+
+def _call_in_thread(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Call a function that loads OpenVINO's plug-in of the processor in a thread of its own.
+
+    The plug-in replaces the alternate signal stack of the thread that loads it, and frees the new
+    one in the thread that destroys the model. Another thread would be left with freed memory, and
+    its next signal would end the process.
+    """
+    with ThreadPoolExecutor(1) as executor:
+        return executor.submit(function, *arguments).result()
 
 
 def _import_openvino() -> ModuleType:

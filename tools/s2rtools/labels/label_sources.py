@@ -16,8 +16,8 @@ from PIL import Image
 
 from s2rstore.errors import RequestError, counted
 from s2rstore.files.input_files import read_bytes, read_json, read_text
-from s2rstore.index.row_check import MAX_LABEL
 from s2rstore.reader import Store
+from s2rstore.records import MAX_LABEL
 from s2rstore.security.printable_text import printable
 from s2rtools.common.image_files import declared_size
 from s2rtools.common.tables.csv_rows import missing_column, read_rows

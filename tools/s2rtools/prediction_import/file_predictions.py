@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.index.row_check import MAX_COORDINATE
-from s2rstore.records import SIDES, SPLITS, Side
+from s2rstore.records import MAX_COORDINATE, SIDES, SPLITS, Side
 from s2rtools.common.input_issue import InputIssue, issue_lines
 from s2rtools.motion_logs.pose_readers import yaw
 from s2rtools.precompute.prediction_rows import UNSEEN

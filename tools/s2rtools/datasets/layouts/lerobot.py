@@ -6,9 +6,8 @@ entries of `observation.state` that are the robot's pose on the floor, or the ca
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-
-import numpy as np
 
 from s2rstore.errors import RequestError
 from s2rtools.common.lazy_sequence import LazySequence
@@ -24,16 +23,14 @@ from s2rtools.datasets.recordings.lerobot_files import (
     Episode,
     FrameNumbers,
     episodes_of,
-    first_size,
-    image_store,
     read_info,
 )
+from s2rtools.datasets.recordings.lerobot_images import FeatureImages
 from s2rtools.datasets.recordings.recorded_poses import (
     level_poses,
     poses_from_quaternions,
 )
 from s2rtools.datasets.recordings.stated_cameras import CAMERA_OPTION, camera_option
-from s2rtools.datasets.recordings.video_images import ImageStore, StoredImage
 from s2rtools.datasets.scan import choose_trajectories
 
 
@@ -46,23 +43,26 @@ def read(path: Path, options: ReadOptions) -> Recording:
     recording = Recording.of_folder("lerobot", path, options)
     info = read_info(path)
     key = info.image_key(path, options.values.get("rgb"))
+    depth = info.depth_key(path, key, options.values.get("depth"))
+    keys = [key] if depth is None else [key, depth]
     entries = info.pose_entries(path, options.values.get("pose"))
-    episodes = {f"episode_{each.number:06d}": each for each in episodes_of(path, info, key)}
+    episodes = {f"episode_{each.number:06d}": each for each in episodes_of(path, info, keys)}
     names = choose_trajectories(options.trajectories, episodes, path)
     if not names:
         raise RequestError(f"{path}: no episodes in it")
-    feature, containment = info.features[key], recording.containment
-    images = image_store(containment, key, feature)
-    data = FrameNumbers(containment, entries)
-    first = episodes[names[0]]
-    start = first.first_frame if first.video else int(data.rows(first)[0])
-    size = first_size(path, images, first, start, feature.codec)
+    data = FrameNumbers(recording.containment, entries)
+    first, containment = episodes[names[0]], recording.containment
+    streams = [FeatureImages.of(containment, info, each, first, data) for each in keys]
+    size = streams[0].size
     camera = camera_option(options, "camera", size)
     if camera is None:
         raise RequestError(f"{path}: a LeRobot data set has no intrinsics; set camera=fx,fy,cx,cy")
     if (camera.height, camera.width) != size:
         raise RequestError(f"{path}: images are {size[1]}x{size[0]}, unlike the option camera")
     recording.camera = camera
+    recording.depth_camera = camera_option(options, "depth_camera", streams[-1].size)
+    if depth is not None and recording.depth_camera is None and streams[1].size != size:
+        raise RequestError(f"{path}: depth has another size than images; set depth_camera=")
     height = options.positive("height", 1.0) if "height" in options.values else 0.0
     if len(entries) == 3:
         recording.up = (0.0, 0.0, 1.0)
@@ -70,10 +70,12 @@ def read(path: Path, options: ReadOptions) -> Recording:
             detail = "the camera is put on the floor; set height=METRES"
             recording.report("height unknown", str(path), detail)
     for name in names:
-        recording.trajectories[name] = _trajectory(episodes[name], data, images, size, height)
+        recording.trajectories[name] = _trajectory(episodes[name], data, streams, height)
+    feature = info.features[key]
     recording.provenance = {
         "version": info.codebase_version,
         "images": key,
+        "depth": depth or "none",
         "codec": feature.codec if feature.dtype == "video" else "images",
         "pose": options.values["pose"],
         "height_m": height,
@@ -82,17 +84,18 @@ def read(path: Path, options: ReadOptions) -> Recording:
 
 
 def _trajectory(
-    episode: Episode, data: FrameNumbers, images: ImageStore, size: tuple[int, int], height: float
+    episode: Episode, data: FrameNumbers, streams: Sequence[FeatureImages], height: float
 ) -> RecordedTrajectory:
     """An episode; states are x, y, heading of the robot, or the pose of the camera."""
     rows = data.rows(episode)
-    file, numbers = episode.data, rows
-    if episode.video is not None:
-        file = episode.video
-        numbers = data.numbers("frame_index", rows).astype(np.intp) + episode.first_frame
+    places = [episode.place(stream.key, data, rows) for stream in streams]
 
     def frame(row: int) -> RecordedFrame:
-        return RecordedFrame(StoredImage(images, file, int(numbers[row]), size))
+        images = (
+            stream.image(file, int(numbers[row]))
+            for stream, (file, numbers) in zip(streams, places, strict=True)
+        )
+        return RecordedFrame(*images)
 
     states = data.state(rows)
     is_level = states.shape[1] == 3
@@ -113,6 +116,8 @@ LAYOUT = Layout(
         "pose": f"entries of {STATE}: x,y,heading in radians, or x,y,z,qx,qy,qz,qw of the camera",
         "height": "metres of the camera above the floor with pose=x,y,heading",
         "rgb": "feature of the images, if there are several",
+        "depth": "feature of the depth images, if it is not evident; none: colour images alone",
         "camera": CAMERA_OPTION,
+        "depth_camera": f"of depth images of another size: {CAMERA_OPTION}",
     },
 )

@@ -1,4 +1,4 @@
-"""Files of LeRobot data sets of versions 2 and 3: episodes, and images in videos or in Parquet.
+"""Files of LeRobot data sets of versions 2 and 3: features, episodes, states and times.
 
 Source: the documentation of LeRobotDataset. `meta/info.json` has the rate, the features, and the
 templates of the names of files. Version 2 has a file for each episode; version 3 has several
@@ -7,28 +7,21 @@ episodes in a file, which `meta/episodes` lists.
 
 from __future__ import annotations
 
-import hashlib
-import os
+import math
 import re
-import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import decode_json, read_bytes
-from s2rstore.index.parquet_table import read_blobs, read_columns, read_vectors
-from s2rtools.common.input_issue import InputIssue
-from s2rtools.datasets.files.image_decoding import decode_image
+from s2rstore.index.parquet_table import read_columns, read_vectors
 from s2rtools.datasets.files.path_containment import PathContainment
-from s2rtools.datasets.recording import SourceImage
-from s2rtools.datasets.recordings.video_images import ImageStore, VideoImages
 
 STATE = "observation.state"
 _NUMBERS = ("episode_index", "frame_index", "timestamp")
@@ -37,8 +30,10 @@ _MAX_EPISODES = 100_000
 _MAX_NUMBER = 1e12
 """Largest number of an episode, a file or a frame, and time in seconds."""
 _FIELD = re.compile(r"\{(\w+)(?::0?(\d*)d)?\}")
-_BLOCK = 64
-"""Images that are read from Parquet at once."""
+_MAX_DEPTH = 65.0
+"""Metres; depth is stored as millimetres in 16 bits."""
+LAST_CODE = 4095
+"""The largest code of depth in a video."""
 
 
 class Feature(msgspec.Struct):
@@ -48,14 +43,47 @@ class Feature(msgspec.Struct):
     shape: list[int] = []
     names: Any = None
     info: dict[str, Any] | None = None
+    video_info: dict[str, Any] | None = None
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What is stated about images; some writers of version 2 call it `video_info`."""
+        return {**(self.video_info or {}), **(self.info or {})}
 
     @property
     def codec(self) -> str:
-        return str((self.info or {}).get("video.codec", "unknown"))
+        return str(self.facts.get("video.codec", "unknown"))
 
     @property
     def is_depth(self) -> bool:
-        return bool((self.info or {}).get("video.is_depth_map", False))
+        return any(self.facts.get(name) is True for name in ("is_depth_map", "video.is_depth_map"))
+
+    def millimetres(self, key: str, path: Path) -> NDArray[np.uint16] | None:
+        """(4096,) depth of each code of a video, 0 for none; None where no range is stated.
+
+        The first and the last code stand for all depth beyond the range, so for no known depth.
+        Raises RequestError where the range is not one.
+        """
+        facts = self.facts
+        if "video.depth_min" not in facts:
+            return None
+        is_log = bool(facts.get("video.use_log", True))
+        try:
+            low, high = (float(facts[f"video.depth_{end}"]) for end in ("min", "max"))
+            shift = float(facts["video.shift"]) if is_log else 0.0
+        except (KeyError, TypeError, ValueError):
+            low, high, shift = math.nan, math.nan, math.nan
+        if not (0 <= low < high <= _MAX_DEPTH and (not is_log or 0 < low + shift < math.inf)):
+            raise RequestError(
+                f"{path}: {key}: depth_min, depth_max and shift are no range of depth"
+            )
+        share = np.arange(LAST_CODE + 1) / LAST_CODE
+        if is_log:
+            metres = (low + shift) * ((high + shift) / (low + shift)) ** share - shift
+        else:
+            metres = low + (high - low) * share
+        metres[[0, LAST_CODE]] = 0.0
+        return np.rint(1000 * metres).astype(np.uint16)
 
     def entries(self) -> list[str]:
         """The names of the entries, as far as they are stated."""
@@ -78,17 +106,42 @@ class Info(msgspec.Struct):
 
     def image_key(self, path: Path, chosen: str | None) -> str:
         """The feature of the images, by default the only one. Raises RequestError otherwise."""
-        keys = [
-            name
-            for name, feature in self.features.items()
-            if feature.dtype in ("video", "image") and not feature.is_depth
-        ]
+        keys = self._image_keys(is_depth=False)
         listed = ", ".join(keys) or "none"
         if chosen is not None and chosen not in keys:
             raise RequestError(f"{path}: no images rgb={chosen} (has: {listed})")
         if chosen is None and len(keys) != 1:
             raise RequestError(f"{path}: {len(keys)} cameras; choose one with rgb= (has: {listed})")
         return chosen or keys[0]
+
+    def depth_key(self, path: Path, image: str, chosen: str | None) -> str | None:
+        """The feature of the depth that belongs to the images, None for none.
+
+        By default it is that of the name of the images with `_depth`, or the only one of a data
+        set with one camera. Raises RequestError where none or several could be meant.
+        """
+        depths = self._image_keys(is_depth=True)
+        if chosen == "none" or (chosen is None and not depths):
+            return None
+        if chosen in depths:
+            return chosen
+        listed = ", ".join(depths) or "none"
+        if chosen is not None:
+            raise RequestError(f"{path}: no depth depth={chosen} (has: {listed})")
+        if (own := f"{image}_depth") in depths:
+            return own
+        if len(depths) == len(self._image_keys(is_depth=False)) == 1:
+            return depths[0]
+        raise RequestError(
+            f"{path}: state the depth of {image} by depth=, or depth=none (has: {listed})"
+        )
+
+    def _image_keys(self, is_depth: bool) -> list[str]:
+        return [
+            name
+            for name, feature in self.features.items()
+            if feature.dtype in ("video", "image") and feature.is_depth == is_depth
+        ]
 
     def pose_entries(self, path: Path, text: str | None) -> list[int]:
         """Numbers of the entries of the state that `text` names, by name or number, 3 or 7."""
@@ -116,12 +169,24 @@ class Info(msgspec.Struct):
 
 @dataclass(frozen=True, slots=True)
 class Episode:
-    """An episode: its number, its files, and the first of its frames in the video."""
+    """An episode: its number, its file of data, and its place in the videos of features.
+
+    A place is the file and the number of the first frame in it. Images of features without a place
+    are in the file of data.
+    """
 
     number: int
     data: str
-    video: str | None
-    first_frame: int = 0
+    videos: Mapping[str, tuple[str, int]]
+
+    def place(
+        self, key: str, data: FrameNumbers, rows: NDArray[np.intp]
+    ) -> tuple[str, NDArray[np.intp]]:
+        """The file of the images of a feature, and the number of each row's image in it."""
+        if key not in self.videos:
+            return self.data, rows
+        file, first = self.videos[key]
+        return file, data.numbers("frame_index", rows).astype(np.intp) + first
 
 
 def read_info(folder: Path) -> Info:
@@ -139,31 +204,31 @@ def read_info(folder: Path) -> Info:
     return info
 
 
-def episodes_of(folder: Path, info: Info, image: str) -> Iterator[Episode]:
-    """The episodes, with the files of the feature `image`. Raises RequestError for damage."""
-    video = info.video_path if info.features[image].dtype == "video" else None
+def episodes_of(folder: Path, info: Info, images: Sequence[str]) -> Iterator[Episode]:
+    """The episodes, with the files of the features `images`. Raises RequestError for damage."""
+    template = info.video_path
+    keys = [] if template is None else [k for k in images if info.features[k].dtype == "video"]
     where = folder / "meta/info.json"
     if info.codebase_version.startswith("v2."):
         for number in range(info.total_episodes):
             values: dict[str, str | int] = {
                 "episode_chunk": number // info.chunks_size,
                 "episode_index": number,
-                "video_key": image,
             }
             yield Episode(
                 number,
                 _filled(info.data_path, values, where),
-                None if video is None else _filled(video, values, where),
+                {k: (_filled(template or "", values | {"video_key": k}, where), 0) for k in keys},
             )
         return
     for path in sorted((folder / "meta/episodes").glob("chunk-*/file-*.parquet")):
-        yield from _listed_episodes(path, info, image, video)
+        yield from _listed_episodes(path, info, keys)
 
 
-def _listed_episodes(path: Path, info: Info, image: str, video: str | None) -> Iterator[Episode]:
+def _listed_episodes(path: Path, info: Info, keys: Sequence[str]) -> Iterator[Episode]:
     names = ["episode_index", "data/chunk_index", "data/file_index"]
-    if video is not None:
-        names += [f"videos/{image}/{n}" for n in ("chunk_index", "file_index", "from_timestamp")]
+    places = ("chunk_index", "file_index", "from_timestamp")
+    names += [f"videos/{key}/{name}" for key in keys for name in places]
     columns = read_columns(path, names, ())
     if missing := [name for name in names if name not in columns]:
         raise RequestError(f"{path}: no column {missing[0]}")
@@ -171,13 +236,11 @@ def _listed_episodes(path: Path, info: Info, image: str, video: str | None) -> I
         if not all(abs(value) <= _MAX_NUMBER for value in row):
             raise RequestError(f"{path}: an episode without a number in {', '.join(names)}")
         data = {"chunk_index": int(row[1]), "file_index": int(row[2])}
-        source = _filled(info.data_path, data, path)
-        if video is None:
-            yield Episode(int(row[0]), source, None)
-            continue
-        place: dict[str, str | int] = {"chunk_index": int(row[3]), "file_index": int(row[4])}
-        filled = _filled(video, place | {"video_key": image}, path)
-        yield Episode(int(row[0]), source, filled, round(row[5] * info.fps))
+        videos = {}
+        for key, (chunk, file, start) in zip(keys, np.reshape(row[3:], (-1, 3)), strict=True):
+            values = {"chunk_index": int(chunk), "file_index": int(file), "video_key": key}
+            videos[key] = _filled(info.video_path or "", values, path), round(start * info.fps)
+        yield Episode(int(row[0]), _filled(info.data_path, data, path), videos)
 
 
 def _filled(template: str, values: dict[str, Any], where: Path) -> str:
@@ -222,60 +285,3 @@ class FrameNumbers:
 
     def state(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
         return self._state[rows]
-
-
-def first_size(
-    path: Path, images: ImageStore, episode: Episode, number: int, codec: str
-) -> tuple[int, int]:
-    """(height, width) of an image. Raises RequestError if it cannot be decoded."""
-    image = images.read(episode.video or episode.data, number)
-    if isinstance(image, InputIssue):
-        advice = ""
-        if episode.video is not None and os.path.isfile(path / episode.video):
-            advice = f"; the videos are in {codec}, convert them to H.264: ffmpeg -c:v libx264"
-        raise RequestError(f"{image.file}: {image.kind} ({image.detail}){advice}")
-    height, width = image.pixels.shape[:2]
-    return height, width
-
-
-class ParquetImages:
-    """Encoded images in a column of records with the fields `bytes` and `path`."""
-
-    def __init__(self, containment: PathContainment, column: str) -> None:
-        self._containment, self._column = containment, column
-        self._lock = threading.Lock()
-        self._key: tuple[str, int] = ("", -1)
-        self._block: list[bytes] = []
-
-    def read(self, file: str, number: int) -> SourceImage | InputIssue:
-        name = f"{file}:{number}"
-        try:
-            content = self._content(file, number)
-        except RequestError as error:
-            return InputIssue("unreadable image", name, str(error))
-        decoded = decode_image(content, name, cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION)
-        if isinstance(decoded, InputIssue):
-            return decoded
-        return SourceImage(decoded[0], hashlib.sha256(content).hexdigest(), decoded[1])
-
-    def path(self, file: str) -> Path:
-        """The path of a file of the data set."""
-        return self._containment.folder / file
-
-    def _content(self, file: str, number: int) -> bytes:
-        key = file, number // _BLOCK
-        with self._lock:
-            if key != self._key:
-                path = self._containment.resolve(file, str(self._containment.folder))
-                start = key[1] * _BLOCK
-                self._block = read_blobs(path, self._column, "bytes", start, _BLOCK)
-                self._key = key
-            row = number % _BLOCK
-            return self._block[row] if row < len(self._block) else b""
-
-
-def image_store(containment: PathContainment, key: str, feature: Feature) -> ImageStore:
-    """The images of a feature `key`, which are in videos or in Parquet."""
-    if feature.dtype == "video":
-        return VideoImages(containment, feature.codec)
-    return ParquetImages(containment, key)

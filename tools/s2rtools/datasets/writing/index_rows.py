@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from s2rstore.geometry.curvature import REACH, curvature
 from s2rstore.geometry.rooms import room_codes
 from s2rstore.index import schema
-from s2rstore.index.row_check import CAMERA_COLUMNS, DEPTH_COLUMNS
+from s2rstore.index.row_records import CAMERA_COLUMNS, DEPTH_COLUMNS
 from s2rstore.index.transaction import IndexTransaction
 from s2rstore.reader import Store
 from s2rstore.records import Domain

@@ -112,10 +112,9 @@ class WorkerPool:
 
 
 def _kill_children(*_: object) -> None:
-    """A signal handler: Python ignores an exception in some places, such as weak references."""
+    """A signal handler that lets the pool end in order, as after a worker that was killed."""
     for process in multiprocessing.active_children():
         process.kill()
-    raise KeyboardInterrupt
 
 
 class SerialExecutor:

@@ -7,7 +7,6 @@ negative where B is better.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -293,27 +292,3 @@ def signed(value: float) -> str:
     """A change in metres with its sign; 0 without one."""
     text = f"{value:+.2f}"
     return "0.00" if text in ("+0.00", "-0.00") else text
-
-
-def _metres(value: float) -> str:
-    return f"{value:.2f}" if math.isfinite(value) else "n/a"
-
-
-HEADINGS = ("room", "n", "A m", "B m", "change m", "95 % interval", "evident")
-"""Columns of the table of rooms: medians of A and of B, and the median of the changes B - A."""
-
-
-def table_rows(rooms: Sequence[tuple[str, Change]], whole: Change) -> list[tuple[str, ...]]:
-    """The table of rooms as text, all instances last."""
-    return [
-        (
-            name,
-            str(part.n),
-            _metres(part.first),
-            _metres(part.second),
-            signed(part.change.value),
-            interval_text(part),
-            evidence(part),
-        )
-        for name, part in [*rooms, (ALL, whole)]
-    ]

@@ -6,6 +6,7 @@ position.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -18,21 +19,6 @@ from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.marks import mark_rows
-from s2rtui.charts.compare.change import (
-    ALL,
-    EQUAL,
-    HEADINGS,
-    NOT_EVIDENT,
-    UNKNOWN,
-    Change,
-    Codes,
-    RoomChanges,
-    evidence,
-    interval_text,
-    room_changes,
-    sentences,
-    table_rows,
-)
 from s2rtui.charts.mark_expressions import names_expression
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.planes import (
@@ -47,11 +33,25 @@ from s2rtui.charts.shared.planes import (
     valid_cursor,
     value_range,
 )
+from s2rtui.charts.shared.run_changes import (
+    ALL,
+    EQUAL,
+    NOT_EVIDENT,
+    UNKNOWN,
+    Change,
+    Codes,
+    RoomChanges,
+    evidence,
+    interval_text,
+    room_changes,
+    sentences,
+    signed,
+)
 from s2rtui.charts.view import Pane, PointsView, Table, View
 from s2rtui.drawing.drawing import ColourBar, Drawing
 from s2rtui.drawing.legend import NO_BREAK
 from s2rtui.drawing.plane_marks import Changes, Columns, Floor, Poses, Signs
-from s2rtui.drawing.plot import Mark, Phrase, Plot
+from s2rtui.drawing.plot import Ink, Mark, Phrase, Plot
 from s2rtui.drawing.scale import Floats, short_number
 from s2rtui.drawing.table import Cell, Column, Row, TableSpec
 from s2rtui.session import run_comparison, targets
@@ -62,8 +62,10 @@ ROWS = "rows"
 """The panel of the table of rooms."""
 BASELINE = "baseline"
 """The name of the constant prediction where it takes the place of the other run."""
-_RANKS = {"95 % interval": 3, "n": 2, "A m": 1, "B m": 1}
-"""Columns of the table of rooms that are left out where there is no room."""
+_COLUMNS = (Column("room", least=12), *(Column(name, right=True, rank=rank) for name, rank in (
+    ("n", 2), ("A m", 1), ("B m", 1), ("change m", 0), ("95 % interval", 3), ("evident", 0),
+)))  # fmt: skip
+"""Columns of the table of rooms: medians of A and of B, and the median of the changes B - A."""
 _WIDEST = 16
 """Most letters of a run's name in the legend."""
 
@@ -178,15 +180,17 @@ def _table(data: CompareInput) -> TableSpec | None:
     changes = data.changes
     if len(changes.rooms) < 2:
         return None
-    (*rooms, whole) = table_rows(changes.by_size, changes.whole)
-    columns = [Column(HEADINGS[0], least=12)]
-    columns += [Column(name, right=True, rank=_RANKS.get(name, 0)) for name in HEADINGS[1:]]
-    rows = tuple(
-        Row(tuple(map(Cell, texts)), bold=texts[0] == ALL,
-            inks={len(texts) - 1: "muted" if texts[-1] in (NOT_EVIDENT, UNKNOWN) else "truth"})
-        for texts in (whole, *rooms)
-    )  # fmt: skip
-    return TableSpec(tuple(columns), rows, ROWS, chosen=data.chosen)
+    rows = (_row(*room) for room in ((ALL, changes.whole), *changes.by_size))
+    return TableSpec(_COLUMNS, tuple(rows), ROWS, chosen=data.chosen)
+
+
+def _row(name: str, part: Change) -> Row:
+    medians = (f"{error:.2f}" if math.isfinite(error) else "n/a"
+               for error in (part.first, part.second))  # fmt: skip
+    verdict = evidence(part)
+    texts = (name, str(part.n), *medians, signed(part.change.value), interval_text(part), verdict)
+    ink: Ink = "muted" if verdict in (NOT_EVIDENT, UNKNOWN) else "truth"
+    return Row(tuple(map(Cell, texts)), bold=name == ALL, inks={len(texts) - 1: ink})
 
 
 @cached_by_identity(4)
@@ -226,6 +230,7 @@ def constant_errors(x: Floats, y: Floats, valid: Bools, trained: Bools) -> NDArr
 
 class CompareView(PointsView):
     name = "compare"
+    has_rows = True
     key = "9"
     pane: Pane = "centre"
     description = "two runs, or a run and its baseline, compared on the selection"
