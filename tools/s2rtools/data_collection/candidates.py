@@ -123,7 +123,7 @@ def find_candidates(store: Store, reporter: Reporter | None = None) -> Candidate
         usable = np.ones((len(places), HEADINGS), dtype=np.bool_)
         candidates = _candidates(places, usable, store.rooms, names, floor.origin)
     else:
-        candidates = world_candidates(floor.world, store.rooms, names, reporter=reporter)
+        candidates = world_candidates(floor.world, store.rooms, names, reporter)
     if not candidates.count:
         raise RequestError(f"{store.path}: no free place was found; ingest more poses")
     return candidates
@@ -133,7 +133,6 @@ def world_candidates(
     world: World,
     rooms: Sequence[Room],
     names: Sequence[str],
-    headings: int = HEADINGS,
     reporter: Reporter | None = None,
 ) -> CandidatePoses:
     """The free floor of a synthetic world, without views of a near wall.
@@ -144,7 +143,7 @@ def world_candidates(
         reporter.say("looking for free places; the first call compiles the ray caster (a minute)")
     floor = FreeFloor.of_world(world)
     places = _places(floor)
-    usable = _with_content(world, places, turns(headings), reporter)
+    usable = _with_content(world, places, turns(HEADINGS), reporter)
     return _candidates(places, usable, rooms, names, floor.origin)
 
 
