@@ -388,7 +388,8 @@ def gallery_page() -> str:
 
     parts = [
         "# Gallery of views\n",
-        "Every view of the application, on the demo store with the worst 15 % selected. The key "
+        "Every view of the application, on the demo store with the worst 15 % selected; `health` "
+        "and `history` show a store with planted faults and one with invented nights. The key "
         "shows it, `V` lets it fill the screen, and [`s2r export`](how-to/figures-and-reports.md) "
         "draws it on paper.\n",
     ]

@@ -250,7 +250,8 @@ def model_loader(view: StatisticsView) -> Loader:
 
     def request_key(store: Store, state: State) -> Key | None:
         is_shown = view.name in (state.tab, state.centre) and not view.unavailable(store)
-        return model_source(state) if is_shown and state.run != NO_RUN else None
+        can_be_computed = state.run != NO_RUN or not view.needs_run
+        return model_source(state) if is_shown and can_be_computed else None
 
     def read(store: Store, state: State, context: LoadContext) -> Fields:
         model = view.model(store, state)
