@@ -23,12 +23,14 @@ from s2rtui.app.action_guard import GuardedApp
 from s2rtui.app.controllers.adjust import AdjustController
 from s2rtui.app.controllers.annotations import AnnotationController
 from s2rtui.app.controllers.brush import BrushController
+from s2rtui.app.controllers.computation import ComputationController
 from s2rtui.app.controllers.export import ExportController
 from s2rtui.app.controllers.hover import HoverController
 from s2rtui.app.controllers.navigation import NavigationController
 from s2rtui.app.controllers.player import PlayerController
 from s2rtui.app.controllers.prompt import PromptController
 from s2rtui.app.controllers.store_updates import CHECK_SECONDS, StoreUpdateController
+from s2rtui.app.controllers.suggestions import SuggestionsController
 from s2rtui.app.key_bindings import ACTIONS, BY_NAME, find_action, permitted_actions
 from s2rtui.app.load_scheduler import LoadScheduler
 from s2rtui.app.process_signals import end_on_signals
@@ -70,7 +72,9 @@ class S2RApp(GuardedApp):
     prompt: PromptController
     annotations: AnnotationController
     export: ExportController
+    computation: ComputationController
     adjust: AdjustController
+    suggestions: SuggestionsController
     navigation: NavigationController
     player: PlayerController
 
@@ -100,7 +104,9 @@ class S2RApp(GuardedApp):
         self.prompt = PromptController(self)
         self.annotations = AnnotationController(self)
         self.export = ExportController(self)
+        self.computation = ComputationController(self)
         self.adjust = AdjustController(self)
+        self.suggestions = SuggestionsController(self)
         self.navigation = NavigationController(self)
         self.player = PlayerController(self)
         self.store_updates = StoreUpdateController(self)
@@ -137,7 +143,7 @@ class S2RApp(GuardedApp):
     def on_unmount(self) -> None:
         self.load_scheduler.stop()
         self.jobs.close()
-        self.adjust.close()
+        self.computation.close()
         background_thread.run_in_thread("closing", self.session.close)
         state = self.session.state
         if self.session.notebook is not None:  # last, because its file may be slow or locked

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
 
 _OF_ONE_VIEW: tuple[When, ...] = (
-    "list", "adjust", "groups", "rows", "instance", "sheet", "pivot",
+    "list", "adjust", "groups", "rows", "instance", "sheet", "pivot", "suggestions",
 )  # fmt: skip
 """Situations in which one view is active."""
 _PAGE, _ALL_ROWS = 10, 1 << 30
@@ -131,6 +131,12 @@ _ADJUSTING = (
     Action("save_run", "S", "adjust",
            "save the adjustments as a run and compute it for all images", short="save run",
            when="adjust", needs="models", command=lambda app: app.adjust.ask_name()),
+    Action("search", "S", "adjust", "suggestions: search the missing answers; again: cancel",
+           short="search", when="suggestions", needs="models",
+           command=lambda app: app.suggestions.search()),
+    Action("collect", "backslash", "adjust",
+           "suggestions: choose poses of new images and show them on the map", None, "new images",
+           "\\", "suggestions", "models", lambda app: app.suggestions.collect()),
 )  # fmt: skip
 
 

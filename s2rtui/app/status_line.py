@@ -109,7 +109,7 @@ def message_text(state: State, resources: LoadedData, hovered: str = "", cursor:
     """
     if hovered and not state.is_error:
         return hovered
-    text = state.message or resources.saving
+    text = state.message or resources.computation
     if not state.is_error:
         text = resources.with_progress(text)
     if not text and state.newest != state.generation:

@@ -184,8 +184,7 @@ class HistoryView(View):
         return _nights(loaded, scene.state.run, scene.store.dataset.name)
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        failed = scene.loaded.failed.get("history")
-        return scene.loaded.history, scene.state.run, scene.state.history, failed
+        return *super().cache_key(scene), scene.loaded.history, scene.state.history
 
     def missing(self, scene: Scene) -> tuple[str, ...]:
         loaded, file = scene.loaded.history, scene.state.history

@@ -221,10 +221,9 @@ class OverviewView(View):
         return scene.loaded.rows or tuple(empty)
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        loaded = scene.loaded
-        shown = scene.state.run, scene.state.chosen_row(self.name), scene.mark(self.name)
-        lines = identity_key(self.lines(scene))
-        return self._rows(scene), loaded.baseline, loaded.translators, lines, *shown
+        loaded, lines = scene.loaded, identity_key(self.lines(scene))
+        values = self._rows(scene), loaded.baseline, loaded.translators, lines
+        return *super().cache_key(scene), *values
 
     def row_names(self, scene: Scene) -> Sequence[str]:
         return [row.run for row in self._rows(scene)]

@@ -14,7 +14,7 @@ from s2rstore.geometry.rooms import NO_ROOM
 from s2rstore.index.population import INCLUDE_HINT
 from s2rstore.language import to_text
 from s2rtui.analysis.binning import Bins, Bools, count_selected, joint_counts, selection_indices
-from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.canvas.marks import mark_rows
 from s2rtui.charts.mark_expressions import names_expression
@@ -223,14 +223,8 @@ class RoomsView(View):
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         state = scene.state
-        shown = (state.generation, state.run, state.grouping, state.cursor, scene.mark(self.name),
-                 state.chosen_row(self.name), state.view == self.name)  # fmt: skip
-        arrays = identity_key((state.selected, state.base, state.trained))
-        if state.grouping == COUNTS:
-            return *shown, arrays
-        order = state.group_sort, state.group_descending, state.with_trained
-        loaded, failed = scene.loaded.groups, scene.loaded.failed.get("groups")
-        return *shown, arrays, order, loaded, failed
+        order = state.grouping, state.group_sort, state.group_descending, state.with_trained
+        return *super().cache_key(scene), *order, ArrayKey(state.trained), scene.loaded.groups
 
     def missing(self, scene: Scene) -> tuple[str, ...]:
         state = scene.state

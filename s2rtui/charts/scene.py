@@ -170,8 +170,9 @@ class LoadedData:
     has seen, (rows, cols) each; `live` is the instance that is being adjusted. `groups`, `cells`,
     `findings` and `sheet` belong to the views rooms, pivot, findings and sheet. `models` are the
     numbers of statistical views by name; None: they are computed when they are drawn. `progress` (0
-    .. 1) and `failed` (messages) are by the name of the loader. `saving` is the progress of the run
-    that is being saved, `computing` that of a process which computes in the store.
+    .. 1) and `failed` (messages) are by the name of the loader. `computation` is the progress of a
+    command that the user has started here, `computing` that of another process which computes in
+    the store.
     """
 
     rows: tuple[OverviewRow, ...] = ()
@@ -196,7 +197,7 @@ class LoadedData:
     models: Mapping[str, LoadedModel] | None = None
     progress: Mapping[str, float] = field(default_factory=dict)
     failed: Mapping[str, str] = field(default_factory=dict)
-    saving: str = ""
+    computation: str = ""
     computing: str = ""
 
     def accuracies(self, state: State) -> RunAccuracies | None:
@@ -255,7 +256,7 @@ class LoadedData:
     def with_progress(self, message: str) -> str:
         """A message followed by the progress of every loader and of the computing process."""
         shares = ", ".join(f"{loader} {share:.0%}" for loader, share in self.progress.items())
-        computing = "" if self.saving else self.computing  # a saved run has its own progress
+        computing = "" if self.computation else self.computing  # that has its own progress
         return "  ".join(part for part in (message, shares, computing) if part)
 
 

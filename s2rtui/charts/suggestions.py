@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 import shlex
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from s2rstore.errors import RequestError, sentence
+from s2rstore.files.planned_poses import PlannedPose
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rstore.suggestions import AIMS, Answer, SuggestReport, read_report
@@ -34,6 +37,7 @@ _COLUMNS = (
     "low_share", "gain_share", "high_share", "price_share", "evident", "suggested",
 )  # fmt: skip
 PANEL = "suggestions"
+_SHOWN_POSES = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +45,7 @@ class Direction:
     """The side that is changed, and the stored report about it.
 
     commands: those that register the answers as runs. note: without a report, why there is none
-    and the command that computes one.
+    and the command that computes one. is_missing: whether that command can compute one.
     """
 
     side: Side
@@ -49,6 +53,7 @@ class Direction:
     report: SuggestReport | None = None
     commands: tuple[str, ...] = ()
     note: str = ""
+    is_missing: bool = False
 
     @property
     def answers(self) -> tuple[Answer, ...]:
@@ -68,12 +73,14 @@ class Direction:
 class SuggestionsInput:
     """Both directions of a run; `chosen` names an answer, by default the first suggested one.
 
-    collect: the command that chooses poses of new images; empty where it is not known.
+    collect: the command that chooses poses of new images; empty where it is not known. planned: the
+    poses that it has chosen.
     """
 
     directions: tuple[Direction, ...]
     chosen: str | None = None
     collect: str = ""
+    planned: tuple[PlannedPose, ...] = ()
 
     @property
     def names(self) -> list[str]:
@@ -270,7 +277,14 @@ class SuggestionsView(View):
         collect = shlex.join(
             ["s2r", "collect", store.path.name, "--run", run, "--out", "poses.csv"]
         )
-        return SuggestionsInput(_directions(store, run), state.chosen_row(self.name), collect)
+        return SuggestionsInput(
+            _directions(store, run), state.chosen_row(self.name), collect, state.planned
+        )
+
+    def missing_sides(self, scene: Scene) -> tuple[Side, ...]:
+        """The directions whose search can be run and is not stored."""
+        directions = _directions(scene.store, scene.state.run)
+        return tuple(direction.side for direction in directions if direction.is_missing)
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         return suggestions_drawing(self.input(scene), scene.state.view == self.name)
@@ -312,8 +326,13 @@ class SuggestionsView(View):
 def suggestions_drawing(data: SuggestionsInput, active: bool = True) -> Drawing:
     """The answers, and how the chosen one is applied."""
     notes = [f"{_TITLES[each.side]}: {each.note}" for each in data.directions if each.note]
-    if data.collect:
-        notes.append(f"collect images: `{data.collect}` chooses poses; s2r tui --poses shows them")
+    if active and any(direction.is_missing for direction in data.directions):
+        notes.append("S runs the missing searches here (up to 5 minutes each)")
+    if data.planned:
+        notes += _planned_lines(data.planned)
+    elif data.collect:
+        key = "\\ or " if active else ""
+        notes.append(f"collect images: {key}`{data.collect}` chooses poses for the map")
     if (chosen := data.chosen_answer) is not None:
         direction, number = chosen
         how = "enter adjusts the real images live; there S saves them as a run"
@@ -322,6 +341,25 @@ def suggestions_drawing(data: SuggestionsInput, active: bool = True) -> Drawing:
         notes += [f"answer {number + 1}: {how}", *details(*chosen), direction.commands[number],
                   LEGEND]  # fmt: skip
     return Drawing(table=suggestions_table(data, active), notes=tuple(notes))
+
+
+def _planned_lines(planned: Sequence[PlannedPose]) -> Iterator[str]:
+    """The number of poses in each room, and the first poses with their reasons."""
+    rooms = Counter(pose.room or "outside all rooms" for pose in planned)
+    yield f"{len(planned)} poses of new images, on the map: " + ", ".join(
+        f"{room} {count}" for room, count in rooms.most_common()
+    )
+    for pose in planned[:_SHOWN_POSES]:
+        gain = "" if math.isnan(pose.expected_gain_m) else f", gain {pose.expected_gain_m:.3f} m"
+        yield (
+            f"  {pose.x_m:g} {pose.y_m:g} m, {pose.heading_deg:g} degrees, "
+            f"{pose.room or 'no room'}{gain}: {pose.reason or 'no reason given'}"
+        )
+
+
+def search_arguments(store: Path, run: str, side: Side) -> list[str]:
+    """The arguments of s2r that search the answers of a run for one side."""
+    return ["suggest", str(store.absolute()), "--run", run, "--for", side]
 
 
 def answer_of_row(data: SuggestionsInput, row: int) -> int | None:
@@ -347,7 +385,8 @@ def _direction(store: Store, run: str, side: Side) -> Direction:
         return Direction(side, AIMS[side], note=str(error))
     if report is None:
         command = shlex.join(["s2r", "suggest", store.path.name, "--run", run, "--for", side])
-        return Direction(side, AIMS[side], note=f"no stored result; `{command}` computes one")
+        note = f"no stored result; `{command}` computes one"
+        return Direction(side, AIMS[side], note=note, is_missing=True)
     commands = [answer.command(str(store.path), record, side) for answer in report.answers]
     return Direction(side, AIMS[side], report, tuple(commands))
 

@@ -110,8 +110,8 @@ class View:
         return f"{computing}; the view fills in" if computing and self.missing(scene) else ""
 
     def input(self, scene: Scene) -> Any:
-        """The arrays and numbers that are drawn."""
-        raise NotImplementedError
+        """The arrays and numbers that are drawn; None where they are the loaded data alone."""
+        return None
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         """Everything that the drawing depends on: by default the input, the run, the selection,

@@ -8,6 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from s2rstore.files.planned_poses import PlannedPose
 from s2rstore.heatmap_kinds import NO_HEAT
 from s2rstore.metrics import heatmap_scores
 from s2rstore.reader import Store
@@ -190,6 +191,11 @@ def choose_row(context: SessionContext, state: State, view: str, name: str | Non
     """Choose a row of a view's table by its name; None: that which the view chooses."""
     kept = tuple(entry for entry in state.chosen_rows if entry[0] != view)
     return state.updated(chosen_rows=kept if name is None else (*kept, (view, name)))
+
+
+def show_planned(context: SessionContext, state: State, planned: tuple[PlannedPose, ...]) -> State:
+    """Show the poses of new images on the map, and list them in the view of suggestions."""
+    return replace(state, planned=planned)
 
 
 def toggle_full_screen(context: SessionContext, state: State) -> State:

@@ -13,7 +13,6 @@ from typing import Annotated, Any, Literal
 from msgspec import Meta
 
 from s2rstore.errors import RequestError
-from s2rstore.files.layout import Hash, Name
 
 MAX_COORDINATE = 1e6
 """Metres from the origin that bounds and rooms may reach."""
@@ -21,6 +20,11 @@ MAX_LABEL = 65_535
 """Largest value of a pixel of a label image."""
 MAX_TEXT = 1_000
 
+HASH = r"\A[0-9a-f]{16,64}\Z"
+NAME = r"\A(?!.*\.\.)[A-Za-z0-9][A-Za-z0-9_.+-]{0,79}\Z"
+"""What a name matches that can name a folder and stand in an expression."""
+Hash = Annotated[str, Meta(pattern=HASH)]
+Name = Annotated[str, Meta(pattern=NAME)]
 Text = Annotated[str, Meta(min_length=1, max_length=MAX_TEXT)]
 Metres = Annotated[float, Meta(ge=-MAX_COORDINATE, le=MAX_COORDINATE)]
 Scale = Annotated[float, Meta(ge=1e-6, le=2 * MAX_COORDINATE)]

@@ -20,7 +20,7 @@ from s2rtui.app.controllers import adjust
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import BY_NAME
-from s2rtui.jobs.precompute_job import JobProgress
+from s2rtui.jobs.command_job import JobProgress
 from s2rtui.loaders import live_prediction
 from s2rtui.session import view_settings
 from s2rtui.session.session import Session
@@ -118,8 +118,8 @@ async def test_one_run_is_saved_at_a_time(few_pairs_store, tmp_path, monkeypatch
         await pilot.press("S")
         await pilot.pause()
         assert not app.prompt.is_open
-        assert "run one is still being saved" in take_screenshot(app).text
-        with pytest.raises(RequestError, match="run one is still being saved"):
+        assert "run one is still being computed" in take_screenshot(app).text
+        with pytest.raises(RequestError, match="run one is still being computed"):
             app.adjust.save("two", lambda: blocking_save(few_pairs_store, "two"))
         release.set()
         await settle(app, pilot)
@@ -144,7 +144,7 @@ async def test_refused_names_and_failed_saves_show_an_error(few_pairs_store, mon
         monkeypatch.setattr(adjust, "save_run", failing_save)
         await press(app, pilot, "S", *"one", "enter")
         assert app.session.state.is_error
-        assert "saving a run needs torch: pip install 's2rtui[tools]'" in app.session.state.message
+        assert "this needs torch: pip install 's2rtui[tools]'" in app.session.state.message
 
 
 def unload_tools(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,7 +19,6 @@ from s2rtui.app import pilot as headless
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas.marks import BrushShape
-from s2rtui.jobs.precompute_job import JobProgress
 from s2rtui.session import targets
 from s2rtui.session.session import Session
 from s2rtui.session.state import Brush, State, Target
@@ -183,7 +182,7 @@ async def test_the_announced_key_selects_the_saved_run(four_runs):
         runs = app.session.state.runs
         for present, saved in ((0, 0), (0, 1), (0, 2), (0, 3), (3, 0), (3, 1), (2, 1)):
             app.session.set_run(runs[present])
-            app.adjust.show_progress(runs[saved], JobProgress(1.0, "published", "done"))
+            app.adjust.open_saved(runs[saved])
             await settle(app, pilot)
             message = app.session.state.message
             assert message.startswith(f"run {runs[saved]} is saved")

@@ -29,7 +29,7 @@ def pair_of(sim: ImageArrays, real: ImageArrays) -> PairBatch:
         x = preprocess(images[0], images[1], 0.001, model.contract, images[2])
         made = backend.forward_all(x)
         sides.append(
-            SideBatch(made.x, *images, 0.001, made.features, made.embedding, made.pose, TRUTH)
+            SideBatch(*images, 0.001, made.x, made.features, made.embedding, made.pose, TRUTH)
         )
     rigs = rig(CAMERA), rig(CAMERA)
     tolerance = DepthTolerance(0.03, 0.005, 0.0, 8.0)

@@ -32,7 +32,7 @@ def make_pair(model: LoadedModel) -> PairBatch:
         depth = rng.integers(0, 256, (2, 48, 48)).astype(np.uint8)
         result = backend.forward_all(preprocess(rgb, depth, 10 / 255, model.contract))
         sides[name] = SideBatch(
-            result.x, rgb, depth, (depth > 5) & (depth < 250), 10 / 255, result.features,
+            rgb, depth, (depth > 5) & (depth < 250), 10 / 255, result.x, result.features,
             result.embedding, result.pose, TRUTH,
         )  # fmt: skip
     lens = Intrinsics(30.0, 30.0, 24.0, 24.0, 0.0)
@@ -132,7 +132,7 @@ def test_pixel_difference_ignores_brightness_and_invalid_depth(pair):
     dark = (pair.sim.rgb // 2 + 40).astype(np.uint8)
     side = pair.sim
     other = SideBatch(
-        side.x, dark, side.depth, np.zeros_like(side.valid), side.depth_scale, side.features,
+        dark, side.depth, np.zeros_like(side.valid), side.depth_scale, side.x, side.features,
         side.embedding, side.prediction, side.truth,
     )  # fmt: skip
     darker_maps = HEATMAP_KINDS["pixel_difference"].compute(

@@ -21,7 +21,8 @@ from s2rstore.maintenance.verify import verify
 from s2rtools.adjustments import make_chain
 from s2rtools.precompute.run_registration import add_run, drop_run
 from s2rtui.cli import main
-from s2rtui.jobs.precompute_job import PrecomputeJob, save_run
+from s2rtui.jobs.command_job import CommandJob
+from s2rtui.jobs.precompute_job import precompute_job, save_run
 from tests.support.copies import copy_store
 
 UNADJUSTED: dict[str, list] = {"sim": [], "real": []}
@@ -59,7 +60,7 @@ def test_a_saved_run_equals_the_one_of_the_command_line(few_pairs_store, tmp_pat
     assert verify(path) == []
 
 
-def wait_for_stage(job: PrecomputeJob, stage: str) -> None:
+def wait_for_stage(job: CommandJob, stage: str) -> None:
     deadline = time.monotonic() + 60
     for progress in job.follow():
         assert time.monotonic() < deadline
@@ -73,8 +74,8 @@ def test_a_job_ends_when_the_application_is_killed(few_pairs_store, tmp_path):
     add_run(path, "saved", "vanilla", None, None, UNADJUSTED)
     code = (
         "import sys; from pathlib import Path\n"
-        "from s2rtui.jobs.precompute_job import PrecomputeJob\n"
-        "saving = PrecomputeJob(Path(sys.argv[1]), 'saved', 3)\n"
+        "from s2rtui.jobs.precompute_job import precompute_job\n"
+        "saving = precompute_job(Path(sys.argv[1]), 'saved', 3)\n"
         "shown = saving.follow(); next(shown); next(shown)\n"
         "print(saving._process.pid, flush=True); list(shown)"
     )
@@ -159,13 +160,13 @@ def test_a_failed_job_keeps_a_run_that_another_process_may_compute(store_copy, m
     assert program is not None
     monkeypatch.setattr(sys, "executable", program)
     with locks.compute_lock(store_copy):
-        failed = list(PrecomputeJob(store_copy, "saved", 3).follow())[-1]
+        failed = list(precompute_job(store_copy, "saved", 3).follow())[-1]
         assert failed.outcome == "failed"
         assert "run saved stays, because another process computes" in failed.error
         with pytest.raises(StoreBusyError):
             drop_run(store_copy, "saved")
     with s2rstore.open(store_copy) as store:
         assert "saved" in store.runs
-    assert list(PrecomputeJob(store_copy, "saved", 3).follow())[-1].outcome == "failed"
+    assert list(precompute_job(store_copy, "saved", 3).follow())[-1].outcome == "failed"
     with s2rstore.open(store_copy) as store:
         assert "saved" not in store.runs

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from s2rstore.errors import RequestError, S2RError
+from s2rstore.errors import RequestError
 from s2rstore.suggestions import Answer
 from s2rtui.charts.suggestions import VIEW as SUGGESTIONS
-from s2rtui.jobs.precompute_job import JobProgress, PrecomputeJob, save_run
+from s2rtui.jobs.command_job import CommandJob
+from s2rtui.jobs.precompute_job import save_run
 from s2rtui.session import adjusting, view_settings
 from s2rtui.session.state import State
 
@@ -23,15 +23,12 @@ if TYPE_CHECKING:
 
 
 class AdjustController:
-    """Saves one run at a time and follows its computation until it is published."""
+    """Shows sliders, and answers of the suggestions as their values; saves them as a run."""
 
     def __init__(self, app: S2RApp) -> None:
         self._app = app
-        self._saving: str | None = None
-        self._job: PrecomputeJob | None = None
         self._unannounced: str | None = None
         """A published run whose generation is not open yet."""
-        self._is_closed = False
 
     def open_sliders(self) -> None:
         """Open the panel for live adjustments."""
@@ -99,8 +96,8 @@ class AdjustController:
         adjust = self._app.session.state.adjust
         if adjust is None or not adjust.sliders:
             self._app.session.show_message("nothing to save: there are no sliders")
-        elif self._refusal:
-            raise RequestError(self._refusal)
+        elif refusal := self._app.computation.refusal:
+            raise RequestError(refusal)
         else:
             hint = "a name for the run with these adjustments"
             self._app.prompt.ask(self._save_adjustments, "", hint)
@@ -115,79 +112,21 @@ class AdjustController:
             self.save(name, partial(save_run, root, name, adjust.run, chains))
         self._app.session.show_message("")
 
-    @property
-    def _refusal(self) -> str:
-        """Why no run can be saved now; empty if one can."""
-        if self._app.session.store.files.is_remote:
-            return "a store on a server is only read: save runs in the store that was pushed"
-        if self._saving is None:
-            return ""
-        return f"run {self._saving} is still being saved: save the next one when it is done"
-
-    def save(self, name: str, start: Callable[[], PrecomputeJob]) -> None:
+    def save(self, name: str, start: Callable[[], CommandJob]) -> None:
         """Compute a run in the background and open its generation once it is published.
 
-        Raises RequestError while another run is being saved.
+        Raises RequestError while something else is computed.
         """
-        if self._refusal:
-            raise RequestError(self._refusal)
-        self._saving = name
-        self._show_saving(f"run {name}: checking")
         path = str(self._app.session.store.path)
         command = shlex.join(["s2r", "precompute", path, "--run", name])
         missing = f"run {name} is not saved yet: `{command}` completes it"
-        self._app.jobs.start(partial(self._follow, name, start), missing)
+        self._app.computation.start(f"run {name}", start, missing, partial(self.open_saved, name))
 
-    def _follow(self, name: str, start: Callable[[], PrecomputeJob]) -> None:
-        """Runs in a background thread."""
-        try:
-            job = start()
-        except Exception as error:  # reported on the screen, whatever it is
-            reason = str(error) or type(error).__name__
-            if isinstance(error, ModuleNotFoundError):
-                reason = f"saving a run needs {error.name}: pip install 's2rtui[tools]'"
-            failed = JobProgress(0.0, "", "failed", reason)
-            self._app.run_on_ui(self.show_progress, name, failed)
-            return
-        self._job = job
-        if self._is_closed:
-            job.cancel()
-        for progress in job.follow():
-            self._app.run_on_ui(self.show_progress, job.run, progress)
-        self._job = None
-        if progress.outcome != "done" and self._is_closed:
-            raise RequestError(f"run {name}: cancelled")
-
-    def close(self) -> None:
-        """Cancel the computation because the application ends."""
-        self._is_closed = True
-        if self._job is not None:
-            self._job.cancel()
-
-    def show_progress(self, run: str, progress: JobProgress) -> None:
-        """Show how far the computation of a run is, or its outcome."""
-        session = self._app.session
-        if progress.is_running:
-            self._show_saving(f"run {run}: {progress.fraction:.0%}, {progress.stage}")
-            self._app.updater.refresh_message()
-            return
-        self._saving = None
-        self._show_saving("")
-        if progress.outcome == "done":
-            self._unannounced = run
-            try:
-                session.open_newest_generation()
-            except S2RError as error:
-                session.show_message(str(error), is_error=True)
-            else:
-                self.announce()
-        else:
-            reason = progress.error or progress.outcome
-            session.show_message(f"run {run}: {reason}", is_error=progress.outcome == "failed")
-        self._app.updater.refresh()
-
-    def _show_saving(self, text: str) -> None:
-        self._app.loaded = replace(self._app.loaded, saving=text)
+    def open_saved(self, run: str) -> None:
+        """Open the generation of a saved run, and say how to show the run."""
+        self._unannounced = run
+        self._app.session.open_newest_generation()
+        self.announce()
 
     def announce(self) -> None:
         """Say how to show the saved run, once its generation is open."""

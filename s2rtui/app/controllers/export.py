@@ -97,7 +97,7 @@ class ExportController:
 
         Raises RequestError if nothing may be written.
         """
-        name = self._free_path("s2r-selection", ".csv").name
+        name = self.free_path("s2r-selection", ".csv").name
         hint = f"a file for the selection: {', '.join(ROW_FORMATS)}"
         self._app.session.show_message(hint)
         self._app.prompt.ask(self.write_selection, name, hint)
@@ -135,7 +135,7 @@ class ExportController:
         write_rows(path, rows.names, rows.rows, rows.facts, self.safe_csv)
         return f": {query.count_text} instances"
 
-    def _free_path(self, stem: str, suffix: str) -> Path:
+    def free_path(self, stem: str, suffix: str) -> Path:
         """The first free numbered path; raises RequestError if nothing may be written."""
         paths = numbered_paths(self._app.output_folder, stem, suffix)
         free = (path for path in paths if not path.exists() and path not in self._in_progress)
@@ -144,7 +144,7 @@ class ExportController:
     def _export_numbered(self, stem: str, suffix: str, write: WriteFile, message: str = "") -> None:
         """Write the next numbered file, or show why it may not be written."""
         try:
-            target = self._free_path(stem, suffix)
+            target = self.free_path(stem, suffix)
         except (OSError, RequestError) as error:
             self._app.session.show_message(_reason(error), is_error=True)
         else:

@@ -31,6 +31,8 @@ MAX_TOML_BYTES = 1 << 20
 """Bytes of a TOML document: a thousand times what the configurations here need."""
 _MAX_KEY_PARTS = 32
 """Maximum parts of a dotted TOML key; tomllib needs memory quadratic in their number."""
+_LEAST, _MOST = 1 << 16, 1 << 24
+"""Bytes that are requested at a time."""
 _SPECIAL_KINDS = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a pipe"),
@@ -85,14 +87,21 @@ def open_regular(path: Path) -> Iterator[io.BufferedReader]:
 def read_bytes(path: Path, limit: int) -> bytes:
     """Read a regular file of at most `limit` bytes; RequestError for anything else."""
     with open_regular(path) as file:
-        size = os.fstat(file.fileno()).st_size
-        if size > limit:
-            raise RequestError(f"{path}: {size:,} bytes; at most {limit:,} are read")
-        content = bytearray()
-        while block := file.read(min(1 << 24, limit + 1 - len(content))):
-            content += block
-            if len(content) > limit:
-                raise RequestError(f"{path}: more than {limit:,} bytes, the limit")
+        return content_of(file, path, limit)
+
+
+def content_of(file: io.BufferedIOBase | io.FileIO, path: Path, limit: int) -> bytes:
+    """The content of an open file; RequestError where it has more than `limit` bytes."""
+    size = os.fstat(file.fileno()).st_size
+    if size > limit:
+        raise RequestError(f"{path}: {size:,} bytes; at most {limit:,} are read")
+    content = bytearray()
+    while block := file.read(
+        min(max(size - len(content), _LEAST), _MOST, limit - len(content)) + 1
+    ):
+        content += block
+        if len(content) > limit:
+            raise RequestError(f"{path}: more than {limit:,} bytes, the limit")
     return bytes(content)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
 
 import msgspec
 
@@ -13,6 +12,7 @@ from s2rstore.errors import RequestError, shortened
 from s2rstore.files import atomic_writes, safe_files
 from s2rstore.files.input_files import decode_json
 from s2rstore.files.store_files import LocalFiles, StoreFiles
+from s2rstore.records import HASH, NAME
 
 CURRENT = "CURRENT.json"
 INDEX = "index"
@@ -31,11 +31,6 @@ GAP_HISTORY = f"{HISTORY}/gap.jsonl"
 DRIVES = "drives"
 TRANSLATORS = "translators"
 
-_HASH = r"\A[0-9a-f]{16,64}\Z"
-Hash = Annotated[str, msgspec.Meta(pattern=_HASH)]
-_NAME = r"\A(?!.*\.\.)[A-Za-z0-9][A-Za-z0-9_.+-]{0,79}\Z"
-Name = Annotated[str, msgspec.Meta(pattern=_NAME)]
-"""A name that can name a folder and stand in an expression."""
 _CURRENT_BYTES = 65_536
 
 
@@ -95,14 +90,14 @@ def write_current(root: Path, current: Current, check: Callable[[], None] = lamb
 
 def checked_hash(text: object, what: str) -> str:
     """Return `text`; raise RequestError unless it is 16 to 64 lowercase hexadecimal digits."""
-    if not isinstance(text, str) or not re.match(_HASH, text):
+    if not isinstance(text, str) or not re.match(HASH, text):
         raise RequestError(f"{what} {repr(text)[:80]}: not 16 to 64 hexadecimal digits (0-9, a-f)")
     return text
 
 
 def checked_name(name: str, what: str) -> str:
     """Return `name`; raise RequestError unless it can name a folder and stand in an expression."""
-    if not re.match(_NAME, name):
+    if not re.match(NAME, name):
         allowed = "letters, digits and _ . + - (at most 80, the first no sign)"
         raise RequestError(f"{what} {shortened(name)!r}: use {allowed}")
     return name

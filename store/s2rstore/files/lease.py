@@ -1,8 +1,8 @@
 """Leases: locks that hold between hosts, on network file systems and in object storage.
 
 A lease is a file or an object that exactly one process can make. It states who made it, and has a
-heartbeat that a thread of the holder renews. `flock` is not used, because some network file systems
-grant it to two hosts at once.
+heartbeat that a thread of the holder renews. It does not rely on `flock`, which some network file
+systems grant to two hosts at once.
 
 A lease is stale when its process has certainly ended (see `process_identity.has_ended`), or when a
 waiting process has seen no change of it for `Timing.limit` seconds by its own monotonic clock.
@@ -163,6 +163,7 @@ class Lease:
                 found = self._place.read()
                 if found is not None and self._place.swap(found, None):
                     return
+            self._timing.pause(_PAUSE)
 
     def _beat(self) -> None:
         while self._loss is None and not self._released.wait(self._timing.interval):

@@ -7,8 +7,10 @@ links are not followed, only regular files are opened, and at most `lease.SIZE` 
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import secrets
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -17,6 +19,7 @@ from s2rstore.files import safe_files
 from s2rstore.files.atomic_writes import PARTIAL
 from s2rstore.files.lease import SIZE, Found
 
+_TRIES, _PAUSE = 500, 0.01
 _GONE = (errno.ENOENT, errno.ESTALE)
 
 
@@ -29,9 +32,32 @@ class LockFile:
 
     def swap(self, found: Found | None, content: bytes | None) -> bool:
         """See `LeasePlace`. Raises OSError, and RequestError for anything but a regular file."""
-        if found is not None and not self._remove(found.content):
-            return False
-        return content is None or self._create(content)
+        with self._folder(create=True) as folder, self._alone(folder):
+            if found is not None and not self._remove(found.content):
+                return False
+            return content is None or self._create(content)
+
+    @contextmanager
+    def _alone(self, folder: int | None) -> Iterator[None]:
+        """Keep other processes of this host out of `swap`, for some seconds where one hangs in it.
+
+        Those of other hosts are kept apart by `O_EXCL` and the comparison of contents alone.
+        """
+        path = str(self.path.parent) if folder is None else "."
+        flags = os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC
+        descriptor = os.open(path, flags, dir_fd=folder)
+        try:
+            for _ in range(_TRIES):
+                try:
+                    fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    break
+                except BlockingIOError:
+                    time.sleep(_PAUSE)
+                except OSError:  # not on this file system
+                    break
+            yield
+        finally:
+            os.close(descriptor)
 
     def _create(self, content: bytes) -> bool:
         """Make the file; False where it exists already.
@@ -73,10 +99,13 @@ class LockFile:
     def _remove(self, content: bytes) -> bool:
         """Remove the file if it has this content; False where it has not, or is gone.
 
-        The file is renamed to a unique name first and compared there: nobody replaces it between
-        the comparison and the removal. A file with other content gets its name back, unless that
-        is in use again.
+        A file that seems to have it is renamed to a unique name and compared there: nobody
+        replaces it between this comparison and the removal. One with other content gets its name
+        back, unless that is in use again.
         """
+        present = self.read()
+        if present is None or present.content != content:
+            return False
         aside = self.path.with_name(f"{self.path.name}.{secrets.token_hex(8)}{PARTIAL}")
         moved = LockFile(aside, self._root)
         with self._folder() as folder:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import errno
 import os
 import stat
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -175,16 +176,9 @@ def _checked_descriptor(descriptor: int, path: Path) -> int:
 
 def read(root: Path, relative: str | Path, limit: int | None = None) -> bytes:
     """A file's content; RequestError where it has more than `limit` bytes."""
-    with open_read(root, relative) as file, errors_of(root / relative):
-        size = os.fstat(file.fileno()).st_size
-        if limit is not None and size > limit:
-            raise RequestError(f"{root / relative}: {size} bytes, at most {limit} are read")
-        content = bytearray()
-        while block := file.read(min(max(size - len(content), 0) + 1, 1 << 24)):
-            content += block
-            if limit is not None and len(content) > limit:
-                raise RequestError(f"{root / relative}: grows while it is read; try again")
-    return bytes(content)
+    path = root / relative
+    with open_read(root, relative) as file, errors_of(path):
+        return input_files.content_of(file, path, sys.maxsize if limit is None else limit)
 
 
 def sha256(root: Path, relative: str | Path) -> str:

@@ -14,18 +14,20 @@ DuckDB finds them after `SET file_search_path`. `s2rstore` does not use these vi
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Annotated
 
 import duckdb
+import msgspec
+from msgspec import Meta
 
 from s2rstore.errors import RequestError, first_line
-from s2rstore.files import layout
 from s2rstore.files.plain_paths import plain_path
 from s2rstore.files.store_files import LocalFiles, StoreFiles
 from s2rstore.index import schema
+from s2rstore.records import Name
 
 MAX_ROWS = 1_000_000
 """Rows that a table may have inside an index; copying so many takes one or two seconds."""
@@ -42,8 +44,6 @@ MAX_ROWS_PER_BYTE = 1.0
 """Rows of a table per byte of its file: real poses take more than a byte, repetitions do not."""
 
 _MAX_FILES = 200_000
-_NAME = re.compile(r"[0-9a-f]{16}\.parquet\Z")
-_SHA256 = re.compile(r"[0-9a-f]{64}\Z")
 _OPTIONS = "hive_partitioning = false, union_by_name = true"
 _FOLDER_NAME = "parse_filename(parse_dirpath(filename))"
 
@@ -56,11 +56,11 @@ class RowFile:
     """
 
     table: str
-    run: str | None
+    run: Name | None
     path: str
-    sha256: str
+    sha256: Annotated[str, Meta(pattern=r"\A[0-9a-f]{64}\Z")]
     bytes: int
-    rows: int
+    rows: Annotated[int, Meta(ge=1)]
 
 
 RowFiles = Mapping[str, Sequence[RowFile]]
@@ -101,20 +101,15 @@ def listed(
 
 
 def _is_valid(file: RowFile) -> bool:
-    texts = file.table, file.path, file.sha256
-    if not all(isinstance(text, str) for text in texts) or not _SHA256.match(file.sha256):
-        return False
-    if file.table not in PARTITIONS or (file.run is None) != (PARTITIONS[file.table] is None):
-        return False
     try:
-        layout.checked_name(file.run or "frame", "run")
-    except RequestError:
+        msgspec.convert(asdict(file), RowFile)
+    except msgspec.ValidationError:
         return False
-    numbers = file.bytes, file.rows
     return (
-        file.path == path_of(file.table, file.run, file.sha256)
-        and all(isinstance(number, int) for number in numbers)
-        and 0 < file.rows <= MAX_ROWS_PER_BYTE * file.bytes
+        file.table in PARTITIONS
+        and (file.run is None) == (PARTITIONS[file.table] is None)
+        and file.path == path_of(file.table, file.run, file.sha256)
+        and file.rows <= MAX_ROWS_PER_BYTE * file.bytes
     )
 
 

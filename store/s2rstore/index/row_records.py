@@ -114,8 +114,8 @@ class RowReader:
         except msgspec.ValidationError as error:
             place = _PLACE.match(str(error))
             assert place is not None
-            found = (place["column"] or "").replace(".", "_")
-            self.refuse(row, f"{column} {found}".strip(), place["reason"])
+            found, reason = (place["column"] or "").replace(".", "_"), place["reason"]
+            self.refuse(row, column or found, f"{found}: {reason}" if column else reason)
 
     def records(self, rows: Iterable[Row], kind: type[T], unique: str) -> list[T]:
         """All rows as records; refuses two with one value in column `unique`."""

@@ -16,7 +16,6 @@ from s2rstore.records import Trajectory, TrajectoryPart
 
 Query = Callable[[str], Sequence[tuple[Any, ...]]]
 
-_HAS_PARTS = "SELECT count(*) FROM duckdb_tables() WHERE table_name = 'part' AND NOT internal"
 _GROUPS = """
     SELECT trajectory, {part}, min(iid), count(*) FROM instance {join}
     GROUP BY ALL ORDER BY min(iid)
@@ -30,7 +29,7 @@ def trajectory_parts(execute: Query) -> list[TrajectoryPart]:
 
     `execute` gives the rows of a query on the index.
     """
-    has_parts = execute(_HAS_PARTS) != [(0,)] and bool(execute("SELECT 1 FROM part LIMIT 1"))
+    has_parts = bool(execute("SELECT 1 FROM part LIMIT 1"))
     rows: Counter[str] = Counter()
     parts = []
     for trajectory, part, first_iid, count in execute(_PARTS if has_parts else _ONE_PART):

@@ -110,9 +110,7 @@ class CandidatePoses:
         return self.rooms[cells // self.headings.size]
 
 
-def find_candidates(
-    store: Store, headings: int = HEADINGS, reporter: Reporter | None = None
-) -> CandidatePoses:
+def find_candidates(store: Store, reporter: Reporter | None = None) -> CandidatePoses:
     """The poses at which a robot could take an image.
 
     Of a synthetic world they are its free floor without views of a near wall; else places
@@ -122,10 +120,10 @@ def find_candidates(
     names = store.instances.room_names
     if floor.world is None:
         places = _places(floor)
-        usable = np.ones((len(places), headings), dtype=np.bool_)
+        usable = np.ones((len(places), HEADINGS), dtype=np.bool_)
         candidates = _candidates(places, usable, store.rooms, names, floor.origin)
     else:
-        candidates = world_candidates(floor.world, store.rooms, names, headings, reporter)
+        candidates = world_candidates(floor.world, store.rooms, names, reporter)
     if not candidates.count:
         raise RequestError(f"{store.path}: no free place was found; ingest more poses")
     return candidates
@@ -135,7 +133,6 @@ def world_candidates(
     world: World,
     rooms: Sequence[Room],
     names: Sequence[str],
-    headings: int = HEADINGS,
     reporter: Reporter | None = None,
 ) -> CandidatePoses:
     """The free floor of a synthetic world, without views of a near wall.
@@ -146,7 +143,7 @@ def world_candidates(
         reporter.say("looking for free places; the first call compiles the ray caster (a minute)")
     floor = FreeFloor.of_world(world)
     places = _places(floor)
-    usable = _with_content(world, places, turns(headings), reporter)
+    usable = _with_content(world, places, turns(HEADINGS), reporter)
     return _candidates(places, usable, rooms, names, floor.origin)
 
 

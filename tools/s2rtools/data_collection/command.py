@@ -16,7 +16,7 @@ from s2rstore.files.planned_poses import COLUMNS, SAMPLE_COLUMNS, STRATUM_COLUMN
 from s2rstore.security.printable_text import printable
 from s2rtools.common.command_line import output, store_argument
 from s2rtools.common.command_line.output import print_coverage
-from s2rtools.common.command_line.progress import reporter
+from s2rtools.common.command_line.progress import add_progress, reporter
 from s2rtools.simulated_frames.command import add_processes, add_values, refuse
 
 if TYPE_CHECKING:
@@ -70,6 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="save the instances nearest to the poses as selection "
                         "@NAME")  # fmt: skip
     group.add_argument("--json", action="store_true", help="print JSON")
+    add_progress(group)
     output.add_safe_csv(group)
 
 
@@ -85,7 +86,7 @@ def execute(options: argparse.Namespace, save: Callable[[Store, CollectionPlan, 
     budget = _BUDGET if options.budget is None else options.budget
     request = CollectionRequest("", budget, options.method or "combined", options.seed)
     renderer = _renderer(options)
-    with s2rstore.open(options.store) as store, reporter() as progress:
+    with s2rstore.open(options.store) as store, reporter(options.progress) as progress:
         store.require_poses("collect")
         request = replace(request, run=store.run_name(options.run))
         print_coverage(store, [request.run])
@@ -105,7 +106,7 @@ def _execute_sample(options: argparse.Namespace) -> int:
     refuse(options, ("run", "method", "renderer", "save"), "not with --for evaluation")
     _renderer(options)
     budget = _SAMPLE_BUDGET if options.budget is None else options.budget
-    with s2rstore.open(options.store) as store, reporter() as progress:
+    with s2rstore.open(options.store) as store, reporter(options.progress) as progress:
         store.require_poses("collect")
         chosen = sample_store(store, budget, options.seed, progress)
     sample = chosen.sample

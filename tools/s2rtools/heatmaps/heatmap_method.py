@@ -41,19 +41,15 @@ class SideImages:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SideBatch:
-    """One side of a batch of B pairs.
+class SideBatch(SideImages):
+    """The images of one side of a batch of B pairs, and what the network made of them.
 
-    x (B, C, h, w) tensor, the network's input; the images as in `SideImages`; features
-    (B, F, fh, fw) and embedding (B, D) tensors; prediction and truth (B, 3) in metres, metres,
-    radians; base, the outputs of all operations of the trunk, where the backend keeps them.
+    x (B, C, h, w) tensor, the network's input; features (B, F, fh, fw) and embedding (B, D)
+    tensors; prediction and truth (B, 3) in metres, metres, radians; base, the outputs of all
+    operations of the trunk, where the backend keeps them.
     """
 
     x: Tensor
-    rgb: NDArray[np.uint8]
-    depth: NDArray[Any]
-    valid: NDArray[np.bool_]
-    depth_scale: float
     features: Tensor | None
     embedding: Tensor
     prediction: NDArray[np.float64]
@@ -64,8 +60,8 @@ class SideBatch:
 class ImagePair:
     """The images of both sides of a batch; `alignment` for kinds that need it."""
 
-    sim: SideImages | SideBatch
-    real: SideImages | SideBatch
+    sim: SideImages
+    real: SideImages
     alignment: ImageAlignment | None
 
     def aligned(self) -> ImageAlignment:

@@ -8,7 +8,7 @@ from typing import Any
 
 from s2rstore.errors import RequestError
 from s2rtools.common.command_line import store_argument
-from s2rtools.common.command_line.progress import STYLES, Reporter, reporter
+from s2rtools.common.command_line.progress import Reporter, add_progress, reporter
 
 EXAMPLE = "s2r precompute lab.s2r --run bright --workers 4"
 
@@ -60,13 +60,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "cuda, cuda-float16, cuda-bfloat16, or auto (default): that of the run so far, else the "
         "usual one of this machine that stays within 1 cm and 0.5 degrees of float32",
     )
-    add("--progress", choices=STYLES, default="auto",
-        help="json prints one object per line on standard output and ends "
-        "together with the parent process")  # fmt: skip
+    add_progress(parser)
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rtools.common.parent_process import end_with_parent
     from s2rtools.precompute.executors.clusters import job_script
     from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 
@@ -74,8 +71,6 @@ def execute(options: argparse.Namespace) -> int:
     if options.show_job_script:
         print(job_script(options.cluster), end="")
         return 0
-    if options.progress == "json":
-        end_with_parent()
     kinds = None if options.kinds is None else tuple(options.kinds.split(","))
     with reporter(options.progress) as progress, _executor(options, progress) as executor:
         settings = PrecomputeOptions(

@@ -17,7 +17,7 @@ from s2rstore.records import SIDES, Run
 from s2rstore.security.printable_text import printable
 from s2rstore.suggestions import Answer, SuggestReport, bounds_text, read_report, section
 from s2rtools.common.command_line import output, store_argument
-from s2rtools.common.command_line.progress import reporter
+from s2rtools.common.command_line.progress import add_progress, reporter
 from s2rtools.simulated_frames.command import add_processes, refuse
 
 if TYPE_CHECKING:
@@ -72,6 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--figure", type=Path, metavar="FILE", help="draw the front as PNG, SVG or PDF")
     add("--no-keep", action="store_true", help="do not save the result in the store")
     add("--json", action="store_true", help="print the result as JSON")
+    add_progress(parser)
 
 
 def execute(
@@ -90,7 +91,7 @@ def execute(
     report = _stored(options) if options.apply is not None else None
     is_new = report is None
     if report is None:
-        with reporter() as progress:
+        with reporter(options.progress) as progress:
             report = suggest(options.store, options.run, settings, progress)
         if not options.no_keep and not report.is_unfinished:
             save_report(options.store, report)
@@ -136,7 +137,7 @@ def _execute_renderer(options: argparse.Namespace) -> int:
     pose_renderer.check_processes(options.workers, options.timeout)
     command = pose_renderer.renderer_command(options.renderer)
     path = pose_renderer.frames_path(options.store, options.out)
-    with reporter() as progress:
+    with reporter(options.progress) as progress:
         report = suggest_parameters(
             options.store, command, path, options.workers, options.timeout, settings, progress
         )

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -124,7 +123,7 @@ class RendererReport:
 
 def suggest_parameters(
     root: Path, command: Sequence[str], frames: Path, workers: int, timeout: float,
-    settings: SuggestSettings, reporter: Reporter, clock: Callable[[], float] = time.monotonic,
+    settings: SuggestSettings, reporter: Reporter,
 ) -> RendererReport:  # fmt: skip
     """Fit what a program declares, and image adjustments, to the real images of a store.
 
@@ -132,7 +131,7 @@ def suggest_parameters(
     images with poses or the program cannot be used, InconclusiveError where its instances are too
     few.
     """
-    budget = TimeBudget(settings.budget, clock)
+    budget = TimeBudget(settings.budget)
     with s2rstore.open(root) as store:
         store.require_poses("suggest")
         domain = next((name for name in store.domains if store.domain(name).kind == "real"), None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import sys
@@ -11,6 +12,7 @@ from contextlib import contextmanager
 from typing import Any, Literal, Protocol
 
 from s2rstore.security.printable_text import printable, underlying_stream
+from s2rtools.common.parent_process import end_with_parent
 
 Style = Literal["auto", "json"]
 STYLES: tuple[Style, ...] = ("auto", "json")
@@ -106,10 +108,21 @@ def percent_callback(reporter: Reporter, stage: str) -> Callable[[float, float, 
     return report
 
 
+def add_progress(parser: argparse._ActionsContainer) -> None:
+    """Add option --progress."""
+    parser.add_argument("--progress", choices=STYLES, default="auto",
+                        help="json prints one object per line on standard output and ends "
+                        "together with the parent process")  # fmt: skip
+
+
 @contextmanager
 def reporter(style: Style = "auto") -> Iterator[Reporter]:
-    """Yield a bar or a log on standard error, depending on whether it is a terminal, or JSON."""
+    """Yield a bar or a log on standard error, depending on whether it is a terminal, or JSON.
+
+    JSON is for a parent process, whose end is the end of this one.
+    """
     if style == "json":
+        end_with_parent()
         yield JsonReporter()
         return
     if not sys.stderr.isatty():

@@ -13,7 +13,6 @@ from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,7 +133,6 @@ def build_from_images(
     name: str,
     command: str,
     long_edge: int = LONG_EDGE,
-    provenance: Mapping[str, dict[str, Any]] | None = None,
 ) -> Scan:
     """Make a store of images that are produced one after another, each used once.
 
@@ -161,7 +159,6 @@ def build_from_images(
         trajectories.setdefault(instance.trajectory, array("i")).append(number)
     if scan is None:
         raise RequestError(f"{name}: no images; nothing was ingested")
-    scan.provenance = dict(provenance or {})
     for trajectory, numbers in trajectories.items():
         add_images(scan, trajectory, *_cached_instances(numbers, stored, images))
     build(scan, target, command, False, lambda steps: None)
