@@ -125,12 +125,12 @@ RESOURCE_CHANGES: dict[str, Callable[[LoadedData], object]] = {
     "models": lambda resources: {},
     "progress": lambda resources: {"live": 0.5},
     "failed": lambda resources: {"live": "no model"},
-    "saving": lambda resources: "1 of 3",
+    "computation": lambda resources: "1 of 3",
     "computing": lambda resources: "computing vanilla: harm 1/2",
 }
 NEVER_DRAWN = {
     "newest", "node", "operator", "lasso", "message", "is_error", "past",
-    "future", "centre", "progress", "saving", "pending", "keeps_message", "suggested",
+    "future", "centre", "progress", "computation", "pending", "keeps_message", "suggested",
 }  # fmt: skip
 
 IN_SCENE = {
