@@ -168,7 +168,6 @@ async def test_the_room_of_the_cursor_is_shown(many_rooms):
     ("recall", "skill", ""),
     ("risk", "radius all rooms", "all"),
     ("shares", "lighting", "share.lighting > 0"),
-    ("shares", "sensor and camera", ""),
     ("exchange", "vanilla", "paired & new"),
     ("exchange", "dataaug", 'run("dataaug").paired & run("dataaug").new'),
 ])  # fmt: skip

@@ -14,14 +14,6 @@ from tests.support.refusals import refused
 FIRST = "day-00_0000"
 
 
-def test_rendered_folders_are_read_with_lights_recordings_and_poses(rendered):
-    assert set(rendered.conditions) == {"day", "dark"}
-    assert set(rendered.sequences) == {"day-00", "day-01", "dark-00", "dark-01"}
-    assert rendered.images.shape == (48, 80, 160, 3)
-    assert np.isfinite(rendered.poses).all()
-    assert rendered.labelled.all()
-
-
 def _without_mask(folder: Path) -> None:
     (folder / "masks" / f"{FIRST}.png").unlink()
 
