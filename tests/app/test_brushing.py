@@ -231,7 +231,7 @@ async def test_the_history_is_saved_last_and_may_fail(tiny_store, monkeypatch):
 
     stop = app.load_scheduler.stop
     monkeypatch.setattr(app.load_scheduler, "stop", lambda: (calls.append("stopped"), stop()))
-    monkeypatch.setattr(app.adjust, "close", lambda: calls.append("left"))
+    monkeypatch.setattr(app.computation, "close", lambda: calls.append("left"))
     monkeypatch.setattr(Notebook, "add_history", failing_save)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
