@@ -64,14 +64,19 @@ def make_pipe(lock: Path, outside: Path) -> None:
 
 
 @pytest.mark.parametrize("make", [make_link, make_folder, make_pipe], ids=lambda f: f.__name__)
+@pytest.mark.parametrize("is_claim", [False, True], ids=["lock", "claim"])
 @pytest.mark.parametrize("in_store", [True, False], ids=["store", "file"])
-def test_only_regular_files_are_opened(tmp_path, make, in_store):
+def test_only_regular_files_are_opened(tmp_path, make, is_claim, in_store):
     outside = tmp_path / "outside"
     outside.write_text("kept")
     folder = tmp_path / "folder"
     lock = folder / ("ledger/compute.lock" if in_store else ".notes.lock")
     lock.parent.mkdir(parents=True)
-    make(lock, outside)
+    if is_claim:
+        lock.write_bytes(text())
+        make(lock.with_name(f"{lock.name}.{'0' * 16}.claim.partial"), outside)
+    else:
+        make(lock, outside)
     before = sorted(folder.rglob("*"))
     timing = LockClock().timing
     lease = (

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import obstore
 import pytest
@@ -21,7 +22,7 @@ from bench.support.processes import program_environment
 from bench.support.s3_server import BUCKET, S3Server, program, s3_server
 from bench.support.store_server import store_server
 from s2rstore.errors import StoreBusyError, UnreachableStoreError
-from s2rstore.files import layout, lease
+from s2rstore.files import layout
 from s2rstore.files.ledger import generation_file
 from s2rstore.files.process_identity import ProcessIdentity
 from s2rstore.index import row_files
@@ -278,7 +279,7 @@ def test_of_two_pushes_at_once_the_second_is_refused(
         for options in ([], ["--force"]):
             (line,) = s2r("push", second, url, *options).checked(2).err.splitlines()
             assert f"{url}: process {os.getpid()} on " in line
-            assert line.endswith("holds the push lock; wait for it, or stop it")
+            assert line.endswith("pushes there; wait for it, or stop it")
         paused.may_go_on.set()
         assert running.result(60).generation == 3
     assert not check(url).damages
@@ -290,9 +291,9 @@ def test_a_push_that_is_taken_for_dead_and_goes_on_changes_nothing(
 ):
     """Its process is suspended: neither it nor its heartbeat does anything meanwhile."""
     first, second = changed_copies(store_copy, tmp_path)
-    monkeypatch.setattr(lease.Lease, "_beat", lambda held: None)
-    monkeypatch.setattr(lease, "_seems_stale", lambda found, timing: True)
-    monkeypatch.setattr(push_lease, "TIMING", lease.Timing(0.1, 0.1))
+    monkeypatch.setattr(push_lease.PushLease, "_beat", lambda lease: None)
+    monkeypatch.setattr(push_lease._Found, "seems_alive", lambda found, limit: False)
+    monkeypatch.setattr(push_lease, "TIMING", push_lease.Timing(0.02, 0.1))
     paused = Paused(monkeypatch)
     reporter = SilentReporter()
     with ThreadPoolExecutor(1) as pool:
@@ -301,9 +302,9 @@ def test_a_push_that_is_taken_for_dead_and_goes_on_changes_nothing(
         push.push(second, parse_url(url), reporter)
         there = objects(s3, url)
         paused.may_go_on.set()
-        with pytest.raises(StoreBusyError, match="by another process, which has ended; this"):
+        with pytest.raises(StoreBusyError, match="has begun to push there; this push was susp"):
             running.result(60)
-    assert any("seems to have stopped; waiting" in line for line in reporter.lines)
+    assert any("seems to have stopped pushing" in line for line in reporter.lines)
     after = objects(s3, url)
     assert after.keys() == there.keys()
     assert not check(url).damages
@@ -314,19 +315,19 @@ def test_the_lease_of_a_living_process_on_another_machine_is_not_taken(
 ):
     """Its clock is another one, so that its heartbeat seems to be old; but it goes on."""
     holder, target = ProcessIdentity("far", "b", "n", 7, 8), ObjectClient(parse_url(url))
-    monkeypatch.setattr(lease, "_seems_stale", lambda found, timing: True)
-    when = "2026-11-21 10:00:00 UTC"
+    monkeypatch.setattr(push_lease._Found, "seems_alive", lambda found, limit: False)
     contents = [
-        lease._Content(f"{1:032x}", holder, when, when, beats).encode() for beats in range(2)
+        push_lease._Content(f"{1:032x}", holder, "2026-11-21 10:00:00 UTC", beats)
+        for beats in range(2)
     ]
-    target.put(push_lease.NAME, contents[0], {})
+    target.put(push_lease.NAME, msgspec.json.encode(contents[0]), {})
 
     class Beating(SilentReporter):
         def say(self, line: str) -> None:
             super().say(line)
-            target.put(push_lease.NAME, contents[1], {})
+            target.put(push_lease.NAME, msgspec.json.encode(contents[1]), {})
 
-    with pytest.raises(StoreBusyError, match=r"process 7 on far .* holds the push lock"):
+    with pytest.raises(StoreBusyError, match=r"process 7 on far .* pushes there; wait for it"):
         push.push(store_copy, parse_url(url), Beating())
     assert not objects(s3, url)
 

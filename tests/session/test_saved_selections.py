@@ -177,7 +177,7 @@ def test_a_lock_that_cannot_be_made_is_reported(session, monkeypatch):
     def fail_to_create(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(LockFile, "swap", fail_to_create)
+    monkeypatch.setattr(LockFile, "create", fail_to_create)
     with pytest.raises(RequestError, match="lock cannot be opened"):
         session.writable_notebook.note(3, "first")
 

@@ -15,8 +15,8 @@ import pytest
 from bench.support.processes import wait_until
 from s2rstore.errors import RequestError, StoreBusyError
 from s2rstore.files import process_identity
-from s2rstore.files.lease import SIZE, TIMING, Found, acquire
-from s2rstore.files.lock_file import LockFile
+from s2rstore.files.lease import TIMING, Lease, acquire
+from s2rstore.files.lock_file import SIZE, LockFile
 from s2rstore.files.locks import compute_lock, file_lock, publish_lock
 from tests.hostile.test_ingest_leftovers import ended_process_id
 from tests.support.lock_clock import LockClock
@@ -177,7 +177,7 @@ def test_a_holder_notices_that_its_lease_was_taken_over(tmp_path, clock):
             with pytest.raises(StoreBusyError, match="taken over by process"):
                 lost.check()
         with pytest.raises(StoreBusyError, match="run the command again"):
-            lost.check_at_times()
+            lost.raise_if_lost()
         with pytest.raises(StoreBusyError):
             lost.release()
         taken.check()
@@ -208,60 +208,80 @@ def test_the_heartbeat_is_renewed_by_a_thread(tmp_path):
     assert file.read() is None
 
 
-def test_long_work_is_ended_by_a_lost_lease_without_reading_the_file_each_time(tmp_path, clock):
-    file = LockFile(compute_file(tmp_path), tmp_path)
-    lease = acquire(file, "lab.s2r: the compute lock", 0.0, clock.timing)
-    compute_file(tmp_path).unlink()
-    lease.check_at_times()
-    clock.now += TIMING.limit
-    with pytest.raises(StoreBusyError, match="removed"):
-        lease.check_at_times()
-
-
 def test_a_taker_that_comes_too_late_leaves_the_new_lease(tmp_path):
     stale = write_lease(compute_file(tmp_path), process=ended_process_id())
     with compute_lock(tmp_path) as lease:
         file = LockFile(compute_file(tmp_path), tmp_path)
-        assert not file.swap(Found(stale, 0), b"taker")
+        assert not file.remove_content(stale)
         lease.check()
         assert names(tmp_path) == {"compute.lock"}
 
 
-def test_a_new_lease_stays_where_the_file_system_has_no_hard_links(tmp_path, monkeypatch):
-    def refuse(*_: object, **__: object) -> None:
-        raise PermissionError(1, "Operation not permitted")
-
-    monkeypatch.setattr(os, "link", refuse)
-    with compute_lock(tmp_path) as lease:
-        file = LockFile(compute_file(tmp_path), tmp_path)
-        assert not file.swap(Found(b"stale", 0), b"taker")
-        lease.check()
-
-
-def test_a_holder_that_wakes_just_before_a_takeover_keeps_its_lease(tmp_path, clock, monkeypatch):
-    swap = LockFile.swap
+def test_a_holder_that_wakes_before_the_claim_keeps_its_lease(tmp_path, clock, monkeypatch):
+    create = LockFile.create
     with compute_lock(tmp_path) as lease:
 
-        def wake_before(file: LockFile, found: Found | None, content: bytes | None) -> bool:
-            monkeypatch.undo()
-            lease.check()
-            return swap(file, found, content)
+        def wake_before(file: LockFile, content: bytes) -> bool:
+            if "claim" in file.path.name:
+                monkeypatch.undo()
+                lease.check()
+            return create(file, content)
 
-        monkeypatch.setattr(LockFile, "swap", wake_before)
+        monkeypatch.setattr(LockFile, "create", wake_before)
         assert_held(tmp_path, clock, TIMING.limit)
-        assert LockFile.swap is swap
+        assert LockFile.create is create
         lease.check()
         assert names(tmp_path) == {"compute.lock"}
 
 
-def test_a_lease_that_another_process_has_moved_to_compare_it_is_not_lost(tmp_path):
-    lock = compute_file(tmp_path)
+def test_a_holder_that_wakes_during_a_takeover_waits_for_its_end(tmp_path, clock, monkeypatch):
+    errors: list[Exception] = []
+    threads: list[threading.Thread] = []
+    claim_was_seen = threading.Event()
+    read, remove_content = LockFile.read, LockFile.remove_content
+
+    def wake(lease: Lease) -> None:
+        try:
+            lease.check()
+        except StoreBusyError as error:
+            errors.append(error)
+
+    def watched_read(file: LockFile) -> Any:
+        found = read(file)
+        if found and "claim" in file.path.name and threading.current_thread() in threads:
+            claim_was_seen.set()
+        return found
+
     with compute_lock(tmp_path) as lease:
-        moved = lock.rename(lock.with_name("moved"))
-        timer = threading.Timer(0.1, moved.rename, [lock])
-        timer.start()
+
+        def wake_within(file: LockFile, content: bytes) -> bool:
+            if not threads:  # the taker has found that the heartbeat is unchanged
+                threads.append(threading.Thread(target=wake, args=(lease,)))
+                threads[0].start()
+                assert claim_was_seen.wait(30)
+                assert threads[0].is_alive()
+            return remove_content(file, content)
+
+        monkeypatch.setattr(LockFile, "read", watched_read)
+        monkeypatch.setattr(LockFile, "remove_content", wake_within)
+        assert_held(tmp_path, clock, TIMING.limit)
+        threads[0].join(30)
+        assert errors == []
         lease.check()
-        timer.join()
+    assert names(tmp_path) == set()
+
+
+@pytest.mark.parametrize("is_ended", [True, False])
+def test_a_claim_that_a_killed_taker_left_is_removed(tmp_path, clock, is_ended):
+    """A lease is stale, and so is the claim on it."""
+    write_lease(compute_file(tmp_path), process=ended_process_id())
+    claim = tmp_path / "ledger" / f"compute.lock.{7:032x}"[:-16]
+    claim = claim.with_name(f"{claim.name}.claim.partial")
+    write_lease(claim, **({"process": ended_process_id()} if is_ended else {"host": "elsewhere"}))
+    with compute_lock(tmp_path, 0.0, timing=clock.timing) as lease:
+        assert (clock.now < 1) == is_ended
+        lease.check()
+        assert names(tmp_path) == {"compute.lock"}
 
 
 def test_a_lease_is_released_on_a_full_disk(tmp_path, monkeypatch):
@@ -269,7 +289,7 @@ def test_a_lease_is_released_on_a_full_disk(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     with compute_lock(tmp_path):
-        monkeypatch.setattr(LockFile, "_create", refuse)
+        monkeypatch.setattr(LockFile, "create", refuse)
     assert names(tmp_path) == set()
 
 

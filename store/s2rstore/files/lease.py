@@ -1,46 +1,49 @@
-"""Leases: locks that hold between hosts, on network file systems and in object storage.
+"""Leases: locks that hold between hosts and on network file systems.
 
-A lease is a file or an object that exactly one process can make. It states who made it, and has a
-heartbeat that a thread of the holder renews. It does not rely on `flock`, which some network file
-systems grant to two hosts at once.
+A lease is a file that exactly one process can make (`O_EXCL`). It states who made it, and has a
+heartbeat that a thread of the holder renews. `flock` is not used, because some network file systems
+grant it to two hosts at once.
 
 A lease is stale when its process has certainly ended (see `process_identity.has_ended`), or when a
-waiting process has seen no change of it for `Timing.limit` seconds by its own monotonic clock.
-Clocks of two hosts are never compared to decide that. A stale lease is taken over by a
-compare-and-swap (`LeasePlace.swap`): it is replaced only if its content is still the one observed.
+waiting process has seen no change of the file for `Timing.limit` seconds by its own monotonic
+clock. Clocks of two hosts are never compared to decide that. A stale lease is taken over:
+
+1. The taker makes a claim: a file whose name has the id of the stale lease, with `O_EXCL`. One
+   process at a time can hold the claim to end a certain lease, and nobody ends a lease without
+   it, its holder included.
+2. It reads the lease again, and gives up where its content has changed.
+3. It renames the lease to a unique name, compares the content again, and removes it.
+4. It removes the claim, and makes its own lease with `O_EXCL`, as everybody else may.
 
 A process that is suspended can lose its lease. It must call `Lease.check` before it publishes:
-`check` renews the heartbeat and then raises StoreBusyError unless the lease is still its own. A
-process that takes it over at that moment either sees the new heartbeat, and leaves the lease, or
-has replaced it already, which `check` sees. What remains is a process that is suspended between the
-check and the next system call, for longer than the limit.
+`check` renews the heartbeat, waits for a claim on the lease to end, and raises StoreBusyError
+unless the file is still its own. A taker that made its claim before the renewal is waited for; one
+that makes it afterwards sees the new heartbeat. What remains is a process that is suspended between
+the check and the next system call, for longer than the limit.
 """
 
 from __future__ import annotations
 
 import datetime
+import hashlib
 import os
 import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple, Protocol
+from dataclasses import dataclass, field
+from typing import Annotated
 
 import msgspec
 
 from s2rstore.errors import RequestError, S2RError, StoreBusyError
 from s2rstore.files import process_identity
+from s2rstore.files.lock_file import SIZE, Found, LockFile
 from s2rstore.files.process_identity import ProcessIdentity
 from s2rstore.files.safe_files import LinkError
 
 ReportLine = Callable[[str], object]
-SIZE = 1024
-"""Bytes of a lease, and the most that are read of any."""
-RELEASED = b"released"
-"""The content of a lease that was given back, where it cannot be removed."""
-_PAUSE, _LOOKS = 0.02, 25
 _TIME = Annotated[str, msgspec.Meta(pattern=r"\A\d{4}-\d\d-\d\d \d\d:\d\d:\d\d UTC\Z")]
 
 
@@ -63,39 +66,8 @@ COMPUTE_TIMING = Timing(limit=300.0)
 """For processes that compute: compiled code may hold the interpreter lock, and so the heartbeat."""
 
 
-class Found(NamedTuple):
-    """The content of a lease, and when it was modified, in nanoseconds since 1970.
-
-    `modified` is by the clock of the file system or server. `version` is that of an object, with
-    which it is replaced.
-    """
-
-    content: bytes
-    modified: int
-    version: str = ""
-
-
-class LeasePlace(Protocol):
-    """Where a lease is kept; `path` names it in messages. Only `SIZE` bytes of it are read."""
-
-    @property
-    def path(self) -> Any: ...
-
-    def read(self) -> Found | None:
-        """The present lease; None where there is none."""
-
-    def swap(self, found: Found | None, content: bytes | None) -> bool:
-        """Replace the lease `found`, or none, by `content`, or by none.
-
-        False where another lease is there. Of several processes that try it, one succeeds at most.
-        """
-
-    def renew(self, is_own: Callable[[bytes], bool], content: bytes) -> bool:
-        """Write the lease again if `is_own` accepts the present one; False where it does not."""
-
-
 class _Content(msgspec.Struct, frozen=True):
-    """The content of a lease, as JSON; times are by the clock of the holder."""
+    """The content of a lease's file, as JSON; times are by the clock of the holder."""
 
     lease: Annotated[str, msgspec.Meta(pattern=r"\A[0-9a-f]{32}\Z")]
     holder: ProcessIdentity
@@ -116,10 +88,9 @@ _DECODER = msgspec.json.Decoder(_Content)
 class Lease:
     """A lease that this process holds; `acquire` makes it."""
 
-    def __init__(self, place: LeasePlace, what: str, content: _Content, timing: Timing) -> None:
-        self._place, self._what, self._content, self._timing = place, what, content, timing
+    def __init__(self, file: LockFile, what: str, content: _Content, timing: Timing) -> None:
+        self._file, self._what, self._content, self._timing = file, what, content, timing
         self._loss: str | None = None
-        self._renewed = timing.clock()
         self._mutex = threading.Lock()
         self._released = threading.Event()
         threading.Thread(target=self._beat, name=f"heartbeat of {what}", daemon=True).start()
@@ -131,25 +102,24 @@ class Lease:
         """
         with _explained(self._what):
             self._renew()
+            self._wait_for_claim()
             if self._loss is None:
                 self._loss = self._present_loss()
+        self.raise_if_lost()
+
+    def raise_if_lost(self) -> None:
+        """Raise StoreBusyError if a heartbeat has found that the lease was taken over.
+
+        Reads no file, and so cannot replace `check`; it ends long work early.
+        """
         if self._loss is not None:
             raise StoreBusyError(
                 f"{self._what} {self._loss}; this process was suspended, or had no contact with "
-                "the file system or server: run the command again"
+                "the file system: run the command again"
             )
 
-    def check_at_times(self) -> None:
-        """As `check`, but without reading the lease where the last heartbeat is recent.
-
-        It ends long work early, and cannot replace `check`.
-        """
-        is_recent = self._timing.clock() <= self._renewed + self._timing.limit / 2
-        if self._loss is not None or not is_recent:
-            self.check()
-
     def release(self) -> None:
-        """Give the lease back; another one in its place stays.
+        """Give the lease back; only its own file is removed.
 
         Raises StoreBusyError where the lease was taken over in the meantime.
         """
@@ -157,13 +127,18 @@ class Lease:
             return  # a fork of the holder
         with self._mutex:
             self._released.set()
+        observer = _Observer(self._timing)
         while True:
             self.check()
             with _explained(self._what):
-                found = self._place.read()
-                if found is not None and self._place.swap(found, None):
-                    return
-            self._timing.pause(_PAUSE)
+                found = self._file.read()
+                try:
+                    is_removed = found is not None and _end(self._file, found, observer)
+                except OSError:  # no claim can be made on a full disk
+                    is_removed = self._file.remove_content(self._content.encode())
+            if is_removed:
+                return
+            self._timing.pause(0.02)
 
     def _beat(self) -> None:
         while self._loss is None and not self._released.wait(self._timing.interval):
@@ -172,37 +147,38 @@ class Lease:
 
     def _renew(self) -> None:
         with self._mutex:
-            if self._released.is_set():
+            if self._released.is_set() or self._loss is not None:
                 return
             beats = self._content.beats + 1
             content = msgspec.structs.replace(self._content, heartbeat=_now(), beats=beats)
-            while self._loss is None:
-                if self._place.renew(self._is_own, content.encode()):
-                    self._content, self._renewed = content, self._timing.clock()
-                    return
-                self._loss = self._present_loss()
+            if self._file.rewrite(self._is_own, content.encode()):
+                self._content = content
+            else:
+                self._loss = self._present_loss() or "was lost"
+
+    def _wait_for_claim(self) -> None:
+        """Wait until no process tries to end this lease; a claim without an owner is removed."""
+        claim, observer = _claim(self._file, self._content.encode()), _Observer(self._timing)
+        while self._loss is None:
+            left = claim.read()
+            if left is None:
+                return
+            if _is_stale(claim, left, observer):
+                _end(claim, left, observer)
+            self._timing.pause(0.02)
 
     def _present_loss(self) -> str | None:
-        """What has become of the lease; None where it is still the own one.
-
-        A missing one is looked for again: `LockFile.swap` moves a file away while it compares it.
-        """
-        for _ in range(_LOOKS):
-            found = self._place.read()
-            if found is not None:
-                return (
-                    None if self._is_own(found.content) else f"was taken over by {_holder(found)}"
-                )
-            self._timing.pause(_PAUSE)
-        return "was removed"
+        found = self._file.read()
+        if found is None:
+            return "was removed"
+        return None if self._is_own(found.content) else f"was taken over by {_holder(found)}"
 
     def _is_own(self, content: bytes) -> bool:
-        decoded = _decoded(content)
-        return decoded is not None and decoded.lease == self._content.lease
+        return _lease_id(content) == self._content.lease
 
 
 def acquire(
-    place: LeasePlace,
+    file: LockFile,
     what: str,
     timeout: float,
     timing: Timing = TIMING,
@@ -218,61 +194,103 @@ def acquire(
     """
     observer = _Observer(timing)
     deadline = timing.clock() + timeout
-    pause, is_reported = _PAUSE, False
+    pause, is_reported = 0.02, False
     with _explained(what):
         while True:
-            found = place.read()
-            if found is None or observer.is_stale(found):
-                content = _new_content()
-                if place.swap(found, content.encode()):
-                    return Lease(place, what, content, timing)
-                if found is None and timing.clock() >= deadline + timing.limit:
-                    message = f"{what} exists, and cannot be read; remove {place.path}"
-                    raise StoreBusyError(message)
-            elif timing.clock() >= deadline:
-                is_silent = _seems_stale(found, timing) and observer.is_unchanged
+            content = _new_content()
+            if file.create(content.encode()):
+                return Lease(file, what, content, timing)
+            found = file.read()
+            if found is not None and _is_stale(file, found, observer):
+                if _end(file, found, observer):
+                    continue
+            elif found is not None and timing.clock() >= deadline:
+                is_silent = _seems_stale(found, timing) and observer.is_unchanged(file, found)
                 if not (observe and is_silent):
-                    raise StoreBusyError(_busy_message(what, place, found, timing))
+                    raise StoreBusyError(_busy_message(what, file, found, timing))
                 if not is_reported:
                     is_reported = True
                     report_line(
                         f"{what}: {_holder(found)} seems to have stopped; waiting up to "
                         f"{timing.limit:.0f} s for a heartbeat"
                     )
+            elif timing.clock() >= deadline + timing.limit:
+                raise StoreBusyError(f"{what} exists, and cannot be read; remove {file.path}")
             timing.pause(pause)
             pause = min(2 * pause, 0.5)
 
 
 @dataclass
+class _Observation:
+    found: Found
+    observed: float
+    silent: float = 0.0
+    changes: int = 0
+
+
+@dataclass
 class _Observer:
-    """How long a lease stays as it is, by the clock of this process.
+    """How long lock files stay as they are, by the clock of this process.
 
     The time between two observations counts as one interval at most: a process that was suspended
     itself, perhaps together with the holder, has not observed anything meanwhile.
     """
 
     timing: Timing
-    _last: Found | None = None
-    _observed: float = 0.0
-    _silent: float = 0.0
-    is_unchanged: bool = True
-    """Whether no change was observed since the first observation."""
+    _files: dict[str, _Observation] = field(default_factory=dict)
 
-    def is_stale(self, found: Found) -> bool:
-        """Observe a lease: whether it was given back, its process has ended, or it is silent."""
+    def observe(self, file: LockFile, found: Found) -> _Observation:
         now = self.timing.clock()
-        if found == self._last:
-            self._silent += min(now - self._observed, self.timing.interval)
+        seen = self._files.setdefault(str(file.path), _Observation(found, now))
+        if seen.found == found:
+            seen.silent += min(now - seen.observed, self.timing.interval)
         else:
-            self.is_unchanged = self._last is None
-            self._last, self._silent = found, 0.0
-        self._observed = now
-        content = _decoded(found.content)
-        return (
-            found.content == RELEASED
-            or (content is not None and process_identity.has_ended(content.holder))
-            or self._silent >= self.timing.limit
-        )
+            seen.found, seen.silent, seen.changes = found, 0.0, seen.changes + 1
+        seen.observed = now
+        return seen
+
+    def is_unchanged(self, file: LockFile, found: Found) -> bool:
+        """Whether no change was observed since the first observation."""
+        return self.observe(file, found).changes == 0
+
+
+def _is_stale(file: LockFile, found: Found, observer: _Observer) -> bool:
+    seen = observer.observe(file, found)
+    content = _decoded(found.content)
+    if content is not None and process_identity.has_ended(content.holder):
+        return True
+    return seen.silent >= observer.timing.limit
+
+
+def _end(file: LockFile, found: Found, observer: _Observer) -> bool:
+    """Remove the file of a lease if its content is still `found`; True if this process did it.
+
+    Of several processes that try it at once, at most one removes the file.
+
+    A claim that a killed process has left is ended in the same way, by a claim on the claim.
+    """
+    claim = _claim(file, found.content)
+    if not claim.create(_new_content().encode()):
+        left = claim.read()
+        if left is not None and _is_stale(claim, left, observer):
+            _end(claim, left, observer)
+        return False
+    try:
+        present = file.read()
+        if present is None or present.content != found.content:
+            return False
+        return file.remove_content(found.content)
+    finally:
+        claim.remove()
+
+
+def _claim(file: LockFile, content: bytes) -> LockFile:
+    return file.beside(f"{_lease_id(content)[:16]}.claim")
+
+
+def _lease_id(content: bytes) -> str:
+    decoded = _decoded(content)
+    return hashlib.sha256(content).hexdigest() if decoded is None else decoded.lease
 
 
 def _decoded(content: bytes) -> _Content | None:
@@ -292,21 +310,20 @@ def _now() -> str:
 
 
 def _seems_stale(found: Found, timing: Timing) -> bool:
-    """Whether its time is older than the limit, or unusable because clocks differ."""
+    """Whether the file's time is older than the limit, or unusable because clocks differ."""
     return not 0.0 <= time.time() - found.modified / 1e9 <= timing.limit
 
 
 def _holder(found: Found) -> str:
-    if found.content == RELEASED:
-        return "another process, which has ended"
-    return str(_decoded(found.content) or "an unknown process")
+    content = _decoded(found.content)
+    return "an unknown process" if content is None else str(content)
 
 
-def _busy_message(what: str, place: LeasePlace, found: Found, timing: Timing) -> str:
+def _busy_message(what: str, file: LockFile, found: Found, timing: Timing) -> str:
     owner, _, name = what.rpartition(": ")
     message = f"{owner}: {_holder(found)} holds {name}; wait for it, or stop it"
     if _seems_stale(found, timing):
-        return f"{message}; if it has ended without releasing the lock, remove {place.path}"
+        return f"{message}; if it has ended without releasing the lock, remove {file.path}"
     return message
 
 

@@ -21,11 +21,10 @@ import msgspec
 
 from s2rstore.errors import CheckFailedError, RequestError
 from s2rstore.files import layout, safe_files
-from s2rstore.files.lease import Lease
 from s2rstore.files.ledger import LedgerEntry, generation_file
 from s2rstore.files.store_files import LocalFiles
 from s2rstore.maintenance.generation_files import GenerationFile, generation_files
-from s2rstore.maintenance.push_lease import push_lease
+from s2rstore.maintenance.push_lease import PushLease, push_lease
 from s2rstore.reader import Store
 from s2rstore.remote.object_client import ObjectClient
 from s2rstore.remote.remote_files import RemoteFiles
@@ -91,7 +90,7 @@ def _push(
     client: ObjectClient,
     progress: Progress,
     force: bool,
-    lease: Lease,
+    lease: PushLease,
 ) -> PushResult:
     """See `push`; the lease of the target is held."""
     if not force:  # another push may have ended since the first check
@@ -154,7 +153,7 @@ class _Transfer:
     """Sends files that are not there, several at a time, and counts them."""
 
     def __init__(
-        self, files: LocalFiles, client: ObjectClient, progress: Progress, lease: Lease
+        self, files: LocalFiles, client: ObjectClient, progress: Progress, lease: PushLease
     ) -> None:
         self._files, self._client, self._progress, self._lease = files, client, progress, lease
         self._entries: list[LedgerEntry] = []

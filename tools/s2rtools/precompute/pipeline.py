@@ -310,7 +310,7 @@ def _compute_stages(call: _Call, stages: Sequence[Stage], backends: RunBackends 
         ]
         executor = options.executor or call.local
         for receipt in executor.run(tasks):
-            lease.check_at_times()
+            lease.raise_if_lost()
             unit = plan.finish(receipt, is_checked=executor.is_remote)
             call.reporter.advance(len(unit.instances))
         lease.check()
