@@ -85,7 +85,7 @@ def check_contents(wheel: Path) -> None:
     unknown = [name for name in names if not _belongs(name)]
     unknown += [name for name in sources if name.startswith(("tests/", "bench/", "examples/"))]
     if unknown:
-        raise ReleaseError(f"{len(unknown)} files do not belong into a release: {unknown[:5]}")
+        raise ReleaseError(f"{len(unknown)} files do not belong in a release: {unknown[:5]}")
     modules = {f.relative_to(ROOT / folder).as_posix() for package, folder in
                zip(PACKAGES, ("", "store", "tools"), strict=True)
                for f in (ROOT / folder / package).rglob("*.py")}  # fmt: skip

@@ -74,13 +74,14 @@ class SuggestionsInput:
     """Both directions of a run; `chosen` names an answer, by default the first suggested one.
 
     collect: the command that chooses poses of new images; empty where it is not known. planned: the
-    poses that it has chosen.
+    poses that are shown. computes: whether commands can compute in the store.
     """
 
     directions: tuple[Direction, ...]
     chosen: str | None = None
     collect: str = ""
     planned: tuple[PlannedPose, ...] = ()
+    computes: bool = True
 
     @property
     def names(self) -> list[str]:
@@ -278,8 +279,9 @@ class SuggestionsView(View):
             ["s2r", "collect", store.path.name, "--run", run, "--out", "poses.csv"]
         )
         return SuggestionsInput(
-            _directions(store, run), state.chosen_row(self.name), collect, state.planned
-        )
+            _directions(store, run), state.chosen_row(self.name), collect, state.planned,
+            not store.files.is_remote,
+        )  # fmt: skip
 
     def missing_sides(self, scene: Scene) -> tuple[Side, ...]:
         """The directions whose search can be run and is not stored."""
@@ -326,12 +328,13 @@ class SuggestionsView(View):
 def suggestions_drawing(data: SuggestionsInput, active: bool = True) -> Drawing:
     """The answers, and how the chosen one is applied."""
     notes = [f"{_TITLES[each.side]}: {each.note}" for each in data.directions if each.note]
-    if active and any(direction.is_missing for direction in data.directions):
-        notes.append("S runs the missing searches here (up to 5 minutes each)")
+    can_compute = active and data.computes
+    if can_compute and any(direction.is_missing for direction in data.directions):
+        notes.append("S runs the missing searches here (5 minutes each), and again: cancels")
     if data.planned:
         notes += _planned_lines(data.planned)
-    elif data.collect:
-        key = "\\ or " if active else ""
+    if data.collect:
+        key = "\\ or " if can_compute else ""
         notes.append(f"collect images: {key}`{data.collect}` chooses poses for the map")
     if (chosen := data.chosen_answer) is not None:
         direction, number = chosen

@@ -47,12 +47,13 @@ async def test_both_searches_run_one_after_the_other_and_the_key_cancels(
             self.cancelled.set()
 
     monkeypatch.setattr(suggestions, "CommandJob", Job)
+    monkeypatch.setattr(suggestions, "read_report", lambda *_: "a report")
     async with running(few_pairs_store, with_trained=True) as (app, pilot):
         await pilot.press("J", "S")
-        while app.computation.is_running and len(started) < 2:
+        while app.computation.running and len(started) < 2:
             await pilot.pause(0.01)
         await pilot.press("S")
         await settle(app, pilot)
         assert started == ["real", "sim"]
-        assert app.session.state.message == "s2r suggest --for sim (S cancels): cancelled"
-        assert not app.computation.is_running
+        assert app.session.state.message == "s2r suggest --for sim: cancelled"
+        assert not app.computation.running

@@ -4,8 +4,6 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-import s2rstore
-from s2rstore.language import evaluation
 from s2rstore.lru_cache import LruCache
 
 
@@ -37,14 +35,3 @@ def test_threads_can_share_a_cache():
     with ThreadPoolExecutor(4) as pool:
         assert all(pool.map(work, range(8)))
     assert cache.nbytes <= 50
-
-
-def test_a_closed_store_clears_its_caches(tiny_store):
-    store = s2rstore.open(tiny_store)
-    error = store.run_columns("vanilla").real.error
-    evaluation.select(store, "real.error > 0.1", "vanilla")
-    caches = store._columns, store.evaluated, store.embeddings
-    assert [cache.nbytes > 0 for cache in caches] == [True, True, False]
-    store.close()
-    assert [cache.nbytes for cache in caches] == [0, 0, 0]
-    assert error.size

@@ -13,9 +13,3 @@ DEPTH = np.linspace(1, 1001, 41 * 41).reshape(1, 41, 41).astype(np.uint16)
 def test_the_range_falls_from_the_farthest_pixel_to_that_of_the_camera(strength, farthest):
     degraded = NOISE.apply(DEPTH, np.ones(DEPTH.shape, dtype=bool), strength)
     np.testing.assert_array_equal(degraded == 0, farthest + 0.5 < DEPTH)
-
-
-def test_depth_within_the_range_keeps_its_returns():
-    near = DEPTH // 3
-    degraded = NOISE.apply(near, near > 0, 0.5)
-    np.testing.assert_array_equal(degraded, near)

@@ -21,11 +21,13 @@ class ComputationController:
         self._app = app
         self._name: str | None = None
         self._job: CommandJob | None = None
+        self._is_cancelled = False
         self._is_closed = False
 
     @property
-    def is_running(self) -> bool:
-        return self._name is not None
+    def running(self) -> str:
+        """What is being computed; empty if nothing is."""
+        return self._name or ""
 
     @property
     def refusal(self) -> str:
@@ -47,7 +49,7 @@ class ComputationController:
         """
         if self.refusal:
             raise RequestError(self.refusal)
-        self._name = name
+        self._name, self._is_cancelled = name, False
         self._show(f"{name}: checking")
         self._app.jobs.start(partial(self._follow, name, start, done), missing)
 
@@ -65,16 +67,16 @@ class ComputationController:
             self._app.run_on_ui(self._show_progress, name, failed, done)
             return
         self._job = job
-        if self._is_closed:
+        if self._is_cancelled:
             job.cancel()
         for progress in job.follow():
             self._app.run_on_ui(self._show_progress, name, progress, done)
-        self._job = None
         if progress.outcome != "done" and self._is_closed:
             raise RequestError(f"{name}: cancelled")
 
     def cancel(self) -> None:
         """End the command; what it has published stays."""
+        self._is_cancelled = True
         if self._job is not None:
             self._job.cancel()
 
@@ -88,7 +90,7 @@ class ComputationController:
             self._show(f"{name}: {progress.text}")
             self._app.updater.refresh_message()
             return
-        self._name = None
+        self._name = self._job = None
         self._show("")
         if progress.outcome == "done":
             try:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files.planned_poses import read_planned_poses
 from s2rstore.records import Side
+from s2rstore.suggestions import read_report
 from s2rtui.charts.suggestions import VIEW, search_arguments
 from s2rtui.jobs.command_job import CommandJob
 from s2rtui.session import view_settings
@@ -17,6 +20,7 @@ from s2rtui.session import view_settings
 if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
 
+_SEARCH = "s2r suggest"
 _NOTHING_HELPS = 3
 """Exit code of a search whose answer is that no change helps."""
 
@@ -30,7 +34,7 @@ class SuggestionsController:
     def search(self) -> None:
         """Search the answers of the present run that the store lacks, or cancel the search."""
         session, computation = self._app.session, self._app.computation
-        if computation.is_running:
+        if computation.running.startswith(_SEARCH):
             computation.cancel()
             return
         missing = VIEW.missing_sides(self._app.updater.scene)
@@ -46,11 +50,18 @@ class SuggestionsController:
             CommandJob, f"suggestions for {run}", arguments, None, (0, _NOTHING_HELPS)
         )  # fmt: skip
         missing = f"suggestions are missing: `{shlex.join(['s2r', *arguments])}` computes them"
-        name = f"s2r suggest --for {sides[0]} (S cancels)"
-        self._app.computation.start(name, start, missing, partial(self._searched, run, sides[1:]))
+        done = partial(self._searched, run, sides[0], sides[1:])
+        self._app.computation.start(f"{_SEARCH} --for {sides[0]}", start, missing, done)
 
-    def _searched(self, run: str, others: tuple[Side, ...]) -> None:
+    def _searched(self, run: str, side: Side, others: tuple[Side, ...]) -> None:
         self._app.session.open_newest_generation()
+        with s2rstore.open(self._app.session.store.path) as store:
+            is_stored = read_report(store, run, side) is not None
+        if not is_stored:
+            raise RequestError(
+                f"run {run}, --for {side}: the time was used up before the search found an answer; "
+                f"`s2r suggest --for {side} --budget 30m` takes more"
+            )
         if others:
             self._search(run, others)
         else:
@@ -65,16 +76,17 @@ class SuggestionsController:
         arguments = ["collect", str(store), "--run", run, "--out", str(path)]
         start = partial(CommandJob, f"poses for {run}", arguments)
         missing = f"{path} is missing: `{shlex.join(['s2r', *arguments])}` writes it"
-        self._app.computation.start("s2r collect", start, missing, partial(self._collected, path))
+        done = partial(self._collected, path, run)
+        self._app.computation.start("s2r collect", start, missing, done)
 
-    def _collected(self, path: Path) -> None:
+    def _collected(self, path: Path, run: str) -> None:
         planned = read_planned_poses(path)
         if not planned:
             raise RequestError(f"{path}: no poses")
         session = self._app.session
         session.dispatch(view_settings.show_planned, planned)
-        gain = sum(pose.expected_gain_m for pose in planned)
+        gains = [pose.expected_gain_m for pose in planned if math.isfinite(pose.expected_gain_m)]
         session.show_message(
-            f"{len(planned)} poses of new images on the map, which lower the mean real error by at "
-            f"most {gain:.2f} m; written to {path}"
+            f"{len(planned)} poses of new images for run {run} on the map, which lower its mean "
+            f"real error by at most {sum(gains):.2f} m; written to {path}"
         )

@@ -23,8 +23,10 @@ from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.files.input_files import parse_json
 from s2rstore.records import (
+    HASH,
     MAX_COORDINATE,
     MAX_LABEL,
+    NAME,
     RECALL_THRESHOLDS,
     SIDES,
     ArrayRecord,
@@ -68,7 +70,14 @@ DEPTH_COLUMNS = tuple(name for name in CAMERA_COLUMNS if name.startswith("depth_
 """Columns of table `domain` that are NULL in a domain without depth."""
 _MAP_COLUMNS = (*(f"bounds_{edge}" for edge in _EDGES), "accuracy_scale")
 _NAN_LENS = Intrinsics(math.nan, math.nan, math.nan, math.nan, math.nan)
-_PLACE = re.compile(r"(?P<reason>.*?)(?: matching regex .*?)?(?: - at `\$\.?(?P<column>.*)`)?\Z")
+_PLACE = re.compile(
+    r"(?P<reason>.*?)(?: matching regex '(?P<pattern>.*?)')?(?: - at `\$\.?(?P<column>.*)`)?\Z"
+)
+_FORMS = {
+    HASH: "not 16 to 64 hexadecimal digits",
+    NAME: "not a name of letters, digits, dots, hyphens and underscores",
+}
+"""What a text is that a pattern refuses."""
 
 _Number = Annotated[float, Meta(ge=-1e9, le=1e9)]
 _Two = Annotated[list[_Number], Meta(min_length=2, max_length=2)]
@@ -114,8 +123,13 @@ class RowReader:
         except msgspec.ValidationError as error:
             place = _PLACE.match(str(error))
             assert place is not None
-            found, reason = (place["column"] or "").replace(".", "_"), place["reason"]
-            self.refuse(row, column or found, f"{found}: {reason}" if column else reason)
+            found, pattern = (place["column"] or "").replace(".", "_"), place["pattern"]
+            reason = place["reason"]
+            if pattern is not None:
+                reason = _FORMS.get(
+                    pattern.replace("\\\\", "\\"), "not in the form that this column needs"
+                )
+            self.refuse(row, column or found, f"{found}: {reason}" if column and found else reason)
 
     def records(self, rows: Iterable[Row], kind: type[T], unique: str) -> list[T]:
         """All rows as records; refuses two with one value in column `unique`."""

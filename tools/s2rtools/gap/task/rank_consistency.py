@@ -2,8 +2,9 @@
 
 The regret is what choosing a run by simulation costs in reality; its interval is about these runs.
 The rank correlation has an interval about other runs like these where there are enough runs. The
-mean maximum rank violation is that of instances which did not choose the violations, so that noise
-in the errors does not make it larger: it may be below 0 where simulation ranks correctly.
+mean maximum rank violation has the size that instances show which did not choose the violations,
+so that noise in the real errors does not count as violation: it may be below 0. Noise in the sim
+errors does count, and violations between runs that are close are found too small.
 
 Source: Li et al., "Evaluating real-world robot manipulation policies in simulation" (SIMPLER),
 2024, for the mean maximum rank violation; Kadian et al., "Sim2Real predictivity", 2020, for the
