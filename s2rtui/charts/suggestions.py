@@ -74,13 +74,15 @@ class SuggestionsInput:
     """Both directions of a run; `chosen` names an answer, by default the first suggested one.
 
     collect: the command that chooses poses of new images; empty where it is not known. planned: the
-    poses that are shown. computes: whether commands can compute in the store.
+    poses that are shown, chosen for planned_run if that is known. computes: whether commands can
+    compute in the store.
     """
 
     directions: tuple[Direction, ...]
     chosen: str | None = None
     collect: str = ""
     planned: tuple[PlannedPose, ...] = ()
+    planned_run: str = ""
     computes: bool = True
 
     @property
@@ -280,7 +282,7 @@ class SuggestionsView(View):
         )
         return SuggestionsInput(
             _directions(store, run), state.chosen_row(self.name), collect, state.planned,
-            not store.files.is_remote,
+            state.planned_run, not store.files.is_remote,
         )  # fmt: skip
 
     def missing_sides(self, scene: Scene) -> tuple[Side, ...]:
@@ -332,7 +334,7 @@ def suggestions_drawing(data: SuggestionsInput, active: bool = True) -> Drawing:
     if can_compute and any(direction.is_missing for direction in data.directions):
         notes.append("S runs the missing searches here (5 minutes each), and again: cancels")
     if data.planned:
-        notes += _planned_lines(data.planned)
+        notes += _planned_lines(data.planned, data.planned_run)
     if data.collect:
         key = "\\ or " if can_compute else ""
         notes.append(f"collect images: {key}`{data.collect}` chooses poses for the map")
@@ -346,10 +348,11 @@ def suggestions_drawing(data: SuggestionsInput, active: bool = True) -> Drawing:
     return Drawing(table=suggestions_table(data, active), notes=tuple(notes))
 
 
-def _planned_lines(planned: Sequence[PlannedPose]) -> Iterator[str]:
+def _planned_lines(planned: Sequence[PlannedPose], run: str) -> Iterator[str]:
     """The number of poses in each room, and the first poses with their reasons."""
     rooms = Counter(pose.room or "outside all rooms" for pose in planned)
-    yield f"{len(planned)} poses of new images, on the map: " + ", ".join(
+    of = f" for run {run}" if run else ""
+    yield f"{len(planned)} poses of new images{of}, on the map: " + ", ".join(
         f"{room} {count}" for room, count in rooms.most_common()
     )
     for pose in planned[:_SHOWN_POSES]:

@@ -184,7 +184,7 @@ _OCTANTS = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)
 
 
 def draw_arcs(canvas: Canvas, plot: Plot, arcs: Arcs) -> None:
-    """Errors as arcs in braille, or as arrows with letters and sizes without colours."""
+    """Draw errors as braille arcs, or, where there are no colours, as arrows with letters."""
     options = canvas.options
     footprint = ARC_FOOTPRINT if options.supports_images else ARROW_FOOTPRINT
     glyphs = error_glyphs(arcs, canvas_grid(canvas, plot), footprint)

@@ -56,7 +56,7 @@ class CommandJob:
         successes: Sequence[int] = (0,),
         undo: Callable[[], object] | None = None,
     ) -> None:
-        """Start the command with some arguments; it will report `stages` stages.
+        """Start `s2r` with some arguments, a command that reports `stages` stages of progress.
 
         `successes` are the exit codes of a command that has done its work. `undo` is called when it
         fails by itself; what it raises is told with the error. On Linux the subprocess ends with

@@ -195,7 +195,8 @@ class State:
     `grouping`, `group_sort` and `group_descending` belong to the rooms view, `figure` is what the
     cells of the pivot show.
     `history` is None if the store has no gap history. `fills_screen`: the active view takes the
-    whole screen. `planned` are the poses of new images that the map shows.
+    whole screen. `planned` are the poses of new images that the map shows,
+    chosen for the run `planned_run` if that is known.
     """
 
     generation: int
@@ -238,6 +239,7 @@ class State:
     fills_screen: bool = False
     history: HistoryFile | None = None
     planned: tuple[PlannedPose, ...] = ()
+    planned_run: str = ""
     message: str = ""
     is_error: bool = False
     keeps_message: bool = False

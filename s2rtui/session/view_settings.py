@@ -193,9 +193,11 @@ def choose_row(context: SessionContext, state: State, view: str, name: str | Non
     return state.updated(chosen_rows=kept if name is None else (*kept, (view, name)))
 
 
-def show_planned(context: SessionContext, state: State, planned: tuple[PlannedPose, ...]) -> State:
-    """Show the poses of new images on the map, and list them in the view of suggestions."""
-    return replace(state, planned=planned)
+def show_planned(
+    context: SessionContext, state: State, planned: tuple[PlannedPose, ...], run: str
+) -> State:
+    """Show the poses of new images for a run on the map and in the view of suggestions."""
+    return replace(state, planned=planned, planned_run=run)
 
 
 def toggle_full_screen(context: SessionContext, state: State) -> State:

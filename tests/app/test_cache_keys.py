@@ -83,7 +83,8 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
         ("suggestions", "real 2"),
         ("objects", "chair"),
     ),
-    "planned": lambda _, state: (PlannedPose(1.0, 2.0, 30.0, "left", 0.5, "novelty"),),
+    "planned": lambda _, state: (POSE,),
+    "planned_run": lambda _, state: "dataaug",
     "viewports": lambda _, state: (("map", Bounds(2.0, 2.0, 5.0, 4.0)),),
     "fills_screen": lambda _, state: not state.fills_screen,
     "grouping": lambda _, state: "heading",
@@ -128,6 +129,7 @@ RESOURCE_CHANGES: dict[str, Callable[[LoadedData], object]] = {
     "computation": lambda resources: "1 of 3",
     "computing": lambda resources: "computing vanilla: harm 1/2",
 }
+POSE = PlannedPose(1.0, 2.0, 30.0, "left", 0.5, "novelty")
 NEVER_DRAWN = {
     "newest", "node", "operator", "lasso", "message", "is_error", "past",
     "future", "centre", "progress", "computation", "pending", "keeps_message", "suggested",
@@ -179,7 +181,7 @@ def scenes(session: Session) -> dict[str, Scene]:
         "rich": replace(plain, state=rich, loaded=heated),
         "sliding": replace(plain, state=sliding, loaded=heated),
         "findings": replace(plain, state=replace(state, view="findings")),
-        "suggestions": replace(plain, state=replace(state, view="suggestions")),
+        "suggestions": replace(plain, state=replace(state, view="suggestions", planned=(POSE,))),
         "objects": replace(plain, state=replace(state, view="objects")),
         "health": replace(plain, state=replace(state, view="health")),
         "trained": replace(

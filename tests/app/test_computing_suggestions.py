@@ -18,11 +18,10 @@ async def test_poses_of_new_images_are_chosen_and_shown(tiny_store, tmp_path):
             await pilot.pause(0.05)
             assert not app.session.state.is_error, app.session.state.message
         await settle(app, pilot)
-        (path,) = tmp_path.glob("*.csv")
-        planned = read_planned_poses(path)
+        planned = read_planned_poses(next(tmp_path.glob("*.csv")))
         assert app.session.state.planned == planned
         text = " ".join(take_screenshot(app).text.split())
-        assert f"{len(planned)} poses of new images, on the map" in text
+        assert f"{len(planned)} poses of new images for run vanilla, on the map" in text
 
 
 async def test_both_searches_run_one_after_the_other_and_the_key_cancels(

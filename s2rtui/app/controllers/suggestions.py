@@ -84,7 +84,7 @@ class SuggestionsController:
         if not planned:
             raise RequestError(f"{path}: no poses")
         session = self._app.session
-        session.dispatch(view_settings.show_planned, planned)
+        session.dispatch(view_settings.show_planned, planned, run)
         gains = [pose.expected_gain_m for pose in planned if math.isfinite(pose.expected_gain_m)]
         session.show_message(
             f"{len(planned)} poses of new images for run {run} on the map, which lower its mean "

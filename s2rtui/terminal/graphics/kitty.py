@@ -101,7 +101,7 @@ class KittyImages:
         self._numbers: set[int] = set()
 
     def fits(self, image: InlineImage) -> bool:
-        """Whether the placeholders can number all cells of the image's box."""
+        """Whether placeholders can address every cell of the image."""
         return max(image.width, image.height) <= len(NUMBERS)
 
     def size(self, image: InlineImage, cell: Size) -> Size:

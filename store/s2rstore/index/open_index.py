@@ -65,7 +65,7 @@ class OpenIndex:
             raise
 
     def _prepare(self) -> None:
-        """Complete the opened index; a class that adds state or checks extends it."""
+        """Complete the opened object: a hook for subclasses with further state or checks."""
 
     def _place_rows(self, file: row_files.RowFile) -> None:
         """Make sure that a file of rows lies beside the index, if the store has it."""

@@ -132,7 +132,7 @@ class RowReader:
             self.refuse(row, column or found, f"{found}: {reason}" if column and found else reason)
 
     def records(self, rows: Iterable[Row], kind: type[T], unique: str) -> list[T]:
-        """All rows as records; refuses two with one value in column `unique`."""
+        """Convert all rows to records; refuse a value that column `unique` holds twice."""
         found, values = [], set()
         for row in rows:
             found.append(self.record(row, kind))

@@ -149,7 +149,7 @@ def plain(value: Any) -> Any:
 
 
 def gap_text(report: dict[str, Any], with_details: bool = False, frozen: bool = False) -> str:
-    """Return the axes, the axes that are missing, and the outcome.
+    """Return the text of a gap report: measured axes, missing axes and the outcome.
 
     `frozen`: a reference scale or a golden run was written from this report.
     """

@@ -112,7 +112,7 @@ def _aligned_rows(
 
 
 def open_embeddings(path: Path) -> Values:
-    """The numbers (rows, D) of a file, mapped into memory.
+    """Map the array (rows, D) of a file into memory.
 
     Raises RequestError where the file holds anything but a table of floating-point numbers. Arrays
     of objects, which would execute code, are not read.

@@ -39,7 +39,7 @@ _SLOW = 0.2
 
 
 class LatestFrame(Generic[T]):
-    """Holds the newest frame: `put` replaces a frame that was not taken yet."""
+    """A queue of one frame: `put` replaces a frame that was not taken yet."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()

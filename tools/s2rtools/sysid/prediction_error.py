@@ -194,7 +194,7 @@ class HeldOut:
 
     @property
     def helps(self) -> bool:
-        """Whether positions improve significantly and headings do not get worse."""
+        """Whether position errors fall significantly and heading errors do not rise."""
         return self.ratio.high < 1 and self.fitted[1] <= _MAX_HEADING_RATIO * self.untuned[1]
 
     def record(self) -> dict[str, Any]:

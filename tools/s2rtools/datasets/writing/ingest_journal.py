@@ -89,7 +89,7 @@ class IngestJournal:
     """Writes the journal of a building folder, and gives what it held when it was opened."""
 
     def __init__(self, root: Path, fingerprint: str) -> None:
-        """Begin the journal of a new folder, or open that of an abandoned one with a fingerprint.
+        """Create the journal of a new folder, or continue that of an ingest with this fingerprint.
 
         Files that the journal does not prove are removed. The blocks of a trajectory count up to
         the first one of which a file lacks.

@@ -78,7 +78,7 @@ def prediction_samples(store: Store, run: str, iids: NDArray[np.int64]) -> dict[
 
 
 def _joined(columns: list[Floats], periods: list[float]) -> PairedSamples:
-    """Samples from the columns (2, n) that have finite values on both sides."""
+    """Pair the columns in which each of the two sides has a finite value."""
     known = [k for k, each in enumerate(columns) if np.isfinite(each).any(axis=1).all()]
     sides = np.stack([columns[k] for k in known], axis=-1) if known else np.zeros((2, 0, 0))
     return PairedSamples(sides[0], sides[1], np.array([periods[k] for k in known]))

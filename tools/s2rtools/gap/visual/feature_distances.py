@@ -71,7 +71,7 @@ class BlockMMD:
         return float(self.sums.sum() / total) if total else float("nan")
 
     def interval(self, level: float = LEVEL) -> Interval:
-        """The distance with its interval, from the influence of each instance."""
+        """Return the distance with an interval that rests on the influence of each instance."""
         value, sizes = self.value(), np.diff(self.blocks.start)
         if not self.sums.any():  # sim and real images are identical
             return Interval(0.0, 0.0, 0.0, level)
