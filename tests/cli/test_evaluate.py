@@ -26,7 +26,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tiny.build(tmp_path_factory.mktemp("evaluate") / "s.s2r", n=PAIRS + SIMULATED)
     rng = np.random.default_rng(4)
     sim = rng.lognormal(size=PAIRS + SIMULATED)
-    real = sim + 0.4 * rng.lognormal(size=sim.size)
+    real = sim + 0.25 * rng.lognormal(size=sim.size)
     simulated = rng.permutation(sim.size)[:SIMULATED].tolist()
     with edit(path) as draft:
         for side, errors in (("sim", sim), ("real", real)):

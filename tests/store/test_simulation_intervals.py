@@ -87,7 +87,7 @@ def test_the_estimate_is_the_control_variate_of_the_definition() -> None:
 
 
 def test_the_exchange_rate_is_that_of_the_correlation_of_independent_errors() -> None:
-    process = Process("normal", 4000, 0.0)
+    process = Process("normal", 20_000, 0.0)
     real, sim, _ = (each[0] for each in draw(process, 0.8, 1, 1))
     rate = simulation.mean(real, sim, Simulated.none()).rate
     assert rate.low < 1 / (1 - 0.8**2) < rate.high

@@ -39,8 +39,13 @@ from s2rstore.intervals.interval import LEVEL, Interval, Sample
 MIN_PAIRS = 100
 """Fewest pairs of an interval with simulation: of fewer, the weight is not known well enough."""
 FOLDS = 5
-BLOCK = 5
-"""Neighbours whose means are compared for the exchange rate: single rows hide what they share."""
+BLOCKS = (5, 10)
+"""Fewest and most neighbours whose means are compared for the exchange rate.
+
+Single rows hide what neighbours share, and short blocks what residuals share over longer
+distances: blocks are as long as leaves `_ENOUGH_BLOCKS`.
+"""
+_ENOUGH_BLOCKS = 20
 _FEWEST_BLOCKS = 12
 """Fewest blocks of neighbours of an exchange rate with an interval."""
 _DETERMINED = 1e-9
@@ -347,7 +352,7 @@ def _rate(
     if not b.mean() > _DETERMINED * a.mean():
         return Interval.unknown(math.inf, "simulation determines the real figure")
     if sizes.size < _FEWEST_BLOCKS:
-        reason = f"{sizes.size} blocks of {BLOCK} neighbours, an exchange rate needs"
+        reason = f"{sizes.size} blocks of neighbours, an exchange rate needs"
         return Interval.unknown(float(a.mean() / b.mean()), f"{reason} {_FEWEST_BLOCKS}")
     if np.array_equal(real, residual):  # no weight helps
         high = _rate_of(correlation.high) if correlation.is_known else 1.0
@@ -372,9 +377,19 @@ def _blocks(codes: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]
     starts = np.searchsorted(codes, codes)
     sizes = np.bincount(codes)[codes]
     inside = np.arange(codes.size) - starts
-    place = inside * np.maximum(sizes // BLOCK, 1) // sizes
+    length = _block_length(np.bincount(codes))
+    place = inside * np.maximum(sizes // length, 1) // sizes
     begins = (np.diff(codes, prepend=-1) != 0) | (np.diff(place, prepend=-1) != 0)
     return np.cumsum(begins) - 1, codes[begins]
+
+
+def _block_length(sizes: NDArray[np.intp]) -> int:
+    """The longest blocks of which trajectories of these `sizes` have enough."""
+    shortest, longest = BLOCKS
+    for length in range(longest, shortest, -1):
+        if int(np.maximum(sizes // length, 1).sum()) >= _ENOUGH_BLOCKS:
+            return length
+    return shortest
 
 
 def _wilson(alone: Interval, adjusted: _Adjusted, level: float) -> Interval:
