@@ -3,6 +3,7 @@
 import hashlib
 import os
 import shutil
+import tracemalloc
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,6 +23,7 @@ from s2rtools.datasets.scan import Scan
 from s2rtools.datasets.writing import build as build_module
 from s2rtools.datasets.writing import frame_writing, ingest_journal, trajectory_arrays
 from s2rtools.datasets.writing.build import build, fingerprint
+from s2rtools.datasets.writing.ingest_journal import Block, IngestJournal
 from tests.datasets.helpers import Killed, kill_after, rows_by_trajectory, scan_of
 from tests.support import pairs
 
@@ -177,6 +179,25 @@ def test_a_damaged_journal_counts_up_to_the_damage(begun, cut, is_changed):
     tail = bytes([whole[place] ^ 1]) + whole[place + 1 :] if is_changed else b""
     journal.write_bytes(whole[:place] + tail)
     begun.check_resumed()
+
+
+def test_a_journal_is_read_block_by_block(tmp_path):
+    count, rows = 60, list(range(200))
+    journal = IngestJournal(tmp_path, "mark")
+    for _ in range(count):
+        journal.add(Block("a", rows=rows, digests={"real": "0" * 64 * len(rows)}))
+    size = (tmp_path / ingest_journal.NAME).stat().st_size
+    tracemalloc.start()
+    try:
+        resumed = IngestJournal(tmp_path, "mark")
+        announced = resumed.taken_instances
+        taken = sum(len(block.rows) for block in resumed.taken("a"))
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert announced == taken == count * len(rows)
+    assert list(resumed.taken("a")) == []
+    assert peak < size / 3
 
 
 def test_a_missing_or_shortened_shard_is_written_again(begun):

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 import msgspec
+import numpy as np
 
 from s2rstore.files import layout
 from s2rstore.files.ledger import Ledger, LedgerEntry
@@ -91,14 +92,12 @@ def write_trajectory(
     records = scan.trajectories[name]
     place = place or FramePlace(name, {})
     writer = _TrajectoryWriter(scan, root, name, place, journal)
-    done: set[int] = set()
+    is_done = np.zeros(len(records), dtype=np.bool_)
     for block in () if journal is None else journal.taken(place.folder):
         writer.take(block)
-        done |= {*block.rows, *block.left_out}
-    progress(2 * len(done) * len(records[0].sources))
-    rows: Sequence[int] = range(len(records))
-    if done:
-        rows = [row for row in rows if row not in done]
+        is_done[[*block.rows, *block.left_out]] = True
+    progress(2 * int(is_done.sum()) * len(records[0].sources))
+    rows = np.flatnonzero(~is_done).tolist()
     largest = max(source.pixels for record in records for source in record.sources.values())
     threads = max(1, min(available_processors(), _DECODING_BYTES // (8 * largest)))
     with ThreadPoolExecutor(threads) as pool:

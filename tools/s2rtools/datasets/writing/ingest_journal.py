@@ -11,7 +11,8 @@ from __future__ import annotations
 import io
 import json
 import zlib
-from collections import Counter, defaultdict
+from array import array
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -86,7 +87,10 @@ _Line = _Header | Block
 
 
 class IngestJournal:
-    """Writes the journal of a building folder, and gives what it held when it was opened."""
+    """Writes the journal of a building folder, and gives what it held when it was opened.
+
+    In memory are one block, and the place of each line in the file.
+    """
 
     def __init__(self, root: Path, fingerprint: str) -> None:
         """Create the journal of a new folder, or continue that of an ingest with this fingerprint.
@@ -95,33 +99,45 @@ class IngestJournal:
         the first one of which a file lacks.
         """
         self._root = root
-        self._taken: dict[str, list[Block]] = defaultdict(list)
-        lines, files = [_line(_Header(fingerprint))], {NAME}
+        self._places: dict[str, array[int]] = {}
+        self.taken_instances = 0
+        """The number of instances that are not decoded again."""
+        files = {NAME}
+        atomic_writes.write(root, NAME, self._proven_lines(_Header(fingerprint), files))
+        _remove_others(root, files)
+
+    def _proven_lines(self, header: _Header, files: set[str]) -> Iterator[bytes]:
+        """The header and the lines that count; adds the files that these prove."""
+        text = _line(header)
+        yield text
+        place = len(text)
         shards: Counter[str] = Counter()
         ended: set[str] = set()
-        for block in _lines(root):
+        for text, block in _lines(self._root):
             if not isinstance(block, Block) or block.trajectory in ended:
                 continue
             found = _files(block, shards[block.trajectory])
-            if any(_size(root, path) != size for path, size in found.items()):
+            if any(_size(self._root, path) != size for path, size in found.items()):
                 ended.add(block.trajectory)
                 continue
             shards[block.trajectory] += bool(found)
-            files |= found.keys()
-            lines.append(_line(block))
-            self._taken[block.trajectory].append(block)
-        _remove_others(root, files)
-        atomic_writes.write(root, NAME, b"".join(lines))
+            files.update(found)
+            self.taken_instances += len(block.rows) + len(block.left_out)
+            self._places.setdefault(block.trajectory, array("q")).append(place)
+            yield text
+            place += len(text)
 
-    @property
-    def taken_instances(self) -> int:
-        """The number of instances that are not decoded again."""
-        blocks = [block for each in self._taken.values() for block in each]
-        return sum(len(block.rows) + len(block.left_out) for block in blocks)
-
-    def taken(self, trajectory: str) -> list[Block]:
+    def taken(self, trajectory: str) -> Iterator[Block]:
         """What was stored of a trajectory before the journal was opened; it is given once."""
-        return self._taken.pop(trajectory, [])
+        places = self._places.pop(trajectory, None)
+        if places is None:
+            return
+        with io.BufferedReader(safe_files.open_read(self._root, NAME)) as file:
+            for place in places:
+                file.seek(place)
+                block = _parsed(file.readline(_MAX_LINE))
+                assert isinstance(block, Block)
+                yield block
 
     def add(self, block: Block) -> None:
         """Record instances whose shards are complete and durable."""
@@ -134,11 +150,11 @@ class IngestJournal:
 
 def fingerprint_of(root: Path) -> str | None:
     """The fingerprint of the scan that a folder was built from; None without a usable journal."""
-    header = next(_lines(root), None)
+    _, header = next(_lines(root), (b"", None))
     return header.fingerprint if isinstance(header, _Header) else None
 
 
-def _lines(root: Path) -> Iterator[_Line]:
+def _lines(root: Path) -> Iterator[tuple[bytes, _Line]]:
     """The lines of a folder's journal up to the first unusable one; none without a journal."""
     try:
         file = io.BufferedReader(safe_files.open_read(root, NAME))
@@ -151,7 +167,7 @@ def _lines(root: Path) -> Iterator[_Line]:
                 return
             if isinstance(line, _Header) and line.version != _VERSION:
                 return
-            yield line
+            yield text, line
 
 
 def _line(line: _Line) -> bytes:
