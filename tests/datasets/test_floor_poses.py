@@ -1,6 +1,7 @@
 """6-DoF poses are put on the floor, from any world, with what does not fit on a plane reported."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -264,6 +265,38 @@ def test_positions_in_millimetres_are_refused_unless_their_unit_is_stated():
     assert np.ptp(found.poses["walk"][:, 0]) < 8
     found = project_to_floor(recording(cameras), FloorOptions("z", metres_per_unit=1.0))
     assert np.ptp(found.poses["walk"][:, 0]) > 7000
+
+
+def test_a_desk_in_millimetres_is_refused_by_its_speed():
+    cameras = level_cameras(random_poses(20, 1) / 12)
+    made = recording(cameras)
+    walk = made.trajectories["walk"]
+    made.trajectories["walk"] = replace(walk, timestamps=0.5 * np.arange(20))
+    project_to_floor(made, FloorOptions("z"))
+    walk.poses[:, :3, 3] *= 1000
+    with pytest.raises(RequestError, match=r"millimetres: .* m at \d{3} m/s; give .*=0.001 \(0.01"):
+        project_to_floor(made, FloorOptions("z"))
+
+
+def test_a_hand_held_video_in_millimetres_is_refused_without_times():
+    cameras = level_cameras(random_poses(200, 1))
+    cameras[:, :2, 3] = 6.0 * np.arange(200)[:, None]
+    made = recording(cameras)
+    project_to_floor(made, FloorOptions("z"))
+    walk = made.trajectories["walk"]
+    made.trajectories["walk"] = replace(walk, timestamps=np.full(200, np.nan))
+    with pytest.raises(
+        RequestError, match=r"millimetres: they would cover 1,194 m x 1,194 m; give"
+    ):
+        project_to_floor(made, FloorOptions("z"))
+
+
+def test_a_camera_height_in_millimetres_is_refused_unless_the_unit_of_poses_is_stated():
+    made = recording(level_cameras(random_poses(20, 1)))
+    with pytest.raises(RequestError, match="camera_height 619 looks like millimetres; give metres"):
+        project_to_floor(made, FloorOptions("z", camera_height=619))
+    found = project_to_floor(made, FloorOptions("z", camera_height=619, metres_per_unit=1.0))
+    assert found.camera_height == 619
 
 
 def test_a_drive_of_kilometres_is_accepted():

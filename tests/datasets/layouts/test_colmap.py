@@ -112,6 +112,8 @@ def test_a_scale_makes_poses_metric_and_depth_has_the_names_of_images(tmp_path, 
     assert recording.is_metric
     assert recording.depth_scale == 0.0002
     assert kinds(recording) == {"no depth image": 1}
+    without = read("colmap", tmp_path / "model", ReadOptions(options | {"depth": "none"}))
+    assert len(without.trajectories["model"].frames) == len(scene)
     frame = recording.trajectories["model"].frames[2]
     assert frame.depth is not None
     np.testing.assert_array_equal(image(frame.depth.read()).pixels, scene.depth[3])

@@ -124,15 +124,18 @@ def test_a_missing_image_is_reported_and_left_out(layout, tmp_path):
         read_with(layout, path)
 
 
-@pytest.mark.parametrize("layout", ["tum", "7scenes", "scannet"])
+@pytest.mark.parametrize("layout", ["tum", "7scenes", "scannet", "csv"])
 def test_a_recording_that_lacks_depth_says_how_it_is_read_without(layout, tmp_path):
     path, frames = write(layout, tmp_path / "recording", drive(0.1 * k for k in range(COUNT)))
+    root = path if path.is_dir() else path.parent
     for frame in frames:
-        (path / str(frame.depth)).unlink()
-    folder = (path / str(frames[0].depth)).parent
+        (root / str(frame.depth)).unlink()
+    with refused("option depth=none reads the colour images alone"):
+        read_with(layout, path)
+    folder = (root / str(frames[0].depth)).parent
     if not any(folder.iterdir()):
         folder.rmdir()
-    (path / "depth.txt").unlink(missing_ok=True)
+    (root / "depth.txt").unlink(missing_ok=True)
     with refused("option depth=none reads the colour images alone"):
         read_with(layout, path)
     with refused("option depth=all"):

@@ -214,6 +214,19 @@ def test_a_pose_of_six_degrees_of_freedom_is_that_of_the_camera(tmp_path):
     assert kinds(recording) == {"bad pose": 1}
 
 
+def test_times_that_are_not_finite_are_reported_as_unknown(tmp_path):
+    write(tmp_path, "v2.1", images=True)
+    path = tmp_path / "data/chunk-000/episode_000000.parquet"
+    with duckdb.connect() as connection:
+        change = "REPLACE (CASE WHEN frame_index > 4 THEN 'inf' ELSE timestamp END AS timestamp)"
+        connection.execute(f"CREATE TABLE t AS SELECT * {change} FROM '{path}'")
+        connection.execute(f"COPY t TO '{path}' (FORMAT parquet)")
+    recording = read("lerobot", tmp_path, ReadOptions(OPTIONS, ("episode_000000",)))
+    known = np.isfinite(recording.trajectories["episode_000000"].timestamps)
+    assert known.tolist() == [True] * 5 + [False] * 2
+    assert kinds(recording) == {"bad time": 1}
+
+
 def test_without_a_height_the_report_says_so(tmp_path):
     write(tmp_path, "v2.1", images=True)
     options = {key: value for key, value in OPTIONS.items() if key != "height"}

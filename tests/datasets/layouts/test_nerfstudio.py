@@ -1,5 +1,6 @@
 import json
 import math
+import shutil
 from pathlib import Path
 
 import cv2
@@ -162,6 +163,17 @@ def test_bad_frames_are_reported_and_the_others_are_read(tmp_path):
     other = trajectory.frames[0].rgb.read()
     assert isinstance(other, InputIssue)
     assert other.kind == "wrong size"
+
+
+def test_frames_without_their_depth_images_are_read_by_an_option(tmp_path):
+    scene = walk()
+    write(tmp_path, scene)
+    shutil.rmtree(tmp_path / "depth")
+    with refused("option depth=none reads the colour images alone"):
+        read("nerfstudio", tmp_path)
+    recording = read("nerfstudio", tmp_path, ReadOptions({"depth": "none"}))
+    assert_poses(recording, scene.poses)
+    assert kinds(recording) == {}
 
 
 @pytest.mark.parametrize("key", ["file_path", "depth_file_path"])

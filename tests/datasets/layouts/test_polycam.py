@@ -69,6 +69,9 @@ def test_without_the_folder_of_depth_colour_images_are_read(tmp_path):
     for frame in frames:
         (tmp_path / str(frame.depth)).unlink(missing_ok=True)
         frame.depth = frame.depth_sha256 = None
+    with refused("option depth=none reads the colour images alone"):
+        read_with("polycam", tmp_path)
+    assert_found(only(read_with("polycam", tmp_path, depth="none")), frames[1:])
     (tmp_path / "keyframes/depth").rmdir()
     assert_found(only(read_with("polycam", tmp_path)), frames[1:])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import weakref
 from collections.abc import Collection, Generator, Iterator, Mapping
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 from typing import Any
 
@@ -50,7 +50,7 @@ class BagMessages:
         self._cursor: Iterator[tuple[Any, int, bytes]] | None = None
         self._position = 0
         stack = ExitStack()
-        weakref.finalize(self, stack.close)
+        weakref.finalize(self, _close, stack)
         with refusing_damage(path), bounded_memory(READING_MEMORY, LARGEST_UNPACKED):
             store = get_typestore(Stores.ROS2_HUMBLE)
             self._reader = stack.enter_context(AnyReader([path], default_typestore=store))
@@ -146,6 +146,11 @@ class BagMessages:
 
     def _message(self, connection: Any, raw: bytes) -> Any:
         return self._reader.deserialize(raw, connection.msgtype)
+
+
+def _close(stack: ExitStack) -> None:
+    with suppress(Exception):  # of a damaged database, whose damage was reported while it was read
+        stack.close()
 
 
 def stamp_of(message: Any) -> int:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -25,6 +26,8 @@ from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recordings.recorded_poses import orthonormal, report_unusable
 from s2rtools.datasets.scan import choose_trajectories
 
+_LATEST = 1e12
+"""Seconds; later times are unknown."""
 MAX_SIDE = 16_384
 """Rows or columns of an image of a recording."""
 _MAX_FOCAL = 1e6
@@ -246,30 +249,35 @@ class Recording:
         """Add an issue."""
         self.issues.append(InputIssue(kind, file, detail))
 
-    def has_image(self, name: str, where: str = "") -> bool:
+    def has_image(self, name: str, where: str = "", what: str = "image") -> bool:
         """Whether a named image exists; reports it as missing otherwise.
 
-        `where` is the place that names it. Raises RequestError if the name leads out of the folder.
+        `where` is the place that names it, `what` the image's kind in the report. Raises
+        RequestError if the name leads out of the folder.
         """
         where = where or str(self.root)
         if self.containment.find_file(name, where) is not None:
             return True
-        self.report("missing image", name, f"named in {where}")
+        self.report(f"missing {what}", name, f"named in {where}")
         return False
 
     def require_frames(self) -> None:
-        """Raise RequestError, stating the first issue, if no trajectory has a frame."""
+        """Raise RequestError, with an issue of the commonest kind, if no trajectory has a frame."""
         if any(len(trajectory.frames) for trajectory in self.trajectories.values()):
             return
         message = f"{self.root}: no usable image of layout {self.layout}"
         if self.issues:
-            message += f" ({counted(len(self.issues), 'issue')}, the first: {self.issues[0]})"
+            ((kind, _),) = Counter(issue.kind for issue in self.issues).most_common(1)
+            example = next(issue for issue in self.issues if issue.kind == kind)
+            message += f" ({counted(len(self.issues), 'issue')}, such as {example})"
+        if any("depth image" in issue.kind for issue in self.issues):
+            message += f"; {WITHOUT_DEPTH}"
         raise RequestError(message)
 
     def finish(self, options: ReadOptions) -> Recording:
         """Keep the requested trajectories, and their frames whose poses are usable.
 
-        The other frames are reported, and times in disorder.
+        The other frames are reported, and times that are not usable or in disorder.
 
         Rotations become exact. Raises RequestError if a requested trajectory is unknown, if no
         frame is usable, and for cameras that cannot exist.
@@ -299,6 +307,11 @@ class Recording:
         if not usable.all():
             frames = chosen(frames, np.flatnonzero(usable).tolist())
             poses, times = poses[usable], times[usable]
+        bad = np.flatnonzero(np.abs(times) > _LATEST)  # not the unknown ones, which are NaN
+        if bad.size:
+            detail = f"{times[bad[0]]:g} s; {counted(bad.size, 'time')} not usable"
+            self.report("bad time", frames[int(bad[0])].rgb.name, detail)
+            times = np.where(np.abs(times) > _LATEST, np.nan, times)
         late = np.flatnonzero(np.diff(times) <= 0)
         if late.size:
             detail = f"{counted(late.size, 'time')} not later than the one before; kept"
@@ -328,6 +341,12 @@ class ReadOptions:
         if value not in (None, "none"):
             raise RequestError(f"option depth={value}: only none, for recordings without depth")
         return value is None
+
+    @property
+    def named_depth(self) -> str | None:
+        """What the option `depth` names, in layouts without depth by default; None for none."""
+        value = self.values.get("depth")
+        return None if value == "none" else value
 
     def positive(self, name: str, default: float) -> float:
         """The number that an option states. Raises RequestError unless it is larger than 0."""

@@ -33,9 +33,11 @@ _TILT_MEDIAN, _TILT_MAX = math.radians(1.0), math.radians(5.0)
 _SAME_HEIGHT, _SAME_ANGLE = 0.05, math.radians(1.0)
 """Metres and radians by which height, pitch and tilt of a camera may differ between recordings,
 beside how they vary in the stored one."""
-_IMPLAUSIBLE_EXTENT, _IMPLAUSIBLE_STEP, _IMPLAUSIBLE_HEIGHT = 1000.0, 10.0, 100.0
+_IMPLAUSIBLE_EXTENT, _IMPLAUSIBLE_STEP, _IMPLAUSIBLE_STEP_IF_TIMELESS = 1000.0, 10.0, 3.0
 """Metres above which positions are refused unless the scale of the world is stated: the larger edge
-of the map together with the median distance of consecutive images, and the camera's height."""
+of the map together with the median distance of consecutive images, with or without times."""
+_IMPLAUSIBLE_SPEED, _IMPLAUSIBLE_HEIGHT = 50.0, 100.0
+"""Metres per second in the median, and metres of the camera above the floor, likewise."""
 _INCLINED = math.radians(5)
 """Angle between the up axis and the fitted floor that is reported."""
 _MOST_METRES_PER_UNIT, _MOST_GROUND, _MOST_HEIGHT = 1e6, 1e6, 1000.0
@@ -202,7 +204,7 @@ def project_to_floor(
     if math.isnan(ground):
         floor.camera_height = math.nan
     if stated is None and scale is None and recording.is_metric:
-        _refuse_implausible(recording.name, floor)
+        _refuse_implausible(recording, floor, options.camera_height is not None)
     if not recording.is_metric and unit == 1.0 and scale is None:
         own, name = recording.scale_option, recording.layout
         advice = f"option {own} of layout {name}" if own else "metres_per_unit"
@@ -217,21 +219,36 @@ def project_to_floor(
     return floor
 
 
-def _refuse_implausible(name: str, floor: FloorPoses) -> None:
+def _refuse_implausible(recording: Recording, floor: FloorPoses, is_height_stated: bool) -> None:
     """Raise RequestError for positions that are hardly in metres, as those in millimetres."""
-    positions = [each[:, :2, 3] for each in floor.cameras.values() if len(each)]
+    name, above = recording.name, floor.camera_height
+    where = "in --floor, --sim-floor or --real-floor"
+    if is_height_stated and above > _IMPLAUSIBLE_HEIGHT:
+        raise RequestError(
+            f"{name}: camera_height {above:g} looks like millimetres; give metres, or "
+            f"metres_per_unit=1 {where} if they are metres"
+        )
+    positions = [cameras[:, :2, 3] for cameras in floor.cameras.values()]
     edges = np.ptp(np.concatenate(positions), axis=0)
-    steps = np.concatenate([np.linalg.norm(np.diff(each, axis=0), axis=1) for each in positions])
-    step = float(np.median(steps)) if len(steps) else math.inf
-    is_large = float(edges.max()) > _IMPLAUSIBLE_EXTENT and step > _IMPLAUSIBLE_STEP
-    above = floor.camera_height
-    if is_large or above > _IMPLAUSIBLE_HEIGHT:
+    steps = [np.linalg.norm(np.diff(each, axis=0), axis=1) for each in positions]
+    seconds = [np.diff(recording.trajectories[each].timestamps) for each in floor.cameras]
+    speeds = [s[t > 0] / t[t > 0] for s, t in zip(steps, seconds, strict=True)]
+    step, speed = _median(steps, math.inf), _median(speeds, 0.0)
+    largest_step = _IMPLAUSIBLE_STEP if speed else _IMPLAUSIBLE_STEP_IF_TIMELESS
+    is_large = float(edges.max()) > _IMPLAUSIBLE_EXTENT and step > largest_step
+    if is_large or above > _IMPLAUSIBLE_HEIGHT or speed > _IMPLAUSIBLE_SPEED:
         height = "" if math.isnan(above) else f", {above:.0f} m above the floor"
+        pace = f" at {speed:,.0f} m/s" if speed else ""
         raise RequestError(
             f"{name}: poses look like millimetres: they would cover {edges[0]:,.0f} m x "
-            f"{edges[1]:,.0f} m{height}; give metres_per_unit=0.001 in --sim-floor or "
-            "--real-floor, or 1 if they are metres"
+            f"{edges[1]:,.0f} m{pace}{height}; give metres_per_unit=0.001 (0.01 for centimetres) "
+            f"{where}, or 1 if they are metres"
         )
+
+
+def _median(parts: Sequence[Floats], default: float) -> float:
+    values = np.concatenate(parts)
+    return float(np.median(values)) if len(values) else default
 
 
 def put_on_stored_floor(recording: Recording, stored: StoredFloor, side: str) -> FloorPoses:

@@ -85,7 +85,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
 
 def _depth_folder(options: ReadOptions, recording: Recording) -> PathContainment | None:
     """The folder that the option `depth` names."""
-    folder = options.values.get("depth")
+    folder = options.named_depth
     if folder is None:
         return None
     if not Path(folder).is_dir():
@@ -111,7 +111,7 @@ LAYOUT = Layout(
     {
         "scale": "metres per unit of the world; without it, poses are not metric",
         "images": "folder of the images, by default the folder `images` beside the model",
-        "depth": "folder of depth images with the names of the images",
+        "depth": "folder of depth images with the names of the images, by default none",
         "depth_scale": "metres per unit of depth, by default 0.001",
         CAMERA_ID: "number of the camera whose images are read, if there are several, or `median`",
     },

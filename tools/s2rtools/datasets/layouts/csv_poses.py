@@ -14,12 +14,18 @@ camera: see `camera_description`.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rtools.common.tables.csv_rows import missing_column, parse_float, read_rows
-from s2rtools.datasets.recording import Layout, ReadOptions, Recording, trajectory_name
+from s2rtools.datasets.recording import (
+    DEPTH_OPTION,
+    Layout,
+    ReadOptions,
+    Recording,
+    trajectory_name,
+)
 from s2rtools.datasets.recordings.camera_description import CameraDescription, describe_cameras
 from s2rtools.datasets.recordings.frame_table import FrameTable
 
@@ -43,16 +49,19 @@ def read(path: Path, options: ReadOptions) -> Recording:
     name = trajectory_name(path.stem)
     recording = Recording("csv", name, path.parent, allow_outside=options.allow_outside)
     description = describe_cameras(recording, options.values.get("camera"), path)
-    _add_rows(recording, path, description)
+    read_columns = [name for name in _COLUMNS if name != "depth" or options.reads_depth]
+    _add_rows(recording, path, description, read_columns)
     return recording
 
 
-def _add_rows(recording: Recording, path: Path, description: CameraDescription) -> None:
+def _add_rows(
+    recording: Recording, path: Path, description: CameraDescription, read_columns: Sequence[str]
+) -> None:
     """Add the rows whose images exist, by trajectory, in order of their lines."""
     table = FrameTable(recording)
     columns: tuple[str, ...] = ()
     has_depth = False
-    for line, row in read_rows(path, _COLUMNS, lambda names: _check_columns(path, names)):
+    for line, row in read_rows(path, read_columns, lambda names: _check_columns(path, names)):
         if not columns:
             columns, has_depth = _needed_columns(row)[1:], bool(row.get("depth"))
         depth, place = row.get("depth", ""), f"{path.name}:{line}"
@@ -62,8 +71,8 @@ def _add_rows(recording: Recording, path: Path, description: CameraDescription) 
         if not row["rgb"] or (has_depth and not depth):
             recording.report("incomplete row", place, f"no {'depth' if row['rgb'] else 'rgb'}")
             continue
-        images = [row["rgb"], depth] if has_depth else [row["rgb"]]
-        found = [recording.has_image(name, f"{path}:{line}") for name in images]
+        images = {"image": row["rgb"]} | ({"depth image": depth} if has_depth else {})
+        found = [recording.has_image(name, f"{path}:{line}", what) for what, name in images.items()]
         if all(found):
             table.add(
                 row["rgb"],
@@ -97,5 +106,8 @@ def _needed_columns(names: Collection[str]) -> tuple[str, ...]:
 LAYOUT = Layout(
     read,
     "CSV file of images and poses, with a TOML file that describes the camera",
-    {"camera": "TOML or JSON file that describes the camera (default: that beside the CSV file)"},
+    {
+        "camera": "TOML or JSON file that describes the camera (default: that beside the CSV file)",
+        "depth": DEPTH_OPTION,
+    },
 )

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rtools.datasets.recording import (
+    DEPTH_OPTION,
     Layout,
     ReadOptions,
     Recording,
@@ -53,7 +54,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
     }
     table, scale = FrameTable(recording, list(parts)), recording.state_scale(options)
     for name, document in parts.items():
-        _add_frames(table, name, document, files[name], scale)
+        _add_frames(table, name, document, files[name], scale, options.reads_depth)
     remark = table.choose_camera(options, path)
     if remark:
         recording.report("several cameras", path.name, remark)
@@ -69,7 +70,12 @@ def read(path: Path, options: ReadOptions) -> Recording:
 
 
 def _add_frames(
-    table: FrameTable, name: str, document: Transforms, path: Path, scale: float
+    table: FrameTable,
+    name: str,
+    document: Transforms,
+    path: Path,
+    scale: float,
+    reads_depth: bool,
 ) -> None:
     """Add the frames of one file whose images exist as trajectory `name`, in recording order."""
     recording, order = table.recording, document.recording_order()
@@ -82,7 +88,7 @@ def _add_frames(
         if rgb is None:
             recording.report("missing image", frame.file_path)
             continue
-        if document.has_depth:
+        if reads_depth and document.has_depth:
             depth = recording.containment.find_file(frame.depth_name or "", where)
             if depth is None:
                 detail = frame.depth_name or "no depth_file_path"
@@ -110,6 +116,7 @@ LAYOUT = Layout(
     "transforms.json of nerfstudio and instant-ngp",
     {
         "scale": "metres per unit of the world; without it, poses are not metric",
+        "depth": DEPTH_OPTION,
         "depth_scale": "metres per unit of depth, instead of the file's",
         CAMERA_ID: "the camera whose images are read, if there are several, or `median`",
     },

@@ -25,6 +25,7 @@ import numpy as np
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import decode_json, read_bytes
 from s2rtools.datasets.recording import (
+    DEPTH_OPTION,
     Layout,
     PinholeCamera,
     ReadOptions,
@@ -59,7 +60,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
     if poses_of not in _PREFIXES:
         raise RequestError(f"option poses={poses_of}: choose from {', '.join(_PREFIXES)}")
     images, cameras = (f"keyframes/{_PREFIXES[poses_of]}{kind}/" for kind in ("images", "cameras"))
-    has_depth = (path / "keyframes/depth").is_dir()
+    has_depth = options.reads_depth and (path / "keyframes/depth").is_dir()
     table = FrameTable(recording)
     listed = NumberedFiles(path / images, _IMAGE)
     for number in listed.numbers.tolist():
@@ -102,6 +103,7 @@ LAYOUT = Layout(
     "raw data export of Polycam: keyframes/images, cameras, depth",
     {
         "poses": "corrected (optimised, the default where they are there) or arkit",
+        "depth": DEPTH_OPTION,
         CAMERA_ID: f"number of the camera whose images are read, or `{MEDIAN}` (default)",
     },
 )

@@ -69,7 +69,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
     poses = poses_at(times + shift, known_times, known_poses, MAX_GAP, max_hold=0)
     posed = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
     depth_rows = np.zeros(len(times), dtype=np.intp)
-    depth_size, depth = size, options.values.get("depth")
+    depth_size, depth = size, options.named_depth
     if depth is not None:
         with Video(recording.resolve(depth)) as video:
             depth_rows, depth_size = mutual_nearest(times, video.times, TOLERANCE), video.size
@@ -135,7 +135,7 @@ LAYOUT = Layout(
     {
         "poses": "CSV file beside the video (default: that with the name of the video)",
         "camera": "TOML or JSON file that describes the camera (default: that beside the video)",
-        "depth": "video of depth beside it, of 16 bits, such as FFV1 in MKV",
+        "depth": "video of depth beside it, of 16 bits, such as FFV1 in MKV, by default none",
         "start": "time of the first frame on the clock of the poses, s (default: the video's own)",
         "every": "read one of so many frames (default 1)",
     },

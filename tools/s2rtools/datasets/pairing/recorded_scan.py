@@ -123,7 +123,8 @@ def scan_of_sides(sides: Sequence[RecordedSide], rows: Sequence[Rows], options: 
     scan = _empty_scan(main.recording, np.concatenate(chosen), options)
     for side in sides:
         _add_reports(scan, side)
-    scan.domains = {side.side: _domain(side, options.frame) for side in sides}
+    floors = {side.side: f"--{side.side}-floor" if len(sides) > 1 else "--floor" for side in sides}
+    scan.domains = {side.side: _domain(side, options.frame, floors[side.side]) for side in sides}
     codes = main.codes[rows[-1]]
     for code, name in enumerate(main.names):
         of_name = np.flatnonzero(codes == code)
@@ -196,8 +197,11 @@ def _add_reports(scan: Scan, side: RecordedSide) -> None:
     scan.outside_folders = counts
 
 
-def _domain(side: RecordedSide, frame: tuple[int, int]) -> Domain:
-    """The domain of one side. Raises RequestError where depth cannot be put on the floor."""
+def _domain(side: RecordedSide, frame: tuple[int, int], floor_option: str) -> Domain:
+    """The domain of one side. Raises RequestError where depth cannot be put on the floor.
+
+    `floor_option` is the option that says how poses are put on the floor.
+    """
     recording, floor = side.recording, side.floor
     has_depth = any(
         each.depth is not None
@@ -207,7 +211,7 @@ def _domain(side: RecordedSide, frame: tuple[int, int]) -> Domain:
     if has_depth and not math.isfinite(floor.camera_height):
         raise RequestError(
             f"{recording.layout}:{recording.name}: the height of the camera above the floor is not "
-            f"known; give --{side.side}-floor camera_height=METRES"
+            f"known; give {floor_option} camera_height=METRES"
         )
     depth, scale, raw_max = _NO_CAMERA, math.nan, 0
     if has_depth:

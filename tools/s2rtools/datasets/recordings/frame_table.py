@@ -18,7 +18,6 @@ from s2rstore.errors import RequestError
 from s2rtools.common.lazy_sequence import LazySequence, RowFile, chosen
 from s2rtools.common.tables.numeric_rows import read_matrix
 from s2rtools.datasets.recording import (
-    WITHOUT_DEPTH,
     PinholeCamera,
     ReadOptions,
     RecordedFrame,
@@ -149,11 +148,10 @@ def read_frames(
             file = f"{patterns[kind][0]}{name}"
             recording.report(f"repeated {what}", file, "another file has its number")
     images = [kind for kind in ("rgb", "depth") if kind in listed]
-    advice = WITHOUT_DEPTH if any(not len(listed[kind]) for kind in images) else ""
     table = FrameTable(recording, [trajectory] if trajectory else ())
     for number in listed["rgb"].numbers.tolist():
         if any(listed[kind].name(number) is None for kind in images):
-            recording.report("no depth image", path("rgb", number), advice)
+            recording.report("no depth image", path("rgb", number))
         elif listed["pose"].name(number) is None:
             recording.report("no pose", path("rgb", number))
         else:
