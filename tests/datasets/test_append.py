@@ -10,20 +10,20 @@ import s2rstore
 from s2rstore.files import layout
 from s2rstore.maintenance.verify import verify
 from s2rtools.datasets.appending import append
-from s2rtools.datasets.files.image_decoding import ImageFiles
+from s2rtools.datasets.recordings.image_frame_source import ImageFrameSource
 from tests.datasets.conftest import N
 from tests.datasets.helpers import add, files, scan_of
 from tests.support import image_folders
 
 
 def test_what_is_new_is_decoded_and_added_once(scan, store, monkeypatch):
-    decoded, decode = list[Path](), ImageFiles.decode
+    decoded, decode = list[Path](), ImageFrameSource.decode
 
-    def counted(self: ImageFiles, *arguments: object) -> object:
-        decoded.append(self.rgb)
+    def counted(self: ImageFrameSource, *arguments: object) -> object:
+        decoded.append(self.files[0])
         return decode(self, *arguments)
 
-    monkeypatch.setattr(ImageFiles, "decode", counted)
+    monkeypatch.setattr(ImageFrameSource, "decode", counted)
     steps = list[int]()
     append.append(scan, store, "s2r ingest", False, steps.append)
     assert sum(steps) == 2 * 2 * 3 * N

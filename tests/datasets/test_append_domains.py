@@ -233,7 +233,7 @@ def test_an_unusable_image_of_a_new_domain_is_refused_by_name(tmp_path):
     whole = scan_of("sim2realviz", tmp_path / "data", header=header)
     store = start(whole, tmp_path / "s.s2r", a=N)
     before = files(store)
-    broken = whole.trajectories["a"][5].sources[EDIT].rgb
+    broken = whole.trajectories["a"][5].sources[EDIT].files[0]
     content = broken.read_bytes()
     broken.write_bytes(content[:200])
     with pytest.raises(RequestError, match=rf"a/sim_edit/{broken.name}: unreadable image.*every"):

@@ -162,7 +162,7 @@ def test_unusable_pairs_at_the_end_are_left_out(tmp_path: Path) -> None:
     options = {"header": header}
     store = tmp_path / "s.s2r"
     first = scan_of("sim2realviz", tmp_path / "data", **options)
-    broken = [str(first.trajectories["a"][row].sources["real"].rgb) for row in (4, 6)]
+    broken = [str(first.trajectories["a"][row].sources["real"].files[0]) for row in (4, 6)]
     content = {name: Path(name).read_bytes() for name in broken}
     for name in broken:
         Path(name).write_bytes(content[name][:300])

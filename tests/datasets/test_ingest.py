@@ -40,10 +40,10 @@ def test_pairs_are_stored_in_recording_order(tmp_path):
         assert truth.odom_x[0] == pytest.approx(-y[0])
         frame = store.frame("real", 3)
         source = scan.trajectories["t1"][3].sources["real"]
-        raw = cv2.imread(str(source.depth), cv2.IMREAD_UNCHANGED)
+        raw = cv2.imread(str(source.files[1]), cv2.IMREAD_UNCHANGED)
         assert set(np.unique(frame.depth)) <= set(np.unique(raw))
         assert (frame.valid == ((frame.depth >= 6) & (frame.depth <= 249))).all()
-        rgb = cv2.cvtColor(cv2.imread(str(source.rgb)), cv2.COLOR_BGR2RGB)
+        rgb = cv2.cvtColor(cv2.imread(str(source.files[0])), cv2.COLOR_BGR2RGB)
         assert (frame.rgb == cv2.resize(rgb, SIZE[::-1], interpolation=cv2.INTER_AREA)).all()
 
 

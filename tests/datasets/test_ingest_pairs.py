@@ -21,7 +21,7 @@ from s2rtools.datasets.pairing.pair_matching import PoseTolerance
 from s2rtools.datasets.pairing.paired_recordings import PairOptions, scan_pairs
 from s2rtools.datasets.pairing.recorded_scan import MapOptions
 from s2rtools.datasets.recording import PinholeCamera, Recording, SourceImage
-from s2rtools.datasets.recordings.recorded_frame_source import read_undistorted
+from s2rtools.datasets.recordings.image_frame_source import read_undistorted
 from s2rtui.cli import main
 from tests.support import recordings
 from tests.support.recordings import Side
@@ -253,7 +253,7 @@ def test_unusable_images_are_reported_and_left_out(tmp_path, capsys):
     files[1].write_bytes(files[1].read_bytes()[:-400])
     cv2.imwrite(str(files[2]), np.zeros((10, 10, 3), dtype=np.uint8))
     files[3] = sim / "walk" / "depth" / files[3].name
-    cv2.imwrite(str(files[3]), np.zeros((24, 32, 3), dtype=np.uint8))
+    cv2.imwrite(str(files[3]), np.full((24, 32, 3), (0, 0, 90), dtype=np.uint8))
     more = "--tolerance", "0.45m,10deg"
     assert ingest(sim, real, tmp_path / "s.s2r", *more) == 0
     out, errors = capsys.readouterr()

@@ -15,7 +15,7 @@ from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import verify
 from s2rstore.records import Domain
 from s2rtools.datasets.appending import append
-from s2rtools.datasets.files.image_decoding import ImageFiles
+from s2rtools.datasets.recordings.image_frame_source import ImageFrameSource
 from s2rtools.datasets.scan import Scan
 from s2rtools.datasets.writing import build, frame_writing, ingest_journal, trajectory_arrays
 from tests.datasets.conftest import N
@@ -138,10 +138,10 @@ def test_an_interrupted_append_is_resumed(source, tmp_path, monkeypatch):
     for module in (trajectory_arrays, frame_writing, ingest_journal):
         monkeypatch.setattr(module, "SHARD_ROWS", 4)
     monkeypatch.setattr("s2rstore.files.process_identity.has_ended", lambda identity: True)
-    decode = ImageFiles.decode
+    decode = ImageFrameSource.decode
     decoded = []
 
-    def counted(source: ImageFiles, scan: Scan, domain: Domain) -> object:
+    def counted(source: ImageFrameSource, scan: Scan, domain: Domain) -> object:
         decoded.append(source)
         return decode(source, scan, domain)
 
@@ -153,7 +153,7 @@ def test_an_interrupted_append_is_resumed(source, tmp_path, monkeypatch):
         short = whole()
         short.trajectories["a"] = list(short.trajectories["a"])[:2]
         build.build(short, path, "s2r ingest", False, lambda steps: None)
-    monkeypatch.setattr(ImageFiles, "decode", counted)
+    monkeypatch.setattr(ImageFrameSource, "decode", counted)
     expected = add(whole(), stores[0])
     undisturbed, lines = len(decoded), list[str]()
     with monkeypatch.context() as patch:

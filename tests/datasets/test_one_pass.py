@@ -15,8 +15,8 @@ import pytest
 
 import s2rstore
 from s2rstore.maintenance.verify import verify
-from s2rtools.datasets.files import image_decoding
-from s2rtools.datasets.files.image_decoding import ImageFiles
+from s2rtools.datasets.recordings import recorded_files
+from s2rtools.datasets.recordings.image_frame_source import ImageFrameSource
 from s2rtools.datasets.scan import DecodedFrame
 from s2rtools.datasets.writing import index_rows
 from s2rtools.datasets.writing.build import build
@@ -47,7 +47,7 @@ def _images(folder: Path, store: Path) -> None:
 def test_every_source_image_is_read_and_decoded_once(make, tmp_path, monkeypatch):
     read: Counter[Path] = Counter()
     decoded = []
-    read_bytes, decode = image_decoding.read_bytes, cv2.imdecode
+    read_bytes, decode = recorded_files.read_bytes, cv2.imdecode
 
     def counted_read(path: Path, limit: int) -> bytes:
         read[path] += 1
@@ -57,8 +57,8 @@ def test_every_source_image_is_read_and_decoded_once(make, tmp_path, monkeypatch
         decoded.append(len(content))
         return decode(content, mode)
 
-    monkeypatch.setattr(image_decoding, "read_bytes", counted_read)
-    monkeypatch.setattr(image_decoding.cv2, "imdecode", counted_decode)
+    monkeypatch.setattr(recorded_files, "read_bytes", counted_read)
+    monkeypatch.setattr(recorded_files.cv2, "imdecode", counted_decode)
     make(tmp_path / "data", tmp_path / "s.s2r")
     files = {path for path in (tmp_path / "data").rglob("*") if path.suffix in (".png", ".jpeg")}
     assert read == dict.fromkeys(files, 1)
@@ -139,7 +139,7 @@ def test_an_instance_takes_little_memory(tmp_path, monkeypatch):
             gc.collect()
         return DecodedFrame(rgb, depth, "ab" * 32, 1.0)
 
-    monkeypatch.setattr(ImageFiles, "decode", decode)
+    monkeypatch.setattr(ImageFrameSource, "decode", decode)
     monkeypatch.setattr(index_rows, "_BLOCK", 64)
 
     def peak(count: int) -> int:

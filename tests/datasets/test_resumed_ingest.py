@@ -18,7 +18,7 @@ from s2rstore.files import layout
 from s2rstore.files.ingest_folder import staging_folders
 from s2rstore.files.ledger import Ledger
 from s2rstore.maintenance.verify import verify
-from s2rtools.datasets.files.image_decoding import ImageFiles
+from s2rtools.datasets.recordings.image_frame_source import ImageFrameSource
 from s2rtools.datasets.scan import Scan
 from s2rtools.datasets.writing import build as build_module
 from s2rtools.datasets.writing import frame_writing, ingest_journal, trajectory_arrays
@@ -167,7 +167,7 @@ def test_a_resume_that_is_killed_is_resumed(begun):
 
 def test_a_finished_trajectory_is_not_decoded_again(begun, monkeypatch):
     begun.interrupt(build_module, "write_index", 0)
-    monkeypatch.setattr(ImageFiles, "decode", lambda *arguments: pytest.fail("decoded"))
+    monkeypatch.setattr(ImageFrameSource, "decode", lambda *arguments: pytest.fail("decoded"))
     assert f"{N} of {N} instances are not decoded again" in begun.check_resumed()
 
 

@@ -1,9 +1,7 @@
-"""Decode one frame: check both image files, resize them and count the valid depth pixels."""
+"""Decode images, check them, and make frames of them: resized, with the share of valid depth."""
 
 from __future__ import annotations
 
-import hashlib
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +11,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError, counted
 from s2rstore.files.image_header import ImageHeader, read_header
-from s2rstore.files.input_files import open_regular, read_bytes
+from s2rstore.files.input_files import open_regular
 from s2rstore.records import Domain
 from s2rtools.common import image_files
 from s2rtools.common.frame_resizing import resized_depth, resized_rgb
@@ -23,82 +21,14 @@ from s2rtools.datasets.scan import DecodedFrame, Scan, SourceImages
 _MAX_DEPTH_COLOUR_SPREAD = 8
 _PHOTO_DIFFERENCE = 6.0
 _PHOTO_CORRELATION = 0.98
-_MAX_PIXEL_BYTES = 8
-"""Four channels of 16 bits."""
-MAX_METADATA_BYTES = 4 << 20
+_MAX_METADATA_BYTES = 4 << 20
 """Bytes of an image file besides its pixels."""
 _USUAL_HEADER_BYTES = 4 << 10
 _ASPECT_TOLERANCE = 0.02
 """Share by which an image may be stretched without a report; rounding of the size explains it."""
 
 
-@dataclass(frozen=True, slots=True)
-class ImageFiles:
-    """The source files of one frame and the (height, width) that each must have.
-
-    In a data set without poses there is no depth, and the orientation that the RGB file states may
-    exchange both edges. `name` is that of RGB in reports and in the index, by default its path.
-    """
-
-    rgb: Path
-    depth: Path | None
-    rgb_size: tuple[int, int]
-    depth_size: tuple[int, int] = (0, 0)
-    name: str | None = None
-
-    @property
-    def paths(self) -> tuple[Path, ...]:
-        return (self.rgb,) if self.depth is None else (self.rgb, self.depth)
-
-    @property
-    def pixels(self) -> int:
-        return max(height * width for height, width in (self.rgb_size, self.depth_size))
-
-    def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
-        depth = None if self.depth is None else scan.relative(self.depth)
-        return self.name or scan.relative(self.rgb), depth
-
-    def origin(self) -> tuple[tuple[Path, ...], str]:
-        return self.paths, f"{self.name!a} {self.rgb_size} {self.depth_size}"
-
-    def declared_depth_type(self) -> str | None:
-        return None if self.depth is None else declared_type(self.depth)
-
-    def checksum(self, scan: Scan, domain: Domain) -> str | None:
-        """SHA-256 over the bytes of both files; None where one is unreadable."""
-        digest = hashlib.sha256()
-        try:
-            for path, size in zip(self.paths, (self.rgb_size, self.depth_size), strict=False):
-                digest.update(read_bytes(path, _most_bytes(size)))
-        except RequestError:
-            return None
-        return digest.hexdigest()
-
-    def decode(self, scan: Scan, domain: Domain) -> DecodedFrame | InputIssue:
-        """Read, check and resize one frame; an InputIssue names the unusable file."""
-        digest, may_turn = hashlib.sha256(), self.depth is None
-        name = self.name or scan.relative(self.rgb)
-        mode = cv2.IMREAD_COLOR_RGB
-        rgb = _read(self.rgb, name, self.rgb_size, mode, digest, may_turn)
-        if isinstance(rgb, InputIssue):
-            return rgb
-        depth, depth_name = None, ""
-        if self.depth is not None:
-            depth_name = scan.relative(self.depth)
-            read = _read(self.depth, depth_name, self.depth_size, cv2.IMREAD_UNCHANGED, digest)
-            if isinstance(read, InputIssue):
-                return read
-            raw = _one_channel(read[0], depth_name)
-            if isinstance(raw, InputIssue):
-                return raw
-            depth = raw
-        frame = made_frame(scan, domain, rgb, depth, digest.hexdigest(), name)
-        if frame.depth is not None and _is_photo(frame.depth, frame.rgb):
-            return InputIssue("not a depth image", depth_name, "it repeats the RGB image")
-        return frame
-
-
-def _one_channel(pixels: NDArray[Any], name: str) -> NDArray[Any] | InputIssue:
+def depth_of(pixels: NDArray[Any], name: str) -> NDArray[Any] | InputIssue:
     """A depth image (h, w), also of one that repeats its channel; `name` is that of its file."""
     if pixels.ndim == 3:
         if np.ptp(pixels[..., :3].astype(np.int16), axis=2).max() > _MAX_DEPTH_COLOUR_SPREAD:
@@ -152,25 +82,6 @@ def made_frame(
     return DecodedFrame(small, raw, sha256, float(is_valid.mean()), tuple(issues), source)
 
 
-def _most_bytes(size: tuple[int, int]) -> int:
-    return size[0] * size[1] * _MAX_PIXEL_BYTES + MAX_METADATA_BYTES
-
-
-def _read(
-    path: Path, name: str, size: tuple[int, int], mode: int, digest: Any, may_turn: bool = False
-) -> tuple[NDArray[Any], int] | InputIssue:
-    """Pixels and bits per sample of an image; other sizes than (height, width) are not decoded.
-
-    `name` is that of the file in reports. With `may_turn` the decoded image may be (width, height).
-    """
-    try:
-        content = read_bytes(path, _most_bytes(size))
-    except RequestError as error:
-        return InputIssue("unreadable image", name, str(error).removeprefix(f"{path}: "))
-    digest.update(content)
-    return decode_image(content, name, mode, size, may_turn)
-
-
 def decode_image(
     content: bytes,
     name: str,
@@ -210,11 +121,16 @@ def decode_image(
     return np.asarray(image), header.bits
 
 
+def most_bytes(pixels: int) -> int:
+    """Bytes of the largest image file of some pixels: four channels of 16 bits, and metadata."""
+    return 8 * pixels + _MAX_METADATA_BYTES
+
+
 def _wrong_size(name: str, size: tuple[int, ...], expected: tuple[int, int]) -> InputIssue:
     return InputIssue("wrong size", name, f"{size_text(size)}, expected {size_text(expected)}")
 
 
-def _is_photo(depth: NDArray[Any], rgb: NDArray[np.uint8]) -> bool:
+def is_photo(depth: NDArray[Any], rgb: NDArray[np.uint8]) -> bool:
     """Whether an 8-bit depth image is a greyscale copy of the RGB image."""
     if depth.dtype != np.uint8:
         return False
@@ -249,7 +165,7 @@ def _header(path: Path) -> ImageHeader | None:
             try:
                 return read_header(content)
             except ValueError:  # perhaps the header is longer
-                return read_header(content + file.read(MAX_METADATA_BYTES - len(content)))
+                return read_header(content + file.read(_MAX_METADATA_BYTES - len(content)))
     except (RequestError, ValueError):
         return None
 

@@ -30,8 +30,8 @@ from s2rtools.common.input_issue import InputIssue
 from s2rtools.common.lazy_sequence import LazySequence, RowFile
 from s2rtools.common.tables.csv_rows import missing_column, parse_float, read_rows
 from s2rtools.datasets.dataset_config import DatasetConfig, Size
-from s2rtools.datasets.files.image_decoding import ImageFiles
 from s2rtools.datasets.files.path_containment import PathContainment
+from s2rtools.datasets.recordings.image_frame_source import source_of_files
 from s2rtools.datasets.scan import InstanceRecord, Scan, ScanOptions
 
 REQUIRED = ("trajectory", "seq", "domain", "rgb", "depth", "x", "y", "heading")
@@ -243,7 +243,8 @@ def _record(
     sources = {}
     for domain in sizes:
         _, row = by_domain[domain]
-        sources[domain] = ImageFiles(folder / row["rgb"], folder / row["depth"], *sizes[domain])
+        files = folder / row["rgb"], folder / row["depth"]
+        sources[domain] = source_of_files(folder, *files, sizes[domain])
     recorded = next((row for name, (_, row) in by_domain.items() if kinds[name] == "real"), first)
     x, y, heading, timestamp = (
         parse_float(recorded.get(name))

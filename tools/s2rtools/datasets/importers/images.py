@@ -23,8 +23,11 @@ from s2rtools.common.image_files import MAX_PIXELS, SUFFIXES
 from s2rtools.common.input_issue import InputIssue
 from s2rtools.common.lazy_sequence import LazySequence, RowFile
 from s2rtools.common.tables.csv_rows import read_rows
-from s2rtools.datasets.files.image_decoding import ImageFiles, declared_size
+from s2rtools.datasets.files.image_decoding import declared_size
 from s2rtools.datasets.files.path_containment import PathContainment
+from s2rtools.datasets.recording import RecordedFrame
+from s2rtools.datasets.recordings.image_frame_source import ImageFrameSource
+from s2rtools.datasets.recordings.recorded_files import ImageFile
 from s2rtools.datasets.scan import FrameSource, Scan, ScanOptions
 from s2rtools.datasets.writing import image_instances
 
@@ -46,7 +49,7 @@ def scan(path: Path, options: ScanOptions) -> Scan:
         raise RequestError("`s2r ingest images` reads --sim DIR and --real DIR, and takes no PATH")
     issues: list[InputIssue] = []
     outside: dict[str, int] = {}
-    found: dict[str, tuple[Side, Sequence[ImageFiles]]] = {}
+    found: dict[str, tuple[Side, Sequence[ImageFile]]] = {}
     sizes: dict[Side, Counter[tuple[int, int]]] = {}
     for domain, folder in options.folders.items():
         reader = _FolderReader(folder, domain, options.allow_outside, outside, issues)
@@ -68,8 +71,10 @@ def scan(path: Path, options: ScanOptions) -> Scan:
     return result
 
 
-def _sources(domain: Side, images: Sequence[ImageFiles]) -> Sequence[Mapping[str, FrameSource]]:
-    return LazySequence(len(images), lambda row: {domain: images[row]})
+def _sources(domain: Side, images: Sequence[ImageFile]) -> Sequence[Mapping[str, FrameSource]]:
+    return LazySequence(
+        len(images), lambda row: {domain: ImageFrameSource(RecordedFrame(images[row]))}
+    )
 
 
 class _FolderReader:
@@ -95,7 +100,7 @@ class _FolderReader:
         self._files, self._images = RowFile(), RowFile()
         self.sizes: Counter[tuple[int, int]] = Counter()
 
-    def trajectories(self) -> dict[str, Sequence[ImageFiles]]:
+    def trajectories(self) -> dict[str, Sequence[ImageFile]]:
         """The usable images by condition, or by subfolder without an index; "" is the folder.
 
         Raises RequestError where there is none.
@@ -159,7 +164,7 @@ class _FolderReader:
                 )
         return listing
 
-    def _usable(self, files: array[int]) -> Sequence[ImageFiles]:
+    def _usable(self, files: array[int]) -> Sequence[ImageFile]:
         """The files whose header declares an image that can be decoded; reports the others."""
         usable = array("i")
         for number in files:
@@ -176,11 +181,10 @@ class _FolderReader:
                 usable.append(self._images.append(path, os.fsencode(name), size))
                 self.sizes[size] += 1
 
-        def image(row: int) -> ImageFiles:
+        def image(row: int) -> ImageFile:
             path, name, (height, width) = self._images[usable[row]]
-            return ImageFiles(
-                Path(os.fsdecode(path)), None, (height, width), name=os.fsdecode(name)
-            )
+            size = height, width
+            return ImageFile(Path(os.fsdecode(path)), os.fsdecode(name), size, turns=True)
 
         return LazySequence(len(usable), image)
 

@@ -22,8 +22,9 @@ from s2rtools.common.input_issue import InputIssue
 from s2rtools.common.lazy_sequence import LazySequence, RowFile
 from s2rtools.common.tables.csv_rows import parse_float, read_rows
 from s2rtools.datasets.dataset_config import DatasetConfig, Size
-from s2rtools.datasets.files.image_decoding import ImageFiles, declared_size, size_text
+from s2rtools.datasets.files.image_decoding import declared_size, size_text
 from s2rtools.datasets.files.path_containment import PathContainment
+from s2rtools.datasets.recordings.image_frame_source import ImageFrameSource, source_of_files
 from s2rtools.datasets.scan import InstanceRecord, Scan, ScanOptions
 
 _NAME = re.compile(
@@ -112,7 +113,7 @@ def _scan_trajectory(
     rows, used_names = _matched_names(result, folder)
     for number in range(len(rows)):
         for image in _images(folder, rows[number], sizes).values():
-            for file in image.paths:
+            for file in image.files:
                 containment.check(file, str(file))
     first = [_images(folder, rows[number], sizes) for number in range(len(rows))[:_SAMPLED_IMAGES]]
     sizes = _actual_sizes(result, folder, first, sizes)
@@ -166,12 +167,14 @@ def _matched_names(result: Scan, folder: Path) -> tuple[RowFile, dict[Side, set[
     return matched, used
 
 
-def _images(folder: Path, matched: Sequence[str], sizes: Sizes) -> dict[str, ImageFiles]:
+def _images(folder: Path, matched: Sequence[str], sizes: Sizes) -> dict[str, ImageFrameSource]:
     """The images of an instance by domain; `matched` are its real and its sim RGB file name."""
     real, sim = matched
     names = {name: real if name == "real" else sim for name in sizes}
     return {
-        name: ImageFiles(folder / name / file, folder / name / _depth_name(file), *sizes[name])
+        name: source_of_files(
+            folder.parent, folder / name / file, folder / name / _depth_name(file), sizes[name]
+        )
         for name, file in names.items()
     }
 
@@ -181,7 +184,7 @@ def _depth_name(rgb: str) -> str:
 
 
 def _actual_sizes(
-    result: Scan, folder: Path, sample: list[dict[str, ImageFiles]], sizes: Sizes
+    result: Scan, folder: Path, sample: list[dict[str, ImageFrameSource]], sizes: Sizes
 ) -> Sizes:
     """Replace the calibrated image sizes by the actual ones if those are scaled versions of them.
 
@@ -189,7 +192,7 @@ def _actual_sizes(
     """
     actual_sizes = dict(sizes)
     for name, declared in sizes.items():
-        files = [file for row in sample for file in row[name].paths if os.path.isfile(file)]
+        files = [file for row in sample for file in row[name].files if os.path.isfile(file)]
         actual = {declared_size(file) for file in files}
         size = actual.pop() if len(actual) == 1 else None
         if size is None or declared == (size, size):
@@ -202,23 +205,24 @@ def _actual_sizes(
     return actual_sizes
 
 
-def _is_usable(result: Scan, sources: dict[str, ImageFiles]) -> bool:
+def _is_usable(result: Scan, sources: dict[str, ImageFrameSource]) -> bool:
     """Whether all files of an instance exist and its sim pose is finite; reports it if not."""
-    paths = (file for image in sources.values() for file in image.paths)
+    paths = (file for image in sources.values() for file in image.files)
     missing = [file for file in paths if not os.path.isfile(file)]
     result.issues += [InputIssue("missing image", result.relative(file)) for file in missing]
     if missing:
         return False
-    x, _, z, r = _pose_in_name(sources["sim"].rgb.name)
+    sim = sources["sim"].frame.rgb.name
+    x, _, z, r = _pose_in_name(sim)
     is_finite = all(math.isfinite(value) for value in (x, z, r))
     if not is_finite:
-        result.issues.append(InputIssue("bad pose", result.relative(sources["sim"].rgb)))
+        result.issues.append(InputIssue("bad pose", sim))
     return is_finite
 
 
-def _instance_record(sources: dict[str, ImageFiles]) -> InstanceRecord:
-    x, _, z, r = _pose_in_name(sources["sim"].rgb.name)
-    odometry = _pose_in_name(sources["real"].rgb.name)
+def _instance_record(sources: dict[str, ImageFrameSource]) -> InstanceRecord:
+    x, _, z, r = _pose_in_name(sources["sim"].frame.rgb.name)
+    odometry = _pose_in_name(sources["real"].frame.rgb.name)
     return InstanceRecord(
         x=x,
         y=z,
@@ -228,9 +232,9 @@ def _instance_record(sources: dict[str, ImageFiles]) -> InstanceRecord:
     )
 
 
-def _pose_in_name(name: str) -> list[float]:
-    """x, y, z and rotation in a file name; NaN for values that do not parse."""
-    match = _NAME.match(name)
+def _pose_in_name(file: str) -> list[float]:
+    """x, y, z and rotation in the name of a file; NaN for values that do not parse."""
+    match = _NAME.match(Path(file).name)
     return [parse_float(match[key] if match else None) for key in "xyzr"]
 
 

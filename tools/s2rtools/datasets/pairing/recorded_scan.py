@@ -34,7 +34,7 @@ from s2rtools.datasets.pairing.pair_matching import Floats, Rows
 from s2rtools.datasets.pairing.recording_pairs import RecordedSide
 from s2rtools.datasets.pairing.stored_worlds import StoredWorlds
 from s2rtools.datasets.recording import Recording
-from s2rtools.datasets.recordings.recorded_frame_source import RecordedFrameSource
+from s2rtools.datasets.recordings.image_frame_source import ImageFrameSource
 from s2rtools.datasets.scan import FramePose, InstanceRecord, Scan
 
 MARGIN = 2.0
@@ -146,7 +146,7 @@ def _record(
     time = float(main.times[number])
     return InstanceRecord(
         x, y, heading,
-        {side.side: _frame_source(side, number, scan) for side, number in images},
+        {side.side: _frame_source(side, number) for side, number in images},
         timestamp=time if math.isfinite(time) else None,
         frame_poses={side.side: _frame_pose(side, number) for side, number in images},
     )  # fmt: skip
@@ -233,11 +233,10 @@ def _domain(side: RecordedSide, frame: tuple[int, int], floor_option: str) -> Do
     )
 
 
-def _frame_source(side: RecordedSide, number: int, scan: Scan) -> RecordedFrameSource:
-    """The source of an image of a side, whose domain `scan` has."""
-    recording, has_depth = side.recording, scan.domains[side.side].has_depth
-    depth = recording.camera_of_depth if has_depth else None
-    return RecordedFrameSource(side.frame(number), recording.camera, depth)
+def _frame_source(side: RecordedSide, number: int) -> ImageFrameSource:
+    """The source of an image of a side."""
+    recording, frame = side.recording, side.frame(number)
+    return ImageFrameSource(frame, recording.camera, recording.camera_of_depth, side.side)
 
 
 def _frame_pose(side: RecordedSide, number: int) -> FramePose:

@@ -1,7 +1,4 @@
-"""Images of a recording that lie in files: found, listed by number, and read.
-
-The orientation that an image file states is ignored, because intrinsics are those of its pixels.
-"""
+"""Images that lie in files: found, listed by number, and read."""
 
 from __future__ import annotations
 
@@ -23,35 +20,36 @@ from s2rstore.files.input_files import read_bytes
 from s2rtools.common.image_files import MAX_PIXELS
 from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.files.image_decoding import (
-    MAX_METADATA_BYTES,
     declared_size,
     declared_type,
     decode_image,
+    most_bytes,
 )
 from s2rtools.datasets.recording import RecordedFrame, SourceImage
 
 _SAMPLES = 25
 _MOST_DIGITS = 18
 """Digits of a number in a file name; it fits into 64 bits."""
-_MAX_BYTES = 8 * MAX_PIXELS + MAX_METADATA_BYTES
-_COLOUR = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION
 
 
 @dataclass(frozen=True, slots=True)
 class ImageFile:
     """A colour or depth image in a file; `name` is its path relative to the recording.
 
-    Images of another `size` (height, width) are reported instead of read, if it is given.
+    Images of another `size` (height, width) are reported instead of read, if it is given. With
+    `turns` the orientation that the file states applies, which may exchange both edges; else it is
+    ignored, because intrinsics are those of the file's pixels.
     """
 
     path: Path
     name: str
     size: tuple[int, int] | None = None
     is_depth: bool = False
+    turns: bool = False
 
     @property
     def pixels(self) -> int:
-        height, width = declared_size(self.path) or (0, 0)
+        height, width = self.size or declared_size(self.path) or (0, 0)
         return height * width
 
     @property
@@ -64,21 +62,27 @@ class ImageFile:
 
     def checksum(self) -> str | None:
         try:
-            return hashlib.sha256(read_bytes(self.path, _MAX_BYTES)).hexdigest()
+            return hashlib.sha256(self._content()).hexdigest()
         except RequestError:
             return None
 
     def read(self) -> SourceImage | InputIssue:
         try:
-            content = read_bytes(self.path, _MAX_BYTES)
+            content = self._content()
         except RequestError as error:
             detail = str(error).removeprefix(f"{self.path}: ")
             return InputIssue("unreadable image", self.name, detail)
-        mode = cv2.IMREAD_UNCHANGED if self.is_depth else _COLOUR
-        decoded = decode_image(content, self.name, mode, self.size)
+        mode = cv2.IMREAD_UNCHANGED if self.is_depth else cv2.IMREAD_COLOR_RGB
+        if not (self.is_depth or self.turns):
+            mode |= cv2.IMREAD_IGNORE_ORIENTATION
+        decoded = decode_image(content, self.name, mode, self.size, self.turns)
         if isinstance(decoded, InputIssue):
             return decoded
         return SourceImage(decoded[0], hashlib.sha256(content).hexdigest(), decoded[1])
+
+    def _content(self) -> bytes:
+        pixels = MAX_PIXELS if self.size is None else self.pixels
+        return read_bytes(self.path, most_bytes(pixels))
 
 
 class NumberedFiles:
