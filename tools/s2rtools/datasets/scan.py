@@ -195,12 +195,10 @@ class Scan:
 
     def relative(self, path: Path) -> str:
         """The path relative to `root`, or unchanged if it lies elsewhere."""
-        return relative_name(path, self.root)
-
-
-def relative_name(path: Path, root: Path) -> str:
-    """The path relative to a folder, or unchanged if it lies elsewhere."""
-    return (path.relative_to(root) if path.is_relative_to(root) else path).as_posix()
+        try:
+            return path.relative_to(self.root).as_posix()
+        except ValueError:
+            return path.as_posix()
 
 
 def choose_trajectories(

@@ -15,6 +15,7 @@ folder.
 from __future__ import annotations
 
 import math
+import os
 from array import array
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -243,8 +244,8 @@ def _record(
     sources = {}
     for domain in sizes:
         _, row = by_domain[domain]
-        files = folder / row["rgb"], folder / row["depth"]
-        sources[domain] = source_of_files(folder, *files, sizes[domain])
+        names = os.path.normpath(row["rgb"]), os.path.normpath(row["depth"])
+        sources[domain] = source_of_files(folder, *names, sizes[domain])
     recorded = next((row for name, (_, row) in by_domain.items() if kinds[name] == "real"), first)
     x, y, heading, timestamp = (
         parse_float(recorded.get(name))

@@ -170,13 +170,11 @@ def _matched_names(result: Scan, folder: Path) -> tuple[RowFile, dict[Side, set[
 def _images(folder: Path, matched: Sequence[str], sizes: Sizes) -> dict[str, ImageFrameSource]:
     """The images of an instance by domain; `matched` are its real and its sim RGB file name."""
     real, sim = matched
-    names = {name: real if name == "real" else sim for name in sizes}
-    return {
-        name: source_of_files(
-            folder.parent, folder / name / file, folder / name / _depth_name(file), sizes[name]
-        )
-        for name, file in names.items()
-    }
+    sources = {}
+    for domain, size in sizes.items():
+        rgb = f"{folder.name}/{domain}/{real if domain == 'real' else sim}"
+        sources[domain] = source_of_files(folder.parent, rgb, _depth_name(rgb), size)
+    return sources
 
 
 def _depth_name(rgb: str) -> str:

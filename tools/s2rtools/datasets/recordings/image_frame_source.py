@@ -18,7 +18,7 @@ from s2rtools.common.input_issue import InputIssue
 from s2rtools.datasets.files.image_decoding import depth_of, is_photo, made_frame, size_text
 from s2rtools.datasets.recording import PinholeCamera, RecordedFrame, RecordedImage, SourceImage
 from s2rtools.datasets.recordings.recorded_files import ImageFile
-from s2rtools.datasets.scan import DecodedFrame, Scan, relative_name
+from s2rtools.datasets.scan import DecodedFrame, Scan
 
 
 def read_undistorted(
@@ -146,17 +146,15 @@ class ImageFrameSource:
 
 
 def source_of_files(
-    root: Path, rgb: Path, depth: Path, sizes: tuple[tuple[int, int], tuple[int, int]]
+    root: Path, rgb: str, depth: str, sizes: tuple[tuple[int, int], tuple[int, int]]
 ) -> ImageFrameSource:
-    """The source of an RGB and a depth file, whose (height, width) must be `sizes`.
-
-    They are named by their paths relative to `root`, or as they are where they lie elsewhere.
-    """
-    images = [
-        ImageFile(path, relative_name(path, root), size, is_depth=path is depth)
-        for path, size in zip((rgb, depth), sizes, strict=True)
-    ]
-    return ImageFrameSource(RecordedFrame(*images))
+    """The source of an RGB and a depth file in `root`, whose (height, width) must be `sizes`."""
+    of_rgb, of_depth = sizes
+    return ImageFrameSource(
+        RecordedFrame(
+            ImageFile(root / rgb, rgb, of_rgb), ImageFile(root / depth, depth, of_depth, True)
+        )
+    )
 
 
 def _joined(sums: Sequence[str]) -> str:
