@@ -273,6 +273,9 @@ def test_a_desk_in_millimetres_is_refused_by_its_speed():
     walk = made.trajectories["walk"]
     made.trajectories["walk"] = replace(walk, timestamps=0.5 * np.arange(20))
     project_to_floor(made, FloorOptions("z"))
+    made.trajectories["walk"] = replace(walk, timestamps=0.001 * np.arange(20))
+    project_to_floor(made, FloorOptions("z"))  # poses in any order, at a high rate
+    made.trajectories["walk"] = replace(walk, timestamps=0.5 * np.arange(20))
     walk.poses[:, :3, 3] *= 1000
     with pytest.raises(RequestError, match=r"millimetres: .* m at \d{3} m/s; give .*=0.001 \(0.01"):
         project_to_floor(made, FloorOptions("z"))

@@ -36,8 +36,10 @@ beside how they vary in the stored one."""
 _IMPLAUSIBLE_EXTENT, _IMPLAUSIBLE_STEP, _IMPLAUSIBLE_STEP_IF_TIMELESS = 1000.0, 10.0, 3.0
 """Metres above which positions are refused unless the scale of the world is stated: the larger edge
 of the map together with the median distance of consecutive images, with or without times."""
-_IMPLAUSIBLE_SPEED, _IMPLAUSIBLE_HEIGHT = 50.0, 100.0
-"""Metres per second in the median, and metres of the camera above the floor, likewise."""
+_IMPLAUSIBLE_SPEED, _LEAST_EXTENT = 50.0, 100.0
+"""Metres per second in the median, together with metres of the larger edge, likewise."""
+_IMPLAUSIBLE_HEIGHT = 100.0
+"""Metres of the camera above the floor, likewise."""
 _INCLINED = math.radians(5)
 """Angle between the up axis and the fitted floor that is reported."""
 _MOST_METRES_PER_UNIT, _MOST_GROUND, _MOST_HEIGHT = 1e6, 1e6, 1000.0
@@ -235,8 +237,9 @@ def _refuse_implausible(recording: Recording, floor: FloorPoses, is_height_state
     speeds = [s[t > 0] / t[t > 0] for s, t in zip(steps, seconds, strict=True)]
     step, speed = _median(steps, math.inf), _median(speeds, 0.0)
     largest_step = _IMPLAUSIBLE_STEP if speed else _IMPLAUSIBLE_STEP_IF_TIMELESS
-    is_large = float(edges.max()) > _IMPLAUSIBLE_EXTENT and step > largest_step
-    if is_large or above > _IMPLAUSIBLE_HEIGHT or speed > _IMPLAUSIBLE_SPEED:
+    is_large = edges.max() > _IMPLAUSIBLE_EXTENT and step > largest_step
+    is_fast = edges.max() > _LEAST_EXTENT and speed > _IMPLAUSIBLE_SPEED
+    if is_large or is_fast or above > _IMPLAUSIBLE_HEIGHT:
         height = "" if math.isnan(above) else f", {above:.0f} m above the floor"
         pace = f" at {speed:,.0f} m/s" if speed else ""
         raise RequestError(

@@ -102,6 +102,7 @@ class ImageFrameSource:
         return self.files, ascii(facts)
 
     def declared_depth_type(self) -> str | None:
+        """The numpy type of the depth image by its header; None without one."""
         return getattr(self.frame.depth, "declared_type", None)
 
     def checksum(self, scan: Scan, domain: Domain) -> str | None:

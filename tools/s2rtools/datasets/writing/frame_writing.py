@@ -12,7 +12,6 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, runtime_checkable
 
 import msgspec
 import numpy as np
@@ -22,6 +21,7 @@ from s2rstore.files.ledger import Ledger, LedgerEntry
 from s2rtools.common.input_issue import InputIssue
 from s2rtools.common.processors import available_processors
 from s2rtools.common.read_ahead import map_ahead
+from s2rtools.datasets.recordings.image_frame_source import ImageFrameSource
 from s2rtools.datasets.scan import (
     DecodedFrame,
     FrameChecksum,
@@ -50,14 +50,6 @@ Sources = Mapping[str, CompressedImages]
 Decoded = tuple[Frames, Sources, list[InputIssue]]
 """The frames of a record and the images at the size of their source, both by domain, and the issues
 of unusable frames."""
-
-
-@runtime_checkable
-class DeclaringSource(Protocol):
-    """A `FrameSource` whose depth image may be of one of several types."""
-
-    def declared_depth_type(self) -> str | None:
-        """The numpy type of the depth image by its header; None without one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,8 +244,7 @@ def _declared_depth_types(scan: Scan, records: Sequence[InstanceRecord]) -> dict
     counts: dict[str, Counter[str]] = {}
     for record in records:
         for domain, source in record.sources.items():
-            found = source.declared_depth_type() if isinstance(source, DeclaringSource) else None
-            if found is not None:
+            if isinstance(source, ImageFrameSource) and (found := source.declared_depth_type()):
                 counts.setdefault(domain, Counter())[found] += 1
     return {domain: each.most_common(1)[0][0] for domain, each in counts.items()}
 
