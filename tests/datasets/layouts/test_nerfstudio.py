@@ -177,7 +177,7 @@ def test_frames_without_their_depth_images_are_read_by_an_option(tmp_path):
 
 
 @pytest.mark.parametrize("key", ["file_path", "depth_file_path"])
-@pytest.mark.parametrize("name", ["a" * 100_000, "a\0b.png"], ids=["long", "nul"])
+@pytest.mark.parametrize("name", ["a" * 100_000, "a\0b.png", ""], ids=["long", "nul", "empty"])
 def test_a_frame_with_a_name_that_no_file_can_have_is_left_out(tmp_path, key, name):
     scene = walk()
     document = write(tmp_path, scene)
@@ -185,6 +185,7 @@ def test_a_frame_with_a_name_that_no_file_can_have_is_left_out(tmp_path, key, na
     rewrite(tmp_path, document)
     recording = read("nerfstudio", tmp_path)
     assert kinds(recording) == {"missing image" if key == "file_path" else "no depth image": 1}
+    assert recording.issues[0].file
     assert_poses(recording, scene.poses[1:])
 
 

@@ -86,7 +86,7 @@ def _add_frames(
         frame, where = document.frames[number], f"{path}: frame {number + 1}"
         rgb, depth = find_image(recording.containment, frame.file_path, where), None
         if rgb is None:
-            recording.report("missing image", frame.file_path)
+            recording.report("missing image", frame.file_path or where)
             continue
         if reads_depth and document.has_depth:
             depth = recording.containment.find_file(frame.depth_name or "", where)
