@@ -55,7 +55,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
     table.size = recording.camera.height, recording.camera.width
     for image in sorted(images, key=lambda image: natural_order(image.name)):
         if recording.containment.find_file(image.name, str(folder)) is None:
-            recording.report("missing image", image.name)
+            recording.report("missing image", image.name or str(folder))
             continue
         depth_name = None if depth is None else _depth_name(depth, image.name, recording)
         if depth is not None and depth_name is None:
