@@ -54,7 +54,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
     }
     table, scale = FrameTable(recording, list(parts)), recording.state_scale(options)
     for name, document in parts.items():
-        _add_frames(table, name, document, files[name], scale, options.reads_depth)
+        _add_frames(table, name, document, files[name], options)
     remark = table.choose_camera(options, path)
     if remark:
         recording.report("several cameras", path.name, remark)
@@ -70,17 +70,13 @@ def read(path: Path, options: ReadOptions) -> Recording:
 
 
 def _add_frames(
-    table: FrameTable,
-    name: str,
-    document: Transforms,
-    path: Path,
-    scale: float,
-    reads_depth: bool,
+    table: FrameTable, name: str, document: Transforms, path: Path, options: ReadOptions
 ) -> None:
     """Add the frames of one file whose images exist as trajectory `name`, in recording order."""
     recording, order = table.recording, document.recording_order()
     poses = document.poses(order, path)
-    poses[:, :3, 3] *= scale
+    poses[:, :3, 3] *= options.positive("scale", 1.0)
+    reads_depth = options.reads_depth and document.has_depth
     sizes: dict[Intrinsics, tuple[int, int]] = {}
     for number, pose in zip(order, poses, strict=True):
         frame, where = document.frames[number], f"{path}: frame {number + 1}"
@@ -88,7 +84,7 @@ def _add_frames(
         if rgb is None:
             recording.report("missing image", frame.file_path or where)
             continue
-        if reads_depth and document.has_depth:
+        if reads_depth:
             depth = recording.containment.find_file(frame.depth_name or "", where)
             if depth is None:
                 detail = frame.depth_name or "no depth_file_path"
