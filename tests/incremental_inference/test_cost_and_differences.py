@@ -103,14 +103,6 @@ def test_non_local_trunks_are_detected(name):
     assert occlusion.Occlusion().attributes(model) == {"method": f"in full: {reason}"}
 
 
-@given(st.integers(6, 300), st.integers(6, 300), st.integers(1, 6))
-def test_patches_cover_the_image_once(height, width, count):
-    coverage = np.zeros((height, width), int)
-    for r in cut_patches(height, width, count):
-        coverage[r.r0 : r.r1, r.c0 : r.c1] += 1
-    assert (coverage == 1).all()
-
-
 @given(
     st.integers(1, 5), st.integers(1, 3), st.integers(0, 2), st.integers(8, 30), st.data(),
 )  # fmt: skip

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import datetime
-import io
 import re
 from dataclasses import replace
 from functools import partial
@@ -12,9 +11,7 @@ from html.parser import HTMLParser
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from PIL import Image
 from prometheus_client.openmetrics import parser as openmetrics
-from prometheus_client.parser import text_string_to_metric_families
 
 from s2rstore.gap_history import reader
 from s2rtools.nightly.report_files import metrics
@@ -135,15 +132,6 @@ def test_metrics_equal_the_history(recorded_week):
         assert not [name for name in mass if name.endswith("low")]
 
 
-def test_metrics_are_valid_in_the_older_text_format(recorded_week):
-    assert recorded_week.config.metrics is not None
-    text = recorded_week.config.metrics.read_text()
-    assert text.endswith("# EOF\n")
-    assert {family.type for family in text_string_to_metric_families(text)} == {"gauge"}
-    newest = reader.read(recorded_week.config.history).of_configuration("lab")[-1]
-    assert text == metrics(newest).decode()
-
-
 def test_label_values_are_escaped(recorded_week):
     night = reader.read(recorded_week.config.history).nights[0]
     night_samples = samples(metrics(replace(night, dataset='a "b"\\ \n c')).decode())
@@ -193,22 +181,6 @@ def test_names_are_escaped_in_reports(config):
     folder = config.reports / str(day(1))
     assert "&lt;b&gt;|x|" in (folder / "report.html").read_text()
     assert r"\<b\>\|x\|" in (folder / "report.md").read_text()
-
-
-def test_the_plot_shows_each_night_in_the_colour_of_its_outcome(recorded_week):
-    path = recorded_week.config.reports / str(day(7)) / "history.png"
-    pixels = np.asarray(Image.open(io.BytesIO(path.read_bytes())).convert("RGB")).astype(int)
-    headline_height = pixels.shape[0] // 4  # the headline's panel
-    red = np.abs(pixels[:headline_height] - (0xD0, 0x2C, 0x30)).sum(axis=2) < 24
-    blue = np.abs(pixels[:headline_height] - (0x1D, 0x5F, 0xCE)).sum(axis=2) < 24
-    assert _groups(red) == 3
-    assert _groups(blue) == 4
-
-
-def _groups(mask: np.ndarray) -> int:
-    """The number of contiguous groups of non-empty columns."""
-    is_column_used = np.concatenate([[False], mask.any(axis=0)])
-    return int(np.count_nonzero(is_column_used[1:] & ~is_column_used[:-1]))
 
 
 def test_the_markdown_report_lists_checks_and_nights(recorded_week):

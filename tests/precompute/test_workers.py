@@ -1,14 +1,11 @@
 """Worker processes: their number, the order of their units, and the code compiled for them."""
 
-import importlib
 from pathlib import Path
 from types import SimpleNamespace
 
-import numba
 import pytest
 
 from s2rtools.common import processors
-from s2rtools.common.numba_cache import cached
 from s2rtools.common.processors import available_memory
 from s2rtools.precompute.executors import local_executors
 from s2rtools.precompute.executors.executor import largest_first
@@ -44,15 +41,6 @@ def test_units_that_take_the_longest_come_first():
     ]  # fmt: skip
 
 
-def test_processes_are_kept_until_more_are_needed():
-    with local_executors.WorkerPool() as pool:
-        first = pool.processes(2)
-        assert pool.processes(1) is first
-        assert pool.processes(3) is not first
-        pool.close()
-        assert pool.processes(2) is not first
-
-
 @pytest.mark.parametrize(
     ("group", "files"),
     [
@@ -75,18 +63,3 @@ def test_cached_files_do_not_count_as_used_memory(monkeypatch, group, files):
     }
     monkeypatch.setattr(processors, "_read", lambda path: contents.get(Path(path).as_posix(), ""))
     assert available_memory() == 15 << 29
-
-
-def test_libraries_imported_in_the_context_are_cached(tmp_path, monkeypatch):
-    code = "import numba\n@numba.njit\ndef twice(x):\n    return 2 * x\n"
-    for name in ("kept_library", "plain_library"):
-        (tmp_path / f"{name}.py").write_text(code)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "cache"))
-    with cached():
-        cached_library = importlib.import_module("kept_library")
-    other_library = importlib.import_module("plain_library")
-    assert (cached_library.twice(2), other_library.twice(2)) == (4, 4)
-    files = [path.name for path in (tmp_path / "cache").rglob("*.nbc")]
-    assert files
-    assert all("kept_library" in name for name in files)

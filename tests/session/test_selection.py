@@ -12,11 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
-from s2rstore.language import ExpressionError, fields
+from s2rstore.language import ExpressionError
 from s2rstore.metrics import nearest_neighbours
 from s2rtui.app.key_bindings import BY_NAME
-from s2rtui.charts.list import ListView
-from s2rtui.charts.scene import LoadedData, Scene
 from s2rtui.charts.shared.instance_input import NEIGHBOURS
 from s2rtui.session import (
     evaluation,
@@ -273,16 +271,6 @@ def test_names_are_sorted_alphabetically(session, name):
     sorted_names = [names[codes[iid]] for iid in rows if codes[iid] >= 0]
     assert len(set(sorted_names)) > 1
     assert sorted_names == sorted(sorted_names)
-
-
-def test_every_column_of_the_list_can_be_sorted_by(session):
-    names, _ = ListView().numbers(Scene(session.store, session.state, LoadedData()))
-    shown = {fields.of_name(name) for name in names}
-    assert shown == set(instance_list.COLUMNS)
-    sort_columns = [
-        session.dispatch(instance_list.sort_by_next_column).sort for _ in instance_list.COLUMNS
-    ]
-    assert set(sort_columns) == shown
 
 
 @pytest.mark.parametrize("descending", [True, False])

@@ -8,7 +8,7 @@ import pytest
 
 from s2rstore.errors import RequestError
 from s2rstore.files import layout
-from s2rstore.index import catalog_check, catalog_check_cache, locked_connection, transaction
+from s2rstore.index import catalog_check, locked_connection, transaction
 from tests.support.copies import copy_store
 
 
@@ -82,14 +82,6 @@ def test_a_cache_folder_that_others_can_write_is_not_used(
     for _ in range(2):
         open_in_new_process(index, monkeypatch)
     assert checked_files == [index, index]
-
-
-def test_the_number_of_cache_entries_is_limited(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    names = [f"{number:064x}" for number in range(catalog_check_cache.MAX_ENTRIES + 1)]
-    for name in names:
-        catalog_check_cache.add(name)
-    assert [name for name in names if catalog_check_cache.contains(name)] == names[-1:]
 
 
 def test_threads_open_an_index_simultaneously(tiny_store):

@@ -10,7 +10,6 @@ from scipy import stats
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rtools.sysid.identify import Identification, SysidSettings, identify
 from s2rtools.sysid.prediction_error import HeldOut, compared
-from s2rtools.sysid.report import record
 from s2rtools.sysid.simulators import Planar
 from s2rtools.sysid.synthetic_drives import SEVERITIES
 from tests.support.silent_reporter import SilentReporter
@@ -70,12 +69,6 @@ def short(drive_folder: Callable[..., DriveFolder]) -> tuple[Identification, Sil
     """A short search and its reporter."""
     reporter = SilentReporter()
     return identify(drive_folder(latency=0.8, mass=1.0)[1], SHORT, reporter), reporter
-
-
-@pytest.mark.deep
-def test_identification_is_deterministic(drive_folder, short):
-    repeated = identify(drive_folder(latency=0.8, mass=1.0)[1], SHORT, SilentReporter())
-    assert record(repeated) == record(short[0])
 
 
 def test_unknown_torques_give_ratios_and_a_warning(drive_folder):

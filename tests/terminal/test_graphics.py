@@ -287,15 +287,6 @@ def test_images_encoded_after_deletion_are_not_sent():
     assert (terminal.written, terminal.ready_count) == ("", 0)
 
 
-def test_an_image_of_the_same_source_is_not_encoded_again(monkeypatch):
-    terminal = FakeTerminal()
-    terminal.draw(canvas(noise((16, 16)), source="one"))
-    written_before = terminal.written
-    monkeypatch.setitem(globals(), "resized", lambda pixels, size: pytest.fail("made again"))
-    terminal.draw(canvas(noise((16, 16)), source="one"))
-    assert terminal.written == written_before
-
-
 def test_a_displayed_image_keeps_its_number():
     terminal = FakeTerminal()
     (strip, *_) = terminal.draw(canvas(noise((16, 16))), "instance")[1:]

@@ -1,6 +1,5 @@
 """Training images outside of memory, and the recipe that trains on translated images."""
 
-from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -62,23 +61,6 @@ def test_a_full_disk_is_an_error_that_names_the_folder(tmp_path):
         array.append(np.zeros((2, 4), dtype=np.uint8))
     with pytest.raises(IndexError):
         array[np.array([0])]
-
-
-def test_every_domain_that_is_needed_is_read_once(store_copy, monkeypatch):
-    """Training passes read the copies, however many steps there are."""
-    reads: Counter[tuple[str, int]] = Counter()
-    frames = Store.frames
-
-    def counted(store: Store, domain: str, start: int, stop: int, *more: object) -> object:
-        reads.update((domain, row) for row in range(start, stop))
-        return frames(store, domain, start, stop, *more)
-
-    monkeypatch.setattr(Store, "frames", counted)
-    with Store(store_copy) as store:
-        count, kinds = len(store.instances), {d: each.kind for d, each in store.domains.items()}
-    train_into_store(store_copy, TrainingRequest("vanilla", name="v", steps=3), print, "s2r train")
-    used = {domain for domain, kind in kinds.items() if kind == "sim"} | {"real"}
-    assert reads == {(domain, row): 1 for domain in used for row in range(count)}
 
 
 def test_images_without_a_partner_are_trained_on_and_missing_ones_belong_to_no_split(store_copy):

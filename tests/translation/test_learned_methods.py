@@ -9,7 +9,7 @@ import torch
 
 from s2rstore.errors import RequestError
 from s2rtools.translation import METHODS, fit_loop, network_translator, style_losses
-from s2rtools.translation.adversarial_training import AdversarialLearner, ImagePool, luminance_loss
+from s2rtools.translation.adversarial_training import AdversarialLearner, luminance_loss
 from s2rtools.translation.method import FitResult, FitSettings
 from s2rtools.translation.translator_file import StoredTranslator, decode, encode
 from tests.translation.palette_world import SIZE, counterparts, difference, image_set, unpaired
@@ -289,16 +289,3 @@ def test_the_luminance_loss_tells_bright_from_dark():
     assert luminance_loss(image * 0.5 + 0.2, image) < 0.01
     assert luminance_loss(-image, image) > 1.99
     assert abs(float(luminance_loss(torch.zeros_like(image), image)) - 1) < 1e-3
-
-
-def test_the_pool_returns_earlier_images_once_it_is_full():
-    pool, generator = ImagePool((2, 2)), torch.Generator().manual_seed(0)
-    returned = [
-        float(pool.exchange(torch.full((1, 3, 2, 2), float(n)), generator)[0, 0, 0, 0])
-        for n in range(150)
-    ]
-    assert returned[:50] == list(range(50))
-    later = returned[50:]
-    new = sum(value == number for number, value in enumerate(later, start=50))
-    assert 25 < new < 75
-    assert all(value <= number for number, value in enumerate(later, start=50))

@@ -170,18 +170,6 @@ def test_a_vibration_that_divides_stride_and_horizons_is_detected(period):
     assert np.diff(result.starts).min() > 0
 
 
-def test_scattered_starts_and_lengths_are_deterministic():
-    log = robot.pair(2).real
-    plan = WindowPlan()
-    assert (plan.starts(log) == plan.starts(log)).all()
-    steps = plan.steps(400) / plan.rate
-    assert steps.mean(axis=1) == pytest.approx(plan.horizons, rel=0.02)
-    assert steps.max() <= plan.longest
-    assert (steps.std(axis=1) > 0.1 * np.array(plan.horizons)).all()
-    with pytest.raises(RequestError, match=r"scatter 0\.5"):
-        WindowPlan(scatter=0.5)
-
-
 @pytest.mark.parametrize("rate", [50.0, 4.0])
 def test_motion_between_coarse_poses_is_not_counted_as_noise(rate):
     rng = np.random.default_rng(4)
