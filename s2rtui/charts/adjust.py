@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from s2rstore.reader import Store
 from s2rstore.records import Side
 from s2rtui.canvas import Canvas, PlotArea, Point, RenderOptions, Size
+from s2rtui.canvas.fit_text import wrap_text
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.instance import (
     InstanceInput,
@@ -177,7 +177,7 @@ def _label(name: str) -> str:
 
 def _put_message(canvas: Canvas, text: str, top: int) -> Canvas:
     """Write a wrapped text from row `top` on."""
-    for row, line in enumerate(textwrap.wrap(text, max(8, canvas.width)), top):
+    for row, line in enumerate(wrap_text(text, max(8, canvas.width)), top):
         if row < canvas.height:
             canvas.text(0, row, line, canvas.theme.muted)
     return canvas

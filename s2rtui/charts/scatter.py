@@ -223,7 +223,7 @@ def _sides(
 
 def _part(scale: Scale, first: float, last: float, side: str) -> Scale:
     """The part of an axis between two fractions of it."""
-    names = f"{side} error (m){', log' if scale.log else ''}", f"{side} error (m)", "m"
+    names = f"{side} error (m){', log' if scale.log else ''}", f"{side} error (m)", f"{side} m"
     if (first, last) == (0.0, 1.0):
         return replace(scale, names=names)
     low, high = scale.value([first, last])

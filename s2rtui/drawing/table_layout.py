@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from rich.cells import cell_len
 
+from s2rtui.canvas.fit_text import wrap_text
 from s2rtui.drawing.plot import ROLES
 from s2rtui.drawing.scale import Scale
 from s2rtui.drawing.table import Bar, Column, Row, TableSpec
@@ -275,16 +275,12 @@ def _entry(
     text = "" if place is None else row.cells[columns[place]].whole
     if place is not None and 0 not in columns:
         text = f"{row.cells[0].text}: {text}"
-    texts = _wrap(text, room)
+    texts = wrap_text(text, room) or [""]
     lines = [TableLine(number, part, text) for part, text in enumerate(texts)]
     for note in row.notes if noted else ():
-        for text in _wrap(note, room):
+        for text in wrap_text(note, room):
             lines.append(TableLine(number, len(lines), text, True))
     return lines
-
-
-def _wrap(text: str, room: int) -> list[str]:
-    return textwrap.wrap(text, max(1, room), break_on_hyphens=False) or [""]
 
 
 def _first_line(table: TableSpec, lines: list[TableLine], room: int) -> int:

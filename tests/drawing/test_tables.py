@@ -116,7 +116,12 @@ def test_the_chosen_entry_is_visible_and_highlighted_and_keeps_its_notes(chosen)
     assert {line.row for line in layout.lines if line.is_note} == {2}
 
 
-def test_an_axis_keeps_a_number_where_its_name_leaves_no_room():
-    canvas = Canvas(40, 1)
+def test_an_axis_keeps_two_numbers_beside_its_name():
+    canvas = Canvas(40, 3)
     draw_axis(canvas, Scale(0.1, 0.95, ("a long name of it (m)",), log=True), 0, 0, 40, 4)
+    draw_axis(canvas, Scale(0.0, 2.43, ("median error (m)", "error (m)", "m")), 0, 1, 20, 2)
+    draw_axis(canvas, Scale(-0.32, 0.01, ("median gain (m)", "gain (m)")), 0, 2, 20, 2)
     assert any(letter.isdigit() for letter in canvas.lines()[0])
+    assert [line.split() for line in canvas.lines()[1:]] == [
+        ["0", "1", "error", "(m)"], ["-0.3", "-0.2", "gain", "(m)"]
+    ]  # fmt: skip
