@@ -169,7 +169,7 @@ def _most_notes(drawing: Drawing, height: int) -> int:
         return max(least, min(height // 2, free))
     if drawing.plots or drawing.table is None:
         return least * (height // 2)
-    return max(least, min(height // 2, height - wanted_lines(drawing.table)))
+    return max(least, height - wanted_lines(drawing.table))
 
 
 def _whole_texts(

@@ -50,9 +50,10 @@ _NOTES = 1.0
 _GAP = 4
 """Letters between phrases beside each other."""
 _BAR_SIDE, _TEXT_SIDE = 1.5, 2.8
-"""Inches at the right of plots for a colour bar; for several, or a table and notes."""
+"""Inches at the right of plots for colour bars and notes, and for a table with them."""
 _BAR_HEIGHT, _BAR_ROOM, _BAR_ABOVE, _BAR_FOOT = 1.4, 1.3, 0.6, 0.45
 """Height of an upright colour bar, its width with the labels, and what is above and below it."""
+_BAR_STEP = _BAR_ABOVE + _BAR_HEIGHT + _BAR_FOOT
 _BAR_BELOW, _BAR_THICK = 0.75, 0.12
 """Height of a colour bar that lies below plots with its labels, and of the bar alone, inches."""
 _BETWEEN, _TALLEST = 0.45, 1.25
@@ -102,7 +103,8 @@ class _Parts:
         self.text_width = (side or wide - self.left) - margin(wide)
         self.letters = int(self.text_width / (LETTER * self.font))
         self.texts = [] if drawing.table is None else sentences(drawing.table, self.letters)
-        self.table = None if self.texts else drawing.table
+        has_rows = drawing.table is not None and drawing.table.rows and not self.texts
+        self.table = drawing.table if has_rows else None
         self.bars = [
             item for note in drawing.notes if not isinstance(note, str)
             for item in note if isinstance(item, ColourBar)
@@ -127,10 +129,15 @@ class _Parts:
     @property
     def bars_height(self) -> float:
         if self.side and self.bars:
-            return _BAR_ABOVE + _BAR_HEIGHT + _BAR_FOOT
+            return math.ceil(len(self.bars) / self.bars_beside) * _BAR_STEP
         lines = [label.count("\n") + (bar.ramp == "depth")
                  for bar, label in zip(self.bars, self.bar_labels, strict=True)]  # fmt: skip
         return _BAR_BELOW + LINE * max(lines) if lines else 0.0
+
+    @property
+    def bars_beside(self) -> int:
+        """Upright bars beside each other at the right of plots; further ones are below them."""
+        return max(1, int(self.side / _BAR_ROOM))
 
     @property
     def bar_width(self) -> float:
@@ -241,8 +248,10 @@ def _side(drawing: Drawing) -> float:
     """The width that bars, table and notes have at the right of plots; 0 where they are below."""
     if not drawing.plots or not drawing.plots[0].has_own_shape:
         return 0.0
-    bars = _Parts(drawing, 2 * NARROW, 1).bars
-    return _TEXT_SIDE if drawing.table is not None or len(bars) > 1 else _BAR_SIDE
+    if drawing.table is not None:
+        return _TEXT_SIDE
+    parts = _Parts(drawing, 2 * NARROW, 1)
+    return _BAR_SIDE if parts.bars or parts.notes else 0.0
 
 
 def _natural(drawing: Drawing, wide: float) -> _Parts:
@@ -258,7 +267,8 @@ def _largest(drawing: Drawing, page: Page) -> _Parts:
     columns = _columns(drawing, page.top <= wide)
     shown = [_Parts(drawing, wide, columns)]
     if side := _side(drawing):
-        shown.append(_Parts(drawing, wide, columns, side))
+        beside = _Parts(drawing, wide, columns, side)
+        shown += [beside] * (beside.texts_height <= page.top)
         if drawing.beside and columns > 1:
             shown.append(_Parts(drawing, wide, -(-columns // 2)))
     return max(shown, key=lambda parts: parts.plot_size(_room(page, parts)))
@@ -350,7 +360,8 @@ def _draw_bars(page: Page, parts: _Parts, top: float) -> None:
     """Colour bars beside each other: upright ones at the right of the plots, or below these."""
     for place, (bar, label) in enumerate(zip(parts.bars, parts.bar_labels, strict=True)):
         if parts.side:
-            left, low = parts.left + place * _BAR_ROOM, top - _BAR_ABOVE - _BAR_HEIGHT
+            row, column = divmod(place, parts.bars_beside)
+            left, low = parts.left + column * _BAR_ROOM, top - (row + 1) * _BAR_STEP + _BAR_FOOT
             draw_colour_bar(page, (left, low, 0.16, _BAR_HEIGHT), bar, label)
         else:
             left = _LEFT + place * (parts.bar_width + _BETWEEN)

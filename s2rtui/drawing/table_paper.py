@@ -14,7 +14,7 @@ from s2rtui.canvas.colour import luminance
 from s2rtui.canvas.fit_text import NO_BREAK, fit_text
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.drawing.heat_colours import ramp_colours
-from s2rtui.drawing.page import LETTER, Ink, Page, style_axes, wrapped_text
+from s2rtui.drawing.page import BOLD, LETTER, Ink, Page, style_axes, wrapped_text
 from s2rtui.drawing.plot import ROLES
 from s2rtui.drawing.plot_paper import axis_name, marker_style, set_ticks
 from s2rtui.drawing.row_lines import LineLayer, RowLines
@@ -54,8 +54,17 @@ def sentences(table: TableSpec, letters: int) -> list[str]:
 
 
 def page_layout(table: TableSpec, letters: int, lines: int = ALL_LINES) -> TableLayout:
-    """The layout of a table on a page, which counts its hidden rows below it."""
-    return table_layout(table, letters, lines, has_window=False)
+    """The layout of a table on a page, which counts its hidden rows below it.
+
+    Strips are left out last, and texts in bold letters have room.
+    """
+    columns = tuple(
+        column if column.scale is None else replace(column, rank=min(column.rank, 1))
+        for column in table.columns
+    )
+    if any(column.wraps for column in columns) and any(row.bold for row in table.rows):
+        letters = int(letters / BOLD)
+    return table_layout(replace(table, columns=columns), letters, lines, has_window=False)
 
 
 def wrapped(text: str, letters: int) -> list[str]:
