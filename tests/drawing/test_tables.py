@@ -17,6 +17,7 @@ from s2rtui.drawing.scale import Scale
 from s2rtui.drawing.table import Bar, Cell, Column, Dot, LazyRows, Row, Span, TableSpec
 from s2rtui.drawing.table_cells import draw_axis
 from s2rtui.drawing.table_layout import table_layout
+from s2rtui.drawing.table_paper import page_layout
 from tests.charts.examples import findings_of, groups_drawing, list_drawing
 
 
@@ -66,6 +67,17 @@ def test_columns_of_the_largest_rank_are_left_out_before_names_are_cut():
         ranks = [column.rank for column in drawing.table.columns]
         left_out = [rank for place, rank in enumerate(ranks) if place not in columns]
         assert max(ranks[place] for place in columns) < min(left_out, default=99)
+    on_paper = page_layout(drawing.table, 40).columns
+    assert [place for place in on_paper if drawing.table.columns[place].scale]
+
+
+def test_columns_come_nearer_before_one_is_left_out():
+    columns = Column("run"), Column("n", right=True, rank=1), Column("gap m", right=True, rank=2)
+    table = TableSpec(columns, (Row((Cell("vanilla"), Cell("100"), Cell("+0.25"))),))
+    rows = [draw_cells(Drawing(table=table), (width, 2)).lines()[1] for width in (19, 17, 16)]
+    assert [row.strip() for row in rows] == [
+        "vanilla  100  +0.25", "vanilla 100 +0.25", "vanilla  100"
+    ]  # fmt: skip
 
 
 def test_strips_show_bars_intervals_and_dots_on_one_scale():
