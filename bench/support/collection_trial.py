@@ -152,6 +152,7 @@ class Trial:
             iids=rows,
             poses=self.drive,
             rooms=self._room_codes(self.drive),
+            trajectories=np.zeros(len(rows), dtype=np.int32),
             real_error=errors["real"],
             sim_error=errors["sim"],
             novelty=np.where(np.isfinite(novelty), novelty, 1.0),

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Group = Literal["select", "brush", "move", "heat", "map", "adjust", "review", "views", "program"]
 When = Literal[
     "always", "begun", "still", "plain", "brushing", "list", "adjust", "groups", "not groups",
-    "rows", "instance", "sheet", "pivot", "suggestions", "not sheet", "elsewhere",
+    "rows", "instance", "sheet", "pivot", "suggestions", "drives", "not sheet", "elsewhere",
 ]  # fmt: skip
 
 GROUPS: dict[Group, str] = {group: group.capitalize() for group in get_args(Group)}
@@ -104,7 +104,8 @@ class Action:
             "sheet": state.view == "sheet",
             "pivot": state.view == "pivot",
             "suggestions": state.view == "suggestions",
-            "not sheet": not brushing and state.view not in ("adjust", "sheet", "pivot"),
+            "drives": state.view == "drives",
+            "not sheet": not brushing and state.view not in ("adjust", "sheet", "pivot", "drives"),
             "groups": not brushing and state.view == "rooms",
             "not groups": state.view != "rooms",
             "rows": not brushing and state.view in _TABLES,

@@ -29,10 +29,13 @@ if TYPE_CHECKING:
 
 _OF_ONE_VIEW: tuple[When, ...] = (
     "list", "adjust", "groups", "rows", "instance", "sheet", "pivot", "suggestions",
+    "drives",
 )  # fmt: skip
 """Situations in which one view is active."""
 _PAGE, _ALL_ROWS = 10, 1 << 30
 """Rows of a table that the page keys scroll, and more than any table has."""
+_SCRUB = 5
+"""Steps by which a key moves in time."""
 
 
 def _do(reducer: Reducer, *arguments: Any) -> Callable[[Session], object]:
@@ -131,7 +134,8 @@ _ADJUSTING = (
     Action("save_run", "S", "adjust",
            "save the adjustments as a run and compute it for all images", short="save run",
            when="adjust", needs="models", command=lambda app: app.adjust.ask_name()),
-    Action("search", "S", "adjust", "suggestions: search the missing answers; again: cancel",
+    Action("search", "S", "adjust",
+           "suggestions: search the missing answers (5 minutes each); again: cancel",
            short="search", when="suggestions", needs="models",
            command=lambda app: app.suggestions.search()),
     Action("collect", "backslash", "adjust",
@@ -187,6 +191,10 @@ _IMAGES = (
            "<- ->", "pivot", command=lambda app: app.navigation.move_choice(0, 1)),
     Action("cell_left", "left", "move", "", when="pivot",
            command=lambda app: app.navigation.move_choice(0, -1)),
+    Action("later", "right", "move", "drives: move in time", None, "time", "<- ->", "drives",
+           command=lambda app: app.player.move(_SCRUB)),
+    Action("earlier", "left", "move", "", when="drives",
+           command=lambda app: app.player.move(-_SCRUB)),
     Action("figure", "backslash", "review", "pivot: median, number, recall or share of errors",
            _do(error_groups.change_figure), "figure", "\\", "pivot"),
     Action("arrangement", "backslash", "views",
@@ -242,7 +250,7 @@ ACTIONS: tuple[Action, ...] = (
            _do(navigation.move_cursor, 1), "instance", "->", "not sheet"),
     Action("instance_left", "left", "move", "previous instance",
            _do(navigation.move_cursor, -1), "", "<-", "not sheet"),
-    Action("play", "apostrophe", "move", "play through the instances; faster; stop",
+    Action("play", "apostrophe", "move", "play through the instances or the drive; faster; stop",
            shown="'", command=lambda app: app.player.change_speed()),
     Action("next_row", "down", "move", "next row of the list",
            _do(instance_list.move, 1), "rows", "up, down", "list"),

@@ -28,6 +28,7 @@ NAMES = (
     "risk",
     "exchange",
     "timeline",
+    "drives",
     "list",
     "sheet",
     "compare",

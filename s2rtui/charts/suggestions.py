@@ -74,8 +74,7 @@ class SuggestionsInput:
     """Both directions of a run; `chosen` names an answer, by default the first suggested one.
 
     collect: the command that chooses poses of new images; empty where it is not known. planned: the
-    poses that are shown, chosen for planned_run if that is known. computes: whether commands can
-    compute in the store.
+    poses that are shown, chosen for planned_run if that is known.
     """
 
     directions: tuple[Direction, ...]
@@ -83,7 +82,6 @@ class SuggestionsInput:
     collect: str = ""
     planned: tuple[PlannedPose, ...] = ()
     planned_run: str = ""
-    computes: bool = True
 
     @property
     def names(self) -> list[str]:
@@ -282,7 +280,7 @@ class SuggestionsView(View):
         )
         return SuggestionsInput(
             _directions(store, run), state.chosen_row(self.name), collect, state.planned,
-            state.planned_run, not store.files.is_remote,
+            state.planned_run,
         )  # fmt: skip
 
     def missing_sides(self, scene: Scene) -> tuple[Side, ...]:
@@ -330,14 +328,10 @@ class SuggestionsView(View):
 def suggestions_drawing(data: SuggestionsInput, active: bool = True) -> Drawing:
     """The answers, and how the chosen one is applied."""
     notes = [f"{_TITLES[each.side]}: {each.note}" for each in data.directions if each.note]
-    can_compute = active and data.computes
-    if can_compute and any(direction.is_missing for direction in data.directions):
-        notes.append("S runs the missing searches here (5 minutes each), and again: cancels")
     if data.planned:
         notes += _planned_lines(data.planned, data.planned_run)
     if data.collect:
-        key = "\\ or " if can_compute else ""
-        notes.append(f"collect images: {key}`{data.collect}` chooses poses for the map")
+        notes.append(f"collect images: `{data.collect}` chooses poses for the map")
     if (chosen := data.chosen_answer) is not None:
         direction, number = chosen
         how = "enter adjusts the real images live; there S saves them as a run"

@@ -25,7 +25,7 @@ from s2rtui.drawing.figures import NUMBERS, Figures, figure_choices, figure_rows
 from s2rtui.drawing.plot import Plot
 from s2rtui.drawing.scale import Floats
 from s2rtui.drawing.table import TableSpec
-from s2rtui.session import view_settings
+from s2rtui.session import navigation, view_settings
 from s2rtui.session.session import Session
 from s2rtui.session.state import State
 from s2rtui.session.view_settings import ZoomPlane
@@ -196,6 +196,12 @@ class View:
         state = session.select(expression)
         if not state.message:
             session.show_message(f"selected {state.expression}: {state.count_text}")
+
+    def play(self, session: Session, scene: Scene, steps: int) -> bool:
+        """Go on by steps, to the next instances; False if there is none."""
+        before = session.state.cursor
+        session.dispatch(navigation.play_on)
+        return session.state.cursor != before
 
     def zoom_plane(self, scene: Scene) -> ZoomPlane | None:
         """The plane that zoom and pan keys move; None where the view has none."""

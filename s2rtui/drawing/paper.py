@@ -348,7 +348,8 @@ def _draw_plots(page: Page, parts: _Parts, room: float) -> None:
             left = parts.start + column * (width + parts.between)
             axes = page.axes(left, top - head - height, width, height)
             alike = [at for at, other in enumerate(parts.plots) if other.y == plot.y]
-            has_name = not column and (parts.columns > 1 or place == alike[len(alike) // 2])
+            has_name = parts.columns > 1 or place == alike[len(alike) // 2]
+            has_name &= not column or plot.y.names != parts.plots[place - 1].y.names
             shown, has_title = plot.fitted(width, height), plot.image is None or head > 0
             draw_plot(axes, page, shown, (width, height), parts.has_x(place), has_name, has_title)
             if column and plot.y == parts.plots[place - 1].y:

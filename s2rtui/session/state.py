@@ -195,8 +195,9 @@ class State:
     `grouping`, `group_sort` and `group_descending` belong to the rooms view, `figure` is what the
     cells of the pivot show.
     `history` is None if the store has no gap history. `fills_screen`: the active view takes the
-    whole screen. `planned` are the poses of new images that the map shows,
-    chosen for the run `planned_run` if that is known.
+    whole screen. `moment` is what the drives view shows, seconds since the start of the drive.
+    `planned` are the poses of new images that the map shows, chosen for the run `planned_run` if
+    that is known.
     """
 
     generation: int
@@ -237,6 +238,7 @@ class State:
     viewports: tuple[tuple[str, Bounds], ...] = ()
     chosen_rows: tuple[tuple[str, str], ...] = ()
     fills_screen: bool = False
+    moment: float = 0.0
     history: HistoryFile | None = None
     planned: tuple[PlannedPose, ...] = ()
     planned_run: str = ""

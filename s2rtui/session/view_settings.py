@@ -193,6 +193,11 @@ def choose_row(context: SessionContext, state: State, view: str, name: str | Non
     return state.updated(chosen_rows=kept if name is None else (*kept, (view, name)))
 
 
+def set_moment(context: SessionContext, state: State, moment: float) -> State:
+    """Show another moment of the drive, seconds since its start."""
+    return replace(state, moment=moment)
+
+
 def show_planned(
     context: SessionContext, state: State, planned: tuple[PlannedPose, ...], run: str
 ) -> State:

@@ -30,6 +30,7 @@ from s2rtui.session.state import Adjust, Brush, HeatChoice, HistoryFile, Slider,
 from s2rtui.user_data.notebook import Notes, Remark
 from tests.charts.examples import finding_report
 from tests.support import gaps, tiny
+from tests.support.drives import add_drives
 from tests.support.suggestions import store_reports
 
 SIZE = (80, 24)
@@ -86,6 +87,7 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "planned": lambda _, state: (POSE,),
     "planned_run": lambda _, state: "dataaug",
     "viewports": lambda _, state: (("map", Bounds(2.0, 2.0, 5.0, 4.0)),),
+    "moment": lambda _, state: state.moment + 1.0,
     "fills_screen": lambda _, state: not state.fills_screen,
     "grouping": lambda _, state: "heading",
     "group_sort": lambda _, state: "n",
@@ -138,6 +140,7 @@ NEVER_DRAWN = {
 IN_SCENE = {
     "sliding": ("adjust", "map", "instance"), "findings": ("findings",),
     "suggestions": ("suggestions",), "objects": ("objects",), "health": ("health",),
+    "drives": ("drives",),
 }  # fmt: skip
 """Views that differ from those of the plain scene; of the other scenes all views are compared."""
 
@@ -146,6 +149,7 @@ IN_SCENE = {
 def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
     path = tiny.build(tmp_path_factory.mktemp("three") / "s.s2r", 16, ("vanilla", "b", "c"))
     store_reports(path, "vanilla", "real", "sim")
+    add_drives(path)
     opened = Session(path)
     opened.select("worst(40%, real.error)")
     yield opened
@@ -184,6 +188,7 @@ def scenes(session: Session) -> dict[str, Scene]:
         "suggestions": replace(plain, state=replace(state, view="suggestions", planned=(POSE,))),
         "objects": replace(plain, state=replace(state, view="objects")),
         "health": replace(plain, state=replace(state, view="health")),
+        "drives": replace(plain, state=replace(state, view="drives")),
         "trained": replace(
             plain, state=replace(state, with_trained=True, trained=state.base & (rank % 2 > 0))
         ),

@@ -24,6 +24,8 @@ from s2rtui.testing import assert_screen
 from s2rtui.user_data.notebook import ReadNotebook
 from tests.support import tiny
 from tests.support.application import press
+from tests.support.copies import copy_store
+from tests.support.drives import add_drives
 
 SCREENS = Path(__file__).parent / "screens"
 KEYS = {view.name: (view.key,) for view in VIEWS if view.name != "adjust"}
@@ -78,10 +80,11 @@ def fixed_environment(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("fixed_environment")
 @pytest.mark.parametrize("shown", ["80x24", "120x40", "200x60", "ascii"])
-async def test_screens(tiny_store, shown):
+async def test_screens(tiny_store, tmp_path, shown):
     """One application opens every view from the same state."""
+    add_drives(store := copy_store(tiny_store, tmp_path / tiny_store.name))
     columns, rows = (80, 24) if shown == "ascii" else map(int, shown.split("x"))
-    session = Session(tiny_store, notebooks=ReadNotebook)
+    session = Session(store, notebooks=ReadNotebook)
     app = S2RApp(session, RenderOptions(ascii=shown == "ascii"))
     app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(columns, rows)) as pilot:

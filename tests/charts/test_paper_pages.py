@@ -25,6 +25,7 @@ from s2rtui.export.figures import PageOptions, draw_figure
 from s2rtui.export.load_scene import SceneOptions, open_scene
 from tests.support import nights, tiny
 from tests.support.copies import copy_store
+from tests.support.drives import add_drives
 from tests.support.suggestions import store_reports
 
 NARROW = 80.0
@@ -47,9 +48,9 @@ FIGURES: dict[str, tuple[str, dict[str, Any]]] = {
     "suggestions of one direction": ("suggestions", {"run": "dataaug"}),
     **{f"many: {view}": (view, {}) for view in MANY},
 }
-OWN_STORES = {"history": "with_nights", "suggestions": "with_suggestions"}
+OWN_STORES = {"history": "with_nights", "suggestions": "with_suggestions", "drives": "with_drives"}
 """Fixture of the store from which a view is drawn where it is not the small one."""
-UNITS = re.compile(r"\((m|m²|°|%|ms|loss|no unit)\)|instances|%|°|median error")
+UNITS = re.compile(r"\((m|m²|°|%|ms|s|loss|no unit)\)|instances|%|°|median error")
 
 
 @pytest.fixture(scope="module")
@@ -77,6 +78,13 @@ def with_suggestions(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory)
     own = copy_store(tiny_store, tmp_path_factory.mktemp("suggestions") / "own.s2r")
     store_reports(own, "vanilla", "real", "sim")
     store_reports(own, "dataaug", "sim")
+    return own
+
+
+@pytest.fixture(scope="module")
+def with_drives(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    own = copy_store(tiny_store, tmp_path_factory.mktemp("drives") / "own.s2r")
+    add_drives(own)
     return own
 
 

@@ -56,14 +56,14 @@ def test_a_marked_range_selects_the_instances_of_the_trajectory(tiny_store):
 async def test_playing_goes_to_the_last_instance_and_stops(tiny_store):
     async with running(tiny_store, size=(80, 24)) as (app, pilot):
         await press(app, pilot, "c", "home", "apostrophe")
-        assert "playing 2 instances a second" in app.session.state.message
+        assert "playing 2 steps a second" in app.session.state.message
         await press(app, pilot, "end")
         last = app.session.state.cursor
         app.player.step()  # as the timer does, from the last instance
         assert app.session.state.cursor == last
         await press(app, pilot, "home", "apostrophe")
         app.player.step()
-        assert "playing 2 instances a second" in app.session.state.message
+        assert "playing 2 steps a second" in app.session.state.message
         await press(app, pilot, "escape")
         assert "stopped" in app.session.state.message
         assert not app.player.is_playing
@@ -71,5 +71,5 @@ async def test_playing_goes_to_the_last_instance_and_stops(tiny_store):
         for _ in range(len(SPEEDS) + 1):  # no timer runs between these
             app.player.change_speed()
             messages.append(app.session.state.message)
-        assert "playing 2 instances" in messages[0]  # it had stopped at the last instance
+        assert "playing 2 steps" in messages[0]  # it had stopped at the last instance
         assert "stopped" in messages[-1]

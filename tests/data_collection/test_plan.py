@@ -17,6 +17,7 @@ from s2rtools.data_collection.expected_reduction import (
     Evidence,
     local_values,
     read_evidence,
+    reducible_interval,
 )
 from s2rtools.data_collection.plan import CollectionRequest, choose_poses, plan_collection
 from s2rtools.datasets.floor.free_floor import is_free
@@ -40,6 +41,7 @@ def evidence_at(candidates: CandidatePoses, real_error: np.ndarray, **changes: o
         iids=cells,
         poses=candidates.poses(cells),
         rooms=candidates.rooms_of(cells),
+        trajectories=np.zeros(cells.size, np.int32),
         real_error=real_error,
         sim_error=np.full(cells.size, 0.5),
         novelty=np.ones(cells.size),
@@ -101,6 +103,31 @@ def test_the_bad_room_gets_most_poses():
     for method in ("combined", "error"):
         assert in_right_room(evidence, method=method) > 14
     assert 7 <= in_right_room(evidence, method="uniform") <= 13
+
+
+@pytest.mark.parametrize("trajectories", [1, 2, 40])
+def test_intervals_of_the_reducible_error_hold_it(trajectories):
+    candidates, n = grid(16, 8), 320
+    held = []
+    for seed in range(25):
+        rng = np.random.default_rng(seed)
+        cells = rng.choice(candidates.usable.size, n)
+        shared = np.repeat(rng.normal(size=n // 4), 4)  # neighbours err alike
+        known = evidence_at(candidates, np.zeros(candidates.usable.size))
+        drawn = replace(
+            known.without(slice(0, candidates.usable.size - n)),
+            poses=candidates.poses(cells),
+            rooms=candidates.rooms_of(cells),
+            trajectories=np.arange(n) * trajectories // n,
+            real_error=np.abs(3.0 + shared + 0.5 * rng.normal(size=n)),
+        )
+        assert len(drawn.parts()) <= 2 * 24
+        found = reducible_interval(candidates, drawn, CollectionRequest("r").similarity, "combined")
+        held.append(found.low <= 2.5 <= found.high < 3.5)
+    assert np.mean(held) >= 0.84
+    few = drawn.without(slice(0, 21))
+    unknown = reducible_interval(candidates, few, CollectionRequest("r").similarity, "combined")
+    assert unknown.reason == "n 299, a reducible error needs 300"
 
 
 def test_error_that_simulation_shares_is_not_reducible():

@@ -1,4 +1,4 @@
-"""Shows by itself: the selected instances one after another, and both sides in turn."""
+"""Shows by itself: instances one after another, a drive over time, and both sides in turn."""
 
 from __future__ import annotations
 
@@ -6,19 +6,20 @@ from typing import TYPE_CHECKING
 
 from textual.timer import Timer
 
-from s2rtui.session import images, navigation
+from s2rtui.charts.registry import BY_NAME
+from s2rtui.session import images
 
 if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
 
 SPEEDS = (2, 5, 15)
-"""Instances per second, in the order in which the key goes through them."""
+"""Steps per second, in the order in which the key goes through them."""
 BLINK_SECONDS = 0.6
 """Time for which each side is shown where both are shown in turn."""
 
 
 class PlayerController:
-    """Moves the cursor to the next instance at a regular time, until the last one."""
+    """Lets the active view go on at a regular time, until its last instance or moment."""
 
     def __init__(self, app: S2RApp) -> None:
         self._app = app
@@ -39,17 +40,19 @@ class PlayerController:
             following = "stops" if speed == SPEEDS[-1] else "plays faster"
             self._speed = speed
             self._timer = self._app.set_interval(1 / speed, self.step)
-            message = f"playing {speed} instances a second; ' {following}"
+            message = f"playing {speed} steps a second; ' {following}"
         self._app.session.show_message(message)
 
     def step(self) -> None:
-        """Go to the next instance and keep the message; stop at the last instance."""
-        session = self._app.session
-        before = session.state.cursor
-        session.dispatch(navigation.play_on)
-        if session.state.cursor == before:
+        """Show what follows and keep the message; stop at the end."""
+        if not self.move(1):
             self.stop()
         self._app.updater.refresh()
+
+    def move(self, steps: int) -> bool:
+        """Let the active view go on by steps; False at its end."""
+        scene = self._app.updater.scene
+        return BY_NAME[scene.state.view].play(self._app.session, scene, steps)
 
     def change_arrangement(self) -> None:
         """Arrange both sides of the instance in another way; those in turn change by themselves."""

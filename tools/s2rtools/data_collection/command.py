@@ -171,7 +171,7 @@ def _content(plan: CollectionPlan) -> dict[str, Any]:
         "evidence": plan.evidence,
         "training_images": plan.training_images,
         "uses_harm": plan.uses_harm,
-        "reducible_m": round(plan.reducible, 6),
+        "reducible_m": plan.reducible.as_json(),
         "covered_share": round(plan.covered, 6),
         "rendered": None if plan.views is None else _views(plan.views),
         "covered_share_before": round(plan.covered_before, 6),
@@ -220,8 +220,8 @@ def _lines(plan: CollectionPlan, options: argparse.Namespace) -> list[str]:
     lines = [
         f"run {request.run}: {len(plan.poses)} poses ({method}) of {plan.candidates:,} candidates, "
         f"{plan.origin}; from {known}{' with harm' if plan.uses_harm else ''}",
-        f"reducible error: {plan.reducible:.2f} m in the mean over the candidates; the poses cover "
-        f"{plan.covered:.0%} of it"
+        f"reducible error: {plan.reducible.with_bounds('{:.2f}'.format)} m in the mean over the "
+        f"candidates; the poses cover {plan.covered:.0%} of it"
         + (f", training images {plan.covered_before:.0%}" if plan.covered_before else ""),
         "rooms: " + ", ".join(f"{name} {count}" for name, count in plan.counts_by_room()),
     ]

@@ -8,13 +8,15 @@ values are kernel regressions over the evidence near a pose (Nadaraya, "On estim
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import NotComputedError, RequestError
+from s2rstore.intervals import Interval, estimates
 from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store
 from s2rstore.records import SPLITS
@@ -38,21 +40,27 @@ PRIOR_COUNT = 2.0
 NOVELTY_RANGE = (0.5, 2.0)
 """Range of the factor that novelty contributes."""
 _ROWS = 512
+_PARTS = 24
+"""Parts of the evidence, of neighbouring instances each, that an interval leaves out in turn."""
+MIN_EVIDENCE = 300
+"""Fewest instances of an interval of the reducible error."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
     """Errors of the k instances that are new to a run, and the r real images it was trained on.
 
-    `iids`, `rooms`, `real_error`, `sim_error` (metres) and `novelty` are (k,), `poses` (k, 3) those
-    of the real images. `novelty` is the outlier score of the real image, 1 for the median. `harm`
-    (k,) in metres is None where the store has no heatmaps of it. `trained_poses` (r, 3) and
-    `trained_rooms` (r,) belong to training images of the real domain.
+    `iids`, `rooms`, `trajectories` (codes), `real_error`, `sim_error` (metres) and `novelty` are
+    (k,) in recording order, `poses` (k, 3) those of the real images. `novelty` is the outlier score
+    of the real image, 1 for the median. `harm` (k,) in metres is None where the store has no
+    heatmaps of it. `trained_poses` (r, 3) and `trained_rooms` (r,) belong to training images of the
+    real domain.
     """
 
     iids: NDArray[np.intp]
     poses: Poses
     rooms: Codes
+    trajectories: Codes
     real_error: Floats
     sim_error: Floats
     novelty: Floats
@@ -62,6 +70,31 @@ class Evidence:
 
     def __len__(self) -> int:
         return len(self.iids)
+
+    def without(self, rows: slice) -> Evidence:
+        """The evidence without some instances; the training images stay."""
+        kept = {
+            field.name: np.delete(column, rows, axis=0)
+            for field in fields(self)
+            if not field.name.startswith("trained")
+            and (column := getattr(self, field.name)) is not None
+        }
+        return replace(self, **kept)
+
+    def parts(self) -> list[slice]:
+        """About `_PARTS` parts of neighbouring instances: pieces or groups of trajectories."""
+        n = len(self)
+        ends = np.array([0, *(np.flatnonzero(np.diff(self.trajectories)) + 1), n])
+        if len(ends) > _PARTS:
+            bounds = ends[np.searchsorted(ends, np.linspace(0, n, _PARTS + 1))]
+        else:
+            counts = np.maximum(np.round(_PARTS * np.diff(ends) / n).astype(int), 1)
+            pieces = [
+                np.linspace(start, stop, count, endpoint=False)
+                for (start, stop), count in zip(pairwise(ends), counts, strict=True)
+            ]
+            bounds = np.append(np.concatenate(pieces).astype(int), n)
+        return [slice(first, last) for first, last in pairwise(np.unique(bounds).tolist())]
 
 
 def read_evidence(store: Store, run: str) -> Evidence:
@@ -80,15 +113,17 @@ def read_evidence(store: Store, run: str) -> Evidence:
             "ingest images that are new to it"
         )
     trained = known & (columns.real.split == SPLITS.index("train"))
-    novelty = columns.real.outlier[new]
+    rows = store.in_recording_order(new)
+    novelty = columns.real.outlier[rows]
     return Evidence(
-        iids=np.flatnonzero(new),
-        poses=poses[new],
-        rooms=truth.room[new],
-        real_error=columns.real.error[new],
-        sim_error=columns.sim.error[new],
+        iids=rows,
+        poses=poses[rows],
+        rooms=truth.room[rows],
+        trajectories=truth.trajectory[rows],
+        real_error=columns.real.error[rows],
+        sim_error=columns.sim.error[rows],
         novelty=np.where(np.isfinite(novelty), novelty, 1.0),
-        harm=_harm(store, run, np.flatnonzero(new)),
+        harm=_harm(store, run, rows),
         trained_poses=poses[trained],
         trained_rooms=truth.room[trained],
     )
@@ -97,21 +132,21 @@ def read_evidence(store: Store, run: str) -> Evidence:
 def _harm(store: Store, run: str, iids: NDArray[np.intp]) -> Floats | None:
     """The sum of the positive harm in each real image (k,), metres; None where it is unknown.
 
-    `iids` (k,) ascend; only blocks of instances that hold one of them are read.
+    Only blocks of instances that hold one of the `iids` (k,) are read.
     """
     if not any(record.kind == _HARM_KIND for record in store.array_kinds(run)):
         return None
-    parts = []
+    parts, ascending = [], np.sort(iids)
     try:
-        for start in np.unique(iids // _HARM_ROWS) * _HARM_ROWS:
-            chosen = iids[(iids >= start) & (iids < start + _HARM_ROWS)]
+        for start in np.unique(ascending // _HARM_ROWS) * _HARM_ROWS:
+            chosen = ascending[(ascending >= start) & (ascending < start + _HARM_ROWS)]
             first, stop = int(chosen[0]), int(chosen[-1]) + 1
             heat = store.heatmaps(run, _HARM_KIND, "real", first, stop, _HARM_PLANE)
             heat = np.maximum(heat[chosen - first], 0.0)
             parts.append(np.nansum(heat, axis=(1, 2), dtype=np.float64))
     except NotComputedError:
         return None
-    return np.concatenate(parts)
+    return np.concatenate(parts)[np.searchsorted(ascending, iids)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,6 +214,35 @@ def local_values(
         real = np.maximum(real + _slope(evidence) * more, 0.0)
         sim = dense[..., 0]
     return LocalValues(real, sim, novelty, harmful, support)
+
+
+def reducible_interval(
+    candidates: CandidatePoses, evidence: Evidence, similarity: PoseSimilarity, method: Method,
+    views: RenderedViews | None = None,
+) -> Interval:  # fmt: skip
+    """The mean reducible error of a method over all usable candidates, in metres.
+
+    By the jackknife over parts of neighbouring instances. A local excess of real over sim error is
+    hidden where few instances tell it; the bounds hold the bias that this causes, by the
+    jackknife's estimate, which is too rough of fewer than `MIN_EVIDENCE` instances.
+    """
+
+    def mean(known: Evidence) -> float:
+        values = local_values(candidates, known, similarity, views)
+        return float(values.reducible(method)[candidates.usable].mean())
+
+    value, n = mean(evidence), len(evidence)
+    if n < MIN_EVIDENCE:
+        return Interval.unknown(value, f"n {n}, a reducible error needs {MIN_EVIDENCE}")
+    parts = evidence.parts()
+    left_out = np.array([mean(evidence.without(part)) for part in parts])
+    sizes = np.array([part.stop - part.start for part in parts])
+    influence = (n / sizes - 1) * (value - left_out)
+    owners = evidence.trajectories[[part.start for part in parts]]
+    found = estimates.linear(value, influence, owners, minimum=_PARTS // 2)
+    bias = float(influence.mean())
+    low, high = found.low + min(bias, 0.0), found.high + max(bias, 0.0)
+    return replace(found, low=low, high=high, sample=None).at_least(0.0)
 
 
 def _slope(evidence: Evidence) -> float:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.files.planned_poses import PlannedPose
 from s2rstore.geometry import angles
+from s2rstore.intervals import Interval
 from s2rstore.language import to_text
 from s2rstore.language.syntax_tree import Ids
 from s2rstore.reader import Store
@@ -29,6 +30,7 @@ from s2rtools.data_collection.expected_reduction import (
     Method,
     local_values,
     read_evidence,
+    reducible_interval,
 )
 
 if TYPE_CHECKING:
@@ -57,6 +59,11 @@ class CollectionRequest:
                 f"--method {self.method}: must be one of {', '.join(get_args(Method))}"
             )
 
+    @property
+    def weighting(self) -> Method:
+        """The method whose reducible error counts: `combined` for random poses."""
+        return "combined" if self.method == "random" else self.method
+
 
 def check_request(budget: int, seed: int) -> None:
     """Raise RequestError for a number of poses or a random seed out of range."""
@@ -71,8 +78,8 @@ class CollectionPlan:
     """Chosen poses in the order of their choice, and what they are based on.
 
     `evidence` and `training_images` are counts of instances. `reducible` is the mean over all
-    candidates of the error that images could remove (metres), `covered` the share of it that the
-    chosen poses and training images cover, `covered_before` that of training images alone.
+    candidates of the error that images could remove (metres) with its interval, `covered` the share
+    of it that the chosen poses and training images cover, `covered_before` that of training images.
     `nearest` (n,) are the iids of the evidence most similar to each pose. `views` are the rendered
     candidates, None without a renderer.
     """
@@ -85,7 +92,7 @@ class CollectionPlan:
     evidence: int
     training_images: int
     uses_harm: bool
-    reducible: float
+    reducible: Interval
     covered: float
     covered_before: float
     nearest: NDArray[np.intp]
@@ -149,7 +156,9 @@ def plan_collection(
         evidence=len(evidence),
         training_images=len(evidence.trained_poses),
         uses_harm=evidence.harm is not None,
-        reducible=batch.total,
+        reducible=reducible_interval(
+            candidates, evidence, request.similarity, request.weighting, views
+        ),
         covered=(batch.covered + float(batch.gains.sum())) / total,
         covered_before=batch.covered / total,
         nearest=evidence.iids[nearest],
@@ -181,13 +190,13 @@ def choose_poses(
     candidates: CandidatePoses, evidence: Evidence, values: LocalValues, request: CollectionRequest,
     among: NDArray[np.intp] | None = None,
 ) -> Batch:  # fmt: skip
-    """The batch of the request's method; the gains of a random one are those of `combined`.
+    """The batch of the request's method, with the gains of its weighting.
 
     Poses are chosen `among` some flat indices, by default all usable ones.
     """
     usable = np.flatnonzero(candidates.usable) if among is None else among
-    weighting: Method = "combined" if request.method == "random" else request.method
-    coverage = PoseCoverage(candidates, values.reducible(weighting), request.similarity)
+    reducible = values.reducible(request.weighting)
+    coverage = PoseCoverage(candidates, reducible, request.similarity)
     if request.method != "uniform":
         coverage.add_images(evidence.trained_poses, evidence.trained_rooms)
     if request.method != "random":
