@@ -162,7 +162,7 @@ def _draw_line(
         is_held = (line.row, place) == (table.chosen, table.column)
         if column.wraps:
             ink = theme.muted if line.is_note else getattr(theme, row.ink)
-            canvas.text(start, y, canvas.options.printable(line.text), ink)
+            canvas.text(start, y, _line_text(canvas, line, width), ink)
         elif line.part == 0 and (is_held or cell.heat is not None):
             _draw_heat(canvas, cell, (start, y, width), is_held)
         elif line.part == 0 and (cell.text or cell.detail):
@@ -171,7 +171,13 @@ def _draw_line(
         elif (
             line.is_note and place == 0 and not any(table.columns[p].wraps for p in layout.columns)
         ):
-            canvas.text(start, y, canvas.options.printable(line.text), theme.muted)
+            canvas.text(start, y, _line_text(canvas, line, canvas.width - start), theme.muted)
+
+
+def _line_text(canvas: Canvas, line: TableLine, room: int) -> str:
+    """The wrapped text of a line in `room` cells; an ellipsis ends one that goes on."""
+    text = canvas.options.printable(line.text)
+    return f"{fit_text(text, room - 2)} {canvas.glyphs.ellipsis}" if line.is_cut else text
 
 
 def _draw_heat(canvas: Canvas, cell: Cell, at: tuple[int, int, int], is_held: bool) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rich.cells import cell_len
 
@@ -33,12 +33,16 @@ _FARTHEST = 12
 
 @dataclass(frozen=True, slots=True)
 class TableLine:
-    """A line of a row: its first one, where `part` is 0, or a further one with a text."""
+    """A line of a row: its first one, where `part` is 0, or a further one with a text.
+
+    is_cut: whether it is the last one that has room, and texts go on.
+    """
 
     row: int
     part: int = 0
     text: str = ""
     is_note: bool = False
+    is_cut: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +123,11 @@ def table_layout(
     if any(row.notes for row in measured) or any(column.wraps for column in table.columns):
         across = sum(widths) + choice.gap * (len(widths) - 1)
         lines = _entries(table, columns, widths, across, room)
-        lines = lines[_first_line(table, lines, room) :][:room]
+        start = _first_line(table, lines, room)
+        is_cut = len(lines) > start + room
+        lines = lines[start : start + room]
+        if is_cut:
+            lines[-1] = replace(lines[-1], is_cut=True)
         each = 1
     else:
         has_bars = any(

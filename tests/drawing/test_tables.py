@@ -124,6 +124,7 @@ def test_the_chosen_entry_is_visible_and_highlighted_and_keeps_its_notes(chosen)
     lines = canvas.lines()
     row = next(y for y, line in enumerate(lines) if f"kind {chosen + 1} " in line)
     assert tuple(canvas.bg[row, 5]) == DARK.highlight
+    assert lines[-1].rstrip().endswith("…") == (chosen < 11)
     layout = table_layout(findings_of(4, 2).table, 82, 7)
     assert {line.row for line in layout.lines if line.is_note} == {2}
 
