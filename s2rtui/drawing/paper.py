@@ -114,13 +114,17 @@ class _Parts:
 
     @cached_property
     def table_font(self) -> float:
-        """The largest font in which no column is left out; that of the page where there is none."""
+        """The largest font in which no column is left out; else that of the page, or the smallest
+        one where strips are too short in it.
+        """
         font, wraps = self.font, any(row.wraps for row in self.table.columns) if self.table else 0
         while self.table is not None and not wraps and font >= _SMALLEST_FONT:
             layout = page_layout(self.table, self.letters_of(font))
             if len(layout.columns) == len(self.table.columns) and not layout.is_tight:
                 return font
             font -= 0.5
+        if self.table is not None and page_layout(self.table, self.letters).is_tight:
+            return _SMALLEST_FONT
         return self.font
 
     def letters_of(self, font: float) -> int:
