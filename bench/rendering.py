@@ -18,8 +18,8 @@ import numpy as np
 from bench.budget import BudgetRow
 from s2rstore.records import Domain, Intrinsics
 from s2rtools.renderer.frames import RenderedFrame
+from s2rtools.renderer.program_pool import RendererWorkers, RenderJob
 from s2rtools.renderer.protocol import Answer, Hello, Ready, Rendered, decode_message, encode
-from s2rtools.renderer.workers import RendererWorkers, RenderJob
 from s2rtools.simulated_frames.frame_folder import FrameFolder, prepare_folder
 from s2rtools.simulated_frames.requested_poses import camera_poses
 

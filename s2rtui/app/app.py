@@ -225,7 +225,7 @@ class S2RApp(GuardedApp):
         self.hover.on_hovered(message)
 
     def on_plot_view_wheeled(self, message: PlotView.Wheeled) -> None:
-        self.brush.on_wheeled(message)
+        self.navigation.on_wheeled(message)
 
     def on_query_input_offered(self, message: QueryInput.Offered) -> None:
         self.prompt.show_completions(message)

@@ -50,7 +50,7 @@ def run_app(
 
 def enable_inline_images(app: S2RApp, graphics: Graphics) -> None:
     """Show images in true pixels once the application runs, or say why that is impossible."""
-    from s2rtui.terminal.graphics.image_manager import ImageManager
+    from s2rtui.terminal.graphics.inline_images import ImageManager
 
     if not graphics.supported:
         app.session.show_message(f"--graphics: images are drawn in cells: {graphics.reason}")

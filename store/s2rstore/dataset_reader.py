@@ -142,7 +142,7 @@ class DatasetReader(IndexCatalog):
 
     def frame(self, domain: str, iid: int) -> Frame:
         """Raises RequestError for an unknown instance or domain."""
-        _check_order("frame(domain, iid)", domain, iid)
+        check_order("frame(domain, iid)", domain, iid)
         self.check_instance(iid)
         images = self.frames(domain, iid, iid + 1)
         return Frame.of(images["rgb"][0], images["depth"][0], self.domain(domain))
@@ -161,7 +161,7 @@ class DatasetReader(IndexCatalog):
         Without depth it is 0, which is not valid. Raises RequestError where the domain does not
         image a trajectory of these instances.
         """
-        _check_order("frames(domain, start, stop)", domain, start, stop)
+        check_order("frames(domain, start, stop)", domain, start, stop)
         has_depth = self.domain(domain).has_depth
         parts: dict[str, list[NDArray[Any]]] = {image: [] for image in images}
         for part, low, high in self._parts_of(start, stop):
@@ -188,7 +188,7 @@ class DatasetReader(IndexCatalog):
         Where a store holds none of that size, the images are those of `frames`. Without depth it
         is 0, in images of the size of RGB.
         """
-        _check_order("source_frames(domain, start, stop)", domain, start, stop)
+        check_order("source_frames(domain, start, stop)", domain, start, stop)
         self.domain(domain)
         for part, low, high in self._parts_of(start, stop):
             if not self.has_source_frames(domain, part):
@@ -294,7 +294,7 @@ class DatasetReader(IndexCatalog):
         A pixel holds the value of the object in `label_names`, or `UNLABELLED`; so do all pixels of
         a frame without a label image.
         """
-        _check_order("label_images(domain, start, stop)", domain, start, stop)
+        check_order("label_images(domain, start, stop)", domain, start, stop)
         self.domain(domain)
         size = self.dataset.frame_height, self.dataset.frame_width
         images = np.full((stop - start, *size), UNLABELLED, dtype=np.uint16)
@@ -439,9 +439,9 @@ def check_metadata(
         raise DamagedStoreError(f"{array.path}: metadata is not as published; run `s2r verify`")
 
 
-def _check_order(usage: str, domain: Any, *numbers: Any) -> None:
-    """Raise RequestError where a domain's name and numbers of instances are exchanged."""
-    if not isinstance(domain, str) or not all(hasattr(each, "__index__") for each in numbers):
+def check_order(usage: str, name: Any, *numbers: Any) -> None:
+    """Raise RequestError where a name and numbers of instances are exchanged."""
+    if not isinstance(name, str) or not all(hasattr(each, "__index__") for each in numbers):
         raise RequestError(
-            f"{usage}: domain is a name and the others are numbers; check their order"
+            f"{usage}: names are texts, instances are numbers; check their order"
         )

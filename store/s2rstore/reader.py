@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from s2rstore.arrays import stored_array
 from s2rstore.arrays.row_array import PartedArray, RowArray
 from s2rstore.arrays.stored_array import StoredArray
-from s2rstore.dataset_reader import DatasetReader, check_metadata
+from s2rstore.dataset_reader import DatasetReader, check_metadata, check_order
 from s2rstore.errors import NotComputedError, RequestError
 from s2rstore.files import layout
 from s2rstore.files.store_files import Stamp
@@ -59,8 +59,8 @@ class Store(DatasetReader):
         self.in_use: frozenset[str] = frozenset()
         self._runs_columns: dict[str, RunColumns] = {}
         self._coverages: dict[str, Coverage] = {}
-        self.evaluated = LruCache(_EVALUATED_BYTES)
-        self.embeddings = LruCache(_EMBEDDING_BYTES)
+        self.selection_cache = LruCache(_EVALUATED_BYTES)
+        self.embedding_cache = LruCache(_EMBEDDING_BYTES)
 
     def __enter__(self) -> Store:
         return self
@@ -71,7 +71,7 @@ class Store(DatasetReader):
     def close(self) -> None:
         """Close the index and empty the caches; arrays that callers hold stay valid."""
         super().close()
-        for cache in (self._columns, self.evaluated, self.embeddings):
+        for cache in (self._columns, self.selection_cache, self.embedding_cache):
             cache.clear()
 
     def gap_history(self) -> tuple[Path, Stamp] | None:
@@ -174,7 +174,9 @@ class Store(DatasetReader):
 
     def accuracies(self, run: str, side: Side) -> NDArray[np.float32]:
         """Accuracies of one side of a run, (N,), NaN without a prediction; loads nothing else."""
-        values = self._column_loader.of_side("accuracy", "prediction", run, side)
+        if side not in SIDES:
+            raise RequestError(f"accuracies(run, side): side {side!r}: sim or real")
+        values = self._column_loader.of_side("accuracy", "prediction", self.run(run).run, side)
         return values.astype(np.float32)
 
     def trained_instances(self, run: str) -> NDArray[np.bool_]:
@@ -247,6 +249,7 @@ class Store(DatasetReader):
         and `harm_fine`; rgb, depth or rgbd for `occlusion`, as far as the model has these
         channels; rgb or depth for `pixel_difference`. Occlusion gives its metres.
         """
+        check_order("heatmap(run, kind, side, iid)", side, iid)
         self.check_instance(iid)
         return np.asarray(self.heatmaps(run, kind, side, iid, iid + 1, mode)[0])
 
@@ -265,6 +268,7 @@ class Store(DatasetReader):
         self, run: str, kind: str, side: Side, start: int, stop: int, mode: str | None = None
     ) -> NDArray[np.float32]:
         """Heatmaps of iids [start, stop) as in `heatmap`, shape (n, rows, columns)."""
+        check_order("heatmaps(run, kind, side, start, stop)", side, start, stop)
         planes = _PLANES.get(kind)
         mode = mode or self.default_mode(run, kind)
         stored_mode = None if planes else mode

@@ -109,7 +109,7 @@ async def delayed_losses(
         app.session.select("real.loss > 0")
         app.session.select("all")
         app.session.store._columns.drop(lambda key: "loss" in key)
-        app.session.store.evaluated.clear()
+        app.session.store.selection_cache.clear()
         monkeypatch.setattr(column_loader, "_predicted", blocking_read)
         yield app, pilot, released
         released.set()

@@ -94,13 +94,13 @@ def hidden(path: Path) -> Iterator[None]:
 def test_every_reader_names_each_missing_shard(path, readers):
     with s2rstore.open(path) as store:
         for read in readers(store):
-            store.embeddings.clear()
-            store.evaluated.clear()
+            store.embedding_cache.clear()
+            store.selection_cache.clear()
             shards = shards_read(path, read)
             assert shards
             for shard in shards:
-                store.embeddings.clear()
-                store.evaluated.clear()
+                store.embedding_cache.clear()
+                store.selection_cache.clear()
                 message = f"{re.escape(str(path / shard))}.*missing"
                 with hidden(path / shard), pytest.raises(RequestError, match=message):
                     read()

@@ -217,4 +217,4 @@ def test_cached_masks_are_separate_per_run_and_trajectories(store_copy):
             with s2rstore.open(store_copy) as separate:
                 expected = evaluation.select(separate, text, run, view)
             assert (evaluation.select(shared, text, run, view) == expected).all()
-        assert 0 < shared.evaluated.nbytes < 2**20
+        assert 0 < shared.selection_cache.nbytes < 2**20

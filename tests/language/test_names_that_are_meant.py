@@ -55,8 +55,12 @@ def test_columns_of_rows_and_of_scripts_name_it(tiny_store, s2r):
 def test_exchanged_arguments_of_frames_are_named(tiny_store):
     with s2rstore.open(tiny_store) as store:
         assert store.frame("sim", 0).rgb.ndim == 3
-        with pytest.raises(RequestError, match=r"frame\(domain, iid\): domain is a name"):
+        with pytest.raises(RequestError, match=r"frame\(domain, iid\): names are texts"):
             store.frame(0, "sim")  # type: ignore[arg-type]
         for arguments in ((0, 1, "sim"), (0, "sim", 1), ("sim", "0", "1")):
-            with pytest.raises(RequestError, match=r"frames\(domain, start, stop\): domain is"):
+            with pytest.raises(RequestError, match=r"frames\(domain, start, stop\): names are"):
                 store.frames(*arguments)  # type: ignore[arg-type]
+        with pytest.raises(RequestError, match=r"heatmaps\(run, kind, side, start, stop\): names"):
+            store.heatmaps("vanilla", "occlusion", 0, 1, "sim")  # type: ignore[arg-type]
+        with pytest.raises(RequestError, match="side 'vanilla': sim or real"):
+            store.accuracies("sim", "vanilla")  # type: ignore[arg-type]

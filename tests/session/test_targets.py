@@ -67,7 +67,7 @@ class SessionPair:
             session.set_state(replace(selected, past=past, future=future))
         store = self.deferred.store
         store._columns.drop(lambda key: "loss" in key or key[:2] in (("run", "b"), ("run", "c")))
-        store.evaluated.clear()
+        store.selection_cache.clear()
         targets.load_columns(store, targets.place_of(self.deferred.state), lambda: True)
         self.deferred.defers_loading = True
 

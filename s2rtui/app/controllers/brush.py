@@ -12,15 +12,11 @@ from s2rtui.canvas import Point, Size
 from s2rtui.canvas.marks import PlotArea, panel_at
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.charts.view import View
-from s2rtui.session import brush_geometry, instance_list, view_settings
+from s2rtui.session import brush_geometry, view_settings
 from s2rtui.session.state import Brush, Operator
 
 if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
-
-_WHEEL_ZOOM = 1 / 0.8
-_MAX_WHEEL_STEPS = 100
-"""Largest zoom of one message; it leads from the whole map to the closest view."""
 
 
 class BrushController:
@@ -194,23 +190,4 @@ class BrushController:
             except S2RError as error:
                 session.show_message(str(error), is_error=True)
                 session.dispatch(view_settings.drop_brush)
-        self._app.updater.refresh()
-
-    def on_wheeled(self, message: PlotView.Wheeled) -> None:
-        """Zoom the plane of the view, or move through the rows of its table or the list."""
-        wheel = message.wheel
-        steps = wheel.take_steps()
-        if wheel.view not in BY_NAME or not steps:
-            return
-        view, session = BY_NAME[wheel.view], self._app.session
-        panel = self.panel_under(view, wheel.cell)
-        if view.name == "list":
-            session.dispatch(instance_list.move, -steps)
-        elif panel is not None and (plane := view.zoom_plane(self._app.updater.scene)) is not None:
-            point = panel.to_data(*self.place_of(view, wheel.cell))
-            steps = max(-_MAX_WHEEL_STEPS, min(steps, _MAX_WHEEL_STEPS))
-            at = view.plane_point(self._app.updater.scene, point)
-            session.dispatch(view_settings.zoom, plane, _WHEEL_ZOOM**steps, at)
-        else:
-            self._app.navigation.choose_row(view, -steps)
         self._app.updater.refresh()

@@ -1,4 +1,4 @@
-"""Go to views, by keys and by letters."""
+"""Go to views, zoom them and choose their rows, by keys, letters and the wheel."""
 
 from __future__ import annotations
 
@@ -16,7 +16,11 @@ from s2rtui.session.view_settings import ZoomPlane
 
 if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
+    from s2rtui.app.widgets.plot import PlotView
 
+_WHEEL_ZOOM = 1 / 0.8
+_MAX_WHEEL_STEPS = 100
+"""Largest zoom of one message; it leads from the whole map to the closest view."""
 _CYCLE = [view.name for view in sorted(VIEWS, key=lambda view: view.key) if view.from_store]
 _STATUS_ACTIONS = {
     "all trajectories": "trajectory",
@@ -61,6 +65,25 @@ class NavigationController:
         """Move what the active view shows by shares of its size."""
         if (plane := self._plane()) is not None:
             self._app.session.dispatch(view_settings.pan, plane, across, down)
+
+    def on_wheeled(self, message: PlotView.Wheeled) -> None:
+        """Zoom the plane of the view, or move through the rows of its table or the list."""
+        wheel = message.wheel
+        steps = wheel.take_steps()
+        if wheel.view not in BY_NAME or not steps:
+            return
+        view, session = BY_NAME[wheel.view], self._app.session
+        panel = self._app.brush.panel_under(view, wheel.cell)
+        if view.name == "list":
+            session.dispatch(instance_list.move, -steps)
+        elif panel is not None and (plane := view.zoom_plane(self._app.updater.scene)) is not None:
+            point = panel.to_data(*self._app.brush.place_of(view, wheel.cell))
+            steps = max(-_MAX_WHEEL_STEPS, min(steps, _MAX_WHEEL_STEPS))
+            at = view.plane_point(self._app.updater.scene, point)
+            session.dispatch(view_settings.zoom, plane, _WHEEL_ZOOM**steps, at)
+        else:
+            self.choose_row(view, -steps)
+        self._app.updater.refresh()
 
     def _plane(self) -> ZoomPlane | None:
         """The plane of the active view; None after a message where it has none."""

@@ -58,7 +58,7 @@ def context(
     return MaskContext(
         store.instances, store.run_name(run), store.run_columns, vocabulary(store, saved),
         Population(None if trajectories is None else tuple(trajectories), with_trained),
-        partial(_neighbours, store), store.evaluated,
+        partial(_neighbours, store), store.selection_cache,
     )  # fmt: skip
 
 

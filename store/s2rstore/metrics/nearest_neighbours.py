@@ -57,7 +57,7 @@ def embedding(store: Store, run: str, side: Side) -> NDArray[np.float32]:
             raise NotComputedError(message)
         return np.asarray(store.array(run, kind, side)[1].filled(), dtype=np.float32)
 
-    return store.embeddings.get((run, side), read)
+    return store.embedding_cache.get((run, side), read)
 
 
 def nearest(

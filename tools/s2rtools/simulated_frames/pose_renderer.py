@@ -20,8 +20,8 @@ from s2rstore.plugins import Registry, instance_of
 from s2rstore.reader import Store
 from s2rstore.records import Domain, Intrinsics
 from s2rtools.renderer.frames import RenderedFrame
+from s2rtools.renderer.program_pool import RendererWorkers, RenderJob
 from s2rtools.renderer.protocol import Hello, Ready
-from s2rtools.renderer.workers import RendererWorkers, RenderJob
 from s2rtools.simulated_frames.frame_folder import FrameFolder, prepare_folder
 from s2rtools.simulated_frames.requested_poses import Poses, camera_poses
 

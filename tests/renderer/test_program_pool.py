@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from s2rtools.renderer.program import RendererError
+from s2rtools.renderer.program_pool import RendererWorkers, RenderJob
 from s2rtools.renderer.protocol import CameraPose, Hello, Parameter
-from s2rtools.renderer.workers import RendererWorkers, RenderJob
 from tests.support.perl_renderer import depth_of, perl_command, rgb_of
 
 CAMERA = Hello(width=20, height=12, fx=10.0, fy=10.0, cx=10.0, cy=6.0, y_down=False, folder="")
