@@ -57,7 +57,9 @@ _BAR_STEP = _BAR_ABOVE + _BAR_HEIGHT + _BAR_FOOT
 _BAR_BELOW, _BAR_THICK = 0.75, 0.12
 """Height of a colour bar that lies below plots with its labels, and of the bar alone, inches."""
 _BETWEEN, _TALLEST = 0.45, 1.25
-"""Inches between plots beside each other; height over width of one with equal scales, at most."""
+"""Inches between plots with the same scale of y; height over width of one with equal scales, at
+most.
+"""
 _LEAST_SHARE, _TIGHT_SHARE, _LEAST_HEIGHT = 0.35, 0.65, 0.55
 """Share of the page below its heading that plots have at least, and those with the shape of their
 scales; least inches of each."""
@@ -189,7 +191,9 @@ class _Parts:
 
     @property
     def between(self) -> float:
-        return _IMAGE_GAP if self.has_images else _BETWEEN
+        if self.has_images:
+            return _IMAGE_GAP
+        return _BETWEEN if all(plot.y == self.plots[0].y for plot in self.plots) else _LEFT
 
     @property
     def start(self) -> float:

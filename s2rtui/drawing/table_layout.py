@@ -121,8 +121,7 @@ def table_layout(
     if wrapping and width < _NARROW:
         columns, widths, texts = wrapping[:1], [room_across], [0]
     if any(row.notes for row in measured) or any(column.wraps for column in table.columns):
-        across = sum(widths) + choice.gap * (len(widths) - 1)
-        lines = _entries(table, columns, widths, across, room)
+        lines = _entries(table, columns, widths, room_across, room)
         start = _first_line(table, lines, room)
         is_cut = len(lines) > start + room
         lines = lines[start : start + room]

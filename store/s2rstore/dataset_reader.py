@@ -442,6 +442,4 @@ def check_metadata(
 def check_order(usage: str, name: Any, *numbers: Any) -> None:
     """Raise RequestError where a name and numbers of instances are exchanged."""
     if not isinstance(name, str) or not all(hasattr(each, "__index__") for each in numbers):
-        raise RequestError(
-            f"{usage}: names are texts, instances are numbers; check their order"
-        )
+        raise RequestError(f"{usage}: names are texts, instances are numbers; check their order")
