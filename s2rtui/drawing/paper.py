@@ -275,8 +275,8 @@ def _largest(drawing: Drawing, page: Page) -> _Parts:
     columns = _columns(drawing, page.top <= wide)
     shown = [_Parts(drawing, wide, columns)]
     if side := _side(drawing):
-        beside = _Parts(drawing, wide, columns, side)
-        shown += [beside] * (beside.texts_height <= page.top)
+        beside = [_Parts(drawing, wide, columns, width) for width in sorted({side, _TEXT_SIDE})]
+        shown += [each for each in beside if each.bars_height + each.notes_height <= page.top]
         if drawing.beside and columns > 1:
             shown.append(_Parts(drawing, wide, -(-columns // 2)))
     return max(shown, key=lambda parts: parts.plot_size(_room(page, parts)))
