@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import textwrap
 from dataclasses import dataclass
 
 from rich.cells import cell_len, set_cell_size
 
 from s2rtui.app.key_bindings import BY_NAME as ACTIONS
 from s2rtui.canvas import Canvas, RenderOptions
-from s2rtui.canvas.fit_text import fit_text
+from s2rtui.canvas.fit_text import fit_text, wrap_text
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import View
 
@@ -101,7 +100,7 @@ class TitledView:
         label = "".join(name[:2])
         canvas.text(0, 0, label, fg=theme.text if is_active else theme.muted, bold=is_active)
         if reason := self._unavailable:
-            lines = textwrap.wrap(reason, max(8, width))
+            lines = wrap_text(reason, max(8, width))
             for row, line in enumerate(lines[: max(1, height - 1)], start=min(1, height - 1)):
                 canvas.text(0, row, line, fg=theme.muted)
             return canvas

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 
-from rich.cells import cell_len, set_cell_size
+from rich.cells import cell_len, chop_cells, set_cell_size
 
+NO_BREAK = "\u00a0"
+"""A blank at which texts are not wrapped, as between a number and its unit."""
 _NUMBER = re.compile(r"[-+−<>≤≥~#±]*\d[\w.,:%°]*(?:(?<=e)[-+]\d+)?")
 """A number with its sign and what is written directly after it, such as a unit."""
 
@@ -27,6 +29,26 @@ def fit_text(text: str, width: int, ellipsis: str = "") -> str:
             kept = text[: number.start()]
             break
     return kept + ellipsis if ellipsis else kept.rstrip()
+
+
+def wrap_text(text: str, width: int, indent: str = "") -> list[str]:
+    """The words of a text in lines of at most `width` cells; `indent` begins all but the first.
+
+    Only a word that is wider is divided, where it has some at blanks that join words.
+    """
+    lines: list[str] = []
+    start = text[: len(text) - len(text.lstrip(" "))]
+    room = max(1, width - max(len(start), len(indent)))
+    for word in re.findall(r"[^ \t\n]+", text):
+        if lines and cell_len(lines[-1]) + 1 + cell_len(word) <= width:
+            lines[-1] += f" {word}"
+            continue
+        words, parts = word.replace(NO_BREAK, " "), [word]
+        if cell_len(word) > room:
+            parts = chop_cells(word, room) if words == word else wrap_text(words, room)
+        for part in parts:
+            lines.append((indent if lines else start) + part)
+    return lines
 
 
 def _common_length(text: str, start: str) -> int:

@@ -8,6 +8,7 @@ import numpy as np
 
 from s2rtui.canvas.block_symbols import SYMBOL_SETS, Symbols, SymbolSet
 from s2rtui.canvas.colour import DARK, ColourMode, Rgb, Theme
+from s2rtui.canvas.fit_text import NO_BREAK
 
 DIGITS = "0123456789"
 """Glyphs of ten steps of a scale, where colours are missing."""
@@ -110,7 +111,9 @@ class RenderOptions:
     def printable(self, text: str) -> str:
         """The text, with `?` for other characters where only ASCII can be drawn."""
         text = text.replace(UNICODE.degree, self.glyphs.degree)
-        return text.encode("ascii", "replace").decode() if self.ascii else text
+        if not self.ascii:
+            return text
+        return "".join(each if each.isascii() or each == NO_BREAK else "?" for each in text)
 
     @property
     def supports_images(self) -> bool:

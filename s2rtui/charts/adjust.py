@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from s2rstore.reader import Store
 from s2rstore.records import Side
 from s2rtui.canvas import Canvas, PlotArea, Point, RenderOptions, Size
+from s2rtui.canvas.fit_text import wrap_text
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.instance import (
     InstanceInput,
@@ -107,16 +107,17 @@ class AdjustView(View):
         canvas = Canvas(*size, options)
         adjust = scene.state.adjust
         if adjust is None or adjust.missing:
-            return _put_message(canvas, adjust.missing if adjust else "no instance to adjust", 0)
+            _put_message(canvas, adjust.missing if adjust else "no instance to adjust", 0)
+            return canvas
         rows = self._rows(scene, canvas.height)
         canvas.paste(draw_cells(self.sliders(scene), (canvas.width, rows), options), 0, 0)
         used = rows
         if adjust.reason and canvas.height > rows + 2:
-            canvas.text(0, rows, adjust.reason[: canvas.width], options.theme.muted)
-            used += 1
+            used += _put_message(canvas, adjust.reason, rows)
         space = canvas.height - used - 1
         if failed := scene.loaded.failed.get("live"):
-            return _put_message(canvas, failed, used + 1)
+            _put_message(canvas, failed, used + 1)
+            return canvas
         live = scene.loaded.adjusted(scene.state)
         if live is not None and space > 0:
             images = draw_cells(instance_drawing(live), (canvas.width, space), options)
@@ -175,9 +176,10 @@ def _label(name: str) -> str:
     return translator if colon else kind.replace("_", " ")
 
 
-def _put_message(canvas: Canvas, text: str, top: int) -> Canvas:
-    """Write a wrapped text from row `top` on."""
-    for row, line in enumerate(textwrap.wrap(text, max(8, canvas.width)), top):
+def _put_message(canvas: Canvas, text: str, top: int) -> int:
+    """Write a wrapped text from row `top` on. Returns the number of its rows."""
+    lines = wrap_text(text, max(8, canvas.width))
+    for row, line in enumerate(lines, top):
         if row < canvas.height:
             canvas.text(0, row, line, canvas.theme.muted)
-    return canvas
+    return len(lines)

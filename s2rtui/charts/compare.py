@@ -17,7 +17,7 @@ from s2rstore.records import Bounds, Room, Side
 from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import BrushShape, PlotArea, Point
-from s2rtui.canvas.fit_text import fit_text
+from s2rtui.canvas.fit_text import NO_BREAK, fit_text
 from s2rtui.canvas.marks import mark_rows
 from s2rtui.charts.mark_expressions import names_expression
 from s2rtui.charts.scene import Scene
@@ -49,7 +49,6 @@ from s2rtui.charts.shared.run_changes import (
 )
 from s2rtui.charts.view import Pane, PointsView, Table, View
 from s2rtui.drawing.drawing import ColourBar, Drawing
-from s2rtui.drawing.legend import NO_BREAK
 from s2rtui.drawing.plane_marks import Changes, Columns, Floor, Poses, Signs
 from s2rtui.drawing.plot import Ink, Mark, Phrase, Plot
 from s2rtui.drawing.scale import Floats, short_number

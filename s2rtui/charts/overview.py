@@ -8,7 +8,7 @@ from itertools import islice
 
 import numpy as np
 
-from s2rstore.intervals import LEVEL_TEXT, Interval
+from s2rstore.intervals import Interval
 from s2rstore.language.canonical_text import string
 from s2rstore.metrics import run_metrics
 from s2rstore.metrics.recall import headline
@@ -20,7 +20,7 @@ from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.canvas.marks import mark_range
 from s2rtui.charts.mark_expressions import range_expression
 from s2rtui.charts.scene import OverviewRow, Scene, TranslatorGain, TranslatorRow
-from s2rtui.charts.shared.planes import cursor_phrases
+from s2rtui.charts.shared.planes import SIDE_PHRASES, cursor_phrases
 from s2rtui.charts.view import Pane, Table, View
 from s2rtui.drawing.drawing import Drawing, Note
 from s2rtui.drawing.plot import Ink, Phrase, Rule
@@ -247,15 +247,14 @@ class OverviewView(View):
     def paper_drawing(self, scene: Scene) -> Drawing:
         """Without translators; with the gap, numbers of instances and a longer legend."""
         rows, baseline, lines = self._rows(scene), scene.loaded.baseline, self.lines(scene)
-        legend = [Phrase("sim", "sim", "sim"), Phrase("real", "real", "real"),
-                  Phrase(f"{LEVEL_TEXT} interval", sign="interval")]  # fmt: skip
+        legend = list(SIDE_PHRASES)
         if math.isfinite(baseline):
             text = f"constant mean position ({_percent(baseline)} %)"
             legend.append(Phrase(text, "truth", "baseline"))
         if lines is not None and len(rows) > 1:
             legend += lines.legend
             if not np.array_equal(lines.selected & lines.valid, lines.valid):
-                legend.append(Phrase("not selected", "unselected"))
+                legend.append(Phrase("grey: not selected", "unselected"))
             legend += cursor_phrases(lines.cursor)
         table = overview_table(rows, baseline, scene.state.run, lines, on_paper=True)
         return Drawing(table=table, notes=(tuple(legend),))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.canvas.marks import mark_rows
 from s2rtui.charts.mark_expressions import names_expression
 from s2rtui.charts.scene import LoadedGroups, Scene
-from s2rtui.charts.shared.planes import valid_cursor
+from s2rtui.charts.shared.planes import SIDE_PHRASES, valid_cursor
 from s2rtui.charts.view import Table, View
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.plot import Ink
@@ -250,6 +251,11 @@ class RoomsView(View):
         cursor = _group_of(loaded, state.cursor)
         order = state.grouping, state.group_sort, state.group_descending
         return Drawing(table=groups_table(rows, *order, selected, cursor, brush, chosen))
+
+    def paper_drawing(self, scene: Scene) -> Drawing:
+        """With a legend of the strips, which remain where columns are left out."""
+        notes = () if scene.state.grouping == COUNTS else (SIDE_PHRASES,)
+        return replace(super().paper_drawing(scene), notes=notes)
 
     def row_names(self, scene: Scene) -> Sequence[str]:
         if scene.state.grouping == COUNTS:

@@ -14,6 +14,7 @@ from s2rstore.records import Bounds
 from s2rtui.analysis.binning import Bins, Bools, Codes, count_selected, selection_indices
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import BrushShape, PlotArea, Point
+from s2rtui.canvas.fit_text import NO_BREAK
 from s2rtui.charts.mark_expressions import box_expression, lasso_expression
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.planes import (
@@ -223,7 +224,7 @@ def _sides(
 
 def _part(scale: Scale, first: float, last: float, side: str) -> Scale:
     """The part of an axis between two fractions of it."""
-    names = f"{side} error (m){', log' if scale.log else ''}", f"{side} error (m)", "m"
+    names = f"{side} error (m){', log' if scale.log else ''}", f"{side} error (m)", f"{side} m"
     if (first, last) == (0.0, 1.0):
         return replace(scale, names=names)
     low, high = scale.value([first, last])
@@ -237,11 +238,11 @@ def _notes(summary: ScatterSummary, scale: Scale) -> list[Phrase]:
         Phrase(f"sim error larger: {summary.sim_larger}", "sim", "sim"),
     ]
     if scale.log:
-        below = f"; {summary.below} below {short_number(scale.low)} m at the edge"
+        below = f"; {summary.below} below {_metres(scale.low)} at the edge"
         phrases.append(Phrase(f"log axes: {LOG_RULE}{below if summary.below else ''}"))
     phrases.append(Phrase("diagonal: sim = real", "both"))
     limits = "".join(
-        f", {side} to {short_number(each.best, 2)} and from {short_number(each.worst, 2)} m"
+        f", {side} to {_metres(each.best)} and from {_metres(each.worst)}"
         for side, each in (("sim", summary.sim), ("real", summary.real))
         if np.isfinite([each.best, each.worst]).all()
     )
@@ -250,6 +251,10 @@ def _notes(summary: ScatterSummary, scale: Scale) -> list[Phrase]:
         Phrase(f"{quadrant.name}: {total}")
         for quadrant, (total, _) in zip(QUADRANTS[:2], summary.quadrants, strict=False)
     ]
+
+
+def _metres(value: float) -> str:
+    return f"{short_number(value, 2)}{NO_BREAK}m"
 
 
 class ScatterView(PointsView):

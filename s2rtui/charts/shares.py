@@ -47,7 +47,7 @@ def shares_scale(model: SharesModel) -> Scale:
     means = [0.0, *model.overall.values(), *(s.mean.value for s in model.selected.shares)]
     bounds = (float(end) for share in model.selected.shares for end in share.mean.bounds)
     return Scale(*range_with_bounds(means, bounds, _MARGIN),
-                 ("mean share of the gap (m)", "share (m)", "m"))  # fmt: skip
+                 ("mean share (m)", "share (m)", "m"))  # fmt: skip
 
 
 class SharesView(StatisticsView):

@@ -232,7 +232,7 @@ def _arc_forms(options: RenderOptions) -> TrainedForms:
 def arcs_legend(arcs: Arcs, options: RenderOptions) -> list[LegendPart]:
     largest = f"{LARGEST:g}{options.glyphs.degree}" if options.supports_images else "9"
     full = f"both  {largest} = {short_number(arcs.full, 2)} m"
-    parts = [role_legend(options, sim="sim", real="real", both=full)]
+    parts = [role_legend(options, truth="truth", sim="sim", real="real", both=full)]
     if selected_count(arcs.selected, arcs.valid) > 1:
         theme = options.theme
         parts.append(text_part((("2..9 + ", theme.truth), ("mean of n instances", theme.muted))))

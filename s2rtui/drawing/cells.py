@@ -27,6 +27,7 @@ from s2rtui.drawing.drawing_layout import (
     beside_images,
     dividers,
     drawing_layout,
+    has_head,
     note_rows,
     title_width,
     y_labels,
@@ -165,7 +166,7 @@ def _draw_left(canvas: Canvas, place: PlotPlace) -> None:
     for row, text in y_labels(plot, place.rows).items():
         if cell_len(text) <= room:
             canvas.text(place.left - 1, place.top + row, text, theme.muted, align="right")
-    if plot.equal and place.head is None:
+    if not has_head(plot):
         text = plot.y.name(room + 1, cell_len).ljust(room + 1)
         canvas.text(place.start, place.top, text, theme.muted)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -11,6 +10,7 @@ from rich.cells import cell_len
 
 from s2rtui.canvas import RenderOptions, Size
 from s2rtui.canvas.colour import NO_DEPTH
+from s2rtui.canvas.fit_text import wrap_text
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.drawing.drawing import ColourBar, Drawing, Note
 from s2rtui.drawing.heat_colours import IMAGE_RAMPS, ramp_colours, ramp_glyphs
@@ -105,7 +105,7 @@ def drawing_layout(drawing: Drawing, size: Size, options: RenderOptions) -> Draw
             texts = _whole_texts(texts, plots, (width, height), *of_notes)
             notes = _note_rows(texts, plots, (width, height), *of_notes)
         least = _FEWEST_ROWS if drawing.table is not None or notes else 1
-        extra = 1 + any(map(_has_head, plots))
+        extra = 1 + any(map(has_head, plots))
         area = height - wanted - len(notes)
         kept = min(wanted, _KEPT_ROWS) if any(plot.is_tight for plot in plots) else 0
         if plots and height >= 2 * (least + extra) and height - len(notes) - least - extra >= kept:
@@ -169,7 +169,7 @@ def _most_notes(drawing: Drawing, height: int) -> int:
         return max(least, min(height // 2, free))
     if drawing.plots or drawing.table is None:
         return least * (height // 2)
-    return max(least, min(height // 2, height - wanted_lines(drawing.table)))
+    return max(least, height - wanted_lines(drawing.table))
 
 
 def _whole_texts(
@@ -199,7 +199,7 @@ def _note_rows(
     for place, note in enumerate(notes):
         if isinstance(note, str):
             rows += [[text_part(((options.printable(line), muted),))]
-                     for line in textwrap.wrap(note, width)]  # fmt: skip
+                     for line in wrap_text(note, width)]  # fmt: skip
             continue
         parts = [part for item in note for part in _note_parts(item, width, options)]
         if points and place == 0:
@@ -247,7 +247,8 @@ def _mark_parts(plots: Sequence[Plot], width: int, height: int, options: RenderO
     return [part for each in parts.values() for part in each]
 
 
-def _has_head(plot: Plot) -> bool:
+def has_head(plot: Plot) -> bool:
+    """Whether a row above a plot shows its title or its legend, where there is room."""
     return bool(plot.title or plot.legend)
 
 
@@ -259,7 +260,7 @@ def _has_axis(plots: Sequence[Plot], place: int) -> bool:
 def _needed(plots: Sequence[Plot]) -> int:
     """Rows of several plots at least."""
     return sum(
-        _FEWEST_STACKED + _has_head(plot) + _has_axis(plots, place)
+        _FEWEST_STACKED + has_head(plot) + _has_axis(plots, place)
         for place, plot in enumerate(plots)
     )
 
@@ -270,7 +271,7 @@ def _stacked(plots: list[Plot], width: int, area: int) -> list[PlotPlace]:
     Those with the same scales have exactly the same number of rows.
     """
     plots = plots[:area]
-    heads = sum(map(_has_head, plots))
+    heads = sum(map(has_head, plots))
     axes = sum(_has_axis(plots, place) for place in range(len(plots)))
     with_axes = area >= len(plots) * _least_rows(plots) + axes
     with_heads = area >= len(plots) * 2 + axes * with_axes + heads
@@ -283,7 +284,7 @@ def _stacked(plots: list[Plot], width: int, area: int) -> list[PlotPlace]:
         free -= free % len(plots)
     places, top = [], 0
     for place, plot in enumerate(plots):
-        head = top if with_heads and _has_head(plot) else None
+        head = top if with_heads and has_head(plot) else None
         first = top + (head is not None)
         rows = max(1, free // (len(plots) - place))
         free -= rows
@@ -298,7 +299,7 @@ def _stacked(plots: list[Plot], width: int, area: int) -> list[PlotPlace]:
 def _beside(plots: list[Plot], width: int, area: int) -> list[PlotPlace]:
     """Plots of equal width; in low or narrow areas axes, and in lower ones titles, are left out."""
     room = max(1, (width - _GAP * (len(plots) - 1)) // len(plots))
-    head = int(area >= 4 and any(map(_has_head, plots)))
+    head = int(area >= 4 and any(map(has_head, plots)))
     rows = max(1, area - head)
     left = max(_label_width(plot, rows, room) for plot in plots)
     with_axes = rows > _least_rows(plots) and room - left >= _FEWEST_COLUMNS
@@ -334,12 +335,14 @@ def y_labels(plot: Plot, rows: int) -> dict[int, str]:
 
 
 def _label_width(plot: Plot, rows: int, width: int) -> int:
-    """Columns of the labels of y and the blank beside them; those of a neighbour may be shorter."""
+    """Columns of the labels of y and the blank beside them, and of its name without a title."""
     if plot.turns:
         return 0
     shown = plot.fitted(width, 2 * rows)
-    widths = [cell_len(text) for text in y_labels(shown, rows).values() if text]
-    return max(widths) + 1 if widths else 0
+    widths = [cell_len(text) + 1 for text in y_labels(shown, rows).values() if text]
+    if widths and plot.y.names and not has_head(plot):
+        widths.append(cell_len(plot.y.names[-1]))
+    return max(widths, default=0)
 
 
 def dividers(layout: DrawingLayout) -> list[int]:
@@ -447,7 +450,7 @@ def _whole_notes(
         boxes = arrange_images(rows, width, free)
         return boxes[0][2] * boxes[0][3] if boxes else 0
 
-    texts = [textwrap.wrap(options.printable(note), max(12, width), subsequent_indent="  ")
+    texts = [wrap_text(options.printable(note), max(12, width), "  ")
              for note in notes if isinstance(note, str)]  # fmt: skip
     most = min(sum(map(len, texts)), space - _FEWEST_OF_IMAGE * len(rows))
     least = _KEPT_AREA * area(space)

@@ -15,8 +15,6 @@ from s2rtui.canvas.fit_text import fit_text
 from s2rtui.drawing.heat_colours import Ramp
 from s2rtui.drawing.scale import Range, short_number, tick_step
 
-NO_BREAK = "\u00a0"
-"""A blank at which texts are not wrapped, as between a number and its unit."""
 _SHORTEST_BAR = 4
 """Cells of a colour bar beside its label at least."""
 _GAP = 2

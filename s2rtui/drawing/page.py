@@ -16,11 +16,13 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+from rich.cells import get_character_cell_size
 
 from s2rstore.errors import RequestError
 from s2rtui.canvas import Pixels as ColourTable
 from s2rtui.canvas import Rgb, Theme, turbo
 from s2rtui.canvas.colour import NO_DEPTH
+from s2rtui.canvas.fit_text import fit_text, wrap_text
 from s2rtui.drawing.drawing import ColourBar
 from s2rtui.drawing.heat_colours import ramp_colours
 from s2rtui.drawing.scale import (
@@ -196,13 +198,15 @@ class Page:
 
 
 def text_inches(text: str, points: float, weight: str = "normal") -> float:
-    """The width of a text in a font of `points`."""
+    """The width of a text in a font of `points`; wide characters are as wide as they are high."""
     from matplotlib.font_manager import FontProperties, fontManager, get_font
 
     font = get_font(fontManager.findfont(FontProperties(family="DejaVu Sans", weight=weight)))
     font.set_size(100, 72)
-    font.set_text(text, 0.0)
-    return float(font.get_width_height()[0]) / 64 / 100 * points / 72
+    narrow = "".join(letter for letter in text if get_character_cell_size(letter) < 2)
+    font.set_text(narrow, 0.0)
+    ems = float(font.get_width_height()[0]) / 64 / 100 + len(text) - len(narrow)
+    return ems * points / 72
 
 
 def wrapped_text(
@@ -210,11 +214,18 @@ def wrapped_text(
 ) -> list[str]:
     """A text in lines of at most `inches`; an ellipsis ends the last one of `most`."""
     letters = max(12, int(inches / (points * LETTER * (BOLD if weight == "bold" else 1.0))))
-    lines = textwrap.wrap(text, letters, max_lines=most, placeholder=" …")
+    lines = _lines(text, letters, most)
     while letters > 12 and any(text_inches(line, points, weight) > inches for line in lines):
         letters -= 1
-        lines = textwrap.wrap(text, letters, max_lines=most, placeholder=" …")
+        lines = _lines(text, letters, most)
     return lines
+
+
+def _lines(text: str, letters: int, most: int | None) -> list[str]:
+    lines = wrap_text(text, letters)
+    if most is None or len(lines) <= most:
+        return lines
+    return [*lines[: most - 1], fit_text(" ".join(lines[most - 1 :]), letters, " …")]
 
 
 def margin(wide: float) -> float:

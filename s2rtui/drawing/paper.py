@@ -50,13 +50,16 @@ _NOTES = 1.0
 _GAP = 4
 """Letters between phrases beside each other."""
 _BAR_SIDE, _TEXT_SIDE = 1.5, 2.8
-"""Inches at the right of plots for a colour bar; for several, or a table and notes."""
+"""Inches at the right of plots for colour bars and notes, and for a table with them."""
 _BAR_HEIGHT, _BAR_ROOM, _BAR_ABOVE, _BAR_FOOT = 1.4, 1.3, 0.6, 0.45
 """Height of an upright colour bar, its width with the labels, and what is above and below it."""
+_BAR_STEP = _BAR_ABOVE + _BAR_HEIGHT + _BAR_FOOT
 _BAR_BELOW, _BAR_THICK = 0.75, 0.12
 """Height of a colour bar that lies below plots with its labels, and of the bar alone, inches."""
 _BETWEEN, _TALLEST = 0.45, 1.25
-"""Inches between plots beside each other; height over width of one with equal scales, at most."""
+"""Inches between plots with the same scale of y; height over width of one with equal scales, at
+most.
+"""
 _LEAST_SHARE, _TIGHT_SHARE, _LEAST_HEIGHT = 0.35, 0.65, 0.55
 """Share of the page below its heading that plots have at least, and those with the shape of their
 scales; least inches of each."""
@@ -102,7 +105,8 @@ class _Parts:
         self.text_width = (side or wide - self.left) - margin(wide)
         self.letters = int(self.text_width / (LETTER * self.font))
         self.texts = [] if drawing.table is None else sentences(drawing.table, self.letters)
-        self.table = None if self.texts else drawing.table
+        has_rows = drawing.table is not None and drawing.table.rows and not self.texts
+        self.table = drawing.table if has_rows else None
         self.bars = [
             item for note in drawing.notes if not isinstance(note, str)
             for item in note if isinstance(item, ColourBar)
@@ -112,13 +116,17 @@ class _Parts:
 
     @cached_property
     def table_font(self) -> float:
-        """The largest font in which no column is left out; that of the page where there is none."""
+        """The largest font in which no column is left out; else that of the page, or the smallest
+        one where strips are too short in it.
+        """
         font, wraps = self.font, any(row.wraps for row in self.table.columns) if self.table else 0
         while self.table is not None and not wraps and font >= _SMALLEST_FONT:
             layout = page_layout(self.table, self.letters_of(font))
             if len(layout.columns) == len(self.table.columns) and not layout.is_tight:
                 return font
             font -= 0.5
+        if self.table is not None and page_layout(self.table, self.letters).is_tight:
+            return _SMALLEST_FONT
         return self.font
 
     def letters_of(self, font: float) -> int:
@@ -127,10 +135,15 @@ class _Parts:
     @property
     def bars_height(self) -> float:
         if self.side and self.bars:
-            return _BAR_ABOVE + _BAR_HEIGHT + _BAR_FOOT
+            return math.ceil(len(self.bars) / self.bars_beside) * _BAR_STEP
         lines = [label.count("\n") + (bar.ramp == "depth")
                  for bar, label in zip(self.bars, self.bar_labels, strict=True)]  # fmt: skip
         return _BAR_BELOW + LINE * max(lines) if lines else 0.0
+
+    @property
+    def bars_beside(self) -> int:
+        """Upright bars beside each other at the right of plots; further ones are below them."""
+        return max(1, int(self.side / _BAR_ROOM))
 
     @property
     def bar_width(self) -> float:
@@ -178,7 +191,9 @@ class _Parts:
 
     @property
     def between(self) -> float:
-        return _IMAGE_GAP if self.has_images else _BETWEEN
+        if self.has_images:
+            return _IMAGE_GAP
+        return _BETWEEN if all(plot.y == self.plots[0].y for plot in self.plots) else _LEFT
 
     @property
     def start(self) -> float:
@@ -241,8 +256,10 @@ def _side(drawing: Drawing) -> float:
     """The width that bars, table and notes have at the right of plots; 0 where they are below."""
     if not drawing.plots or not drawing.plots[0].has_own_shape:
         return 0.0
-    bars = _Parts(drawing, 2 * NARROW, 1).bars
-    return _TEXT_SIDE if drawing.table is not None or len(bars) > 1 else _BAR_SIDE
+    if drawing.table is not None:
+        return _TEXT_SIDE
+    parts = _Parts(drawing, 2 * NARROW, 1)
+    return _BAR_SIDE if parts.bars or parts.notes else 0.0
 
 
 def _natural(drawing: Drawing, wide: float) -> _Parts:
@@ -258,7 +275,8 @@ def _largest(drawing: Drawing, page: Page) -> _Parts:
     columns = _columns(drawing, page.top <= wide)
     shown = [_Parts(drawing, wide, columns)]
     if side := _side(drawing):
-        shown.append(_Parts(drawing, wide, columns, side))
+        beside = [_Parts(drawing, wide, columns, width) for width in sorted({side, _TEXT_SIDE})]
+        shown += [each for each in beside if each.bars_height + each.notes_height <= page.top]
         if drawing.beside and columns > 1:
             shown.append(_Parts(drawing, wide, -(-columns // 2)))
     return max(shown, key=lambda parts: parts.plot_size(_room(page, parts)))
@@ -351,7 +369,8 @@ def _draw_bars(page: Page, parts: _Parts, top: float) -> None:
     """Colour bars beside each other: upright ones at the right of the plots, or below these."""
     for place, (bar, label) in enumerate(zip(parts.bars, parts.bar_labels, strict=True)):
         if parts.side:
-            left, low = parts.left + place * _BAR_ROOM, top - _BAR_ABOVE - _BAR_HEIGHT
+            row, column = divmod(place, parts.bars_beside)
+            left, low = parts.left + column * _BAR_ROOM, top - (row + 1) * _BAR_STEP + _BAR_FOOT
             draw_colour_bar(page, (left, low, 0.16, _BAR_HEIGHT), bar, label)
         else:
             left = _LEFT + place * (parts.bar_width + _BETWEEN)

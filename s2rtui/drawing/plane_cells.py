@@ -13,6 +13,7 @@ from s2rstore.records import Room
 from s2rtui.analysis.binning import Bools, count_selected, selection_indices
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import Canvas, RenderOptions, Rgb, heading_arrow, legible
+from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.raster import braille_bits, draw_braille, put_glyphs, segment_dots
 from s2rtui.drawing.arcs import arcs_legend, draw_arcs
 from s2rtui.drawing.floor import draw_floor, draw_outlines, plane_frame
@@ -66,6 +67,8 @@ _RINGED, _LETTERS = "⊖⊜⊕", "bea"
 """The same without colours, and in ASCII."""
 _UNSELECTED, _SELECTED, _CURSOR = 1, 20, 1000
 """Costs of a name in a cell with unselected points, with a selected mark, with the cursor."""
+_FEWEST_LETTERS = 3
+"""Letters of a cut name at least."""
 
 
 def draw_names(canvas: Canvas, plot: Plot, before: Canvas) -> Bools:
@@ -266,19 +269,23 @@ def mark_costs(before: Canvas, canvas: Canvas) -> NDArray[np.intp]:
 def draw_room_names(
     canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, costs: NDArray[np.intp]
 ) -> None:
-    """Write each room's name once, on page colour and in front of points, where it fits.
+    """Write each room's name once, on page colour and in front of points.
 
     Of all places in the room, the one of least cost (h, w) is taken that is nearest to its middle.
+    A name that is wider than its room is cut, or left out where less than `_FEWEST_LETTERS` fit.
     """
     costs, named = costs.copy(), set[str]()
     for room in rooms:
         if room.room in named:
             continue
         named.add(room.room)
-        name = canvas.options.printable(room.room)
         corners = frame.to_cells([[room.x0, room.y0], [room.x1, room.y1]])
-        place = _place(costs, corners.min(axis=0), corners.max(axis=0), cell_len(name))
-        if place is not None:
+        first, last = corners.min(axis=0), corners.max(axis=0)
+        wide = min(canvas.width, int(last[0])) - max(0, int(np.ceil(first[0])))
+        whole, ellipsis = canvas.options.printable(room.room), canvas.glyphs.ellipsis
+        name = fit_text(whole, wide, ellipsis)
+        place = _place(costs, first, last, cell_len(name))
+        if place is not None and (name == whole or cell_len(name) > _FEWEST_LETTERS):
             column, row = place
             canvas.text(column, row, name, canvas.theme.muted, canvas.theme.background)
             costs[row, column : column + cell_len(name)] = _CURSOR

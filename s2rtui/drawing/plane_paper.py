@@ -83,8 +83,8 @@ def plane_note(mark: PlaneMark | Points) -> tuple[Phrase, ...]:
     if isinstance(mark, Arcs):
         wide = f"{LARGEST:g}° wide: {short_number(mark.full, 2)} m"
         phrases = [
-            Phrase("sim error", "sim", "sim"), Phrase("real error", "real", "real"),
-            Phrase("both", "both"), Phrase(wide),
+            Phrase("truth", "truth", "truth"), Phrase("sim error", "sim", "sim"),
+            Phrase("real error", "real", "real"), Phrase("both", "both", "both"), Phrase(wide),
         ]  # fmt: skip
         if selected_count(mark.selected, mark.valid) > 1:
             phrases.append(Phrase("number: mean of n instances"))

@@ -33,6 +33,8 @@ _BESIDE = 0.2
 _SCREEN_DPI = 110.0
 """Pixels per inch of dials on the screen of a terminal with graphics."""
 LEGEND_COLUMNS = 2
+_SMALLEST_TITLE = 6.0
+"""Points of the smallest font of a title of an image."""
 _MARKERS: dict[Sign, tuple[str, bool]] = {
     "sim": ("D", True), "real": ("D", False), "truth": ("o", True), "both": ("s", True),
     "cursor": ("o", False), "pointer": (">", True), "selected": ("o", True),
@@ -92,12 +94,16 @@ def draw_plot(
 def _draw_title(axes: Axes, page: Page, plot: Plot, width: float) -> str:
     """Write the first text of the title, its short form, or what fits into `width` inches of it.
 
-    Returns the text.
+    Those of images become smaller first. Returns the text.
     """
-    title, font = plot.title[0], 9 if page.inches[0] <= NARROW else 10
+    title, font = plot.title[0], 9.0 if page.inches[0] <= NARROW else 10.0
     letters = int(width / (LETTER * BOLD * font))
     fits = cell_len(title.text) <= letters or not title.short
-    text = fit_text(title.text if fits else title.short, letters, "…")
+    text = title.text if fits else title.short
+    if plot.image is not None and cell_len(text) > letters:
+        font = max(_SMALLEST_TITLE, width / (LETTER * BOLD * cell_len(text)))
+        letters = int(width / (LETTER * BOLD * font) + 1e-6)
+    text = fit_text(text, letters, "…")
     axes.set_title(text, loc="left", fontsize=font, pad=5, fontweight="bold",
                    color=getattr(page.inks, title.ink))  # fmt: skip
     return text

@@ -162,7 +162,7 @@ def _draw_line(
         is_held = (line.row, place) == (table.chosen, table.column)
         if column.wraps:
             ink = theme.muted if line.is_note else getattr(theme, row.ink)
-            canvas.text(start, y, canvas.options.printable(line.text), ink)
+            canvas.text(start, y, _line_text(canvas, line, width), ink)
         elif line.part == 0 and (is_held or cell.heat is not None):
             _draw_heat(canvas, cell, (start, y, width), is_held)
         elif line.part == 0 and (cell.text or cell.detail):
@@ -171,7 +171,13 @@ def _draw_line(
         elif (
             line.is_note and place == 0 and not any(table.columns[p].wraps for p in layout.columns)
         ):
-            canvas.text(start, y, canvas.options.printable(line.text), theme.muted)
+            canvas.text(start, y, _line_text(canvas, line, canvas.width - start), theme.muted)
+
+
+def _line_text(canvas: Canvas, line: TableLine, room: int) -> str:
+    """The wrapped text of a line in `room` cells; an ellipsis ends one that goes on."""
+    text = canvas.options.printable(line.text)
+    return f"{fit_text(text, room - 2)} {canvas.glyphs.ellipsis}" if line.is_cut else text
 
 
 def _draw_heat(canvas: Canvas, cell: Cell, at: tuple[int, int, int], is_held: bool) -> None:
@@ -267,16 +273,30 @@ def _column(scale: Scale, value: float, left: int, width: int) -> int:
 
 
 def draw_axis(canvas: Canvas, scale: Scale, left: int, y: int, width: int, most: int) -> None:
-    """Labels and name: fixed labels come first, round numbers leave room for it but for one."""
-    muted = canvas.theme.muted
-    name = scale.name(width / 2, cell_len)
-    stop = width if scale.fixed is not None or not name else width - cell_len(name) - 1
-    end = 0
-    for start, _, text in scale.labels(width, max(2, most), cell_len, 1.0):
-        if int(start) + cell_len(text) <= stop or not end:
-            end = canvas.text(left + int(start), y, text, muted) - left
+    """Labels of at most about `most` ticks, and at the right the longest name that fits."""
+    muted, end = canvas.theme.muted, 0
+    for start, text in _axis_labels(scale, width, max(2, most)):
+        end = canvas.text(left + start, y, text, muted) - left
     name = scale.name(width - end - 1, cell_len)
     canvas.text(left + width, y, name, muted, align="right")
+
+
+def _axis_labels(scale: Scale, width: int, most: int) -> list[tuple[int, str]]:
+    """The first columns of labels, and these: fixed ones, or those that leave room for a name.
+
+    The name is the longest one beside which there are two labels, if need be of twice the ticks.
+    """
+    names = [name for name in scale.names if 0 < cell_len(name) <= width / 2]
+    stops = [width - cell_len(name) - 1 for name in names if scale.fixed is None] or [width]
+    labels: list[tuple[int, str]] = []
+    for stop in stops:
+        for count in (most, 2 * most):
+            found = scale.labels(width, count, cell_len, 1.0)
+            labels = [(int(start), text) for start, _, text in found]
+            shown = [label for label in labels if label[0] + cell_len(label[1]) <= stop]
+            if len(shown) > 1:
+                return shown
+    return labels[:1]
 
 
 def draw_row_lines(canvas: Canvas, table: TableSpec, lines: RowLines, layout: TableLayout) -> None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rich.cells import cell_len
 
+from s2rtui.canvas.fit_text import wrap_text
 from s2rtui.drawing.plot import ROLES
 from s2rtui.drawing.scale import Scale
 from s2rtui.drawing.table import Bar, Column, Row, TableSpec
@@ -15,7 +15,7 @@ from s2rtui.drawing.table import Bar, Column, Row, TableSpec
 ALL_LINES = 10_000
 """A height in which every table fits."""
 GAP = 2
-"""Blank columns between the columns of a table."""
+"""Blank columns between the columns of a table; in cells one before columns are left out."""
 _GUTTER = 2
 """Columns before the rows of a table that has a panel, for the pointer and the cursor."""
 _SHORTEST_NAME, _SHORTEST_STRIP, _NARROWEST_TEXT = 16, 12, 42
@@ -33,12 +33,16 @@ _FARTHEST = 12
 
 @dataclass(frozen=True, slots=True)
 class TableLine:
-    """A line of a row: its first one, where `part` is 0, or a further one with a text."""
+    """A line of a row: its first one, where `part` is 0, or a further one with a text.
+
+    is_cut: whether it is the last one that has room, and texts go on.
+    """
 
     row: int
     part: int = 0
     text: str = ""
     is_note: bool = False
+    is_cut: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +108,10 @@ def table_layout(
     measured = table.rows[first : first + room] if count > _MEASURED else list(table.rows)
     room_across = max(1, width - gutter)
     window = len(f"{count}-{count}/{count}") if has_window and top and count > room else 0
-    columns, widths, texts, is_detailed, is_tight = _columns(table, measured, room_across, window)
+    gaps = (GAP, 1) if has_window else (GAP,)
+    columns, widths, texts, is_detailed, choice = _columns(
+        table, measured, room_across, window, gaps
+    )
     if axis and not any(
         scale is not None and scale.names for scale in (table.columns[at].scale for at in columns)
     ):
@@ -114,8 +121,12 @@ def table_layout(
     if wrapping and width < _NARROW:
         columns, widths, texts = wrapping[:1], [room_across], [0]
     if any(row.notes for row in measured) or any(column.wraps for column in table.columns):
-        lines = _entries(table, columns, widths, room)
-        lines = lines[_first_line(table, lines, room) :][:room]
+        lines = _entries(table, columns, widths, room_across, room)
+        start = _first_line(table, lines, room)
+        is_cut = len(lines) > start + room
+        lines = lines[start : start + room]
+        if is_cut:
+            lines[-1] = replace(lines[-1], is_cut=True)
         each = 1
     else:
         has_bars = any(
@@ -133,11 +144,11 @@ def table_layout(
     starts, x = [], gutter
     for taken in widths:
         starts.append(x)
-        x += taken + GAP
+        x += taken + choice.gap
     return TableLayout(
         tuple(columns), tuple(starts), tuple(widths), tuple(texts), gutter, top, tuple(lines), each,
         rows[0] if rows else 0, len(rows), top + len(lines) if axis else None, is_detailed,
-        is_tight,
+        choice.strip < _SHORTEST_STRIP,
     )  # fmt: skip
 
 
@@ -156,18 +167,21 @@ def _first_row(table: TableSpec, shown: int) -> int:
 
 @dataclass(frozen=True, slots=True)
 class _Choice:
-    """What is shown: columns up to a rank, texts behind strips; and the least widths."""
+    """What is shown: columns up to a rank, blanks between them, texts behind strips; and the least
+    widths.
+    """
 
     rank: int
+    gap: int = GAP
     strip_texts: bool = True
     name: int = _SHORTEST_NAME
     strip: int = _SHORTEST_STRIP
 
 
 def _columns(
-    table: TableSpec, rows: Sequence[Row], width: int, window: int
-) -> tuple[list[int], list[int], list[int], bool, bool]:
-    """The visible columns, their widths, the widths of their texts, `is_detailed` and `is_tight`.
+    table: TableSpec, rows: Sequence[Row], width: int, window: int, gaps: tuple[int, ...]
+) -> tuple[list[int], list[int], list[int], bool, _Choice]:
+    """The visible columns, their widths, the widths of their texts, `is_detailed` and the choice.
 
     window: letters of the numbers of the visible rows, in the head of the first column.
     """
@@ -176,9 +190,10 @@ def _columns(
     strips = [column.least for column in table.columns if column.scale is not None]
     wide = max([_SHORTEST_STRIP, *strips])
     choices = [
-        *(_Choice(rank, strip=wide) for rank in (ranks[:-1] or ranks)),
-        *map(_Choice, ranks), _Choice(ranks[-1], name=tight, strip=5),
-        _Choice(ranks[-1], strip_texts=False, name=tight, strip=4),
+        *(_Choice(rank, gap, strip=wide) for rank in (ranks[:-1] or ranks) for gap in gaps),
+        *(_Choice(rank, gap) for rank in ranks for gap in gaps),
+        _Choice(ranks[-1], gaps[-1], name=tight, strip=5),
+        _Choice(ranks[-1], gaps[-1], strip_texts=False, name=tight, strip=4),
     ]  # fmt: skip
     for choice in choices:
         places = [at for at, column in enumerate(table.columns) if column.rank <= choice.rank]
@@ -187,12 +202,12 @@ def _columns(
             max(_least(table.columns[at], at, text, choice), 0 if at else window)
             for at, text in zip(places, texts, strict=True)
         ]
-        free = width - sum(least) - GAP * (len(places) - 1)
+        free = width - sum(least) - choice.gap * (len(places) - 1)
         if free >= 0:
             break
     details = [max((cell_len(row.cells[at].whole) for row in rows), default=0) for at in places]
     widths, is_detailed = _widths(table, places, texts, details, least, free)
-    return places, widths, texts, is_detailed, choice.strip < _SHORTEST_STRIP
+    return places, widths, texts, is_detailed, choice
 
 
 def _text_width(column: Column, place: int, rows: Sequence[Row], choice: _Choice) -> int:
@@ -248,7 +263,9 @@ def _widths(
     return widths, not any(wanted.values())
 
 
-def _entries(table: TableSpec, columns: list[int], widths: list[int], room: int) -> list[TableLine]:
+def _entries(
+    table: TableSpec, columns: list[int], widths: list[int], across: int, room: int
+) -> list[TableLine]:  # fmt: skip
     """The lines of rows with wrapped texts and notes.
 
     As far as there is room with the notes of all rows, else with those of the chosen one, or none.
@@ -260,7 +277,7 @@ def _entries(table: TableSpec, columns: list[int], widths: list[int], room: int)
         lines = [
             line
             for number, row in enumerate(table.rows)
-            for line in _entry(table, number, row, columns, widths, number in noted)
+            for line in _entry(table, number, row, columns, widths, across, number in noted)
         ]
         if len(lines) <= room:
             break
@@ -268,23 +285,25 @@ def _entries(table: TableSpec, columns: list[int], widths: list[int], room: int)
 
 
 def _entry(
-    table: TableSpec, number: int, row: Row, columns: list[int], widths: list[int], noted: bool
+    table: TableSpec,
+    number: int,
+    row: Row,
+    columns: list[int],
+    widths: list[int],
+    across: int,
+    noted: bool,
 ) -> list[TableLine]:
     place = next((at for at, column in enumerate(columns) if table.columns[column].wraps), None)
-    room = sum(widths) + GAP * (len(widths) - 1) if place is None else widths[place]
+    room = across if place is None else widths[place]
     text = "" if place is None else row.cells[columns[place]].whole
     if place is not None and 0 not in columns:
         text = f"{row.cells[0].text}: {text}"
-    texts = _wrap(text, room)
+    texts = wrap_text(text, room) or [""]
     lines = [TableLine(number, part, text) for part, text in enumerate(texts)]
     for note in row.notes if noted else ():
-        for text in _wrap(note, room):
+        for text in wrap_text(note, room):
             lines.append(TableLine(number, len(lines), text, True))
     return lines
-
-
-def _wrap(text: str, room: int) -> list[str]:
-    return textwrap.wrap(text, max(1, room), break_on_hyphens=False) or [""]
 
 
 def _first_line(table: TableSpec, lines: list[TableLine], room: int) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,10 +11,10 @@ import numpy as np
 from s2rstore.errors import counted
 from s2rstore.security.printable_text import printable
 from s2rtui.canvas.colour import luminance
-from s2rtui.canvas.fit_text import fit_text
+from s2rtui.canvas.fit_text import NO_BREAK, fit_text
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.drawing.heat_colours import ramp_colours
-from s2rtui.drawing.page import LETTER, Ink, Page, style_axes
+from s2rtui.drawing.page import BOLD, LETTER, Ink, Page, style_axes, wrapped_text
 from s2rtui.drawing.plot import ROLES
 from s2rtui.drawing.plot_paper import axis_name, marker_style, set_ticks
 from s2rtui.drawing.row_lines import LineLayer, RowLines
@@ -51,16 +50,26 @@ def sentences(table: TableSpec, letters: int) -> list[str]:
                  default=0)  # fmt: skip
     if layout.is_detailed and needed <= letters:
         return []
-    return [line for text in table.sentences("\u00a0") for line in wrapped(text, letters)]
+    return [line for text in table.sentences(NO_BREAK) for line in wrapped(text, letters)]
 
 
 def page_layout(table: TableSpec, letters: int, lines: int = ALL_LINES) -> TableLayout:
-    """The layout of a table on a page, which counts its hidden rows below it."""
-    return table_layout(table, letters, lines, has_window=False)
+    """The layout of a table on a page, which counts its hidden rows below it.
+
+    Strips are left out last, and texts in bold letters have room.
+    """
+    columns = tuple(
+        column if column.scale is None else replace(column, rank=min(column.rank, 1))
+        for column in table.columns
+    )
+    if any(column.wraps for column in columns) and any(row.bold for row in table.rows):
+        letters = int(letters / BOLD)
+    return table_layout(replace(table, columns=columns), letters, lines, has_window=False)
 
 
 def wrapped(text: str, letters: int) -> list[str]:
-    return textwrap.wrap(text, max(20, letters))
+    """A text in lines that are as long as at most `letters` of average width."""
+    return wrapped_text(text, max(20, letters) * LETTER, 1.0)
 
 
 def draw_table(

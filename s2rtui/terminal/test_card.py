@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Callable
 
 import numpy as np
 
 from s2rtui.canvas import DEFAULT_OPTIONS, DIGITS, Canvas, RenderOptions, Size, turbo
 from s2rtui.canvas.block_symbols import SYMBOL_SETS, Symbols, symbol_stripes
+from s2rtui.canvas.fit_text import wrap_text
 from s2rtui.canvas.raster import draw_blocks, draw_braille, half_blocks
 
 Rows = list[tuple[str, str]]
@@ -52,7 +52,7 @@ def draw_card(rows: Rows, size: Size, options: RenderOptions = DEFAULT_OPTIONS) 
 def _wrapped(text: str, width: int, label: int | None = None) -> list[str]:
     """A state wrapped to the room beside its name, or below it."""
     label = (2 if width < _NARROW else LABEL) if label is None else label
-    return textwrap.wrap(text, max(8, width - label))
+    return wrap_text(text, max(8, width - label))
 
 
 def _roles(canvas: Canvas, x: int, y: int) -> None:

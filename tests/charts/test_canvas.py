@@ -6,7 +6,7 @@ from rich.cells import cell_len
 
 from s2rtui.canvas import Canvas, RenderOptions
 from s2rtui.canvas.colour import ANSI_16, diverging, to_16, to_256, turbo
-from s2rtui.canvas.fit_text import fit_text
+from s2rtui.canvas.fit_text import fit_text, wrap_text
 from s2rtui.canvas.raster import braille_bits, dot_grid, draw_braille, resample
 
 
@@ -83,6 +83,12 @@ def wide_text(width: int, start: int = 0) -> Canvas:
 def test_fitted_text_has_no_part_of_a_number(text, width, fitted):
     assert fit_text(text, width) == fitted
     assert cell_len(fit_text(text, width, "…")) <= width
+
+
+def test_wrapped_text_counts_wide_characters_and_divides_only_longer_words():
+    assert wrap_text("所有 1.5 m (0.9 to 2)", 9, "  ") == ["所有 1.5", "  m (0.9", "  to 2)"]
+    assert wrap_text("所有世界 re-runs", 5) == ["所有", "世界", "re-ru", "ns"]
+    assert wrap_text("  x=-1,\u00a0y=-0.5", 8) == ["  x=-1,", "y=-0.5"]
 
 
 def test_resampling_averages_the_known_pixels_or_takes_the_nearest():

@@ -31,7 +31,7 @@ from tests.support.suggestions import store_reports
 NARROW = 80.0
 WIDE = ("map with heat", "many: overview", "rooms")
 """Figures that are usually drawn on wide pages, too; the others by the deep tests."""
-MANY = ("overview", "map", "umap", "orientation", "rooms", "errors", "compare", "scatter")
+MANY = ("overview", "map", "umap", "orientation", "rooms", "errors", "compare", "scatter", "sheet")
 """Views that are drawn of many instances, too."""
 DPI = 100
 FIGURES: dict[str, tuple[str, dict[str, Any]]] = {

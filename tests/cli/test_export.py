@@ -15,6 +15,7 @@ from s2rtui.charts.registry import BY_NAME, STORED, VIEWS
 from s2rtui.cli import main
 from s2rtui.export.load_scene import SceneOptions, open_scene
 from tests.support.copies import copy_store
+from tests.support.drives import add_drives
 from tests.support.suggestions import store_reports
 
 SELECTION_HEATMAP = ["--heat", "occlusion:rgb", "--on", "selection"]
@@ -29,9 +30,10 @@ def export(store: Path, folder: Path, view: str, *options: str, suffix: str = ".
 
 @pytest.mark.parametrize("view", [*(name for name in STORED if name != "history"), "workbench"])
 def test_every_view_is_drawn_in_both_themes_at_the_requested_size(tiny_store, tmp_path, view):
-    if view == "suggestions":
+    if view in ("suggestions", "drives"):
         tiny_store = copy_store(tiny_store, tmp_path / "own.s2r")
         store_reports(tiny_store, "vanilla", "real")
+        add_drives(tiny_store)
     for options, theme, size in (([], LIGHT, (615, 433)), (["--theme", "dark"], DARK, (300, 640))):
         data = export(tiny_store, tmp_path, view, *options, "--size", "{}x{}".format(*size))
         image = Image.open(BytesIO(data))

@@ -59,6 +59,8 @@ def test_a_name_is_where_it_covers_the_fewest_marks():
     (row,) = (place for place, line in enumerate(lines) if "office" in line)
     assert row != 4
     assert sum(0x2800 < ord(glyph) <= 0x28FF for glyph in lines[4]) >= 36
+    narrow = Outlines((Room("laboratory", 0, 10.0, 0.0, 16.0, 20.0),))
+    assert any("labor…" in line for line in drawn(narrow).lines())
 
 
 @pytest.mark.parametrize("size", [(30, 10), (60, 20), (120, 30), (120, 60)])

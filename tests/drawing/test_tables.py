@@ -17,6 +17,7 @@ from s2rtui.drawing.scale import Scale
 from s2rtui.drawing.table import Bar, Cell, Column, Dot, LazyRows, Row, Span, TableSpec
 from s2rtui.drawing.table_cells import draw_axis
 from s2rtui.drawing.table_layout import table_layout
+from s2rtui.drawing.table_paper import page_layout
 from tests.charts.examples import findings_of, groups_drawing, list_drawing
 
 
@@ -66,6 +67,17 @@ def test_columns_of_the_largest_rank_are_left_out_before_names_are_cut():
         ranks = [column.rank for column in drawing.table.columns]
         left_out = [rank for place, rank in enumerate(ranks) if place not in columns]
         assert max(ranks[place] for place in columns) < min(left_out, default=99)
+    on_paper = page_layout(drawing.table, 40).columns
+    assert [place for place in on_paper if drawing.table.columns[place].scale]
+
+
+def test_columns_come_nearer_before_one_is_left_out():
+    columns = Column("run"), Column("n", right=True, rank=1), Column("gap m", right=True, rank=2)
+    table = TableSpec(columns, (Row((Cell("vanilla"), Cell("100"), Cell("+0.25"))),))
+    rows = [draw_cells(Drawing(table=table), (width, 2)).lines()[1] for width in (19, 17, 16)]
+    assert [row.strip() for row in rows] == [
+        "vanilla  100  +0.25", "vanilla 100 +0.25", "vanilla  100"
+    ]  # fmt: skip
 
 
 def test_strips_show_bars_intervals_and_dots_on_one_scale():
@@ -112,11 +124,17 @@ def test_the_chosen_entry_is_visible_and_highlighted_and_keeps_its_notes(chosen)
     lines = canvas.lines()
     row = next(y for y, line in enumerate(lines) if f"kind {chosen + 1} " in line)
     assert tuple(canvas.bg[row, 5]) == DARK.highlight
+    assert lines[-1].rstrip().endswith("…") == (chosen < 11)
     layout = table_layout(findings_of(4, 2).table, 82, 7)
     assert {line.row for line in layout.lines if line.is_note} == {2}
 
 
-def test_an_axis_keeps_a_number_where_its_name_leaves_no_room():
-    canvas = Canvas(40, 1)
+def test_an_axis_keeps_two_numbers_beside_its_name():
+    canvas = Canvas(40, 3)
     draw_axis(canvas, Scale(0.1, 0.95, ("a long name of it (m)",), log=True), 0, 0, 40, 4)
+    draw_axis(canvas, Scale(0.0, 2.43, ("median error (m)", "error (m)", "m")), 0, 1, 20, 2)
+    draw_axis(canvas, Scale(-0.32, 0.01, ("median gain (m)", "gain (m)")), 0, 2, 20, 2)
     assert any(letter.isdigit() for letter in canvas.lines()[0])
+    assert [line.split() for line in canvas.lines()[1:]] == [
+        ["0", "1", "error", "(m)"], ["-0.3", "-0.2", "gain", "(m)"]
+    ]  # fmt: skip

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.intervals import LEVEL_TEXT
 from s2rstore.reader import Store
 from s2rstore.records import Bounds, Room
 from s2rtui.analysis.binning import Bools
@@ -100,6 +101,13 @@ def valid_cursor(cursor: int | None, valid: NDArray[np.bool_]) -> int | None:
     """The cursor if it is a valid iid, else None."""
     is_valid = cursor is not None and 0 <= cursor < len(valid) and valid[cursor]
     return cursor if is_valid else None
+
+
+SIDE_PHRASES = (
+    Phrase("sim", "sim", "sim"), Phrase("real", "real", "real"),
+    Phrase(f"{LEVEL_TEXT} interval", sign="interval"),
+)  # fmt: skip
+"""What the signs of the sides and the line of an interval mean, for the legend of a table."""
 
 
 def cursor_phrases(cursor: int | None) -> tuple[Phrase, ...]:
