@@ -107,10 +107,10 @@ def errors_plots(model: ErrorsModel, cursor: dict[Side, float]) -> tuple[Plot, .
         names = (f"position error (m), last bar: {last} and more",
                  f"error (m), last bar: {last}+", "error (m)")  # fmt: skip
     x = Scale(0.0, upper, names)
+    peak = float(max(1, *(int(side.whole.max()) for side in model.sides.values())))
+    y = Scale(0.0, peak, ("instances",), fixed=((0.0, "0"), (peak, f"{peak:.0f}")))
     plots = []
     for side, histogram in model.sides.items():
-        peak = max(1, int(histogram.whole.max()))
-        y = Scale(0.0, float(peak), ("instances",), fixed=((0.0, "0"), (float(peak), f"{peak}")))
         marks: list[Mark] = [Bars(model.edges, histogram.part, histogram.whole, side)]
         title = f"median {short_number(histogram.median)} m"
         if math.isfinite(histogram.median):
