@@ -9,21 +9,19 @@ import math
 import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass
 from io import BytesIO
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from rich.cells import get_character_cell_size
 
 from s2rstore.errors import RequestError
-from s2rtui.canvas import Pixels as ColourTable
-from s2rtui.canvas import Rgb, Theme, turbo
+from s2rtui.canvas import Rgb, Theme
 from s2rtui.canvas.colour import NO_DEPTH
 from s2rtui.canvas.fit_text import fit_text, wrap_text
 from s2rtui.drawing.drawing import ColourBar
+from s2rtui.drawing.figure_format import FileFormat, present_format, value_colours
 from s2rtui.drawing.heat_colours import ramp_colours
 from s2rtui.drawing.scale import (
     Range,
@@ -38,9 +36,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.patheffects import AbstractPathEffect
 
-FileFormat = Literal["png", "svg", "pdf"]
-Form = FileFormat | Literal["rgb"]
-"""A format of files, or the pixels themselves, 3 bytes each, row by row."""
 Pixels = tuple[int, int]
 Box = tuple[float, float, float, float]
 Ink = tuple[float, float, float]
@@ -63,39 +58,8 @@ _SETTINGS = {
 _OTHER_SCRIPTS = ("Noto Sans CJK SC", "Noto Sans CJK JP", "WenQuanYi Zen Hei", "PingFang SC",
                   "Hiragino Sans", "Microsoft YaHei")  # fmt: skip
 """Fonts for letters that the first font lacks, as far as they are installed."""
-COLOUR_MAPS = ("turbo", "viridis", "plasma", "inferno", "magma", "cividis")
-"""Colour maps of continuous values: perceptually uniform ones, and turbo."""
 NARROW = 4.5
 """Pages of fewer inches have smaller headings and margins, and legends below the drawing."""
-
-
-@dataclass(frozen=True, slots=True)
-class FigureFormat:
-    """How all figures of a context are written.
-
-    type_size enlarges fonts and lines of a page whose fonts scale with its pixels. dpi: pixels per
-    inch of a page with a physical size, whose fonts have their size in points; None for the other
-    pages. title replaces the title of the figure. colour_map: one of `COLOUR_MAPS`.
-    """
-
-    form: Form = "png"
-    type_size: float = 1.0
-    dpi: float | None = None
-    title: str | None = None
-    colour_map: str = "turbo"
-
-
-_format: ContextVar[FigureFormat] = ContextVar("format", default=FigureFormat())  # noqa: B039
-
-
-@contextmanager
-def figure_format(form: FigureFormat) -> Iterator[None]:
-    """Inside this context figures are written in a format."""
-    before = _format.set(form)
-    try:
-        yield
-    finally:
-        _format.reset(before)
 
 
 @contextmanager
@@ -113,23 +77,6 @@ def own_settings() -> Iterator[None]:
         known = {font.name for font in fontManager.ttflist}
         rcParams["font.family"] += [name for name in _OTHER_SCRIPTS if name in known]
         yield
-
-
-def check_colour_map(name: str) -> None:
-    """Raise RequestError for a colour map that is not one of `COLOUR_MAPS`."""
-    if name not in COLOUR_MAPS:
-        raise RequestError(f"--cmap {name}: must be one of {', '.join(COLOUR_MAPS)}")
-
-
-def value_colours(shares: ArrayLike) -> ColourTable:
-    """Map numbers 0 .. 1 (clipped; NaN counts as 0) of any shape to uint8 colours (..., 3)."""
-    name = _format.get().colour_map
-    if name == "turbo":
-        return turbo(shares)
-    from matplotlib import colormaps
-
-    fractions = np.clip(np.nan_to_num(np.asarray(shares, dtype=np.float64)), 0.0, 1.0)
-    return np.asarray(colormaps[name](fractions, bytes=True)[..., :3])
 
 
 def rgb_fractions(colour: Rgb) -> Ink:
@@ -186,7 +133,7 @@ class Page:
 
     def encoded(self) -> bytes:
         """The file in exactly the page's size, without date and version, or the pixels."""
-        form, dpi = _format.get().form, self.figure.dpi
+        form, dpi = present_format().form, self.figure.dpi
         self.figure.set_size_inches((self.width + 0.01) / dpi, (self.height + 0.01) / dpi)
         if form == "rgb":
             canvas: Any = self.figure.canvas
@@ -235,7 +182,7 @@ def margin(wide: float) -> float:
 
 def page_dpi(size: Pixels) -> float:
     """Pixels per inch of a page of `size` pixels."""
-    form, (width, height) = _format.get(), size
+    form, (width, height) = present_format(), size
     scaled = math.sqrt(width * (height or width) * 4 / 3) / 10 * form.type_size
     return form.dpi or max(SMALLEST_DPI, scaled)
 
@@ -253,7 +200,7 @@ def new_page(size: Pixels, theme: Theme, title: str, subtitle: str = "", body: f
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    form, (width, height) = _format.get(), size
+    form, (width, height) = present_format(), size
     dpi = page_dpi(size)
     wide = width / dpi
     lines, y = list[tuple[float, str, dict[str, Any]]](), 0.2

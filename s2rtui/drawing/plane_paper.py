@@ -13,9 +13,10 @@ from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import Pixels, legible, mix
 from s2rtui.canvas.raster import cells_with_dots
 from s2rtui.drawing.arcs import LARGEST, ErrorGlyphs, arc_overlap, arc_spans, error_glyphs
+from s2rtui.drawing.figure_format import value_colours
 from s2rtui.drawing.floor import floor_pixels
 from s2rtui.drawing.heat_colours import change_colours
-from s2rtui.drawing.page import Ink, Page, value_colours
+from s2rtui.drawing.page import Ink, Page
 from s2rtui.drawing.plane_marks import (
     Arcs,
     Changes,

@@ -12,8 +12,9 @@ from rich.cells import cell_len
 from s2rtui.canvas import Pixels, Theme
 from s2rtui.canvas.fit_text import fit_text
 from s2rtui.canvas.render_options import UNICODE
+from s2rtui.drawing.figure_format import value_colours
 from s2rtui.drawing.image import Image
-from s2rtui.drawing.page import BOLD, LETTER, NARROW, Ink, Inks, Page, style_axes, value_colours
+from s2rtui.drawing.page import BOLD, LETTER, NARROW, Ink, Inks, Page, style_axes
 from s2rtui.drawing.plane_marks import PlaneMark
 from s2rtui.drawing.plane_paper import CELLS_PER_INCH, draw_plane_mark
 from s2rtui.drawing.plot import Bars, Dots, Line, Plot, Points, Rule, Sign

@@ -16,7 +16,13 @@ from s2rstore.reader import Store
 from s2rtui.canvas import DARK, LIGHT, Theme
 from s2rtui.charts.registry import STORED, View
 from s2rtui.charts.scene import Scene
-from s2rtui.drawing.page import FigureFormat, FileFormat, Form, check_colour_map, figure_format
+from s2rtui.drawing.figure_format import (
+    FigureFormat,
+    FileFormat,
+    Form,
+    check_colour_map,
+    figure_format,
+)
 from s2rtui.export.load_scene import SceneOptions, open_scene
 
 Pixels = tuple[int, int]
@@ -37,7 +43,7 @@ class PageOptions:
     title replaces the title of the view. width: millimetres on paper, where fonts have 8 to 10
     points; dpi: pixels per inch of this width (default 300; without `width` of a page of 160
     mm). size: pixels of a page whose fonts scale with it; by default the size of the view. cmap:
-    colour map of continuous values, one of `s2rtui.drawing.page.COLOUR_MAPS`. Raises
+    colour map of continuous values, one of `s2rtui.drawing.figure_format.COLOUR_MAPS`. Raises
     RequestError for values out of range or unknown, and where `size` and a physical size are given.
     """
 

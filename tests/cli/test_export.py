@@ -126,7 +126,7 @@ def test_pages_of_paper_have_their_width_title_and_colours(tiny_store, tmp_path)
 def test_the_colours_of_a_map_are_those_of_the_colour_map(tiny_store):
     from matplotlib import colormaps
 
-    from s2rtui.drawing.page import FigureFormat, figure_format, value_colours
+    from s2rtui.drawing.figure_format import FigureFormat, figure_format, value_colours
 
     with figure_format(FigureFormat(colour_map="cividis")):
         colours = value_colours([0.0, 0.5, 1.0, -1.0, np.nan])

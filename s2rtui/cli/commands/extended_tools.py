@@ -68,7 +68,7 @@ def _check_figure(path: Path) -> None:
 def _write_figure(report: SuggestReport, run: Run, options: argparse.Namespace) -> None:
     from s2rtui.canvas import LIGHT
     from s2rtui.charts.suggestions import Direction, paper_drawing
-    from s2rtui.drawing.page import FigureFormat, figure_format
+    from s2rtui.drawing.figure_format import FigureFormat, figure_format
     from s2rtui.drawing.paper import draw_paper
     from s2rtui.export.figures import format_of
 
