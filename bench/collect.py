@@ -1,8 +1,8 @@
 """Whether poses that `s2r collect` chooses are better training images than random ones.
 
-In the synthetic world, a shipped model is fine-tuned on real images at 15, 30 and 60 poses of each
-method, and judged on real images at random poses that no training saw. Each seed has another drive
-as evidence, other held-out poses and other batches, the same for all methods.
+In the synthetic world, a pretrained model is fine-tuned on real images at 15, 30 and 60 poses of
+each method, and judged on real images at random poses that no training saw. Each seed has another
+drive as evidence, other held-out poses and other batches, the same for all methods.
 
 `python -m bench.collect --seeds 10 --log results.jsonl` continues a log that an earlier call has
 begun; the intervals are those of differences between methods over seeds.
@@ -134,7 +134,7 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--methods", default=",".join(COMPARED))
     parser.add_argument("--sizes", default=",".join(map(str, SIZES)))
-    parser.add_argument("--model", default="dataaug", help="shipped model (default dataaug)")
+    parser.add_argument("--model", default="dataaug", help="pretrained model (default dataaug)")
     parser.add_argument("--layers", choices=("all", "head"), default="all",
                         help="layers that are trained: all, or in seconds those after the "
                         "embedding (default all)")  # fmt: skip

@@ -1,8 +1,8 @@
 """Whether `s2r collect --for evaluation` tells the mean real error better than random poses do.
 
-In four buildings of the synthetic world, of which shipped models have seen the first one alone, the
-real error at each of 1,000 candidate poses is that of a shipped model on the rendered image, and
-their mean is the truth. A row of variance is that of the mean over a sample, in that of as many
+In four buildings of the synthetic world, of which pretrained models have seen the first one alone,
+the real error at each of 1,000 candidate poses is that of a pretrained model on the rendered image,
+and their mean is the truth. A row of variance is that of the mean over a sample, in that of as many
 different random poses.
 """
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from bench.budget import BudgetRow
 from bench.exchange import LIMIT, WIDEST
-from bench.support.collection_trial import Poses, Trial, TrialSettings, shipped_model
+from bench.support.collection_trial import Poses, Trial, TrialSettings, pretrained_model
 from s2rstore.intervals import simulation
 from s2rstore.intervals.simulation import Simulated, WithSimulation
 from s2rtools.synthetic_world.routes import drive_along
@@ -49,11 +49,11 @@ class BuildingErrors:
 
 
 def building_errors(building: int) -> BuildingErrors:
-    """Render both sides of all drives and predict them with the shipped models."""
+    """Render both sides of all drives and predict them with the pretrained models."""
     trial = Trial(0, TrialSettings(building=building))
     poses = np.concatenate([_drive(trial, number) for number in range(DRIVES)])
     rows = np.arange(len(poses))
-    models = {name: shipped_model(name) for name in PRETRAINED_MODELS}
+    models = {name: pretrained_model(name) for name in PRETRAINED_MODELS}
     errors: dict[str, list[Floats]] = {name: [] for name in models}
     for side in ("real", "sim"):
         frames = trial.frames(side, poses, 40_000)

@@ -1,8 +1,8 @@
 """How well heatmaps and shares tell what harms a pose, in buildings that no model knew.
 
-Each building is ingested, its runs (the shipped models, and a network that was never trained) are
-computed, and `s2r score --harm`'s truth is measured for the shipped ones. Stores that exist in the
-folder are used again.
+Each building is ingested, its runs (the pretrained models, and a network that was never trained)
+are computed, and `s2r score --harm`'s truth is measured for the pretrained ones. Stores that exist
+in the folder are used again.
 """
 
 from __future__ import annotations
@@ -144,7 +144,7 @@ def _measure(path: Path, seed: int, views: int, kinds: Sequence[str]) -> Buildin
 
 
 def _build(path: Path, seed: int, views: int) -> None:
-    """A building with the shipped models and one that was never trained."""
+    """A building with the pretrained models and one that was never trained."""
     from s2rtui.cli import main as s2r
 
     folder, store = path.parent, ("--store", str(path))

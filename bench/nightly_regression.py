@@ -1,7 +1,7 @@
 """A week of nightly runs with a regression on day 5: it must be reported on days 5 and 6 only.
 
 `python -m bench.nightly_regression` renders images on the same course through the default building
-every day, predicts them with a shipped model, records twelve drives, and starts `s2r nightly`
+every day, predicts them with a pretrained model, records twelve drives, and starts `s2r nightly`
 twice. On days 5 and 6 the world is changed (`--factors`, by default lamps are off); day 7 has the
 original world. One line per day shows the exit code, JUnit, metrics and the dashboard's
 expressions, and whether the second start left all files unchanged. The exit code is 1 if any of

@@ -40,7 +40,7 @@ _TRAIN, _TEST = SPLITS.index("train"), SPLITS.index("test")
 _BATCH = 64
 
 
-def shipped_model(name: str) -> LoadedModel:
+def pretrained_model(name: str) -> LoadedModel:
     """A pretrained model, without a store."""
     architecture = model_description(name)["architecture"]
     path = FOLDER / f"{name}.safetensors"
@@ -71,7 +71,7 @@ class Trial:
         self.seed, self.settings = seed, settings
         self.data = WorldData(WorldRecipe(seed=settings.building))
         self.world = self.data.world
-        self.model = shipped_model(settings.model)
+        self.model = pretrained_model(settings.model)
 
     @cached_property
     def candidates(self) -> CandidatePoses:
@@ -180,7 +180,7 @@ class Trial:
         return self.candidates.poses(batch.cells)
 
     def errors_before(self) -> Floats:
-        """Errors (n,) in metres of the shipped model at the held-out poses."""
+        """Errors (n,) in metres of the pretrained model at the held-out poses."""
         rows = np.arange(len(self.held_out))
         frames = self.held_out_frames
         poses = predict(self.model.network, self.model.convention, frames, rows)

@@ -22,10 +22,10 @@ class HeatmapFacts:
     changed objects on the floor of `SHIPPED_PLACE`: the mean AUROC over buildings and the models
     vanilla, dataaug and finetune, from docs/explanation/heatmaps.md; a kind without a figure is
     hardly better than chance. `harm_auroc` is how well it finds the objects that cost the
-    prediction more than 0.25 m, pooled over the shipped models in the demo's building; known of the
-    kinds that are made for it. `planes` names the maps along the first axis of its arrays, which
-    are its modes, with their units. `sums_up`: the heat of a region sums to what the region costs,
-    in the unit of the mode. `is_slow`: it is not computed while images are adjusted.
+    prediction more than 0.25 m, pooled over the pretrained models in the demo's building; known of
+    the kinds that are made for it. `planes` names the maps along the first axis of its arrays,
+    which are its modes, with their units. `sums_up`: the heat of a region sums to what the region
+    costs, in the unit of the mode. `is_slow`: it is not computed while images are adjusted.
     """
 
     name: str

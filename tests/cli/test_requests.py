@@ -35,7 +35,7 @@ INVALID_REQUESTS = [
     ("ingest world --factors lights,lights --store x.s2r", "twice"),
     ("score STORE", "ground truth is unknown"),
     ("score STORE --instances 1", "--instances"),
-    ("model shipped --store STORE", "--seed 1"),
+    ("model pretrained --store STORE", "--seed 1"),
     ("demo --data . --seed 3", "--data"),
     ("ingest csv m.csv --size 0 --store x.s2r", "--size"),
     ("ingest world --factors moon --store x.s2r", "moon"),

@@ -75,7 +75,7 @@ def test_a_url_is_no_path_of_the_system():
     "words",
     [
         ("precompute", "{url}"), ("prune", "{url}"), ("gap", "{url}"), ("rooms", "{url}"),
-        ("model", "shipped", "--store", "{url}"), ("serve", "{url}"),
+        ("model", "pretrained", "--store", "{url}"), ("serve", "{url}"),
         ("run", "add", "x", "--model", "m", "--store", "{url}"),
     ],
 )  # fmt: skip

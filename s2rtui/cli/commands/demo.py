@@ -216,7 +216,7 @@ def _world_stages(options: argparse.Namespace, store: Path) -> Iterator[_Stage]:
         yield _Stage(("ingest", "world", *world, "--instances", count, "--store", path))
     _check_same_options(options, store, count=options.instances)
     if options.seed == _PRETRAINED_SEED and not _has_run(store, "vanilla"):
-        yield _Stage(("model", "shipped", "--store", path))
+        yield _Stage(("model", "pretrained", "--store", path))
     if options.retrain or options.seed != _PRETRAINED_SEED:
         yield from _live_training(options, store, world)
     if not _read(store, _is_complete):

@@ -42,12 +42,14 @@ def _add_model_arguments(parser: argparse.ArgumentParser) -> None:
                      help="convention of the output: degrees, radians or cos_sin; "
                      "map or habitat")  # fmt: skip
     add.add_argument("--trust", action="store_true", help="allow file formats that execute code")
-    shipped = actions.add_parser(
-        "shipped", help="register the pretrained models of the synthetic world, each with a run"
+    pretrained = actions.add_parser(
+        "pretrained", help="register the pretrained models of the synthetic world, each with a run"
     )
-    shipped.add_argument("--store", type=store_argument.folder, required=True, help="store folder")
+    pretrained.add_argument(
+        "--store", type=store_argument.folder, required=True, help="store folder"
+    )
     add.set_defaults(action=_add)
-    shipped.set_defaults(action=_shipped)
+    pretrained.set_defaults(action=_add_pretrained)
 
 
 def _model(options: argparse.Namespace) -> int:
@@ -67,7 +69,7 @@ def _add(options: argparse.Namespace) -> None:
     )
 
 
-def _shipped(options: argparse.Namespace) -> None:
+def _add_pretrained(options: argparse.Namespace) -> None:
     from s2rtools.training import pretrained
 
     added = ", ".join(pretrained.add_pretrained_models(options.store)) or "no new model"
