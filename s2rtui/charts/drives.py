@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -111,15 +113,16 @@ class DrivesView(StatisticsView):
     figure_size = (1600, 1300)
 
     def model(self, store: Store, state: State) -> tuple[Track, ...] | str:
-        from s2rtools.motion_logs.drives import odometry, read_drives
+        from s2rtools.motion_logs.drives import odometry
 
         folder = store.path / "drives"
         try:
-            drives = read_drives(folder) if folder.is_dir() else odometry(store)
+            if folder.is_dir():
+                return _read(folder, _stamp(folder))
+            return tuple(map(Track.of, odometry(store)))
         except RequestError as error:
-            none = f"no folder of drives (drives/NAME/real.csv and sim.csv) in the store; {error}"
-            return str(error) if folder.is_dir() else none
-        return tuple(Track.of(drive) for drive in drives)
+            none = "no folder of drives (drives/NAME/real.csv and sim.csv) in the store; "
+            return f"{'' if folder.is_dir() else none}{error}"
 
     def choices(self, model: Sequence[Track], side: Side) -> Sequence[tuple[str, str]]:
         return [(each.name, f"traj:{quoted(each.name)}" if each.trajectory else "")
@@ -177,6 +180,20 @@ class DrivesView(StatisticsView):
             session.dispatch(view_settings.set_moment, max(point[0], 0.0))
         elif panel.name == self.name:
             super().click(session, scene, panel, point)
+
+
+def _stamp(folder: Path) -> tuple[object, ...]:
+    """What changes when a log is written."""
+    stats = ((path, path.lstat()) for path in sorted(folder.glob("*/*")))
+    return tuple((path, stat.st_mtime_ns, stat.st_size) for path, stat in stats)
+
+
+@lru_cache(2)
+def _read(folder: Path, stamp: tuple[object, ...]) -> tuple[Track, ...]:
+    """The drives of a folder; those of an equal stamp are read once."""
+    from s2rtools.motion_logs.drives import read_drives
+
+    return tuple(map(Track.of, read_drives(folder)))
 
 
 def _path(track: Track, at: int, title: tuple[Phrase, ...]) -> Plot:
