@@ -15,6 +15,7 @@ from s2rstore.errors import RequestError
 from s2rstore.language.canonical_text import quoted
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Bounds, Side
+from s2rstore.security.printable_text import printable
 from s2rtui.analysis.binning import Bools
 from s2rtui.canvas import PlotArea, Point
 from s2rtui.charts.scene import Scene
@@ -76,7 +77,7 @@ class Track:
             for name, poses in others.items()
         }
         time = np.asarray(at - at[0], dtype=np.float64)
-        return cls(drive.name, time, real, sim, distances, drive.odometry is not None)
+        return cls(printable(drive.name), time, real, sim, distances, drive.odometry is not None)
 
     @property
     def seconds(self) -> float:

@@ -34,7 +34,9 @@ def views(real_data: Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
     records = scan.trajectories["traj1"][::EVERY]
     depths = {}
     for name in ("sim", "sim_edit"):
-        files = [cv2.imread(str(row.sources[name].depth), cv2.IMREAD_GRAYSCALE) for row in records]
+        files = [
+            cv2.imread(str(row.sources[name].files[1]), cv2.IMREAD_GRAYSCALE) for row in records
+        ]
         depths[name] = np.stack(
             [cv2.resize(file, FRAME, interpolation=cv2.INTER_NEAREST_EXACT) for file in files]
         )
