@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from s2rtui.charts.registry import VIEWS
-from s2rtui.drawing import page
+from s2rtui.drawing.figure_format import present_format
 
 
 def draw_small_figures(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -17,7 +17,7 @@ def draw_small_figures(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def figure(view: Any, scene: Any, size: tuple[int, int], theme: Any) -> bytes:
         return (
-            bytes(3 * size[0] * size[1]) if page._format.get().form == "rgb" else picture.getvalue()
+            bytes(3 * size[0] * size[1]) if present_format().form == "rgb" else picture.getvalue()
         )
 
     for view in VIEWS:
