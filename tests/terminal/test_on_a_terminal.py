@@ -86,7 +86,10 @@ def visit(
     with s2rstore.open(tiny_store) as store:
         moved = (first_instance.iid + 5) % len(store.instances)
     screen.wait_for(f"instance  {moved},", 20)
-    part("moved", lambda raw: len(placed_cells(raw)) == IMAGES and all_images_complete(raw))
+    part(
+        "moved",
+        lambda raw: len(KittyTerminal.after(raw).images) == IMAGES and all_images_complete(raw),
+    )
     screen.press("?")
     part("help", lambda raw: b"straight driving" in raw)
     screen.press(b"\x1b")
