@@ -31,7 +31,7 @@ BUDGET, BUDGET_WITH_AMX = 0.57, 0.20
 PREDICTIONS, ALL_BUT_OCCLUSION = 0.05, 0.20
 """Largest shares of the other commit's time after which these are published."""
 _LOOK = 0.05
-"""Seconds between looks at the store that is computed."""
+"""Seconds between two checks of which generation the store has published."""
 _ROOT = Path(__file__).resolve().parents[1]
 _WARM_UP_PAIRS = 8
 

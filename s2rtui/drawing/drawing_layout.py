@@ -87,8 +87,9 @@ class DrawingLayout:
 def drawing_layout(drawing: Drawing, size: Size, options: RenderOptions) -> DrawingLayout:
     """Lay out a drawing in `size` (columns, rows).
 
-    Plots have the rows that the table and the notes leave, but at least `_FEWEST_ROWS` where the
-    canvas is twice as high; then the last rows of the table are left out, and its head says so.
+    Plots have the rows that the table and the notes leave, but at least `_FEWEST_ROWS`, and planes
+    `_FEWEST_WITH_AXES`, where the canvas is twice as high; then the last rows of the table are left
+    out, and its head says so.
     Where there is no room for all plots, a note names those that are left out. Dials become plots
     with a straight axis of x above each other where there is no room for discs.
     """
@@ -106,6 +107,8 @@ def drawing_layout(drawing: Drawing, size: Size, options: RenderOptions) -> Draw
             notes = _note_rows(texts, plots, (width, height), *of_notes)
         least = _FEWEST_ROWS if drawing.table is not None or notes else 1
         extra = 1 + any(map(has_head, plots))
+        if drawing.table is not None and height >= 2 * (_FEWEST_WITH_AXES + extra):
+            least = _FEWEST_WITH_AXES if any(plot.is_tight for plot in plots) else least
         area = height - wanted - len(notes)
         kept = min(wanted, _KEPT_ROWS) if any(plot.is_tight for plot in plots) else 0
         if plots and height >= 2 * (least + extra) and height - len(notes) - least - extra >= kept:

@@ -282,9 +282,10 @@ def draw_axis(canvas: Canvas, scale: Scale, left: int, y: int, width: int, most:
 
 
 def _axis_labels(scale: Scale, width: int, most: int) -> list[tuple[int, str]]:
-    """The first columns of labels, and these: fixed ones, or those that leave room for a name.
+    """The labels of an axis and the columns at which they begin.
 
-    The name is the longest one beside which there are two labels, if need be of twice the ticks.
+    They leave room for the longest name of the axis beside which two of them fit, if need be of
+    twice as many ticks; fixed labels leave none.
     """
     names = [name for name in scale.names if 0 < cell_len(name) <= width / 2]
     stops = [width - cell_len(name) - 1 for name in names if scale.fixed is None] or [width]

@@ -68,7 +68,7 @@ def page_layout(table: TableSpec, letters: int, lines: int = ALL_LINES) -> Table
 
 
 def wrapped(text: str, letters: int) -> list[str]:
-    """A text in lines that are as long as at most `letters` of average width."""
+    """Wrap a text into lines no wider than `letters` letters of average width."""
     return wrapped_text(text, max(20, letters) * LETTER, 1.0)
 
 

@@ -8,8 +8,7 @@ import pytest
 
 from s2rstore.errors import RequestError
 from s2rstore.files import layout
-from s2rstore.index import catalog_check, locked_connection, transaction
-from tests.support.copies import copy_store
+from s2rstore.index import catalog_check, locked_connection
 
 
 @pytest.fixture
@@ -35,22 +34,6 @@ def open_in_new_process(index: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def index_file(store: Path) -> Path:
     return store / layout.read_current(store).index
-
-
-def test_equal_content_is_checked_once(store_copy, tmp_path, checked_files, monkeypatch):
-    other = index_file(copy_store(store_copy, tmp_path / "other.s2r"))
-    open_in_new_process(index_file(store_copy), monkeypatch)
-    open_in_new_process(index_file(store_copy), monkeypatch)
-    open_in_new_process(other, monkeypatch)
-    assert checked_files == [index_file(store_copy)]
-
-
-def test_a_writer_trusts_the_check_of_a_reader(store_copy, checked_files):
-    index = index_file(store_copy)
-    locked_connection.connect(index).close()
-    with transaction.edit(store_copy):
-        pass
-    assert checked_files == [index]
 
 
 def test_a_failed_check_is_not_cached(store_copy, checked_files, monkeypatch):

@@ -1,4 +1,4 @@
-"""Go to views, zoom them and choose their rows, by keys, letters and the wheel."""
+"""Show views, zoom them and choose rows of their tables, by keys, jump letters and the wheel."""
 
 from __future__ import annotations
 

@@ -344,7 +344,7 @@ class ReadOptions:
 
     @property
     def named_depth(self) -> str | None:
-        """What the option `depth` names, in layouts without depth by default; None for none."""
+        """The value of the option `depth`; None if it is not given, or `none`."""
         value = self.values.get("depth")
         return None if value == "none" else value
 

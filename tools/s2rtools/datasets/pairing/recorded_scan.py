@@ -234,7 +234,7 @@ def _domain(side: RecordedSide, frame: tuple[int, int], floor_option: str) -> Do
 
 
 def _frame_source(side: RecordedSide, number: int) -> ImageFrameSource:
-    """The source of an image of a side."""
+    """The frame source of one image of a recording."""
     recording, frame = side.recording, side.frame(number)
     return ImageFrameSource(frame, recording.camera, recording.camera_of_depth, side.side)
 

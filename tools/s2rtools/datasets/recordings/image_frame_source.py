@@ -110,7 +110,7 @@ class ImageFrameSource:
         return _joined([each for each in sums if each is not None]) if all(sums) else None
 
     def decode(self, scan: Scan, domain: Domain) -> DecodedFrame | InputIssue:
-        """Read both images, undistort and resize them; an InputIssue names the unusable one.
+        """Read both images, undistort and resize them; an InputIssue names a bad one.
 
         Depth takes the nearest pixel in both steps, so that every value occurs in the source.
         """
@@ -149,7 +149,10 @@ class ImageFrameSource:
 def source_of_files(
     root: Path, rgb: str, depth: str, sizes: tuple[tuple[int, int], tuple[int, int]]
 ) -> ImageFrameSource:
-    """The source of an RGB and a depth file in `root`, whose (height, width) must be `sizes`."""
+    """Make a frame source of an RGB and a depth file in the folder `root`.
+
+    sizes: the (height, width) that each file must have.
+    """
     of_rgb, of_depth = sizes
     return ImageFrameSource(
         RecordedFrame(
