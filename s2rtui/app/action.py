@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 Group = Literal["select", "brush", "move", "heat", "map", "adjust", "review", "views", "program"]
 When = Literal[
     "always", "begun", "still", "plain", "brushing", "list", "adjust", "groups", "not groups",
-    "rows", "instance", "sheet", "pivot", "suggestions", "drives", "not sheet", "elsewhere",
+    "rows", "rows of instances", "instance", "sheet", "pivot", "suggestions", "drives",
+    "not sheet", "elsewhere",
 ]  # fmt: skip
 
 GROUPS: dict[Group, str] = {group: group.capitalize() for group in get_args(Group)}
@@ -109,6 +110,9 @@ class Action:
             "groups": not brushing and state.view == "rooms",
             "not groups": state.view != "rooms",
             "rows": not brushing and state.view in _TABLES,
+            "rows of instances": not brushing
+            and state.view in _TABLES
+            and state.view != "suggestions",
             "elsewhere": not brushing and state.view not in ("list", "sheet", "adjust", *_TABLES),
         }[self.when]
 

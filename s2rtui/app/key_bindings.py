@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
 
 _OF_ONE_VIEW: tuple[When, ...] = (
-    "list", "adjust", "groups", "rows", "instance", "sheet", "pivot", "suggestions",
-    "drives",
+    "list", "adjust", "groups", "rows", "rows of instances", "instance", "sheet", "pivot",
+    "suggestions", "drives",
 )  # fmt: skip
 """Situations in which one view is active."""
 _PAGE, _ALL_ROWS = 10, 1 << 30
@@ -134,6 +134,8 @@ _ADJUSTING = (
     Action("save_run", "S", "adjust",
            "save the adjustments as a run and compute it for all images", short="save run",
            when="adjust", needs="models", command=lambda app: app.adjust.ask_name()),
+    Action("apply_answer", "enter", "adjust", "suggestions: apply the answer of the row", None,
+           "apply", when="suggestions", command=lambda app: app.adjust.apply_answer()),
     Action("search", "S", "adjust",
            "suggestions: search the missing answers (5 minutes each); again: cancel",
            short="search", when="suggestions", needs="models",
@@ -160,9 +162,8 @@ _ROWS = (
            command=_choose(-_ALL_ROWS)),
     Action("table_end", "end", "move", "last row of a table", when="rows",
            command=_choose(_ALL_ROWS)),
-    Action("open_row", "enter", "select",
-           "select the instances of the row of a table; suggestions: apply the answer", None,
-           "select", when="rows", command=lambda app: app.navigation.open_row()),
+    Action("open_row", "enter", "select", "select the instances of the row of a table", None,
+           "select", when="rows of instances", command=lambda app: app.navigation.open_row()),
 )  # fmt: skip
 
 _IMAGES = (

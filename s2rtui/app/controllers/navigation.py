@@ -9,7 +9,6 @@ from s2rtui.app.key_bindings import BY_NAME as ACTIONS
 from s2rtui.app.screens.jump import JumpScreen, JumpTarget
 from s2rtui.charts.findings import VIEW as FINDINGS
 from s2rtui.charts.registry import BY_NAME, VIEWS
-from s2rtui.charts.suggestions import VIEW as SUGGESTIONS
 from s2rtui.charts.view import View
 from s2rtui.session import instance_list, view_settings
 from s2rtui.session.view_settings import ZoomPlane
@@ -140,16 +139,14 @@ class NavigationController:
             app.session.dispatch(view_settings.toggle_full_screen)
 
     def open_row(self) -> None:
-        """Select the instances of the chosen row of the active view's table; apply an answer.
+        """Select the instances of the chosen row of the active view's table.
 
         The view of a finding is shown; findings that stay on the screen beside it keep the keys.
         """
         app, session = self._app, self._app.session
         view, scene = BY_NAME[session.state.view], app.updater.scene
         row = None if view.unavailable(scene.store) else view.chosen_row(scene)
-        if view is SUGGESTIONS:
-            app.adjust.apply_answer()
-        elif row is None:
+        if row is None:
             session.show_message(f"{view.name} has no row to select")
         else:
             view.select_row(session, scene, row)
