@@ -86,7 +86,7 @@ def _plot(model: RecallModel) -> Plot:
     x = Scale(
         points[0].metres / _BELOW, points[-1].metres * _BEYOND,
         (f"position within (m), {heading}", "position within (m)", "m"), log=True,
-        fixed=tuple((p.metres, f"{p.metres:g} m") for p in points),
+        fixed=tuple((p.metres, f"{p.metres:g}") for p in points),
     )  # fmt: skip
     y = Scale(0, 100, ("recall (%)",), fixed=((0, "0 %"), (50, "50 %"), (100, "100 %")))
     metres = x.value(np.linspace(0, 1, _SAMPLES))
