@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 
@@ -17,10 +16,10 @@ from s2rstore.reader import Store
 from s2rstore.records import NO_RUN
 from s2rtui.session import (
     adjusting,
-    navigation,
     saved_selection_diff,
     selection,
     targets,
+    undo_history,
     view_settings,
 )
 from s2rtui.session.context import SessionContext
@@ -28,6 +27,7 @@ from s2rtui.session.evaluation import evaluate
 from s2rtui.session.heatmaps import with_heat
 from s2rtui.session.selection import defer, keep_input
 from s2rtui.session.state import HeatChoice, History, State, Target
+from s2rtui.session.undo_history import Direction
 
 
 def computed_runs(store: Store) -> tuple[str, ...]:
@@ -140,7 +140,7 @@ def go_to(context: SessionContext, state: State, target: Target) -> State:
     A target that is not loaded becomes pending. Until then the nearest loaded place is shown: the
     run, or the trajectories alone.
     """
-    target = replace(target, history=targets.next_history(state, target))
+    target = replace(target, history=undo_history.next_history(state, target))
     if (loading := _node_to_load(context, state, target)) is None:
         return keep_input(state, _settle(context, state, target))
     here, place = targets.place_of(state), targets.place_of(target)
@@ -300,8 +300,10 @@ def open_finding(context: SessionContext, state: State, finding: Finding) -> Sta
     if is_here and finding.node is not None:
         state = selection.select(context, state, finding.node, "replace")
     elif not is_here:
-        target = targets.with_expression(state, place, finding.node or targets.upcoming(state).node)
-        state = navigation.go_to(context, replace(state, operator="replace"), target)
+        target = targets.with_expression(
+            state, place, finding.node or undo_history.upcoming(state).node
+        )
+        state = go_to(context, replace(state, operator="replace"), target)
     return state.with_message(finding.message)
 
 
@@ -315,30 +317,18 @@ def redo(context: SessionContext, state: State) -> State:
     return _walk_history(context, state, "redo")
 
 
-def _walk_history(
-    context: SessionContext, state: State, direction: Literal["undo", "redo"]
-) -> State:
+def _walk_history(context: SessionContext, state: State, direction: Direction) -> State:
     """Skip expressions that cannot be evaluated any more and name them in the message."""
-    upcoming, backwards = targets.upcoming(state), direction == "undo"
-    generation = targets.final(state).generation
-    remaining, skipped = list(upcoming.past if backwards else upcoming.future), []
-    while remaining:
-        step = remaining.pop()
-        history = tuple(remaining), (*upcoming.future, upcoming.step)
-        if not backwards:
-            history = (*upcoming.past, upcoming.step), tuple(remaining)
-        target = Target(
-            step.run, generation, step.node, trajectories=step.trajectories,
-            with_trained=step.with_trained, history=history, cursor=step.cursor,
-        )  # fmt: skip
+    present, skipped = undo_history.upcoming(state), []
+    for step, target in undo_history.walk(state, direction):
         try:
-            result = navigation.select_at(context, state, target)
+            result = select_at(context, state, target)
         except RequestError as error:
             skipped.append(f"left out: {step.expression} ({error})")
             continue
-        changed = "" if step.with_trained == upcoming.with_trained else result.population_message
+        changed = "" if step.with_trained == present.with_trained else result.population_message
         message = "; ".join(part for part in (result.message, changed, *skipped) if part)
         return replace(result, message=message)
-    if upcoming is state:
-        state = replace(state, past=()) if backwards else replace(state, future=())
+    if present is state:
+        state = replace(state, past=()) if direction == "undo" else replace(state, future=())
     return state.with_message("; ".join((f"nothing to {direction}", *skipped)))

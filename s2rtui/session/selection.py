@@ -7,7 +7,7 @@ from dataclasses import replace
 from s2rstore.errors import RequestError
 from s2rstore.language import Node, check_size, parse, to_text
 from s2rstore.language.syntax_tree import And, Everything, Minus, Not, Or, Saved, leaves
-from s2rtui.session import targets
+from s2rtui.session import targets, undo_history
 from s2rtui.session.context import SessionContext
 from s2rtui.session.evaluation import evaluate
 from s2rtui.session.state import Operator, State, Target
@@ -27,7 +27,7 @@ def select(
     node = parse(expression) if isinstance(expression, str) else expression
     operator = operator or state.operator
     if operator != "replace":
-        node = _combine(targets.upcoming(state).node, operator, node)
+        node = _combine(undo_history.upcoming(state).node, operator, node)
         check_size(to_text(node))
     planned, pending = targets.plan(context, state, node)
     if planned.loading is not None:
@@ -51,7 +51,7 @@ def select_suggested(context: SessionContext, state: State) -> State:
 
 def complement(context: SessionContext, state: State) -> State:
     """Select all valid instances that are not selected."""
-    node = targets.upcoming(state).node
+    node = undo_history.upcoming(state).node
     return select(context, state, node.inner if isinstance(node, Not) else Not(node), "replace")
 
 

@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass, replace
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import parse_json
+from s2rstore.files.documents import parse_json
 from s2rstore.language import parse
 from s2rtui.session import navigation, selection, targets
 from s2rtui.session.context import SessionContext

@@ -22,11 +22,10 @@ from s2rstore.language.syntax_tree import (
 )
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
+from s2rtui.session import undo_history
 from s2rtui.session.context import SessionContext
-from s2rtui.session.state import History, State, Step, Target
+from s2rtui.session.state import State, Target
 
-MAX_HISTORY = 100
-"""Number of past steps that can be undone."""
 SMALL_STORE = 20_000
 """Instances whose columns are read fast enough for the UI thread."""
 _SIDE_COLUMNS = ("x", "y", "heading", "error", "heading_error", "room", "u", "v", "outlier")
@@ -108,36 +107,10 @@ def final(state: State) -> Target:
     return state.pending or place_of(state)
 
 
-def upcoming(state: State) -> State:
-    """The state with the pending expression, place and history instead of the present ones."""
-    target = state.pending
-    if target is None:
-        return state
-    past, future = target.history or (state.past, state.future)
-    return replace(
-        state,
-        node=target.node or state.node,
-        run=target.run,
-        trajectories=target.trajectories,
-        with_trained=target.with_trained,
-        past=past,
-        future=future,
-    )
-
-
-def next_history(state: State, target: Target) -> History:
-    """The history around a target that is shown after the present or pending one."""
-    before = upcoming(state)
-    node = target.node or before.node
-    if Step(node, target.run, target.trajectories, target.with_trained) == before.step:
-        return before.past, before.future
-    return (*before.past, before.step)[-MAX_HISTORY:], ()
-
-
 def with_expression(state: State, place: Target, node: Node) -> Target:
     """Select `node` at a place, as the next step of the history."""
     target = replace(place_of(place), node=node)
-    return replace(target, history=next_history(state, target))
+    return replace(target, history=undo_history.next_history(state, target))
 
 
 def expand_saved_names(context: SessionContext, node: Node) -> Node:
