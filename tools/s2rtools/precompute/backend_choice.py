@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.files import atomic_writes, layout, safe_files
-from s2rstore.files.input_files import parse_object
+from s2rstore.files.documents import parse_object
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
 from s2rtools.common.blocks import evenly_spread
@@ -63,23 +63,30 @@ def run_backends(
     report_line: Callable[[str], None],
     check: Callable[[], None] = lambda: None,
     threads: int = 0,
+    has_differences: bool = True,
 ) -> RunBackends:
     """The recorded backends of a run; chosen, reported and recorded where there are none yet.
 
     A recorded choice is kept unless `requested` names another backend than that of the
     predictions. `check` is called before it is recorded. Backends are measured with `threads`, by
-    default torch's setting. Raises RequestError for an unknown or inaccurate backend.
+    default torch's setting. `has_differences` tells whether the precision of differences is chosen,
+    which only occlusion needs. Raises RequestError for an unknown or inaccurate backend.
     """
     requested = (os.environ.get(DEFAULT_VARIABLE) or AUTO) if requested == AUTO else requested
     inputs = _input_key(store, run)
     kept = _kept(store, run, requested, inputs)
     sample = _Sample(store, run, trust, threads)
-    chosen = kept or _choose(sample, requested, inputs, kinds)
-    if Occlusion.name in kinds and chosen.differences is None:
+    chosen = kept
+    if chosen is None:
+        chosen = _choose(sample, requested, inputs, kinds)
+        report_line(f"{run.run}: {_summary(chosen)}")
+    if has_differences and Occlusion.name in kinds and chosen.differences is None:
         named = str(chosen.facts.get("requested", requested))
         chosen = _with_differences(chosen, sample, named)
+        if chosen.differences in REDUCED_DIFFERENCES:
+            error = float(chosen.facts["occlusion_error"])
+            report_line(f"{run.run}: occlusion in bfloat16 differences, {error:.1%} off")
     if chosen != kept:
-        report_line(f"{run.run}: {_summary(chosen)}")
         content = msgspec.json.encode(chosen)
         atomic_writes.write(store.path, _choice_file(run), content, check=check)
     return chosen
@@ -167,39 +174,39 @@ class _Sample:
 
 
 def _choose(sample: _Sample, requested: str, inputs: str, kinds: Sequence[str]) -> RunBackends:
-    """Choose a backend, and check the heatmaps that it gives on the sample.
+    """Choose the backends of predictions and of heatmaps, and check these on the sample.
 
-    Where heatmaps of `kinds` need the passes of another backend than the preferred one, `auto`
-    takes the predictions from these passes. Occlusion by locality needs a pass in float32 that
-    keeps the outputs of all operations: its backend is taken then.
+    Where heatmaps of `kinds` go on from the outputs of all operations, `auto` takes the backend
+    that keeps these for heatmaps that are too inaccurate in reduced precision. It computes the
+    predictions, too, unless the processor has matrix units for reduced precision.
     """
+    facts = {"inputs": inputs, "requested": requested}
     if requested == Backend.name:
         backend = open_backend(sample.model, requested, sample.threads)
-        return _backends(
-            MeasuredBackend(backend, 0.0, 0.0),
-            backend,
-            {"inputs": inputs, "requested": requested},
-        )
+        return _backends(MeasuredBackend(backend, 0.0, 0.0), backend, facts)
+    keeping = None
     if requested == AUTO and _needs_base(sample.model, kinds):
-        backend = WinogradBackend(sample.model, sample.threads)
-        images = sample.inputs()[:_WINOGRAD_IMAGES]
-        kept = measure_backend(sample.model, images, backend, sample.threads)
-        if kept.accurate:
-            return _backends(kept, backend, {"inputs": inputs, "requested": requested})
+        keeping = _keeping_backend(sample)
+    if keeping is not None and not has_bfloat16_units():
+        return _backends(keeping, keeping.backend, facts)
     measured = choose_backend(sample.model, sample.inputs(), requested, sample.threads)
-    heat, facts = measured.backend, {"inputs": inputs, "requested": requested}
-    if heat.precision not in (FLOAT32, "openvino f32"):
-        exact = open_float32(sample.model, sample.threads)
+    heat = measured.backend
+    if not heat.is_float32:
+        exact = keeping.backend if keeping else open_float32(sample.model, sample.threads)
         error = _heatmap_error(sample, heat, exact)
         if error > HEATMAP_ERROR:
             heat = exact
-            uses_passes = any(HEATMAP_KINDS[kind].uses_features for kind in kinds)
-            if requested == AUTO and uses_passes and exact.device.type == "cpu":
-                facts["inaccurate"] = BackendIdentity.of(measured.backend).label
-                measured = MeasuredBackend(exact, 0.0, 0.0)
         else:
             facts["heatmap_error"] = f"{error:.2g}"
     return _backends(measured, heat, facts)
+
+
+def _keeping_backend(sample: _Sample) -> MeasuredBackend | None:
+    """The backend that keeps the outputs of all operations; None where it is inaccurate."""
+    backend = WinogradBackend(sample.model, sample.threads)
+    images = sample.inputs()[:_WINOGRAD_IMAGES]
+    measured = measure_backend(sample.model, images, backend, sample.threads)
+    return measured if measured.accurate else None
 
 
 def _needs_base(model: LoadedModel, kinds: Sequence[str]) -> bool:
@@ -324,12 +331,8 @@ def _summary(backends: RunBackends) -> str:
             f"at most {1000 * float(facts['metres']):.1g} mm and {degrees:.1g} degrees off"
         )
     text = ", ".join(parts)
-    if "inaccurate" in facts:
-        text += f" (heatmaps in {facts['inaccurate']} are too inaccurate)"
-    elif backends.heatmaps != backends.predictions:
+    if backends.heatmaps != backends.predictions:
         text += f"; heatmaps in {backends.heatmaps.label}"
     elif "heatmap_error" in facts:
         text += f"; heatmaps {float(facts['heatmap_error']):.1%} off"
-    if backends.differences in REDUCED_DIFFERENCES:
-        text += f"; occlusion in bfloat16 differences, {float(facts['occlusion_error']):.1%} off"
     return text

@@ -154,6 +154,7 @@ class _Run:
         self._was_computed = self._run.key is not None
         self._parts: Sequence[Part] = ()
         self._stages: RunStages | None = None
+        self._has_predictions_only = False
         self._backends: RunBackends | None = None
 
     def try_to_compute(self, number: int) -> None:
@@ -173,11 +174,15 @@ class _Run:
         """
         call = self._call
         call.lease.check()
-        while (stages := self._stages) is None or self._parts != call.current.get().parts:
-            if stages is not None:
+        while (
+            (stages := self._stages) is None
+            or self._parts != call.current.get().parts
+            or (number > 0 and self._has_predictions_only)
+        ):
+            if stages is not None and self._parts != call.current.get().parts:
                 too = "" if self._run.is_imported else "; computing them, too"
                 call.reporter.say(f"{self.name}: instances were added meanwhile{too}")
-            self._stages = self._plan(is_new=stages is None)
+            self._stages = self._plan(number, is_new=stages is None)
             for earlier in self._stages.rounds[:number]:
                 self._compute_round(earlier)
         self._compute_round(stages.rounds[number])
@@ -192,8 +197,12 @@ class _Run:
             call.reporter.say(f"{self.name}: {'published' if self.is_published else 'up to date'}")
         return None
 
-    def _plan(self, is_new: bool) -> RunStages:
-        """The stages of the run in the published generation; `is_new` for the first plan."""
+    def _plan(self, number: int, is_new: bool) -> RunStages:
+        """The stages of the run in the published generation; `is_new` for the first plan.
+
+        The first round of a run of which nothing is published has a plan without heatmaps, so that
+        predictions do not wait for what is measured for these.
+        """
         call = self._call
         store, options = call.current.get(), call.options
         run = self._run = store.run(self.name)
@@ -202,11 +211,13 @@ class _Run:
         if run.is_imported:
             kinds = kinds_without_network(self.name, kinds, say)
         kinds = usable_kinds(store, run, kinds, say)
+        is_first = is_new or self._has_predictions_only
+        self._has_predictions_only = run.model is not None and number == 0 and run.key is None
         if run.model is None:
             stages = self._imported_stages(run, kinds)
         else:
             stages = self._model_stages(run, kinds, say)
-        if options.restart and is_new:
+        if options.restart and is_first:
             discard_incomplete(call.current.get(), stages.stages, call.lease.check)
         return stages
 
@@ -229,7 +240,8 @@ class _Run:
         model = model_outline(store, run.network("precompute"), options.trust)
         if run.key is None and options.executor is None:
             call.local.start(len(store.instances))
-        _calibrate(call, run, kinds)
+        if not self._has_predictions_only:
+            _calibrate(call, run, kinds)
         allowed = [kind for kind in kinds if HEATMAP_KINDS[kind].suits(model)]
         if options.kinds is None:
             allowed = default_kinds(call.current.get(), self.name, model, allowed, say)
@@ -239,14 +251,16 @@ class _Run:
             options.trust,
             allowed,
             options.backend,
-            say,
+            call.reporter.say,
             call.lease.check,
             call.local.threads(len(store.instances)),
+            not self._has_predictions_only,
         )
         store = call.current.get()
         self._parts = store.parts
+        planned = () if self._has_predictions_only else allowed
         return model_run_stages(
-            store, call.current.hashes, run, model, self._backends, allowed, options.refit
+            store, call.current.hashes, run, model, self._backends, planned, options.refit
         )
 
     def _compute_round(self, planned: Round) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import parse_json
+from s2rstore.files.documents import parse_json
 from s2rstore.index.schema import GAP_SHARES
 from s2rstore.metrics import pose_metrics
 from s2rstore.records import SPLITS

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import parse_object
+from s2rstore.files.documents import parse_object
 from s2rstore.files.ledger import Ledger
 from s2rstore.index.schema import GAP_SHARES
 from s2rstore.index.transaction import IndexTransaction, edit

@@ -11,7 +11,8 @@ from typing import Annotated, Any
 import msgspec
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import read_text, read_toml
+from s2rstore.files.documents import read_toml
+from s2rstore.files.input_files import read_text
 
 _Positive = Annotated[int, msgspec.Meta(ge=1, le=10_000)]
 _TIME = re.compile(r"(?:(\d+)-)?(\d+):(\d\d)(?::(\d\d))?")
