@@ -30,13 +30,13 @@ import msgspec
 from msgspec import Meta, Struct, field
 
 from s2rstore.errors import RequestError, shortened
-from s2rstore.files.input_files import read_document
+from s2rstore.files.documents import read_document
 from s2rstore.files.layout import checked_name
 from s2rstore.index.row_records import THRESHOLDS_ARE, are_thresholds
 from s2rstore.records import Bounds, Domain, Intrinsics, Room
-from s2rtools.common.documents import convert
 from s2rtools.common.image_files import MAX_PIXELS
 from s2rtools.common.input_issue import InputIssue
+from s2rtools.common.typed_documents import convert
 from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.floor.floor_plans import PlacedPlan, PointsTable, placed_plan
 from s2rtools.datasets.recording import PinholeCamera

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rtools.common.bag_messages import BagMessages, stamp_of
 from s2rtools.common.lazy_sequence import LazySequence
+from s2rtools.datasets.bags.camera_info import camera_of
 from s2rtools.datasets.bags.camera_poses import CameraPoses
 from s2rtools.datasets.bags.image_messages import ImageIndex
-from s2rtools.datasets.bags.topics import camera_of, choose_topics
+from s2rtools.datasets.bags.topics import choose_topics
 from s2rtools.datasets.recording import (
     PinholeCamera,
     ReadOptions,

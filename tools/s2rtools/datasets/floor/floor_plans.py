@@ -31,8 +31,8 @@ from s2rstore.errors import RequestError
 from s2rstore.files.image_header import read_header
 from s2rstore.files.input_files import read_bytes
 from s2rstore.records import Bounds
-from s2rtools.common.documents import convert
 from s2rtools.common.image_files import MAX_PIXELS, whole_image
+from s2rtools.common.typed_documents import convert
 from s2rtools.common.yaml_files import read_yaml
 from s2rtools.datasets.conventions.depth_frames import (
     DepthPoints,

@@ -18,7 +18,7 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rtools.common.tables.csv_rows import missing_column, parse_float, read_rows
+from s2rtools.common.tables.csv_rows import parse_float, read_rows
 from s2rtools.datasets.recording import (
     DEPTH_OPTION,
     Layout,
@@ -26,13 +26,15 @@ from s2rtools.datasets.recording import (
     Recording,
     trajectory_name,
 )
-from s2rtools.datasets.recordings.camera_description import CameraDescription, describe_cameras
+from s2rtools.datasets.recordings.camera_description import (
+    POSE_COLUMNS,
+    CameraDescription,
+    describe_cameras,
+    needed_columns,
+)
 from s2rtools.datasets.recordings.frame_table import FrameTable
 
-_QUATERNION = ("qx", "qy", "qz", "qw")
-_FULL = ("rgb", "x", "y", "z", *_QUATERNION)
-_ON_FLOOR = ("rgb", "x", "y", "heading")
-_COLUMNS = (*_FULL, "depth", "heading", "timestamp", "trajectory")
+_COLUMNS = ("rgb", "depth", *POSE_COLUMNS, "timestamp", "trajectory")
 _OF_MANIFEST = "domain"
 """A column that only the manifest of `s2r ingest csv` has."""
 
@@ -59,11 +61,20 @@ def _add_rows(
 ) -> None:
     """Add the rows whose images exist, by trajectory, in order of their lines."""
     table = FrameTable(recording)
-    columns: tuple[str, ...] = ()
-    has_depth = False
-    for line, row in read_rows(path, read_columns, lambda names: _check_columns(path, names)):
-        if not columns:
-            columns, has_depth = _needed_columns(row)[1:], bool(row.get("depth"))
+    columns: list[str] = []
+    has_depth: bool | None = None
+
+    def check(names: Collection[str]) -> None:
+        if _OF_MANIFEST in names:
+            raise RequestError(
+                f"{path}: a manifest of both sides (column {_OF_MANIFEST}), which `s2r ingest csv` "
+                "reads; layout csv takes a file for each side"
+            )
+        columns.extend(needed_columns(path, names, "rgb")[1:])
+
+    for line, row in read_rows(path, read_columns, check):
+        if has_depth is None:
+            has_depth = bool(row.get("depth"))
         depth, place = row.get("depth", ""), f"{path.name}:{line}"
         if depth and not has_depth:
             advice = "give depth in all rows or in none"
@@ -82,25 +93,9 @@ def _add_rows(
                 place,
                 row.get("trajectory") or "",
             )
-    if not columns:
-        raise RequestError(f"{path}: no rows; the first line names {', '.join(_FULL)}")
+    if has_depth is None:
+        raise RequestError(f"{path}: no rows; the first line names {', '.join(_COLUMNS)}")
     table.fill(description.poses)
-
-
-def _check_columns(path: Path, names: Collection[str]) -> None:
-    """Raises RequestError for a manifest of pairs, and if a column is missing."""
-    if _OF_MANIFEST in names:
-        raise RequestError(
-            f"{path}: a manifest of both sides (column {_OF_MANIFEST}), which `s2r ingest csv` "
-            "reads; layout csv takes a file for each side"
-        )
-    if missing := [name for name in _needed_columns(names) if name not in names]:
-        other = f"{', '.join(_FULL)}; or {', '.join(_ON_FLOOR)}"
-        raise missing_column(path, missing[0], names, other)
-
-
-def _needed_columns(names: Collection[str]) -> tuple[str, ...]:
-    return _FULL if any(name in names for name in _QUATERNION) else _ON_FLOOR
 
 
 LAYOUT = Layout(

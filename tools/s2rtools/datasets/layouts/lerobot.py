@@ -10,14 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rtools.common.lazy_sequence import LazySequence
-from s2rtools.datasets.recording import (
-    Layout,
-    ReadOptions,
-    RecordedFrame,
-    RecordedTrajectory,
-    Recording,
-)
+from s2rtools.datasets.recording import Layout, ReadOptions, RecordedTrajectory, Recording
 from s2rtools.datasets.recordings.lerobot_files import (
     STATE,
     Episode,
@@ -26,11 +19,9 @@ from s2rtools.datasets.recordings.lerobot_files import (
     read_info,
 )
 from s2rtools.datasets.recordings.lerobot_images import FeatureImages
-from s2rtools.datasets.recordings.recorded_poses import (
-    level_poses,
-    poses_from_quaternions,
-)
+from s2rtools.datasets.recordings.recorded_poses import level_poses, poses_from_quaternions
 from s2rtools.datasets.recordings.stated_cameras import CAMERA_OPTION, camera_option
+from s2rtools.datasets.recordings.video_images import frames_of
 from s2rtools.datasets.scan import choose_trajectories
 
 
@@ -88,15 +79,6 @@ def _trajectory(
 ) -> RecordedTrajectory:
     """An episode; states are x, y, heading of the robot, or the pose of the camera."""
     rows = data.rows(episode)
-    places = [episode.place(stream.key, data, rows) for stream in streams]
-
-    def frame(row: int) -> RecordedFrame:
-        images = (
-            stream.image(file, int(numbers[row]))
-            for stream, (file, numbers) in zip(streams, places, strict=True)
-        )
-        return RecordedFrame(*images)
-
     states = data.state(rows)
     is_level = states.shape[1] == 3
     poses = (
@@ -104,9 +86,8 @@ def _trajectory(
         if is_level
         else poses_from_quaternions(states[:, :3], states[:, 3:])
     )
-    return RecordedTrajectory(
-        LazySequence(len(rows), frame), poses, data.numbers("timestamp", rows)
-    )
+    frames = frames_of([stream.stream(episode, data, rows) for stream in streams])
+    return RecordedTrajectory(frames, poses, data.numbers("timestamp", rows))
 
 
 LAYOUT = Layout(

@@ -23,7 +23,8 @@ import msgspec
 import numpy as np
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import decode_json, read_bytes
+from s2rstore.files.documents import decode_json
+from s2rstore.files.input_files import read_bytes
 from s2rtools.datasets.recording import (
     DEPTH_OPTION,
     Layout,

@@ -11,38 +11,35 @@ between the two around a frame. The TOML or JSON file with the name of the video
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rtools.common.lazy_sequence import LazySequence
-from s2rtools.common.tables.csv_rows import missing_column, parse_float, read_rows
+from s2rtools.common.tables.csv_rows import parse_float, read_rows
 from s2rtools.common.video_files import Video
 from s2rtools.datasets.recording import (
     Layout,
     ReadOptions,
-    RecordedFrame,
     RecordedTrajectory,
     Recording,
     trajectory_name,
 )
-from s2rtools.datasets.recordings.camera_description import CameraDescription, describe_cameras
-from s2rtools.datasets.recordings.recorded_poses import (
-    mutual_nearest,
-    poses_at,
+from s2rtools.datasets.recordings.camera_description import (
+    POSE_COLUMNS,
+    CameraDescription,
+    describe_cameras,
+    needed_columns,
 )
+from s2rtools.datasets.recordings.recorded_poses import mutual_nearest, poses_at
 from s2rtools.datasets.recordings.stamped_lists import report_none_near
-from s2rtools.datasets.recordings.video_images import StoredImage, VideoImages
+from s2rtools.datasets.recordings.video_images import ImageStream, VideoImages, frames_of
 
 MAX_GAP = 0.5
 """Seconds between two poses that are interpolated."""
 TOLERANCE = 0.02
 """Seconds between a frame and its depth image."""
-_FULL = ("x", "y", "z", "qx", "qy", "qz", "qw")
-_ON_FLOOR = ("x", "y", "heading")
 
 
 def read(path: Path, options: ReadOptions) -> Recording:
@@ -62,7 +59,9 @@ def read(path: Path, options: ReadOptions) -> Recording:
     if not times.size:
         raise RequestError(f"{path}: no frames in it")
     start = options.values.get("start")
-    shift = 0.0 if start is None else _number("start", start) - float(times[0])
+    shift = 0.0 if start is None else parse_float(start) - float(times[0])
+    if not np.isfinite(shift):
+        raise RequestError(f"option start={start}: must be a number of seconds")
     every = options.positive("every", 1.0)
     if every != int(every):
         raise RequestError(f"option every={options.values['every']}: must be a whole number")
@@ -78,18 +77,12 @@ def read(path: Path, options: ReadOptions) -> Recording:
     rule = f"not between two poses at most {MAX_GAP * 1000:g} ms apart"
     report_none_near(recording, "no pose", lost, known_times, rule)
     rows = rows[posed[rows] & (depth_rows[rows] >= 0)]
-    images = VideoImages(recording.containment, codec)
-    deep = VideoImages(recording.containment, "depth")
-
-    def frame(place: int) -> RecordedFrame:
-        row = int(rows[place])
-        rgb = StoredImage(images, path.name, row, size)
-        if depth is None:
-            return RecordedFrame(rgb)
-        return RecordedFrame(rgb, StoredImage(deep, depth, int(depth_rows[row]), depth_size))
-
+    streams = [ImageStream(VideoImages(recording.containment, codec), path.name, rows, size)]
+    if depth is not None:
+        images = VideoImages(recording.containment, "depth")
+        streams.append(ImageStream(images, depth, depth_rows[rows], depth_size))
     recording.trajectories[recording.only_name] = RecordedTrajectory(
-        LazySequence(len(rows), frame), poses[rows], times[rows] + shift
+        frames_of(streams), poses[rows], times[rows] + shift
     )
     recording.provenance |= {"codec": codec, "poses": csv.name, "max_gap_s": MAX_GAP}
     return recording
@@ -99,34 +92,19 @@ def _poses(
     csv: Path, description: CameraDescription
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Times (K,), ascending, and camera poses (K, 4, 4) of a CSV file."""
-    columns: tuple[str, ...] = ()
-
-    def check(names: Collection[str]) -> None:
-        nonlocal columns
-        columns = _FULL if "qx" in names else _ON_FLOOR
-        if missing := [name for name in ("timestamp", *columns) if name not in names]:
-            needed = f"timestamp, {', '.join(_FULL)}; or timestamp, {', '.join(_ON_FLOOR)}"
-            raise missing_column(csv, missing[0], names, needed)
-
-    table = [
-        [parse_float(row[name]) for name in ("timestamp", *columns)]
-        for _, row in read_rows(csv, ("timestamp", *_FULL, "heading"), check)
-    ]
-    values = np.array(table, dtype=np.float64).reshape(len(table), -1)
-    values = values[np.isfinite(values).all(axis=1)] if len(table) else values
+    columns: list[str] = []
+    rows = read_rows(
+        csv, ("timestamp", *POSE_COLUMNS),
+        lambda names: columns.extend(needed_columns(csv, names, "timestamp")),
+    )  # fmt: skip
+    table = [[parse_float(row[name]) for name in columns] for _, row in rows]
+    values = np.array(table, dtype=np.float64).reshape(len(table), len(columns))
+    values = values[np.isfinite(values).all(axis=1)]
     if len(values) < 2:
         raise RequestError(f"{csv}: {len(values)} poses; at least two are needed")
-    times, pose = values[:, 0], values[:, 1:]
-    if np.any(np.diff(times) <= 0):
+    if np.any(np.diff(values[:, 0]) <= 0):
         raise RequestError(f"{csv}: times are not ascending")
-    return times, description.poses(pose)
-
-
-def _number(option: str, text: str) -> float:
-    value = parse_float(text)
-    if not np.isfinite(value):
-        raise RequestError(f"option {option}={text}: must be a number of seconds")
-    return value
+    return values[:, 0], description.poses(values[:, 1:])
 
 
 LAYOUT = Layout(

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import read_document
+from s2rstore.files.documents import read_document
 from s2rstore.files.layout import checked_name
 from s2rstore.geometry import angles
 from s2rstore.records import Bounds, Domain, Intrinsics, Side

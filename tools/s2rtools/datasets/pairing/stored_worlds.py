@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import decode_json
+from s2rstore.files.documents import decode_json
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Bounds, Side
 from s2rtools.datasets.floor.floor_alignment import FloorAlignment

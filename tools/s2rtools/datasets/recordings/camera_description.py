@@ -1,4 +1,4 @@
-"""The TOML or JSON file that describes the camera of a recording whose poses are in a CSV file.
+"""The camera of a recording whose poses are in a CSV file: its TOML or JSON file, and its poses.
 
     [camera]                    width, height; hfov, or fx, fy, cx, cy
     [depth_camera]              the same, of depth images (default: those of RGB)
@@ -12,11 +12,14 @@
     camera_height = 0.0         z of the camera, metres, where rows have headings
 
 Intrinsics are in pixels of the images, pixel i covers [i, i + 1); hfov in degrees.
+
+Poses are x, y, z, qx, qy, qz, qw, or x, y, heading on the floor, in metres and degrees.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -25,8 +28,9 @@ from msgspec import Meta, Struct, field
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import read_document
-from s2rtools.common.documents import convert
+from s2rstore.files.documents import read_document
+from s2rtools.common.tables.csv_rows import missing_column
+from s2rtools.common.typed_documents import convert
 from s2rtools.datasets.dataset_config import (
     CameraTable,
     Coordinate,
@@ -40,6 +44,11 @@ from s2rtools.datasets.recordings.recorded_poses import (
     level_poses,
     poses_from_quaternions,
 )
+
+_QUATERNION = ("qx", "qy", "qz", "qw")
+_FULL = ("x", "y", "z", *_QUATERNION)
+_ON_FLOOR = ("x", "y", "heading")
+POSE_COLUMNS = frozenset((*_FULL, *_ON_FLOOR))
 
 
 class CameraDescription(Struct, forbid_unknown_fields=True):
@@ -66,6 +75,19 @@ class CameraDescription(Struct, forbid_unknown_fields=True):
             return level_poses(values * (1, 1, math.pi / 180), self.camera_height)
         poses = poses_from_quaternions(values[:, :3], values[:, 3:])
         return in_optical_axes(poses) if self.pose_axes == "robot" else poses
+
+
+def needed_columns(path: Path, names: Collection[str], first: str) -> Sequence[str]:
+    """The columns that a file needs, which has columns `names`: `first`, and those of its poses.
+
+    Raises RequestError if one of them is missing.
+    """
+    poses = _FULL if any(name in names for name in _QUATERNION) else _ON_FLOOR
+    for name in (first, *poses):
+        if name not in names:
+            needed = "; or ".join(", ".join((first, *each)) for each in (_FULL, _ON_FLOOR))
+            raise missing_column(path, name, names, needed)
+    return (first, *poses)
 
 
 def describe_cameras(recording: Recording, stated: str | None, csv: Path) -> CameraDescription:

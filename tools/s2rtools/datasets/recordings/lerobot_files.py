@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import decode_json, read_bytes
+from s2rstore.files.documents import decode_json
+from s2rstore.files.input_files import read_bytes
 from s2rstore.index.parquet_table import read_columns, read_vectors
 from s2rtools.datasets.files.path_containment import PathContainment
 

@@ -23,7 +23,7 @@ from s2rtools.datasets.files.image_decoding import decode_image
 from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recording import SourceImage
 from s2rtools.datasets.recordings.lerobot_files import LAST_CODE, Episode, FrameNumbers, Info
-from s2rtools.datasets.recordings.video_images import ImageStore, StoredImage, VideoImages
+from s2rtools.datasets.recordings.video_images import ImageStore, ImageStream, VideoImages
 
 _BLOCK = 64
 """Images that are read from Parquet at once."""
@@ -58,8 +58,9 @@ class FeatureImages:
         height, width = image.pixels.shape[:2]
         return cls(key, images, (height, width))
 
-    def image(self, file: str, number: int) -> StoredImage:
-        return StoredImage(self.images, file, number, self.size)
+    def stream(self, episode: Episode, data: FrameNumbers, rows: NDArray[np.intp]) -> ImageStream:
+        """The images of rows of an episode."""
+        return ImageStream(self.images, *episode.place(self.key, data, rows), self.size)
 
 
 class ParquetImages:

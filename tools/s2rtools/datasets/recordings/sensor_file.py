@@ -10,7 +10,7 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rtools.common.documents import convert
+from s2rtools.common.typed_documents import convert
 from s2rtools.common.yaml_files import read_yaml
 from s2rtools.datasets.recording import PinholeCamera
 from s2rtools.datasets.recordings.recorded_poses import orthonormal, usable_poses

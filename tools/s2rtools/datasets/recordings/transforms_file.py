@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import decode_json, read_bytes
+from s2rstore.files.documents import decode_json
+from s2rstore.files.input_files import read_bytes
 from s2rtools.common.image_files import SUFFIXES
 from s2rtools.datasets.files.image_decoding import declared_size
 from s2rtools.datasets.files.path_containment import PathContainment

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import hashlib
 import threading
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rtools.common.input_issue import InputIssue
+from s2rtools.common.lazy_sequence import LazySequence
 from s2rtools.common.video_files import Video
 from s2rtools.datasets.files.path_containment import PathContainment
-from s2rtools.datasets.recording import SourceImage
+from s2rtools.datasets.recording import RecordedFrame, SourceImage
 
 _CACHED = 16
 """Decoded frames that are held: threads ask for neighbours in any order."""
@@ -59,6 +62,25 @@ class StoredImage:
             expected = f"expected {self.size[1]}x{self.size[0]}"
             return InputIssue("wrong size", self.name, f"{width}x{height}, {expected}")
         return image
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImageStream:
+    """Images of one size (height, width) in a file: the number in it of each frame's, (N,)."""
+
+    images: ImageStore
+    file: str
+    numbers: NDArray[np.intp]
+    size: tuple[int, int]
+
+    def image(self, row: int) -> StoredImage:
+        return StoredImage(self.images, self.file, int(self.numbers[row]), self.size)
+
+
+def frames_of(streams: Sequence[ImageStream]) -> LazySequence[RecordedFrame]:
+    """The frames of a stream of colour images, and perhaps one of depth images."""
+    count = len(streams[0].numbers)
+    return LazySequence(count, lambda row: RecordedFrame(*(each.image(row) for each in streams)))
 
 
 class VideoImages:
