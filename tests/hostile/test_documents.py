@@ -5,7 +5,7 @@ import os
 import pytest
 
 from s2rstore.errors import RequestError
-from s2rstore.files import input_files
+from s2rstore.files import documents
 from tests.hostile.inputs import deadline
 from tests.support import pairs
 
@@ -57,7 +57,7 @@ def test_a_huge_sparse_file_is_rejected_unread(tmp_path):
     with path.open("wb") as file:
         file.truncate(1 << 40)
     with pytest.raises(RequestError, match="at most"):
-        input_files.read_json(path)
+        documents.read_json(path)
 
 
 @pytest.mark.parametrize("kind", ["pipe", "folder", "device", "socket"])
@@ -74,7 +74,7 @@ def test_only_regular_files_are_opened(tmp_path, kind):
     else:
         socket.socket(socket.AF_UNIX).bind(str(path))
     with pytest.raises(RequestError, match=f"x.json: a {kind}, not a regular file"):
-        input_files.read_json(path)
+        documents.read_json(path)
 
 
 def test_dotted_numbers_and_strings_are_accepted(tmp_path):
@@ -83,4 +83,4 @@ def test_dotted_numbers_and_strings_are_accepted(tmp_path):
     lines = "1.2.3\n" * 99
     dots = "a. b. " * 200
     path.write_text(f'x = [{numbers}]\ny = "{dots}"\nz."a.b".c = """\n{lines}"""\n')
-    assert input_files.read_toml(path)["z"]["a.b"]["c"].startswith("1.2.3")
+    assert documents.read_toml(path)["z"]["a.b"]["c"].startswith("1.2.3")

@@ -254,7 +254,7 @@ _OPTIONS = {"count": "--instances", "survey": "--survey", "seed": "--seed", "fac
 
 
 def _check_same_options(options: argparse.Namespace, store: Path, **counts: int | None) -> None:
-    from s2rstore.files.input_files import parse_json
+    from s2rstore.files.documents import parse_json
 
     recipe = _read(store, lambda opened: opened.provenance("world").get("recipe"))
     if recipe is None:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import parse_json
+from s2rstore.files.documents import parse_json
 from s2rstore.geometry.map_grid import AGGREGATES
 
 DATA_TYPES = ("uint8", "uint16", "float16", "float32", "float64")

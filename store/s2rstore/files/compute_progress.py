@@ -15,7 +15,7 @@ import msgspec
 
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, process_identity
-from s2rstore.files.input_files import decode_json
+from s2rstore.files.documents import decode_json
 from s2rstore.files.process_identity import ProcessIdentity
 from s2rstore.files.store_files import StoreFiles
 

@@ -10,7 +10,7 @@ import msgspec
 
 from s2rstore.errors import RequestError, shortened
 from s2rstore.files import atomic_writes, safe_files
-from s2rstore.files.input_files import decode_json
+from s2rstore.files.documents import decode_json
 from s2rstore.files.store_files import LocalFiles, StoreFiles
 from s2rstore.records import HASH, NAME
 

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import parse_object
+from s2rstore.files.documents import parse_object
 from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.index import row_records, schema
 from s2rstore.index.open_index import OpenIndex

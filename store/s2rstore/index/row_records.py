@@ -21,7 +21,7 @@ from msgspec import Meta
 
 from s2rstore.errors import RequestError
 from s2rstore.files import layout
-from s2rstore.files.input_files import parse_json
+from s2rstore.files.documents import parse_json
 from s2rstore.records import (
     HASH,
     MAX_COORDINATE,

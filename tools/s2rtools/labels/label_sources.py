@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from s2rstore.errors import RequestError, counted
-from s2rstore.files.input_files import read_bytes, read_json, read_text
+from s2rstore.files.documents import read_json
+from s2rstore.files.input_files import read_bytes, read_text
 from s2rstore.reader import Store
 from s2rstore.records import MAX_LABEL
 from s2rstore.security.printable_text import printable

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import parse_json
+from s2rstore.files.documents import parse_json
 
 HeadingUnit = Literal["degrees", "radians", "cos_sin"]
 HeadingFrame = Literal["map", "habitat"]

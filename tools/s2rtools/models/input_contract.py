@@ -16,9 +16,9 @@ import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import read_document
+from s2rstore.files.documents import read_document
 from s2rstore.records import Model
-from s2rtools.common.documents import convert
+from s2rtools.common.typed_documents import convert
 
 Channels = Literal["rgb", "depth", "rgbd"]
 ColourOrder = Literal["rgb", "bgr"]

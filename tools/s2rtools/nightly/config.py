@@ -12,11 +12,11 @@ from msgspec import Meta, Struct
 
 from s2rstore.errors import RequestError
 from s2rstore.files import layout, safe_files
-from s2rstore.files.input_files import read_toml
+from s2rstore.files.documents import read_toml
 from s2rstore.gap_history import reader as history
 from s2rstore.gap_history.change_check import YEAR_LEVEL
 from s2rtools.common.command_line.assignments import parse_assignments
-from s2rtools.common.documents import convert
+from s2rtools.common.typed_documents import convert
 from s2rtools.gap.axes import (
     AXES,
     MARGIN,

@@ -15,7 +15,8 @@ import msgspec
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files import layout
-from s2rstore.files.input_files import read_document, sha256
+from s2rstore.files.documents import read_document
+from s2rstore.files.input_files import sha256
 from s2rstore.reader import Store
 from s2rtools.gap.axes import ODOMETRY
 from s2rtools.nightly.config import NightlyConfig

@@ -20,7 +20,8 @@ from safetensors.numpy import load, save
 import s2rstore
 from s2rstore.errors import RequestError, first_line
 from s2rstore.files import layout, safe_files
-from s2rstore.files.input_files import decode_json, read_bytes
+from s2rstore.files.documents import decode_json
+from s2rstore.files.input_files import read_bytes
 from s2rstore.remote.open_files import open_files
 from s2rtools.translation import METHODS
 from s2rtools.translation.depth_noise import DepthNoise

@@ -15,11 +15,11 @@ import numpy as np
 from msgspec import Meta, Struct, structs
 
 from s2rstore.errors import InconclusiveError, RequestError
-from s2rstore.files.input_files import read_json
+from s2rstore.files.documents import read_json
 from s2rstore.gap_history.gate_status import outcome_of
 from s2rstore.intervals import MIN_DIFFERENCE, Interval, paired_difference
 from s2rstore.intervals.verdict import Outcome
-from s2rtools.common.documents import convert
+from s2rtools.common.typed_documents import convert
 from s2rtools.gap import instance_selection
 from s2rtools.gap.axes import MARGIN
 from s2rtools.gap.axis import Evidence, GapSettings

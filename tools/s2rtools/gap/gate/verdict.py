@@ -20,10 +20,11 @@ import msgspec
 from msgspec import Meta, Struct
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import MAX_JSON_BYTES, parse_json, read_bytes
+from s2rstore.files.documents import MAX_JSON_BYTES, parse_json
+from s2rstore.files.input_files import read_bytes
 from s2rstore.intervals import Interval, simultaneous_level, verdict
 from s2rstore.intervals.verdict import Bounds, Outcome
-from s2rtools.common.documents import convert
+from s2rtools.common.typed_documents import convert
 from s2rtools.gap.axes import AXES, THRESHOLD
 from s2rtools.gap.axis import Anchor, AxisResult, GapSettings, Measurement
 

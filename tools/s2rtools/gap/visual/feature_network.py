@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from torch import nn
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import read_document
-from s2rtools.common.documents import convert
+from s2rstore.files.documents import read_document
+from s2rtools.common.typed_documents import convert
 from s2rtools.common.weights_file import (
     fill,
     max_file_bytes,
