@@ -42,7 +42,9 @@ class OpenVinoBackend(Backend):
         if shape not in converted:
             example = torch.zeros(1, *shape)
             converted[shape] = openvino.convert_model(self.trunk, example_input=example)
-        options: dict[str, Any] = {"INFERENCE_NUM_THREADS": threads} if threads else {}
+        options: dict[str, Any] = {"ENABLE_CPU_PINNING": False}
+        if threads:
+            options["INFERENCE_NUM_THREADS"] = threads
         if self.hint is not None:
             options["INFERENCE_PRECISION_HINT"] = self.hint
         self._compiled = _call_in_thread(openvino.compile_model, converted[shape], "CPU", options)

@@ -25,19 +25,21 @@ from s2rtools.precompute.executors.executor import Task, by_threads, close, comp
 from s2rtools.precompute.unit_results import Receipt
 
 _PR_SET_PDEATHSIG = 1
-_INSTANCES_PER_WORKER = 256
-"""Instances from which a further worker, which starts for some seconds, pays off."""
+_PASSES_PER_WORKER = 256
+"""Instances with one pass from which a further worker, which starts for some seconds, pays off."""
+_PASSES = {"forward": 1, "tens": 8, "hundreds": 16}
+"""Instances with one pass that take as long as one with a heatmap kind of each cost."""
 _WORKER_BYTES = 2 * 2**30
 
 
-def default_workers(instances: int) -> int:
-    """How many processes compute the units of some instances the fastest.
+def default_workers(passes: int) -> int:
+    """How many processes compute the units of instances with so many passes the fastest.
 
     One thread in each of several processes computes networks faster than several threads in one
     process. Limited by the processors, and by the available memory at 2 GB a process.
     """
     memory = available_memory()
-    limits = [available_processors(), instances // _INSTANCES_PER_WORKER]
+    limits = [available_processors(), passes // _PASSES_PER_WORKER]
     if memory is not None:
         limits.append(memory // _WORKER_BYTES)
     return max(1, min(limits))
@@ -207,16 +209,15 @@ class LocalExecutor:
 
 
 def _passes(tasks: Iterable[Task]) -> int:
-    """Instances of tasks; twice those of tasks with kinds that need one pass and many passes."""
+    """Instances of tasks, each as often as the kinds of every cost among its arrays take passes."""
     return sum(
-        len(task.unit.instances)
-        * len({_needs_many_passes(spec.kind) for spec in task.unit.missing})
+        len(task.unit.instances) * sum({_cost(spec.kind) for spec in task.unit.missing})
         for task in tasks
     )
 
 
-def _needs_many_passes(kind: str) -> bool:
-    return kind in HEATMAP_KINDS and HEATMAP_KINDS[kind].cost != "forward"
+def _cost(kind: str) -> int:
+    return _PASSES[HEATMAP_KINDS[kind].cost] if kind in HEATMAP_KINDS else 1
 
 
 def start_resource_tracker() -> None:

@@ -77,13 +77,12 @@ def network_stages(
     if harm.STAGE in grouped:
         facts = backends.kind_facts(gap_shares.KIND)
         grouped[harm.STAGE].append(_share_spec(iids, keys.gap_shares(facts, rendered)))
+    heat_rows = SMALL_ROWS if len(iids) <= _SMALL_PART else HEATMAP_ROWS
     stages = [
-        Stage(name, run.run, tuple(of_stage), HEATMAP_ROWS, frames, compute=compute_outputs)
+        Stage(name, run.run, tuple(of_stage), heat_rows, frames, compute=compute_outputs)
         for name, of_stage in grouped.items()
     ]
-    rows = FORWARD_ROWS
-    if backends.predictions.keeps_activations:
-        rows = min(rows, SMALL_ROWS if len(iids) <= _SMALL_PART else HEATMAP_ROWS)
+    rows = heat_rows if backends.predictions.keeps_activations else FORWARD_ROWS
     forward = Stage(FORWARD, run.run, tuple(specs), rows, frames, compute=compute_outputs)
     return forward, stages
 
