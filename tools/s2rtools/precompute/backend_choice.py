@@ -50,7 +50,7 @@ _PLACES, _PAIRS_PER_PLACE = 8, 2
 _OCCLUSION_PLACES = 2
 _WINOGRAD_IMAGES = 16
 """So few images suffice for a backend whose error is that of float32."""
-_FEWEST_INSTANCES = 64
+_FEWEST_INSTANCES = 256
 """In smaller stores, measuring reduced precision of occlusion costs more than it saves."""
 
 
