@@ -24,7 +24,10 @@ _CONVERTED: WeakKeyDictionary[Any, dict[tuple[int, ...], Any]] = WeakKeyDictiona
 
 
 class OpenVinoBackend(Backend):
-    """OpenVINO in the precision that it prefers here: bfloat16 if the processor supports it."""
+    """OpenVINO in the precision that it prefers here: bfloat16 if the processor supports it.
+
+    Its threads are not pinned: each of several processes would pin its own to the same processor.
+    """
 
     name = "openvino"
     library = "openvino"
