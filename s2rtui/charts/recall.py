@@ -22,6 +22,8 @@ from s2rtui.session.state import State
 
 _BELOW, _BEYOND = 2.0, 8.0
 """Factors by which the axis reaches beyond the smallest and the largest threshold."""
+_TICKS_BEYOND = (2.5, 5.0)
+"""Multiples of the largest threshold that have a tick."""
 _SHIFT, _SAMPLES = 1.012, 3000
 
 
@@ -83,10 +85,11 @@ class RecallView(StatisticsView):
 def _plot(model: RecallModel) -> Plot:
     points = model.figures["real"].points
     heading = f"heading within {model.curves['real'].ratio:g} deg per m"
+    ticks = [p.metres for p in points] + [points[-1].metres * each for each in _TICKS_BEYOND]
     x = Scale(
         points[0].metres / _BELOW, points[-1].metres * _BEYOND,
         (f"position within (m), {heading}", "position within (m)", "m"), log=True,
-        fixed=tuple((p.metres, f"{p.metres:g}") for p in points),
+        fixed=tuple((metres, f"{metres:g}") for metres in ticks),
     )  # fmt: skip
     y = Scale(0, 100, ("recall (%)",), fixed=((0, "0 %"), (50, "50 %"), (100, "100 %")))
     metres = x.value(np.linspace(0, 1, _SAMPLES))
