@@ -13,6 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.errors import ExpressionError
+from s2rstore.language import evaluation, expand
+from s2rstore.language.name_resolution import uses_predictions
 from s2rstore.records import Bounds, Room, Side
 from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import cached_by_identity
@@ -37,6 +40,7 @@ from s2rtui.charts.shared.run_changes import (
     ALL,
     EQUAL,
     NOT_EVIDENT,
+    NOT_JUDGED,
     UNKNOWN,
     Change,
     Codes,
@@ -78,6 +82,7 @@ class CompareInput:
     both are equal. trajectory, room: (N,) codes, -1 for none, of rooms as indices of `room_list`;
     None without them, as in `room_changes`. trained: (N,) marks instances that the model of either
     run was trained on, None where none is shown. chosen: the highlighted row of the table.
+    is_judged: False where the selection depends on predictions, as in `Change`.
     """
 
     truth: Columns
@@ -99,13 +104,14 @@ class CompareInput:
     room_list: tuple[str, ...] = ()
     trained: Bools | None = None
     chosen: int | None = None
+    is_judged: bool = True
 
     @property
     def changes(self) -> RoomChanges:
         """The change of the selected instances, in total and by room."""
         return room_changes(
             self.first, self.second, _members(self.selected, self.valid), self.trajectory,
-            self.room, self.room_list, self.equal,
+            self.room, self.room_list, self.equal, self.is_judged,
         )  # fmt: skip
 
     @property
@@ -188,7 +194,7 @@ def _row(name: str, part: Change) -> Row:
                for error in (part.first, part.second))  # fmt: skip
     verdict = evidence(part)
     texts = (name, str(part.n), *medians, signed(part.change.value), interval_text(part), verdict)
-    ink: Ink = "muted" if verdict in (NOT_EVIDENT, UNKNOWN) else "truth"
+    ink: Ink = "muted" if verdict in (NOT_EVIDENT, UNKNOWN, NOT_JUDGED) else "truth"
     return Row(tuple(map(Cell, texts)), bold=name == ALL, inks={len(texts) - 1: ink})
 
 
@@ -260,6 +266,7 @@ class CompareView(PointsView):
             y_down=store.dataset.y_down, rooms=shown_rooms(scene),
             trajectory=store.instances.trajectory, room=store.instances.room,
             room_list=store.instances.room_names, trained=marked,
+            is_judged=_is_judged(scene),
         )  # fmt: skip
 
     def missing(self, scene: Scene) -> tuple[str, ...]:
@@ -352,6 +359,15 @@ def _errors(scene: Scene, other: str | None) -> tuple[Floats, Floats]:
         return first, store.run_columns(other).side(state.side).error
     truth = true_columns(store, store.run(state.run).domain(state.side))
     return first, constant_errors(*truth, columns.valid, columns.trained)
+
+
+def _is_judged(scene: Scene) -> bool:
+    """Whether the selection is one that predictions did not choose."""
+    try:
+        words = evaluation.vocabulary(scene.store, scene.notes.nodes)
+        return not uses_predictions(expand(scene.state.node, words))
+    except ExpressionError:  # a saved selection in it was removed
+        return False
 
 
 def _is_loaded(scene: Scene, other: str | None) -> bool:

@@ -87,6 +87,9 @@ def draw_table(
     if not _has_notes(table) and any(column.scale is not None for column in table.columns):
         lines = min(lines, len(table.rows) + table.has_head)
     layout = page_layout(table, letters, lines + has_axis)
+    if layout.shown < len(table.rows) and not is_cut:  # a line says how many rows are hidden
+        room -= LINE
+        layout = page_layout(table, letters, max(1, min(lines, int(room / height))) + has_axis)
     used = layout.top + len(layout.lines)
     is_spread = _has_strips(table, layout) and not _has_notes(table)
     step = room / max(1, used) if is_spread else height
@@ -247,6 +250,15 @@ def _draw_strip_mark(axes: Axes, page: Page, mark: StripMark, y: float) -> None:
             width, order, opacity = (5.0, 3, 0.35) if mark.is_thick else (1.6, 4, 1.0)
             axes.plot([mark.low, mark.high], [y, y], color=ink, linewidth=width, alpha=opacity,
                       zorder=order, solid_capstyle="butt")  # fmt: skip
+            left, right = axes.get_xlim()
+            for end, sign, is_beyond in (
+                (left, "<", mark.low < left),
+                (right, ">", mark.high > right),
+            ):
+                if is_beyond:
+                    axes.plot(
+                        [end], [y], sign, color=ink, markersize=5, clip_on=False, zorder=order
+                    )
     elif isinstance(mark, Text):
         axes.annotate(mark.text, (0, y), xycoords=("axes fraction", "data"), va="center",
                       fontsize=8, color=ink, path_effects=page.halo(2), zorder=5)  # fmt: skip

@@ -8,6 +8,8 @@ from hypothesis.extra import numpy as arrays
 
 from s2rstore import intervals
 from s2rstore.geometry.rooms import NO_ROOM
+from s2rstore.language import parse
+from s2rstore.language.name_resolution import uses_predictions
 from s2rtui.charts.compare import CompareInput, compare_drawing
 from s2rtui.charts.shared.run_changes import room_changes, sentences
 from s2rtui.drawing.plane_marks import Floor
@@ -51,6 +53,23 @@ def test_changes_by_room_equal_direct_computation(first, second, members, room):
             assert part.large == pytest.approx(np.mean(np.abs(two - one) > 0.5))
         assert part.better == (two - one < -0.05).sum()
         assert part.worse == (two - one > 0.05).sum()
+
+
+@pytest.mark.parametrize(
+    ("expression", "is_judged"),
+    [
+        ("all", True), ("room:a & heading:0..45 & !traj:t1", True),
+        ("worst15", False), ("curvature >= 10 & sim.error < 1", False), ("like(3, 20)", False),
+    ],
+)  # fmt: skip
+def test_selections_by_predictions_give_no_verdict(expression, is_judged):
+    """Those on which A is the worst by chance would make B look better."""
+    assert uses_predictions(parse(expression)) != is_judged
+    everyone = np.ones(400, dtype=bool)
+    better, worse = np.random.default_rng(0).uniform((0, 2), (1, 3), (400, 2)).T
+    changes = room_changes(worse, better, everyone, None, None, (), is_judged=is_judged)
+    assert changes.whole.better_run == ("B" if is_judged else "")
+    assert ("evidently" in sentences(changes.whole, ("a", "b"), "real")) == is_judged
 
 
 def test_changes_of_many_instances_are_those_of_their_members():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -13,6 +14,9 @@ from s2rtui.jobs.command_job import CommandJob, JobProgress
 if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
 
+_SHOWN_SECONDS = 5.0
+"""Seconds for which a refusal hides the progress of the command that causes it."""
+
 
 class ComputationController:
     """Starts one command at a time, and shows its progress and outcome."""
@@ -23,6 +27,7 @@ class ComputationController:
         self._job: CommandJob | None = None
         self._is_cancelled = False
         self._is_closed = False
+        self._refused = 0.0
 
     @property
     def running(self) -> str:
@@ -48,6 +53,7 @@ class ComputationController:
         command runs.
         """
         if self.refusal:
+            self._refused = time.monotonic()
             raise RequestError(self.refusal)
         self._name, self._is_cancelled = name, False
         self._show(f"{name}: checking")
@@ -86,7 +92,11 @@ class ComputationController:
         self.cancel()
 
     def _show_progress(self, name: str, progress: JobProgress, done: Callable[[], object]) -> None:
+        session = self._app.session
         if progress.is_running:
+            is_old = time.monotonic() - self._refused > _SHOWN_SECONDS
+            if session.state.message == self.refusal and is_old:
+                session.show_message("")
             self._show(f"{name}: {progress.text}")
             self._app.updater.refresh_message()
             return
@@ -96,11 +106,11 @@ class ComputationController:
             try:
                 done()
             except (RequestError, OSError) as error:
-                self._app.session.show_message(str(error), is_error=True)
+                session.show_message(str(error), is_error=True)
         else:
             reason = progress.error or progress.outcome
             is_error = progress.outcome == "failed"
-            self._app.session.show_message(f"{name}: {reason}", is_error=is_error)
+            session.show_message(f"{name}: {reason}", is_error=is_error)
         self._app.updater.refresh()
 
     def _show(self, text: str) -> None:

@@ -56,16 +56,18 @@ class SuggestionsController:
     def _searched(self, run: str, side: Side, others: tuple[Side, ...]) -> None:
         self._app.session.open_newest_generation()
         with s2rstore.open(self._app.session.store.path) as store:
-            is_stored = read_report(store, run, side) is not None
-        if not is_stored:
+            report = read_report(store, run, side)
+        if report is None:
             raise RequestError(
                 f"run {run}, --for {side}: the time was used up before the search found an answer; "
                 f"`s2r suggest --for {side} --budget 30m` takes more"
             )
+        found = report.verdict if report.best is None else f"answer {report.best + 1} helps"
+        message = f"run {run}, --for {side}: {found}"
         if others:
             self._search(run, others)
-        else:
-            self._app.session.show_message(f"suggestions for run {run} are stored")
+            message += f"; --for {others[0]} is being searched (S: cancel)"
+        self._app.session.show_message(message)
 
     def collect(self) -> None:
         """Choose poses of new images for the present run, and show them on the map."""

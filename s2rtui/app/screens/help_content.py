@@ -45,7 +45,7 @@ def _keys_of(names: str) -> str:
 QUESTIONS = (
     Question("Where is it worst?", (
         ("view('rooms')", "the rooms by median real error, the worst one first"),
-        ("view('pivot') open_row", "by room and heading; enter selects the worst cell"),
+        ("view('pivot') open_row", "by room and heading; enter selects the marked cell"),
         ("worst_real view('map') room_names", "the worst 15 % on the map, with room names"),
     )),
     Question("What is poor in sim but good in real?", (

@@ -37,7 +37,7 @@ LARGE = 0.5
 ALL = "all"
 _LONGEST = 32
 """Most cells of the name of a run in a sentence."""
-NOT_EVIDENT, UNKNOWN = "no", "too few"
+NOT_EVIDENT, UNKNOWN, NOT_JUDGED = "no", "too few", "not judged"
 _MOST_SORTED = 20_000
 """Most changes that an interval sorts; those of more are sorted once for all selections."""
 Codes = NDArray[np.integer]
@@ -51,6 +51,8 @@ class Change:
     the changes B - A with its 95 % interval, NaN bounds where there are too few instances. better,
     worse: instances on which the error of B is smaller, or larger, by more than the margin of
     equality. large: the share of instances, 0 .. 1, whose error changes by more than `LARGE`.
+    is_judged: whether a verdict is given. Instances that were selected by errors give none: those
+    on which A is the worst by chance make B look better.
     """
 
     n: int
@@ -62,6 +64,7 @@ class Change:
     large: float
     first_mean: float
     second_mean: float
+    is_judged: bool = True
 
     @property
     def equal(self) -> int:
@@ -70,6 +73,8 @@ class Change:
     @property
     def better_run(self) -> str:
         """`A` or `B` where the interval of the median change excludes 0, else an empty text."""
+        if not self.is_judged:
+            return ""
         if self.change.is_negative:
             return "B"
         return "A" if self.change.is_positive else ""
@@ -100,6 +105,7 @@ def room_changes(
     room: Codes | None,
     room_names: tuple[str, ...],
     equal: float = EQUAL,
+    is_judged: bool = True,
 ) -> RoomChanges:
     """Compare errors (N,) of the instances `members` (N,) bool; unknown errors are left out.
 
@@ -110,7 +116,7 @@ def room_changes(
     names = () if room is None else (*room_names, NO_ROOM)
     columns = _columns(first, second, trajectory, room, max(1, len(names)), equal)
     chosen = np.asarray(members) & columns.known
-    changes = _Changes(columns, selection_indices(chosen, columns.known), chosen)
+    changes = _Changes(columns, selection_indices(chosen, columns.known), chosen, is_judged)
     rooms = [(name, changes.part(code)) for code, name in enumerate(names) if changes.numbers[code]]
     return RoomChanges(changes.part(None), tuple(rooms))
 
@@ -202,8 +208,10 @@ def _as_float64(errors: Floats) -> NDArray[np.float64]:
 class _Changes:
     """The changes of one selection, `members` (N,) bool, which have both errors."""
 
-    def __init__(self, columns: _Columns, selection: SelectionIndices, members: Bools) -> None:
-        self._columns, self._members = columns, members
+    def __init__(
+        self, columns: _Columns, selection: SelectionIndices, members: Bools, is_judged: bool
+    ) -> None:
+        self._columns, self._members, self._is_judged = columns, members, is_judged
         verdicts, _ = count_selected(columns.verdicts, selection)
         self._verdicts = verdicts.reshape(-1, 3, 2)
         self.numbers = self._verdicts.sum(axis=(1, 2))
@@ -231,6 +239,7 @@ class _Changes:
             large=int(verdicts[:, 1].sum()) / n if n else math.nan,
             first_mean=first_mean,
             second_mean=second_mean,
+            is_judged=self._is_judged,
         )
 
     def _interval(self, group: int | None, n: int) -> Interval:
@@ -261,6 +270,8 @@ def sentences(
         "B": f"so {b} is evidently better",
         "": f"which is no evident difference{_doubt(whole.change)}",
     }[whole.better_run]
+    if not whole.is_judged:
+        verdict = "which is not judged, because the instances were selected by predictions"
     return (
         f"{head}: {b} is better on {whole.better} of {whole.n} instances, worse on {whole.worse}, "
         f"within {equal:g} {unit} on {whole.equal}. Median change B - A: "
@@ -282,7 +293,9 @@ def interval_text(part: Change) -> str:
 
 
 def evidence(part: Change) -> str:
-    """`B better`, `A better`, `NOT_EVIDENT`, or `UNKNOWN` where there are too few instances."""
+    """`B better`, `A better`, `NOT_EVIDENT`, `UNKNOWN` of too few instances, or `NOT_JUDGED`."""
+    if not part.is_judged:
+        return NOT_JUDGED
     if not part.change.is_known:
         return UNKNOWN
     return f"{part.better_run} better" if part.better_run else NOT_EVIDENT

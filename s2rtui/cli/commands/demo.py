@@ -31,6 +31,8 @@ _SCORED_INSTANCES = 60
 _NOTHING_HELPS = 3
 """The exit code of `s2r suggest` where no change clearly helps."""
 _SUGGESTED = ("--evaluations", "30", "--frames", "24")
+_SHOWN = {"score": "scores of heatmaps and causes", "suggest": "suggestions"}
+"""What commands compute that do not tell applications themselves."""
 _LINE_WIDTH = 80
 
 
@@ -96,7 +98,7 @@ def _complete(options: argparse.Namespace, store: Path, stages: Iterator[_Stage]
     with locks.file_lock(options.out / LOG, timeout=0.0):
         for stage in stages:
             began = time.monotonic()
-            if code := _run(stage):
+            if code := _run_shown(stage, store):
                 return code
             timings.append((" ".join(stage.arguments[:3]), time.monotonic() - began))
         with s2rstore.open(store) as opened:
@@ -111,6 +113,20 @@ def _complete(options: argparse.Namespace, store: Path, stages: Iterator[_Stage]
         print(f"{seconds:7.1f} s  {label}", file=sys.stderr)
     print(f"open it with: s2r {store}")
     return 0
+
+
+def _run_shown(stage: _Stage, store: Path) -> int:
+    """As `_run`; applications on the store show what is computed, as `s2r precompute` does."""
+    from s2rstore.files import compute_progress
+
+    shown = _SHOWN.get(stage.arguments[0])
+    if shown is None:
+        return _run(stage)
+    compute_progress.write(store, shown, 0, 0, None)
+    try:
+        return _run(stage)
+    finally:
+        compute_progress.remove(store)
 
 
 def _run(stage: _Stage) -> int:

@@ -29,7 +29,7 @@ class ComputeProgress(msgspec.Struct, frozen=True):
     """What a process computes: `stage` of its work, of which `done` of `total` steps are finished.
 
     `left`: seconds until everything is computed, None as long as that is unknown. `written`: the
-    time, seconds since 1970.
+    time, seconds since 1970. A total of 0 is unknown.
     """
 
     process: ProcessIdentity
@@ -42,7 +42,7 @@ class ComputeProgress(msgspec.Struct, frozen=True):
     @property
     def text(self) -> str:
         """`computing vanilla: harm 40/100, about 2 min left`."""
-        text = f"computing {self.stage} {self.done}/{self.total}"
+        text = f"computing {self.stage}" + (f" {self.done}/{self.total}" if self.total else "")
         return text if self.left is None else f"{text}, about {_rounded(self.left)} left"
 
 

@@ -169,6 +169,20 @@ def used_fields(node: tree.Node) -> tuple[tree.Field, ...]:
     return (node.x, node.y) if isinstance(node, tree.Box | tree.Near | tree.Lasso) else ()
 
 
+def uses_predictions(node: tree.Node) -> bool:
+    """Whether what an expanded expression selects depends on the predictions of a run."""
+    return any(
+        isinstance(leaf, tree.Like | tree.LabelGain)
+        or any(_is_of_predictions(each.name) for each in used_fields(leaf))
+        for leaf in tree.leaves(node)
+    )
+
+
+def _is_of_predictions(name: str) -> bool:
+    known = fields.NUMERIC.get(name) or fields.TEXT[name]
+    return not (known.path == "iid" or known.path.startswith("instances.") or "split" in name)
+
+
 def used_runs(node: tree.Node) -> set[str]:
     """The runs that an expanded expression names."""
     return {run for leaf in tree.leaves(node) for run in _runs(leaf)}
