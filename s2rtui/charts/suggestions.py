@@ -59,6 +59,12 @@ class Direction:
     def answers(self) -> tuple[Answer, ...]:
         return self.report.answers if self.report is not None else ()
 
+    @property
+    def outcome(self) -> str:
+        """Why there is no suggestion; empty if there is one."""
+        report = self.report
+        return report.verdict if report is not None and report.best is None else self.note
+
     def state(self, number: int) -> str:
         """`suggested`, `not evident` or empty: what answer `number` (from 0) is."""
         if self.report is not None and self.report.best == number:
@@ -173,8 +179,6 @@ def suggestions_table(data: SuggestionsInput, active: bool) -> TableSpec:
     for direction in data.directions:
         report = direction.report
         notes = [direction.aim] if report is None else [direction.aim, evidence_text(report)]
-        if report is not None and report.best is None:
-            notes.append(report.verdict)
         rows.append(
             Row((Cell(_HEADS[direction.side]), Cell(), Cell()), direction.side, True, tuple(notes))
         )
@@ -327,7 +331,7 @@ class SuggestionsView(View):
 
 def suggestions_drawing(data: SuggestionsInput, active: bool = True) -> Drawing:
     """The answers, and how the chosen one is applied."""
-    notes = [f"{_TITLES[each.side]}: {each.note}" for each in data.directions if each.note]
+    notes = [f"{_TITLES[each.side]}: {each.outcome}" for each in data.directions if each.outcome]
     if data.planned:
         notes += _planned_lines(data.planned, data.planned_run)
     if data.collect:
