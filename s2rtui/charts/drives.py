@@ -101,6 +101,14 @@ class Track:
         return max(int(np.searchsorted(self.time, moment + 1e-9, side="right")) - 1, 0)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Drives:
+    """The drives of a store, and what is wrong with those that cannot be read."""
+
+    tracks: tuple[Track, ...]
+    problems: tuple[str, ...] = ()
+
+
 class DrivesView(StatisticsView):
     name = "drives"
     key = '"'
@@ -113,34 +121,41 @@ class DrivesView(StatisticsView):
     needs_run = False
     figure_size = (1600, 1300)
 
-    def model(self, store: Store, state: State) -> tuple[Track, ...] | str:
+    def model(self, store: Store, state: State) -> Drives | str:
         from s2rtools.motion_logs.drives import odometry
 
-        folder = store.path / "drives"
+        folder = None if store.files.is_remote else store.path / "drives"
+        has_logs = folder is not None and folder.is_dir()
         try:
-            if folder.is_dir():
+            if folder is not None and has_logs:
                 return _read(folder, _stamp(folder))
-            return tuple(map(Track.of, odometry(store)))
+            return Drives(tuple(map(Track.of, odometry(store))))
         except RequestError as error:
             none = "no folder of drives (drives/NAME/real.csv and sim.csv) in the store; "
-            return f"{'' if folder.is_dir() else none}{error}"
+            if folder is None:
+                none = "drives in a folder are read from stores on this machine; "
+            return printable(f"{'' if has_logs else none}{error}")
 
-    def choices(self, model: Sequence[Track], side: Side) -> Sequence[tuple[str, str]]:
+    def choices(self, model: Drives, side: Side) -> Sequence[tuple[str, str]]:
         return [(each.name, f"traj:{quoted(each.name)}" if each.trajectory else "")
-                for each in model]  # fmt: skip
+                for each in model.tracks]  # fmt: skip
 
-    def table(self, model: Sequence[Track]) -> TableSpec:
-        has_untuned = any("untuned" in each.distances for each in model)
+    def table(self, model: Drives) -> TableSpec:
+        has_untuned = any("untuned" in each.distances for each in model.tracks)
         columns = _COLUMNS if has_untuned else _COLUMNS[:-1]
         rows = []
-        for each in model:
+        for each in model.tracks:
             texts = ["-" if number is None else f"{number:.2f}" for number in each.figures()]
             rows.append(Row((Cell(each.name), *map(Cell, texts[: len(columns) - 1]))))
         return TableSpec(columns, tuple(rows))
 
+    def notes(self, model: Drives) -> tuple[str, ...]:
+        return model.problems
+
     def numbers(self, scene: Scene) -> Table:
         model = self.input(scene)
-        return NAMES, [] if isinstance(model, str) else [(t.name, *t.figures()) for t in model]
+        rows = [] if isinstance(model, str) else [(t.name, *t.figures()) for t in model.tracks]
+        return NAMES, rows
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         return (*super().cache_key(scene), scene.state.moment)
@@ -159,7 +174,7 @@ class DrivesView(StatisticsView):
 
     def chosen(self, scene: Scene) -> Track:
         """The drive of the chosen row, by default the first one."""
-        tracks: Sequence[Track] = self.input(scene)
+        tracks: Sequence[Track] = self.input(scene).tracks
         named = scene.state.chosen_row(self.name)
         return next((each for each in tracks if each.name == named), tracks[0])
 
@@ -185,16 +200,27 @@ class DrivesView(StatisticsView):
 
 def _stamp(folder: Path) -> tuple[object, ...]:
     """What changes when a log is written."""
-    stats = ((path, path.lstat()) for path in sorted(folder.glob("*/*")))
+    stats = ((path, path.lstat()) for path in sorted([*folder.glob("*"), *folder.glob("*/*")]))
     return tuple((path, stat.st_mtime_ns, stat.st_size) for path, stat in stats)
 
 
 @lru_cache(2)
-def _read(folder: Path, stamp: tuple[object, ...]) -> tuple[Track, ...]:
-    """The drives of a folder; those of an equal stamp are read once."""
-    from s2rtools.motion_logs.drives import read_drives
+def _read(folder: Path, stamp: tuple[object, ...]) -> Drives:
+    """The drives of a folder; those of an equal stamp are read once.
 
-    return tuple(map(Track.of, read_drives(folder)))
+    Raises RequestError where none can be read.
+    """
+    from s2rtools.motion_logs.drives import drive_folders, read_drive
+
+    tracks, problems = [], []
+    for path in drive_folders(folder):
+        try:
+            tracks.append(Track.of(read_drive(path)))
+        except RequestError as error:
+            problems.append(printable(str(error)))
+    if not tracks:
+        raise RequestError("; ".join(problems))
+    return Drives(tuple(tracks), tuple(problems))
 
 
 def _path(track: Track, at: int, title: tuple[Phrase, ...]) -> Plot:

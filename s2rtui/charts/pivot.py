@@ -44,8 +44,7 @@ class PivotView(View):
         """The cells by the names of their groups; none until they are computed."""
         loaded = scene.loaded.current_cells(scene.state)
         rows = loaded.rows if loaded is not None else ()
-        pairs = (row.group.name.rpartition(", ") for row in rows)
-        return {(first, second): row for (first, _, second), row in zip(pairs, rows, strict=True)}
+        return {(row.group.parts[0], row.group.parts[1]): row for row in rows}
 
     def _sides(self, scene: Scene) -> tuple[list[str], list[str]]:
         """The names of the rows and of the columns."""
@@ -83,19 +82,22 @@ class PivotView(View):
             return Cell(f"{text}{mark}", heat=float(np.clip((value - low) / (high - low), 0, 1)))
 
         made = tuple(Row((Cell(row), *(cell((row, name)) for name in names))) for row in rows)
-        heads = [
-            Column(name.removesuffix(DEGREES), right=True, rank=at, panel=name)
-            for at, name in enumerate(names)
-        ]
         chosen = self.chosen_row(scene)
         place, column = (None, -1) if chosen is None else divmod(chosen, len(names))
+        heads = [  # those that are the farthest from the chosen one are left out first
+            Column(name.removesuffix(DEGREES), right=True, rank=abs(at - column), panel=name)
+            for at, name in enumerate(names)
+        ]
         first = Column(self._title(scene).split()[0], least=10)
         table = TableSpec((first, *heads), made, chosen=place, column=column + 1)
         bar = ColourBar(figure.meaning, figure.unit, (low, high))
         note = (
             f"{EVIDENT} evident: the 95 % interval does not hold the median of all, {middle:.2f} m"
         )
-        return Drawing(table=table, notes=((bar,), *([note] if evident else [])))
+        lost = _not_localised(scene)
+        left_out = f"{lost} not localised left out" if lost else ""
+        notes = [*([note] if evident else []), *([left_out] if lost else [])]
+        return Drawing(table=table, notes=((bar,), *notes))
 
     def row_names(self, scene: Scene) -> Sequence[str]:
         """The names of all cells, row by row; those without instances, too."""
@@ -117,8 +119,9 @@ class PivotView(View):
             return cell.real.is_known, cell.real.value if cell.real.is_known else cell.share
 
         cells = self.input(scene)
-        worst: tuple[str, str] = max(cells, key=badness)
-        return list(self.row_names(scene)).index(", ".join(worst))
+        first, second = max(cells, key=badness)
+        rows, columns = self._sides(scene)
+        return rows.index(first) * len(columns) + columns.index(second)
 
     def row_expression(self, scene: Scene, row: int) -> str:
         cell = self.input(scene).get(self._pair(scene, row))
@@ -148,6 +151,13 @@ class PivotView(View):
         figure = FIGURES[scene.state.figure]
         title = f"{scene.title}: {figure.meaning} by {self._title(scene)}"
         return title, f"{scene.store.dataset.name}  ·  instances new to the run"
+
+
+def _not_localised(scene: Scene) -> int:
+    """The instances of the groups for which the run gave no pose."""
+    state, store = scene.state, scene.store
+    columns = store.run_columns(state.run)
+    return int((state.population.attempted(store.instances, columns) & ~columns.valid).sum())
 
 
 def _value(cell: GroupErrors, figure: str) -> float:

@@ -122,24 +122,33 @@ def _range(name: str, scale: Scale, at: tuple[int, int, int, int], own: int) -> 
 
 
 def _draw_head(canvas: Canvas, table: TableSpec, layout: TableLayout) -> None:
-    """The names of the columns; that of the first one is the window where rows are hidden."""
+    """The names of the columns; that of the first one is the window where some are hidden."""
     theme = canvas.theme
     down, up = ("v", "^") if canvas.options.ascii else ("▼", "▲")
-    hidden = layout.shown < len(table.rows)
+    window = _window(table, layout)
     for place, start, width in zip(layout.columns, layout.starts, layout.widths, strict=True):
         column = table.columns[place]
         name = canvas.options.printable(column.name)
-        if place == 0 and hidden:
-            window = f"{layout.first + 1}-{layout.first + layout.shown}"
-            name = next(
-                (text for text in (f"{window}/{len(table.rows)}", window) if len(text) <= width), ""
-            )
+        if place == 0 and window:
+            name = next((text for text in window if len(text) <= width), "")
         glyph = f"{getattr(canvas.glyphs, column.ink)} " if column.ink in ROLES else ""
         arrow = (down if table.descending else up) if column.sorts else ""
         ink = theme.text if column.sorts else getattr(theme, column.ink)
         text = fit_text(f"{glyph}{name}{arrow}", width, "" if place else canvas.glyphs.ellipsis)
         at = start + width - cell_len(text) if column.right else start
         canvas.text(at, 0, text, ink, bold=column.sorts)
+
+
+def _window(table: TableSpec, layout: TableLayout) -> tuple[str, ...]:
+    """Which columns of a table of cells are visible, or which rows, the longest text first."""
+    shown, columns = layout.columns[1:], len(table.columns) - 1
+    if table.column is not None and 0 < len(shown) < columns:
+        window = f"{shown[0]}-{shown[-1]}"
+        return f"columns {window}/{columns}", f"cols {window}/{columns}", f"{window}/{columns}"
+    if layout.shown == len(table.rows):
+        return ()
+    window = f"{layout.first + 1}-{layout.first + layout.shown}"
+    return f"{window}/{len(table.rows)}", window
 
 
 def _draw_line(

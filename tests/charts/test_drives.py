@@ -52,7 +52,15 @@ def test_playing_moves_in_time_and_ends_with_the_drive(store):
     assert session.state.message == "the row wide stands for no instances"
 
 
+def test_a_drive_that_cannot_be_read_does_not_hide_the_others(store, s2r):
+    before = s2r("show", store, "drives", "--json").json
+    (store / "drives/broken").mkdir()
+    assert s2r("show", store, "drives", "--json").json == before
+    notes = VIEW.drawing(load_scene(Session(store, notebooks=ReadNotebook), VIEW), 60).notes
+    assert "broken: no real.* in it" in str(notes[1])
+
+
 def test_a_store_without_drives_says_what_is_missing(tiny_store, s2r):
-    assert s2r("show", tiny_store, "drives", "--json").json == []
+    assert s2r("show", tiny_store, "drives", "--json").code == 2
     words = s2r("show", tiny_store, "drives", "--words").printed
     assert "no folder of drives (drives/NAME/real.csv and sim.csv) in the store" in words

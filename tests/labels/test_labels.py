@@ -127,6 +127,29 @@ def test_imported_labels_are_stored_and_select(s2r, store_copy, tmp_path, write)
     ]
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "text"),
+    [
+        ('"images": [', '"images": [], "more": [', "images: expected a list of length >= 1"),
+        ('"height": 32', '"height": -3', "height: expected a whole number >= 1, got -3"),
+        ('"height": 32', '"height": Infinity', "height: expected a whole number"),
+        ('"image_id": 30', '"image_id": 31', "an annotation is of image 31, which is not listed"),
+        ('"file_name": "0030.jpg"', '"file_name": "0003.jpg"', "file_name '0003.jpg' stands twice"),
+        ('"id": 2,', '"id": 1,', "id of a category 1 stands twice"),
+        ("[16, 0,", "[NaN, 0,", "a segmentation of 0003.jpg is invalid"),
+        ("[16, 16,", "[-1e30, 16,", "a segmentation of 0003.jpg is invalid"),
+    ],
+)  # fmt: skip
+def test_damaged_coco_files_are_refused(s2r, store_copy, tmp_path, old, new, text):
+    (path,) = coco_file(tmp_path / "labels")
+    content = Path(path).read_text()
+    assert old in content
+    Path(path).write_text(content.replace(old, new, 1))
+    done = s2r("labels", "import", store_copy, path)
+    assert done.code == 2
+    assert text in done.err
+
+
 def test_replaced_label_images_are_pruned_and_damage_is_found(s2r, store_copy, tmp_path):
     source = png_folder(tmp_path / "labels")
     s2r("labels", "import", store_copy, *source).checked()

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 SPEEDS = (2, 5, 15)
 """Steps per second, in the order in which the key goes through them."""
+_PLAYING = "playing "
 BLINK_SECONDS = 0.6
 """Time for which each side is shown where both are shown in turn."""
 
@@ -40,13 +41,16 @@ class PlayerController:
             following = "stops" if speed == SPEEDS[-1] else "plays faster"
             self._speed = speed
             self._timer = self._app.set_interval(1 / speed, self.step)
-            message = f"playing {speed} steps a second; ' {following}"
+            message = f"{_PLAYING}{speed} steps a second; ' {following}"
         self._app.session.show_message(message)
 
     def step(self) -> None:
         """Show what follows and keep the message; stop at the end."""
-        if not self.move(1):
+        session = self._app.session
+        if not self._app.prompt.is_open and not self.move(1):
             self.stop()
+            if session.state.message.startswith(_PLAYING):
+                session.show_message("")
         self._app.updater.refresh()
 
     def move(self, steps: int) -> bool:

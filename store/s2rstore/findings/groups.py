@@ -30,10 +30,14 @@ Codes = NDArray[np.integer[Any]]
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """A group of instances by their true pose; `node` selects those of the population."""
+    """A group of instances by their true pose; `node` selects those of the population.
+
+    `parts` are the names of the groups that it is the intersection of, if any.
+    """
 
     name: str
     node: Node
+    parts: tuple[str, ...] = ()
 
     @property
     def expression(self) -> str:
@@ -101,7 +105,7 @@ def groups_of(store: Store, grouping: str) -> Groups:
     groups = []
     for pair in present.tolist():
         a, b = first.groups[pair // len(second.groups)], second.groups[pair % len(second.groups)]
-        groups.append(Group(f"{a.name}, {b.name}", And(a.node, b.node)))
+        groups.append(Group(f"{a.name}, {b.name}", And(a.node, b.node), (a.name, b.name)))
     return Groups(grouping, tuple(groups), every)
 
 

@@ -252,7 +252,7 @@ def _opened(
 
 
 def _finite(number: float) -> float | None:
-    return round(float(number), 6) if math.isfinite(number) else None
+    return round(float(number), 9) if math.isfinite(number) else None
 
 
 def _number(value: Any) -> float:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from s2rstore import intervals
 from s2rstore.intervals import Interval
 from s2rstore.reader import Store
+from s2rstore.records import needs_network
 from s2rstore.security.printable_text import printable
 
 CLAIM = 0.25
@@ -52,6 +53,10 @@ def missing_gains(store: Store, run: str) -> str:
         return ""
     if not store.label_names:
         return "no label images name the objects; `s2r labels import` adds them"
+    if store.run(run).is_imported:
+        return needs_network(run, "harm")
+    if any(record.kind == "harm" for record in store.array_kinds(run)):
+        return "no pair of this run shows a labelled object"
     return "no gains of objects for this run; `s2r precompute --kinds harm` computes them"
 
 

@@ -217,11 +217,12 @@ def _lines(plan: CollectionPlan, options: argparse.Namespace) -> list[str]:
     known = f"{plan.evidence} new instances"
     if plan.training_images:
         known += f" and {plan.training_images} real training images"
+    covered = "it" if request.weighting == "combined" else f"what --method {method} weighs"
     lines = [
         f"run {request.run}: {len(plan.poses)} poses ({method}) of {plan.candidates:,} candidates, "
         f"{plan.origin}; from {known}{' with harm' if plan.uses_harm else ''}",
-        f"reducible error: {plan.reducible.with_bounds('{:.2f}'.format)} m in the mean over the "
-        f"candidates; the poses cover {plan.covered:.0%} of it"
+        f"reducible error: {plan.reducible.with_bounds('{:.2f} m'.format)} in the mean over the "
+        f"candidates; the poses cover {plan.covered:.0%} of {covered}"
         + (f", training images {plan.covered_before:.0%}" if plan.covered_before else ""),
         "rooms: " + ", ".join(f"{name} {count}" for name, count in plan.counts_by_room()),
     ]

@@ -156,9 +156,7 @@ def plan_collection(
         evidence=len(evidence),
         training_images=len(evidence.trained_poses),
         uses_harm=evidence.harm is not None,
-        reducible=reducible_interval(
-            candidates, evidence, request.similarity, request.weighting, views
-        ),
+        reducible=reducible_interval(candidates, evidence, request.similarity, "combined", views),
         covered=(batch.covered + float(batch.gains.sum())) / total,
         covered_before=batch.covered / total,
         nearest=evidence.iids[nearest],

@@ -42,6 +42,8 @@ def execute(options: argparse.Namespace) -> int:
     print(f"{options.store}: {images} of {domain}, {labels}")
     if stored.runs:
         print(f"gains of objects computed for {', '.join(stored.runs)}; `s2r objects` lists them")
+    elif stored.has_gains:
+        print("the gains of objects are those that the store has; `s2r objects` lists them")
     else:
         print("no run has the heatmap harm; `s2r precompute --kinds harm` computes it")
     return 0

@@ -7,10 +7,12 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Annotated, Any
 
 import cv2
+import msgspec
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -22,9 +24,12 @@ from s2rstore.records import MAX_LABEL
 from s2rstore.security.printable_text import printable
 from s2rtools.common.image_files import declared_size
 from s2rtools.common.tables.csv_rows import missing_column, read_rows
+from s2rtools.common.typed_documents import convert
 
 _MAX_BYTES = 1 << 26
 _MAX_NAME = 100
+_MOST_SIDE = 16_384
+"""Pixels of a side of a label image in a COCO file."""
 _NAME_COLUMNS = ("name", "raw_category")
 """Columns with the class; the second is that of ScanNet's table of labels."""
 
@@ -70,6 +75,11 @@ def read_source(store: Store, domain: str, path: Path, classes: Path | None) -> 
     return LabelSource(names, frozenset(by_iid), read)
 
 
+def _number(text: str) -> int | None:
+    """The number that a text of at most 18 digits is; None for other texts."""
+    return int(text) if text.isascii() and text.isdecimal() and len(text) < 19 else None
+
+
 def _read_classes(path: Path) -> dict[int, str]:
     """Classes by value of a CSV file with columns id and name, or of ScanNet's table (.tsv)."""
     names: dict[int, str] = {}
@@ -78,9 +88,9 @@ def _read_classes(path: Path) -> dict[int, str]:
         for needed in ("id", column):
             if needed not in row:
                 raise missing_column(path, needed, row, "id,name")
-        if not row["id"].isdigit() or not 0 <= int(row["id"]) <= MAX_LABEL:
-            raise RequestError(f"{path}:{number}: id {row['id']!r}: 0 .. {MAX_LABEL}")
-        label = int(row["id"])
+        label = _number(row["id"])
+        if label is None or label > MAX_LABEL:
+            raise RequestError(f"{path}:{number}: id {row['id'][:20]!r}: 0 .. {MAX_LABEL}")
         if label and names.setdefault(label, row[column]) != row[column]:
             raise RequestError(f"{path}:{number}: id {label} has two names")
     return _checked_names(names, path)
@@ -133,9 +143,10 @@ def _matched(store: Store, domain: str, names: Mapping[str, object], where: Path
 
     def of_number(name: str) -> int | None:
         stem = PurePosixPath(name).stem
-        return int(stem) if stem.isdigit() and int(stem) in numbers else None
+        number = _number(stem)
+        return number if number in numbers else None
 
-    is_numbered = any(stem.isdigit() for stem in stems)
+    is_numbered = any(_number(stem) is not None for stem in stems)
     for find in (of_source,) if is_numbered else (of_source, of_number):
         found = {name: find(name) for name in names}
         matched = {name: iid for name, iid in found.items() if iid is not None}
@@ -165,34 +176,66 @@ def _read_png(path: Path, names: Mapping[int, str], classes: Path) -> LabelImage
     return values.astype(np.uint16)
 
 
+class _Category(msgspec.Struct):
+    id: Annotated[int, Meta(ge=1, le=MAX_LABEL)]
+    name: str
+
+
+class _CocoImage(msgspec.Struct):
+    id: int | str
+    file_name: str
+    height: Annotated[int, Meta(ge=1, le=_MOST_SIDE)]
+    width: Annotated[int, Meta(ge=1, le=_MOST_SIDE)]
+
+
+class _Annotation(msgspec.Struct):
+    image_id: int | str
+    category_id: int
+    segmentation: Any
+
+
+class _Coco(msgspec.Struct):
+    """The parts of a COCO file that are read."""
+
+    categories: Annotated[list[_Category], Meta(min_length=1)]
+    images: Annotated[list[_CocoImage], Meta(min_length=1)]
+    annotations: list[_Annotation]
+
+
 def _coco(store: Store, domain: str, path: Path) -> LabelSource:
     """The segmentations of a COCO file; of overlapping ones, the smaller covers the larger."""
-    content = read_json(path, _MAX_BYTES)
-    try:
-        names = {int(each["id"]): str(each["name"]) for each in content["categories"]}
-        images = {each["id"]: each for each in content["images"]}
-        sizes = {key: (int(i["height"]), int(i["width"])) for key, i in images.items()}
-        iids = _matched(store, domain, {i["file_name"]: i for i in images.values()}, path)
-        masks: defaultdict[Any, list[dict[str, Any]]] = defaultdict(list)
-        for each in content["annotations"]:
-            if each["category_id"] not in names:
-                raise RequestError(f"{path}: annotation of category {each['category_id']}, which "
-                                   "is not listed")  # fmt: skip
-            masks[each["image_id"]].append(each)
-    except (KeyError, TypeError, ValueError) as error:
-        raise RequestError(f"{path}: not a COCO file ({error!r})") from error
-    if not all(1 <= label <= MAX_LABEL for label in names):
-        raise RequestError(f"{path}: ids of categories must be 1 .. {MAX_LABEL}")
-    keys = {iids[image["file_name"]]: key for key, image in images.items()}
+    content = convert(read_json(path, _MAX_BYTES), _Coco, str(path), check=False)
+    names = {each.id: each.name for each in content.categories}
+    images = {each.id: each for each in content.images}
+    for what, listed in (
+        ("id of a category", [each.id for each in content.categories]),
+        ("id of an image", [each.id for each in content.images]),
+        ("file_name", [each.file_name for each in content.images]),
+    ):
+        if repeated := [each for each, count in Counter(listed).items() if count > 1]:
+            raise RequestError(f"{path}: {what} {repeated[0]!r} stands twice")
+    iids = _matched(store, domain, {each.file_name: each for each in content.images}, path)
+    masks: defaultdict[int | str, list[_Annotation]] = defaultdict(list)
+    for annotation in content.annotations:
+        if annotation.category_id not in names:
+            what = f"category {annotation.category_id}"
+        elif annotation.image_id not in images:
+            what = f"image {annotation.image_id!r}"
+        else:
+            masks[annotation.image_id].append(annotation)
+            continue
+        raise RequestError(f"{path}: an annotation is of {what}, which is not listed")
+    keys = {iids[image.file_name]: image.id for image in content.images}
 
     def read(iid: int) -> LabelImage:
-        labels = np.zeros(sizes[keys[iid]], dtype=np.uint16)
+        image = images[keys[iid]]
+        labels = np.zeros((image.height, image.width), dtype=np.uint16)
         try:
-            made = [(_coco_mask(each["segmentation"], labels.shape), each["category_id"])
-                    for each in masks[keys[iid]]]  # fmt: skip
-        except (KeyError, TypeError, ValueError, IndexError, cv2.error) as error:
-            name = images[keys[iid]]["file_name"]
-            raise RequestError(f"{path}: a segmentation of {name} is invalid") from error
+            made = [(_coco_mask(each.segmentation, labels.shape), each.category_id)
+                    for each in masks[image.id]]  # fmt: skip
+        except (KeyError, TypeError, ValueError, IndexError, OverflowError, cv2.error) as error:
+            problem = f"{path}: a segmentation of {image.file_name} is invalid"
+            raise RequestError(problem) from error
         for mask, label in sorted(made, key=lambda each: -int(each[0].sum())):
             labels[mask] = label
         return labels
@@ -205,11 +248,14 @@ def _coco_mask(segmentation: Any, size: tuple[int, ...]) -> NDArray[np.bool_]:
     if isinstance(segmentation, list):
         mask = np.zeros(size, dtype=np.uint8)
         for polygon in segmentation:  # one by one: of several, overlaps would stay empty
-            cv2.fillPoly(mask, [np.rint(np.reshape(polygon, (-1, 2))).astype(np.int32)], 1)
+            corners = np.reshape(np.asarray(polygon, dtype=np.float64), (-1, 2))
+            if not (np.abs(corners) <= _MOST_SIDE).all():
+                raise ValueError("a corner far outside of the image")
+            cv2.fillPoly(mask, [np.rint(corners).astype(np.int32)], 1)
         return mask > 0
     counts = segmentation["counts"]
     lengths = _decompressed(counts) if isinstance(counts, str) else counts
-    if sum(lengths) != size[0] * size[1]:
+    if min(lengths) < 0 or sum(lengths) != size[0] * size[1]:
         raise ValueError("run lengths of another size")
     values = np.arange(len(lengths)) % 2
     return np.repeat(values, lengths).reshape(size[::-1]).T > 0

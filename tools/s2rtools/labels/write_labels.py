@@ -33,11 +33,15 @@ _KEPT = 1024
 
 @dataclass(frozen=True, slots=True)
 class StoredLabels:
-    """How many label images were stored, of how many objects, and the runs with new gains."""
+    """How many label images were stored, of how many objects, and the runs with new gains.
+
+    has_gains: whether the store has gains of any run.
+    """
 
     images: int
     labels: int
     runs: list[str]
+    has_gains: bool
 
 
 def write_labels(root: Path, domain: str, open_source: Open, command: str) -> StoredLabels:
@@ -72,7 +76,9 @@ def write_labels(root: Path, domain: str, open_source: Open, command: str) -> St
             draft.set_provenance(schema.LABELS, {domain: images.key})
             draft.set_provenance(f"{schema.LABELS}:{domain}", {"command": command})
         runs = update_label_gains(root, lease.check)
-    return StoredLabels(len(source.iids), len(np.unique(shares["label"])), runs)
+        with s2rstore.open(root) as store:
+            has_gains = bool(store.execute("SELECT 1 FROM label_gain LIMIT 1"))
+    return StoredLabels(len(source.iids), len(np.unique(shares["label"])), runs, has_gains)
 
 
 def _names(store: Store, domain: str, source: LabelSource) -> dict[int, str]:

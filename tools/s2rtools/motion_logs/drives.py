@@ -42,15 +42,21 @@ def read_drives(folder: Path, topic: str | None = None) -> tuple[Drive, ...]:
     Raises RequestError where the folder holds no drive, or a drive lacks a readable real or sim
     log.
     """
+    return tuple(read_drive(path, topic) for path in drive_folders(folder))
+
+
+def drive_folders(folder: Path) -> list[Path]:
+    """The folders of the drives in a folder, by name. Raises RequestError where there is none."""
     if not folder.is_dir():
         raise RequestError(f"{folder}: no such folder of drives")
     folders = sorted(p for p in folder.iterdir() if p.is_dir() and not p.name.startswith("."))
     if not folders:
         raise RequestError(f"{folder}: no drive in it (folders with real.* and sim.*)")
-    return tuple(_read_drive(path, topic) for path in folders)
+    return folders
 
 
-def _read_drive(folder: Path, topic: str | None) -> Drive:
+def read_drive(folder: Path, topic: str | None = None) -> Drive:
+    """The drive in a folder. Raises RequestError where it lacks a readable real or sim log."""
     logs: dict[str, Log] = {}
     for role in ("real", "sim", "untuned"):
         path = _log_path(folder, role)

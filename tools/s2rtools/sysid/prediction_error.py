@@ -30,8 +30,10 @@ _FD_STEP = np.array([1e-4, 1e-4])
 _STEP = 1e-3
 """Step of the numerical derivatives, in the unit cube."""
 _WORST = 1e12
-_MAX_EVALUATIONS = 60
+_MAX_EVALUATIONS = 100
 """Evaluations of one fit, each with its derivatives."""
+_EXACT_STEP = {"regularize": False, "atol": 1e-12, "btol": 1e-12, "maxiter": 3000}
+"""Options of LSMR; by its own ones, steps along valleys of the residuals stop far too early."""
 _MAX_HEADING_RATIO = 1.02
 """Largest ratio of heading errors after and before that counts as no worse."""
 _TINY = 1e-12
@@ -109,7 +111,7 @@ class PredictionError:
         start = np.append(np.clip(cube, 1e-9, 1 - 1e-9), self.starts)
         found = optimize.least_squares(
             residuals, start, jacobian, bounds, x_scale="jac", xtol=1e-7, ftol=1e-7, gtol=1e-10,
-            tr_solver="lsmr", max_nfev=_MAX_EVALUATIONS,
+            tr_solver="lsmr", tr_options=_EXACT_STEP, max_nfev=_MAX_EVALUATIONS,
         )  # fmt: skip
         return at(found.x)
 
