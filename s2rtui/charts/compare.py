@@ -274,7 +274,8 @@ class CompareView(PointsView):
         return () if _is_loaded(scene, other) else (f"loading run {other}",)
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        return self.missing(scene) or (*super().cache_key(scene), scene.state.viewport)
+        settings = scene.state.viewport, _is_judged(scene)
+        return self.missing(scene) or (*super().cache_key(scene), *settings)
 
     def drawing(self, scene: Scene, columns: int) -> Drawing:
         data, other = self.input(scene), run_comparison.other_run(scene.state)

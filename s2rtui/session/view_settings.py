@@ -182,7 +182,8 @@ def _with_viewport(state: State, plane: ZoomPlane, view: Bounds | None) -> State
     if view is None:
         return state.updated(viewports=tuple(viewports.items()))
     times = max(plane.whole.width, plane.whole.height) / max(view.width, view.height, 1e-12)
-    message = f"{plane.name} enlarged {times:.3g} times (0: all of it)"
+    is_whole = times < 1.005
+    message = "" if is_whole else f"{plane.name} enlarged {times:.3g} times (0: all of it)"
     viewports[plane.name] = view
     return state.updated(viewports=tuple(viewports.items()), message=message)
 

@@ -133,7 +133,7 @@ RESOURCE_CHANGES: dict[str, Callable[[LoadedData], object]] = {
 }
 POSE = PlannedPose(1.0, 2.0, 30.0, "left", 0.5, "novelty")
 NEVER_DRAWN = {
-    "newest", "node", "operator", "lasso", "message", "is_error", "past",
+    "newest", "operator", "lasso", "message", "is_error", "past",
     "future", "centre", "progress", "computation", "pending", "keeps_message", "suggested",
 }  # fmt: skip
 

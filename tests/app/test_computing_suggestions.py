@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Iterator, Sequence
+from types import SimpleNamespace
 
 from s2rstore.files.planned_poses import read_planned_poses
 from s2rtui.app.controllers import suggestions
@@ -46,7 +47,8 @@ async def test_both_searches_run_one_after_the_other_and_the_key_cancels(
             self.cancelled.set()
 
     monkeypatch.setattr(suggestions, "CommandJob", Job)
-    monkeypatch.setattr(suggestions, "read_report", lambda *_: "a report")
+    report = SimpleNamespace(best=None, verdict="nothing helps")
+    monkeypatch.setattr(suggestions, "read_report", lambda *_: report)
     async with running(few_pairs_store, with_trained=True) as (app, pilot):
         await pilot.press("J", "S")
         while app.computation.running and len(started) < 2:

@@ -61,6 +61,8 @@ def test_a_drive_that_cannot_be_read_does_not_hide_the_others(store, s2r):
 
 
 def test_a_store_without_drives_says_what_is_missing(tiny_store, s2r):
-    assert s2r("show", tiny_store, "drives", "--json").code == 2
+    shown = s2r("show", tiny_store, "drives", "--json")
+    assert shown.json == []
+    assert "no folder of drives" in shown.err
     words = s2r("show", tiny_store, "drives", "--words").printed
     assert "no folder of drives (drives/NAME/real.csv and sim.csv) in the store" in words

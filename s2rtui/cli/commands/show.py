@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import sys
 
-from s2rstore.errors import RequestError, sentence
+from s2rstore.errors import sentence
 from s2rtools.common.command_line import output, store_argument
 from s2rtui.cli import scene_arguments
 from s2rtui.cli.coverage_notes import print_notes
@@ -35,7 +36,7 @@ def execute(options: argparse.Namespace) -> int:
             return 0
         names, rows = view.numbers(scene)
         if not rows and (reasons := view.missing(scene)):
-            raise RequestError(f"{options.store}: {view.name}: {'; '.join(reasons)}")
+            print(f"{view.name}: {'; '.join(reasons)}", file=sys.stderr)
         without_nan = [[None if value != value else value for value in row] for row in rows]
         output.write(names, without_nan, options)
     return 0

@@ -222,8 +222,8 @@ def _lines(plan: CollectionPlan, options: argparse.Namespace) -> list[str]:
         f"run {request.run}: {len(plan.poses)} poses ({method}) of {plan.candidates:,} candidates, "
         f"{plan.origin}; from {known}{' with harm' if plan.uses_harm else ''}",
         f"reducible error: {plan.reducible.with_bounds('{:.2f} m'.format)} in the mean over the "
-        f"candidates; the poses cover {plan.covered:.0%} of {covered}"
-        + (f", training images {plan.covered_before:.0%}" if plan.covered_before else ""),
+        f"candidates; the poses cover {100 * plan.covered:.0f} % of {covered}"
+        + (f", training images {100 * plan.covered_before:.0f} %" if plan.covered_before else ""),
         "rooms: " + ", ".join(f"{name} {count}" for name, count in plan.counts_by_room()),
     ]
     if plan.views is not None:

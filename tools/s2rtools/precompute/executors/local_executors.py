@@ -27,7 +27,7 @@ from s2rtools.precompute.unit_results import Receipt
 _PR_SET_PDEATHSIG = 1
 _PASSES_PER_WORKER = 256
 """Instances with one pass from which a further worker, which starts for some seconds, pays off."""
-_PASSES = {"forward": 1, "tens": 8, "hundreds": 16}
+_PASSES = {"forward": 1, "tens": 6, "hundreds": 12}
 """Instances with one pass that take as long as one with a heatmap kind of each cost."""
 _WORKER_BYTES = 2 * 2**30
 
