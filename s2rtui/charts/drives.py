@@ -206,7 +206,7 @@ def _stamp(folder: Path) -> tuple[object, ...]:
 
 @lru_cache(2)
 def _read(folder: Path, stamp: tuple[object, ...]) -> Drives:
-    """The drives of a folder; those of an equal stamp are read once.
+    """Read the drives of a folder; they are cached by `stamp`.
 
     Raises RequestError where none can be read.
     """

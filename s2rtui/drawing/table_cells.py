@@ -140,7 +140,7 @@ def _draw_head(canvas: Canvas, table: TableSpec, layout: TableLayout) -> None:
 
 
 def _window(table: TableSpec, layout: TableLayout) -> tuple[str, ...]:
-    """Which columns of a table of cells are visible, or which rows, the longest text first."""
+    """Texts that tell which columns, or else which rows, are visible; empty where all are."""
     shown, columns = layout.columns[1:], len(table.columns) - 1
     if table.column is not None and 0 < len(shown) < columns:
         window = f"{shown[0]}-{shown[-1]}"

@@ -32,7 +32,7 @@ _NOTHING_HELPS = 3
 """The exit code of `s2r suggest` where no change clearly helps."""
 _SUGGESTED = ("--evaluations", "30", "--frames", "24")
 _SHOWN = {"score": "scores of heatmaps and causes", "suggest": "suggestions"}
-"""What commands compute that do not tell applications themselves."""
+"""What applications show while a command runs that reports no progress to them."""
 _LINE_WIDTH = 80
 
 

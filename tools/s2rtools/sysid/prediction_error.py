@@ -33,7 +33,7 @@ _WORST = 1e12
 _MAX_EVALUATIONS = 100
 """Evaluations of one fit, each with its derivatives."""
 _EXACT_STEP = {"regularize": False, "atol": 1e-12, "btol": 1e-12, "maxiter": 3000}
-"""Options of LSMR; by its own ones, steps along valleys of the residuals stop far too early."""
+"""Options of LSMR; with its defaults, steps are so inexact that a fit needs hundreds of them."""
 _MAX_HEADING_RATIO = 1.02
 """Largest ratio of heading errors after and before that counts as no worse."""
 _TINY = 1e-12

@@ -78,7 +78,7 @@ class CameraDescription(Struct, forbid_unknown_fields=True):
 
 
 def needed_columns(path: Path, names: Collection[str], first: str) -> Sequence[str]:
-    """The columns that a file needs, which has columns `names`: `first`, and those of its poses.
+    """The needed ones of the columns `names` of a file: `first`, and those of its poses.
 
     Raises RequestError if one of them is missing.
     """
