@@ -1,4 +1,4 @@
-"""The rest of `s2r demo`, which another process computes while the application is open."""
+"""Processes that compute parts of `s2r demo`: beside other parts, or while one looks at them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -71,8 +72,32 @@ class BackgroundDemo:
             os.killpg(self._process.pid, signal.SIGTERM)
 
 
+class ChildCommand:
+    """A command of `s2r` in a process of its own; its output is shown when it has ended."""
+
+    def __init__(self, arguments: Sequence[str]) -> None:
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115 (closed by `wait`)
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "s2rtui", *arguments], stdin=subprocess.DEVNULL,
+            stdout=self._output, stderr=self._output,
+        )  # fmt: skip
+
+    def wait(self) -> int:
+        """Wait for its end and show its output on standard error; returns its exit code."""
+        code = self._process.wait()
+        self._output.seek(0)
+        sys.stderr.write(self._output.read().decode(errors="replace"))
+        self._output.close()
+        return code
+
+    def stop(self) -> None:
+        """End it, if it still runs."""
+        self._process.terminate()
+        self._process.wait()
+
+
 def start_compiling() -> None:
-    """Let another process compile what the projection needs, so that it is ready in time."""
+    """Let another process compile what heatmaps and projections need, before they do."""
     command = [sys.executable, "-P", "-m", "s2rtools.precompute.compile_ahead"]
     subprocess.Popen(
         ["nice", *command] if shutil.which("nice") else command, stdin=subprocess.DEVNULL,

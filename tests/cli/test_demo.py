@@ -1,6 +1,7 @@
 """The demo command: full run, resumption after an interruption, and damaged recipes."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -29,6 +30,19 @@ def demo_folder(tmp_path: Path, tiny_store: Path) -> Path:
     return path.parent
 
 
+class RecordedChild:
+    """A child process that only runs `demo.main`."""
+
+    def __init__(self, arguments: Sequence[str]) -> None:
+        self._code = demo.main(list(arguments))
+
+    def wait(self) -> int:
+        return self._code
+
+    def stop(self) -> None:
+        pass
+
+
 def test_stages_are_run_until_the_store_is_complete(demo_folder, capsys, monkeypatch):
     commands: list[str] = []
     path = demo_folder / "world.s2r"
@@ -42,7 +56,8 @@ def test_stages_are_run_until_the_store_is_complete(demo_folder, capsys, monkeyp
             hidden.rename(path)
         return 3 if words[0] == "suggest" else 0  # 3: nothing helps
 
-    monkeypatch.setattr("s2rtui.cli.commands.demo.main", record)
+    monkeypatch.setattr(demo, "main", record)
+    monkeypatch.setattr(demo, "ChildCommand", RecordedChild)
     assert main([*DEMO_ARGUMENTS, str(demo_folder)]) == 0
     assert commands == ["ingest", "precompute", "score", "check", "suggest"]
     output = capsys.readouterr()

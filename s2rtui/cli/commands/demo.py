@@ -7,6 +7,7 @@ import sys
 import textwrap
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rtui.cli import main
-from s2rtui.jobs.background_demo import LOG, PAUSE, BackgroundDemo, start_compiling
+from s2rtui.jobs.background_demo import LOG, PAUSE, BackgroundDemo, ChildCommand, start_compiling
 
 if TYPE_CHECKING:
     from s2rstore.reader import Store
@@ -32,7 +33,7 @@ _NOTHING_HELPS = 3
 """The exit code of `s2r suggest` where no change clearly helps."""
 _SUGGESTED = ("--evaluations", "30", "--frames", "24")
 _SHOWN = {"score": "scores of heatmaps and causes", "suggest": "suggestions"}
-"""What applications show while a command runs that reports no progress to them."""
+"""What applications show while these commands run, which report no progress to them."""
 _LINE_WIDTH = 80
 
 
@@ -40,12 +41,26 @@ _LINE_WIDTH = 80
 class _Stage:
     """One command of the demo; the application can be open during one that `is_late`.
 
-    accepted: its exit codes that are no failure.
+    is_parallel: whether another process runs it beside the stages after it. accepted: its exit
+    codes that are no failure.
     """
 
     arguments: tuple[str, ...]
     is_late: bool = False
+    is_parallel: bool = False
     accepted: tuple[int, ...] = (0,)
+
+    @property
+    def command_line(self) -> str:
+        return f"$ s2r {' '.join(self.arguments)}"
+
+    @property
+    def label(self) -> str:
+        return " ".join(self.arguments[:3])
+
+    def failure(self, code: int) -> int:
+        """An exit code; 0 if it is no failure."""
+        return 0 if code in self.accepted else code
 
 
 EXAMPLE = "s2r demo --out demo-out --workers 4"
@@ -94,13 +109,11 @@ def _complete(options: argparse.Namespace, store: Path, stages: Iterator[_Stage]
     from s2rstore.files import locks
     from s2rstore.findings import store_summary
 
-    timings = []
+    start = time.monotonic()
+    timings: list[tuple[str, float]] = []
     with locks.file_lock(options.out / LOG, timeout=0.0):
-        for stage in stages:
-            began = time.monotonic()
-            if code := _run_shown(stage, store):
-                return code
-            timings.append((" ".join(stage.arguments[:3]), time.monotonic() - began))
+        if code := _run_all(stages, store, timings):
+            return code
         with s2rstore.open(store) as opened:
             for line in store_summary.summary_lines(opened):
                 print(textwrap.fill(line, _LINE_WIDTH, subsequent_indent="      "))
@@ -109,31 +122,48 @@ def _complete(options: argparse.Namespace, store: Path, stages: Iterator[_Stage]
         began = time.monotonic()
         _export_pictures(options.out, store)
         timings.append(("images", time.monotonic() - began))
-    for label, seconds in [*timings, ("total", sum(seconds for _, seconds in timings))]:
+    for label, seconds in [*timings, ("total", time.monotonic() - start)]:
         print(f"{seconds:7.1f} s  {label}", file=sys.stderr)
     print(f"open it with: s2r {store}")
     return 0
 
 
-def _run_shown(stage: _Stage, store: Path) -> int:
-    """As `_run`; applications on the store show what is computed, as `s2r precompute` does."""
+def _run_all(stages: Iterator[_Stage], store: Path, timings: list[tuple[str, float]]) -> int:
+    """Run the stages and append the seconds that each took; returns 0, or the code of a failure.
+
+    Applications on the store show what is computed, as for `s2r precompute`.
+    """
     from s2rstore.files import compute_progress
 
-    shown = _SHOWN.get(stage.arguments[0])
-    if shown is None:
-        return _run(stage)
-    compute_progress.write(store, shown, 0, 0, None)
-    try:
-        return _run(stage)
-    finally:
-        compute_progress.remove(store)
+    shown: list[str] = []
+    children: list[tuple[_Stage, ChildCommand]] = []
+    with ExitStack() as exits:
+        exits.callback(compute_progress.remove, store)
+        for stage in stages:
+            began = time.monotonic()
+            if stage.arguments[0] in _SHOWN:
+                shown.append(_SHOWN[stage.arguments[0]])
+                compute_progress.write(store, ", ".join(shown), 0, 0, None)
+            if stage.is_parallel:
+                children.append((stage, ChildCommand(stage.arguments)))
+                exits.callback(children[-1][1].stop)
+                continue
+            if code := _run(stage):
+                return code
+            timings.append((stage.label, time.monotonic() - began))
+        for stage, child in children:
+            began = time.monotonic()
+            print(stage.command_line, file=sys.stderr)
+            if code := stage.failure(child.wait()):
+                return code
+            timings.append((f"rest of {stage.label}", time.monotonic() - began))
+    return 0
 
 
 def _run(stage: _Stage) -> int:
     """Run a command of the demo; returns 0, or the exit code with which it failed."""
-    print(f"$ s2r {' '.join(stage.arguments)}", file=sys.stderr)
-    code = main(list(stage.arguments))
-    return 0 if code in stage.accepted else code
+    print(stage.command_line, file=sys.stderr)
+    return stage.failure(main(list(stage.arguments)))
 
 
 def _open_early(options: argparse.Namespace, store: Path, stages: Iterator[_Stage]) -> int:
@@ -238,7 +268,7 @@ def _world_stages(options: argparse.Namespace, store: Path) -> Iterator[_Stage]:
     if not _read(store, _is_complete):
         yield _Stage(("precompute", path, *_workers(options)), is_late=True)
         scored = "--instances", str(_SCORED_INSTANCES), "--quiet"
-        yield _Stage(("score", path, *scored), is_late=True)
+        yield _Stage(("score", path, *scored), is_late=True, is_parallel=True)
     yield from _check_stages(store)
     if not _read(store, _has_suggestions):
         yield _Stage(("suggest", path, *_SUGGESTED), is_late=True, accepted=(0, _NOTHING_HELPS))

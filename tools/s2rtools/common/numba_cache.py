@@ -9,6 +9,7 @@ or in a temporary folder if neither is writable.
 from __future__ import annotations
 
 import hashlib
+import inspect
 import os
 import tempfile
 from collections.abc import Callable, Iterator
@@ -20,7 +21,7 @@ from typing import Any
 import numba
 from numba import njit, prange
 
-__all__ = ["cached", "njit", "prange"]
+__all__ = ["cached", "compile_deferred", "njit", "prange"]
 
 _FILES = (
     "incremental_inference/base_pass.py",
@@ -32,16 +33,37 @@ _FILES = (
 _LIBRARIES = ("numba", "umap-learn", "pynndescent")
 
 
+_deferred: list[tuple[Any, list[Any]]] = []
+
+
 @contextmanager
-def cached() -> Iterator[None]:
+def cached(deferred: str) -> Iterator[None]:
     """Cache compiled functions on disk of the libraries that are imported in this context.
 
-    Without it, umap-learn compiles for 13 s in each process.
+    Functions of the package `deferred` that name their types are compiled by `compile_deferred`,
+    not during the import. Compiling umap-learn and pynndescent takes half a minute otherwise, in
+    each process.
     """
     plain = {name: getattr(numba, name) for name in ("jit", "njit")}
 
     def with_cache(decorate: Callable[..., Any]) -> Callable[..., Any]:
-        return lambda *args, **options: decorate(*args, **{"cache": True} | options)
+        def decorated(*args: Any, **options: Any) -> Any:
+            options = {"cache": True} | options
+            compiled = decorate(*args, **options)
+            if not args or inspect.isfunction(args[0]):
+                return compiled
+
+            def of_function(function: Callable[..., Any]) -> Any:
+                if function.__module__.partition(".")[0] != deferred:
+                    return compiled(function)
+                dispatcher = decorate(**options)(function)
+                types = args[0] if isinstance(args[0], list) else [args[0]]
+                _deferred.append((dispatcher, types))
+                return dispatcher
+
+            return of_function
+
+        return decorated
 
     try:
         for name, decorate in plain.items():
@@ -50,6 +72,15 @@ def cached() -> Iterator[None]:
     finally:
         for name, decorate in plain.items():
             setattr(numba, name, decorate)
+
+
+def compile_deferred() -> None:
+    """Compile the functions that imports in `cached` left out, for the types that they name."""
+    while _deferred:
+        dispatcher, types = _deferred.pop(0)
+        for signature in types:
+            dispatcher.compile(signature)
+        dispatcher.disable_compile()
 
 
 def _folder() -> Path:

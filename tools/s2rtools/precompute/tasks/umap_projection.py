@@ -38,6 +38,8 @@ NAME = "projection"
 Transform = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 _BATCH = 512
 _TRANSFORMED = 4096
+_APPROXIMATED = 4096
+"""Points from which UMAP searches for neighbours by pynndescent."""
 _REPEATED = 1e-3
 """Differences to a repeated fit that are allowed, as a share of the spread of its points."""
 
@@ -259,11 +261,13 @@ def _fit_points(
     """UMAP coordinates (n, 2) of points (n, components), and the function that maps others."""
     if len(points) <= settings.neighbours + 1 or not np.ptp(points, axis=0).any():
         return points[:, :2], lambda others: others[:, :2]
-    from s2rtools.common.numba_cache import cached
+    from s2rtools.common.numba_cache import cached, compile_deferred
 
     with warnings.catch_warnings(action="ignore"):
-        with cached():
+        with cached(deferred="pynndescent"):
             import umap
+        if len(points) >= _APPROXIMATED:
+            compile_deferred()
         reducer = umap.UMAP(
             n_neighbors=settings.neighbours,
             min_dist=settings.min_distance,
