@@ -117,7 +117,7 @@ def _create_arrays(root: Path, runs: int) -> int:
             if name == NEW_RUN:
                 continue
             created = 0
-            for stage in _stages(store, hashes, name).published:
+            for stage in _stages(store, hashes, name).rounds[-1].published:
                 for spec in stage.specs:
                     array = stage.create(root, spec)
                     for shard in range(array.layout.shards):

@@ -12,7 +12,7 @@ from s2rtui.charts.sheet import VIEW
 from s2rtui.export.load_scene import load_scene
 from s2rtui.session import images
 from s2rtui.session.session import Session
-from s2rtui.terminal.graphics.png import png_within_limit, reduced_size
+from s2rtui.terminal.graphics.reduced_png import png_within_limit, reduced_size
 
 INSTANCES, FRAME = 10_000, 160
 CELL = (10, 20)

@@ -17,7 +17,7 @@ from s2rtui.drawing.cells import draw_cells
 from s2rtui.drawing.plane_marks import Floor
 from s2rtui.loaders.store_data import floor_plan_pixels
 from s2rtui.terminal.graphics.drawn_images import inline_file
-from s2rtui.terminal.graphics.png import MAX_DRAWN_BYTES, png_within_limit, reduced_size
+from s2rtui.terminal.graphics.reduced_png import MAX_DRAWN_BYTES, png_within_limit, reduced_size
 from s2rtui.terminal.graphics.sixel import quantised, sixels
 
 CELL = (10, 20)

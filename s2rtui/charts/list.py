@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.language import fields
+from s2rstore.language.canonical_text import to_text
+from s2rstore.language.syntax_tree import Ids
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.canvas.marks import mark_rows
 from s2rtui.charts.scene import Scene
@@ -91,8 +93,7 @@ class ListView(View):
 
     def to_expression(self, scene: Scene, panel: PlotArea, mark: BrushShape) -> str:
         first, last = sorted(round(point[1]) for point in (mark.points[0], mark.points[-1]))
-        chosen = np.sort(self.input(scene)[max(0, first) : last + 1])
-        return f"ids({', '.join(str(iid) for iid in chosen)})"
+        return to_text(Ids.of(self.input(scene)[max(0, first) : last + 1]))
 
 
 def _place(iids: NDArray[np.intp], cursor: int | None) -> int | None:

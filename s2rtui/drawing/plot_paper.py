@@ -17,11 +17,12 @@ from s2rtui.drawing.image import Image
 from s2rtui.drawing.page import BOLD, LETTER, NARROW, Ink, Inks, Page, style_axes
 from s2rtui.drawing.plane_marks import PlaneMark
 from s2rtui.drawing.plane_paper import CELLS_PER_INCH, draw_plane_mark
-from s2rtui.drawing.plot import Bars, Dots, Line, Plot, Points, Rule, Sign
+from s2rtui.drawing.plot import Bars, Dots, Line, Phrase, Plot, Points, Rule, Sign
 from s2rtui.drawing.plot_cells import RING
 from s2rtui.drawing.scale import Scale, short_number
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
 
@@ -78,18 +79,39 @@ def draw_plot(
     if has_y:
         axes.set_ylabel(axis_name(plot.y, height))
     if plot.title:
-        others = plot.title[1:]
         room = width / LETTER - BOLD * (font + 1) * cell_len(_draw_title(axes, page, plot, width))
-        text = ""
-        for phrase in others:
-            longer = "   ".join(filter(None, (text, phrase.whole(UNICODE))))
-            text = longer if font * (cell_len(longer) + 2) <= room else text
-        axes.set_title(text, loc="right", fontsize=font, pad=5, color=page.inks.text)
+        _draw_phrases(axes, page, plot.title[1:], font, room / font - 2)
     elif plot.legend:
         axes.legend(
             loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0, ncols=LEGEND_COLUMNS,
             fontsize=font, frameon=False, labelcolor=page.inks.text,
         )  # fmt: skip
+
+
+def _draw_phrases(
+    axes: Axes, page: Page, phrases: Sequence[Phrase], font: float, room: float
+) -> None:
+    """Write texts in their inks above the right end of a plot, as many as `room` letters hold."""
+    from matplotlib.offsetbox import AnchoredOffsetbox, HPacker, TextArea
+
+    texts: list[str] = []
+    areas: list[Artist] = []
+    for phrase in phrases:
+        text = phrase.whole(UNICODE)
+        if cell_len("   ".join([*texts, text])) <= room:
+            texts.append(text)
+            areas.append(
+                TextArea(
+                    text, textprops={"fontsize": font, "color": getattr(page.inks, phrase.ink)}
+                )
+            )
+    packed = HPacker(children=areas, pad=0, sep=1.2 * font)
+    axes.add_artist(
+        AnchoredOffsetbox(
+            "lower right", child=packed, frameon=False, pad=0, borderpad=0.3,
+            bbox_to_anchor=(1, 1), bbox_transform=axes.transAxes,
+        )
+    )  # fmt: skip
 
 
 def _draw_title(axes: Axes, page: Page, plot: Plot, width: float) -> str:

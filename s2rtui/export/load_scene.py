@@ -117,7 +117,9 @@ def apply_options(session: Session, options: SceneOptions, *views: View) -> Stat
         raise RequestError(f"--on {overlay}: --heat none leaves no heat for the map")
     heat = _heat(session, state, options)
     if options.images == "heat" and (heat is None or heat.kind == NO_HEAT):
-        reason = f"run {state.run} has no heatmaps" if heat is None else "not with --heat none"
+        reason = "not with --heat none"
+        if heat is None:
+            reason = f"run {state.run} has no heatmaps" if state.run else session.store.no_run
         raise RequestError(f"--images heat: {reason}")
     if options.images != "real" and views and all(view.name != "sheet" for view in views):
         raise RequestError(f"--images {options.images}: only view sheet shows them")

@@ -246,7 +246,7 @@ def test_an_invalid_request_prints_one_line(tiny_store, tmp_path, s2r, monkeypat
         ("--out a.html --select all --heat nothing", "--heat"),
         ("--out a.html --select all --trajectory c", "--trajectory"),
         ("--out a.html --select all --with nobody", "--with"),
-        ("--out no/a.html --select none", "cannot be written"),
+        ("--out no/a.html --select none", "there is no folder"),
     ):
         lines = s2r("report", tiny_store, *words.split()).checked(2).err.splitlines()
         (error,) = (line for line in lines if line.startswith("s2r:"))

@@ -16,8 +16,8 @@ from bench.support.screen import ESCAPE, PATIENCE
 from s2rtui.canvas import Canvas, ColourMode, InlineImage, Pixels, Size
 from s2rtui.terminal.graphics.drawn_images import SixelImages
 from s2rtui.terminal.graphics.inline_images import ImageManager
-from s2rtui.terminal.graphics.png import MOST, png
 from s2rtui.terminal.graphics.protocols import Graphics, GraphicsProtocol
+from s2rtui.terminal.graphics.reduced_png import MOST, png
 from s2rtui.terminal.graphics.sixel import MOST_COLUMNS, PaletteImage, quantised, sixels
 from s2rtui.terminal.strips import to_strips
 from tests.support.pixel_screen import PixelScreen, decode_sixels

@@ -20,8 +20,13 @@ from s2rtui.terminal.graphics import choice
 from s2rtui.terminal.graphics.choice import choose_graphics, parse_answer
 from s2rtui.terminal.graphics.inline_images import ImageManager
 from s2rtui.terminal.graphics.kitty import MOST_IMAGES
-from s2rtui.terminal.graphics.png import MAX_BYTES, MAX_DRAWN_PIXELS, MAX_PIXELS, reduced_size
 from s2rtui.terminal.graphics.protocols import Graphics
+from s2rtui.terminal.graphics.reduced_png import (
+    MAX_BYTES,
+    MAX_DRAWN_PIXELS,
+    MAX_PIXELS,
+    reduced_size,
+)
 from s2rtui.terminal.strips import to_strips
 from tests.support.kitty import (
     ANSWER,

@@ -7,12 +7,10 @@
 from __future__ import annotations
 
 import argparse
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import s2rstore
-from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rstore.records import Run
 from s2rstore.suggestions import AIMS, SuggestReport
@@ -57,12 +55,7 @@ def _check_figure(path: Path) -> None:
     from s2rtui.export.figures import format_of
 
     format_of(path, "--figure")
-    folder = path.resolve().parent
-    if path.is_dir() or not folder.is_dir():
-        reason = "is a folder" if path.is_dir() else f"there is no folder {folder}"
-        raise RequestError(f"--figure {path}: {reason}")
-    if not os.access(path if path.exists() else folder, os.W_OK):
-        raise RequestError(f"--figure {path}: cannot be written")
+    output.check_file(path, "--figure")
 
 
 def _write_figure(report: SuggestReport, run: Run, options: argparse.Namespace) -> None:

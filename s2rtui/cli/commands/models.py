@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -91,6 +92,8 @@ def _models(options: argparse.Namespace) -> int:
         )
     else:
         output.write(_NAMES, [_row(model, runs[model.model]) for model in models], options)
+    if not models:
+        print("no model; add one with `s2r model add` or `s2r train`", file=sys.stderr)
     return 0
 
 

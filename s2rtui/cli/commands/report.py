@@ -42,12 +42,14 @@ def execute(options: argparse.Namespace) -> int:
 
     if options.out.suffix != ".html":
         raise RequestError(f"--out {options.out}: must end in .html")
+    output.check_file(options.out, "--out")
+    runs = tuple(dict.fromkeys(options.run))
     with s2rstore.open(options.store) as store:
         notes = ReadNotebook(store.identity, parts=store.parts).notes
         print_coverage(store, options.run or store.runs)
     request = ReportRequest(
         selections(notes, tuple(options.select), options.saved),
-        runs=tuple(options.run),
+        runs=runs,
         trajectories=tuple(options.trajectory) if options.trajectory else None,
         other=options.other,
         with_trained=options.with_trained,

@@ -16,7 +16,7 @@ import numpy as np
 
 from s2rtui.canvas import InlineImage, Size
 from s2rtui.terminal.graphics.image_strips import ImageSpan, uncovered
-from s2rtui.terminal.graphics.png import png_within_limit, reduced_size
+from s2rtui.terminal.graphics.reduced_png import png_within_limit, reduced_size
 from s2rtui.terminal.graphics.sixel import BAND, MOST_COLUMNS, quantised, sixels
 
 MOST_CELLS = 1 << 16

@@ -14,7 +14,7 @@ from secrets import choice
 
 from s2rtui.canvas import InlineImage, Size
 from s2rtui.terminal.graphics.image_strips import ImageSpan, uncovered
-from s2rtui.terminal.graphics.png import png_within_limit, reduced_size
+from s2rtui.terminal.graphics.reduced_png import png_within_limit, reduced_size
 
 PLACEHOLDER = "\U0010eeee"
 CHUNK = 4096

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from dataclasses import field as attribute
 from typing import Literal
@@ -35,6 +35,17 @@ class Ids:
     """`ids(3, 7..12)`: closed ranges of instances."""
 
     ranges: tuple[tuple[int, int], ...]
+
+    @classmethod
+    def of(cls, iids: Iterable[int]) -> Ids:
+        """The instances with these numbers, in ascending order; neighbours become a range."""
+        ranges: list[tuple[int, int]] = []
+        for iid in sorted(map(int, iids)):
+            if ranges and iid <= ranges[-1][1] + 1:
+                ranges[-1] = ranges[-1][0], iid
+            else:
+                ranges.append((iid, iid))
+        return cls(tuple(ranges))
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,8 @@ from s2rstore.image_faults import (
 )
 from s2rstore.index import schema
 from s2rstore.index.transaction import edit
+from s2rstore.language.canonical_text import to_text
+from s2rstore.language.syntax_tree import Ids
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, SPLITS, TRAINING_SPLITS
 from s2rtools.common.command_line.progress import Reporter
@@ -131,9 +133,7 @@ class Fault:
     @property
     def expression(self) -> str:
         """The expression that selects the instances: `ids(3, 7..12)`."""
-        runs = np.split(self.iids, np.flatnonzero(np.diff(self.iids) > 1) + 1)
-        ranges = (f"{run[0]}" if run.size == 1 else f"{run[0]}..{run[-1]}" for run in runs)
-        return f"ids({', '.join(ranges)})"
+        return to_text(Ids.of(self.iids))
 
     def as_json(self) -> dict[str, Any]:
         """The fault as JSON data."""

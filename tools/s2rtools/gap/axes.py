@@ -83,7 +83,7 @@ _RECORDS = (
             "horizons": "0.5,1,2 (s)",
             "nrmse": "travel|extent|deviation",
             "align": "rigid+reflection+scale for APE and RPE",
-            "rpe": "1s or poses",
+            "rpe": "1s or 25 (poses)",
             "noise": "0.002,0.003 (m, rad) of the real poses",
             "reach": "1 (s), the longest delay that is searched",
         },
