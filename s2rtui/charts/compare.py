@@ -140,17 +140,21 @@ def compare_drawing(
     upper = max(value_range(errors, data.valid)[1] for errors in (data.first, data.second))
     chosen, ground = (data.selected, data.valid), _ground(data)
     plots: list[Plot] = []
-    for name, errors in ((first, data.first), (second, data.second)):
-        signs = Signs(*data.truth, *chosen, values=errors, scale=(0.0, upper), trained=data.trained)
-        title = Phrase(name, "text"), *_median(errors, data)
-        plots.append(map_plot((*ground, signs, *_cursor(data)), area, data.y_down, "", title))
     whole = data.changes.whole
-    texts = (
+    for name, errors, median in ((first, data.first, whole.first),
+                                 (second, data.second, whole.second)):  # fmt: skip
+        signs = Signs(*data.truth, *chosen, values=errors, scale=(0.0, upper), trained=data.trained)
+        texts = [Phrase(name, "text")]
+        if math.isfinite(median):
+            texts.append(Phrase(f"median {short_number(median)} {data.unit}"))
+        marks = (*ground, signs, *_cursor(data))
+        plots.append(map_plot(marks, area, data.y_down, "", tuple(texts)))
+    counts = (
         f"{whole.better} better in {second}",
         f"{whole.equal} within {short_number(data.equal)}{NO_BREAK}{data.unit}",
         f"{whole.worse} better in {first}",
     )
-    changes = Changes(*data.truth, *chosen, data.differences, data.equal, data.scale, texts,
+    changes = Changes(*data.truth, *chosen, data.differences, data.equal, data.scale, counts,
                       data.trained)  # fmt: skip
     title = (Phrase(f"{second} - {first}", "text", short="B - A"),)
     marks = (*ground, changes, *_cursor(data))
@@ -170,14 +174,6 @@ def _ground(data: CompareInput) -> tuple[Mark, ...]:
 def _cursor(data: CompareInput) -> Iterator[Mark]:
     cursor = valid_cursor(data.cursor, data.valid)
     yield Poses(place_of(data.truth, data.headings, cursor), "cursor", "cursor")
-
-
-def _median(errors: Floats, data: CompareInput) -> Iterator[Phrase]:
-    """The median error of the selected, as `median 3.1 m`."""
-    known = errors[_members(data.selected, data.valid)]
-    known = known[np.isfinite(known)]
-    if known.size:
-        yield Phrase(f"median {short_number(float(np.median(known)))} {data.unit}")
 
 
 def _table(data: CompareInput) -> TableSpec | None:
