@@ -92,8 +92,10 @@ def autocorrelation(values: Floats, codes: NDArray[np.intp]) -> float:
     power = float(deviations @ deviations) / values.size
     if power == 0:
         return 0.0
-    products = (deviations[1:] * deviations[:-1])[codes[1:] == codes[:-1]]
-    measured = float(products.mean()) / power if products.size else 0.0
+    ends = np.flatnonzero(codes[1:] != codes[:-1])
+    inside = values.size - 1 - ends.size
+    products = deviations[1:] @ deviations[:-1] - deviations[ends + 1] @ deviations[ends]
+    measured = float(products) / inside / power if inside else 0.0
     corrected = measured + (1 + 4 * max(measured, 0.0)) / values.size
     return float(np.clip(corrected, 0.0, _MAX_RHO))
 
