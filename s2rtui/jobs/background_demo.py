@@ -18,6 +18,12 @@ LOG = "demo.log"
 _NICE = 10
 PAUSE = 0.5
 """Seconds between two looks at what is published."""
+_CHILD = """import sys
+from s2rtools.common.parent_process import end_with_parent
+end_with_parent(parent=int(sys.argv.pop(1)))
+from s2rtui.cli import main
+sys.exit(main())
+"""
 
 
 class BackgroundDemo:
@@ -73,13 +79,17 @@ class BackgroundDemo:
 
 
 class ChildCommand:
-    """A command of `s2r` in a process of its own; its output is shown when it has ended."""
+    """A command of `s2r` in a process that ends with this one.
+
+    Its output is shown when it has ended.
+    """
 
     def __init__(self, arguments: Sequence[str]) -> None:
-        self._output = tempfile.TemporaryFile()  # noqa: SIM115 (closed by `wait`)
+        self._name = f"s2r {arguments[0]}"
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115 (closed by `stop`)
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "s2rtui", *arguments], stdin=subprocess.DEVNULL,
-            stdout=self._output, stderr=self._output,
+            [sys.executable, "-P", "-c", _CHILD, str(os.getpid()), *arguments],
+            stdin=subprocess.DEVNULL, stdout=self._output, stderr=self._output,
         )  # fmt: skip
 
     def wait(self) -> int:
@@ -87,17 +97,21 @@ class ChildCommand:
         code = self._process.wait()
         self._output.seek(0)
         sys.stderr.write(self._output.read().decode(errors="replace"))
-        self._output.close()
+        if code < 0:
+            name = signal.Signals(-code).name
+            print(f"s2r: {self._name} was ended by signal {name}", file=sys.stderr)
+            return os.EX_SOFTWARE
         return code
 
     def stop(self) -> None:
-        """End it, if it still runs."""
+        """End it, if it still runs, and drop its output."""
         self._process.terminate()
         self._process.wait()
+        self._output.close()
 
 
 def start_compiling() -> None:
-    """Let another process compile what heatmaps and projections need, before they do."""
+    """Let another process compile what projections and the comparison of light need."""
     command = [sys.executable, "-P", "-m", "s2rtools.precompute.compile_ahead"]
     subprocess.Popen(
         ["nice", *command] if shutil.which("nice") else command, stdin=subprocess.DEVNULL,

@@ -14,6 +14,7 @@ from s2rtools.synthetic_world.dataset import WorldData
 from s2rtools.synthetic_world.factors import FACTORS
 from s2rtui.cli import main
 from s2rtui.cli.commands import demo
+from s2rtui.jobs.background_demo import ChildCommand
 from tests.support.copies import copy_store
 
 DEMO_ARGUMENTS = ["demo", "--no-open", "--instances", "4", "--out"]
@@ -74,6 +75,20 @@ def test_stages_are_run_until_the_store_is_complete(demo_folder, capsys, monkeyp
     del commands[:]
     assert main([*DEMO_ARGUMENTS, str(demo_folder)]) == 0
     assert commands == ["model", "suggest"]
+
+
+def test_the_output_and_the_end_of_a_child_command_are_shown(tiny_store, tmp_path, capsys):
+    child = ChildCommand(["runs", str(tiny_store)])
+    assert child.wait() == 0
+    assert "vanilla" in capsys.readouterr().err
+    child.stop()
+    child = ChildCommand(["runs", str(tmp_path / "none.s2r")])
+    assert child.wait() == 2
+    child.stop()
+    child = ChildCommand(["runs", str(tiny_store)])
+    child._process.kill()
+    assert child.wait() == 70
+    assert "s2r runs was ended by signal SIGKILL" in capsys.readouterr().err
 
 
 def test_different_world_options_need_another_folder(demo_folder, s2r):

@@ -56,7 +56,7 @@ class _Stage:
 
     @property
     def label(self) -> str:
-        return " ".join(self.arguments[:3])
+        return " ".join(self.arguments[:2])
 
     def failure(self, code: int) -> int:
         """An exit code; 0 if it is no failure."""
@@ -138,13 +138,15 @@ def _run_all(stages: Iterator[_Stage], store: Path, timings: list[tuple[str, flo
     shown: list[str] = []
     children: list[tuple[_Stage, ChildCommand]] = []
     with ExitStack() as exits:
-        exits.callback(compute_progress.remove, store)
         for stage in stages:
             began = time.monotonic()
             if stage.arguments[0] in _SHOWN:
+                if not shown:
+                    exits.callback(compute_progress.remove, store)
                 shown.append(_SHOWN[stage.arguments[0]])
                 compute_progress.write(store, ", ".join(shown), 0, 0, None)
             if stage.is_parallel:
+                print(stage.command_line, file=sys.stderr)
                 children.append((stage, ChildCommand(stage.arguments)))
                 exits.callback(children[-1][1].stop)
                 continue
@@ -153,7 +155,6 @@ def _run_all(stages: Iterator[_Stage], store: Path, timings: list[tuple[str, flo
             timings.append((stage.label, time.monotonic() - began))
         for stage, child in children:
             began = time.monotonic()
-            print(stage.command_line, file=sys.stderr)
             if code := stage.failure(child.wait()):
                 return code
             timings.append((f"rest of {stage.label}", time.monotonic() - began))

@@ -15,6 +15,7 @@ from s2rstore.reader import Store
 from s2rstore.records import Run
 from s2rstore.suggestions import AIMS, SuggestReport
 from s2rtools.common.command_line import output, store_argument
+from s2rtools.common.result_files import check_writable
 from s2rtools.data_collection import command as collecting
 from s2rtools.suggestions import command as suggesting
 from s2rtools.translator_evaluation import command as translating
@@ -55,7 +56,7 @@ def _check_figure(path: Path) -> None:
     from s2rtui.export.figures import format_of
 
     format_of(path, "--figure")
-    output.check_file(path, "--figure")
+    check_writable({"--figure": path})
 
 
 def _write_figure(report: SuggestReport, run: Run, options: argparse.Namespace) -> None:

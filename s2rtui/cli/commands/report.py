@@ -10,6 +10,7 @@ from s2rstore.errors import RequestError
 from s2rtools.common.command_line import output, store_argument
 from s2rtools.common.command_line.output import print_coverage
 from s2rtools.common.command_line.progress import reporter
+from s2rtools.common.result_files import check_writable
 from s2rtui.cli import display_arguments, scene_arguments
 from s2rtui.cli.display_arguments import add_theme
 
@@ -42,11 +43,11 @@ def execute(options: argparse.Namespace) -> int:
 
     if options.out.suffix != ".html":
         raise RequestError(f"--out {options.out}: must end in .html")
-    output.check_file(options.out, "--out")
+    check_writable({"--out": options.out}, devices=True)
     runs = tuple(dict.fromkeys(options.run))
     with s2rstore.open(options.store) as store:
         notes = ReadNotebook(store.identity, parts=store.parts).notes
-        print_coverage(store, options.run or store.runs)
+        print_coverage(store, runs or store.runs)
     request = ReportRequest(
         selections(notes, tuple(options.select), options.saved),
         runs=runs,

@@ -94,8 +94,8 @@ def autocorrelation(values: Floats, codes: NDArray[np.intp]) -> float:
         return 0.0
     ends = np.flatnonzero(codes[1:] != codes[:-1])
     inside = values.size - 1 - ends.size
-    products = deviations[1:] @ deviations[:-1] - deviations[ends + 1] @ deviations[ends]
-    measured = float(products) / inside / power if inside else 0.0
+    product = deviations[1:] @ deviations[:-1] - deviations[ends + 1] @ deviations[ends]
+    measured = float(product) / inside / power if inside else 0.0
     corrected = measured + (1 + 4 * max(measured, 0.0)) / values.size
     return float(np.clip(corrected, 0.0, _MAX_RHO))
 

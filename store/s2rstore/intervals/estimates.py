@@ -231,8 +231,7 @@ def ranked_quantile(
     """
     codes, n = trajectory_codes(trajectories, values.size), values.size
     below = (values <= value).astype(np.float64)
-    median = value if q == 0.5 else None
-    rho = indicator_autocorrelation(_latent_autocorrelation(values, codes, median))
+    rho = indicator_autocorrelation(_latent_autocorrelation(values, codes))
     parts = spreads(below, codes, rho)
     half = max(part.half_width(level) for part in parts)
     low, high = int(np.floor((q - half) * n + 1e-9)), int(np.ceil((q + half) * n - 1e-9)) + 1
@@ -333,16 +332,11 @@ def _known(values: Floats, trajectories: Codes | None) -> tuple[Floats, NDArray[
     return values[keep], trajectory_codes(kept, int(keep.sum()))
 
 
-def _latent_autocorrelation(
-    values: Floats, codes: NDArray[np.intp], median: float | None = None
-) -> float:
-    """Autocorrelation of the normal scores; of many values, from their halves above the `median`.
-
-    The median is computed where it is not given.
-    """
+def _latent_autocorrelation(values: Floats, codes: NDArray[np.intp]) -> float:
+    """Autocorrelation of the normal scores; of many values, from their halves above the median."""
     if values.size <= _MOST_RANKED:
         return autocorrelation(normal_scores(values), codes)
-    above = (values > (np.median(values) if median is None else median)).astype(np.float64)
+    above = (values > np.median(values)).astype(np.float64)
     return float(np.sin(np.pi / 2 * autocorrelation(above, codes)))
 
 

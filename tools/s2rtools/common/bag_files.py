@@ -60,22 +60,17 @@ def unreadable(path: Path, error: Exception, memory: int = READING_MEMORY) -> Re
     """The error for a bag in which the reader failed with `memory` bytes as its limit."""
     text = " ".join(str(error).split())
     if isinstance(error, MemoryError):
-        if _size(path) > memory:
-            return RequestError(f"{path}: reading it takes more than {memory >> 20} MB; split it")
-        reason = f"a record states more than {memory >> 20} MB, it is damaged; copy it again"
-    elif "not supported" in text:
+        return RequestError(
+            f"{path}: reading it takes more than {memory >> 20} MB; split it, or copy it again if "
+            "it is damaged"
+        )
+    if "not supported" in text:
         reason = f"{text.rstrip('.')}; record or convert it in another format"
     elif "index" in text.lower():
         reason = "its index is missing or damaged; copy it again, or reindex it"
     else:
         reason = "it is damaged, cut short or of another format; copy it again"
     return RequestError(f"{path}: cannot be read as a ROS bag: {reason}")
-
-
-def _size(path: Path) -> int:
-    """Bytes of a bag: a file, or all files in a folder."""
-    files = path.iterdir() if path.is_dir() else [path]
-    return sum(file.stat().st_size for file in files)
 
 
 def _check_tables(path: Path) -> None:

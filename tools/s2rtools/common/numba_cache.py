@@ -33,16 +33,17 @@ _FILES = (
 _LIBRARIES = ("numba", "umap-learn", "pynndescent")
 
 
+_DEFERRED = "pynndescent"
 _deferred: list[tuple[Any, list[Any]]] = []
+"""Functions of this package, and the types for which `compile_deferred` compiles each."""
 
 
 @contextmanager
-def cached(deferred: str) -> Iterator[None]:
+def cached() -> Iterator[None]:
     """Cache compiled functions on disk of the libraries that are imported in this context.
 
-    Functions of the package `deferred` that name their types are compiled by `compile_deferred`,
-    not during the import. Compiling umap-learn and pynndescent takes half a minute otherwise, in
-    each process.
+    Functions of pynndescent that name their types are compiled by `compile_deferred`, not during
+    the import. Compiling umap-learn and pynndescent takes half a minute otherwise, in each process.
     """
     plain = {name: getattr(numba, name) for name in ("jit", "njit")}
 
@@ -54,7 +55,8 @@ def cached(deferred: str) -> Iterator[None]:
                 return compiled
 
             def of_function(function: Callable[..., Any]) -> Any:
-                if function.__module__.partition(".")[0] != deferred:
+                is_deferred = function.__module__.partition(".")[0] == _DEFERRED
+                if not is_deferred or numba.config.DISABLE_JIT:
                     return compiled(function)
                 dispatcher = decorate(**options)(function)
                 types = args[0] if isinstance(args[0], list) else [args[0]]

@@ -11,23 +11,32 @@ from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes
 
 
-def check_writable(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path | None]) -> None:
+def check_writable(
+    outputs: Mapping[str, Path | None],
+    inputs: Mapping[str, Path | None] | None = None,
+    devices: bool = False,
+) -> None:
     """Check before a computation that its output files, by option, can be written.
 
-    Raises RequestError if one cannot be written, or is also another output or an input.
+    Raises RequestError if one cannot be written, or is also another output or an input; also for a
+    device or a pipe, unless the writer takes `devices`.
     """
-    used = {path.resolve(): option for option, path in inputs.items() if path is not None}
+    read = inputs or {}
+    used = {path.resolve(): option for option, path in read.items() if path is not None}
     for option, path in outputs.items():
         if path is None:
             continue
         if not path.name or path.is_dir():
             raise RequestError(f"{option} {path}: a folder; name a file")
         if path.exists() and not path.is_file():
+            if devices:
+                continue
             raise RequestError(f"{option} {path}: a device or a pipe; name a file")
-        if not path.parent.is_dir():
-            raise RequestError(f"{option} {path}: no such folder as {path.parent}; create it")
-        if not os.access(path.parent, os.W_OK | os.X_OK):
-            raise RequestError(f"{option} {path}: {path.parent} is not writable")
+        folder = path.resolve().parent
+        if not folder.is_dir():
+            raise RequestError(f"{option} {path}: there is no folder {folder}")
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise RequestError(f"{option} {path}: {folder} is not writable")
         other = used.setdefault(path.resolve(), option)
         if other != option:
             raise RequestError(f"{option} {path}: is the file of {other}, too; name another")

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import s2rstore
-from s2rstore.errors import RequestError
 from s2rstore.files.planned_poses import COLUMNS, SAMPLE_COLUMNS, STRATUM_COLUMNS, as_rows
 from s2rstore.security.printable_text import printable
 from s2rtools.common.command_line import output, store_argument
 from s2rtools.common.command_line.output import print_coverage
 from s2rtools.common.command_line.progress import add_progress, reporter
+from s2rtools.common.result_files import check_writable
 from s2rtools.simulated_frames.command import add_processes, add_values, refuse
 
 if TYPE_CHECKING:
@@ -76,9 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace, save: Callable[[Store, CollectionPlan, str], None]) -> int:
     """Run the command; `save` saves the selection of `--save`, whose name is checked already."""
-    folder = None if options.out is None else options.out.resolve().parent
-    if folder is not None and not folder.is_dir():
-        raise RequestError(f"--out {options.out}: there is no folder {folder}")
+    check_writable({"--out": options.out}, devices=True)
     if options.purpose == "evaluation":
         return _execute_sample(options)
     from s2rtools.data_collection.plan import CollectionRequest, plan_collection

@@ -1,6 +1,6 @@
 """`python -m s2rtools.precompute.compile_ahead`: compile functions into numba's cache.
 
-These are the functions of UMAP and of the comparison of light. It takes 15 s once; `s2r demo` lets
+These are functions of UMAP and of the comparison of light. It takes 15 s once; `s2r demo` lets
 another process do it while it renders the images.
 """
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
 import sys
 from collections.abc import Iterable, Sequence
 from decimal import Decimal
@@ -72,16 +71,6 @@ def write(
         sys.stdout.write(text)
         return
     write_file(options.out, text.encode(errors="backslashreplace"))
-
-
-def check_file(path: Path, option: str) -> None:
-    """Raise RequestError, before any work, for an output file that cannot be written."""
-    folder = path.resolve().parent
-    if path.is_dir() or not folder.is_dir():
-        reason = "is a folder" if path.is_dir() else f"there is no folder {folder}"
-        raise RequestError(f"{option} {path}: {reason}")
-    if not os.access(path if path.exists() else folder, os.W_OK):
-        raise RequestError(f"{option} {path}: cannot be written")
 
 
 def write_file(path: Path, content: bytes) -> None:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import ctypes
 import multiprocessing
 import os
 import signal
-import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -18,13 +16,13 @@ from threadpoolctl import threadpool_limits
 
 from s2rstore.errors import RequestError
 from s2rstore.security import working_folder
+from s2rtools.common.parent_process import end_with_parent
 from s2rtools.common.processors import available_memory, available_processors
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.inference.cuda_backend import CudaBackend
 from s2rtools.precompute.executors.executor import Task, by_threads, close, compute
 from s2rtools.precompute.unit_results import Receipt
 
-_PR_SET_PDEATHSIG = 1
 _PASSES_PER_WORKER = 256
 """Instances with one pass from which a further worker, which starts for some seconds, pays off."""
 _PASSES = {"forward": 1, "tens": 6, "hundreds": 12}
@@ -88,7 +86,9 @@ class WorkerPool:
             working_folder.distrust()
             start_resource_tracker()
             context = multiprocessing.get_context("spawn")
-            self._pool = ProcessPoolExecutor(workers, context, _end_with_parent)
+            self._pool = ProcessPoolExecutor(
+                workers, context, end_with_parent, (signal.SIGKILL, os.getpid())
+            )
             self._workers = workers
         return self._pool
 
@@ -254,11 +254,3 @@ def defer_interrupts() -> Iterator[None]:
             signal.signal(signal.SIGINT, handler)
     if received:
         raise KeyboardInterrupt
-
-
-def _end_with_parent() -> None:
-    """End this worker with its parent, so that none is left over that nobody waits for."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() == 1:
-            os._exit(1)

@@ -264,7 +264,7 @@ def _fit_points(
     from s2rtools.common.numba_cache import cached, compile_deferred
 
     with warnings.catch_warnings(action="ignore"):
-        with cached(deferred="pynndescent"):
+        with cached():
             import umap
         if len(points) >= _APPROXIMATED:
             compile_deferred()
