@@ -8,13 +8,14 @@ from numpy.typing import NDArray
 from s2rstore.language import fields
 from s2rstore.language.canonical_text import to_text
 from s2rstore.language.syntax_tree import Ids
+from s2rstore.lazy_sequence import LazySequence
 from s2rtui.canvas import BrushShape, PlotArea, Point
 from s2rtui.canvas.marks import mark_rows
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.list_columns import list_column, list_columns
 from s2rtui.charts.view import Pane, Table, View
 from s2rtui.drawing.drawing import Drawing
-from s2rtui.drawing.table import Cell, LazyRows, Row, TableSpec
+from s2rtui.drawing.table import Cell, Row, TableSpec
 from s2rtui.session import instance_list
 from s2rtui.session.session import Session
 
@@ -51,7 +52,7 @@ class ListView(View):
 
         brush = scene.mark(self.name)
         return Drawing(table=TableSpec(
-            tuple(column.shown for column in shown), LazyRows(iids.size, row), PANEL,
+            tuple(column.shown for column in shown), LazySequence(iids.size, row), PANEL,
             chosen=_place(iids, state.cursor), brushed=mark_rows(brush) if brush else None,
             descending=state.descending,
         ))  # fmt: skip

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import overload
 
 from rich.cells import cell_len
 
@@ -116,25 +115,6 @@ class Row:
     marked: bool = False
     name: str = ""
     sign: Sign | None = None
-
-
-class LazyRows(Sequence[Row]):
-    """`count` rows, each made when it is drawn."""
-
-    def __init__(self, count: int, make: Callable[[int], Row]) -> None:
-        self._count, self._make = count, make
-
-    def __len__(self) -> int:
-        return self._count
-
-    @overload
-    def __getitem__(self, index: int) -> Row: ...
-    @overload
-    def __getitem__(self, index: slice) -> Sequence[Row]: ...
-    def __getitem__(self, index: int | slice) -> Row | Sequence[Row]:
-        if isinstance(index, slice):
-            return [self._make(place) for place in range(*index.indices(self._count))]
-        return self._make(index)
 
 
 @dataclass(frozen=True, slots=True)

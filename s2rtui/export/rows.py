@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.image_faults import FAULTS
+from s2rstore.index import schema
 from s2rstore.index.population import SPLIT_SQL, Population
 from s2rstore.language import Query, evaluation, fields, to_text
 from s2rstore.metrics.pose_metrics import population_ranks
@@ -35,7 +36,6 @@ COLUMNS = (
 """Default columns, as SQL on `pair`."""
 TRUTH_COLUMNS = COLUMNS[:7]
 """Default columns where no run is computed."""
-OFFSET_COLUMNS = ("pair_offset_m", "pair_offset_deg")
 """Further default columns where some pairs are loose."""
 IMAGE_COLUMNS = ("iid", "trajectory", "seq", "timestamp_s")
 """Default columns in a data set without poses."""
@@ -70,7 +70,7 @@ def selected_rows(
     iids = np.flatnonzero(query.instances)
     default: tuple[str, ...] = COLUMNS if run != NO_RUN else TRUTH_COLUMNS
     default = default if store.has_poses else IMAGE_COLUMNS
-    default += OFFSET_COLUMNS if store.has_loose_pairs else ()
+    default += schema.PAIR_OFFSETS if store.has_loose_pairs else ()
     default += (SPLIT_COLUMN,) if population.with_trained and store.has_poses else ()
     if columns is None:
         rows = _rows_of(store, run, iids, default)

@@ -11,6 +11,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from threading import Condition, Event, Thread
 
+from s2rstore.errors import one_line
+
 Work = Callable[[], object]
 ReportError = Callable[[Exception], object]
 
@@ -115,7 +117,7 @@ class BackgroundJobs:
             except Exception as error:  # reported on the screen, whatever it is
                 if self._is_closed:
                     return
-                reason = " ".join(str(error).split())
+                reason = one_line(error)
                 self._report_failure(f"{missing} ({type(error).__name__}: {reason})")
             del self._unfinished[token]
 

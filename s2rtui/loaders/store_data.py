@@ -9,7 +9,6 @@ from io import BytesIO
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 import s2rstore
 from s2rstore.errors import RequestError
@@ -20,6 +19,7 @@ from s2rstore.gap_history import reader
 from s2rstore.index.population import Population
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN
+from s2rtools.common.blocks import evenly_spaced
 from s2rtui.canvas import Pixels
 from s2rtui.charts.overview import overview_rows, translator_rows
 from s2rtui.charts.scene import LoadedGroups, LoadedModel, RunAccuracies, model_source
@@ -175,7 +175,7 @@ def read_grid(store: Store, state: State, context: LoadContext) -> Fields:
     """The heat of the run, of the instance, or of at most `MAX_GATHERED` selected instances."""
     assert state.heat is not None
     grid, heat = None, (store, state.run, state.heat)
-    iids = evenly(np.flatnonzero(state.selected), heatmaps.MAX_GATHERED)
+    iids = evenly_spaced(np.flatnonzero(state.selected), heatmaps.MAX_GATHERED)
     if state.overlay == "run":
         grid = heatmaps.run_grid(*heat, state.aggregate)
     elif state.overlay == "instance" and state.cursor is not None:
@@ -187,16 +187,9 @@ def read_grid(store: Store, state: State, context: LoadContext) -> Fields:
 
 
 def read_seen(store: Store, state: State, context: LoadContext) -> Fields:
-    iids = evenly(np.flatnonzero(state.selected), heatmaps.MAX_GATHERED)
+    iids = evenly_spaced(np.flatnonzero(state.selected), heatmaps.MAX_GATHERED)
     seen = heatmaps.visible_floor(store, state.run, state.side, iids, context.report_progress)
     return {"seen_floor": seen, "seen_floor_source": visible_floor_key(state)}
-
-
-def evenly(iids: NDArray[np.intp], most: int) -> NDArray[np.intp]:
-    """At most `most` of the iids, evenly spaced."""
-    if iids.size <= most:
-        return iids
-    return iids[np.linspace(0, iids.size - 1, most).round().astype(np.intp)]
 
 
 def read_history(store: Store, state: State, context: LoadContext) -> Fields:

@@ -12,7 +12,7 @@ from s2rstore.language import Node, Query, evaluation, located, widening
 from s2rstore.metrics.top_k import first_largest, top_k
 from s2rstore.reader import Store
 from s2rtui.analysis.binning import selection_indices
-from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.session import saved_selection_diff
 from s2rtui.session.context import SessionContext
 from s2rtui.session.state import History, State, Target
@@ -119,7 +119,7 @@ def _cursor(
         return int(chosen.argmax())
     pool = selected if selected.any() else base
     errors = store.run_columns(state.run).real.error
-    worst = _worst_iids(ArrayKey(errors))
+    worst = _worst_iids(errors)
     inside = pool[worst]
     if inside.any():
         return int(worst[inside.argmax()])
@@ -130,10 +130,9 @@ def _cursor(
 
 
 @cached_by_identity(4)
-def _worst_iids(errors: ArrayKey) -> NDArray[np.intp]:
+def _worst_iids(errors: NDArray[np.floating]) -> NDArray[np.intp]:
     """The iids of the largest known errors in descending order, ties by iid."""
-    column = np.asarray(errors.array)
-    known = ~np.isnan(column)
-    count = min(_RANKED_ERRORS, column.size)
-    largest_first = np.flatnonzero(top_k(column, known, count, largest=True))
-    return largest_first[np.argsort(-column[largest_first], kind="stable")]
+    known = ~np.isnan(errors)
+    count = min(_RANKED_ERRORS, errors.size)
+    largest_first = np.flatnonzero(top_k(errors, known, count, largest=True))
+    return largest_first[np.argsort(-errors[largest_first], kind="stable")]

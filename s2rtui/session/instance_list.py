@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from s2rstore.language import fields
 from s2rstore.reader import Store
-from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.session.context import SessionContext
 from s2rtui.session.population_values import population_ranks
 from s2rtui.session.state import State
@@ -55,29 +55,29 @@ def stored_columns(store: Store) -> tuple[str, ...]:
 def order(store: Store, state: State, notes: Notes) -> NDArray[np.intp]:
     """The selected iids in the order of the list; ties by iid, missing values last."""
     if state.sort == REMARK:
-        return _remarked_first(
-            ArrayKey(notes.remark_ranks), ArrayKey(state.chosen), state.descending
-        )
+        return _remarked_first(notes.remark_ranks, state.chosen, state.descending)
     values = None if state.sort == "iid" else column(store, state, state.sort)
-    return _order(ArrayKey(values), ArrayKey(state.chosen), state.descending)
+    return _order(values, state.chosen, state.descending)
 
 
 @cached_by_identity(2)
-def _order(values: ArrayKey, selected: ArrayKey, descending: bool) -> NDArray[np.intp]:
-    chosen = np.asarray(selected.array)
+def _order(
+    values: NDArray[Any] | None, chosen: NDArray[np.bool_], descending: bool
+) -> NDArray[np.intp]:
     members = np.flatnonzero(chosen)
-    if values.array is None:
+    if values is None:
         return members[::-1] if descending else members
     if members.size * _SMALL_PART < chosen.size:
-        return members[_sorted(np.asarray(values.array)[members], descending)]
+        return members[_sorted(values[members], descending)]
     order = _whole_order(values, descending)
     return order[chosen[order]]
 
 
 @cached_by_identity(2)
-def _remarked_first(places: ArrayKey, selected: ArrayKey, descending: bool) -> NDArray[np.intp]:
-    chosen, known = np.asarray(selected.array), np.asarray(places.array)
-    known = known[known[:, 0] < chosen.size]
+def _remarked_first(
+    places: NDArray[Any], chosen: NDArray[np.bool_], descending: bool
+) -> NDArray[np.intp]:
+    known = places[places[:, 0] < chosen.size]
     known = known[chosen[known[:, 0]]]
     first = known[_sorted(known[:, 1], descending), 0]
     rest = chosen.copy()
@@ -86,8 +86,8 @@ def _remarked_first(places: ArrayKey, selected: ArrayKey, descending: bool) -> N
 
 
 @cached_by_identity(2)
-def _whole_order(values: ArrayKey, descending: bool) -> NDArray[np.intp]:
-    return _sorted(np.asarray(values.array), descending)
+def _whole_order(values: NDArray[Any], descending: bool) -> NDArray[np.intp]:
+    return _sorted(values, descending)
 
 
 def _sorted(values: NDArray[Any], descending: bool) -> NDArray[np.intp]:

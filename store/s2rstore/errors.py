@@ -87,6 +87,11 @@ def first_line(error: BaseException) -> str:
     return next(iter(str(error).splitlines()), "") or type(error).__name__
 
 
+def one_line(error: BaseException) -> str:
+    """An error's message with its lines joined."""
+    return " ".join(str(error).split())
+
+
 def shortened(text: str, limit: int = _MAX_NAME) -> str:
     """A text for a message: at most `limit` characters."""
     return text if len(text) <= limit else f"{text[: limit - 3]}..."

@@ -10,6 +10,7 @@ from s2rstore.findings.groups import Group, GroupErrors
 from s2rstore.geometry.rooms import NO_ROOM
 from s2rstore.intervals import Interval
 from s2rstore.language.syntax_tree import Field, Named
+from s2rstore.lazy_sequence import LazySequence
 from s2rstore.records import Bounds, Room, Side
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, RenderOptions
@@ -33,7 +34,7 @@ from s2rtui.drawing.drawing_layout import drawing_layout
 from s2rtui.drawing.floor import plane_frame
 from s2rtui.drawing.plane_marks import Floor
 from s2rtui.drawing.row_lines import RowLines
-from s2rtui.drawing.table import Cell, Column, LazyRows, Row, TableSpec
+from s2rtui.drawing.table import Cell, Column, Row, TableSpec
 from tests.drawing import examples
 from tests.support import gaps
 from tests.support.suggestions import suggestions_input
@@ -307,7 +308,7 @@ def list_drawing(cursor: int | None = None) -> Drawing:
     order = np.random.default_rng(5).permutation(60).tolist()
     columns = (Column("iid", right=True, least=6), Column("error", right=True, sorts=True, least=8),
                Column("room", rank=1, least=10))  # fmt: skip
-    rows = LazyRows(60, lambda place: Row(tuple(
+    rows = LazySequence(60, lambda place: Row(tuple(
         Cell(text) for text in (str(order[place]), f"{order[place] / 7:.2f}", f"room {place}"))
     ))  # fmt: skip
     chosen = None if cursor is None else order.index(cursor)

@@ -9,12 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from s2rstore.lazy_sequence import LazySequence
 from s2rtui.canvas import DARK, LIGHT, Canvas, ColourMode, RenderOptions
 from s2rtui.drawing.cells import draw_cells, drawing_panels
 from s2rtui.drawing.drawing import Drawing
 from s2rtui.drawing.paper import draw_paper
 from s2rtui.drawing.scale import Scale
-from s2rtui.drawing.table import Bar, Cell, Column, Dot, LazyRows, Row, Span, TableSpec
+from s2rtui.drawing.table import Bar, Cell, Column, Dot, Row, Span, TableSpec
 from s2rtui.drawing.table_cells import draw_axis
 from s2rtui.drawing.table_layout import table_layout
 from s2rtui.drawing.table_paper import page_layout
@@ -46,7 +47,7 @@ def test_only_visible_rows_of_a_long_table_are_made():
         return Row((Cell(str(place)),))
 
     columns = (Column("n", least=24),)
-    table = TableSpec(columns, LazyRows(1_000_000, row), "rows", chosen=500_000)
+    table = TableSpec(columns, LazySequence(1_000_000, row), "rows", chosen=500_000)
     lines = draw_cells(Drawing(table=table), (30, 12)).lines()
     assert lines[0].split() == ["499996-500006/1000000"]
     assert set(made) == set(range(499_995, 500_006))

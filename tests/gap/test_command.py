@@ -156,7 +156,7 @@ def test_a_full_disk_keeps_the_previous_files(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "expected"),
     [("nowhere/f", "--out .*nowhere/f: there is no folder"), ("", "a folder; name a file"),
-     ("file/f", "no such folder"), ("ref.json", "is the file of --reference, too")],
+     ("file/f", "there is no folder"), ("ref.json", "is the file of --reference, too")],
 )  # fmt: skip
 def test_output_paths_are_checked_in_advance(tmp_path, name, expected):
     (tmp_path / "file").touch()

@@ -146,7 +146,16 @@ def test_points_outside_the_bounds_have_no_cell():
     grid = MapGrid(BOUNDS, 16)
     x = np.array([-6.0, 9.999, 10.0, -6.001, np.nan, np.inf, 0.0])
     y = np.array([-5.0, 6.999, 0.0, 0.0, 0.0, 0.0, np.nan])
-    assert grid.cell(x, y).tolist() == [0, grid.rows * grid.cols - 1, -1, -1, -1, -1, -1]
+    inside, cells = grid.locate(x, y)
+    assert np.where(inside, cells, -1).tolist() == [
+        0,
+        grid.rows * grid.cols - 1,
+        -1,
+        -1,
+        -1,
+        -1,
+        -1,
+    ]
 
 
 def test_grid_aggregates_equal_explicit_aggregation():

@@ -10,6 +10,7 @@ import numpy as np
 from s2rstore.arrays import array_writer
 from s2rstore.files import layout
 from s2rstore.files.ledger import Ledger
+from s2rstore.geometry import angles
 from s2rstore.geometry.rooms import room_codes
 from s2rstore.index import schema
 from s2rstore.index.schema import GAP_SHARES
@@ -142,7 +143,7 @@ def _run(
         angle = np.mod(heading + rng.normal(0, 0.2, n) + np.pi, 2 * np.pi) - np.pi
         error = np.sqrt((px - x) * (px - x) + (py - y) * (py - y))
         errors[side] = error
-        off = pose_metrics.heading_error(angle, heading)
+        off = angles.distance(angle, heading)
         learned = "train" if trained else "test"
         split = np.where(np.arange(n) % 5 < 4, learned, "test") if side == "sim" else "unseen"
         draft.insert(

@@ -9,12 +9,13 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from s2rstore.errors import RequestError
+from s2rtools.common.blocks import evenly_spaced
 from s2rtools.translation import apply_files, image_set
 from s2rtools.translation.apply_bag import BagRequest, apply_to_bag, translated_images
 from s2rtools.translation.apply_files import apply_to_files
 from s2rtools.translation.colour_maps import MklTranslator
 from s2rtools.translation.image_codec import decode_compressed
-from s2rtools.translation.image_set import evenly_spaced, from_folder, read_image
+from s2rtools.translation.image_set import from_folder, read_image
 from tests.support.image_bags import COMPRESSED, RAW, STRINGS, grey_images, write_image_bag
 from tests.support.refusals import refused
 from tests.support.silent_reporter import SilentReporter

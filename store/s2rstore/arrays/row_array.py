@@ -32,14 +32,6 @@ class RowArray(ABC):
     def rows(self, start: int, stop: int) -> NDArray[Any]:
         """Rows [start, stop), which lie within the array."""
 
-    @property
-    def ndim(self) -> int:
-        return len(self.shape)
-
-    @property
-    def nbytes(self) -> int:
-        return int(np.prod(self.shape)) * self.dtype.itemsize
-
     def __len__(self) -> int:
         return self.shape[0]
 

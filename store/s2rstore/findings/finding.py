@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from s2rstore.intervals import Interval
+from s2rstore.intervals.interval import finite
 from s2rstore.language import Node, to_text
 from s2rstore.security.printable_text import printable
 
@@ -127,4 +127,4 @@ def evidence_text(interval: Interval, comparisons: int, of: str) -> str:
 def _known(value: float | str) -> float | str | None:
     if isinstance(value, str):
         return printable(value)
-    return round(float(value), 6) if math.isfinite(value) else None
+    return finite(value)

@@ -49,7 +49,6 @@ class Group:
 class Groups:
     """Disjoint groups: `codes` (N,) index `groups`; -1 stands for none of them."""
 
-    grouping: str
     groups: tuple[Group, ...]
     codes: Codes
 
@@ -106,7 +105,7 @@ def groups_of(store: Store, grouping: str) -> Groups:
     for pair in present.tolist():
         a, b = first.groups[pair // len(second.groups)], second.groups[pair % len(second.groups)]
         groups.append(Group(f"{a.name}, {b.name}", And(a.node, b.node), (a.name, b.name)))
-    return Groups(grouping, tuple(groups), every)
+    return Groups(tuple(groups), every)
 
 
 def _single(store: Store, grouping: Grouping) -> Groups:
@@ -117,18 +116,16 @@ def _single(store: Store, grouping: Grouping) -> Groups:
         outside = Minus(everywhere, any_of(room.node for room in rooms)) if rooms else everywhere
         nowhere = Group(NO_ROOM, outside)
         codes = np.where(truth.room >= 0, truth.room, len(rooms))
-        return Groups(grouping, (*rooms, nowhere), codes)
+        return Groups((*rooms, nowhere), codes)
     if grouping == "heading":
-        return Groups(grouping, tuple(map(_sector, range(SECTORS))), _sector_codes(truth.heading))
+        return Groups(tuple(map(_sector, range(SECTORS))), _sector_codes(truth.heading))
     if grouping == "curvature":
         bend = np.abs(truth.curvature)
         codes = np.where(np.isnan(bend), -1, bend >= STRAIGHT_BELOW)
-        return Groups(
-            grouping, (Group("straight", Bend(True)), Group("curved", Bend(False))), codes
-        )
+        return Groups((Group("straight", Bend(True)), Group("curved", Bend(False))), codes)
     names = truth.trajectory_names
     trajectories = tuple(Group(name, Named(Field("traj"), name)) for name in names)
-    return Groups(grouping, trajectories, truth.trajectory)
+    return Groups(trajectories, truth.trajectory)
 
 
 def group_errors(

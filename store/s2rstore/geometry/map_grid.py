@@ -30,11 +30,6 @@ class MapGrid:
         self._totals = empty_totals(self.rows, self.cols)
         self._max, self._sum, self._count = self._totals.reshape(len(TOTALS), -1)
 
-    def cell(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Flat cell index of each point, -1 outside the bounds."""
-        inside, flat = self.locate(x, y)
-        return np.where(inside, flat, -1)
-
     def locate(
         self, x: NDArray[np.float64], y: NDArray[np.float64]
     ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:

@@ -14,7 +14,7 @@ import duckdb
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, one_line
 from s2rstore.files import atomic_writes, layout, locks, plain_paths, safe_files
 from s2rstore.index import locked_connection, pair_view, row_files, schema
 from s2rstore.index.file_tables import FileTables
@@ -161,7 +161,7 @@ def edit(root: Path, check: Check = lambda: None) -> Iterator[IndexTransaction]:
             _publish(root, finished, generation, dataset_hash, check_leases)
             draft.generation = generation
         except duckdb.IOException as error:
-            reason = " ".join(str(error).split())
+            reason = one_line(error)
             raise RequestError(f"{root}: the index cannot be written ({reason})") from error
         finally:
             connection.close()

@@ -178,9 +178,9 @@ class Interval:
         """
         sample = self.sample
         return {
-            "low": _finite(self.low), "value": _finite(self.value), "high": _finite(self.high),
+            **{name: finite(getattr(self, name), 9) for name in ("low", "value", "high")},
             "level": round(self.level, 6), "reason": self._null_reason,
-            "ends": None if self.ends is None else [_finite(end) for end in self.ends],
+            "ends": None if self.ends is None else [finite(end, 9) for end in self.ends],
             "n": None if sample is None else sample.n,
             "effective_n": None if sample is None else round(sample.effective_n, 1),
             "trajectories": None if sample is None else sample.trajectories,
@@ -251,8 +251,9 @@ def _opened(
     return low, value, high, level, reason
 
 
-def _finite(number: float) -> float | None:
-    return round(float(number), 9) if math.isfinite(number) else None
+def finite(number: float, digits: int = 6) -> float | None:
+    """A rounded number for JSON, which has no NaN and no infinity: None for these."""
+    return round(float(number), digits) if math.isfinite(number) else None
 
 
 def _number(value: Any) -> float:

@@ -40,8 +40,6 @@ class ChangeAlarm:
     outcome: Outcome
     n: int
     baseline: float
-    statistic: float
-    limit: float
     since: int | None = None
 
 
@@ -67,7 +65,7 @@ def change_alarm(
     level = float(first.mean()) if first.size else np.nan
     begin = int(finite[-1]) + 1 if finite.size == BASELINE else known.size
     if begin == known.size:
-        return ChangeAlarm("INCONCLUSIVE", known.size, level, 0.0, limit)
+        return ChangeAlarm("INCONCLUSIVE", known.size, level)
     spread = float(first.std(ddof=1))
     raised = level + spread / np.sqrt(BASELINE)
     spread = max(spread * _spread_factor(), _LEAST_SPREAD * change)
@@ -81,8 +79,8 @@ def change_alarm(
         grown = (1 + statistic) * np.exp(tuning * deviation - tuning**2 / 2)
         statistic = float(min(grown, _MOST * limit))
     if statistic > limit:
-        return ChangeAlarm("FAIL", known.size, level, statistic, limit, since)
-    return ChangeAlarm("PASS", known.size, level, statistic, limit)
+        return ChangeAlarm("FAIL", known.size, level, since)
+    return ChangeAlarm("PASS", known.size, level)
 
 
 def _spread_factor() -> float:

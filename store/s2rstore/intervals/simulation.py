@@ -34,7 +34,7 @@ from s2rstore.intervals.dependence import (
     spreads,
     trajectory_codes,
 )
-from s2rstore.intervals.interval import LEVEL, Interval, Sample
+from s2rstore.intervals.interval import LEVEL, Interval, Sample, finite
 
 MIN_PAIRS = 100
 """Fewest pairs of an interval with simulation: of fewer, the weight is not known well enough."""
@@ -107,8 +107,8 @@ class WithSimulation:
             "with_simulation": self.combined.as_json(),
             "exchange_rate": self.rate.as_json(),
             "correlation": self.correlation.as_json(),
-            "weight": _finite(self.weight),
-            "effective_images": _finite(self.effective_images),
+            "weight": finite(self.weight),
+            "effective_images": finite(self.effective_images),
             "pairs": self.n,
             "simulated": self.simulated,
         }
@@ -420,7 +420,3 @@ def _ranked(real: Floats, adjusted: _Adjusted, level: float) -> Interval:
         ends=(float(ordered[0]), float(ordered[-1])),
         sample=Sample(n, effective, int(adjusted.codes[-1]) + 1),
     )  # fmt: skip
-
-
-def _finite(number: float) -> float | None:
-    return round(float(number), 6) if math.isfinite(number) else None

@@ -7,7 +7,7 @@
 from s2rstore.errors import ExpressionError
 from s2rstore.language.canonical_text import located, quoted, to_text
 from s2rstore.language.completion import complete
-from s2rstore.language.name_resolution import Neighbours, Vocabulary, expand, used_runs
+from s2rstore.language.name_resolution import Neighbours, Vocabulary, expand
 from s2rstore.language.numpy_backend import MaskContext, base_population, mask
 from s2rstore.language.query import Query
 from s2rstore.language.sql_backend import SqlContext, to_sql
@@ -50,5 +50,4 @@ __all__ = [
     "quoted",
     "to_sql",
     "to_text",
-    "used_runs",
 ]

@@ -183,11 +183,6 @@ def _is_of_predictions(name: str) -> bool:
     return not (known.path == "iid" or known.path.startswith("instances.") or "split" in name)
 
 
-def used_runs(node: tree.Node) -> set[str]:
-    """The runs that an expanded expression names."""
-    return {run for leaf in tree.leaves(node) for run in _runs(leaf)}
-
-
 def _runs(leaf: tree.Node) -> set[str]:
     named = (
         [leaf.run]

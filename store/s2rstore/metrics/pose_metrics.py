@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.geometry import angles
 from s2rstore.index.columns import RunColumns
 from s2rstore.index.population import Population
 from s2rstore.records import Side
@@ -25,11 +24,6 @@ def pose_loss(
 ) -> NDArray[np.float64]:
     """(1 - g) error^2 + g heading_error with g = 0.3 (Sim2RealViz, eq. 1), m^2 and rad."""
     return (1 - LOSS_GAMMA) * error**2 + LOSS_GAMMA * heading_error
-
-
-def heading_error(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """|wrap(a - b)|, radians in [0, pi]."""
-    return angles.distance(a, b)
 
 
 def accuracy(error: NDArray[np.float64], scale: float) -> NDArray[np.float64]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from s2rstore.intervals import Interval
+from s2rstore.intervals.interval import finite
 from s2rstore.records import SIDES, Run, Side
 from s2rstore.run_inputs import chain_text
 from s2rstore.security.printable_text import printable
@@ -192,7 +193,7 @@ class SuggestReport:
         """Plain data with unknown numbers as None; `from_json` reads it."""
         return {
             "version": VERSION, "run": self.run, "for": self.side, "key": self.key,
-            "price": self.price, "seed": self.seed, "before": _number(self.before),
+            "price": self.price, "seed": self.seed, "before": finite(self.before),
             "unit": self.unit, "gap_m": self.gap.as_json(),
             "fitted_instances": self.fitted_instances,
             "judged_instances": self.judged_instances, "evaluations": self.evaluations,
@@ -200,13 +201,13 @@ class SuggestReport:
             "reason": self.reason,
             "answers": [_answer(answer) for answer in self.answers],
             "screening": [
-                {"adjustment": name, "value": value, "fitted_gain": _number(gain)}
+                {"adjustment": name, "value": value, "fitted_gain": finite(gain)}
                 for name, value, gain in self.screening
             ],
             "factors": [
                 {
                     "factor": each.factor, "values": each.values,
-                    "fitted_gain": _number(each.fitted), "gain": each.gain.as_json(),
+                    "fitted_gain": finite(each.fitted), "gain": each.gain.as_json(),
                 }
                 for each in self.factors
             ],
@@ -261,12 +262,12 @@ def _answer(answer: Answer) -> dict[str, Any]:
     if answer.agreement is not None:
         made = answer.agreement
         agreement = {
-            "sim_error_before_m": _number(made.sim_error_before),
-            "sim_error_m": _number(made.sim_error), "real_error_m": _number(made.real_error),
-            "shift_before_m": _number(made.shift_before), "shift_m": _number(made.shift),
+            "sim_error_before_m": finite(made.sim_error_before),
+            "sim_error_m": finite(made.sim_error), "real_error_m": finite(made.real_error),
+            "shift_before_m": finite(made.shift_before), "shift_m": finite(made.shift),
             "closer_m": made.closer.as_json(),
-            "correlation_before": _number(made.correlation_before),
-            "correlation": _number(made.correlation),
+            "correlation_before": finite(made.correlation_before),
+            "correlation": finite(made.correlation),
         }  # fmt: skip
     return {
         "changes": [
@@ -279,7 +280,7 @@ def _answer(answer: Answer) -> dict[str, Any]:
             for change in answer.changes
         ],
         "factor": answer.factor, "factors": list(answer.factors),
-        "fitted_gain": _number(answer.fitted),
+        "fitted_gain": finite(answer.fitted),
         "gain": answer.gain.as_json(), "evident": answer.evident,
         "chain": [dict(step) for step in answer.chain], "agreement": agreement,
     }  # fmt: skip
@@ -328,10 +329,6 @@ def _read_interval(data: dict[str, Any]) -> Interval:
 def _text(value: Any) -> str:
     """A text of the store without control characters."""
     return printable(str(value))
-
-
-def _number(value: float) -> float | None:
-    return round(float(value), 6) if math.isfinite(value) else None
 
 
 def _float(value: Any) -> float:

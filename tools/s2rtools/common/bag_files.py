@@ -7,9 +7,11 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
-from s2rstore.errors import RequestError, S2RError
+from s2rstore.errors import RequestError, S2RError, one_line
 from s2rstore.files.input_files import check_regular
 
+BAG_SUFFIXES = (".bag", ".mcap", ".db3")
+"""Of a bag in one file; one in a folder has a metadata.yaml."""
 READING_MEMORY = 384 << 20
 """Memory limit for reading a bag, in bytes; recorders write chunks of about a megabyte."""
 LARGEST_UNPACKED = 2 << 30
@@ -58,7 +60,7 @@ def refusing_damage(path: Path) -> Iterator[None]:
 
 def unreadable(path: Path, error: Exception, memory: int = READING_MEMORY) -> RequestError:
     """The error for a bag in which the reader failed with `memory` bytes as its limit."""
-    text = " ".join(str(error).split())
+    text = one_line(error)
     if isinstance(error, MemoryError):
         return RequestError(
             f"{path}: reading it takes more than {memory >> 20} MB; split it, or copy it again if "

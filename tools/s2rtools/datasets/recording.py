@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError, counted
+from s2rstore.lazy_sequence import chosen
 from s2rstore.records import Intrinsics
 from s2rtools.common.image_files import MAX_PIXELS
 from s2rtools.common.input_issue import InputIssue
-from s2rtools.common.lazy_sequence import chosen
 from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recordings.recorded_poses import orthonormal, report_unusable
 from s2rtools.datasets.scan import choose_trajectories

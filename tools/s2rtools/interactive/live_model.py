@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rstore.geometry import angles
 from s2rstore.geometry.floor_grid import FloorHeat
 from s2rstore.geometry.map_grid import MapGrid
 from s2rstore.lru_cache import LruCache
-from s2rstore.metrics import pose_metrics
 from s2rstore.reader import DEFAULT_MODES, Store
 from s2rstore.records import SIDES, Domain, Run, Side
 from s2rstore.run_inputs import run_domain, run_render_change
@@ -254,7 +254,7 @@ class LiveModel:
         live = LiveSide(
             domain, frames.rgb[0], metres.astype(np.float32), images["depth"][0], x, y, heading,
             math.hypot(x - pose[0, 0], y - pose[0, 1]),
-            float(pose_metrics.heading_error(np.array([heading]), pose[:, 2])[0]),
+            float(angles.distance(np.array([heading]), pose[:, 2])[0]),
             images["rgb"][0] if is_translated else None,
         )  # fmt: skip
         return live, batch

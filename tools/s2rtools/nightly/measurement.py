@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from s2rstore.errors import InconclusiveError, S2RError
+from s2rstore.errors import InconclusiveError, S2RError, one_line
 from s2rstore.intervals import Interval
 from s2rstore.reader import Store
 from s2rtools.gap.gate import gate
@@ -91,7 +91,7 @@ def failed_report(store: Store, config: NightlyConfig, inputs: Inputs, error: S2
     Too little evidence is INCONCLUSIVE; a request that does not fit the store is an ERROR.
     """
     request = config.request
-    run, reason = store.run(inputs.run), " ".join(str(error).split())
+    run, reason = store.run(inputs.run), one_line(error)
     outcome = "INCONCLUSIVE" if isinstance(error, InconclusiveError) else "ERROR"
     return {
         "refused": {"outcome": outcome, "reason": reason},

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.files.documents import parse_json
+from s2rstore.geometry import angles
 from s2rstore.index.schema import GAP_SHARES
 from s2rstore.metrics import pose_metrics
 from s2rstore.records import SPLITS
@@ -47,7 +48,7 @@ def prediction_columns(
     x, y, heading = poses.T
     dx, dy = x - truth[:n, 0], y - truth[:n, 1]
     error = np.sqrt(dx * dx + dy * dy)
-    heading_error = pose_metrics.heading_error(heading, truth[:n, 2])
+    heading_error = angles.distance(heading, truth[:n, 2])
     rank = pose_metrics.rank(np.where(ranked[:n], error, np.nan))
     stated = np.full(n, np.nan) if sigmas is None else np.where(known.ravel(), sigmas, np.nan)
     return {

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.lib import format as npy_format
 from numpy.typing import NDArray
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, one_line
 from s2rstore.files.input_files import check_regular
 from s2rstore.records import SIDES, Side
 from s2rtools.prediction_import.file_predictions import FilePredictions
@@ -121,7 +121,7 @@ def open_embeddings(path: Path) -> Values:
     try:
         values = npy_format.open_memmap(path, mode="r")
     except (ValueError, OSError, EOFError) as error:
-        reason = " ".join(str(error).split())
+        reason = one_line(error)
         raise RequestError(f"{path}: not a .npy file of numbers ({reason})") from error
     if values.dtype.name not in _STORED or values.ndim != 2:
         raise RequestError(

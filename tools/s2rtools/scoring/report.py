@@ -7,7 +7,6 @@ stored in the provenance.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import check_writable, edit
 from s2rstore.intervals import Interval
+from s2rstore.intervals.interval import finite
 from s2rstore.reader import Store
 from s2rtools.common.command_line.progress import Reporter
 from s2rtools.scoring import harm_report, heatmap_metrics
@@ -160,5 +160,5 @@ def json_row(row: Any) -> dict[str, Any]:
             values[field.name] = value
     for name, value in values.items():
         if isinstance(value, float):
-            values[name] = round(value, 6) if math.isfinite(value) else None
+            values[name] = finite(value)
     return values

@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import s2rstore
+from s2rstore.lazy_sequence import LazySequence
 from s2rstore.records import Domain
-from s2rtools.common.lazy_sequence import LazySequence
 from s2rtools.datasets.command import append_scan, print_issues
 from s2rtools.datasets.floor.floor_poses import FloorOptions
 from s2rtools.datasets.layouts import read

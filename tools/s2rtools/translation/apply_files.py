@@ -9,6 +9,7 @@ import cv2
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import read_bytes
+from s2rtools.common.bag_files import BAG_SUFFIXES
 from s2rtools.common.command_line.progress import Reporter
 from s2rtools.common.image_files import SUFFIXES
 from s2rtools.common.video_files import CODECS, Video, VideoWriter
@@ -22,7 +23,6 @@ from s2rtools.translation.image_set import (
 from s2rtools.translation.method import Translator, translate_image
 
 VIDEO_SUFFIXES = (*CODECS, ".webm", ".mpg", ".mpeg", ".m4v")
-BAG_SUFFIXES = (".bag", ".mcap", ".db3")
 _KEPT_SUFFIXES = {".jpg": "jpeg", ".jpeg": "jpeg", ".png": "png"}
 _JPEG_QUALITY = 95
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import read_bytes
 from s2rstore.reader import Store
+from s2rtools.common.blocks import evenly_spaced
 from s2rtools.common.image_files import SUFFIXES, declared_size
 
 Rgb = NDArray[np.uint8]
@@ -119,13 +120,6 @@ def image_files(folder: Path) -> list[Path]:
     if not files:
         raise RequestError(f"{folder}: no image files ({', '.join(SUFFIXES)})")
     return files
-
-
-def evenly_spaced(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
-    """At most `most` of the rows in order, the first and the last among them."""
-    if len(rows) <= most:
-        return rows
-    return rows[np.linspace(0, len(rows) - 1, most).round().astype(np.intp)]
 
 
 def read_image(path: Path) -> Rgb:

@@ -20,6 +20,7 @@ from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import check_writable, edit
 from s2rstore.reader import Store
 from s2rstore.records import DIRECTIONS, SIDES, Direction
+from s2rtools.common.blocks import evenly_spaced
 from s2rtools.models.model_registration import check_name_free
 from s2rtools.precompute.prediction_rows import decode_split, encode_split
 from s2rtools.precompute.run_registration import find_domain
@@ -27,7 +28,6 @@ from s2rtools.translation import METHODS, fit_split
 from s2rtools.translation.depth_noise import DepthNoise, measure
 from s2rtools.translation.image_set import (
     ImageSet,
-    evenly_spaced,
     fit_size,
     from_folder,
     from_store,

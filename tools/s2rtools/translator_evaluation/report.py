@@ -20,6 +20,7 @@ from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
 from s2rstore.records import Run
+from s2rtools.common.blocks import evenly_spaced
 from s2rtools.gap.report import plain
 from s2rtools.inference import Backend
 from s2rtools.models.load_model import load_model
@@ -27,7 +28,6 @@ from s2rtools.translation import fit_split
 from s2rtools.translation.image_set import (
     ImageSet,
     Rgb,
-    evenly_spaced,
     from_folder,
     read_image,
 )

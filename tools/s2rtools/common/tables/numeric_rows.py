@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError, counted
 from s2rstore.files.input_files import read_text
+from s2rstore.lazy_sequence import RowFile
 from s2rtools.common.input_issue import InputIssue
-from s2rtools.common.lazy_sequence import RowFile
 from s2rtools.common.tables.text_lines import read_lines
 
 POSE_COLUMNS = ("time", "tx", "ty", "tz", "qx", "qy", "qz", "qw")

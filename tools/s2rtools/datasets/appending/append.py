@@ -22,10 +22,10 @@ from s2rstore.files.ingest_folder import append_staging_folder, append_staging_f
 from s2rstore.files.ledger import Ledger, LedgerEntry
 from s2rstore.index import locked_connection, schema
 from s2rstore.index.transaction import IndexTransaction, check_writable, edit
+from s2rstore.lazy_sequence import LazySequence
 from s2rstore.maintenance.prune import frame_folders
 from s2rstore.reader import Store
 from s2rstore.records import Part, TrajectoryPart
-from s2rtools.common.lazy_sequence import LazySequence
 from s2rtools.datasets.appending.instance_agreement import Additions, additions, stored_depth_types
 from s2rtools.datasets.appending.new_domains import (
     DomainFrames,

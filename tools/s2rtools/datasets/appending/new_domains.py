@@ -11,10 +11,10 @@ from s2rstore.arrays import stored_array
 from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.index.transaction import IndexTransaction
+from s2rstore.lazy_sequence import LazySequence
 from s2rstore.reader import Store
 from s2rstore.records import Domain, TrajectoryPart
 from s2rtools.common.input_issue import InputIssue
-from s2rtools.common.lazy_sequence import LazySequence
 from s2rtools.datasets.appending.instance_agreement import stored_depth_types
 from s2rtools.datasets.scan import InstanceRecord, Scan, StoredTrajectory
 from s2rtools.datasets.writing.frame_writing import FramePlace, ReportProgress, write_trajectory

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
+from s2rstore.lazy_sequence import LazySequence
 from s2rtools.common.bag_messages import BagMessages, stamp_of
-from s2rtools.common.lazy_sequence import LazySequence
 from s2rtools.datasets.bags.camera_info import camera_of
 from s2rtools.datasets.bags.camera_poses import CameraPoses
 from s2rtools.datasets.bags.image_messages import ImageIndex

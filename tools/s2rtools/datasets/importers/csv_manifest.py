@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
+from s2rstore.lazy_sequence import LazySequence, RowFile
 from s2rstore.records import Side
 from s2rtools.common.input_issue import InputIssue
-from s2rtools.common.lazy_sequence import LazySequence, RowFile
 from s2rtools.common.tables.csv_rows import missing_column, parse_float, read_rows
 from s2rtools.datasets.dataset_config import DatasetConfig, Size
 from s2rtools.datasets.files.path_containment import PathContainment

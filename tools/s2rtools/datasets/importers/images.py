@@ -18,10 +18,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from s2rstore.errors import RequestError
+from s2rstore.lazy_sequence import LazySequence, RowFile
 from s2rstore.records import Side
 from s2rtools.common.image_files import MAX_PIXELS, SUFFIXES
 from s2rtools.common.input_issue import InputIssue
-from s2rtools.common.lazy_sequence import LazySequence, RowFile
 from s2rtools.common.tables.csv_rows import read_rows
 from s2rtools.datasets.files.image_decoding import declared_size
 from s2rtools.datasets.files.path_containment import PathContainment

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from s2rstore.errors import RequestError
+from s2rstore.lazy_sequence import LazySequence
 from s2rstore.records import SIDES, Bounds, Domain, Room, Side
-from s2rtools.common.lazy_sequence import LazySequence
 from s2rtools.datasets.scan import DecodedFrame, InstanceRecord, Scan, ScanOptions
 from s2rtools.synthetic_world.dataset import PROVENANCE_SECTION, WorldData, WorldRecipe
 from s2rtools.synthetic_world.floor_plan import BUILDING_SIZE

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rtools.common.bag_files import refusing_damage
+from s2rtools.common.bag_files import BAG_SUFFIXES, refusing_damage
 from s2rtools.datasets.bags.bag_part import SCALE, TOLERANCE, BagPart
 from s2rtools.datasets.bags.camera_poses import FORWARD, MAX_GAP, OPTICAL
 from s2rtools.datasets.recording import (
@@ -26,7 +26,6 @@ from s2rtools.datasets.recording import (
 from s2rtools.datasets.recordings.stated_cameras import CAMERA_OPTION
 from s2rtools.datasets.scan import choose_trajectories
 
-_SUFFIXES = (".bag", ".mcap", ".db3")
 _LEVEL_WORLDS = ("map", "odom", "world")
 _FIXED_WORLDS = ("map", "world")
 """Frames whose axes do not depend on where a recording starts."""
@@ -68,7 +67,7 @@ def _bags(path: Path) -> dict[str, Path]:
     found = list(_bags_in(existing_folder(path)))
     bags = {trajectory_name(_stem(each)): each for each in found}
     if not bags:
-        raise RequestError(f"{path}: no bag in it ({', '.join(_SUFFIXES)} or metadata.yaml)")
+        raise RequestError(f"{path}: no bag in it ({', '.join(BAG_SUFFIXES)} or metadata.yaml)")
     if len(bags) < len(found):
         raise RequestError(f"{path}: two bags would be trajectories of one name; rename one")
     return bags
@@ -80,7 +79,7 @@ def _stem(path: Path) -> str:
 
 def _bags_in(folder: Path) -> Iterator[Path]:
     for path in sorted(folder.iterdir()):
-        if path.suffix.lower() in _SUFFIXES or (path / "metadata.yaml").is_file():
+        if path.suffix.lower() in BAG_SUFFIXES or (path / "metadata.yaml").is_file():
             yield path
 
 

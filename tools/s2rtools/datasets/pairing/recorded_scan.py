@@ -18,8 +18,8 @@ from s2rstore.errors import RequestError
 from s2rstore.files.documents import read_document
 from s2rstore.files.layout import checked_name
 from s2rstore.geometry import angles
+from s2rstore.lazy_sequence import LazySequence
 from s2rstore.records import Bounds, Domain, Intrinsics, Side
-from s2rtools.common.lazy_sequence import LazySequence
 from s2rtools.datasets.dataset_config import DatasetConfig
 from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.floor.floor_poses import (

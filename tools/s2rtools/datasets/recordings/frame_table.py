@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rtools.common.lazy_sequence import LazySequence, RowFile, chosen
+from s2rstore.lazy_sequence import LazySequence, RowFile, chosen
 from s2rtools.common.tables.numeric_rows import read_matrix
 from s2rtools.datasets.recording import (
     PinholeCamera,

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
+from s2rstore.lazy_sequence import LazySequence
 from s2rtools.common.input_issue import InputIssue
-from s2rtools.common.lazy_sequence import LazySequence
 from s2rtools.common.video_files import Video
 from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recording import RecordedFrame, SourceImage

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.files.layout import checked_name
 from s2rstore.index.row_records import MAX_ROWS
+from s2rstore.lazy_sequence import LazySequence, RowFile
 from s2rstore.records import SIDES, Bounds, Domain, Intrinsics, Side
 from s2rtools.common.frame_resizing import resized_rgb
-from s2rtools.common.lazy_sequence import LazySequence, RowFile
 from s2rtools.datasets.scan import DecodedFrame, FrameSource, InstanceRecord, Scan
 from s2rtools.datasets.writing.build import build
 
