@@ -79,6 +79,14 @@ class Video:
         self._decoder: Iterator[Any] | None = None
         self._next = 0
 
+    def require_depth(self) -> None:
+        """Raise RequestError for a video whose frames cannot be depth."""
+        pixels = str(self._stream.codec_context.pix_fmt)
+        if not pixels.startswith(_DEEP):
+            raise RequestError(
+                f"{self.path}: no video of depth, which is grey with 10 to 16 bits: {pixels}"
+            )
+
     def __enter__(self) -> Video:
         return self
 

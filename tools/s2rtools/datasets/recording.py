@@ -262,14 +262,16 @@ class Recording:
         return False
 
     def require_frames(self) -> None:
-        """Raise RequestError, with an issue of the commonest kind, if no trajectory has a frame."""
+        """Raise RequestError, with the first issues, if no trajectory has a frame."""
         if any(len(trajectory.frames) for trajectory in self.trajectories.values()):
             return
         message = f"{self.root}: no usable image of layout {self.layout}"
         if self.issues:
+            examples = {issue.kind: str(issue) for issue in reversed(self.issues)}
             ((kind, _),) = Counter(issue.kind for issue in self.issues).most_common(1)
-            example = next(issue for issue in self.issues if issue.kind == kind)
-            message += f" ({counted(len(self.issues), 'issue')}, such as {example})"
+            shown = dict.fromkeys([kind, self.issues[0].kind])
+            texts = "; ".join(examples[each] for each in shown)
+            message += f" ({counted(len(self.issues), 'issue')}, such as {texts})"
         if any("depth image" in issue.kind for issue in self.issues):
             message += f"; {WITHOUT_DEPTH}"
         raise RequestError(message)

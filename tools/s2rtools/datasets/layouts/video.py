@@ -14,10 +14,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rtools.common.tables.csv_rows import parse_float, read_rows
+from s2rtools.common.tables.csv_rows import parse_float
 from s2rtools.common.video_files import Video
 from s2rtools.datasets.recording import (
     Layout,
@@ -27,10 +26,8 @@ from s2rtools.datasets.recording import (
     trajectory_name,
 )
 from s2rtools.datasets.recordings.camera_description import (
-    POSE_COLUMNS,
-    CameraDescription,
     describe_cameras,
-    needed_columns,
+    timed_poses,
 )
 from s2rtools.datasets.recordings.recorded_poses import mutual_nearest, poses_at
 from s2rtools.datasets.recordings.stamped_lists import report_none_near
@@ -53,7 +50,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
     recording = Recording("video", name, path.parent, allow_outside=options.allow_outside)
     description = describe_cameras(recording, options.values.get("camera"), path)
     csv = recording.resolve(options.values.get("poses", f"{path.stem}.csv"))
-    known_times, known_poses = _poses(csv, description)
+    known_times, known_poses = timed_poses(recording, csv, description)
     with Video(path) as video:
         times, size, codec = video.times, video.size, video.codec
     if not times.size:
@@ -68,15 +65,20 @@ def read(path: Path, options: ReadOptions) -> Recording:
     poses = poses_at(times + shift, known_times, known_poses, MAX_GAP, max_hold=0)
     posed = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
     depth_rows = np.zeros(len(times), dtype=np.intp)
-    depth_size, depth = size, options.named_depth
+    depth_size, depth, depth_times = size, options.named_depth, times
     if depth is not None:
         with Video(recording.resolve(depth)) as video:
+            video.require_depth()
             depth_rows, depth_size = mutual_nearest(times, video.times, TOLERANCE), video.size
+            depth_times = video.times + shift
     rows = np.arange(0, len(times), int(every))
-    lost = [(f"{path.name}:{row}", float(times[row] + shift)) for row in rows[~posed[rows]]]
-    rule = f"not between two poses at most {MAX_GAP * 1000:g} ms apart"
-    report_none_near(recording, "no pose", lost, known_times, rule)
-    rows = rows[posed[rows] & (depth_rows[rows] >= 0)]
+    for kind, is_lost, known, rule in (
+        ("no pose", ~posed, known_times, f"not between two poses {MAX_GAP * 1000:g} ms apart"),
+        ("no depth image", depth_rows < 0, depth_times, f"none within {TOLERANCE * 1000:g} ms"),
+    ):
+        lost = [(f"{path.name}:{row}", float(times[row] + shift)) for row in rows[is_lost[rows]]]
+        report_none_near(recording, kind, lost, known, rule)
+        rows = rows[~is_lost[rows]]
     streams = [ImageStream(VideoImages(recording.containment, codec), path.name, rows, size)]
     if depth is not None:
         images = VideoImages(recording.containment, "depth")
@@ -86,25 +88,6 @@ def read(path: Path, options: ReadOptions) -> Recording:
     )
     recording.provenance |= {"codec": codec, "poses": csv.name, "max_gap_s": MAX_GAP}
     return recording
-
-
-def _poses(
-    csv: Path, description: CameraDescription
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Times (K,), ascending, and camera poses (K, 4, 4) of a CSV file."""
-    columns: list[str] = []
-    rows = read_rows(
-        csv, ("timestamp", *POSE_COLUMNS),
-        lambda names: columns.extend(needed_columns(csv, names, "timestamp")),
-    )  # fmt: skip
-    table = [[parse_float(row[name]) for name in columns] for _, row in rows]
-    values = np.array(table, dtype=np.float64).reshape(len(table), len(columns))
-    values = values[np.isfinite(values).all(axis=1)]
-    if len(values) < 2:
-        raise RequestError(f"{csv}: {len(values)} poses; at least two are needed")
-    if np.any(np.diff(values[:, 0]) <= 0):
-        raise RequestError(f"{csv}: times are not ascending")
-    return values[:, 0], description.poses(values[:, 1:])
 
 
 LAYOUT = Layout(

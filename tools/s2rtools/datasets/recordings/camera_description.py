@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.files.documents import read_document
-from s2rtools.common.tables.csv_rows import missing_column
+from s2rtools.common.tables.csv_rows import missing_column, parse_float, read_rows
 from s2rtools.common.typed_documents import convert
 from s2rtools.datasets.dataset_config import (
     CameraTable,
@@ -48,7 +48,7 @@ from s2rtools.datasets.recordings.recorded_poses import (
 _QUATERNION = ("qx", "qy", "qz", "qw")
 _FULL = ("x", "y", "z", *_QUATERNION)
 _ON_FLOOR = ("x", "y", "heading")
-POSE_COLUMNS = frozenset((*_FULL, *_ON_FLOOR))
+POSE_COLUMNS = tuple(dict.fromkeys((*_FULL, *_ON_FLOOR)))
 
 
 class CameraDescription(Struct, forbid_unknown_fields=True):
@@ -132,3 +132,30 @@ def _camera(
     is_rgb = key == "camera"
     distortion = tuple(table.distortion) if is_rgb else ()
     return camera.pinhole(distortion, table.fisheye and is_rgb).checked(f"{path}: {key}")
+
+
+def timed_poses(
+    recording: Recording, csv: Path, description: CameraDescription
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Times (K,), ascending, and camera poses (K, 4, 4) of a CSV file.
+
+    Reports rows that are not finite. Raises RequestError for fewer than two poses, and where times
+    do not ascend.
+    """
+    columns: list[str] = []
+    table: list[list[float]] = []
+    for line, row in read_rows(
+        csv, ("timestamp", *POSE_COLUMNS),
+        lambda names: columns.extend(needed_columns(csv, names, "timestamp")),
+    ):  # fmt: skip
+        pose = [parse_float(row[name]) for name in columns]
+        if np.isfinite(pose).all():
+            table.append(pose)
+        else:
+            recording.report("bad pose", f"{csv.name}:{line}", "not finite")
+    if len(table) < 2:
+        raise RequestError(f"{csv}: {len(table)} poses; at least two are needed")
+    values = np.array(table, dtype=np.float64)
+    if np.any(np.diff(values[:, 0]) <= 0):
+        raise RequestError(f"{csv}: times are not ascending")
+    return values[:, 0], description.poses(values[:, 1:])

@@ -117,6 +117,8 @@ class DepthImages:
         if isinstance(image, InputIssue):
             return image
         pixels = image.pixels
+        if pixels.ndim == 3:
+            return InputIssue("no depth image", f"{file}:{number}", "colours, not one channel")
         if pixels.dtype.kind == "f":
             metres = np.nan_to_num(pixels, posinf=0.0, neginf=0.0)
             pixels = np.clip(np.rint(1000 * metres), 0, np.iinfo(np.uint16).max).astype(np.uint16)
