@@ -133,7 +133,7 @@ class HealthView(StatisticsView):
 
     def model(self, store: Store, state: State) -> FoundFaults | str:
         if not store.checked_domains:
-            return f"no image has been checked: `s2r check {store.path.name}` finds faults"
+            return f"no image has been checked: `s2r check {store.path}` finds faults"
         checked = store.checked_domains
         faults = {domain: store.faults(domain) for domain in checked}
         now = sum(int(np.count_nonzero(store.imaged(domain))) for domain in checked)

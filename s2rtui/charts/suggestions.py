@@ -280,7 +280,7 @@ class SuggestionsView(View):
         state = scene.state
         store, run = scene.store, state.run
         collect = shlex.join(
-            ["s2r", "collect", store.path.name, "--run", run, "--out", "poses.csv"]
+            ["s2r", "collect", str(store.path), "--run", run, "--out", "poses.csv"]
         )
         return SuggestionsInput(
             _directions(store, run), state.chosen_row(self.name), collect, state.planned,
@@ -388,7 +388,7 @@ def _direction(store: Store, run: str, side: Side) -> Direction:
     except RequestError as error:
         return Direction(side, AIMS[side], note=str(error))
     if report is None:
-        command = shlex.join(["s2r", "suggest", store.path.name, "--run", run, "--for", side])
+        command = shlex.join(["s2r", "suggest", str(store.path), "--run", run, "--for", side])
         note = f"no stored result; `{command}` computes one"
         return Direction(side, AIMS[side], note=note, is_missing=True)
     commands = [answer.command(str(store.path), record, side) for answer in report.answers]

@@ -16,6 +16,7 @@ from s2rstore.files import compute_progress
 from s2rstore.files.planned_poses import read_planned_poses
 from s2rstore.findings import largest_room
 from s2rstore.gap_history import reader
+from s2rstore.index.population import INCLUDE_HINT
 from s2rstore.language import Node
 from s2rstore.language.syntax_tree import Everything, Extreme, Field
 from s2rstore.reader import Store
@@ -233,14 +234,20 @@ class Session:
     def follow(self, updates: StoreUpdates) -> bool:
         """Continue in a newer generation with the same instances; whether there is one.
 
-        The message stays where that is possible at once. Not while something is pending, and not
-        in a session that was opened on a certain generation.
+        The message stays where that is possible at once. The first computed run is shown as on the
+        first screen, if nothing was selected before. Not while something is pending, and not in a
+        session that was opened on a certain generation.
         """
         state = self.state
         if not updates.can_follow or updates.generation == self.store.generation or state.pending:
             return False
         self.open_newest_generation()
-        if self.state.pending is None and not self.state.is_error:
+        if self.state.pending is not None or self.state.is_error:
+            return True
+        if state.run == NO_RUN and self.state.run != NO_RUN:
+            if not self.state.past:
+                self.dispatch(_select_finding, "")
+        else:
             self.dispatch(
                 lambda context, present: replace(
                     present,
@@ -310,6 +317,8 @@ def _select_finding(context: SessionContext, state: State, error: str) -> State:
     if (found := _worst_room(context.store, state.run)) is not None:
         node, message = found
     state = with_heat(context.store, selection.select(context, state, node, "replace"))
+    if not state.base.any():
+        message = f"no instance is new to the run: {INCLUDE_HINT}"
     return replace(state, past=(), message=error or message, is_error=bool(error))
 
 

@@ -80,9 +80,10 @@ def fixed_environment(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("fixed_environment")
 @pytest.mark.parametrize("shown", ["80x24", "120x40", "200x60", "ascii"])
-async def test_screens(tiny_store, tmp_path, shown):
+async def test_screens(tiny_store, tmp_path, shown, monkeypatch):
     """One application opens every view from the same state."""
-    add_drives(store := copy_store(tiny_store, tmp_path / tiny_store.name))
+    monkeypatch.chdir(tmp_path)  # views show the path of the store
+    add_drives(store := copy_store(tiny_store, Path(tiny_store.name)))
     columns, rows = (80, 24) if shown == "ascii" else map(int, shown.split("x"))
     session = Session(store, notebooks=ReadNotebook)
     app = S2RApp(session, RenderOptions(ascii=shown == "ascii"))

@@ -108,9 +108,12 @@ def test_a_run_that_is_not_computed_is_named_and_opened_when_it_is(store_copy):
     assert session.state.runs == ()
     with edit(store_copy) as draft:
         draft._connection.executemany("UPDATE run SET key = ? WHERE run = ?", keys)
-    assert session.apply_updates(session.read_updates())
-    assert session.open_newest_generation().run == "vanilla"
-    assert session.select("worst15").selected.any()
+    updates = session.read_updates()
+    assert session.apply_updates(updates)
+    assert session.follow(updates)
+    assert session.state.run == "vanilla"
+    assert session.state.message.startswith("worst room: ")
+    assert session.state.selected.any()
 
 
 @pytest.fixture(scope="module")

@@ -94,7 +94,7 @@ def test_show_prints_the_answers_of_the_run(store, capsys):
     assert lines[3].endswith("yes,yes")
     assert main(["show", str(store), "suggestions", "--run", "dataaug", "--words"]) == 0
     words = capsys.readouterr().out
-    assert f"s2r suggest {store.name} --run dataaug --for sim" in words
+    assert f"s2r suggest {store} --run dataaug --for sim" in words
 
 
 def test_results_of_an_earlier_computation_and_invalid_ones_are_not_shown(store):

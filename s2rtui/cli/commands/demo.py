@@ -195,7 +195,8 @@ def _open_early(options: argparse.Namespace, store: Path, stages: Iterator[_Stag
         print(rest.last_line, file=sys.stderr)
         return 1
     if rest.is_running:
-        print(f"The demo is not complete: heatmaps are still being computed (see {rest.log}).")
+        computing = _read(store, _computing) or "it is being computed"
+        print(f"The demo is not complete: {computing} (see {rest.log}).")
         if not _is_confirmed("Go on in the background? [Y/n] "):
             rest.stop()
             print("stopped; the next `s2r demo` goes on")
@@ -232,6 +233,14 @@ def _arguments(options: argparse.Namespace) -> list[str]:
         del named["--seed"], named["--factors"]
     given = {name: str(value) for name, value in named.items() if value is not None}
     return [text for pair in given.items() for text in pair]
+
+
+def _computing(store: Store) -> str:
+    """What the other process computes, as applications show it."""
+    from s2rstore.files import compute_progress
+
+    progress = compute_progress.read(store.files)
+    return "" if progress is None else progress.text
 
 
 def _is_predicted(store: Store) -> bool:

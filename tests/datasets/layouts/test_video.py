@@ -62,10 +62,25 @@ def test_depth_of_16_bits_belongs_to_the_frame_of_its_time(tmp_path):
         assert (found.pixels == 1000 + 21 * place).all()
 
 
+def test_depth_that_is_missing_or_of_8_bits_is_told(tmp_path):
+    path = write(tmp_path)
+    depths = [np.full((HEIGHT, WIDTH), 1000, np.uint16)] * COUNT
+    write_video(tmp_path / "half.mkv", "ffv1", "gray16le", depths[::2], TICKS[::2])
+    recording = read("video", path, ReadOptions({"start": "100", "depth": "half.mkv"}))
+    assert kinds(recording) == {"no depth image": COUNT // 2}
+    with refused(match="no video of depth, which is grey with 10 to 16 bits: yuv420p"):
+        read("video", path, ReadOptions({"start": "100", "depth": path.name}))
+
+
 def test_frames_without_poses_and_damage_are_reported(tmp_path):
     path = write(tmp_path)
+    with (tmp_path / "drive.csv").open("a") as poses:
+        poses.write("106.5,nan,1,90\n")
     recording = read("video", path, ReadOptions({"start": "103"}))
-    assert kinds(recording) == {"no pose": np.count_nonzero(103 + TICKS / 20 > 105.9)}
+    assert kinds(recording) == {
+        "bad pose": 1,
+        "no pose": np.count_nonzero(103 + TICKS / 20 > 105.9),
+    }
     with refused(match="no usable image"):
         read("video", path)
     path.write_bytes(path.read_bytes()[:2000])
