@@ -93,7 +93,10 @@ def best_run(store: Store, runs: list[RunErrors]) -> Finding | None:
     sample = (
         f"{sample_text(mean, rows.size)}, {'new to all' if known else 'not known to be trained on'}"
     )
-    figures = f"mean real error {mean.value:.2f} m ({bounds_text(mean)}), {sample}"
+    bounds = bounds_text(mean)
+    if mean.is_known:
+        bounds += f", corrected for {len(compared)} runs"
+    figures = f"mean real error {mean.value:.2f} m ({bounds}), {sample}"
     text = f"{best.run}: {figures}"
     evidence = (
         f"next is {next_run.run}, {difference.value:+.2f} m "
