@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 
-from s2rstore.errors import DamagedStoreError, RequestError
+from s2rstore.errors import DamagedStoreError, RequestError, counted
 from s2rstore.findings import store_summary
 from s2rstore.findings.report import find_all, find_in_selection
 from s2rstore.language import Node, parse
@@ -272,7 +272,8 @@ def _saved_facts(selection: RequestedSelection, session: Session) -> Iterator[tu
     if saved is None:
         return
     view = f" in {', '.join(saved.trajectories)}" if saved.trajectories else ""
-    state = f"{saved.count} instances of run {saved.run} at generation {saved.generation}"
+    count = counted(saved.count, "instance")
+    state = f"{count} of run {saved.run} at generation {saved.generation}"
     population = (
         ""
         if saved.with_trained == session.state.with_trained

@@ -144,11 +144,15 @@ def run_figures(store: Store, run: str, images: Images) -> list[Figure]:
     return found
 
 
+def _unknown(value: float, reason: str, codes: NDArray[Any], drawn: NDArray[Any]) -> WithSimulation:
+    alone, nothing = Interval.unknown(value, reason), Interval.unknown(reason=reason)
+    return WithSimulation(alone, nothing, nothing, nothing, 0.0, codes.size, drawn.size)
+
+
 def _median(errors: _Errors, drawn: NDArray[Any], codes: NDArray[Any]) -> WithSimulation:
     """The median error; an image without a predicted pose counts as larger than every error."""
     if np.isnan(errors.real).all():
-        nothing = Interval.unknown(np.inf, "no image is localised")
-        return WithSimulation(nothing, nothing, nothing, nothing, 0.0, codes.size, drawn.size)
+        return _unknown(np.inf, "no image is localised", codes, drawn)
     beyond = beyond_all(errors.sim, errors.simulated)
     sim, simulated = (np.where(np.isnan(x), beyond, x) for x in (errors.sim, errors.simulated))
     real = np.where(np.isnan(errors.real), beyond_all(errors.real), errors.real)
@@ -176,7 +180,11 @@ def difference_figures(store: Store, run: str, other: str, images: Images) -> li
             for first, second in zip(one.severity(metres, degrees), two.severity(metres, degrees),
                                      strict=True)
         )  # fmt: skip
-        share = simulation.difference(a, b, Simulated(c, drawn), codes)
+        share = (
+            simulation.difference(a, b, Simulated(c, drawn), codes)
+            if a.any()
+            else _unknown(0.0, "both runs are within or beyond it in the same images", codes, drawn)
+        )
         found.append(Figure(f"recall ({threshold_name(metres, degrees)})", "%", share))
     return found
 
