@@ -20,7 +20,6 @@ from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.files.compute_environment import ComputeEnvironment
 from s2rstore.files.process_identity import host_name
-from s2rstore.lru_cache import LruCache
 from s2rstore.reader import Store
 from s2rstore.records import Run
 from s2rtools.common.freed_memory import keep_freed_memory
@@ -38,18 +37,6 @@ _NUMERIC = (
     "numba",
 )  # fmt: skip
 """Packages on whose version values depend."""
-
-
-_KEPT_BYTES = 256 << 20
-"""Parameters of networks that stay open, beside the last one."""
-
-
-def _size(backends: tuple[Backend, Backend]) -> int:
-    network = backends[0].model.network
-    return sum(each.nbytes for each in network.parameters())
-
-
-_BACKENDS = LruCache(_KEPT_BYTES, _size)
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,8 +124,7 @@ class Computation:
 class UnitComputer:
     """Computes work units of one store, and keeps open what they share.
 
-    These are the `store` and the `renderers` by domain. Networks stay open for later ones, too,
-    because each round of a run has a computer of its own.
+    These are the `store`, the `renderers` by domain, and the networks of one model.
     """
 
     def __init__(self, computation: Computation, threads: int) -> None:
@@ -146,6 +132,7 @@ class UnitComputer:
         self.root = computation.root
         self.store = open_generation(computation.root, computation.generation)
         self.renderers: Renderers = {}
+        self._backends: dict[str, tuple[Backend, Backend]] = {}
         self._layouts: dict[str, Layout] = {}
         torch.set_num_threads(threads)
         threadpool_limits(threads)
@@ -173,13 +160,11 @@ class UnitComputer:
     def backends(self, run: Run) -> tuple[Backend, Backend]:
         """The backends of a run's predictions and of its heatmaps."""
         name, chosen = run.network("precompute"), self._computation.backends
-        assert chosen is not None
-        trust, record = self._computation.trust, self.store.models.get(name)
-
-        def opened() -> tuple[Backend, Backend]:
-            return chosen.open(load_model(self.store, name, trust), self.threads)
-
-        return _BACKENDS.get((repr(record), chosen, self.threads, trust), opened)
+        if name not in self._backends:
+            assert chosen is not None
+            model = load_model(self.store, name, self._computation.trust)
+            self._backends = {name: chosen.open(model, self.threads)}
+        return self._backends[name]
 
 
 def encoded(
