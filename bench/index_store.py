@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.geometry import angles
 from s2rstore.geometry.rooms import room_codes
 from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.metrics import pose_metrics
@@ -145,7 +146,7 @@ def _run(
         px, py = x + rng.normal(0, spread, n), y + rng.normal(0, spread, n)
         turned = heading + rng.normal(0, 0.1, n)
         error = pose_metrics.position_error(px, py, x, y)
-        off = pose_metrics.heading_error(turned, heading)
+        off = angles.distance(turned, heading)
         place = np.full(n, run, dtype=object), np.full(n, side, dtype=object)
         draft.insert(
             "prediction",

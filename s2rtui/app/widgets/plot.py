@@ -20,8 +20,6 @@ from s2rtui.terminal.textual_compat import call_after
 
 Cell = tuple[int, int]
 
-_MERGE_GAP = 12
-"""Unchanged cells between two changed spans below which they are repainted as one."""
 _RESIZE_REST = 0.15
 """Seconds without a resize until inline images are sent again."""
 
@@ -323,7 +321,7 @@ def _same_places(
 def changed_regions(
     before: Canvas, after: Canvas, stay: Sequence[tuple[ImagePlace, ImagePlace]] = ()
 ) -> list[Region]:
-    """Spans of changed cells, one or several per row; near spans are merged.
+    """Spans of changed cells, one per row: Textual writes each from the start of its row.
 
     Changes under an inline image that stays (`stay`) are ignored, except changes of text on it. An
     image that lies on its cells is drawn again with the start of its first row.
@@ -339,11 +337,8 @@ def changed_regions(
     regions: list[Region] = []
     for row in np.flatnonzero(differs.any(axis=1)):
         columns = np.flatnonzero(differs[row])
-        cuts = np.flatnonzero(np.diff(columns) > _MERGE_GAP) + 1
-        regions += [
-            Region(int(span[0]), int(row), int(span[-1] - span[0] + 1), 1)
-            for span in np.split(columns, cuts)
-        ]
+        first, last = int(columns[0]), int(columns[-1])
+        regions.append(Region(first, int(row), last - first + 1, 1))
     for _, new in stay:
         anchor = new.region.offset
         if new.over_text and any(region.contains_point(anchor) for region in regions):
