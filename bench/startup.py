@@ -16,13 +16,17 @@ from bench.budget import BudgetRow, seconds
 _TIMES = 5
 _IMPORTS = "import textual.app, numpy, duckdb"
 _PAINT = """
-import asyncio, os, sys
+import asyncio, gc, os, sys
+gc.disable()  # as the command does until the application runs
 from pathlib import Path
 from s2rtui.app.app import S2RApp
 from s2rtui.canvas import RenderOptions
 from s2rtui.session.session import Session
+session = Session(Path(sys.argv[1]))
+gc.freeze()
+gc.enable()
 async def main():
-    app = S2RApp(Session(Path(sys.argv[1])), RenderOptions())
+    app = S2RApp(session, RenderOptions())
     async with app.run_test(size=(120, 40)) as pilot:
         strips = app.screen._compositor.render_strips()
         text = "\\n".join(strip.text for strip in strips)

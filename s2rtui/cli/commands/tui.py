@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import gc
 import signal
 from dataclasses import replace
 from functools import partial
@@ -79,13 +80,18 @@ def execute(options: argparse.Namespace) -> int:
         graphics = choose_graphics(options.graphics, terminal, cell)
         terminal = replace(terminal, graphics=graphics)
     prepare_environment(terminal)
-    from s2rtui.app.runner import run_app
-    from s2rtui.session.session import Session
-    from s2rtui.user_data.notebook import Notebook
+    gc.disable()  # looking for garbage among new modules takes a tenth of the start
+    try:
+        from s2rtui.app.runner import run_app
+        from s2rtui.session.session import Session
+        from s2rtui.user_data.notebook import Notebook
 
-    session = Session(
-        options.store, options.run, partial(Notebook, tolerant=True), options.history,
-        options.with_trained, poses=options.poses,
-    )  # fmt: skip
+        session = Session(
+            options.store, options.run, partial(Notebook, tolerant=True), options.history,
+            options.with_trained, poses=options.poses,
+        )  # fmt: skip
+        gc.freeze()
+    finally:
+        gc.enable()
     run_app(session, terminal, permissions, options.safe_csv)
     return 0
