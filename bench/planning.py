@@ -156,8 +156,9 @@ def measure(root: Path) -> dict[str, float]:
         hashes = InputHashes(store)
         _stages(store, hashes, complete[0])
         planned = time.perf_counter()
-        for group in _stages(store, hashes, NEW_RUN).groups:
-            UnitPlan(root, group, store.array_paths, dict)
+        for planned_round in _stages(store, hashes, NEW_RUN).rounds:
+            for group in planned_round.groups:
+                UnitPlan(root, group, store.array_paths, dict)
         end = time.perf_counter()
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return {"complete": middle - began, "one": end - planned, "megabytes": peak}
