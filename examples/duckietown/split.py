@@ -24,8 +24,8 @@ from examples.duckietown.conditions import CONDITIONS, LightField
 from examples.duckietown.line_detector import COLOURS
 from examples.duckietown.road_images import RoadImages
 from examples.duckietown.road_renderer import IGNORE
+from s2rstore.arrays.row_array import evenly_spaced
 from s2rstore.errors import RequestError
-from s2rtools.common.blocks import evenly_spaced
 from s2rtools.translation.image_set import Rgb
 
 Rows = NDArray[np.int64]

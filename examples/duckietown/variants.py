@@ -18,9 +18,9 @@ from examples.duckietown.line_detector import (
     anti_instagram,
 )
 from examples.duckietown.road_images import RoadImages
+from s2rstore.arrays.row_array import evenly_spaced
 from s2rstore.errors import RequestError
 from s2rtools import translation
-from s2rtools.common.blocks import evenly_spaced
 from s2rtools.common.result_files import write_all
 from s2rtools.translation import METHODS
 from s2rtools.translation.image_set import ImageSet, Rgb

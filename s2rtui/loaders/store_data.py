@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import s2rstore
+from s2rstore.arrays.row_array import evenly_spaced
 from s2rstore.errors import RequestError
 from s2rstore.files.image_header import floor_plan_bytes
 from s2rstore.findings import find_all
@@ -19,7 +20,6 @@ from s2rstore.gap_history import reader
 from s2rstore.index.population import Population
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN
-from s2rtools.common.blocks import evenly_spaced
 from s2rtui.canvas import Pixels
 from s2rtui.charts.overview import overview_rows, translator_rows
 from s2rtui.charts.scene import LoadedGroups, LoadedModel, RunAccuracies, model_source

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
+from s2rstore.arrays.row_array import evenly_spaced
 from s2rstore.errors import RequestError
-from s2rtools.common.blocks import evenly_spaced
 from s2rtools.translation import apply_files, image_set
 from s2rtools.translation.apply_bag import BagRequest, apply_to_bag, translated_images
 from s2rtools.translation.apply_files import apply_to_files

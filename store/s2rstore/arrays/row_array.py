@@ -177,3 +177,10 @@ class PartedArray(RowArray):
                 values[low - start : high - start] = part.rows(low - first, high - first)
                 count += high - low
         return count
+
+
+def evenly_spaced(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
+    """At most `most` of the rows in order, the first and the last among them."""
+    if rows.size <= most:
+        return rows
+    return rows[np.linspace(0, rows.size - 1, most).round().astype(np.intp)]

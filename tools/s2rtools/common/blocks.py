@@ -77,13 +77,6 @@ def evenly_spread(count: int, most: int) -> NDArray[np.intp]:
     return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.intp))
 
 
-def evenly_spaced(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
-    """At most `most` of the rows in order, the first and the last among them."""
-    if rows.size <= most:
-        return rows
-    return rows[np.linspace(0, rows.size - 1, most).round().astype(np.intp)]
-
-
 def split_into_blocks(trajectories: NDArray[np.integer], length: int = 0) -> Blocks:
     """Blocks of nearly equal size over rows in recording order; none spans two trajectories.
 

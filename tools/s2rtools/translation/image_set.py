@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.arrays.row_array import evenly_spaced
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import read_bytes
 from s2rstore.reader import Store
-from s2rtools.common.blocks import evenly_spaced
 from s2rtools.common.image_files import SUFFIXES, declared_size
 
 Rgb = NDArray[np.uint8]

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 import s2rstore
+from s2rstore.arrays.row_array import evenly_spaced
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout
 from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import check_writable, edit
 from s2rstore.reader import Store
 from s2rstore.records import DIRECTIONS, SIDES, Direction
-from s2rtools.common.blocks import evenly_spaced
 from s2rtools.models.model_registration import check_name_free
 from s2rtools.precompute.prediction_rows import decode_split, encode_split
 from s2rtools.precompute.run_registration import find_domain

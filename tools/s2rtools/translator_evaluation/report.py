@@ -16,11 +16,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from s2rstore.arrays.row_array import evenly_spaced
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
 from s2rstore.records import Run
-from s2rtools.common.blocks import evenly_spaced
 from s2rtools.gap.report import plain
 from s2rtools.inference import Backend
 from s2rtools.models.load_model import load_model
