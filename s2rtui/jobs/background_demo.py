@@ -1,4 +1,4 @@
-"""Processes that compute parts of `s2r demo`: beside other parts, or while one looks at them."""
+"""Child processes of `s2r demo`: its later stages, one parallel stage, and compilation."""
 
 from __future__ import annotations
 
@@ -79,9 +79,9 @@ class BackgroundDemo:
 
 
 class ChildCommand:
-    """A command of `s2r` in a process that ends with this one.
+    """A command of `s2r` in a child process, which is terminated when this process ends.
 
-    Its output is shown when it has ended.
+    Its output is printed by `wait`.
     """
 
     def __init__(self, arguments: Sequence[str]) -> None:
@@ -93,7 +93,7 @@ class ChildCommand:
         )  # fmt: skip
 
     def wait(self) -> int:
-        """Wait for its end and show its output on standard error; returns its exit code."""
+        """Wait for the process, print its output on standard error and return its exit code."""
         code = self._process.wait()
         self._output.seek(0)
         sys.stderr.write(self._output.read().decode(errors="replace"))
@@ -104,7 +104,7 @@ class ChildCommand:
         return code
 
     def stop(self) -> None:
-        """End it, if it still runs, and drop its output."""
+        """Terminate the process if it still runs, and discard its output."""
         self._process.terminate()
         self._process.wait()
         self._output.close()

@@ -321,7 +321,7 @@ def _same_places(
 def changed_regions(
     before: Canvas, after: Canvas, stay: Sequence[tuple[ImagePlace, ImagePlace]] = ()
 ) -> list[Region]:
-    """Spans of changed cells, one per row: Textual writes each from the start of its row.
+    """The changed cells as one region per row, because Textual redraws a row from its start.
 
     Changes under an inline image that stays (`stay`) are ignored, except changes of text on it. An
     image that lies on its cells is drawn again with the start of its first row.

@@ -59,7 +59,7 @@ class _Stage:
         return " ".join(self.arguments[:2])
 
     def failure(self, code: int) -> int:
-        """An exit code; 0 if it is no failure."""
+        """The exit code `code`, or 0 if the stage accepts it."""
         return 0 if code in self.accepted else code
 
 
@@ -236,7 +236,7 @@ def _arguments(options: argparse.Namespace) -> list[str]:
 
 
 def _computing(store: Store) -> str:
-    """What the other process computes, as applications show it."""
+    """The progress text of the process that completes the demo; empty if none runs."""
     from s2rstore.files import compute_progress
 
     progress = compute_progress.read(store.files)

@@ -252,7 +252,7 @@ def _opened(
 
 
 def finite(number: float, digits: int = 6) -> float | None:
-    """A rounded number for JSON, which has no NaN and no infinity: None for these."""
+    """Round a number for JSON; None for NaN and infinity, which JSON does not have."""
     return round(float(number), digits) if math.isfinite(number) else None
 
 

@@ -38,7 +38,7 @@ class Ids:
 
     @classmethod
     def of(cls, iids: Iterable[int]) -> Ids:
-        """The instances with these numbers, in ascending order; neighbours become a range."""
+        """Select instances by number; consecutive numbers become one range."""
         ranges: list[tuple[int, int]] = []
         for iid in sorted(map(int, iids)):
             if ranges and iid <= ranges[-1][1] + 1:

@@ -35,7 +35,7 @@ _LIBRARIES = ("numba", "umap-learn", "pynndescent")
 
 _DEFERRED = "pynndescent"
 _deferred: list[tuple[Any, list[Any]]] = []
-"""Functions of this package, and the types for which `compile_deferred` compiles each."""
+"""Functions of pynndescent that are not compiled yet, each with its type signatures."""
 
 
 @contextmanager

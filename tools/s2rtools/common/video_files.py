@@ -80,7 +80,7 @@ class Video:
         self._next = 0
 
     def require_depth(self) -> None:
-        """Raise RequestError for a video whose frames cannot be depth."""
+        """Raise RequestError if the pixel format is not grey with 10 to 16 bits."""
         pixels = str(self._stream.codec_context.pix_fmt)
         if not pixels.startswith(_DEEP):
             raise RequestError(

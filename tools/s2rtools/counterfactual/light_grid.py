@@ -1,4 +1,4 @@
-"""Loops over the pixels of images (h, w, 3) whose light is fitted by a grid of gains."""
+"""Numerical kernels that fit the light of an image (h, w, 3) by a grid of gains."""
 
 from __future__ import annotations
 
